@@ -1,0 +1,101 @@
+// A fully connected network: the map f from network input to simulator input,
+// evaluated and differentiated for a whole batch at a time.
+//
+//   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
+//
+// Shapes:  widths: L + 1 numbers, widths[0] = |a|, widths[L] = |x|;
+//          batches have one column a sample;
+//          weights: n = sum_l widths[l] (widths[l-1] + 1), one vector. Layer
+//          after layer, and in a layer unit after unit: the unit's incoming
+//          weights, then its bias. In numpy: hstack([W, b[:, None]]).ravel()
+//          for each layer.
+// Cost:    forward 2 n B; the backward pass twice that.
+// The network is a description: weights are an argument, never a member.
+#ifndef INVGRAD_CHAIN_DENSE_NETWORK_H_
+#define INVGRAD_CHAIN_DENSE_NETWORK_H_
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+class NumpyRandom;
+
+enum class Activation { kLinear, kTanh, kRelu, kSigmoid, kGelu };
+
+// How weights are drawn (biases are zero but for kPytorch).
+//   kGlorotUniform  U(-s, s), s = sqrt(6 / (fan_in + fan_out))   (Keras)
+//   kHeUniform      U(-s, s), s = sqrt(6 / fan_in)
+//   kPytorch        U(-s, s), s = 1 / sqrt(fan_in), biases too   (nn.Linear)
+enum class Initialization { kGlorotUniform, kHeUniform, kPytorch };
+
+class DenseNetwork {
+ public:
+  // At least two widths, all positive (CHECKed). `hidden` acts on every layer
+  // but the last, which is linear.
+  DenseNetwork(std::vector<int> widths, Activation hidden);
+
+  int num_inputs() const { return widths_.front(); }
+  int num_outputs() const { return widths_.back(); }
+  int num_weights() const { return offsets_.back(); }
+  int num_layers() const { return static_cast<int>(widths_.size()) - 1; }
+  const std::vector<int>& widths() const { return widths_; }
+  Activation hidden_activation() const { return hidden_; }
+
+  // Where layer l = 0 .. num_layers() - 1 begins in the weights.
+  int offset(int layer) const { return offsets_[layer]; }
+
+  Eigen::VectorXd InitialWeights(Initialization initialization,
+                                 NumpyRandom* random) const;
+
+  // What a forward pass leaves for the derivatives. Layer l = 0 .. L - 1.
+  struct Activations {
+    // inputs[l]: (widths[l] + 1) x B, a_l with a last row of ones.
+    std::vector<Eigen::MatrixXd> inputs;
+    // slopes[l]: widths[l + 1] x B, phi'(z); empty for the last layer.
+    std::vector<Eigen::MatrixXd> slopes;
+    // curvatures[l]: phi''(z) likewise; only if asked for.
+    std::vector<Eigen::MatrixXd> curvatures;
+    Eigen::MatrixXd outputs;  // widths[L] x B: x
+  };
+  void Forward(const Eigen::VectorXd& weights,
+               const Eigen::MatrixXd& inputs,
+               bool want_curvatures,
+               Activations* activations) const;
+
+  // gradient = sum_s J_s^T w_s (n), for output covectors w: widths[L] x B.
+  void Backward(const Eigen::VectorXd& weights,
+                const Activations& activations,
+                const Eigen::MatrixXd& output_covectors,
+                Eigen::VectorXd* gradient) const;
+
+  // Output tangents J_s v (widths[L] x B) of one weight tangent v (n).
+  void Tangent(const Eigen::VectorXd& weights,
+               const Activations& activations,
+               const Eigen::VectorXd& weight_tangent,
+               Eigen::MatrixXd* output_tangents) const;
+
+  // H = sum_s [J_s^T X_s J_s + sum_i w_{i,s} d2f_i/dtheta2] (n x n, symmetric):
+  // the exact Hessian in the weights of sum_s F_s(f(a_s)), given the covectors
+  // w_s = dF_s/dx and the Hessians X_s = d2F_s/dx2, by n tangent-of-backward
+  // passes. Needs curvatures.
+  void Hessian(const Eigen::VectorXd& weights,
+               const Activations& activations,
+               const Eigen::MatrixXd& output_covectors,
+               const std::vector<Eigen::MatrixXd>& output_hessians,
+               Eigen::MatrixXd* hessian) const;
+
+  // "4-20-20-20-24 tanh"
+  std::string Name() const;
+
+ private:
+  std::vector<int> widths_;
+  Activation hidden_;
+  std::vector<int> offsets_;  // L + 1
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_DENSE_NETWORK_H_

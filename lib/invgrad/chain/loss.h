@@ -1,0 +1,58 @@
+// The loss of one sample, with gradient and Hessian in y.
+//
+//   L(y, y*),   g = dL/dy,   H_L = d2L/dy2
+//
+// Shapes:  y, y*, g: size();  H_L: size() x size(), symmetric.
+// Units:   L scales half-inverse steps, so the factor in front of the squared
+//          norm is explicit: SquaredNormLoss(0.5) is Ceres' 1/2 |y - y*|^2,
+//          SquaredNormLoss(1.0) the |y - y*|^2 of the HIG code.
+// Fails:   Evaluate returns false where the loss has no finite value.
+#ifndef INVGRAD_CHAIN_LOSS_H_
+#define INVGRAD_CHAIN_LOSS_H_
+
+#include <optional>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+class Loss {
+ public:
+  virtual ~Loss() = default;
+
+  virtual int size() const = 0;
+
+  // `gradient` and `hessian` may be null.
+  virtual bool Evaluate(const double* y,
+                        const double* target,
+                        double* loss,
+                        double* gradient,
+                        double* hessian) const = 0;
+
+  // c, if the loss is c |y - y*|^2: only then is it a least-squares problem
+  // that Ceres' trust-region solvers can take.
+  virtual std::optional<double> SquaredNormFactor() const {
+    return std::nullopt;
+  }
+};
+
+// L = factor |y - y*|^2.
+class SquaredNormLoss final : public Loss {
+ public:
+  SquaredNormLoss(int size, double factor);
+  int size() const override { return size_; }
+  bool Evaluate(const double* y,
+                const double* target,
+                double* loss,
+                double* gradient,
+                double* hessian) const override;
+  std::optional<double> SquaredNormFactor() const override { return factor_; }
+
+ private:
+  int size_;
+  double factor_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_LOSS_H_

@@ -1,0 +1,78 @@
+// A model is a network, a simulator and a loss in a chain, over a batch.
+//
+//   x_s = f(a_s; theta),   y_s = P(x_s; c_s),   L = scale sum_s L(y_s, y*_s)
+//
+// with scale = 1/B (kMean) or 1 (kSum). The choice matters to half-inverse
+// steps: g = dL/dy carries the factor.
+//
+// Shapes:  theta: n;  y: |y| B stacked sample by sample, as g and the rows of
+//          J = dy/dtheta are.
+// Cost:    gradient: forward, PullBack of each sample, backward. Jacobian: one
+//          simulator Jacobian a sample; J itself is never formed
+//          (network_jacobian.h).
+// Fails:   Linearize and Cost return false with a message naming the sample if
+//          a simulator or loss fails or a value is not finite.
+#ifndef INVGRAD_CHAIN_MODEL_H_
+#define INVGRAD_CHAIN_MODEL_H_
+
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/data_set.h"
+#include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/chain/simulator.h"
+#include "invgrad/linalg/linearization.h"
+
+namespace invgrad {
+
+enum class Reduction { kMean, kSum };
+
+class Model {
+ public:
+  // Sizes must fit: network outputs = simulator inputs, simulator outputs =
+  // loss size (CHECKed).
+  Model(DenseNetwork network,
+        std::shared_ptr<const Simulator> simulator,
+        std::shared_ptr<const Loss> loss,
+        Reduction reduction);
+
+  const DenseNetwork& network() const { return network_; }
+  const Simulator& simulator() const { return *simulator_; }
+  const Loss& loss() const { return *loss_; }
+  Reduction reduction() const { return reduction_; }
+  int num_weights() const { return network_.num_weights(); }
+
+  // The factor in front of the sum over `num_samples` samples.
+  double BatchScale(int num_samples) const;
+
+  // Fills cost and the wanted parts.
+  bool Linearize(const Eigen::VectorXd& weights,
+                 const DataSet& batch,
+                 const LinearizationParts& parts,
+                 Linearization* linearization,
+                 std::string* error) const;
+
+  // L of the batch.
+  bool Cost(const Eigen::VectorXd& weights,
+            const DataSet& batch,
+            double* cost,
+            std::string* error) const;
+
+  // y: |y| x N.
+  bool Predict(const Eigen::VectorXd& weights,
+               const DataSet& batch,
+               Eigen::MatrixXd* outputs,
+               std::string* error) const;
+
+ private:
+  DenseNetwork network_;
+  std::shared_ptr<const Simulator> simulator_;
+  std::shared_ptr<const Loss> loss_;
+  Reduction reduction_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_MODEL_H_

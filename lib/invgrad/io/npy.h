@@ -1,0 +1,41 @@
+// Reads and writes numpy's .npy files: float64 arrays of one or two dimensions.
+//
+// Files are written to a temporary name and renamed, so a reader never sees half
+// a file. Reading accepts version 1.0 to 3.0, '<f8' and '<f4', C and Fortran
+// order.
+// Fails:   returns false with a message that names the file and what was found
+//          and wanted.
+//
+// Source: numpy/lib/format.py, "Format Version 1.0".
+#ifndef INVGRAD_IO_NPY_H_
+#define INVGRAD_IO_NPY_H_
+
+#include <string>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+// A vector is written with one dimension, a matrix with two in C order.
+bool WriteNpy(const std::string& path,
+              const Eigen::VectorXd& vector,
+              std::string* error);
+bool WriteNpy(const std::string& path,
+              const Eigen::MatrixXd& matrix,
+              std::string* error);
+
+// wanted_rows and wanted_cols of -1 take any; a one-dimensional file is a
+// column.
+bool ReadNpy(const std::string& path,
+             int wanted_rows,
+             int wanted_cols,
+             Eigen::MatrixXd* matrix,
+             std::string* error);
+bool ReadNpy(const std::string& path,
+             int wanted_size,
+             Eigen::VectorXd* vector,
+             std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_IO_NPY_H_

@@ -1,0 +1,49 @@
+// The random stream of numpy's legacy generator, number for number.
+//
+//   np.random.seed(seed);  np.random.rand(...);  np.random.permutation(n)
+//
+// MT19937; doubles have 53 bits: (a * 2^26 + b) / 2^53 with a, b the top 27 and
+// 26 bits of two draws.
+//
+// Source: numpy/random/src/legacy/legacy-distributions.c and
+// numpy/random/mtrand.pyx (shuffle), numpy 1.x and 2.x.
+#ifndef INVGRAD_IO_NUMPY_RANDOM_H_
+#define INVGRAD_IO_NUMPY_RANDOM_H_
+
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+class NumpyRandom {
+ public:
+  // np.random.seed(seed)
+  explicit NumpyRandom(std::uint32_t seed) : generator_(seed) {}
+
+  // np.random.rand(): [0, 1).
+  double Rand();
+
+  // np.random.rand(rows, cols), filled row by row, as numpy does.
+  Eigen::MatrixXd Rand(int rows, int cols);
+
+  // np.random.uniform(low, high)
+  double Uniform(double low, double high);
+
+  // np.random.permutation(n)
+  std::vector<int> Permutation(int n);
+
+  // The generator's state as exact doubles, for checkpoints.
+  Eigen::VectorXd State() const;
+  // False if `state` is not one that State() made.
+  bool SetState(const Eigen::VectorXd& state);
+
+ private:
+  std::mt19937 generator_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_IO_NUMPY_RANDOM_H_

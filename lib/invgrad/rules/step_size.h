@@ -1,0 +1,53 @@
+// The step size eta of a rule: fixed, scheduled, or found from the linear model.
+//
+//   fixed      eta
+//   schedule   eta s(p), p in [0, 1] the share of the budget that is spent:
+//              constant     s = 1
+//              linear       s = 1 - (1 - f) p
+//              cosine       s = f + (1 - f) (1 + cos(pi p)) / 2
+//              exponential  s = f^p
+//              with f = final_fraction
+//   auto       eta = -rho (g . J d) / (J d . H_L J d): rho times the minimizer
+//              of the linear model along d
+//
+// Units:   eta has the units of step / d, so `auto` makes a rule's step
+//          independent of the units of the loss.
+// Fails:   AutoStepSize returns false if J d = 0, if d is no descent direction,
+//          or if a value is not finite.
+#ifndef INVGRAD_RULES_STEP_SIZE_H_
+#define INVGRAD_RULES_STEP_SIZE_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/linalg/linearization.h"
+#include "invgrad/rules/option_set.h"
+
+namespace invgrad {
+
+struct StepSizeOptions {
+  double step_size = 1.0;  // eta > 0; NaN: auto
+  std::string schedule = "constant";
+  double final_fraction = 0.01;  // f in (0, 1]
+  double rho = 0.3;              // in (0, 2), for auto
+
+  // Adds step_size, schedule and final_fraction; with `allow_auto`, which needs
+  // a Jacobian, step_size may be "auto" and rho is added.
+  void Describe(bool allow_auto, OptionSet* set);
+
+  bool is_auto() const { return step_size != step_size; }
+
+  // eta s(progress). CHECKs that it is not auto.
+  double Scheduled(double progress) const;
+};
+
+// The auto step size for the direction d (n), without its schedule's factor.
+bool AutoStepSize(const Linearization& at_x,
+                  const Eigen::VectorXd& direction,
+                  double rho,
+                  double* step_size,
+                  std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_STEP_SIZE_H_

@@ -1,0 +1,48 @@
+// An update rule turns a linearization into a step.
+//
+//   x_{k+1} = x_k + step
+//
+// Shapes:  step: n, the size of the tangent space of x (of x itself, where no
+//          manifold is set).
+// The rule owns its step size, because some rules apply it before a nonlinear
+// inverse; it owns its memory (momentum and the like), so one rule object
+// belongs to one run.
+#ifndef INVGRAD_RULES_UPDATE_RULE_H_
+#define INVGRAD_RULES_UPDATE_RULE_H_
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/linalg/linearization.h"
+
+namespace invgrad {
+
+class UpdateRule {
+ public:
+  virtual ~UpdateRule() = default;
+
+  // The parts of the linearization that ComputeStep reads.
+  virtual LinearizationParts Needs() const = 0;
+
+  // Computes the step (n) from the linearization at the current point. Returns
+  // false, and leaves *step unspecified, if there is no finite step; then
+  // *error says why. Both pointers must not be null.
+  virtual bool ComputeStep(const Linearization& at_x,
+                           Eigen::VectorXd* step,
+                           std::string* error) = 0;
+
+  // The arrays that a checkpoint must hold so that a resumed run continues bit
+  // for bit; counters are arrays of size 1. The pointers live as long as the
+  // rule. Arrays may still be empty (before the first step), and a restored
+  // array must have the effect of never having stopped.
+  virtual std::vector<Eigen::VectorXd*> MutableState() { return {}; }
+
+  // What the last step did, in a few words for a progress line or a table
+  // ("route gram, rank 97 of 128"); empty if there is nothing to say.
+  virtual std::string LastStepReport() const { return ""; }
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_UPDATE_RULE_H_
