@@ -26,15 +26,17 @@ constexpr int kHeight = 800;
 constexpr int kWidth = 1200;
 constexpr int kHeightOfPanels = 700;
 constexpr int kWidthOfPanel = 640;  // of the area inside the axes
+constexpr int kMinWidthOfPanel = 400;
 constexpr int kMinWidthAlone = 800;
-constexpr int kLeft = 105;
+constexpr int kLeft = 115;
 constexpr int kRight = 35;
 constexpr int kTop = 55;
 constexpr int kBottom = 75;
 constexpr int kLegendSample = 75;
-constexpr int kLegendCharacter = 10;
+constexpr int kLegendCharacter = 9;
+constexpr int kLegendRow = 23;
 
-constexpr int kMaxPoints = 4000;
+constexpr int kMaxPoints = 6000;
 constexpr int kMaxLegendInside = 6;
 
 // Told apart on white by most colour-blind readers too, as neighbours differ in
@@ -91,6 +93,7 @@ struct Axis {
   double FromDisplay(double value) const {
     return is_log ? std::pow(10.0, value) : value;
   }
+  double Length() const { return ToDisplay(high) - ToDisplay(low); }
 };
 
 Axis FitAxis(bool is_log,
@@ -135,8 +138,8 @@ Axis FitAxis(bool is_log,
 // ten: too few when the axis has less than two of them.
 std::string TicksCommand(const std::string& name, const Axis& axis) {
   if (!axis.is_log) {
-    return "set format " + name + "\nset " + name + "tics auto\nset m" + name +
-           "tics default\n";
+    return "set format " + name + " '%h'\nset " + name + "tics auto\nset m" +
+           name + "tics default\n";
   }
   const double low = std::min(axis.low, axis.high);
   const double high = std::max(axis.low, axis.high);
@@ -204,14 +207,15 @@ std::vector<size_t> PointsToDraw(const Series& series,
   };
   const bool is_curve = IsAscending(series.x);
   const double begin = x_axis.ToDisplay(x_axis.low);
-  const double length = x_axis.ToDisplay(x_axis.high) - begin;
-  // At most 7 points of each: first, last, four extremes, a gap.
-  const int num_buckets = kMaxPoints / 7;
+  // The first, the last, a gap and the extremes; of a curve the extremes in x
+  // are its first and last.
+  const int num_buckets = kMaxPoints / (is_curve ? 5 : 7);
   const auto bucket_of = [&](size_t i) -> long {
     if (!is_curve) {
       return static_cast<long>(i * num_buckets / size);
     }
-    const double part = (x_axis.ToDisplay(series.x[i]) - begin) / length;
+    const double part =
+        (x_axis.ToDisplay(series.x[i]) - begin) / x_axis.Length();
     return std::lround(std::clamp(part, -0.01, 1.01) * num_buckets);
   };
 
@@ -300,9 +304,11 @@ std::vector<double> Levels(const ContourField& field) {
   }
   std::sort(sorted.begin(), sorted.end());
   std::vector<double> levels;
-  constexpr int kNumLevels = 14;
-  for (int k = 1; k <= kNumLevels && !sorted.empty(); ++k) {
-    const double level = sorted[(sorted.size() - 1) * k / (kNumLevels + 1)];
+  constexpr size_t kNumLevels = 14;
+  for (size_t k = 1; k <= kNumLevels && sorted.size() > 1; ++k) {
+    // Halfway to the next value: a line through a point of the grid frays.
+    const size_t i = (sorted.size() - 2) * k / (kNumLevels + 1);
+    const double level = 0.5 * (sorted[i] + sorted[i + 1]);
     if (levels.empty() || level > levels.back()) {
       levels.push_back(level);
     }
@@ -350,27 +356,132 @@ int NumLegendEntries(const Plot& plot) {
       });
 }
 
-Plot::Legend LegendPlace(const Plot& plot) {
-  if (NumLegendEntries(plot) == 0) {
-    return Plot::Legend::kNone;
-  }
-  if (plot.legend == Plot::Legend::kAuto) {
-    return NumLegendEntries(plot) > kMaxLegendInside ? Plot::Legend::kOutside
-                                                     : Plot::Legend::kTopRight;
-  }
-  return plot.legend;
-}
-
-// Right of the axes.
 int LegendWidth(const Plot& plot) {
-  if (LegendPlace(plot) != Plot::Legend::kOutside) {
-    return 0;
-  }
   int num_characters = 0;
   for (const Series& series : plot.series) {
     num_characters = std::max(num_characters, NumCharacters(series.title));
   }
   return kLegendSample + kLegendCharacter * num_characters;
+}
+
+// What a panel shows, and how large it is.
+struct Layout {
+  Axis x_axis;
+  Axis y_axis;
+  int width = 0;  // of the area inside the axes
+  int height = 0;
+  Plot::Legend legend = Plot::Legend::kNone;
+  int legend_width = 0;  // of a legend right of the axes, else 0
+
+  int TotalWidth() const { return kLeft + width + kRight + legend_width; }
+};
+
+// The corner where the legend hides nothing, if there is one.
+Plot::Legend FreePlace(const Plot& plot, const Layout& layout) {
+  if (NumLegendEntries(plot) > kMaxLegendInside) {
+    return Plot::Legend::kOutside;
+  }
+  const double width = static_cast<double>(LegendWidth(plot)) / layout.width;
+  const double height =
+      static_cast<double>(kLegendRow * (NumLegendEntries(plot) + 1)) /
+      layout.height;
+  const auto part = [](const Axis& axis, double value) {
+    return (axis.ToDisplay(value) - axis.ToDisplay(axis.low)) / axis.Length();
+  };
+  bool is_free[2][2] = {{true, true}, {true, true}};  // [right][top]
+  for (const Series& series : plot.series) {
+    constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
+    double last_x = kGap;
+    double last_y = kGap;
+    for (size_t i = 0; i < series.x.size(); ++i) {
+      const bool is_drawn = layout.x_axis.CanDraw(series.x[i]) &&
+                            layout.y_axis.CanDraw(series.y[i]);
+      const double x = is_drawn ? part(layout.x_axis, series.x[i]) : kGap;
+      const double y = is_drawn ? part(layout.y_axis, series.y[i]) : kGap;
+      // The point and some of the line to it; with a gap nothing compares less.
+      constexpr int kNumBetween = 8;
+      for (int k = 0; k < kNumBetween; ++k) {
+        const double back = static_cast<double>(k) / kNumBetween;
+        const double at_x = k == 0 ? x : x + back * (last_x - x);
+        const double at_y = k == 0 ? y : y + back * (last_y - y);
+        if (at_x < 0.0 || at_x > 1.0 || at_y < 0.0 || at_y > 1.0) {
+          continue;
+        }
+        for (const bool right : {false, true}) {
+          for (const bool top : {false, true}) {
+            if ((right ? 1.0 - at_x : at_x) < width &&
+                (top ? 1.0 - at_y : at_y) < height) {
+              is_free[right][top] = false;
+            }
+          }
+        }
+      }
+      last_x = x;
+      last_y = y;
+    }
+  }
+  if (is_free[1][1]) {
+    return Plot::Legend::kTopRight;
+  }
+  if (is_free[0][0]) {
+    return Plot::Legend::kBottomLeft;
+  }
+  if (is_free[0][1]) {
+    return Plot::Legend::kTopLeft;
+  }
+  return is_free[1][0] ? Plot::Legend::kBottomRight : Plot::Legend::kOutside;
+}
+
+Layout MakeLayout(const Plot& plot, bool is_alone) {
+  std::vector<const std::vector<double>*> xs;
+  std::vector<const std::vector<double>*> ys;
+  bool are_curves = true;
+  for (const Series& series : plot.series) {
+    CHECK_EQ(series.x.size(), series.y.size()) << series.title;
+    CHECK_EQ(series.y_low.size(), series.y_high.size()) << series.title;
+    CHECK(series.y_low.empty() || series.y_low.size() == series.x.size())
+        << series.title;
+    xs.push_back(&series.x);
+    ys.insert(ys.end(), {&series.y, &series.y_low, &series.y_high});
+    are_curves = are_curves && series.style != Series::Style::kPoints &&
+                 IsAscending(series.x);
+  }
+  const bool has_field = plot.contours.has_value();
+  if (has_field) {
+    CHECK_EQ(plot.contours->z.rows(), plot.contours->y.size());
+    CHECK_EQ(plot.contours->z.cols(), plot.contours->x.size());
+    // The field says which part of the plane is of interest.
+    xs = {&plot.contours->x};
+    ys = {&plot.contours->y};
+  }
+  // Curves reach from edge to edge; a path keeps away from the edges.
+  constexpr double kMargin = 0.04;
+  Layout layout;
+  layout.x_axis = FitAxis(
+      plot.log_x, plot.x_range, has_field || are_curves ? 0.0 : kMargin, xs);
+  layout.y_axis =
+      FitAxis(plot.log_y, plot.y_range, has_field ? 0.0 : kMargin, ys);
+
+  layout.height = (is_alone ? kHeight : kHeightOfPanels) - kTop - kBottom;
+  layout.width = is_alone ? kWidth - kLeft - kRight : kWidthOfPanel;
+  if (plot.equal_aspect) {
+    const double wanted = layout.height * std::abs(layout.x_axis.Length()) /
+                          std::abs(layout.y_axis.Length());
+    layout.width = static_cast<int>(
+        std::clamp<double>(wanted, kMinWidthOfPanel, layout.width));
+  }
+  if (NumLegendEntries(plot) > 0) {
+    layout.legend = plot.legend == Plot::Legend::kAuto ? FreePlace(plot, layout)
+                                                       : plot.legend;
+  }
+  if (layout.legend == Plot::Legend::kOutside) {
+    layout.legend_width = LegendWidth(plot);
+    if (is_alone && !plot.equal_aspect) {
+      layout.width =
+          std::max(layout.width - layout.legend_width, kMinWidthAlone);
+    }
+  }
+  return layout;
 }
 
 std::string LegendCommand(Plot::Legend place) {
@@ -420,40 +531,19 @@ struct PanelScript {
   std::string commands;  // settings and plot
 };
 
-PanelScript MakePanel(const Plot& plot, int index, const Panel& panel) {
-  std::vector<const std::vector<double>*> xs;
-  std::vector<const std::vector<double>*> ys;
-  bool are_curves = true;
-  for (const Series& series : plot.series) {
-    CHECK_EQ(series.x.size(), series.y.size()) << series.title;
-    CHECK_EQ(series.y_low.size(), series.y_high.size()) << series.title;
-    CHECK(series.y_low.empty() || series.y_low.size() == series.x.size())
-        << series.title;
-    xs.push_back(&series.x);
-    ys.push_back(&series.y);
-    are_curves = are_curves && series.style != Series::Style::kPoints &&
-                 IsAscending(series.x);
-  }
-  const bool has_field = plot.contours.has_value();
-  if (has_field) {
-    CHECK_EQ(plot.contours->z.rows(), plot.contours->y.size());
-    CHECK_EQ(plot.contours->z.cols(), plot.contours->x.size());
-    // The field says which part of the plane is of interest.
-    xs = {&plot.contours->x};
-    ys = {&plot.contours->y};
-  }
-  // Curves reach from edge to edge; a path keeps away from the edges.
-  constexpr double kMargin = 0.04;
-  const Axis x_axis = FitAxis(
-      plot.log_x, plot.x_range, has_field || are_curves ? 0.0 : kMargin, xs);
-  const Axis y_axis =
-      FitAxis(plot.log_y, plot.y_range, has_field ? 0.0 : kMargin, ys);
-
+PanelScript MakePanel(const Plot& plot,
+                      int index,
+                      const Layout& layout,
+                      const Panel& panel) {
+  const Axis& x_axis = layout.x_axis;
+  const Axis& y_axis = layout.y_axis;
   PanelScript script;
   PlotCommand command;
   const std::string prefix = "$panel" + std::to_string(index);
-  if (has_field &&
-      AppendContours(prefix + "_contours", *plot.contours, &script.data)) {
+  const bool has_contours =
+      plot.contours &&
+      AppendContours(prefix + "_contours", *plot.contours, &script.data);
+  if (has_contours) {
     command.Add(prefix +
                 "_contours using 1:2 with lines lw 1 lc rgb '#b4bcc8' notitle");
   }
@@ -476,7 +566,7 @@ PanelScript MakePanel(const Plot& plot, int index, const Panel& panel) {
     std::string element = has_points ? name + " using 1:2" : "NaN";
     const std::string dash = kDashes[look / kNumColors % kNumDashes];
     const std::string line =
-        " lw 2 dt " + (dash == "solid" ? std::string("solid") : dash);
+        " lw 1.6 dt " + (dash == "solid" ? std::string("solid") : dash);
     const std::string point =
         " pt " + std::to_string(kPointTypes[look % std::size(kPointTypes)]) +
         " ps 0.9";
@@ -499,7 +589,7 @@ PanelScript MakePanel(const Plot& plot, int index, const Panel& panel) {
   for (const std::string& element : elements) {  // in front of all bands
     command.Add(element);
   }
-  if (elements.empty() && !has_field) {
+  if (elements.empty() && !has_contours) {
     command.Add("NaN notitle");  // the axes alone
   }
 
@@ -519,7 +609,7 @@ PanelScript MakePanel(const Plot& plot, int index, const Panel& panel) {
          "\nset rmargin at screen " + Number(panel.right) +
          "\nset bmargin at screen " + Number(panel.bottom) +
          "\nset tmargin at screen " + Number(panel.top) + "\n";
-  out += LegendCommand(LegendPlace(plot));
+  out += LegendCommand(layout.legend);
   out += command.Text();
   return script;
 }
@@ -530,32 +620,28 @@ std::string MakeScript(const std::string& name_png,
   const bool is_alone = plots.size() == 1;
   const int height = is_alone ? kHeight : kHeightOfPanels;
   int width = 0;
-  std::vector<Panel> panels;
+  std::vector<Layout> layouts;
   for (const Plot& plot : plots) {
-    const int legend = LegendWidth(plot);
-    const int inside =
-        is_alone ? std::max(kWidth - kLeft - kRight - legend, kMinWidthAlone)
-                 : kWidthOfPanel;
+    layouts.push_back(MakeLayout(plot, is_alone));
+    width += layouts.back().TotalWidth();
+  }
+  std::string data;
+  std::string commands;
+  int left = 0;
+  for (size_t i = 0; i < plots.size(); ++i) {
     Panel panel;
-    panel.left = width + kLeft;
-    panel.right = panel.left + inside;
+    panel.left = static_cast<double>(left + kLeft) / width;
+    panel.right = static_cast<double>(left + kLeft + layouts[i].width) / width;
     panel.bottom = static_cast<double>(kBottom) / height;
     panel.top = 1.0 - static_cast<double>(kTop) / height;
-    panels.push_back(panel);
-    width += kLeft + inside + kRight + legend;
+    const PanelScript script = MakePanel(plots[i], i, layouts[i], panel);
+    data += script.data;
+    commands += script.commands;
+    left += layouts[i].TotalWidth();
   }
 
   const std::string size =
       " size " + std::to_string(width) + "," + std::to_string(height);
-  std::string data;
-  std::string commands;
-  for (size_t i = 0; i < plots.size(); ++i) {
-    panels[i].left /= width;
-    panels[i].right /= width;
-    const PanelScript panel = MakePanel(plots[i], i, panels[i]);
-    data += panel.data;
-    commands += panel.commands;
-  }
   std::string script = "# To restyle the picture, edit and run: gnuplot " +
                        Quote(name_gp) + "\n";
   // The plain png terminal is for a gnuplot that was built without cairo.

@@ -5,7 +5,7 @@
 //
 // Values that are not finite, and values <= 0 on a logarithmic axis, are gaps
 // in their line: leave out rows whose value was not computed. Curves of more
-// than 4000 points are thinned; what is left covers the same pixels, peaks
+// than 6000 points are thinned; what is left covers the same pixels, peaks
 // included.
 //
 // Cost:    some 0.2 s a picture.
@@ -57,7 +57,7 @@ struct AxisRange {
 
 struct Plot {
   enum class Legend {
-    kAuto,  // top right, or outside when there are more than 6 entries
+    kAuto,  // a corner where it hides nothing; outside for over 6 entries
     kTopRight,
     kTopLeft,
     kBottomRight,
