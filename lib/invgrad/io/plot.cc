@@ -306,7 +306,7 @@ std::vector<double> Levels(const ContourField& field) {
   std::vector<double> levels;
   constexpr size_t kNumLevels = 14;
   for (size_t k = 1; k <= kNumLevels && sorted.size() > 1; ++k) {
-    // Halfway to the next value: a line through a point of the grid frays.
+    // Halfway to the next value: no line touches a point of the grid.
     const size_t i = (sorted.size() - 2) * k / (kNumLevels + 1);
     const double level = 0.5 * (sorted[i] + sorted[i + 1]);
     if (levels.empty() || level > levels.back()) {
