@@ -56,17 +56,25 @@ constexpr int kNumColors = std::size(kColors);
 constexpr int kNumDashes = std::size(kDashes);
 constexpr int kPointTypes[] = {7, 5, 9, 11, 13};  // filled
 
-// In single quotes gnuplot expands nothing; a quote is written twice.
+// A string that gnuplot takes as it stands. What means something to gnuplot in
+// double quotes is written as an octal number; single quotes would not do, as
+// gnuplot 5.4 misreads a string that begins with a quote.
 std::string Quote(std::string_view text) {
-  std::string quoted = "'";
+  std::string quoted = "\"";
   for (const char c : text) {
-    const bool is_control = static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
-    quoted += is_control ? ' ' : c;
-    if (c == '\'') {
-      quoted += '\'';
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f) {
+      quoted += ' ';
+    } else if (std::string_view("\"'`\\@$").find(c) != std::string_view::npos) {
+      quoted += '\\';
+      for (const int shift : {6, 3, 0}) {
+        quoted += static_cast<char>('0' + ((code >> shift) & 7));
+      }
+    } else {
+      quoted += c;
     }
   }
-  return quoted + "'";
+  return quoted + '"';
 }
 
 // No locale, unlike printf.
@@ -77,15 +85,18 @@ std::string Number(double value) {
   return std::string(buffer, result.ptr);
 }
 
+// gnuplot takes what exceeds 8.99e307 for undefined; there is room for margins.
+constexpr double kLargest = 1e306;
+constexpr double kSmallest = 1e-306;  // on a logarithmic axis
+
 // One axis: which values can be drawn, and where.
 struct Axis {
   bool is_log = false;
   double low = 0.0;
   double high = 1.0;
 
-  // gnuplot takes what exceeds 8.99e307 for undefined.
   bool CanDraw(double value) const {
-    return std::abs(value) < 8e307 && (!is_log || value > 0.0);
+    return std::abs(value) <= kLargest && (!is_log || value >= kSmallest);
   }
   double ToDisplay(double value) const {
     return is_log ? std::log10(value) : value;
@@ -116,15 +127,15 @@ Axis FitAxis(bool is_log,
     low = is_log ? -1.0 : 0.0;
     high = is_log ? 0.0 : 1.0;
   }
-  // A curve without extent gets half a decade, or a tenth of its value.
   double pad = margin * (high - low);
-  if (high - low <= 1e-12 * std::max(std::abs(low), std::abs(high)) ||
-      high == low) {
-    pad = is_log ? 0.5 : std::max(0.1 * std::abs(high), 1e-300);
-    pad = high == 0.0 && !is_log ? 1.0 : pad;
+  // What has no extent gets half a decade, a tenth of its value, or one.
+  if (high - low <= 1e-12 * std::max(std::abs(low), std::abs(high))) {
+    constexpr double kTiny = 1e-100;
+    pad = is_log ? 0.5 : std::abs(high) > kTiny ? 0.1 * std::abs(high) : 1.0;
   }
-  axis.low = axis.FromDisplay(low - pad);
-  axis.high = axis.FromDisplay(high + pad);
+  const double lowest = is_log ? kSmallest : -kLargest;
+  axis.low = std::clamp(axis.FromDisplay(low - pad), lowest, kLargest);
+  axis.high = std::clamp(axis.FromDisplay(high + pad), lowest, kLargest);
   if (range.low && axis.CanDraw(*range.low)) {
     axis.low = *range.low;
   }
