@@ -6,6 +6,7 @@
 #   bin/run_comparison.sh                  as in README.md
 #   bin/run_comparison.sh --seeds=1 ...    with other flags of `compare`
 set -euo pipefail
+# shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
 install_missing "${required_packages[@]}"

@@ -6,6 +6,7 @@
 #
 # With CI=true in the environment, compiler warnings are errors.
 set -euo pipefail
+# shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
 install_missing "${required_packages[@]}"

@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # What the commands in this folder share; sourced, not run.
 #
 #   install_missing PACKAGE...   installs those that are missing, by apt-get
@@ -5,10 +6,12 @@
 #
 # Both end the command with status 1 and one message if they cannot go on.
 
-readonly root="$(CDPATH='' cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)"
-readonly build_dir="$root/build/release"
+root="$(CDPATH='' cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)"
+build_dir="$root/build/release"
+readonly root build_dir
 
 # What lib/cmake/dependencies.cmake looks for, and the tools to build it.
+# shellcheck disable=SC2034  # the sourcing commands read it
 readonly required_packages=(
   cmake ninja-build g++
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev
@@ -30,8 +33,8 @@ missing_packages() {
 cannot_install() {
   local reason="$1"
   shift
-  echo "Missing packages, and $reason. Run this, then start again:" >&2
-  echo "  sudo apt-get install $*" >&2
+  echo "Missing packages, and $reason. Run as root, then start again:" >&2
+  echo "  apt-get update && apt-get install -y --no-install-recommends $*" >&2
   exit 1
 }
 
