@@ -80,4 +80,6 @@ void SetBlasThreads(int num_threads) {
 
 int BlasThreads() { return openblas_get_num_threads(); }
 
+std::string BlasName() { return openblas_get_config(); }
+
 }  // namespace invgrad

@@ -11,6 +11,8 @@
 #ifndef INVGRAD_LINALG_BLAS_H_
 #define INVGRAD_LINALG_BLAS_H_
 
+#include <string>
+
 #include "Eigen/Core"
 
 namespace invgrad {
@@ -38,6 +40,9 @@ void Syrk(Op op_A,
 // m ~ 1000 one thread is fastest.
 void SetBlasThreads(int num_threads);
 int BlasThreads();
+
+// Which BLAS is loaded, its version, and the kernels that it chose.
+std::string BlasName();
 
 }  // namespace invgrad
 
