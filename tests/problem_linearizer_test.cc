@@ -130,7 +130,7 @@ Eigen::VectorXd AsVector(const std::vector<double>& v) {
 
 void ExpectAgreesWithCeres(ceres::Problem* problem,
                            const ProblemLinearizer::Options& options) {
-  const ProblemLinearizer linearizer(problem, options);
+  ProblemLinearizer linearizer(problem, options);
   ceres::Problem::EvaluateOptions evaluate_options;
   evaluate_options.parameter_blocks = linearizer.parameter_blocks();
   evaluate_options.residual_blocks = options.residual_blocks;
@@ -219,7 +219,7 @@ TEST(ProblemLinearizer, LocalParameterization) {
   problem.AddResidualBlock(NewMix<3, 4>(1.0), nullptr, blocks.s, blocks.q);
   ExpectAgreesWithCeres(&problem, {});
 
-  const ProblemLinearizer linearizer(&problem, {});
+  ProblemLinearizer linearizer(&problem, {});
   EXPECT_EQ(linearizer.num_parameters(), 2 + 3 + 2);
   ASSERT_TRUE(linearizer.Plus(Eigen::VectorXd::Constant(7, 0.1)));
   EXPECT_DOUBLE_EQ(blocks.s[0], 1.1);
@@ -235,7 +235,7 @@ TEST(ProblemLinearizer, StateAndPlus) {
   ceres::Problem problem;
   blocks.AddTo(&problem);
   AddResiduals(1.0, &blocks, &problem);
-  const ProblemLinearizer linearizer(&problem, {});
+  ProblemLinearizer linearizer(&problem, {});
   EXPECT_EQ(linearizer.parameter_blocks(),
             std::vector<double*>({blocks.x,
                                   blocks.q,
@@ -293,7 +293,7 @@ TEST(ProblemLinearizer, FailingManifold) {
   problem.AddParameterBlock(blocks.x, 2);
   problem.AddParameterBlock(blocks.s, 3, new FailingManifold);
   problem.AddResidualBlock(NewMix<2, 3>(1.0), nullptr, blocks.x, blocks.s);
-  const ProblemLinearizer linearizer(&problem, {});
+  ProblemLinearizer linearizer(&problem, {});
   const Eigen::VectorXd state = linearizer.State();
   EXPECT_FALSE(linearizer.Plus(Eigen::VectorXd::Ones(3)));
   EXPECT_EQ(linearizer.State(), state);
@@ -331,7 +331,7 @@ std::string LinearizeError(double bad_value, bool fails) {
   problem.SetParameterBlockConstant(&constant);
   ProblemLinearizer::Options options;
   options.residual_blocks = {bad};
-  const ProblemLinearizer linearizer(&problem, options);
+  ProblemLinearizer linearizer(&problem, options);
   LinearizationParts parts;
   parts.gradient = true;
   Linearization at_x;
@@ -371,7 +371,7 @@ TEST(ProblemLinearizer, JacobianNotFinite) {
   ceres::Problem problem;
   problem.AddResidualBlock(
       new ceres::AutoDiffCostFunction<Root, 1, 1>(new Root), nullptr, &x);
-  const ProblemLinearizer linearizer(&problem, {});
+  ProblemLinearizer linearizer(&problem, {});
   LinearizationParts parts;
   Linearization at_x;
   std::string error;
@@ -383,7 +383,7 @@ TEST(ProblemLinearizer, JacobianNotFinite) {
 
 TEST(ProblemLinearizer, EmptyProblem) {
   ceres::Problem problem;
-  const ProblemLinearizer linearizer(&problem, {});
+  ProblemLinearizer linearizer(&problem, {});
   LinearizationParts parts;
   parts.gradient = true;
   parts.jacobian = true;
@@ -416,7 +416,7 @@ TEST(ProblemLinearizer, EvaluationCallback) {
   shared.x = &x;
   ProblemLinearizer::Options options;
   options.evaluation_callback = &shared;
-  const ProblemLinearizer linearizer(&problem, options);
+  ProblemLinearizer linearizer(&problem, options);
   LinearizationParts parts;
   parts.gradient = true;
   Linearization at_x;
@@ -463,7 +463,7 @@ TEST(ProblemLinearizer, HessianIsTheDerivativeOfTheGradient) {
   for (const double scale : {0.1, 1.0, 30.0}) {
     SCOPED_TRACE(scale);
     LinearPlus p(scale);
-    const ProblemLinearizer linearizer(&p.problem, {});
+    ProblemLinearizer linearizer(&p.problem, {});
     const int n = linearizer.num_parameters();
     ASSERT_EQ(n, 6);
     LinearizationParts parts;
@@ -499,7 +499,7 @@ TEST(ProblemLinearizer, HessianIsTheDerivativeOfTheGradient) {
 }
 
 std::string HessianError(ceres::Problem* problem) {
-  const ProblemLinearizer linearizer(problem, {});
+  ProblemLinearizer linearizer(problem, {});
   LinearizationParts parts;
   parts.hessian = true;
   Linearization at_x;

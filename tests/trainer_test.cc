@@ -239,7 +239,7 @@ class ExplodingRule final : public UpdateRule {
 
 TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
   const Regression problem;
-  for (const double value : {std::nan(""), INFINITY, 1e200}) {
+  for (const double value : {std::nan(""), HUGE_VAL, 1e200}) {
     ExplodingRule rule(5, value);
     const Result result = TrainRegression(problem, Epochs(10, 8), &rule);
     EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);

@@ -8,6 +8,7 @@
 #include "Eigen/Core"
 #include "glog/logging.h"
 #include "invgrad/linalg/linearization.h"
+#include "invgrad/solve/problem_linearizer.h"
 
 namespace invgrad {
 namespace {
@@ -29,14 +30,11 @@ class Run {
  public:
   Run(const MinimizerOptions& options,
       UpdateRule* rule,
-      const ceres::Problem* problem,
+      Objective* objective,
       MinimizerSummary* summary)
       : options_(options),
         rule_(rule),
-        linearizer_(problem,
-                    {options.residual_blocks,
-                     /*apply_loss_function=*/true,
-                     options.evaluation_callback}),
+        objective_(objective),
         summary_(summary),
         parts_(rule->Needs()) {
     // Next to a Jacobian, which every part needs, it costs nothing.
@@ -53,11 +51,11 @@ class Run {
  private:
   bool Start() {
     std::string error;
-    if (!linearizer_.Linearize(parts_, &at_x_, &error)) {
+    if (!objective_->Linearize(parts_, &at_x_, &error)) {
       Terminate(ceres::FAILURE, "no start: " + error);
       return false;
     }
-    state_ = linearizer_.State();
+    state_ = objective_->State();
     summary_->initial_cost = at_x_.cost;
     ceres::IterationSummary iteration;
     iteration.iteration = 0;
@@ -112,14 +110,14 @@ class Run {
     const double cost = at_x_.cost;
     std::string error;
     if (!Move(&error)) {
-      linearizer_.SetState(state_);
+      objective_->SetState(state_);
       Terminate(ceres::FAILURE,
                 "iteration " + std::to_string(summary_->num_steps() + 1) +
                     ": " + error);
       return false;
     }
     const Eigen::VectorXd previous = state_;
-    state_ = linearizer_.State();
+    state_ = objective_->State();
 
     ceres::IterationSummary iteration;
     iteration.iteration = summary_->num_steps() + 1;
@@ -134,16 +132,16 @@ class Run {
   bool Move(std::string* error) {
     Eigen::VectorXd step;
     if (!rule_->ComputeStep(at_x_, &step, error)) return false;
-    CHECK_EQ(step.size(), linearizer_.num_parameters());
+    CHECK_EQ(step.size(), objective_->num_parameters());
     if (!step.allFinite()) {
       *error = "the step is not finite";
       return false;
     }
-    if (!linearizer_.Plus(step)) {
-      *error = "the Plus of a manifold failed";
+    if (!objective_->Plus(step)) {
+      *error = "the point cannot be moved by the step";
       return false;
     }
-    return linearizer_.Linearize(parts_, &at_x_, error);
+    return objective_->Linearize(parts_, &at_x_, error);
   }
 
   // Completes and appends the summary of an iteration, and asks the callbacks.
@@ -208,7 +206,7 @@ class Run {
 
   const MinimizerOptions& options_;
   UpdateRule* rule_;
-  const ProblemLinearizer linearizer_;
+  Objective* objective_;
   MinimizerSummary* summary_;
   LinearizationParts parts_;
   Linearization at_x_;
@@ -233,13 +231,25 @@ std::string MinimizerSummary::BriefReport() const {
 
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
-              ceres::Problem* problem,
+              Objective* objective,
               MinimizerSummary* summary) {
   CHECK(rule != nullptr);
-  CHECK(problem != nullptr);
+  CHECK(objective != nullptr);
   CHECK(summary != nullptr);
   *summary = MinimizerSummary();
-  Run(options, rule, problem, summary).Minimize();
+  Run(options, rule, objective, summary).Minimize();
+}
+
+void Minimize(const MinimizerOptions& options,
+              UpdateRule* rule,
+              ceres::Problem* problem,
+              MinimizerSummary* summary) {
+  CHECK(problem != nullptr);
+  ProblemLinearizer linearizer(problem,
+                               {options.residual_blocks,
+                                /*apply_loss_function=*/true,
+                                options.evaluation_callback});
+  Minimize(options, rule, &linearizer, summary);
 }
 
 }  // namespace invgrad

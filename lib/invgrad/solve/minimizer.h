@@ -23,7 +23,7 @@
 #include "ceres/problem.h"
 #include "ceres/types.h"
 #include "invgrad/rules/update_rule.h"
-#include "invgrad/solve/problem_linearizer.h"
+#include "invgrad/solve/objective.h"
 
 namespace invgrad {
 
@@ -68,6 +68,13 @@ struct MinimizerSummary {
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               ceres::Problem* problem,
+              MinimizerSummary* summary);
+
+// The same for any objective; the options that name parts of a ceres::Problem
+// are not read.
+void Minimize(const MinimizerOptions& options,
+              UpdateRule* rule,
+              Objective* objective,
               MinimizerSummary* summary);
 
 }  // namespace invgrad

@@ -484,14 +484,14 @@ Eigen::VectorXd ProblemLinearizer::State() const {
   return state;
 }
 
-void ProblemLinearizer::SetState(const Eigen::VectorXd& state) const {
+void ProblemLinearizer::SetState(const Eigen::VectorXd& state) {
   CHECK_EQ(state.size(), num_ambient_);
   for (const ParameterBlock& block : blocks_) {
     std::copy_n(state.data() + block.offset, block.ambient_size, block.values);
   }
 }
 
-bool ProblemLinearizer::Plus(const Eigen::VectorXd& step) const {
+bool ProblemLinearizer::Plus(const Eigen::VectorXd& step) {
   CHECK_EQ(step.size(), num_parameters_);
   Eigen::VectorXd state = State();
   for (const ParameterBlock& block : blocks_) {

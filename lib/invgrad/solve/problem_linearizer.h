@@ -13,8 +13,7 @@
 // Shapes:  m = sum of the residual sizes;  n = sum of the tangent sizes.
 // Cost:    one CostFunction::Evaluate with Jacobians a residual block. Does not
 //          use Problem::Evaluate, which must not be called during a solve.
-// Fails:   Linearize and Cost return false if a cost function does or a value
-// is
+// Fails:   Linearize and Cost return false if a cost function does or a value is
 //          not finite (finite residuals can overflow when squared); the message
 //          names the residual block by its index in the problem.
 //
@@ -45,10 +44,11 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "invgrad/linalg/linearization.h"
+#include "invgrad/solve/objective.h"
 
 namespace invgrad {
 
-class ProblemLinearizer {
+class ProblemLinearizer final : public Objective {
  public:
   struct Options {
     // A mini-batch. Empty: all of the problem's residual blocks.
@@ -64,9 +64,10 @@ class ProblemLinearizer {
   // change later are not seen. The problem must outlive the linearizer.
   ProblemLinearizer(const ceres::Problem* problem, Options options);
 
-  int num_residuals() const { return num_residuals_; }    // m
-  int num_parameters() const { return num_parameters_; }  // n, tangent space
-  int num_ambient() const { return num_ambient_; }        // length of the state
+  int num_residuals() const { return num_residuals_; }  // m
+  // n, tangent space
+  int num_parameters() const override { return num_parameters_; }
+  int num_ambient() const { return num_ambient_; }  // length of the state
 
   // The blocks that are not constant, in column order.
   const std::vector<double*>& parameter_blocks() const {
@@ -77,16 +78,16 @@ class ProblemLinearizer {
 
   bool Linearize(const LinearizationParts& parts,
                  Linearization* linearization,
-                 std::string* error) const;
-  bool Cost(double* cost, std::string* error) const;
+                 std::string* error) const override;
+  bool Cost(double* cost, std::string* error) const override;
 
   // The values of all blocks that are not constant, one after the other.
-  Eigen::VectorXd State() const;
-  void SetState(const Eigen::VectorXd& state) const;
+  Eigen::VectorXd State() const override;
+  void SetState(const Eigen::VectorXd& state) override;
 
   // Moves the problem by a tangent step (n), each block by its manifold's Plus.
   // False if a Plus fails; the blocks are then unchanged.
-  bool Plus(const Eigen::VectorXd& step) const;
+  bool Plus(const Eigen::VectorXd& step) override;
 
  private:
   // A parameter block that is not constant.
