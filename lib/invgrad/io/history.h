@@ -1,8 +1,15 @@
 // What a run leaves behind: one row each time that it was looked at.
 //
-// CSV with a header line; numbers with 17 digits, so that reading it back gives
-// the same values. A value that was not computed is an empty field (NaN in
-// memory).
+//   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm
+//   0,0,0,,0.25,0.26,
+//   16,0.5,0.021,0.24,,,1.5e-3
+//
+// CSV with this header line; numbers with the fewest digits that read back as
+// the same value. A value that was not computed is an empty field (NaN in
+// memory); a loss that overflowed is "inf". Written atomically (atomic_file.h).
+//
+// Fails:   returns false with a message that names the file and, for reading,
+//          the line; *history is then unchanged.
 #ifndef INVGRAD_IO_HISTORY_H_
 #define INVGRAD_IO_HISTORY_H_
 
@@ -28,7 +35,6 @@ using History = std::vector<HistoryRow>;
 bool WriteHistory(const std::string& path,
                   const History& history,
                   std::string* error);
-// *error names file and line.
 bool ReadHistory(const std::string& path, History* history, std::string* error);
 
 }  // namespace invgrad

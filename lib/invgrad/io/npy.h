@@ -1,10 +1,12 @@
 // Reads and writes numpy's .npy files: float64 arrays of one or two dimensions.
 //
-// Files are written to a temporary name and renamed, so a reader never sees half
-// a file. Reading accepts version 1.0 to 3.0, '<f8' and '<f4', C and Fortran
-// order.
+// Written as version 1.0, '<f8', and atomically (atomic_file.h). Reading
+// accepts versions 1.0 to 3.0, '<f8' and '<f4', C and Fortran order; nothing
+// larger than the file is ever allocated.
+//
 // Fails:   returns false with a message that names the file and what was found
-//          and wanted.
+//          and wanted; the output is then unchanged. Infinities and NaN are
+//          values like any other: CheckFinite finds them.
 //
 // Source: numpy/lib/format.py, "Format Version 1.0".
 #ifndef INVGRAD_IO_NPY_H_
@@ -31,10 +33,17 @@ bool ReadNpy(const std::string& path,
              int wanted_cols,
              Eigen::MatrixXd* matrix,
              std::string* error);
+// Takes (n,) and (n, 1).
 bool ReadNpy(const std::string& path,
              int wanted_size,
              Eigen::VectorXd* vector,
              std::string* error);
+
+// False if an entry is infinite or NaN; *error then names the first one, row by
+// row: "file x.npy: nan at row 3, column 0 (counted from 0)".
+bool CheckFinite(const std::string& path,
+                 const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                 std::string* error);
 
 }  // namespace invgrad
 

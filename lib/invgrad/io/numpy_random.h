@@ -35,9 +35,10 @@ class NumpyRandom {
   // np.random.permutation(n)
   std::vector<int> Permutation(int n);
 
-  // The generator's state as exact doubles, for checkpoints.
+  // The generator's state as exact doubles, for checkpoints: size 625, the 624
+  // words and the position of np.random.get_state().
   Eigen::VectorXd State() const;
-  // False if `state` is not one that State() made.
+  // False, and nothing changed, if `state` is not one that State() could make.
   bool SetState(const Eigen::VectorXd& state);
 
  private:

@@ -1,0 +1,99 @@
+#include "invgrad/io/atomic_file.h"
+
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <csignal>
+#include <filesystem>
+#include <string>
+
+#include "gtest/gtest.h"
+#include "temporary_folder.h"
+
+namespace invgrad {
+namespace {
+
+TEST(AtomicFile, RoundTripReplacesAndLeavesNothingElse) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "file";
+  std::string error;
+  const std::string bytes("binary \0 and \xff\n", 14);
+  for (const std::string& content : {bytes, std::string(), std::string("b")}) {
+    ASSERT_TRUE(WriteFile(path, content, &error)) << error;
+    std::string back = "something";
+    ASSERT_TRUE(ReadFile(path, &back, &error)) << error;
+    EXPECT_EQ(back, content);
+    EXPECT_EQ(folder.NumFiles(), 1);
+  }
+}
+
+TEST(AtomicFile, PermissionsFollowTheUmask) {
+  const TemporaryFolder folder;
+  std::string error;
+  const mode_t before = umask(027);
+  EXPECT_TRUE(WriteFile(folder / "file", "x", &error)) << error;
+  umask(before);
+  struct stat status;
+  ASSERT_EQ(stat((folder / "file").c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0640);
+}
+
+TEST(AtomicFile, MissingFolderIsNamedWithTheReason) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "none/file";
+  std::string error;
+  EXPECT_FALSE(WriteFile(path, "x", &error));
+  EXPECT_EQ(error, "cannot write " + path + ": No such file or directory");
+  std::string bytes = "kept";
+  EXPECT_FALSE(ReadFile(path, &bytes, &error));
+  EXPECT_EQ(error, "cannot read " + path + ": No such file or directory");
+  EXPECT_EQ(bytes, "kept");
+}
+
+TEST(AtomicFile, FailedRenameRemovesTheTemporary) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "taken";
+  std::filesystem::create_directory(path);
+  std::string error;
+  EXPECT_FALSE(WriteFile(path, "x", &error));
+  EXPECT_EQ(error, "cannot write " + path + ": Is a directory");
+  EXPECT_EQ(folder.NumFiles(), 1);
+}
+
+TEST(AtomicFile, FailedWriteKeepsTheOldFile) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "file";
+  std::string error;
+  ASSERT_TRUE(WriteFile(path, "old", &error)) << error;
+
+  // A limit on the size of files stands in for a disk that is full.
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit limit = before;
+  limit.rlim_cur = 1000;
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const bool is_written = WriteFile(path, std::string(5000, 'x'), &error);
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, handler);
+
+  EXPECT_FALSE(is_written);
+  EXPECT_EQ(error, "cannot write " + path + ": File too large");
+  std::string bytes;
+  EXPECT_TRUE(ReadFile(path, &bytes, &error));
+  EXPECT_EQ(bytes, "old");
+  EXPECT_EQ(folder.NumFiles(), 1);
+}
+
+TEST(AtomicFile, ReadsRegularFilesOnly) {
+  const TemporaryFolder folder;
+  std::string bytes;
+  std::string error;
+  EXPECT_FALSE(ReadFile(folder / ".", &bytes, &error));
+  EXPECT_EQ(error, "cannot read " + (folder / ".") + ": not a regular file");
+  EXPECT_FALSE(ReadFile("/dev/zero", &bytes, &error));  // would have no end
+  EXPECT_EQ(error, "cannot read /dev/zero: not a regular file");
+}
+
+}  // namespace
+}  // namespace invgrad

@@ -1,0 +1,135 @@
+#include "invgrad/io/history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/atomic_file.h"
+#include "temporary_folder.h"
+
+namespace invgrad {
+namespace {
+
+// Bit for bit, but any NaN is like any other.
+bool IsSame(double a, double b) {
+  return (std::isnan(a) && std::isnan(b)) ||
+         std::memcmp(&a, &b, sizeof(a)) == 0;
+}
+
+void ExpectSame(const History& found, const History& wanted) {
+  ASSERT_EQ(found.size(), wanted.size());
+  for (size_t i = 0; i < found.size(); ++i) {
+    EXPECT_EQ(found[i].step, wanted[i].step);
+    for (const auto column : {&HistoryRow::epoch,
+                              &HistoryRow::seconds,
+                              &HistoryRow::batch_loss,
+                              &HistoryRow::train_loss,
+                              &HistoryRow::test_loss,
+                              &HistoryRow::step_norm}) {
+      EXPECT_TRUE(IsSame(found[i].*column, wanted[i].*column)) << "row " << i;
+    }
+  }
+}
+
+class HistoryTest : public testing::Test {
+ protected:
+  std::string ReadError(const std::string& text) {
+    std::string error;
+    EXPECT_TRUE(WriteFile(path_, text, &error)) << error;
+    History history(3);
+    EXPECT_FALSE(ReadHistory(path_, &history, &error));
+    EXPECT_EQ(history.size(), 3u) << "output was changed";
+    const std::string start = "file " + path_ + ", ";
+    EXPECT_EQ(error.substr(0, start.size()), start);
+    return error.substr(std::min(start.size(), error.size()));
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_ / "history.csv";
+  const std::string header_ =
+      "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm\n";
+};
+
+TEST_F(HistoryTest, WritesTheDocumentedText) {
+  History history(2);
+  history[0].train_loss = 0.25;
+  history[0].test_loss = 0.26;
+  history[1].step = 16;
+  history[1].epoch = 0.5;
+  history[1].seconds = 0.1;
+  history[1].batch_loss = 1.5e-3;
+  history[1].step_norm = std::numeric_limits<double>::infinity();
+  std::string error;
+  std::string text;
+  ASSERT_TRUE(WriteHistory(path_, history, &error)) << error;
+  ASSERT_TRUE(ReadFile(path_, &text, &error)) << error;
+  EXPECT_EQ(text, header_ + "0,0,0,,0.25,0.26,\n16,0.5,0.1,0.0015,,,inf\n");
+}
+
+TEST_F(HistoryTest, RoundTripIsExact) {
+  History history(3);
+  history[0].step = std::numeric_limits<long>::max();
+  history[0].epoch = 1.0 / 3.0;
+  history[0].seconds = 0.1 + 0.2;
+  history[0].batch_loss = std::numeric_limits<double>::denorm_min();
+  history[0].train_loss = std::numeric_limits<double>::max();
+  history[0].test_loss = std::nextafter(1.0, 2.0);
+  history[0].step_norm = -0.0;
+  history[1].step = std::numeric_limits<long>::min();
+  history[1].train_loss = -std::numeric_limits<double>::infinity();
+  history[2].epoch = HistoryRow::kNone;
+  for (const History& wanted : {History(), history}) {
+    std::string error;
+    History found(7);
+    ASSERT_TRUE(WriteHistory(path_, wanted, &error)) << error;
+    ASSERT_TRUE(ReadHistory(path_, &found, &error)) << error;
+    ExpectSame(found, wanted);
+  }
+}
+
+TEST_F(HistoryTest, ErrorsNameFileAndLine) {
+  EXPECT_EQ(
+      ReadError(""),
+      "line 1: wanted the header " + header_.substr(0, header_.size() - 1));
+  EXPECT_EQ(
+      ReadError("step,epoch\n"),
+      "line 1: wanted the header " + header_.substr(0, header_.size() - 1));
+  const std::string row = "1,2,3,4,5,6,7\n";
+  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6\n"),
+            "line 3: found 6 fields, wanted 7");
+  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8\n"),
+            "line 3: found 8 fields, wanted 7");
+  EXPECT_EQ(ReadError(header_ + "\n" + row),
+            "line 2: found 1 fields, wanted 7");
+  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7\n"),
+            "line 2: found '1.5', wanted a number");
+  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7\n"),
+            "line 2: found '', wanted a number");
+  EXPECT_EQ(ReadError(header_ + row + row + "1,2,3,4,5,6,7e\n"),
+            "line 4: found '7e', wanted a number");
+  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7\n"),
+            "line 2: found ' 4', wanted a number");
+}
+
+TEST_F(HistoryTest, ALineThatDoesNotEndIsTruncated) {
+  EXPECT_EQ(ReadError(header_ + "1,2,3,4,5,6,7\n2,3,4,5,6,7,0.12"),
+            "line 3: the line does not end (truncated?)");
+  EXPECT_EQ(ReadError(header_.substr(0, header_.size() - 1)),
+            "line 1: the line does not end (truncated?)");
+}
+
+TEST_F(HistoryTest, MissingFolderAndFileAreReported) {
+  const std::string path = folder_ / "none/history.csv";
+  std::string error;
+  EXPECT_FALSE(WriteHistory(path, History(), &error));
+  EXPECT_EQ(error, "cannot write " + path + ": No such file or directory");
+  History history;
+  EXPECT_FALSE(ReadHistory(path, &history, &error));
+  EXPECT_EQ(error, "cannot read " + path + ": No such file or directory");
+}
+
+}  // namespace
+}  // namespace invgrad

@@ -1,0 +1,161 @@
+#include "invgrad/io/numpy_random.h"
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "gtest/gtest.h"
+
+namespace invgrad {
+namespace {
+
+// Every literal below was printed by numpy 2.4.6 with the call beside it, with
+// repr(), which gives the same double back. So all comparisons are exact.
+class NumpyRandomTest : public testing::Test {
+ protected:
+  static void ExpectRand(std::uint32_t seed,
+                         const std::vector<double>& wanted) {
+    NumpyRandom random(seed);
+    for (const double value : wanted) {
+      EXPECT_EQ(random.Rand(), value) << "seed " << seed;
+    }
+  }
+};
+
+TEST_F(NumpyRandomTest, RandIsNumpys) {
+  // np.random.seed(s); np.random.rand(3)
+  ExpectRand(0, {0.5488135039273248, 0.7151893663724195, 0.6027633760716439});
+  ExpectRand(1,
+             {0.417022004702574, 0.7203244934421581, 0.00011437481734488664});
+  ExpectRand(42, {0.3745401188473625, 0.9507143064099162, 0.7319939418114051});
+  ExpectRand(4294967295u,
+             {0.0976320289940138, 0.9123828453026218, 0.78903530185164});
+}
+
+TEST_F(NumpyRandomTest, MatricesAreFilledRowByRow) {
+  // np.random.seed(s); np.random.rand(2, 3)
+  Eigen::MatrixXd wanted(2, 3);
+  wanted << 0.5488135039273248, 0.7151893663724195, 0.6027633760716439,  //
+      0.5448831829968969, 0.4236547993389047, 0.6458941130666561;
+  EXPECT_EQ(NumpyRandom(0).Rand(2, 3), wanted);
+  wanted << 0.417022004702574, 0.7203244934421581, 0.00011437481734488664,  //
+      0.30233257263183977, 0.14675589081711304, 0.0923385947687978;
+  EXPECT_EQ(NumpyRandom(1).Rand(2, 3), wanted);
+  wanted << 0.3745401188473625, 0.9507143064099162, 0.7319939418114051,  //
+      0.5986584841970366, 0.15601864044243652, 0.15599452033620265;
+  EXPECT_EQ(NumpyRandom(42).Rand(2, 3), wanted);
+  EXPECT_EQ(NumpyRandom(0).Rand(0, 3).size(), 0);
+}
+
+TEST_F(NumpyRandomTest, PermutationIsNumpys) {
+  // np.random.seed(s); np.random.permutation(10)
+  EXPECT_EQ(NumpyRandom(0).Permutation(10),
+            (std::vector<int>{2, 8, 4, 9, 1, 6, 7, 3, 0, 5}));
+  EXPECT_EQ(NumpyRandom(1).Permutation(10),
+            (std::vector<int>{2, 9, 6, 4, 0, 3, 1, 7, 8, 5}));
+  EXPECT_EQ(NumpyRandom(42).Permutation(10),
+            (std::vector<int>{8, 1, 5, 0, 7, 2, 9, 4, 3, 6}));
+}
+
+TEST_F(NumpyRandomTest, UniformIsNumpys) {
+  // np.random.seed(s); np.random.uniform(-2.5, 4) twice
+  NumpyRandom zero(0);
+  EXPECT_EQ(zero.Uniform(-2.5, 4), 1.067287775527611);
+  EXPECT_EQ(zero.Uniform(-2.5, 4), 2.148730881420726);
+  NumpyRandom one(1);
+  EXPECT_EQ(one.Uniform(-2.5, 4), 0.21064303056673106);
+  EXPECT_EQ(one.Uniform(-2.5, 4), 2.182109207374028);
+  NumpyRandom answer(42);
+  EXPECT_EQ(answer.Uniform(-2.5, 4), -0.0654892274921437);
+  EXPECT_EQ(answer.Uniform(-2.5, 4), 3.679642991664455);
+}
+
+TEST_F(NumpyRandomTest, OneStreamServesAllCalls) {
+  // np.random.seed(1); np.random.rand(3); np.random.permutation(10);
+  // np.random.rand()
+  NumpyRandom random(1);
+  random.Rand(1, 3);
+  EXPECT_EQ(random.Permutation(10),
+            (std::vector<int>{3, 7, 6, 2, 9, 4, 1, 8, 0, 5}));
+  EXPECT_EQ(random.Rand(), 0.8463109166860171);
+
+  // np.random.seed(5); the last of 1000 np.random.rand(), which is past the
+  // refilling of the generator's 624 words; np.random.permutation(1000);
+  // np.random.rand()
+  NumpyRandom longer(5);
+  const Eigen::MatrixXd values = longer.Rand(1000, 1);
+  EXPECT_EQ(values(999), 0.7905930946436218);
+  const std::vector<int> order = longer.Permutation(1000);
+  EXPECT_EQ(std::vector<int>(order.begin(), order.begin() + 5),
+            (std::vector<int>{418, 246, 176, 19, 49}));
+  EXPECT_EQ(longer.Rand(), 0.6641821613483267);
+}
+
+TEST_F(NumpyRandomTest, EmptyAndSinglePermutationsDrawNothing) {
+  NumpyRandom random(0);
+  EXPECT_TRUE(random.Permutation(0).empty());
+  EXPECT_EQ(random.Permutation(1), std::vector<int>{0});
+  EXPECT_EQ(random.Rand(), 0.5488135039273248);
+}
+
+TEST_F(NumpyRandomTest, StateIsNumpys) {
+  // np.random.seed(42); s = np.random.get_state(); s[1][0], s[1][1],
+  // s[1][623], s[2]; the same after np.random.rand(3)
+  NumpyRandom random(42);
+  Eigen::VectorXd state = random.State();
+  ASSERT_EQ(state.size(), 625);
+  EXPECT_EQ(state[0], 42);
+  EXPECT_EQ(state[1], 3107752595.0);
+  EXPECT_EQ(state[623], 26719530);
+  EXPECT_EQ(state[624], 624);
+  random.Rand(1, 3);
+  state = random.State();
+  EXPECT_EQ(state[0], 723970371);
+  EXPECT_EQ(state[1], 1229153189);
+  EXPECT_EQ(state[623], 4088152671.0);
+  EXPECT_EQ(state[624], 6);
+}
+
+TEST_F(NumpyRandomTest, StateRoundTrip) {
+  // Before the first draw, in the middle of a block of words, at its end.
+  for (const int draws : {0, 1, 311, 312, 313, 1000}) {
+    NumpyRandom random(7);
+    random.Rand(draws, 1);
+    NumpyRandom other(8);
+    ASSERT_TRUE(other.SetState(random.State()));
+    EXPECT_EQ(other.State(), random.State());
+    EXPECT_EQ(other.Rand(400, 1), random.Rand(400, 1));
+    EXPECT_EQ(other.Permutation(30), random.Permutation(30));
+  }
+}
+
+TEST_F(NumpyRandomTest, RefusesWhatIsNoState) {
+  const NumpyRandom source(3);
+  const Eigen::VectorXd good = source.State();
+  std::vector<Eigen::VectorXd> bad;
+  bad.emplace_back();
+  bad.emplace_back(good.head(624));
+  bad.emplace_back(626);
+  bad.back() << good, 1.0;
+  for (const double word : {-1.0,
+                            0.5,
+                            4294967296.0,
+                            1e300,
+                            std::numeric_limits<double>::infinity(),
+                            std::numeric_limits<double>::quiet_NaN()}) {
+    bad.push_back(good);
+    bad.back()[100] = word;
+  }
+  bad.push_back(good);
+  bad.back()[624] = 625;  // a position past the end
+  bad.emplace_back(Eigen::VectorXd::Zero(625));
+
+  NumpyRandom random(42);
+  for (size_t i = 0; i < bad.size(); ++i) {
+    EXPECT_FALSE(random.SetState(bad[i])) << "state " << i;
+  }
+  EXPECT_EQ(random.Rand(), 0.3745401188473625);  // as if nothing had happened
+}
+
+}  // namespace
+}  // namespace invgrad
