@@ -9,7 +9,10 @@
 //          after layer, and in a layer unit after unit: the unit's incoming
 //          weights, then its bias. In numpy: hstack([W, b[:, None]]).ravel()
 //          for each layer.
-// Cost:    forward 2 n B; the backward pass twice that.
+// Cost:    forward 2 n B; the backward pass twice that; the Hessian n^2 B.
+//          Batches go through BLAS, nothing is allocated a sample.
+// Fails:   never by itself: values that are not finite travel through. Sizes
+//          that do not fit are CHECKed.
 // The network is a description: weights are an argument, never a member.
 #ifndef INVGRAD_CHAIN_DENSE_NETWORK_H_
 #define INVGRAD_CHAIN_DENSE_NETWORK_H_
@@ -18,14 +21,15 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "invgrad/chain/activation.h"
 
 namespace invgrad {
 
 class NumpyRandom;
 
-enum class Activation { kLinear, kTanh, kRelu, kSigmoid, kGelu };
-
-// How weights are drawn (biases are zero but for kPytorch).
+// How weights are drawn (biases are zero but for kPytorch), layer after layer:
+// a layer's matrix row by row, as np.random.uniform(-s, s, (fan_out, fan_in))
+// does, then its biases.
 //   kGlorotUniform  U(-s, s), s = sqrt(6 / (fan_in + fan_out))   (Keras)
 //   kHeUniform      U(-s, s), s = sqrt(6 / fan_in)
 //   kPytorch        U(-s, s), s = 1 / sqrt(fan_in), biases too   (nn.Linear)
@@ -44,21 +48,28 @@ class DenseNetwork {
   const std::vector<int>& widths() const { return widths_; }
   Activation hidden_activation() const { return hidden_; }
 
-  // Where layer l = 0 .. num_layers() - 1 begins in the weights.
+  // Where layer l = 0 .. num_layers() - 1 begins in the weights, and how many
+  // it has: column-major, (widths[l] + 1) x widths[l + 1].
   int offset(int layer) const { return offsets_[layer]; }
+  int layer_size(int layer) const {
+    return offsets_[layer + 1] - offsets_[layer];
+  }
 
   Eigen::VectorXd InitialWeights(Initialization initialization,
                                  NumpyRandom* random) const;
 
   // What a forward pass leaves for the derivatives. Layer l = 0 .. L - 1.
   struct Activations {
-    // inputs[l]: (widths[l] + 1) x B, a_l with a last row of ones.
+    // inputs[l]: (widths[l] + 1) x B, a_l with a last row of ones: the bias
+    // is the weight of the one.
     std::vector<Eigen::MatrixXd> inputs;
     // slopes[l]: widths[l + 1] x B, phi'(z); empty for the last layer.
     std::vector<Eigen::MatrixXd> slopes;
     // curvatures[l]: phi''(z) likewise; only if asked for.
     std::vector<Eigen::MatrixXd> curvatures;
     Eigen::MatrixXd outputs;  // widths[L] x B: x
+
+    int batch_size() const { return static_cast<int>(outputs.cols()); }
   };
   void Forward(const Eigen::VectorXd& weights,
                const Eigen::MatrixXd& inputs,
@@ -79,8 +90,9 @@ class DenseNetwork {
 
   // H = sum_s [J_s^T X_s J_s + sum_i w_{i,s} d2f_i/dtheta2] (n x n, symmetric):
   // the exact Hessian in the weights of sum_s F_s(f(a_s)), given the covectors
-  // w_s = dF_s/dx and the Hessians X_s = d2F_s/dx2, by n tangent-of-backward
-  // passes. Needs curvatures.
+  // w_s = dF_s/dx and the Hessians X_s = d2F_s/dx2. One tangent-of-backward
+  // pass a unit, not a weight: a weight moves its unit's z by its own input, so
+  // its tangent is the unit's, scaled sample by sample. Needs curvatures.
   void Hessian(const Eigen::VectorXd& weights,
                const Activations& activations,
                const Eigen::MatrixXd& output_covectors,

@@ -10,8 +10,13 @@
 // Cost:    gradient: forward, PullBack of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h).
-// Fails:   Linearize and Cost return false with a message naming the sample if
-//          a simulator or loss fails or a value is not finite.
+//          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian.
+//          Nothing is allocated a sample but by the Hessian.
+// Fails:   Linearize, Cost and Predict return false with a message naming the
+//          sample (its column in the batch) if a simulator or loss fails or a
+//          value is not finite. Empty batches and sizes that do not fit are
+//          CHECKed.
+// Immutable: threads may share a model whose simulator and loss they may share.
 #ifndef INVGRAD_CHAIN_MODEL_H_
 #define INVGRAD_CHAIN_MODEL_H_
 
@@ -47,7 +52,7 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
-  // Fills cost and the wanted parts.
+  // Fills cost and the wanted parts; the others are left empty.
   bool Linearize(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const LinearizationParts& parts,
@@ -67,6 +72,19 @@ class Model {
                std::string* error) const;
 
  private:
+  // Linearize without J, by pull-back.
+  bool CostAndGradient(const Eigen::VectorXd& weights,
+                       const DataSet& batch,
+                       double* cost,
+                       Eigen::VectorXd* gradient,
+                       std::string* error) const;
+  // Linearize with the simulator's Jacobians.
+  bool LinearizeThroughJacobians(const Eigen::VectorXd& weights,
+                                 const DataSet& batch,
+                                 const LinearizationParts& parts,
+                                 Linearization* linearization,
+                                 std::string* error) const;
+
   DenseNetwork network_;
   std::shared_ptr<const Simulator> simulator_;
   std::shared_ptr<const Loss> loss_;

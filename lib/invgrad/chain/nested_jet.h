@@ -12,6 +12,9 @@
 #ifndef INVGRAD_CHAIN_NESTED_JET_H_
 #define INVGRAD_CHAIN_NESTED_JET_H_
 
+#include <cmath>
+#include <limits>
+
 #include "Eigen/Core"
 #include "ceres/jet.h"
 
@@ -38,16 +41,16 @@ NestedJet<N> MakeHessianJet(double value, int index) {
   return x;
 }
 
-#define INVGRAD_NESTED_JET_ARITHMETIC(op)                                   \
-  template <int M, int N>                                                   \
-  ceres::Jet<InnerJet<M>, N> operator op(                                   \
-      double s, const ceres::Jet<InnerJet<M>, N>& x) {                      \
-    return InnerJet<M>(s) op x;                                             \
-  }                                                                         \
-  template <int M, int N>                                                   \
-  ceres::Jet<InnerJet<M>, N> operator op(                                   \
-      const ceres::Jet<InnerJet<M>, N>& x, double s) {                      \
-    return x op InnerJet<M>(s);                                             \
+#define INVGRAD_NESTED_JET_ARITHMETIC(op)                                     \
+  template <int M, int N>                                                     \
+  ceres::Jet<InnerJet<M>, N> operator op(                                     \
+      double s, const ceres::Jet<InnerJet<M>, N>& x) {                        \
+    return InnerJet<M>(s) op x;                                               \
+  }                                                                           \
+  template <int M, int N>                                                     \
+  ceres::Jet<InnerJet<M>, N> operator op(const ceres::Jet<InnerJet<M>, N>& x, \
+                                         double s) {                          \
+    return x op InnerJet<M>(s);                                               \
   }
 INVGRAD_NESTED_JET_ARITHMETIC(+)
 INVGRAD_NESTED_JET_ARITHMETIC(-)
@@ -55,26 +58,26 @@ INVGRAD_NESTED_JET_ARITHMETIC(*)
 INVGRAD_NESTED_JET_ARITHMETIC(/)
 #undef INVGRAD_NESTED_JET_ARITHMETIC
 
-#define INVGRAD_NESTED_JET_COMPARISON(op)                                  \
-  template <int M>                                                         \
-  bool operator op(double s, const InnerJet<M>& x) {                       \
-    return s op x.a;                                                       \
-  }                                                                        \
-  template <int M>                                                         \
-  bool operator op(const InnerJet<M>& x, double s) {                       \
-    return x.a op s;                                                       \
-  }                                                                        \
-  template <int M>                                                         \
-  bool operator op(const InnerJet<M>& x, const InnerJet<M>& y) {           \
-    return x.a op y.a;                                                     \
-  }                                                                        \
-  template <int M, int N>                                                  \
-  bool operator op(double s, const ceres::Jet<InnerJet<M>, N>& x) {        \
-    return s op x.a.a;                                                     \
-  }                                                                        \
-  template <int M, int N>                                                  \
-  bool operator op(const ceres::Jet<InnerJet<M>, N>& x, double s) {        \
-    return x.a.a op s;                                                     \
+#define INVGRAD_NESTED_JET_COMPARISON(op)                           \
+  template <int M>                                                  \
+  bool operator op(double s, const InnerJet<M>& x) {                \
+    return s op x.a;                                                \
+  }                                                                 \
+  template <int M>                                                  \
+  bool operator op(const InnerJet<M>& x, double s) {                \
+    return x.a op s;                                                \
+  }                                                                 \
+  template <int M>                                                  \
+  bool operator op(const InnerJet<M>& x, const InnerJet<M>& y) {    \
+    return x.a op y.a;                                              \
+  }                                                                 \
+  template <int M, int N>                                           \
+  bool operator op(double s, const ceres::Jet<InnerJet<M>, N>& x) { \
+    return s op x.a.a;                                              \
+  }                                                                 \
+  template <int M, int N>                                           \
+  bool operator op(const ceres::Jet<InnerJet<M>, N>& x, double s) { \
+    return x.a.a op s;                                              \
   }
 INVGRAD_NESTED_JET_COMPARISON(<)
 INVGRAD_NESTED_JET_COMPARISON(<=)
@@ -84,9 +87,45 @@ INVGRAD_NESTED_JET_COMPARISON(==)
 INVGRAD_NESTED_JET_COMPARISON(!=)
 #undef INVGRAD_NESTED_JET_COMPARISON
 
+// What fmin, fmax and fdim ask of the numbers inside a Jet.
+template <int M>
+bool isless(const InnerJet<M>& x, const InnerJet<M>& y) {
+  return std::isless(x.a, y.a);
+}
+template <int M>
+bool isgreater(const InnerJet<M>& x, const InnerJet<M>& y) {
+  return std::isgreater(x.a, y.a);
+}
+
+// A plain base: pow(2.0, x).
+template <int M, int N>
+ceres::Jet<InnerJet<M>, N> pow(double base,
+                               const ceres::Jet<InnerJet<M>, N>& exponent) {
+  return pow(InnerJet<M>(base), exponent);
+}
+
 }  // namespace invgrad
 
+// The standard's default would say that infinity is 0.
+template <int M>
+struct std::numeric_limits<invgrad::InnerJet<M>>
+    : std::numeric_limits<ceres::Jet<double, M>> {};
+
 namespace Eigen {
+
+// 2.0 * v and v / 2.0 for a vector v of nested Jets.
+template <typename BinaryOp, int M, int N>
+struct ScalarBinaryOpTraits<ceres::Jet<invgrad::InnerJet<M>, N>,
+                            double,
+                            BinaryOp> {
+  using ReturnType = ceres::Jet<invgrad::InnerJet<M>, N>;
+};
+template <typename BinaryOp, int M, int N>
+struct ScalarBinaryOpTraits<double,
+                            ceres::Jet<invgrad::InnerJet<M>, N>,
+                            BinaryOp> {
+  using ReturnType = ceres::Jet<invgrad::InnerJet<M>, N>;
+};
 
 template <int M>
 struct NumTraits<invgrad::InnerJet<M>> : NumTraits<ceres::Jet<double, M>> {

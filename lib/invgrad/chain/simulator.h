@@ -19,6 +19,9 @@
 
 namespace invgrad {
 
+// Whether none of `size` values is infinite or NaN.
+bool AllFinite(const double* values, int size);
+
 class Simulator {
  public:
   virtual ~Simulator() = default;
@@ -34,7 +37,8 @@ class Simulator {
                         double* y,
                         double* jacobian) const = 0;
 
-  // Given y, writes a covector w (num_outputs), usually dL/dy.
+  // Given y, writes a covector w (num_outputs), usually dL/dy. If it returns
+  // false, so does PullBack.
   using Covector = std::function<bool(const double* y, double* w)>;
 
   // Computes y and x_bar = J^T w(y) (num_inputs), by one forward and one
@@ -62,6 +66,11 @@ class IdentitySimulator final : public Simulator {
                 const double* context,
                 double* y,
                 double* jacobian) const override;
+  bool PullBack(const double* x,
+                const double* context,
+                const Covector& covector,
+                double* y,
+                double* x_bar) const override;
   bool WeightedHessian(const double* x,
                        const double* context,
                        const double* w,

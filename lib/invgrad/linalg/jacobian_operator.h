@@ -10,6 +10,8 @@
 #ifndef INVGRAD_LINALG_JACOBIAN_OPERATOR_H_
 #define INVGRAD_LINALG_JACOBIAN_OPERATOR_H_
 
+#include <utility>
+
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 
@@ -51,6 +53,7 @@ class DenseJacobian final : public JacobianOperator {
                       Eigen::VectorXd* Jtw) const override;
   void Gram(Eigen::MatrixXd* JJt) const override;
   void ToDense(Eigen::MatrixXd* J) const override { *J = J_; }
+  void ParameterGram(Eigen::MatrixXd* JtJ) const override;
 
  private:
   Eigen::MatrixXd J_;
@@ -60,7 +63,8 @@ class DenseJacobian final : public JacobianOperator {
 class SparseJacobian final : public JacobianOperator {
  public:
   using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-  explicit SparseJacobian(Matrix J) : J_(std::move(J)) {}
+  // Swapped in, because Eigen's sparse matrices do not move.
+  explicit SparseJacobian(Matrix J) { J_.swap(J); }
 
   int rows() const override { return static_cast<int>(J_.rows()); }
   int cols() const override { return static_cast<int>(J_.cols()); }

@@ -12,7 +12,9 @@
 //   clamped                      phi(max(s, tau s_max))
 //
 // Truncation is relative and strict: a singular value equal to tau s_max is
-// dropped. An exactly zero singular value never contributes to a power filter.
+// dropped. It applies to Levenberg-Marquardt too, where tau = 0 by default. An
+// exactly zero singular value never contributes, not even clamped: its singular
+// vectors are not unique, so no direction belongs to it.
 //
 // [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
 //     Learning. ICLR 2022, section 2. arXiv 2203.10131.
@@ -42,6 +44,9 @@ struct SpectralFilter {
 
   // False if a field is out of its range; then *error says which.
   bool IsValid(std::string* error) const;
+
+  // True if phi(s) = s, which needs no factorization of J.
+  bool IsGradientDescent() const;
 
   // True if s contributes as it is (and is not truncated or clamped).
   bool Keeps(double s, double s_max) const;

@@ -3,16 +3,20 @@
 //   struct Options {
 //     double decay = 0.9;
 //     void Describe(OptionSet* set) {
-//       set->Add("decay", &decay, {0.0, 1.0}, "memory of the squared gradient");
+//       set->Add("decay", &decay, {0.0, 1.0}, "memory of the squared
+//       gradient");
 //     }
 //   };
 //
 // The default of an option is the value that its field has when it is added;
-// it is written nowhere else. Command lines, listings and documentation are made
-// from the set.
-// Fails:   Set and SetAll return false with a message that names the option,
+// it is written nowhere else. Command lines, listings and documentation are
+// made from the set. Numbers are read as in C, whatever the locale: all of the
+// text must belong to the number, and it must be finite. Fails:   Set and
+// SetAll return false with a message that names the option,
 //          the value, and what is allowed (the nearest names for an unknown
-//          option).
+//          option): "step_size=-1 is out of range; allowed: (0, inf) or auto".
+//          The field is then unchanged. Adding a name twice, or a default that
+//          the option itself would refuse, is CHECKed.
 #ifndef INVGRAD_RULES_OPTION_SET_H_
 #define INVGRAD_RULES_OPTION_SET_H_
 
@@ -47,11 +51,13 @@ std::string UnknownNameMessage(const std::string& what,
                                const std::string& name,
                                const std::vector<std::string>& candidates);
 
-// The closed interval of allowed values; `open_low` excludes the lower end.
+// The interval of allowed values; `open_low` and `open_high` exclude its ends.
+// Infinity and NaN are never allowed.
 struct Range {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
   bool open_low = false;
+  bool open_high = false;
 };
 
 class OptionSet {
@@ -80,24 +86,36 @@ class OptionSet {
   bool Set(const std::string& name,
            const std::string& value,
            std::string* error);
+  // Refuses an option that is given twice.
   bool SetAll(const std::vector<std::pair<std::string, std::string>>& settings,
               std::string* error);
 
   struct Row {
     std::string name;
     std::string default_value;
-    std::string allowed;  // "(0, 1]", "one of tanh, relu", "true or false"
+    // "(0, 1]", "(0, inf) or auto", "integer in [1, inf)",
+    // "one of tanh, relu", "true or false"
+    std::string allowed;
     std::string help;
   };
   const std::vector<Row>& rows() const { return rows_; }
 
  private:
-  using Setter = std::function<bool(const std::string& value)>;
+  // Null, or what is wrong with the value: "is out of range".
+  using Setter = std::function<const char*(const std::string& value)>;
   void AddRow(Row row, Setter setter);
 
   std::vector<Row> rows_;
   std::vector<Setter> setters_;
 };
+
+// CHECKs that all fields have values that the options allow, for Options that
+// were filled in by a program and not from text.
+template <typename Options>
+void CheckOptions(Options options) {
+  OptionSet set;
+  options.Describe(&set);
+}
 
 }  // namespace invgrad
 

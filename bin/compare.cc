@@ -1,0 +1,284 @@
+// Compares update rules on one problem: same start, same data, same budget.
+//
+// Sample runs:
+//
+//   compare --list
+//   compare --problem=squared_component --steps=10
+//       --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
+//   compare --problem=oscillator_chain --epochs=5
+//       --rules=half_inverse:truncation=1e-10,adam:step_size=1e-3:batch_size=256
+//   compare --problem=oscillator_chain:coupling=cubic --seconds=20 --seeds=1,2,3
+//       --rules=half_inverse,gauss_newton,adam:step_size=3e-4:batch_size=512
+//   compare --problem=toy_network:lambda=0.01 --seconds=10
+//       --rules=half_inverse:step_size=auto,adam:step_size=1e-2,ceres_lm
+//   compare --flagfile=runs/compare/flags.txt --output=runs/again
+//
+// The run directory holds the flags that repeat the run, versions, histories
+// (CSV), weights (.npy), the table and the pictures (PNG). Ctrl-C ends the
+// method that runs, skips the others, and keeps what there is.
+
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "bin/support/dump_step.h"
+#include "bin/support/learning_comparison.h"
+#include "bin/support/listing.h"
+#include "bin/support/parse_list.h"
+#include "bin/support/point_comparison.h"
+#include "bin/support/program.h"
+#include "bin/support/run_directory.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/io/interrupt.h"
+#include "invgrad/io/npy.h"
+#include "invgrad/linalg/blas.h"
+
+#include "problems/problems.h"
+
+DEFINE_bool(list, false, "print the problems and rules with their options");
+DEFINE_string(list_markdown,
+              "",
+              "print docs/rules.md or docs/problems.md: rules, problems");
+DEFINE_string(problem,
+              "oscillator_chain",
+              "name[:key=value...]; --list shows all");
+DEFINE_string(rules,
+              "adam:step_size=1e-3:batch_size=256,half_inverse",
+              "rules to compare, name[:key=value...],...; --list shows all. "
+              "batch_size is an option of every rule");
+DEFINE_string(seeds, "1", "seeds of the initial weights and of the shuffling");
+DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
+DEFINE_int64(steps, 0, "budget in steps; 0: none");
+DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
+DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
+DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
+DEFINE_double(target_loss, 0.0, "stop at this train loss; 0: off");
+DEFINE_int32(patience,
+             0,
+             "stop after so many evaluations without a new minimum of the test "
+             "loss; 0: off");
+DEFINE_string(levels, "1e-3,1e-4,1e-5", "losses whose times are tabled");
+DEFINE_int32(track_sample,
+             0,
+             "training sample whose path in y space is kept; -1: none");
+DEFINE_string(output, "runs/compare", "directory of the results");
+DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
+DEFINE_bool(resume, false, "go on with the run in the directory");
+DEFINE_string(init_weights, "", "initial weights (.npy) for every seed");
+DEFINE_string(data, "", "data (.npy) instead of the problem's own");
+DEFINE_string(dump_step,
+              "",
+              "write J, g and every rule's first step (.npy) there, and stop");
+DEFINE_int32(blas_threads, 1, "threads of the linear algebra");
+DEFINE_double(progress_seconds, 1.0, "time between progress lines; 0: none");
+DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
+
+namespace invgrad {
+namespace {
+
+// What, value, allowed: for flags whose type alone does not say it.
+bool CheckFlags(std::string* error) {
+  const auto check = [error](bool is_allowed,
+                             const char* name,
+                             const std::string& value,
+                             const char* allowed) {
+    if (is_allowed) return true;
+    *error = std::string("--") + name + "=" + value +
+             " is out of range; allowed: " + allowed;
+    return false;
+  };
+  return check(FLAGS_epochs >= 0,
+               "epochs",
+               std::to_string(FLAGS_epochs),
+               "0 (none) or more") &&
+         check(FLAGS_steps >= 0,
+               "steps",
+               std::to_string(FLAGS_steps),
+               "0 (none) or more") &&
+         check(FLAGS_seconds >= 0.0 && std::isfinite(FLAGS_seconds),
+               "seconds",
+               std::to_string(FLAGS_seconds),
+               "0 (none) or more") &&
+         check(FLAGS_batch_size >= -1,
+               "batch_size",
+               std::to_string(FLAGS_batch_size),
+               "-1 (the problem's own), 0 (all), or more") &&
+         check(FLAGS_target_loss >= 0.0,
+               "target_loss",
+               std::to_string(FLAGS_target_loss),
+               "0 (off) or more") &&
+         check(FLAGS_patience >= 0,
+               "patience",
+               std::to_string(FLAGS_patience),
+               "0 (off) or more") &&
+         check(FLAGS_track_sample >= -1,
+               "track_sample",
+               std::to_string(FLAGS_track_sample),
+               "-1 (none), or the number of a sample") &&
+         check(FLAGS_blas_threads >= 1 && FLAGS_blas_threads <= 256,
+               "blas_threads",
+               std::to_string(FLAGS_blas_threads),
+               "1 to 256") &&
+         check(FLAGS_progress_seconds >= 0.0,
+               "progress_seconds",
+               std::to_string(FLAGS_progress_seconds),
+               "0 (none) or more") &&
+         check(FLAGS_list_markdown.empty(),
+               "list_markdown",
+               FLAGS_list_markdown,
+               "rules, problems") &&
+         check(!FLAGS_output.empty(), "output", "", "a directory") &&
+         check(!(FLAGS_overwrite && FLAGS_resume),
+               "overwrite --resume",
+               "true",
+               "one of the two");
+}
+
+LearningComparisonOptions ReadLearningOptions(const LearningProblem& problem,
+                                              const std::vector<int>& seeds,
+                                              std::vector<double> levels) {
+  LearningComparisonOptions options;
+  options.output = FLAGS_output;
+  options.seeds = seeds;
+  options.levels = std::move(levels);
+  options.batch_size = FLAGS_batch_size;
+  options.tracked_sample = FLAGS_track_sample;
+  options.resume = FLAGS_resume;
+  options.plots = FLAGS_plots;
+  options.progress_seconds = FLAGS_progress_seconds;
+  options.train.shuffle = FLAGS_shuffle;
+  options.train.target_loss = FLAGS_target_loss;
+  options.train.patience = FLAGS_patience;
+  if (FLAGS_epochs > 0) options.train.max_num_epochs = FLAGS_epochs;
+  if (FLAGS_steps > 0) options.train.max_num_steps = FLAGS_steps;
+  if (FLAGS_seconds > 0.0) options.train.max_time_in_seconds = FLAGS_seconds;
+  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
+    options.train.max_num_epochs = problem.num_epochs;
+  }
+  return options;
+}
+
+int RunLearning(const LearningProblem& problem,
+                const std::vector<Method>& methods,
+                const std::vector<int>& seeds,
+                const std::vector<double>& levels) {
+  std::string error;
+  const LearningComparisonOptions options =
+      ReadLearningOptions(problem, seeds, levels);
+  Eigen::VectorXd initial_weights;
+  if (!FLAGS_init_weights.empty() &&
+      !ReadNpy(FLAGS_init_weights,
+               problem.model->num_weights(),
+               &initial_weights,
+               &error)) {
+    return Fail(error);
+  }
+  if (!CheckLearningComparison(problem, methods, options, &error)) {
+    return Fail(error);
+  }
+  if (!FLAGS_dump_step.empty()) {
+    return DumpStep(problem,
+                    methods,
+                    options,
+                    initial_weights,
+                    FLAGS_dump_step,
+                    &error)
+               ? 0
+               : Fail(error);
+  }
+  const ExistingDirectory existing =
+      FLAGS_overwrite ? ExistingDirectory::kOverwrite
+      : FLAGS_resume  ? ExistingDirectory::kResume
+                      : ExistingDirectory::kRefuse;
+  if (!PrepareRunDirectory(
+          FLAGS_output, existing, FlagFileText(__FILE__), &error) ||
+      !CompareLearning(
+          problem, methods, options, initial_weights, std::cout, &error)) {
+    return Fail(error);
+  }
+  return 0;
+}
+
+int RunPoint(const PointProblem& problem, const std::vector<Method>& methods) {
+  std::string error;
+  if (!FLAGS_dump_step.empty() || !FLAGS_init_weights.empty()) {
+    return Fail("--dump_step and --init_weights need a problem with a network");
+  }
+  if (FLAGS_resume) {
+    return Fail("--resume: a point problem runs in seconds; use --overwrite");
+  }
+  PointComparisonOptions options;
+  options.output = FLAGS_output;
+  options.plots = FLAGS_plots;
+  options.max_num_iterations =
+      FLAGS_steps > 0 ? static_cast<int>(FLAGS_steps) : 100;
+  if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
+  const ExistingDirectory existing = FLAGS_overwrite
+                                         ? ExistingDirectory::kOverwrite
+                                         : ExistingDirectory::kRefuse;
+  if (!PrepareRunDirectory(
+          FLAGS_output, existing, FlagFileText(__FILE__), &error) ||
+      !ComparePoint(problem, methods, options, std::cout, &error)) {
+    return Fail(error);
+  }
+  return 0;
+}
+
+int Run() {
+  std::string error;
+  if (FLAGS_list) {
+    PrintListing(std::cout);
+    return 0;
+  }
+  if (FLAGS_list_markdown == "rules") {
+    PrintRulesMarkdown(std::cout);
+    return 0;
+  }
+  if (FLAGS_list_markdown == "problems") {
+    PrintProblemsMarkdown(std::cout);
+    return 0;
+  }
+  if (!CheckFlags(&error)) return Fail(error);
+  std::vector<int> seeds;
+  std::vector<double> levels;
+  if (!ParseSeeds(FLAGS_seeds, &seeds, &error)) {
+    return Fail("--seeds: " + error);
+  }
+  if (!ParseNumbers(FLAGS_levels, &levels, &error)) {
+    return Fail("--levels: " + error);
+  }
+  Eigen::MatrixXd data;
+  if (!FLAGS_data.empty() && (!ReadNpy(FLAGS_data, -1, -1, &data, &error) ||
+                              !CheckFinite(FLAGS_data, data, &error))) {
+    return Fail(error);
+  }
+  PhysicsProblem problem;
+  if (!CreateProblem(FLAGS_problem,
+                     FLAGS_data.empty() ? nullptr : &data,
+                     &problem,
+                     &error)) {
+    return Fail(error);
+  }
+  std::vector<Method> methods;
+  if (!ParseMethods(FLAGS_rules, &methods, &error)) {
+    return Fail("--rules: " + error);
+  }
+  SetBlasThreads(FLAGS_blas_threads);
+  return problem.point.has_value()
+             ? RunPoint(*problem.point, methods)
+             : RunLearning(*problem.learning, methods, seeds, levels);
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "compares update rules on one problem; see --list for what there is",
+      invgrad::Run);
+}

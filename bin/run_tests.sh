@@ -1,0 +1,15 @@
+#!/usr/bin/env bash
+# Passes all tests: installs what is missing, builds, and runs ctest.
+#
+#   bin/run_tests.sh             all of them
+#   bin/run_tests.sh -R Npy      only those whose names match (ctest's options)
+#
+# With CI=true in the environment, compiler warnings are errors.
+set -euo pipefail
+# shellcheck source=bin/setup.sh
+source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
+
+install_missing "${required_packages[@]}"
+build_release all
+ctest --test-dir "$build_dir" --output-on-failure --no-tests=error \
+  --parallel "$(nproc)" "$@"

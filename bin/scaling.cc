@@ -1,0 +1,105 @@
+// Asks how the first step of each rule scales with the loss and with units.
+//
+//   L = c (y_0 + y_1),   y = (u_0 x_0, u_1 x_1)
+//
+// A step proportional to c^p has p in the first column; one that is right for
+// every scale of the loss would have p = -1 for the distance to a given decrease
+// of L. The other columns: the step along x_0 when the unit of x_0 changes, and
+// the step along x_0 when only the unit of x_1 changes: a rule that mixes units
+// has a number other than zero there.
+//
+// Sample runs:
+//
+//   scaling
+//   scaling --rules=adam,half_inverse,power:kappa=0.75
+
+#include <cmath>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "bin/support/program.h"
+#include "gflags/gflags.h"
+#include "invgrad/io/table.h"
+#include "invgrad/rules/rules.h"
+#include "problems/problems.h"
+
+DEFINE_string(rules,
+              "",
+              "update rules, name[:key=value...],...; empty: all of them");
+
+namespace invgrad {
+namespace {
+
+// The first step, with a step size of one unless the rule says otherwise.
+bool FirstStep(const Specification& rule_text,
+               double c,
+               double unit_0,
+               double unit_1,
+               Eigen::VectorXd* step,
+               std::string* error) {
+  PhysicsProblem problem;
+  const std::string text = "linear_scale:c=" + std::to_string(c) +
+                           ":unit_0=" + std::to_string(unit_0) +
+                           ":unit_1=" + std::to_string(unit_1);
+  const std::unique_ptr<UpdateRule> rule = CreateRule(rule_text, error);
+  if (rule == nullptr || !CreateProblem(text, nullptr, &problem, error)) {
+    return false;
+  }
+  Linearization at_start;
+  return problem.point->MakeObjective().Linearize(
+             rule->Needs(), &at_start, error) &&
+         rule->ComputeStep(at_start, step, error);
+}
+
+// p in |a / b| = 2^p.
+std::string Exponent(double a, double b) {
+  const double exponent = std::log2(std::abs(a / b));
+  char text[32];
+  // Minus zero is zero, and so is what rounding leaves.
+  std::snprintf(text,
+                sizeof text,
+                "%.3g",
+                std::abs(exponent) < 1e-6 ? 0.0 : exponent);
+  return text;
+}
+
+int Run() {
+  std::vector<Specification> rules;
+  std::string error;
+  if (FLAGS_rules.empty()) {
+    for (const RuleRow& row : Rules()) rules.push_back({row.name, row.name, {}});
+  } else if (!ParseSpecifications(FLAGS_rules, &rules, &error)) {
+    return Fail("--rules: " + error);
+  }
+  Table table({"rule",
+               "loss x 2: step x 2^",
+               "unit of x_0 x 2: its step x 2^",
+               "unit of x_1 x 2: step of x_0 x 2^"});
+  for (const Specification& rule : rules) {
+    Eigen::VectorXd step, double_loss, double_unit_0, double_unit_1;
+    if (!FirstStep(rule, 1.0, 1.0, 1.0, &step, &error) ||
+        !FirstStep(rule, 2.0, 1.0, 1.0, &double_loss, &error) ||
+        !FirstStep(rule, 1.0, 2.0, 1.0, &double_unit_0, &error) ||
+        !FirstStep(rule, 1.0, 1.0, 2.0, &double_unit_1, &error)) {
+      return Fail("--rules: " + rule.text + ": " + error);
+    }
+    table.AddRow({rule.text,
+                  Exponent(double_loss[0], step[0]),
+                  Exponent(double_unit_0[0], step[0]),
+                  Exponent(double_unit_1[0], step[0])});
+  }
+  std::cout << table.ToText();
+  return 0;
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "asks how the first step of each rule scales with the loss and with units",
+      invgrad::Run);
+}

@@ -1,0 +1,453 @@
+#include "bin/support/learning_comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <sstream>
+
+#include "bin/support/run_directory.h"
+#include "glog/logging.h"
+#include "invgrad/io/atomic_file.h"
+#include "invgrad/io/interrupt.h"
+#include "invgrad/io/npy.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/io/plot.h"
+#include "invgrad/io/progress.h"
+#include "invgrad/io/table.h"
+
+namespace invgrad {
+
+namespace {
+
+std::string RunDirectory(const LearningComparisonOptions& options,
+                         const std::string& label,
+                         int seed) {
+  return options.output + "/" + FileName(label) + "-seed" +
+         std::to_string(seed);
+}
+
+// The share of the budget that is spent, for the time left.
+double BudgetShare(const TrainOptions& options,
+                   double steps_per_epoch,
+                   const ceres::IterationSummary& iteration) {
+  const double steps = iteration.iteration;
+  return std::max({steps / (steps_per_epoch * options.max_num_epochs),
+                   steps / static_cast<double>(options.max_num_steps),
+                   iteration.cumulative_time_in_seconds /
+                       options.max_time_in_seconds});
+}
+
+// Prints where a run is, and ends it on Ctrl-C.
+class LiveCallback final : public ceres::IterationCallback {
+ public:
+  LiveCallback(const std::string& label,
+               const TrainOptions& train,
+               double steps_per_epoch,
+               double progress_seconds,
+               const Interrupt& interrupt)
+      : train_(train),
+        steps_per_epoch_(steps_per_epoch),
+        interrupt_(interrupt),
+        progress_(label, progress_seconds) {}
+
+  void OnEvaluation(const History& history) {
+    train_loss_ = history.back().train_loss;
+  }
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    Progress::State state;
+    state.step = iteration.iteration;
+    state.epoch = iteration.iteration / steps_per_epoch_;
+    state.loss = std::isfinite(train_loss_) ? train_loss_ : iteration.cost;
+    state.seconds = iteration.cumulative_time_in_seconds;
+    state.fraction = BudgetShare(train_, steps_per_epoch_, iteration);
+    progress_.Update(state);
+    return interrupt_.requested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                                  : ceres::SOLVER_CONTINUE;
+  }
+
+  void Finish() { progress_.Finish(); }
+
+ private:
+  const TrainOptions& train_;
+  const double steps_per_epoch_;
+  const Interrupt& interrupt_;
+  Progress progress_;
+  double train_loss_ = HistoryRow::kNone;
+};
+
+// The result with the median final train loss of the seeds; failed ones last.
+const LearningRunResult& MedianRun(
+    const std::vector<LearningRunResult>& results) {
+  std::vector<const LearningRunResult*> sorted;
+  for (const LearningRunResult& result : results) sorted.push_back(&result);
+  const auto key = [](const LearningRunResult* result) {
+    const double loss = result->last().train_loss;
+    return result->has_failed() || !std::isfinite(loss)
+               ? std::numeric_limits<double>::infinity()
+               : loss;
+  };
+  std::stable_sort(sorted.begin(),
+                   sorted.end(),
+                   [&](const auto* a, const auto* b) { return key(a) < key(b); });
+  return *sorted[(sorted.size() - 1) / 2];
+}
+
+std::string Spread(const std::vector<LearningRunResult>& results) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = 0.0;
+  int num_failed = 0;
+  for (const LearningRunResult& result : results) {
+    if (result.has_failed()) {
+      ++num_failed;
+      continue;
+    }
+    low = std::min(low, result.last().train_loss);
+    high = std::max(high, result.last().train_loss);
+  }
+  std::string text = high > 0.0 ? FormatNumber(low) + " - " + FormatNumber(high)
+                                : "-";
+  if (num_failed > 0) {
+    text += ", " + std::to_string(num_failed) + " of " +
+            std::to_string(results.size()) + " failed";
+  }
+  return text;
+}
+
+// Of one method, all seeds.
+struct MethodResults {
+  std::string label;
+  std::string refusal;  // why the method could not run at all
+  std::vector<LearningRunResult> runs;
+};
+
+Table MakeTable(const LearningComparisonOptions& options,
+                const std::vector<MethodResults>& all) {
+  std::vector<std::string> header = {
+      "method", "train loss", "test loss", "best train"};
+  const bool has_seeds = options.seeds.size() > 1;
+  if (has_seeds) header.push_back("train loss, all seeds");
+  header.insert(header.end(), {"steps", "s", "ms/step"});
+  for (const double level : options.levels) {
+    header.push_back("s to " + FormatNumber(level));
+  }
+  header.insert(header.end(), {"saturated", "status"});
+  Table table(header);
+  for (const MethodResults& method : all) {
+    std::vector<std::string> row = {method.label};
+    if (method.runs.empty()) {
+      row.resize(header.size() - 1, "-");
+      row.push_back(method.refusal);
+      table.AddRow(row);
+      continue;
+    }
+    const LearningRunResult& run = MedianRun(method.runs);
+    const double seconds = run.summary.train_time_in_seconds;
+    row.push_back(FormatNumber(run.last().train_loss));
+    row.push_back(FormatNumber(run.last().test_loss));
+    row.push_back(FormatNumber(run.BestTrainLoss()));
+    if (has_seeds) row.push_back(Spread(method.runs));
+    row.push_back(std::to_string(run.summary.num_steps));
+    row.push_back(FormatNumber(seconds));
+    row.push_back(
+        run.summary.num_steps > 0
+            ? FormatNumber(1e3 * seconds /
+                           static_cast<double>(run.summary.num_steps))
+            : "-");
+    for (const double level : options.levels) {
+      row.push_back(FormatNumber(run.SecondsToLevel(level)));
+    }
+    row.push_back(std::to_string(run.num_saturated) + "/" +
+                  std::to_string(run.num_hidden_neurons));
+    row.push_back(run.summary.message);
+    table.AddRow(row);
+  }
+  return table;
+}
+
+std::string SummaryCsv(const std::vector<MethodResults>& all) {
+  std::ostringstream csv;
+  csv.precision(std::numeric_limits<double>::max_digits10);
+  csv << "method,seed,train_loss,test_loss,best_train_loss,steps,seconds,"
+         "saturated,status\n";
+  for (const MethodResults& method : all) {
+    for (const LearningRunResult& run : method.runs) {
+      csv << '"' << run.label << "\"," << run.seed << ','
+          << run.last().train_loss << ',' << run.last().test_loss << ','
+          << run.BestTrainLoss() << ',' << run.summary.num_steps << ','
+          << run.summary.train_time_in_seconds << ',' << run.num_saturated
+          << ",\"" << run.summary.message << "\"\n";
+    }
+  }
+  return csv.str();
+}
+
+Series LossCurve(const LearningRunResult& run,
+                 double HistoryRow::*loss,
+                 bool against_seconds) {
+  Series series;
+  series.title = run.label;
+  for (const HistoryRow& row : run.history) {
+    // The start has no place on a logarithmic axis.
+    if (row.step == 0) continue;
+    series.x.push_back(against_seconds ? row.seconds
+                                       : static_cast<double>(row.step));
+    series.y.push_back(row.*loss);
+  }
+  return series;
+}
+
+std::vector<Plot> LossPlots(const std::vector<MethodResults>& all,
+                            bool has_test_data) {
+  std::vector<Plot> plots;
+  for (const bool against_seconds : {false, true}) {
+    Plot plot;
+    // Test loss where there is one: it is what counts.
+    plot.title = has_test_data ? "test loss" : "train loss";
+    plot.x_label = against_seconds ? "seconds of training" : "step";
+    plot.y_label = "loss";
+    plot.log_x = true;
+    plot.log_y = true;
+    for (const MethodResults& method : all) {
+      if (method.runs.empty()) continue;
+      plot.series.push_back(LossCurve(
+          MedianRun(method.runs),
+          has_test_data ? &HistoryRow::test_loss : &HistoryRow::train_loss,
+          against_seconds));
+    }
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+// One panel a method: the mean activation of every hidden neuron.
+std::vector<Plot> NeuronPlots(const std::vector<MethodResults>& all) {
+  std::vector<Plot> plots;
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    const LearningRunResult& run = MedianRun(method.runs);
+    if (run.neurons.empty()) continue;
+    Plot plot;
+    plot.title = method.label;
+    plot.x_label = "step";
+    plot.y_label = "mean activation";
+    plot.log_x = true;
+    for (size_t j = 0; j < run.neurons.front().size(); ++j) {
+      const NeuronStatistics& neuron = run.neurons.front()[j];
+      Series series;
+      series.title = std::to_string(neuron.layer) + "." +
+                     std::to_string(neuron.neuron);
+      for (size_t i = 0; i < run.neurons.size(); ++i) {
+        if (run.history[i].step == 0) continue;
+        series.x.push_back(static_cast<double>(run.history[i].step));
+        series.y.push_back(run.neurons[i][j].mean);
+      }
+      plot.series.push_back(series);
+    }
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+Plot SamplePathPlot(const LearningProblem& problem,
+                    const LearningComparisonOptions& options,
+                    const std::vector<MethodResults>& all) {
+  Plot plot;
+  plot.title =
+      "training sample " + std::to_string(options.tracked_sample) + " in y space";
+  plot.x_label = "y_0";
+  plot.y_label = "y_1";
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    const LearningRunResult& run = MedianRun(method.runs);
+    if (run.sample_path.empty()) continue;
+    Series series;
+    series.title = method.label;
+    for (const Eigen::VectorXd& y : run.sample_path) {
+      series.x.push_back(y[0]);
+      series.y.push_back(y[1]);
+    }
+    plot.series.push_back(series);
+  }
+  Series target;
+  target.title = "target";
+  target.style = Series::Style::kPoints;
+  target.x = {problem.train.targets(0, options.tracked_sample)};
+  target.y = {problem.train.targets(1, options.tracked_sample)};
+  plot.series.push_back(target);
+  return plot;
+}
+
+void DrawPictures(const LearningProblem& problem,
+                  const LearningComparisonOptions& options,
+                  const std::vector<MethodResults>& all) {
+  std::string error;
+  if (!WritePlots(options.output + "/loss.png",
+                  LossPlots(all, problem.test.num_samples() > 0),
+                  &error)) {
+    LOG(WARNING) << error;
+    return;
+  }
+  const std::vector<Plot> neurons = NeuronPlots(all);
+  if (!neurons.empty() &&
+      !WritePlots(options.output + "/neurons.png", neurons, &error)) {
+    LOG(WARNING) << error;
+  }
+  if (options.tracked_sample >= 0 && problem.train.targets.rows() >= 2 &&
+      !WritePlot(options.output + "/sample_path.png",
+                 SamplePathPlot(problem, options, all),
+                 &error)) {
+    LOG(WARNING) << error;
+  }
+}
+
+bool WriteResults(const LearningProblem& problem,
+                  const LearningComparisonOptions& options,
+                  const std::vector<MethodResults>& all,
+                  std::ostream& out,
+                  std::string* error) {
+  const Table table = MakeTable(options, all);
+  out << table.ToText();
+  if (options.plots) DrawPictures(problem, options, all);
+  return WriteFile(
+             options.output + "/table.txt", table.ToText(), error) &&
+         WriteFile(
+             options.output + "/table.md", table.ToMarkdown(), error) &&
+         WriteFile(
+             options.output + "/summary.csv", SummaryCsv(all), error);
+}
+
+// Runs one method from one seed, or reads it back if that was done before.
+bool RunOrLoad(const LearningProblem& problem,
+               const Method& method,
+               const LearningComparisonOptions& options,
+               const Eigen::VectorXd& weights,
+               int seed,
+               const Interrupt& interrupt,
+               LearningRunResult* result,
+               std::string* error) {
+  LearningRunOptions run;
+  run.train = options.train;
+  run.train.batch_size = BatchSize(problem, method, options);
+  run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
+  run.tracked_sample = options.tracked_sample;
+  run.directory = RunDirectory(options, method.label, seed);
+  if (options.resume) {
+    if (LoadLearningRun(run.directory, problem, result, error)) return true;
+    if (!error->empty()) return false;
+  }
+  const double steps_per_epoch =
+      method.ceres != nullptr
+          ? 1.0
+          : problem.train.num_samples() / run.train.batch_size;
+  LiveCallback live(method.label + " seed " + std::to_string(seed),
+                    run.train,
+                    steps_per_epoch,
+                    options.progress_seconds,
+                    interrupt);
+  run.train.callbacks.push_back(&live);
+  run.train.on_evaluation = [&live](const History& history) {
+    live.OnEvaluation(history);
+  };
+  const bool ok =
+      RunLearning(problem, method, seed, weights, run, result, error);
+  live.Finish();
+  return ok;
+}
+
+}  // namespace
+
+Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
+  NumpyRandom random(static_cast<std::uint32_t>(seed));
+  return problem.model->network().InitialWeights(problem.initialization,
+                                                 &random);
+}
+
+int BatchSize(const LearningProblem& problem,
+              const Method& method,
+              const LearningComparisonOptions& options) {
+  int batch_size = problem.batch_size;
+  if (options.batch_size >= 0) batch_size = options.batch_size;
+  if (method.batch_size >= 0) batch_size = method.batch_size;
+  return batch_size == 0 ? problem.train.num_samples() : batch_size;
+}
+
+bool CheckLearningComparison(const LearningProblem& problem,
+                             const std::vector<Method>& methods,
+                             const LearningComparisonOptions& options,
+                             std::string* error) {
+  const int num_samples = problem.train.num_samples();
+  if (options.batch_size > num_samples) {
+    *error = "--batch_size=" + std::to_string(options.batch_size) +
+             " is out of range; allowed: 1 to the " +
+             std::to_string(num_samples) + " training samples, or 0 for all";
+    return false;
+  }
+  for (const Method& method : methods) {
+    if (BatchSize(problem, method, options) > num_samples) {
+      *error = "--rules: " + method.label + ": batch_size=" +
+               std::to_string(method.batch_size) +
+               " is out of range; allowed: 1 to the " +
+               std::to_string(num_samples) + " training samples, or 0 for all";
+      return false;
+    }
+  }
+  if (options.tracked_sample >= num_samples) {
+    *error = "--track_sample=" + std::to_string(options.tracked_sample) +
+             " is out of range; allowed: -1 (none) to " +
+             std::to_string(num_samples - 1);
+    return false;
+  }
+  return problem.train.IsFinite(error) && problem.test.IsFinite(error);
+}
+
+bool CompareLearning(const LearningProblem& problem,
+                     const std::vector<Method>& methods,
+                     const LearningComparisonOptions& options,
+                     const Eigen::VectorXd& initial_weights,
+                     std::ostream& out,
+                     std::string* error) {
+  const Interrupt interrupt;
+  if (!WriteNpy(options.output + "/data.npy", problem.data, error)) {
+    return false;
+  }
+  std::vector<MethodResults> all;
+  for (const Method& method : methods) {
+    all.push_back({method.label, "not run: interrupted", {}});
+  }
+  for (const int seed : options.seeds) {
+    const Eigen::VectorXd weights = initial_weights.size() > 0
+                                        ? initial_weights
+                                        : InitialWeights(problem, seed);
+    if (!WriteNpy(options.output + "/initial_weights-seed" +
+                      std::to_string(seed) + ".npy",
+                  weights,
+                  error)) {
+      return false;
+    }
+    for (size_t i = 0; i < methods.size() && !interrupt.requested(); ++i) {
+      LearningRunResult result;
+      std::string why;
+      if (RunOrLoad(problem,
+                    methods[i],
+                    options,
+                    weights,
+                    seed,
+                    interrupt,
+                    &result,
+                    &why)) {
+        all[i].runs.push_back(std::move(result));
+      } else {
+        all[i].refusal = "not run: " + why;
+        LOG(WARNING) << methods[i].label << ": " << why;
+      }
+    }
+  }
+  if (!WriteResults(problem, options, all, out, error)) return false;
+  out << "results in " << options.output << "\n";
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,64 @@
+// All methods on a learning problem, from all seeds: table, CSV and pictures.
+//
+//   DIR/METHOD-seedK/...   see learning_run.h
+//   DIR/initial_weights-seedK.npy, DIR/data.npy
+//   DIR/table.txt, DIR/table.md, DIR/summary.csv
+//   DIR/loss.png           losses against steps and against seconds
+//   DIR/neurons.png        mean activations of a small network's neurons
+//   DIR/sample_path.png    the tracked sample in the plane of y_0 and y_1
+//
+// Table and curves show, of a method's seeds, the run with the median final
+// train loss; a failed run counts as worse than any other.
+#ifndef BIN_SUPPORT_LEARNING_COMPARISON_H_
+#define BIN_SUPPORT_LEARNING_COMPARISON_H_
+
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "bin/support/learning_run.h"
+#include "invgrad/solve/method.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct LearningComparisonOptions {
+  std::string output;
+  std::vector<int> seeds;
+  std::vector<double> levels;
+  int batch_size = -1;  // -1: the problem's; a method's own goes first
+  int tracked_sample = -1;
+  bool resume = false;
+  bool plots = true;
+  double progress_seconds = 1.0;
+  TrainOptions train;
+};
+
+// False, with *error naming flag, value and what is allowed, if batch sizes or
+// the tracked sample do not fit the data.
+bool CheckLearningComparison(const LearningProblem& problem,
+                             const std::vector<Method>& methods,
+                             const LearningComparisonOptions& options,
+                             std::string* error);
+
+// The weights that every method starts from at `seed`.
+Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);
+
+// The batch size of a method: its own, the command line's, or the problem's.
+int BatchSize(const LearningProblem& problem,
+              const Method& method,
+              const LearningComparisonOptions& options);
+
+// Runs everything and prints the table to `out`. `initial_weights`, if not
+// empty, replace those of every seed. False if results cannot be written.
+bool CompareLearning(const LearningProblem& problem,
+                     const std::vector<Method>& methods,
+                     const LearningComparisonOptions& options,
+                     const Eigen::VectorXd& initial_weights,
+                     std::ostream& out,
+                     std::string* error);
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_LEARNING_COMPARISON_H_

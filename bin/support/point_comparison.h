@@ -1,0 +1,59 @@
+// All methods on a point problem: where each one goes and how far it gets.
+//
+//   DIR/path-METHOD.csv   iteration, L, x, y
+//   DIR/table.txt, DIR/table.md
+//   DIR/loss.png          L against iterations
+#ifndef BIN_SUPPORT_POINT_COMPARISON_H_
+#define BIN_SUPPORT_POINT_COMPARISON_H_
+
+#include <limits>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/solve/method.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct PointComparisonOptions {
+  std::string output;
+  bool plots = true;
+  int max_num_iterations = 100;
+  double max_time_in_seconds = std::numeric_limits<double>::infinity();
+  // Ends a run early when it has converged; 0: every run takes all iterations.
+  double gradient_tolerance = 1e-12;
+};
+
+// One method's way from the start.
+struct PointPath {
+  std::string label;
+  std::vector<Eigen::VectorXd> x;  // x_0, x_1, ...
+  std::vector<Eigen::VectorXd> y;  // P(x_k); empty where P fails
+  std::vector<double> loss;        // L at x_k; NaN where it is not finite
+  MinimizerSummary summary;
+  std::string status;
+};
+
+// Runs one method. False if it cannot take the problem.
+bool TracePath(const PointProblem& problem,
+               const Method& method,
+               const PointComparisonOptions& options,
+               PointPath* path,
+               std::string* error);
+
+bool WritePathCsv(const std::string& file,
+                  const PointPath& path,
+                  std::string* error);
+
+// A method that cannot take the problem gets a row that says so.
+bool ComparePoint(const PointProblem& problem,
+                  const std::vector<Method>& methods,
+                  const PointComparisonOptions& options,
+                  std::ostream& out,
+                  std::string* error);
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_POINT_COMPARISON_H_

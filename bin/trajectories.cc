@@ -1,0 +1,253 @@
+// Draws the ways of update rules through a two-dimensional problem, over the
+// contours of its loss, in x space and in y space.
+//
+// Sample runs:
+//
+//   trajectories --steps=10
+//       --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
+//   trajectories --problem=squared_component:start_0=-2 --output=runs/from_left
+//       --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse
+//   trajectories --problem=linear_scale --steps=5
+//       --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
+//
+// The directory holds trajectories.png (left x, right y), trajectories.gp to
+// restyle it, one CSV a rule, and the flags that repeat the run.
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "bin/support/point_comparison.h"
+#include "bin/support/program.h"
+#include "bin/support/run_directory.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/io/plot.h"
+#include "problems/problems.h"
+
+DEFINE_string(problem,
+              "squared_component",
+              "a problem with two unknowns, name[:key=value...]");
+DEFINE_string(rules,
+              "gradient_descent:step_size=0.01,newton:step_size=0.3333333333,"
+              "half_inverse:step_size=0.1,ceres_lm,ceres_bfgs",
+              "rules, name[:key=value...],...; compare --list shows all");
+DEFINE_int32(steps, 10, "iterations of every rule");
+DEFINE_int32(grid, 101, "points of the contours' grid along each axis");
+DEFINE_string(output, "runs/trajectories", "directory of the results");
+DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
+
+namespace invgrad {
+namespace {
+
+struct Interval {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+
+  void Include(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  // A tenth wider at each end, and never empty.
+  Interval Widened() const {
+    const double margin = high > low ? 0.1 * (high - low) : 1.0;
+    return {low - margin, high + margin};
+  }
+};
+
+// The points of all paths in x or in y, and the optimum's.
+struct Panel {
+  std::string name;  // "x" or "y"
+  std::vector<std::vector<Eigen::VectorXd>> paths;
+  Eigen::VectorXd goal;  // empty if there is none
+};
+
+std::vector<double> Ticks(const Interval& interval, int num) {
+  std::vector<double> ticks(num);
+  for (int i = 0; i < num; ++i) {
+    ticks[i] = interval.low + (interval.high - interval.low) * i / (num - 1);
+  }
+  return ticks;
+}
+
+// `loss` maps a point of the panel to L, NaN where it has no value.
+Plot MakePlot(const Panel& panel,
+              const std::vector<PointPath>& paths,
+              const std::function<double(const Eigen::Vector2d&)>& loss) {
+  Interval ranges[2];
+  for (int axis = 0; axis < 2; ++axis) {
+    for (const auto& path : panel.paths) {
+      for (const Eigen::VectorXd& point : path) {
+        if (point.size() == 2 && point.allFinite()) {
+          ranges[axis].Include(point[axis]);
+        }
+      }
+    }
+    if (panel.goal.size() == 2) ranges[axis].Include(panel.goal[axis]);
+    ranges[axis] = ranges[axis].Widened();
+  }
+  ContourField field;
+  field.x = Ticks(ranges[0], FLAGS_grid);
+  field.y = Ticks(ranges[1], FLAGS_grid);
+  field.z.resize(FLAGS_grid, FLAGS_grid);
+  for (int i = 0; i < FLAGS_grid; ++i) {
+    for (int j = 0; j < FLAGS_grid; ++j) {
+      field.z(i, j) = loss(Eigen::Vector2d(field.x[j], field.y[i]));
+    }
+  }
+  Plot plot;
+  plot.title = panel.name + " space";
+  plot.x_label = panel.name + "_0";
+  plot.y_label = panel.name + "_1";
+  plot.x_range = {ranges[0].low, ranges[0].high};
+  plot.y_range = {ranges[1].low, ranges[1].high};
+  plot.contours = std::move(field);
+  for (size_t i = 0; i < paths.size(); ++i) {
+    Series series;
+    series.title = paths[i].label;
+    series.style = Series::Style::kLinesAndPoints;
+    for (const Eigen::VectorXd& point : panel.paths[i]) {
+      if (point.size() != 2) continue;
+      series.x.push_back(point[0]);
+      series.y.push_back(point[1]);
+    }
+    plot.series.push_back(std::move(series));
+  }
+  if (panel.goal.size() == 2) {
+    Series goal;
+    goal.title = "optimum";
+    goal.style = Series::Style::kPoints;
+    goal.x = {panel.goal[0]};
+    goal.y = {panel.goal[1]};
+    plot.series.push_back(goal);
+  }
+  return plot;
+}
+
+std::vector<Plot> MakePlots(const PointProblem& problem,
+                            const std::vector<PointPath>& paths) {
+  Panel x{"x", {}, {}}, y{"y", {}, {}};
+  for (const PointPath& path : paths) {
+    x.paths.push_back(path.x);
+    y.paths.push_back(path.y);
+  }
+  ChainObjective objective = problem.MakeObjective();
+  if (problem.minimizer.has_value()) {
+    x.goal = *problem.minimizer;
+    objective.SetState(x.goal);
+    y.goal = objective.Outputs();
+  }
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  const auto loss_in_x = [&](const Eigen::Vector2d& point) {
+    objective.SetState(point);
+    double loss = none;
+    std::string ignored;
+    return objective.Cost(&loss, &ignored) ? loss : none;
+  };
+  const auto loss_in_y = [&](const Eigen::Vector2d& point) {
+    double loss = none;
+    return problem.loss->Evaluate(
+               point.data(), problem.target.data(), &loss, nullptr, nullptr)
+               ? loss
+               : none;
+  };
+  return {MakePlot(x, paths, loss_in_x), MakePlot(y, paths, loss_in_y)};
+}
+
+void Print(const PointPath& path) {
+  std::cout << path.label << "  (" << path.status << ")\n";
+  std::printf("  %4s  %14s  %14s  %14s  %14s  %12s\n",
+              "step",
+              "x_0",
+              "x_1",
+              "y_0",
+              "y_1",
+              "L");
+  for (size_t k = 0; k < path.x.size(); ++k) {
+    if (path.y[k].size() != 2) continue;
+    std::printf("  %4zu  %14.8g  %14.8g  %14.8g  %14.8g  %12.5g\n",
+                k,
+                path.x[k][0],
+                path.x[k][1],
+                path.y[k][0],
+                path.y[k][1],
+                path.loss[k]);
+  }
+  if (path.x.size() > 1 && path.x[1] != path.x[0]) {
+    const Eigen::VectorXd step = path.x[1] - path.x[0];
+    std::printf("  diagonal length of the first step: %.6f\n",
+                -step.sum() / step.norm());
+  }
+}
+
+int Run() {
+  std::string error;
+  if (FLAGS_steps < 1) {
+    return Fail("--steps=" + std::to_string(FLAGS_steps) +
+                " is out of range; allowed: 1 or more");
+  }
+  if (FLAGS_grid < 2 || FLAGS_grid > 1000) {
+    return Fail("--grid=" + std::to_string(FLAGS_grid) +
+                " is out of range; allowed: 2 to 1000");
+  }
+  PhysicsProblem problem;
+  std::vector<Method> methods;
+  if (!CreateProblem(FLAGS_problem, nullptr, &problem, &error)) {
+    return Fail(error);
+  }
+  if (!ParseMethods(FLAGS_rules, &methods, &error)) {
+    return Fail("--rules: " + error);
+  }
+  if (!problem.point.has_value() || problem.point->start.size() != 2 ||
+      problem.point->target.size() != 2) {
+    return Fail("--problem=" + FLAGS_problem +
+                " does not map two unknowns to two outputs; "
+                "squared_component and linear_scale do");
+  }
+  PointComparisonOptions options;
+  options.max_num_iterations = FLAGS_steps;
+  options.gradient_tolerance = 0.0;
+  std::vector<PointPath> paths;
+  for (const Method& method : methods) {
+    PointPath path;
+    if (!TracePath(*problem.point, method, options, &path, &error)) {
+      return Fail(error);
+    }
+    paths.push_back(std::move(path));
+  }
+  if (!PrepareRunDirectory(FLAGS_output,
+                           FLAGS_overwrite ? ExistingDirectory::kOverwrite
+                                           : ExistingDirectory::kRefuse,
+                           FlagFileText(__FILE__),
+                           &error)) {
+    return Fail(error);
+  }
+  for (const PointPath& path : paths) {
+    Print(path);
+    if (!WritePathCsv(
+            FLAGS_output + "/" + FileName(path.label) + ".csv", path, &error)) {
+      return Fail(error);
+    }
+  }
+  if (!WritePlots(FLAGS_output + "/trajectories.png",
+                  MakePlots(*problem.point, paths),
+                  &error)) {
+    LOG(WARNING) << error;
+  }
+  std::cout << "results in " << FLAGS_output << "\n";
+  return 0;
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "draws the ways of update rules through a two-dimensional problem",
+      invgrad::Run);
+}

@@ -1,0 +1,75 @@
+// A simulator without context from a functor on a scalar type, differentiated
+// by Jets over all of its inputs at once.
+//
+//   y = P(x),   J = dP/dx,   H = sum_i w_i d2P_i/dx2
+//
+// Shapes:  x: kIn;  y: kOut.
+//   template <typename T> bool operator()(const T* x, T* y) const;
+// Cost:    J: one evaluation with Jets of kIn partial derivatives; H: one with
+//          kIn^2. For a few dozen inputs; a simulator that steps through time
+//          is better served by time_stepping_simulator.h.
+// Fails:   returns false if the functor does or a value is not finite.
+#ifndef INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_
+#define INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_
+
+#include <algorithm>
+#include <utility>
+
+#include "Eigen/Core"
+#include "ceres/jet.h"
+#include "invgrad/chain/nested_jet.h"
+#include "invgrad/chain/scratch.h"
+#include "invgrad/chain/simulator.h"
+
+namespace invgrad {
+
+template <typename Functor, int kIn, int kOut>
+class AutoDiffSimulator final : public Simulator {
+ public:
+  explicit AutoDiffSimulator(Functor functor = Functor())
+      : functor_(std::move(functor)) {}
+
+  int num_inputs() const override { return kIn; }
+  int num_outputs() const override { return kOut; }
+
+  bool Evaluate(const double* x,
+                const double* /*context*/,
+                double* y,
+                double* jacobian) const override {
+    if (jacobian == nullptr) return functor_(x, y) && AllFinite(y, kOut);
+    using Jet = ceres::Jet<double, kIn>;
+    Scratch<Jet> x_jets(kIn);
+    Scratch<Jet> y_jets(kOut);
+    for (int i = 0; i < kIn; ++i) x_jets[i] = Jet(x[i], i);
+    if (!functor_(x_jets.data(), y_jets.data())) return false;
+    for (int i = 0; i < kOut; ++i) {
+      y[i] = y_jets[i].a;
+      std::copy_n(y_jets[i].v.data(), kIn, jacobian + i * kIn);
+    }
+    return AllFinite(y, kOut) && AllFinite(jacobian, kOut * kIn);
+  }
+
+  bool WeightedHessian(const double* x,
+                       const double* /*context*/,
+                       const double* w,
+                       double* hessian) const override {
+    using Jet = NestedJet<kIn>;
+    Scratch<Jet> x_jets(kIn);
+    Scratch<Jet> y_jets(kOut);
+    for (int i = 0; i < kIn; ++i) x_jets[i] = MakeHessianJet<kIn>(x[i], i);
+    if (!functor_(x_jets.data(), y_jets.data())) return false;
+    Eigen::Map<Eigen::Matrix<double, kIn, kIn>> H(hessian);
+    H.setZero();
+    for (int i = 0; i < kOut; ++i) {
+      for (int k = 0; k < kIn; ++k) H.col(k) += w[i] * y_jets[i].v[k].v;
+    }
+    return AllFinite(hessian, kIn * kIn);
+  }
+
+ private:
+  Functor functor_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_

@@ -1,0 +1,298 @@
+#include "invgrad/chain/dense_network.h"
+
+#include <cmath>
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/linalg/blas.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using WeightMap = Eigen::Map<const MatrixXd>;
+
+// A layer's weights, (widths[l] + 1) x widths[l + 1]: a column a unit, whose
+// last entry is the bias.
+WeightMap Layer(const DenseNetwork& network, int l, const VectorXd& weights) {
+  return WeightMap(weights.data() + network.offset(l),
+                   network.widths()[l] + 1,
+                   network.widths()[l + 1]);
+}
+
+}  // namespace
+
+DenseNetwork::DenseNetwork(std::vector<int> widths, Activation hidden)
+    : widths_(std::move(widths)), hidden_(hidden) {
+  CHECK_GE(widths_.size(), 2u) << "A network has inputs and outputs.";
+  for (const int width : widths_) CHECK_GT(width, 0);
+  offsets_.push_back(0);
+  for (std::size_t l = 0; l + 1 < widths_.size(); ++l) {
+    offsets_.push_back(offsets_.back() + (widths_[l] + 1) * widths_[l + 1]);
+  }
+}
+
+VectorXd DenseNetwork::InitialWeights(Initialization initialization,
+                                      NumpyRandom* random) const {
+  CHECK(random != nullptr);
+  VectorXd weights = VectorXd::Zero(num_weights());
+  for (int l = 0; l < num_layers(); ++l) {
+    const int fan_in = widths_[l];
+    const int fan_out = widths_[l + 1];
+    double bound = 0.0;
+    switch (initialization) {
+      case Initialization::kGlorotUniform:
+        bound = std::sqrt(6.0 / (fan_in + fan_out));
+        break;
+      case Initialization::kHeUniform:
+        bound = std::sqrt(6.0 / fan_in);
+        break;
+      case Initialization::kPytorch:
+        bound = 1.0 / std::sqrt(fan_in);
+        break;
+    }
+    Eigen::Map<MatrixXd> layer(
+        weights.data() + offsets_[l], fan_in + 1, fan_out);
+    for (int unit = 0; unit < fan_out; ++unit) {
+      for (int i = 0; i < fan_in; ++i) {
+        layer(i, unit) = random->Uniform(-bound, bound);
+      }
+    }
+    if (initialization == Initialization::kPytorch) {
+      for (int unit = 0; unit < fan_out; ++unit) {
+        layer(fan_in, unit) = random->Uniform(-bound, bound);
+      }
+    }
+  }
+  return weights;
+}
+
+void DenseNetwork::Forward(const VectorXd& weights,
+                           const MatrixXd& inputs,
+                           bool want_curvatures,
+                           Activations* activations) const {
+  CHECK_EQ(weights.size(), num_weights());
+  CHECK_EQ(inputs.rows(), num_inputs());
+  const int batch_size = static_cast<int>(inputs.cols());
+  activations->inputs.resize(num_layers());
+  activations->slopes.resize(num_layers());
+  activations->curvatures.resize(want_curvatures ? num_layers() : 0);
+
+  activations->inputs[0].resize(num_inputs() + 1, batch_size);
+  activations->inputs[0].topRows(num_inputs()) = inputs;
+  activations->inputs[0].bottomRows(1).setOnes();
+  for (int l = 0; l + 1 < num_layers(); ++l) {
+    const int width = widths_[l + 1];
+    MatrixXd& above = activations->inputs[l + 1];
+    MatrixXd& slopes = activations->slopes[l];
+    above.resize(width + 1, batch_size);
+    above.bottomRows(1).setOnes();
+    slopes.resize(width, batch_size);
+    if (want_curvatures) {
+      activations->curvatures[l].resize(width, batch_size);
+    }
+    Gemm(Op::kTranspose,
+         Op::kNone,
+         1.0,
+         Layer(*this, l, weights),
+         activations->inputs[l],
+         0.0,
+         above.topRows(width));
+    for (int s = 0; s < batch_size; ++s) {
+      ActivateAll(
+          hidden_,
+          width,
+          above.col(s).data(),
+          slopes.col(s).data(),
+          want_curvatures ? activations->curvatures[l].col(s).data() : nullptr);
+    }
+  }
+  activations->outputs.resize(num_outputs(), batch_size);
+  Gemm(Op::kTranspose,
+       Op::kNone,
+       1.0,
+       Layer(*this, num_layers() - 1, weights),
+       activations->inputs.back(),
+       0.0,
+       activations->outputs);
+}
+
+void DenseNetwork::Backward(const VectorXd& weights,
+                            const Activations& activations,
+                            const MatrixXd& output_covectors,
+                            VectorXd* gradient) const {
+  CHECK_EQ(weights.size(), num_weights());
+  CHECK_EQ(output_covectors.rows(), num_outputs());
+  CHECK_EQ(output_covectors.cols(), activations.batch_size());
+  gradient->resize(num_weights());
+  const MatrixXd* delta = &output_covectors;  // dF/dz_l
+  MatrixXd buffers[2];
+  for (int l = num_layers() - 1; l >= 0; --l) {
+    Eigen::Map<MatrixXd> layer_gradient(
+        gradient->data() + offsets_[l], widths_[l] + 1, widths_[l + 1]);
+    Gemm(Op::kNone,
+         Op::kTranspose,
+         1.0,
+         activations.inputs[l],
+         *delta,
+         0.0,
+         layer_gradient);
+    if (l == 0) return;
+    MatrixXd& below = buffers[l % 2];
+    below.resize(widths_[l], activations.batch_size());
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         Layer(*this, l, weights).topRows(widths_[l]),
+         *delta,
+         0.0,
+         below);
+    below.array() *= activations.slopes[l - 1].array();
+    delta = &below;
+  }
+}
+
+void DenseNetwork::Tangent(const VectorXd& weights,
+                           const Activations& activations,
+                           const VectorXd& weight_tangent,
+                           MatrixXd* output_tangents) const {
+  CHECK_EQ(weights.size(), num_weights());
+  CHECK_EQ(weight_tangent.size(), num_weights());
+  MatrixXd below;  // da_l
+  for (int l = 0; l < num_layers(); ++l) {
+    MatrixXd above(widths_[l + 1], activations.batch_size());
+    Gemm(Op::kTranspose,
+         Op::kNone,
+         1.0,
+         Layer(*this, l, weight_tangent),
+         activations.inputs[l],
+         0.0,
+         above);
+    if (l > 0) {
+      Gemm(Op::kTranspose,
+           Op::kNone,
+           1.0,
+           Layer(*this, l, weights).topRows(widths_[l]),
+           below,
+           1.0,
+           above);
+    }
+    if (l + 1 < num_layers()) above.array() *= activations.slopes[l].array();
+    below.swap(above);
+  }
+  output_tangents->swap(below);
+}
+
+void DenseNetwork::Hessian(const VectorXd& weights,
+                           const Activations& activations,
+                           const MatrixXd& output_covectors,
+                           const std::vector<MatrixXd>& output_hessians,
+                           MatrixXd* hessian) const {
+  const int L = num_layers();
+  const int batch_size = activations.batch_size();
+  CHECK_EQ(weights.size(), num_weights());
+  CHECK_EQ(output_covectors.rows(), num_outputs());
+  CHECK_EQ(output_covectors.cols(), batch_size);
+  CHECK_EQ(static_cast<int>(output_hessians.size()), batch_size);
+  CHECK_EQ(static_cast<int>(activations.curvatures.size()), L)
+      << "Forward was not asked for curvatures.";
+  hessian->resize(num_weights(), num_weights());
+
+  // deltas[l] = dF/dz of layer l; pulled[l] = dF/da between layers l and l + 1.
+  std::vector<MatrixXd> deltas(L);
+  std::vector<MatrixXd> pulled(L);
+  deltas[L - 1] = output_covectors;
+  for (int l = L - 1; l > 0; --l) {
+    pulled[l - 1].resize(widths_[l], batch_size);
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         Layer(*this, l, weights).topRows(widths_[l]),
+         deltas[l],
+         0.0,
+         pulled[l - 1]);
+    deltas[l - 1] = pulled[l - 1].cwiseProduct(activations.slopes[l - 1]);
+  }
+
+  // Tangents, for z of unit `unit` of layer `from` moving at rate one in every
+  // sample: z_dots[l], a_dots[l] (of the inputs of layer l) and delta_dots[l].
+  std::vector<MatrixXd> z_dots(L);
+  std::vector<MatrixXd> a_dots(L);
+  std::vector<MatrixXd> delta_dots(L);
+  for (int l = 0; l < L; ++l) {
+    z_dots[l].resize(widths_[l + 1], batch_size);
+    a_dots[l].resize(widths_[l], batch_size);
+    delta_dots[l].resize(widths_[l + 1], batch_size);
+  }
+  MatrixXd gradient_dots;  // layer_size x B, a column a sample
+  for (int from = 0; from < L; ++from) {
+    for (int unit = 0; unit < widths_[from + 1]; ++unit) {
+      z_dots[from].setZero();
+      z_dots[from].row(unit).setOnes();
+      a_dots[from].setZero();
+      for (int l = from + 1; l < L; ++l) {
+        a_dots[l] = z_dots[l - 1].cwiseProduct(activations.slopes[l - 1]);
+        Gemm(Op::kTranspose,
+             Op::kNone,
+             1.0,
+             Layer(*this, l, weights).topRows(widths_[l]),
+             a_dots[l],
+             0.0,
+             z_dots[l]);
+      }
+      for (int s = 0; s < batch_size; ++s) {
+        delta_dots[L - 1].col(s).noalias() =
+            output_hessians[s] * z_dots[L - 1].col(s);
+      }
+      for (int l = L - 1; l > from; --l) {
+        Gemm(Op::kNone,
+             Op::kNone,
+             1.0,
+             Layer(*this, l, weights).topRows(widths_[l]),
+             delta_dots[l],
+             0.0,
+             delta_dots[l - 1]);
+        delta_dots[l - 1].array() =
+            delta_dots[l - 1].array() * activations.slopes[l - 1].array() +
+            activations.curvatures[l - 1].array() * z_dots[l - 1].array() *
+                pulled[l - 1].array();
+      }
+      // The gradient of layer l is sum_s inputs_s delta_s^T. Only layers from
+      // `from` on: there the weights act on the tangent through z alone.
+      const int first_column = offsets_[from] + unit * (widths_[from] + 1);
+      for (int l = from; l < L; ++l) {
+        const int stride = widths_[l] + 1;
+        gradient_dots.resize(layer_size(l), batch_size);
+        for (int s = 0; s < batch_size; ++s) {
+          for (int i = 0; i < widths_[l + 1]; ++i) {
+            gradient_dots.col(s).segment(i * stride, stride) =
+                activations.inputs[l].col(s) * delta_dots[l](i, s);
+            gradient_dots.col(s).segment(i * stride, widths_[l]) +=
+                a_dots[l].col(s) * deltas[l](i, s);
+          }
+        }
+        Gemm(Op::kNone,
+             Op::kTranspose,
+             1.0,
+             gradient_dots,
+             activations.inputs[from],
+             0.0,
+             hessian->block(
+                 offsets_[l], first_column, layer_size(l), widths_[from] + 1));
+      }
+    }
+  }
+  hessian->triangularView<Eigen::StrictlyUpper>() = hessian->transpose();
+}
+
+std::string DenseNetwork::Name() const {
+  std::string name = std::to_string(widths_.front());
+  for (std::size_t l = 1; l < widths_.size(); ++l) {
+    name += "-" + std::to_string(widths_[l]);
+  }
+  return name + " " + ActivationName(hidden_);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,61 @@
+#include "invgrad/chain/linear_simulator.h"
+
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/chain/scratch.h"
+
+namespace invgrad {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+LinearSimulator::LinearSimulator(Matrix A, VectorXd b)
+    : A_(std::move(A)), b_(std::move(b)) {
+  CHECK_EQ(A_.rows(), b_.size());
+  CHECK_GT(A_.rows(), 0);
+  CHECK_GT(A_.cols(), 0);
+  A_.makeCompressed();
+}
+
+bool LinearSimulator::Evaluate(const double* x,
+                               const double* /*context*/,
+                               double* y,
+                               double* jacobian) const {
+  Eigen::Map<VectorXd> y_map(y, num_outputs());
+  y_map = b_;
+  y_map.noalias() += A_ * Eigen::Map<const VectorXd>(x, num_inputs());
+  if (jacobian != nullptr) {
+    Eigen::Map<MatrixXd> transposed(jacobian, num_inputs(), num_outputs());
+    transposed.setZero();
+    for (int row = 0; row < num_outputs(); ++row) {
+      for (Matrix::InnerIterator it(A_, row); it; ++it) {
+        transposed(it.col(), row) = it.value();
+      }
+    }
+  }
+  return AllFinite(y, num_outputs());
+}
+
+bool LinearSimulator::PullBack(const double* x,
+                               const double* context,
+                               const Covector& covector,
+                               double* y,
+                               double* x_bar) const {
+  if (!Evaluate(x, context, y, nullptr)) return false;
+  Scratch<double> w(num_outputs());
+  if (!covector(y, w.data())) return false;
+  Eigen::Map<VectorXd>(x_bar, num_inputs()).noalias() =
+      A_.transpose() * Eigen::Map<const VectorXd>(w.data(), num_outputs());
+  return AllFinite(x_bar, num_inputs());
+}
+
+bool LinearSimulator::WeightedHessian(const double* /*x*/,
+                                      const double* /*context*/,
+                                      const double* /*w*/,
+                                      double* hessian) const {
+  Eigen::Map<MatrixXd>(hessian, num_inputs(), num_inputs()).setZero();
+  return true;
+}
+
+}  // namespace invgrad

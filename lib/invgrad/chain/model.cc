@@ -1,0 +1,320 @@
+#include "invgrad/chain/model.h"
+
+#include <cmath>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "glog/logging.h"
+#include "invgrad/chain/network_jacobian.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+bool SampleError(int sample, const char* what, std::string* error) {
+  *error = "sample " + std::to_string(sample) + ": " + what;
+  return false;
+}
+
+constexpr char kNetworkFailed[] = "the network's output is not finite";
+constexpr char kSimulatorFailed[] = "the simulator has no finite value";
+constexpr char kLossFailed[] = "the loss has no finite value";
+
+const double* Context(const DataSet& batch, int sample) {
+  return batch.contexts.rows() == 0 ? nullptr
+                                    : batch.contexts.col(sample).data();
+}
+
+bool ForwardNetwork(const DenseNetwork& network,
+                    const VectorXd& weights,
+                    const DataSet& batch,
+                    bool want_curvatures,
+                    DenseNetwork::Activations* activations,
+                    std::string* error) {
+  network.Forward(weights, batch.inputs, want_curvatures, activations);
+  if (activations->outputs.allFinite()) return true;
+  int sample = 0;
+  while (activations->outputs.col(sample).allFinite()) ++sample;
+  return SampleError(sample, kNetworkFailed, error);
+}
+
+bool CheckCost(double cost, std::string* error) {
+  if (std::isfinite(cost)) return true;
+  *error = "the cost of the batch is not finite";
+  return false;
+}
+
+// Backward passes can overflow where the forward one did not.
+bool CheckDerivatives(const VectorXd& gradient,
+                      const MatrixXd& hessian,
+                      std::string* error) {
+  if (gradient.allFinite() && hessian.allFinite()) return true;
+  *error = "a derivative in the weights is not finite";
+  return false;
+}
+
+void CheckSizes(const Model& model,
+                const VectorXd& weights,
+                const DataSet& batch) {
+  CHECK_EQ(weights.size(), model.num_weights());
+  CHECK_GT(batch.num_samples(), 0) << "The batch is empty.";
+  CHECK_EQ(batch.inputs.rows(), model.network().num_inputs());
+  CHECK_EQ(batch.contexts.rows(), model.simulator().num_context());
+  if (batch.contexts.rows() > 0) {
+    CHECK_EQ(batch.contexts.cols(), batch.num_samples());
+  }
+}
+
+void CheckTargets(const Model& model, const DataSet& batch) {
+  CHECK_EQ(batch.targets.rows(), model.loss().size());
+  CHECK_EQ(batch.targets.cols(), batch.num_samples());
+}
+
+// v -> H_L v.
+std::function<VectorXd(const VectorXd&)> LossHessianTimes(MatrixXd blocks) {
+  return [blocks = std::move(blocks)](const VectorXd& v) {
+    CHECK_EQ(v.size(), blocks.cols());
+    const Eigen::Index size = blocks.rows();
+    VectorXd Hv(v.size());
+    for (Eigen::Index row = 0; row < v.size(); row += size) {
+      Hv.segment(row, size).noalias() =
+          blocks.middleCols(row, size) * v.segment(row, size);
+    }
+    return Hv;
+  };
+}
+
+}  // namespace
+
+Model::Model(DenseNetwork network,
+             std::shared_ptr<const Simulator> simulator,
+             std::shared_ptr<const Loss> loss,
+             Reduction reduction)
+    : network_(std::move(network)),
+      simulator_(std::move(simulator)),
+      loss_(std::move(loss)),
+      reduction_(reduction) {
+  CHECK(simulator_ != nullptr);
+  CHECK(loss_ != nullptr);
+  CHECK_EQ(network_.num_outputs(), simulator_->num_inputs())
+      << "The network's outputs are the simulator's inputs.";
+  CHECK_EQ(simulator_->num_outputs(), loss_->size())
+      << "The simulator's outputs are the loss's argument.";
+}
+
+double Model::BatchScale(int num_samples) const {
+  CHECK_GT(num_samples, 0);
+  return reduction_ == Reduction::kMean ? 1.0 / num_samples : 1.0;
+}
+
+bool Model::Linearize(const VectorXd& weights,
+                      const DataSet& batch,
+                      const LinearizationParts& parts,
+                      Linearization* linearization,
+                      std::string* error) const {
+  linearization->gradient.resize(0);
+  linearization->loss_gradient.resize(0);
+  linearization->jacobian.reset();
+  linearization->loss_hessian_times = nullptr;
+  linearization->hessian.resize(0, 0);
+  if (parts.jacobian || parts.hessian) {
+    return LinearizeThroughJacobians(
+        weights, batch, parts, linearization, error);
+  }
+  if (parts.gradient) {
+    return CostAndGradient(
+        weights, batch, &linearization->cost, &linearization->gradient, error);
+  }
+  return Cost(weights, batch, &linearization->cost, error);
+}
+
+bool Model::CostAndGradient(const VectorXd& weights,
+                            const DataSet& batch,
+                            double* cost,
+                            VectorXd* gradient,
+                            std::string* error) const {
+  CheckSizes(*this, weights, batch);
+  CheckTargets(*this, batch);
+  const double scale = BatchScale(batch.num_samples());
+  DenseNetwork::Activations activations;
+  if (!ForwardNetwork(network_, weights, batch, false, &activations, error)) {
+    return false;
+  }
+  VectorXd y(loss_->size());
+  MatrixXd x_bar(network_.num_outputs(), batch.num_samples());
+  *cost = 0.0;
+  int s = 0;
+  bool loss_failed = false;
+  const auto loss_gradient = [&](const double* at, double* g) {
+    double loss = 0.0;
+    loss_failed =
+        !loss_->Evaluate(at, batch.targets.col(s).data(), &loss, g, nullptr);
+    *cost += scale * loss;
+    Eigen::Map<VectorXd>(g, loss_->size()) *= scale;
+    return !loss_failed;
+  };
+  // By reference, which std::function holds without allocating.
+  const Simulator::Covector covector = std::cref(loss_gradient);
+  for (; s < batch.num_samples(); ++s) {
+    if (!simulator_->PullBack(activations.outputs.col(s).data(),
+                              Context(batch, s),
+                              covector,
+                              y.data(),
+                              x_bar.col(s).data())) {
+      return SampleError(
+          s, loss_failed ? kLossFailed : kSimulatorFailed, error);
+    }
+  }
+  network_.Backward(weights, activations, x_bar, gradient);
+  return CheckCost(*cost, error) &&
+         CheckDerivatives(*gradient, MatrixXd(), error);
+}
+
+bool Model::LinearizeThroughJacobians(const VectorXd& weights,
+                                      const DataSet& batch,
+                                      const LinearizationParts& parts,
+                                      Linearization* linearization,
+                                      std::string* error) const {
+  CheckSizes(*this, weights, batch);
+  CheckTargets(*this, batch);
+  const int batch_size = batch.num_samples();
+  const int num_x = network_.num_outputs();
+  const int num_y = loss_->size();
+  const double scale = BatchScale(batch_size);
+  const std::optional<double> factor = loss_->SquaredNormFactor();
+  const bool want_loss_hessians = parts.hessian || !factor.has_value();
+
+  DenseNetwork::Activations activations;
+  if (!ForwardNetwork(
+          network_, weights, batch, parts.hessian, &activations, error)) {
+    return false;
+  }
+  const MatrixXd& x = activations.outputs;
+  VectorXd y(num_y);
+  MatrixXd jacobians(num_x, num_y * batch_size);
+  MatrixXd loss_gradients(num_y, batch_size);
+  MatrixXd loss_hessians;  // the blocks of H_L, side by side
+  if (want_loss_hessians) loss_hessians.resize(num_y, num_y * batch_size);
+  linearization->cost = 0.0;
+  for (int s = 0; s < batch_size; ++s) {
+    // A row-major Jacobian is a block of columns.
+    if (!simulator_->Evaluate(x.col(s).data(),
+                              Context(batch, s),
+                              y.data(),
+                              jacobians.col(s * num_y).data())) {
+      return SampleError(s, kSimulatorFailed, error);
+    }
+    double value = 0.0;
+    if (!loss_->Evaluate(y.data(),
+                         batch.targets.col(s).data(),
+                         &value,
+                         loss_gradients.col(s).data(),
+                         want_loss_hessians
+                             ? loss_hessians.col(s * num_y).data()
+                             : nullptr)) {
+      return SampleError(s, kLossFailed, error);
+    }
+    linearization->cost += scale * value;
+  }
+  loss_gradients *= scale;
+  loss_hessians *= scale;
+  linearization->loss_gradient = loss_gradients.reshaped();
+  if (!CheckCost(linearization->cost, error)) return false;
+
+  if (parts.hessian) {
+    // d2L_s/dx2 = J_s^T H_L J_s + sum_i g_i d2y_i/dx2.
+    MatrixXd x_bar(num_x, batch_size);
+    std::vector<MatrixXd> x_hessians(batch_size);
+    for (int s = 0; s < batch_size; ++s) {
+      const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
+      x_bar.col(s).noalias() = J_transposed * loss_gradients.col(s);
+      x_hessians[s].resize(num_x, num_x);
+      if (!simulator_->WeightedHessian(x.col(s).data(),
+                                       Context(batch, s),
+                                       loss_gradients.col(s).data(),
+                                       x_hessians[s].data())) {
+        return SampleError(s, kSimulatorFailed, error);
+      }
+      x_hessians[s].noalias() += J_transposed *
+                                 loss_hessians.middleCols(s * num_y, num_y) *
+                                 J_transposed.transpose();
+    }
+    network_.Hessian(
+        weights, activations, x_bar, x_hessians, &linearization->hessian);
+  }
+
+  const auto jacobian = std::make_shared<NetworkJacobian>(
+      network_, weights, std::move(activations), std::move(jacobians));
+  if (parts.gradient) {
+    jacobian->TransposeTimes(linearization->loss_gradient,
+                             &linearization->gradient);
+  }
+  if (!CheckDerivatives(
+          linearization->gradient, linearization->hessian, error)) {
+    return false;
+  }
+  if (!parts.jacobian) {
+    linearization->loss_gradient.resize(0);
+    return true;
+  }
+  linearization->jacobian = jacobian;
+  if (factor.has_value()) {
+    const double c = 2.0 * *factor * scale;
+    linearization->loss_hessian_times = [c](const VectorXd& v) -> VectorXd {
+      return c * v;
+    };
+  } else {
+    linearization->loss_hessian_times =
+        LossHessianTimes(std::move(loss_hessians));
+  }
+  return true;
+}
+
+bool Model::Cost(const VectorXd& weights,
+                 const DataSet& batch,
+                 double* cost,
+                 std::string* error) const {
+  CheckTargets(*this, batch);
+  MatrixXd outputs;
+  if (!Predict(weights, batch, &outputs, error)) return false;
+  *cost = 0.0;
+  const double scale = BatchScale(batch.num_samples());
+  for (int s = 0; s < batch.num_samples(); ++s) {
+    double loss = 0.0;
+    if (!loss_->Evaluate(outputs.col(s).data(),
+                         batch.targets.col(s).data(),
+                         &loss,
+                         nullptr,
+                         nullptr)) {
+      return SampleError(s, kLossFailed, error);
+    }
+    *cost += scale * loss;
+  }
+  return CheckCost(*cost, error);
+}
+
+bool Model::Predict(const VectorXd& weights,
+                    const DataSet& batch,
+                    MatrixXd* outputs,
+                    std::string* error) const {
+  CheckSizes(*this, weights, batch);
+  DenseNetwork::Activations activations;
+  if (!ForwardNetwork(network_, weights, batch, false, &activations, error)) {
+    return false;
+  }
+  outputs->resize(simulator_->num_outputs(), batch.num_samples());
+  for (int s = 0; s < batch.num_samples(); ++s) {
+    if (!simulator_->Evaluate(activations.outputs.col(s).data(),
+                              Context(batch, s),
+                              outputs->col(s).data(),
+                              nullptr)) {
+      return SampleError(s, kSimulatorFailed, error);
+    }
+  }
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,73 @@
+// The Jacobian of a batch of simulator outputs in the weights of the network in
+// front of the simulator, never formed.
+//
+//   J = dy/dtheta,   row (s, j) = J_s(j, :) df(a_s)/dtheta,   J_s = dy_s/dx_s
+//
+// What it keeps is the forward pass's activations and the J_s. With a_{l,s} the
+// input of layer l for sample s (and a last 1 for the bias), and delta_{l,sj}
+// the derivative of y_{s,j} in the layer's z, row (s, j) of J holds the outer
+// products a_{l,s} delta_{l,sj}^T of all layers, and so [1]
+//
+//   (J J^T)_{(s,j),(t,k)} = sum_l (a_{l,s} . a_{l,t}) (delta_{l,sj} .
+//   delta_{l,tk})
+//
+// Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
+// Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.
+//          Gram: m^2 sum_l widths[l], where a dense J takes m^2 n: it pays from
+//          the first layer on. The delta_l are built on the first use of Gram
+//          or ToDense (2 m n / B more, once) and kept: 8 m sum_l widths[l]
+//          bytes.
+// Fails:   never by itself. Safe to use from several threads.
+//
+// [1] The Gram matrix of a Khatri-Rao product is the Hadamard product of the
+//     factors' Gram matrices. Kolda, Bader. Tensor Decompositions and
+//     Applications. SIAM Review 51 (2009), section 2.6.
+#ifndef INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
+#define INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
+
+#include <mutex>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/chain/dense_network.h"
+#include "invgrad/linalg/jacobian_operator.h"
+
+namespace invgrad {
+
+class NetworkJacobian final : public JacobianOperator {
+ public:
+  // `activations` of a forward pass with `weights`. simulator_jacobians: |x| x
+  // m, column s |y| + j is row j of J_s: the row-major Jacobians of the samples
+  // one after the other. Sizes that do not fit are CHECKed.
+  NetworkJacobian(DenseNetwork network,
+                  Eigen::VectorXd weights,
+                  DenseNetwork::Activations activations,
+                  Eigen::MatrixXd simulator_jacobians);
+
+  int rows() const override {
+    return static_cast<int>(simulator_jacobians_.cols());
+  }
+  int cols() const override { return network_.num_weights(); }
+  void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const override;
+  void TransposeTimes(const Eigen::VectorXd& w,
+                      Eigen::VectorXd* Jtw) const override;
+  void Gram(Eigen::MatrixXd* JJt) const override;
+  void ToDense(Eigen::MatrixXd* J) const override;
+
+ private:
+  // delta of layer l: widths[l + 1] x m.
+  const Eigen::MatrixXd& LayerFactor(int l) const;
+
+  DenseNetwork network_;
+  Eigen::VectorXd weights_;
+  DenseNetwork::Activations activations_;
+  Eigen::MatrixXd simulator_jacobians_;  // |x| x m: delta of the last layer
+  int outputs_per_sample_;               // |y|
+
+  mutable std::once_flag hidden_factors_built_;
+  mutable std::vector<Eigen::MatrixXd> hidden_factors_;  // delta_0 .. L - 2
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_NETWORK_JACOBIAN_H_

@@ -1,0 +1,42 @@
+#include "invgrad/chain/neuron_statistics.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace invgrad {
+
+std::vector<NeuronStatistics> ComputeNeuronStatistics(
+    const DenseNetwork& network,
+    const Eigen::VectorXd& weights,
+    const DataSet& data) {
+  DenseNetwork::Activations activations;
+  network.Forward(weights, data.inputs, false, &activations);
+  const double num_samples = data.num_samples();
+  std::vector<NeuronStatistics> neurons;
+  for (int layer = 1; layer < network.num_layers(); ++layer) {
+    // The inputs of the next layer, whose last row is the constant one.
+    const Eigen::MatrixXd& a = activations.inputs[layer];
+    const Eigen::MatrixXd& slopes = activations.slopes[layer - 1];
+    for (int i = 0; i < network.widths()[layer]; ++i) {
+      NeuronStatistics neuron;
+      neuron.layer = layer;
+      neuron.neuron = i;
+      neuron.mean = a.row(i).mean();
+      neuron.deviation = std::sqrt(
+          (a.row(i).array() - neuron.mean).square().sum() / num_samples);
+      neuron.flat_share =
+          (slopes.row(i).array().abs() < 0.1).count() / num_samples;
+      neurons.push_back(neuron);
+    }
+  }
+  return neurons;
+}
+
+int CountSaturated(const std::vector<NeuronStatistics>& neurons) {
+  return static_cast<int>(std::count_if(
+      neurons.begin(), neurons.end(), [](const NeuronStatistics& neuron) {
+        return neuron.is_saturated();
+      }));
+}
+
+}  // namespace invgrad

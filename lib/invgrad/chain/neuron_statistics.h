@@ -1,0 +1,43 @@
+// How the hidden neurons of a network behave over a data set.
+//
+//   mean = E[a],  deviation = sqrt(E[(a - mean)^2]),
+//   flat_share = P(|phi'(z)| < 0.1)
+//
+// over the samples, a = phi(z) the neuron's activation. A neuron that is flat
+// for nearly all samples (|tanh| > 0.95, a dead ReLU) no longer learns: it is
+// saturated.
+//
+// Source: the activation statistics of Schnell, Holl, Thuerey, ICLR 2022,
+// section 3.1 (mean 1.0 and zero standard deviation after Gauss-Newton steps).
+#ifndef INVGRAD_CHAIN_NEURON_STATISTICS_H_
+#define INVGRAD_CHAIN_NEURON_STATISTICS_H_
+
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/chain/data_set.h"
+#include "invgrad/chain/dense_network.h"
+
+namespace invgrad {
+
+struct NeuronStatistics {
+  int layer = 0;   // 1 .. L - 1
+  int neuron = 0;  // 0 .. width - 1
+  double mean = 0.0;
+  double deviation = 0.0;
+  double flat_share = 0.0;
+
+  bool is_saturated() const { return flat_share >= 0.9; }
+};
+
+// One entry a hidden neuron, layer by layer.
+std::vector<NeuronStatistics> ComputeNeuronStatistics(
+    const DenseNetwork& network,
+    const Eigen::VectorXd& weights,
+    const DataSet& data);
+
+int CountSaturated(const std::vector<NeuronStatistics>& neurons);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_NEURON_STATISTICS_H_

@@ -1,0 +1,63 @@
+#include "invgrad/chain/simulator.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "Eigen/Core"
+#include "invgrad/chain/scratch.h"
+
+namespace invgrad {
+
+bool AllFinite(const double* values, int size) {
+  bool all_finite = true;
+  for (int i = 0; i < size; ++i) all_finite &= std::isfinite(values[i]);
+  return all_finite;
+}
+
+bool Simulator::PullBack(const double* x,
+                         const double* context,
+                         const Covector& covector,
+                         double* y,
+                         double* x_bar) const {
+  const int rows = num_outputs();
+  const int cols = num_inputs();
+  Scratch<double> jacobian(static_cast<std::size_t>(rows) * cols);
+  Scratch<double> w(rows);
+  if (!Evaluate(x, context, y, jacobian.data())) return false;
+  if (!covector(y, w.data())) return false;
+  // A row-major J is a column-major J^T.
+  Eigen::Map<Eigen::VectorXd>(x_bar, cols).noalias() =
+      Eigen::Map<const Eigen::MatrixXd>(jacobian.data(), cols, rows) *
+      Eigen::Map<const Eigen::VectorXd>(w.data(), rows);
+  return AllFinite(x_bar, cols);
+}
+
+bool IdentitySimulator::Evaluate(const double* x,
+                                 const double* /*context*/,
+                                 double* y,
+                                 double* jacobian) const {
+  std::copy(x, x + size_, y);
+  if (jacobian != nullptr) {
+    Eigen::Map<Eigen::MatrixXd>(jacobian, size_, size_).setIdentity();
+  }
+  return AllFinite(y, size_);
+}
+
+bool IdentitySimulator::PullBack(const double* x,
+                                 const double* /*context*/,
+                                 const Covector& covector,
+                                 double* y,
+                                 double* x_bar) const {
+  std::copy(x, x + size_, y);
+  return AllFinite(y, size_) && covector(y, x_bar) && AllFinite(x_bar, size_);
+}
+
+bool IdentitySimulator::WeightedHessian(const double* /*x*/,
+                                        const double* /*context*/,
+                                        const double* /*w*/,
+                                        double* hessian) const {
+  Eigen::Map<Eigen::MatrixXd>(hessian, size_, size_).setZero();
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,72 @@
+#include "invgrad/linalg/spectral_filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace invgrad {
+namespace {
+
+bool IsInRange(const char* name,
+               double value,
+               bool in_range,
+               const char* allowed,
+               std::string* error) {
+  if (in_range && std::isfinite(value)) return true;
+  std::ostringstream message;
+  message << name << "=" << value << " is out of range; allowed: " << allowed;
+  *error = message.str();
+  return false;
+}
+
+}  // namespace
+
+SpectralFilter SpectralFilter::Power(double kappa, double tau) {
+  SpectralFilter filter;
+  filter.kappa = kappa;
+  filter.tau = tau;
+  return filter;
+}
+
+SpectralFilter SpectralFilter::LevenbergMarquardt(double damping,
+                                                  double relative_damping) {
+  SpectralFilter filter;
+  filter.kind = Kind::kLevenbergMarquardt;
+  filter.tau = 0.0;
+  filter.damping = damping;
+  filter.relative_damping = relative_damping;
+  return filter;
+}
+
+bool SpectralFilter::IsValid(std::string* error) const {
+  return IsInRange(
+             "kappa", kappa, kappa >= -1.0 && kappa <= 1.0, "[-1, 1]", error) &&
+         IsInRange("tau", tau, tau >= 0.0 && tau < 1.0, "[0, 1)", error) &&
+         IsInRange("damping", damping, damping >= 0.0, "[0, inf)", error) &&
+         IsInRange("relative_damping",
+                   relative_damping,
+                   relative_damping >= 0.0,
+                   "[0, inf)",
+                   error);
+}
+
+bool SpectralFilter::IsGradientDescent() const {
+  return kind == Kind::kPower && kappa == -1.0 && tau == 0.0;
+}
+
+bool SpectralFilter::Keeps(double s, double s_max) const {
+  return s > 0.0 && s > tau * s_max;
+}
+
+double SpectralFilter::operator()(double s, double s_max) const {
+  if (!(s > 0.0)) return 0.0;
+  if (!Keeps(s, s_max)) {
+    if (!clamp) return 0.0;
+    s = tau * s_max;
+  }
+  if (kind == Kind::kPower) return std::pow(s, -kappa);
+  // Not s / (s^2 + lambda), whose squares over- and underflow.
+  return 1.0 / (s + damping / s + relative_damping * (s_max / s) * s_max);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,414 @@
+#include "invgrad/solve/method.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/solve/model_cost.h"
+#include "invgrad/solve/update_callback.h"
+
+namespace invgrad {
+
+namespace {
+
+bool HasOption(const std::vector<OptionSet::Row>& options,
+               const std::string& name) {
+  return std::any_of(
+      options.begin(), options.end(), [&](const OptionSet::Row& row) {
+        return row.name == name;
+      });
+}
+
+std::vector<std::string> AllMethodNames() {
+  std::vector<std::string> names;
+  for (const RuleRow& row : Rules()) names.push_back(row.name);
+  for (const CeresMethodRow& row : CeresMethods()) names.push_back(row.name);
+  return names;
+}
+
+// Finds the rows that "rule", "ceres" or "ceres+rule" names.
+bool FindRows(const std::string& name, Method* method, std::string* error) {
+  const size_t plus = name.find('+');
+  if (plus == std::string::npos) {
+    method->rule = FindRule(name);
+    method->ceres = FindCeresMethod(name);
+    if (method->rule == nullptr && method->ceres == nullptr) {
+      *error = UnknownNameMessage("rule", name, AllMethodNames());
+      return false;
+    }
+    return true;
+  }
+  const std::string ceres_name = name.substr(0, plus);
+  const std::string rule_name = name.substr(plus + 1);
+  method->ceres = FindCeresMethod(ceres_name);
+  method->rule = FindRule(rule_name);
+  if (method->ceres == nullptr || !method->ceres->is_trust_region) {
+    *error = "'" + name + "': steps can be proposed to ceres_lm and " +
+             "ceres_dogleg, not to '" + ceres_name + "'";
+    return false;
+  }
+  if (method->rule == nullptr) {
+    std::vector<std::string> rule_names;
+    for (const RuleRow& row : Rules()) rule_names.push_back(row.name);
+    *error = UnknownNameMessage("rule", rule_name, rule_names);
+    return false;
+  }
+  return true;
+}
+
+bool ParseBatchSize(const std::string& value,
+                    int* batch_size,
+                    std::string* error) {
+  OptionSet set;
+  set.Add("batch_size", batch_size, {0, 1e9}, "samples a step; 0: all");
+  return set.Set("batch_size", value, error);
+}
+
+bool ParseMethod(const Specification& specification,
+                 Method* method,
+                 std::string* error) {
+  method->label = specification.text;
+  if (!FindRows(specification.name, method, error)) return false;
+  std::string why;
+  for (const auto& setting : specification.settings) {
+    if (setting.first == "batch_size") {
+      if (!ParseBatchSize(setting.second, &method->batch_size, &why)) {
+        *error = specification.name + ": " + why;
+        return false;
+      }
+    } else if (method->ceres == nullptr ||
+               (method->rule != nullptr &&
+                HasOption(method->rule->options(), setting.first))) {
+      method->rule_settings.push_back(setting);
+    } else {
+      method->ceres_settings.push_back(setting);
+    }
+  }
+  ceres::Solver::Options options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  if ((method->rule != nullptr &&
+       method->rule->create(method->rule_settings, &why) == nullptr) ||
+      (method->ceres != nullptr &&
+       !method->ceres->configure(
+           method->ceres_settings, &options, &gradient_options, &why))) {
+    *error = specification.name + ": " + why;
+    return false;
+  }
+  return true;
+}
+
+// The settings were checked when the method was parsed.
+void Configure(const Method& method,
+               ceres::Solver::Options* options,
+               ceres::GradientProblemSolver::Options* gradient_options) {
+  std::string error;
+  CHECK(method.ceres->configure(
+      method.ceres_settings, options, gradient_options, &error))
+      << error;
+}
+
+// Turns Ceres' iterations into a history, with its own clock, which stands while
+// losses are looked at; and keeps the budget.
+class TrainingRecorder final : public ceres::IterationCallback {
+ public:
+  TrainingRecorder(const TrainOptions& options,
+                   const Model& model,
+                   const DataSet& train,
+                   const DataSet& test,
+                   const Eigen::VectorXd& weights,
+                   History* history,
+                   TrainSummary* summary)
+      : options_(options),
+        model_(model),
+        train_(train),
+        test_(test),
+        weights_(weights),
+        history_(history),
+        summary_(summary) {}
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    seconds_ += Seconds(Clock::now() - resumed_);
+    summary_->num_steps = iteration.iteration;
+    summary_->train_time_in_seconds = seconds_;
+    step_norm_ = iteration.step_norm;
+    mean_loss_ = iteration.cost / (model_.BatchScale(train_.num_samples()) *
+                                   train_.num_samples());
+    if (IsEvaluationEpoch(iteration.iteration)) Record();
+    ceres::IterationSummary timed = iteration;
+    timed.cumulative_time_in_seconds = seconds_;
+    ceres::CallbackReturnType verdict = ceres::SOLVER_CONTINUE;
+    for (ceres::IterationCallback* callback : options_.callbacks) {
+      verdict = (*callback)(timed);
+      if (verdict != ceres::SOLVER_CONTINUE) break;
+    }
+    if (verdict == ceres::SOLVER_CONTINUE) {
+      budget_is_spent_ = CheckBudget();
+      if (budget_is_spent_) verdict = ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    } else {
+      stop_reason_ = "stopped by a callback";
+    }
+    resumed_ = Clock::now();
+    return verdict;
+  }
+
+  // The last state, unless it is in the history.
+  void RecordEnd() {
+    if (history_->empty() || history_->back().step != summary_->num_steps) {
+      Record();
+    }
+  }
+
+  bool budget_is_spent() const { return budget_is_spent_; }
+
+  // Why the budget or a user callback ended the run; empty if neither did.
+  const std::string& stop_reason() const { return stop_reason_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static double Seconds(Clock::duration duration) {
+    return std::chrono::duration<double>(duration).count();
+  }
+
+  void Record() {
+    HistoryRow row;
+    row.step = summary_->num_steps;
+    row.epoch = static_cast<double>(row.step);
+    row.seconds = seconds_;
+    row.batch_loss = mean_loss_;
+    row.train_loss = mean_loss_;
+    if (test_.num_samples() > 0) {
+      row.test_loss = MeanLoss(model_, weights_, test_);
+    }
+    row.step_norm = step_norm_;
+    history_->push_back(row);
+    if (options_.on_evaluation) options_.on_evaluation(*history_);
+  }
+
+  // True, with the reason kept, if the run has to end.
+  bool CheckBudget() {
+    const int step = static_cast<int>(summary_->num_steps);
+    if (options_.target_loss > 0.0 && mean_loss_ <= options_.target_loss) {
+      stop_reason_ = "target loss reached at step " + std::to_string(step);
+    } else if (step >= options_.max_num_epochs) {
+      stop_reason_ = "epochs done";
+    } else if (step >= options_.max_num_steps) {
+      stop_reason_ = "steps done";
+    } else if (seconds_ >= options_.max_time_in_seconds) {
+      stop_reason_ = "time used up";
+    }
+    return !stop_reason_.empty();
+  }
+
+  const TrainOptions& options_;
+  const Model& model_;
+  const DataSet& train_;
+  const DataSet& test_;
+  const Eigen::VectorXd& weights_;
+  History* const history_;
+  TrainSummary* const summary_;
+  Clock::time_point resumed_ = Clock::now();
+  double seconds_ = 0.0;
+  double mean_loss_ = HistoryRow::kNone;
+  double step_norm_ = HistoryRow::kNone;
+  bool budget_is_spent_ = false;
+  std::string stop_reason_;
+};
+
+MinimizerOptions UnboundedOptions() {
+  MinimizerOptions options;
+  options.max_num_iterations = 1000000000;
+  // The budget decides; these only end a run that cannot go on in double
+  // precision.
+  options.function_tolerance = 1e-16;
+  options.gradient_tolerance = 1e-16;
+  options.parameter_tolerance = 1e-16;
+  return options;
+}
+
+bool TrainWithCeres(const Method& method,
+                    const TrainOptions& options,
+                    const Model& model,
+                    const DataSet& train,
+                    const DataSet& test,
+                    Eigen::VectorXd* weights,
+                    History* history,
+                    TrainSummary* summary,
+                    std::string* error) {
+  if (method.ceres->is_trust_region &&
+      !model.loss().SquaredNormFactor().has_value()) {
+    *error = method.label + " needs a least-squares loss, c |y - y*|^2";
+    return false;
+  }
+  ceres::Solver::Options solver_options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  Configure(method, &solver_options, &gradient_options);
+  history->clear();
+  *summary = TrainSummary();
+  TrainingRecorder recorder(
+      options, model, train, test, *weights, history, summary);
+  MinimizerOptions minimizer_options = UnboundedOptions();
+  minimizer_options.callbacks.push_back(&recorder);
+  MinimizerSummary result;
+  std::string proposals;
+  if (method.ceres->is_trust_region) {
+    ceres::Problem problem;
+    AddModelToProblem(&model, &train, weights, &problem);
+    if (method.rule == nullptr) {
+      MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
+    } else {
+      const std::unique_ptr<UpdateRule> rule = method.MakeRule();
+      UpdateCallback callback(UpdateCallback::Options(), rule.get(), &problem);
+      minimizer_options.callbacks.push_back(&callback);
+      MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
+      proposals = "; " + callback.summary().BriefReport();
+    }
+  } else {
+    MinimizeWithCeres(minimizer_options,
+                      gradient_options,
+                      new ModelFunction(&model, &train),
+                      weights,
+                      &result);
+  }
+  recorder.RecordEnd();
+  summary->termination_type = recorder.budget_is_spent()
+                                  ? ceres::NO_CONVERGENCE
+                                  : result.termination_type;
+  summary->message = (recorder.stop_reason().empty() ? result.message
+                                                     : recorder.stop_reason()) +
+                     proposals;
+  return true;
+}
+
+// Collects the points that a minimization visits.
+class PathRecorder final : public ceres::IterationCallback {
+ public:
+  PathRecorder(std::function<Eigen::VectorXd()> point,
+               std::vector<Eigen::VectorXd>* path)
+      : point_(std::move(point)), path_(path) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary&) override {
+    path_->push_back(point_());
+    return ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  std::function<Eigen::VectorXd()> point_;
+  std::vector<Eigen::VectorXd>* path_;
+};
+
+}  // namespace
+
+std::unique_ptr<UpdateRule> Method::MakeRule() const {
+  if (rule == nullptr) return nullptr;
+  std::string error;
+  std::unique_ptr<UpdateRule> made = rule->create(rule_settings, &error);
+  CHECK(made != nullptr) << error;
+  return made;
+}
+
+bool ParseMethods(const std::string& text,
+                  std::vector<Method>* methods,
+                  std::string* error) {
+  std::vector<Specification> specifications;
+  if (!ParseSpecifications(text, &specifications, error)) return false;
+  methods->clear();
+  for (const Specification& specification : specifications) {
+    Method method;
+    if (!ParseMethod(specification, &method, error)) return false;
+    for (const Method& other : *methods) {
+      if (other.label == method.label) {
+        *error = "'" + method.label + "' is listed twice";
+        return false;
+      }
+    }
+    methods->push_back(std::move(method));
+  }
+  return true;
+}
+
+bool TrainByMethod(const Method& method,
+                   const TrainOptions& options,
+                   const Model& model,
+                   const DataSet& train,
+                   const DataSet& test,
+                   Eigen::VectorXd* weights,
+                   History* history,
+                   TrainSummary* summary,
+                   std::string* error) {
+  if (method.ceres != nullptr) {
+    return TrainWithCeres(method,
+                          options,
+                          model,
+                          train,
+                          test,
+                          weights,
+                          history,
+                          summary,
+                          error);
+  }
+  const std::unique_ptr<UpdateRule> rule = method.MakeRule();
+  return Train(options,
+               model,
+               train,
+               test,
+               rule.get(),
+               weights,
+               history,
+               summary,
+               error);
+}
+
+bool MinimizeByMethod(const Method& method,
+                      const MinimizerOptions& options,
+                      ChainObjective* objective,
+                      std::vector<Eigen::VectorXd>* path,
+                      MinimizerSummary* summary,
+                      std::string* error) {
+  path->clear();
+  Eigen::VectorXd x = objective->State();
+  MinimizerOptions recorded = options;
+  PathRecorder recorder(
+      [&]() { return method.ceres == nullptr ? objective->State() : x; }, path);
+  recorded.callbacks.insert(recorded.callbacks.begin(), &recorder);
+  if (method.ceres == nullptr) {
+    const std::unique_ptr<UpdateRule> rule = method.MakeRule();
+    Minimize(recorded, rule.get(), objective, summary);
+    return true;
+  }
+  ceres::Solver::Options solver_options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  Configure(method, &solver_options, &gradient_options);
+  if (!objective->loss().SquaredNormFactor().has_value()) {
+    if (method.ceres->is_trust_region) {
+      *error = method.label + " needs a least-squares loss, c |y - y*|^2";
+      return false;
+    }
+    MinimizeWithCeres(recorded,
+                      gradient_options,
+                      new ChainFunction(objective),
+                      &x,
+                      summary);
+  } else {
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new ChainCostFunction(objective), nullptr, x.data());
+    std::unique_ptr<UpdateRule> rule = method.MakeRule();
+    std::unique_ptr<UpdateCallback> callback;
+    if (rule != nullptr) {
+      callback = std::make_unique<UpdateCallback>(
+          UpdateCallback::Options(), rule.get(), &problem);
+      recorded.callbacks.push_back(callback.get());
+    }
+    MinimizeWithCeres(recorded, solver_options, &problem, summary);
+    if (callback != nullptr) {
+      summary->message += "; " + callback->summary().BriefReport();
+    }
+  }
+  objective->SetState(x);
+  return true;
+}
+
+}  // namespace invgrad

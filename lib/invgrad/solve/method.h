@@ -1,0 +1,68 @@
+// A method is what a comparison compares: an update rule, a minimizer of Ceres,
+// or a minimizer of Ceres to which a rule proposes its steps.
+//
+//   half_inverse:truncation=1e-6        rule
+//   ceres_lm:initial_radius=1e6         Ceres
+//   ceres_lm+half_inverse               Ceres with an UpdateCallback
+//
+// In "a+b:key=value" a setting goes to the rule if the rule has such an option,
+// otherwise to Ceres. The setting batch_size belongs to the method itself.
+#ifndef INVGRAD_SOLVE_METHOD_H_
+#define INVGRAD_SOLVE_METHOD_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/rules/rules.h"
+#include "invgrad/solve/ceres_minimizer.h"
+#include "invgrad/solve/chain_objective.h"
+#include "invgrad/solve/trainer.h"
+
+namespace invgrad {
+
+struct Method {
+  std::string label;  // the specification as it was written
+  const RuleRow* rule = nullptr;
+  Settings rule_settings;
+  const CeresMethodRow* ceres = nullptr;
+  Settings ceres_settings;
+  int batch_size = -1;  // -1: not set
+
+  // A new rule object; null if the method has none.
+  std::unique_ptr<UpdateRule> MakeRule() const;
+};
+
+// "a:x=1,b+c:y=2". False if a name or a setting is unknown or out of range:
+// everything is checked here, before anything runs.
+bool ParseMethods(const std::string& text,
+                  std::vector<Method>* methods,
+                  std::string* error);
+
+// Trains by the method. Ceres' minimizers use all samples at once whatever
+// the batch size; an iteration counts as a step and as an epoch, and a checkpoint
+// is not written. False for bad input, as Train, and if the method cannot take the
+// model (a trust region needs a squared-norm loss).
+bool TrainByMethod(const Method& method,
+                   const TrainOptions& options,
+                   const Model& model,
+                   const DataSet& train,
+                   const DataSet& test,
+                   Eigen::VectorXd* weights,
+                   History* history,
+                   TrainSummary* summary,
+                   std::string* error);
+
+// Minimizes from the objective's current point; `path` receives the points,
+// the start first. False if the method cannot take the objective.
+bool MinimizeByMethod(const Method& method,
+                      const MinimizerOptions& options,
+                      ChainObjective* objective,
+                      std::vector<Eigen::VectorXd>* path,
+                      MinimizerSummary* summary,
+                      std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SOLVE_METHOD_H_

@@ -1,0 +1,411 @@
+#include "invgrad/solve/trainer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <numeric>
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/io/checkpoint.h"
+#include "invgrad/io/numpy_random.h"
+
+namespace invgrad {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+std::string AtStep(const std::string& what, long step) {
+  return what + " at step " + std::to_string(step);
+}
+
+// One run; the members are what a checkpoint holds.
+class TrainingRun {
+ public:
+  TrainingRun(const TrainOptions& options,
+              const Model& model,
+              const DataSet& train,
+              const DataSet& test,
+              UpdateRule* rule,
+              Eigen::VectorXd* weights,
+              History* history,
+              TrainSummary* summary)
+      : options_(options),
+        model_(model),
+        train_(train),
+        test_(test),
+        rule_(rule),
+        weights_(weights),
+        history_(history),
+        summary_(summary),
+        shuffle_(options.shuffle_seed),
+        batch_size_(options.batch_size == 0 ? train.num_samples()
+                                            : options.batch_size),
+        steps_per_epoch_(train.num_samples() / batch_size_) {}
+
+  // Continues from options.checkpoint_path. False if the file does not fit.
+  bool Restore(std::string* error);
+
+  void Run();
+
+ private:
+  struct BestLoss {
+    double loss = std::numeric_limits<double>::infinity();
+    int evaluations_since = 0;
+  };
+
+  // The samples of the step that is to be taken.
+  DataSet NextBatch();
+  // One step; false if the run ends, with the summary filled.
+  bool Step();
+  void Evaluate();
+  // True if the run ends, with the summary filled.
+  bool IsDone();
+  bool CallBack(double batch_loss, double gradient_max_norm, double step_norm);
+  void Finish(ceres::TerminationType type, const std::string& message);
+  void SaveCheckpoint();
+  double Progress() const;
+  int epoch() const { return static_cast<int>(step_ / steps_per_epoch_); }
+
+  const TrainOptions& options_;
+  const Model& model_;
+  const DataSet& train_;
+  const DataSet& test_;
+  UpdateRule* const rule_;
+  Eigen::VectorXd* const weights_;
+  History* const history_;
+  TrainSummary* const summary_;
+
+  NumpyRandom shuffle_;
+  const int batch_size_;
+  const long steps_per_epoch_;
+
+  long step_ = 0;
+  double seconds_ = 0.0;
+  double batch_loss_ = HistoryRow::kNone;
+  double step_norm_ = HistoryRow::kNone;
+  BestLoss best_;
+  std::vector<int> order_;  // of this epoch, if shuffled
+  // The weights of the last finite batch loss.
+  Eigen::VectorXd last_good_weights_;
+  Clock::time_point last_checkpoint_ = Clock::now();
+};
+
+DataSet TrainingRun::NextBatch() {
+  const long in_epoch = step_ % steps_per_epoch_;
+  const int first = static_cast<int>(in_epoch) * batch_size_;
+  if (!options_.shuffle) return train_.Range(first, batch_size_);
+  if (in_epoch == 0) order_ = shuffle_.Permutation(train_.num_samples());
+  const auto begin = order_.begin() + first;
+  return train_.Select(std::vector<int>(begin, begin + batch_size_));
+}
+
+double TrainingRun::Progress() const {
+  const double by_epochs =
+      static_cast<double>(step_) /
+      (static_cast<double>(steps_per_epoch_) * options_.max_num_epochs);
+  const double by_steps = static_cast<double>(step_) / options_.max_num_steps;
+  const double by_time = seconds_ / options_.max_time_in_seconds;
+  return std::min(1.0, std::max({by_epochs, by_steps, by_time}));
+}
+
+bool TrainingRun::Step() {
+  const Clock::time_point start = Clock::now();
+  const DataSet batch = NextBatch();
+  Linearization at_weights;
+  at_weights.progress = Progress();
+  Eigen::VectorXd step;
+  std::string error;
+  const bool is_finite =
+      model_.Linearize(
+          *weights_, batch, rule_->Needs(), &at_weights, &error);
+  if (is_finite) last_good_weights_ = *weights_;
+  if (!is_finite || !rule_->ComputeStep(at_weights, &step, &error)) {
+    seconds_ += SecondsSince(start);
+    *weights_ = last_good_weights_;
+    Finish(ceres::FAILURE, AtStep("diverged", step_ + 1) + ": " + error);
+    return false;
+  }
+  *weights_ += step;
+  ++step_;
+  seconds_ += SecondsSince(start);
+  batch_loss_ = at_weights.cost;
+  step_norm_ = step.norm();
+  return CallBack(
+      batch_loss_,
+      at_weights.gradient.size() == 0 ? 0.0
+                                      : at_weights.gradient.lpNorm<Eigen::Infinity>(),
+      step_norm_);
+}
+
+bool TrainingRun::CallBack(double batch_loss,
+                           double gradient_max_norm,
+                           double step_norm) {
+  ceres::IterationSummary iteration;
+  iteration.iteration = static_cast<int>(step_);
+  iteration.step_is_valid = true;
+  iteration.step_is_successful = true;
+  iteration.cost = batch_loss;
+  iteration.gradient_max_norm = gradient_max_norm;
+  iteration.step_norm = step_norm;
+  iteration.cumulative_time_in_seconds = seconds_;
+  for (ceres::IterationCallback* callback : options_.callbacks) {
+    switch ((*callback)(iteration)) {
+      case ceres::SOLVER_CONTINUE:
+        break;
+      case ceres::SOLVER_ABORT:
+        Finish(ceres::USER_FAILURE, AtStep("aborted by a callback", step_));
+        return false;
+      case ceres::SOLVER_TERMINATE_SUCCESSFULLY:
+        Finish(ceres::USER_SUCCESS, AtStep("stopped by a callback", step_));
+        return false;
+    }
+  }
+  return true;
+}
+
+void TrainingRun::Evaluate() {
+  HistoryRow row;
+  row.step = step_;
+  row.epoch = static_cast<double>(step_) / steps_per_epoch_;
+  row.seconds = seconds_;
+  row.batch_loss = batch_loss_;
+  row.train_loss = MeanLoss(model_, *weights_, train_);
+  if (test_.num_samples() > 0) {
+    row.test_loss = MeanLoss(model_, *weights_, test_);
+  }
+  row.step_norm = step_norm_;
+  history_->push_back(row);
+  const double watched =
+      test_.num_samples() > 0 ? row.test_loss : row.train_loss;
+  if (watched < best_.loss) {
+    best_ = {watched, 0};
+  } else {
+    ++best_.evaluations_since;
+  }
+  if (options_.on_evaluation) options_.on_evaluation(*history_);
+}
+
+bool TrainingRun::IsDone() {
+  const HistoryRow& last = history_->back();
+  if (options_.target_loss > 0.0 && last.step == step_ &&
+      last.train_loss <= options_.target_loss) {
+    Finish(ceres::CONVERGENCE, AtStep("target loss reached", step_));
+  } else if (options_.patience > 0 &&
+             best_.evaluations_since >= options_.patience) {
+    Finish(ceres::CONVERGENCE,
+           "no improvement in " + std::to_string(options_.patience) +
+               " evaluations");
+  } else if (epoch() >= options_.max_num_epochs) {
+    Finish(ceres::NO_CONVERGENCE, "epochs done");
+  } else if (step_ >= options_.max_num_steps) {
+    Finish(ceres::NO_CONVERGENCE, "steps done");
+  } else if (seconds_ >= options_.max_time_in_seconds) {
+    Finish(ceres::NO_CONVERGENCE, "time used up");
+  } else {
+    return false;
+  }
+  return true;
+}
+
+void TrainingRun::Finish(ceres::TerminationType type,
+                         const std::string& message) {
+  summary_->termination_type = type;
+  summary_->message = message;
+}
+
+void TrainingRun::Run() {
+  last_good_weights_ = *weights_;
+  bool runs = true;
+  if (history_->empty()) {
+    Evaluate();
+    runs = CallBack(history_->back().train_loss, 0.0, 0.0);
+  }
+  if (runs && !std::isfinite(history_->back().train_loss)) {
+    Finish(ceres::FAILURE, "the loss is not finite at the initial weights");
+    runs = false;
+  }
+  while (runs && !IsDone()) {
+    runs = Step();
+    if (runs && step_ % steps_per_epoch_ == 0 && IsEvaluationEpoch(epoch())) {
+      Evaluate();
+      if (!std::isfinite(history_->back().train_loss)) {
+        *weights_ = last_good_weights_;
+        Finish(ceres::FAILURE,
+               AtStep("diverged", step_) + ": the train loss is not finite");
+        runs = false;
+      } else if (!options_.checkpoint_path.empty() &&
+                 SecondsSince(last_checkpoint_) >=
+                     options_.checkpoint_interval_in_seconds) {
+        SaveCheckpoint();
+      }
+    }
+  }
+  // The state in which the run ended, wherever that was.
+  if (history_->back().step != step_) Evaluate();
+  summary_->num_steps = step_;
+  summary_->train_time_in_seconds = seconds_;
+}
+
+void TrainingRun::SaveCheckpoint() {
+  Checkpoint checkpoint;
+  auto& arrays = checkpoint.arrays;
+  const auto scalar = [](double value) {
+    return Eigen::VectorXd::Constant(1, value);
+  };
+  arrays["weights"] = *weights_;
+  arrays["step"] = scalar(static_cast<double>(step_));
+  arrays["seconds"] = scalar(seconds_);
+  arrays["batch_loss"] = scalar(batch_loss_);
+  arrays["step_norm"] = scalar(step_norm_);
+  arrays["best_loss"] = scalar(best_.loss);
+  arrays["evaluations_since_best"] = scalar(best_.evaluations_since);
+  arrays["shuffle"] = shuffle_.State();
+  const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
+  for (size_t i = 0; i < rule_state.size(); ++i) {
+    arrays["rule_" + std::to_string(i)] = *rule_state[i];
+  }
+  Eigen::VectorXd rows(7 * history_->size());
+  Eigen::Index i = 0;
+  for (const HistoryRow& row : *history_) {
+    rows.segment<7>(i) << static_cast<double>(row.step), row.epoch, row.seconds,
+        row.batch_loss, row.train_loss, row.test_loss, row.step_norm;
+    i += 7;
+  }
+  arrays["history"] = rows;
+  std::string error;
+  // A checkpoint that cannot be written costs a resume, not the run.
+  if (!WriteCheckpoint(options_.checkpoint_path, checkpoint, &error)) {
+    LOG(WARNING) << error;
+  }
+  last_checkpoint_ = Clock::now();
+}
+
+bool TrainingRun::Restore(std::string* error) {
+  Checkpoint checkpoint;
+  if (!ReadCheckpoint(options_.checkpoint_path, &checkpoint, error)) {
+    return false;
+  }
+  const auto& arrays = checkpoint.arrays;
+  const auto misfit = [&](const std::string& name) {
+    *error = options_.checkpoint_path + ": array '" + name +
+             "' is missing or does not fit this run";
+    return false;
+  };
+  const auto read_scalar = [&](const char* name, double* value) {
+    const auto it = arrays.find(name);
+    if (it == arrays.end() || it->second.size() != 1) return misfit(name);
+    *value = it->second[0];
+    return true;
+  };
+  double step = 0.0;
+  double evaluations_since_best = 0.0;
+  if (!read_scalar("step", &step) || !read_scalar("seconds", &seconds_) ||
+      !read_scalar("batch_loss", &batch_loss_) ||
+      !read_scalar("step_norm", &step_norm_) ||
+      !read_scalar("best_loss", &best_.loss) ||
+      !read_scalar("evaluations_since_best", &evaluations_since_best)) {
+    return false;
+  }
+  step_ = static_cast<long>(step);
+  best_.evaluations_since = static_cast<int>(evaluations_since_best);
+  const auto weights = arrays.find("weights");
+  if (weights == arrays.end() || weights->second.size() != weights_->size()) {
+    return misfit("weights");
+  }
+  *weights_ = weights->second;
+  const auto shuffle = arrays.find("shuffle");
+  if (shuffle == arrays.end() || !shuffle_.SetState(shuffle->second)) {
+    return misfit("shuffle");
+  }
+  const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
+  for (size_t i = 0; i < rule_state.size(); ++i) {
+    const std::string name = "rule_" + std::to_string(i);
+    const auto state = arrays.find(name);
+    if (state == arrays.end()) return misfit(name);
+    *rule_state[i] = state->second;
+  }
+  const auto rows = arrays.find("history");
+  if (rows == arrays.end() || rows->second.size() % 7 != 0) {
+    return misfit("history");
+  }
+  history_->clear();
+  for (Eigen::Index i = 0; i < rows->second.size(); i += 7) {
+    const auto v = rows->second.segment<7>(i);
+    history_->push_back(
+        {static_cast<long>(v[0]), v[1], v[2], v[3], v[4], v[5], v[6]});
+  }
+  return true;
+}
+
+}  // namespace
+
+bool IsEvaluationEpoch(int epoch) {
+  // Spacing 1 up to 40, 2 up to 80, 4 up to 160, ...
+  int spacing = 1;
+  while (epoch > 40 * spacing) spacing *= 2;
+  return epoch % spacing == 0;
+}
+
+double MeanLoss(const Model& model,
+                const Eigen::VectorXd& weights,
+                const DataSet& data) {
+  double cost = 0.0;
+  std::string error;
+  if (!model.Cost(weights, data, &cost, &error)) return HistoryRow::kNone;
+  const int num_samples = data.num_samples();
+  return cost / (model.BatchScale(num_samples) * num_samples);
+}
+
+bool Train(const TrainOptions& options,
+           const Model& model,
+           const DataSet& train,
+           const DataSet& test,
+           UpdateRule* rule,
+           Eigen::VectorXd* weights,
+           History* history,
+           TrainSummary* summary,
+           std::string* error) {
+  CHECK(rule != nullptr && weights != nullptr && history != nullptr &&
+        summary != nullptr && error != nullptr);
+  CHECK_EQ(weights->size(), model.num_weights());
+  CHECK_GT(train.num_samples(), 0);
+  CHECK(options.batch_size >= 0 && options.batch_size <= train.num_samples())
+      << "batch_size is " << options.batch_size << ", allowed are 1 to "
+      << train.num_samples() << ", or 0 for all samples";
+  CHECK(options.max_num_epochs < std::numeric_limits<int>::max() ||
+        options.max_num_steps < std::numeric_limits<long>::max() ||
+        std::isfinite(options.max_time_in_seconds))
+      << "a training run needs a budget in epochs, steps or seconds";
+  std::string where;
+  if (!train.IsFinite(&where)) {
+    *error = "train data: " + where;
+    return false;
+  }
+  if (!test.IsFinite(&where)) {
+    *error = "test data: " + where;
+    return false;
+  }
+  if (!weights->allFinite()) {
+    *error = "the initial weights are not finite";
+    return false;
+  }
+  history->clear();
+  *summary = TrainSummary();
+  TrainingRun run(
+      options, model, train, test, rule, weights, history, summary);
+  if (!options.checkpoint_path.empty() &&
+      std::filesystem::exists(options.checkpoint_path) && !run.Restore(error)) {
+    return false;
+  }
+  run.Run();
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,78 @@
+// A linear loss in two different units: what scaling does to each rule's step.
+//
+//   y = P(x) = (u_0 x_0, u_1 x_1),   L = c (y_0 + y_1)
+//
+// Shapes:  x: 2;  y: 2.
+// Units:   u_i is the number of units of y_i in one unit of x_i: x_0 in metres
+//          and y_0 in millimetres is u_0 = 1000. c is the loss per unit of y.
+// Steps:   with g = c (1, 1) and J = diag(u), a rule's step along x_i is
+//            gradient descent      -eta c u_i
+//            power kappa           -eta c u_i^-kappa
+//              half-inverse        -eta c u_i^-1/2
+//              Gauss-Newton        -eta c u_i^-1
+//            Adam (first step)     -eta
+//          A large c, to which x should react little, makes every step but
+//          Adam's large: the loss is sensitive, and the step should be short.
+//          The Hessian is zero: Newton has no step of its own and falls back
+//          to gradient descent; the automatic step size does not exist.
+// Optimum: none; L is unbounded below.
+// Source:  PBDL, chapter physgrad, "Units" and "Function sensitivity",
+//          arXiv 2109.05237.
+#ifndef PROBLEMS_LINEAR_SCALE_H_
+#define PROBLEMS_LINEAR_SCALE_H_
+
+#include <memory>
+#include <string>
+
+#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct LinearScale {
+  struct Options {
+    double c = 1.0;
+    double unit_0 = 1.0;
+    double unit_1 = 1000.0;
+    void Describe(OptionSet* set) {
+      set->Add("c", &c, {0.0, 1e12, true}, "loss per unit of y");
+      set->Add("unit_0", &unit_0, {0.0, 1e12, true}, "y_0 per unit of x_0");
+      set->Add("unit_1", &unit_1, {0.0, 1e12, true}, "y_1 per unit of x_1");
+    }
+  };
+
+  double unit_0;
+  double unit_1;
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    y[0] = unit_0 * x[0];
+    y[1] = unit_1 * x[1];
+    return true;
+  }
+
+  struct LinearLoss {
+    double c;
+    template <typename T>
+    bool operator()(const T* y, const double* /*target*/, T* loss) const {
+      *loss = c * (y[0] + y[1]);
+      return true;
+    }
+  };
+
+  static bool Create(const Options& options,
+                     PointProblem* problem,
+                     std::string* /*error*/) {
+    problem->simulator = std::make_shared<AutoDiffSimulator<LinearScale, 2, 2>>(
+        LinearScale{options.unit_0, options.unit_1});
+    problem->loss =
+        std::make_shared<AutoDiffLoss<LinearLoss, 2>>(LinearLoss{options.c});
+    problem->target = Eigen::Vector2d::Zero();
+    problem->start = Eigen::Vector2d::Zero();
+    return true;
+  }
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_LINEAR_SCALE_H_

@@ -1,0 +1,128 @@
+// A chain of coupled oscillators that a force on the last one must bring back.
+//
+//   q' = v
+//   v_i' = -q_i + sum_{j = i-1, i+1} [linear (q_j - q_i) + cubic (q_j - q_i)^3]
+//              + (i = last) control u(t)
+//   x = (u_1, ..., u_Nt),   y = (q, v)(T),   L = |y - y*|^2,   y* = (q, v)(0)
+//
+// The network sees the state (q, v)(0) and puts out the force of every time
+// step. The ends of the chain are free.
+//
+// Discretization: classical Runge-Kutta (order 4), Nt steps of dt, u constant in
+//          a step.
+// Shapes:  state, network input and y: 2 num_oscillators;  x: Nt.
+// Units:   none (unit mass and unit spring to the ground).
+// Data:    np.random.seed(data_seed); np.random.rand(2 N, 2 num_oscillators),
+//          the first N rows for training, the others for testing.
+// Settings: coupling=linear (PBDL notebook): Nt 24, dt 0.5, linear 0.2,
+//          control 1, network 4-20-20-20-24 tanh, B 32.
+//          coupling=cubic (HIG release): Nt 96, dt 0.125, cubic 1, control 3,
+//          network 4-20-20-20-96 ReLU, B 128.
+// Facts:   with all forces zero and no coupling, q oscillates with period 2 pi.
+//          The notebook reports the loss of the training data, HIG's scripts
+//          that of test data; both are sum |r|^2 / N.
+// Source:  PBDL, chapter physgrad-hig-code, arXiv 2109.05237; Schnell, Holl,
+//          Thuerey, ICLR 2022, section 3.2, arXiv 2203.10131, and its code,
+//          Nonlinear_oscillators/.
+#ifndef PROBLEMS_OSCILLATOR_CHAIN_H_
+#define PROBLEMS_OSCILLATOR_CHAIN_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "invgrad/chain/loss.h"
+#include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+// One Runge-Kutta step: state (q, v), control u -> next state.
+class OscillatorStep {
+ public:
+  static constexpr int kMaxOscillators = 16;
+
+  int num_oscillators = 2;
+  double dt = 0.5;
+  double linear = 0.2;
+  double cubic = 0.0;
+  double control = 1.0;
+
+  template <typename T>
+  bool operator()(const T* state, const T* u, T* next_state) const {
+    const int size = 2 * num_oscillators;
+    T k1[2 * kMaxOscillators], k2[2 * kMaxOscillators];
+    T k3[2 * kMaxOscillators], k4[2 * kMaxOscillators];
+    T stage[2 * kMaxOscillators];
+    Derivative(state, *u, k1);
+    for (int i = 0; i < size; ++i) stage[i] = state[i] + (0.5 * dt) * k1[i];
+    Derivative(stage, *u, k2);
+    for (int i = 0; i < size; ++i) stage[i] = state[i] + (0.5 * dt) * k2[i];
+    Derivative(stage, *u, k3);
+    for (int i = 0; i < size; ++i) stage[i] = state[i] + dt * k3[i];
+    Derivative(stage, *u, k4);
+    for (int i = 0; i < size; ++i) {
+      next_state[i] =
+          state[i] + (dt / 6.0) * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+    }
+    return true;
+  }
+
+  // d(q, v)/dt.
+  template <typename T>
+  void Derivative(const T* state, const T& u, T* derivative) const {
+    const T* q = state;
+    const T* v = state + num_oscillators;
+    T* acceleration = derivative + num_oscillators;
+    for (int i = 0; i < num_oscillators; ++i) {
+      derivative[i] = v[i];
+      acceleration[i] = -q[i];
+    }
+    for (int i = 0; i + 1 < num_oscillators; ++i) {
+      const T gap = q[i + 1] - q[i];
+      const T force = linear * gap + cubic * (gap * gap * gap);
+      acceleration[i] += force;
+      acceleration[i + 1] -= force;
+    }
+    acceleration[num_oscillators - 1] += control * u;
+  }
+};
+
+struct OscillatorChain {
+  struct Options {
+    std::string coupling = "linear";
+    int num_oscillators = 2;
+    int num_samples = 4096;
+    int data_seed = 0;
+    std::string activation = "published";
+    void Describe(OptionSet* set) {
+      set->Add("coupling",
+               &coupling,
+               {"linear", "cubic"},
+               "linear: PBDL notebook; cubic: HIG release");
+      set->Add("num_oscillators",
+               &num_oscillators,
+               {2, OscillatorStep::kMaxOscillators},
+               "length of the chain");
+      set->Add("num_samples",
+               &num_samples,
+               {1, 1e7},
+               "training samples; as many again are for testing");
+      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      set->Add("activation",
+               &activation,
+               {"published", "tanh", "relu", "gelu", "sigmoid"},
+               "hidden layers; published: tanh if linear, relu if cubic");
+    }
+  };
+
+  static bool Create(const Options& options,
+                     const Eigen::MatrixXd* data,
+                     LearningProblem* problem,
+                     std::string* error);
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_OSCILLATOR_CHAIN_H_

@@ -1,0 +1,126 @@
+#include "problems/problems.h"
+
+#include "problems/linear_scale.h"
+#include "problems/oscillator_chain.h"
+#include "problems/squared_component.h"
+#include "problems/toy_network.h"
+
+namespace invgrad {
+
+namespace {
+
+template <typename Definition>
+std::vector<OptionSet::Row> OptionsOf() {
+  typename Definition::Options options;
+  OptionSet set;
+  options.Describe(&set);
+  return set.rows();
+}
+
+// The fields, if the settings are allowed.
+template <typename Definition>
+std::optional<typename Definition::Options> ReadOptions(
+    const Settings& settings, std::string* error) {
+  typename Definition::Options options;
+  OptionSet set;
+  options.Describe(&set);
+  if (!set.SetAll(settings, error)) return std::nullopt;
+  return options;
+}
+
+template <typename Definition>
+ProblemRow Point(const char* name, const char* equation, const char* source) {
+  return {name,
+          equation,
+          source,
+          OptionsOf<Definition>,
+          [name](const Settings& settings,
+                 const Eigen::MatrixXd* data,
+                 PhysicsProblem* problem,
+                 std::string* error) {
+            if (data != nullptr) {
+              *error = std::string(name) + " has no data to replace";
+              return false;
+            }
+            const auto options = ReadOptions<Definition>(settings, error);
+            return options.has_value() &&
+                   Definition::Create(
+                       *options, &problem->point.emplace(), error);
+          }};
+}
+
+template <typename Definition>
+ProblemRow Learning(const char* name,
+                    const char* equation,
+                    const char* source) {
+  return {name,
+          equation,
+          source,
+          OptionsOf<Definition>,
+          [](const Settings& settings,
+             const Eigen::MatrixXd* data,
+             PhysicsProblem* problem,
+             std::string* error) {
+            const auto options = ReadOptions<Definition>(settings, error);
+            return options.has_value() &&
+                   Definition::Create(
+                       *options, data, &problem->learning.emplace(), error);
+          }};
+}
+
+}  // namespace
+
+const std::vector<ProblemRow>& Problems() {
+  static const auto& table = *new std::vector<ProblemRow>{
+      Point<SquaredComponent>("squared_component",
+                              "y = (x_0, x_1^2), L = |y|^2",
+                              "PBDL physgrad-comparison"),
+      Point<LinearScale>("linear_scale",
+                         "y = (u_0 x_0, u_1 x_1), L = c (y_0 + y_1)",
+                         "PBDL physgrad, units and sensitivity"),
+      Learning<ToyNetwork>(
+          "toy_network",
+          "y = (f_0, lambda f_1), y* = (sin 6a, cos 9a), L = 1/2 |y - y*|^2",
+          "PBDL physgrad-hig"),
+      Learning<OscillatorChain>(
+          "oscillator_chain",
+          "q'' = -q + coupling + u(t) on the last mass, L = |y(T) - y(0)|^2",
+          "PBDL physgrad-hig-code (linear), HIG release (cubic)"),
+  };
+  return table;
+}
+
+const ProblemRow* FindProblem(const std::string& name) {
+  for (const ProblemRow& row : Problems()) {
+    if (row.name == name) return &row;
+  }
+  return nullptr;
+}
+
+bool CreateProblem(const std::string& specification,
+                   const Eigen::MatrixXd* data,
+                   PhysicsProblem* problem,
+                   std::string* error) {
+  std::vector<Specification> parsed;
+  if (!ParseSpecifications(specification, &parsed, error)) return false;
+  if (parsed.size() != 1) {
+    *error = "one problem is wanted, not " + std::to_string(parsed.size()) +
+             ": '" + specification + "'";
+    return false;
+  }
+  const ProblemRow* row = FindProblem(parsed[0].name);
+  if (row == nullptr) {
+    std::vector<std::string> names;
+    for (const ProblemRow& known : Problems()) names.push_back(known.name);
+    *error = UnknownNameMessage("problem", parsed[0].name, names);
+    return false;
+  }
+  std::string why;
+  if (!row->create(parsed[0].settings, data, problem, &why)) {
+    *error = "problem " + row->name + ": " + why;
+    return false;
+  }
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,26 @@
+// The table of problems.
+#ifndef PROBLEMS_PROBLEMS_H_
+#define PROBLEMS_PROBLEMS_H_
+
+#include <string>
+#include <vector>
+
+#include "problems/problem.h"
+
+namespace invgrad {
+
+const std::vector<ProblemRow>& Problems();
+
+// The row of that name or null.
+const ProblemRow* FindProblem(const std::string& name);
+
+// The problem that "name:key=value:..." describes. False with *error set if
+// there is none.
+bool CreateProblem(const std::string& specification,
+                   const Eigen::MatrixXd* data,
+                   PhysicsProblem* problem,
+                   std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_PROBLEMS_H_

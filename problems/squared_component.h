@@ -1,0 +1,58 @@
+// The two-dimensional example of the book's comparison of update rules.
+//
+//   y = P(x) = (x_0, x_1^2),   L = |y|^2
+//
+// Shapes:  x: 2;  y: 2.
+// Units:   none. The loss has no 1/2, so that the book's step sizes are ours.
+// Start:   x = (3, 3), L = 90, dL/dy = (6, 18), dL/dx = (6, 108).
+// Optimum: x = (0, 0), L = 0; the Hessian is singular there in x_1, so Newton's
+//          method converges only linearly, x_1 <- (1 - eta / 3) x_1, while
+//          x_0 <- (1 - eta) x_0.
+// Source:  PBDL, chapter physgrad-comparison, arXiv 2109.05237.
+#ifndef PROBLEMS_SQUARED_COMPONENT_H_
+#define PROBLEMS_SQUARED_COMPONENT_H_
+
+#include <memory>
+#include <string>
+
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/loss.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct SquaredComponent {
+  struct Options {
+    double start_0 = 3.0;
+    double start_1 = 3.0;
+    void Describe(OptionSet* set) {
+      set->Add("start_0", &start_0, {}, "x_0 at the start");
+      set->Add("start_1", &start_1, {}, "x_1 at the start");
+    }
+  };
+
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    y[0] = x[0];
+    y[1] = x[1] * x[1];
+    return true;
+  }
+
+  static bool Create(const Options& options,
+                     PointProblem* problem,
+                     std::string* /*error*/) {
+    problem->simulator =
+        std::make_shared<AutoDiffSimulator<SquaredComponent, 2, 2>>(
+            SquaredComponent());
+    problem->loss = std::make_shared<SquaredNormLoss>(2, 1.0);
+    problem->target = Eigen::Vector2d::Zero();
+    problem->start = Eigen::Vector2d(options.start_0, options.start_1);
+    problem->minimizer = Eigen::Vector2d::Zero();
+    problem->minimum = 0.0;
+    return true;
+  }
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_SQUARED_COMPONENT_H_

@@ -1,0 +1,77 @@
+// A small network behind an ill-conditioned scaling: where gradient descent
+// stalls, Gauss-Newton saturates the neurons, and the half-inverse does neither.
+//
+//   y = P(f(a)) = (f_0, lambda f_1),   y*(a) = (sin 6a, cos 9a)
+//   L = 1/2 |y - y*|^2,   a in [-1, 1]
+//
+// Shapes:  network 1-7-2, tanh, 30 weights;  x = f(a): 2;  y: 2.
+// Units:   lambda scales the network's second output, not its target: at
+//          lambda = 0.01 the network must put out 100 cos 9a.
+// Data:    num_samples equidistant a in [-1, 1] (the book does not say which);
+//          no test data.
+// Facts:   L = 1/2 |y*|^2 averages to about 1/2 at y = 0. Final losses read off
+//          the book's figures: lambda = 1: Adam 4.2e-3, Gauss-Newton 1.16e-3,
+//          half-inverse 4.7e-4; lambda = 0.01: 0.24, 0.40, 2.9e-3.
+// Source:  PBDL, chapter physgrad-hig, section "Toy example", arXiv 2109.05237;
+//          Schnell, Holl, Thuerey, ICLR 2022, section 3.1, arXiv 2203.10131.
+#ifndef PROBLEMS_TOY_NETWORK_H_
+#define PROBLEMS_TOY_NETWORK_H_
+
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/chain/loss.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct ToyNetwork {
+  struct Options {
+    double lambda = 1.0;
+    int num_samples = 256;
+    int num_hidden = 7;
+    void Describe(OptionSet* set) {
+      set->Add("lambda", &lambda, {0.0, 1e6, true}, "scale of y_1");
+      set->Add("num_samples", &num_samples, {2, 1e6}, "samples in [-1, 1]");
+      set->Add("num_hidden", &num_hidden, {1, 1000}, "hidden neurons");
+    }
+  };
+
+  static bool Create(const Options& options,
+                     const Eigen::MatrixXd* data,
+                     LearningProblem* problem,
+                     std::string* error) {
+    Eigen::MatrixXd a(options.num_samples, 1);
+    a.col(0) = Eigen::VectorXd::LinSpaced(options.num_samples, -1.0, 1.0);
+    if (data != nullptr) a = *data;
+    if (a.cols() != 1 || a.rows() == 0) {
+      *error = "toy_network: data must have shape (samples, 1)";
+      return false;
+    }
+    Eigen::SparseMatrix<double, Eigen::RowMajor> scale(2, 2);
+    scale.insert(0, 0) = 1.0;
+    scale.insert(1, 1) = options.lambda;
+    problem->model = std::make_shared<Model>(
+        DenseNetwork({1, options.num_hidden, 2}, Activation::kTanh),
+        std::make_shared<LinearSimulator>(scale, Eigen::Vector2d::Zero()),
+        std::make_shared<SquaredNormLoss>(2, 0.5),
+        Reduction::kMean);
+    const int num_samples = static_cast<int>(a.rows());
+    problem->train.inputs = a.transpose();
+    problem->train.contexts.resize(0, num_samples);
+    problem->train.targets.resize(2, num_samples);
+    problem->train.targets.row(0) = (6.0 * a.col(0).array()).sin();
+    problem->train.targets.row(1) = (9.0 * a.col(0).array()).cos();
+    problem->test = problem->train.Range(0, 0);
+    problem->batch_size = 0;
+    problem->num_epochs = 5000;
+    problem->data = a;
+    return true;
+  }
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_TOY_NETWORK_H_

@@ -1,0 +1,149 @@
+#include "invgrad/solve/chain_objective.h"
+
+#include <cmath>
+#include <memory>
+
+#include "ceres/gradient_checker.h"
+#include "ceres/problem.h"
+#include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_simulator.h"
+
+namespace invgrad {
+namespace {
+
+// y = (x0 sin x1, x0^2 + x1, exp(x1)): more outputs than inputs.
+struct Curved {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::exp;
+    using std::sin;
+    y[0] = x[0] * sin(x[1]);
+    y[1] = x[0] * x[0] + x[1];
+    y[2] = exp(x[1]);
+    return true;
+  }
+};
+
+ChainObjective MakeObjective(double factor) {
+  return ChainObjective(std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
+                        std::make_shared<SquaredNormLoss>(3, factor),
+                        Eigen::Vector3d(0.3, -0.2, 1.5),
+                        Eigen::Vector2d(0.7, -0.4));
+}
+
+double CostAt(const ChainObjective& objective, const Eigen::Vector2d& x) {
+  ChainObjective copy = objective;
+  copy.SetState(x);
+  double cost = 0.0;
+  std::string error;
+  EXPECT_TRUE(copy.Cost(&cost, &error)) << error;
+  return cost;
+}
+
+TEST(ChainObjective, GradientAndHessianAreThoseOfTheCost) {
+  const ChainObjective objective = MakeObjective(1.0);
+  LinearizationParts parts;
+  parts.gradient = parts.jacobian = parts.hessian = true;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(objective.Linearize(parts, &at_x, &error)) << error;
+  const Eigen::Vector2d x = objective.State();
+  EXPECT_EQ(at_x.cost, CostAt(objective, x));
+  // Central differences: error h^2 for the gradient, h^2 + eps / h^2 for the
+  // Hessian.
+  const double h = 1e-4;
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Vector2d di = h * Eigen::Vector2d::Unit(i);
+    EXPECT_NEAR(at_x.gradient[i],
+                (CostAt(objective, x + di) - CostAt(objective, x - di)) /
+                    (2.0 * h),
+                1e-6);
+    for (int j = 0; j < 2; ++j) {
+      const Eigen::Vector2d dj = h * Eigen::Vector2d::Unit(j);
+      const double difference =
+          (CostAt(objective, x + di + dj) - CostAt(objective, x + di - dj) -
+           CostAt(objective, x - di + dj) + CostAt(objective, x - di - dj)) /
+          (4.0 * h * h);
+      EXPECT_NEAR(at_x.hessian(i, j), difference, 1e-6);
+    }
+  }
+  Eigen::VectorXd Jt_g;
+  at_x.jacobian->TransposeTimes(at_x.loss_gradient, &Jt_g);
+  EXPECT_LT((Jt_g - at_x.gradient).norm(), 1e-14);
+  const Eigen::VectorXd v = Eigen::Vector3d(1.0, 2.0, 3.0);
+  EXPECT_LT((at_x.loss_hessian_times(v) - 2.0 * v).norm(), 1e-14);
+}
+
+TEST(ChainObjective, AsACeresProblemHasTheSameCostAndGradient) {
+  const ChainObjective objective = MakeObjective(0.7);
+  Eigen::VectorXd x = objective.State();
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ChainCostFunction(&objective), nullptr, x.data());
+  double cost = 0.0;
+  std::vector<double> gradient;
+  ASSERT_TRUE(problem.Evaluate(
+      ceres::Problem::EvaluateOptions(), &cost, nullptr, &gradient, nullptr));
+  LinearizationParts parts;
+  parts.gradient = true;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(objective.Linearize(parts, &at_x, &error)) << error;
+  EXPECT_NEAR(cost, at_x.cost, 1e-14 * cost);
+  EXPECT_NEAR(gradient[0], at_x.gradient[0], 1e-13);
+  EXPECT_NEAR(gradient[1], at_x.gradient[1], 1e-13);
+
+  ChainFunction function(&objective);
+  double function_cost = 0.0;
+  Eigen::Vector2d function_gradient;
+  ASSERT_TRUE(function.Evaluate(
+      x.data(), &function_cost, function_gradient.data()));
+  EXPECT_EQ(function_cost, at_x.cost);
+  EXPECT_EQ(function_gradient, Eigen::Vector2d(at_x.gradient));
+}
+
+TEST(ChainObjective, CostFunctionPassesTheGradientChecker) {
+  const ChainObjective objective = MakeObjective(0.7);
+  const ChainCostFunction cost_function(&objective);
+  const Eigen::VectorXd x = objective.State();
+  const double* parameters[] = {x.data()};
+  std::vector<const ceres::Manifold*>* no_manifolds = nullptr;
+  ceres::GradientChecker checker(
+      &cost_function, no_manifolds, ceres::NumericDiffOptions());
+  ceres::GradientChecker::ProbeResults results;
+  EXPECT_TRUE(checker.Probe(parameters, 1e-8, &results)) << results.error_log;
+}
+
+// P has no value for x0 > 1.
+struct Bounded {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sqrt;
+    y[0] = sqrt(1.0 - x[0]);
+    return true;
+  }
+};
+
+TEST(ChainObjective, ReportsWhereThePhysicsHasNoValue) {
+  ChainObjective objective(std::make_shared<AutoDiffSimulator<Bounded, 1, 1>>(),
+                           std::make_shared<SquaredNormLoss>(1, 1.0),
+                           Eigen::VectorXd::Zero(1),
+                           Eigen::VectorXd::Constant(1, 2.0));
+  double cost = 0.0;
+  std::string error;
+  EXPECT_FALSE(objective.Cost(&cost, &error));
+  EXPECT_EQ(error, "the simulator has no finite value at x");
+  Linearization at_x;
+  EXPECT_FALSE(objective.Linearize(LinearizationParts(), &at_x, &error));
+  EXPECT_EQ(objective.Outputs().size(), 0);
+}
+
+TEST(ChainObjective, RefusesAStepThatIsNotFinite) {
+  ChainObjective objective = MakeObjective(1.0);
+  const Eigen::VectorXd before = objective.State();
+  EXPECT_FALSE(objective.Plus(Eigen::Vector2d(NAN, 1.0)));
+  EXPECT_EQ(objective.State(), before);
+}
+
+}  // namespace
+}  // namespace invgrad

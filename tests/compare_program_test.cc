@@ -1,0 +1,332 @@
+// The program compare, run as a user runs it.
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/history.h"
+#include "invgrad/io/npy.h"
+
+namespace invgrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Output {
+  int exit_code = -1;
+  std::string text;  // stdout and stderr
+};
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+class CompareProgram : public ::testing::Test {
+ protected:
+  CompareProgram() {
+    directory_ = fs::path(::testing::TempDir()) /
+                 ("compare_program_" + std::to_string(::getpid()) + "_" +
+                  ::testing::UnitTest::GetInstance()
+                      ->current_test_info()
+                      ->name());
+    fs::remove_all(directory_);
+    fs::create_directories(directory_);
+  }
+  ~CompareProgram() override { fs::remove_all(directory_); }
+
+  std::string Path(const std::string& name) const {
+    return (directory_ / name).string();
+  }
+
+  // Starts compare with its output in a file; returns the process.
+  pid_t Start(const std::vector<std::string>& arguments) const {
+    std::vector<std::string> words = {INVGRAD_BIN_DIR "/compare"};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    const pid_t child = ::fork();
+    if (child == 0) {
+      std::freopen(Path("stdout").c_str(), "w", stdout);
+      ::dup2(STDOUT_FILENO, STDERR_FILENO);
+      ::execv(argv[0], argv.data());
+      std::_Exit(127);
+    }
+    return child;
+  }
+
+  Output Wait(pid_t child) const {
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    Output output;
+    output.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    output.text = ReadAll(Path("stdout"));
+    return output;
+  }
+
+  Output Run(const std::vector<std::string>& arguments) const {
+    return Wait(Start(arguments));
+  }
+
+  // A run of some milliseconds.
+  std::vector<std::string> SmallRun(const std::string& output) const {
+    return {"--problem=oscillator_chain:num_samples=64",
+            "--rules=half_inverse,adam:step_size=1e-2",
+            "--epochs=3",
+            "--batch_size=16",
+            "--plots=false",
+            "--output=" + Path(output)};
+  }
+
+  // Fails with exit code 1, says all of `words`, and writes nothing.
+  void ExpectRefused(std::vector<std::string> arguments,
+                     const std::vector<std::string>& words) const {
+    arguments.push_back("--output=" + Path("refused"));
+    const Output output = Run(arguments);
+    EXPECT_EQ(output.exit_code, 1) << output.text;
+    for (const std::string& word : words) {
+      EXPECT_NE(output.text.find(word), std::string::npos)
+          << "no '" << word << "' in: " << output.text;
+    }
+    EXPECT_FALSE(fs::exists(Path("refused")));
+  }
+
+ private:
+  fs::path directory_;
+};
+
+TEST_F(CompareProgram, ListsProblemsRulesAndOptions) {
+  const Output output = Run({"--list"});
+  EXPECT_EQ(output.exit_code, 0);
+  for (const char* word : {"squared_component",
+                           "linear_scale",
+                           "toy_network",
+                           "oscillator_chain",
+                           "gradient_descent",
+                           "adam",
+                           "rmsprop",
+                           "adagrad",
+                           "adadelta",
+                           "newton",
+                           "saddle_free_newton",
+                           "power",
+                           "half_inverse",
+                           "gauss_newton",
+                           "levenberg_marquardt",
+                           "ceres_lm",
+                           "ceres_dogleg",
+                           "ceres_bfgs",
+                           "ceres_lbfgs",
+                           "ceres_nonlinear_cg",
+                           "ceres_steepest_descent",
+                           "truncation=",
+                           "coupling="}) {
+    EXPECT_NE(output.text.find(word), std::string::npos) << word;
+  }
+}
+
+TEST_F(CompareProgram, RefusesUnknownNamesAndSuggestsTheNearest) {
+  ExpectRefused({"--rules=half_invers"}, {"half_invers", "half_inverse"});
+  ExpectRefused({"--rules=adam:stepsize=1"}, {"adam", "stepsize", "step_size"});
+  ExpectRefused({"--rules=ceres_lm+adamm"}, {"adamm", "adam"});
+  ExpectRefused({"--rules=ceres_lm:truncation=1"}, {"truncation"});
+  ExpectRefused({"--problem=oscillator_chains"},
+                {"oscillator_chains", "oscillator_chain"});
+  ExpectRefused({"--problem=oscillator_chain:couplin=cubic"},
+                {"couplin", "coupling"});
+}
+
+TEST_F(CompareProgram, RefusesValuesOutOfRange) {
+  ExpectRefused({"--rules=adam:step_size=-1"}, {"step_size=-1", "allowed"});
+  ExpectRefused({"--rules=adam:step_size=fast"}, {"step_size=fast"});
+  ExpectRefused({"--rules=adam,adam"}, {"twice"});
+  ExpectRefused({"--rules="}, {"--rules"});
+  ExpectRefused({"--epochs=-3"}, {"--epochs=-3", "allowed"});
+  ExpectRefused({"--batch_size=100000"}, {"--batch_size=100000", "4096"});
+  ExpectRefused({"--rules=adam:batch_size=100000"},
+                {"batch_size=100000", "4096"});
+  ExpectRefused({"--track_sample=4096"}, {"--track_sample=4096", "4095"});
+  ExpectRefused({"--seeds=1,1"}, {"--seeds", "twice"});
+  ExpectRefused({"--seeds=x"}, {"--seeds", "x"});
+  ExpectRefused({"--levels=0"}, {"--levels", "0"});
+  ExpectRefused({"--problem=oscillator_chain:num_oscillators=1"},
+                {"num_oscillators=1", "[2, 16]"});
+  ExpectRefused({"stray"}, {"stray"});
+}
+
+TEST_F(CompareProgram, RefusesFilesThatDoNotFit) {
+  std::string error;
+  ExpectRefused({"--init_weights=" + Path("none.npy")}, {"none.npy"});
+  std::ofstream(Path("text.npy")) << "no array";
+  ExpectRefused({"--init_weights=" + Path("text.npy")}, {"text.npy"});
+  ASSERT_TRUE(WriteNpy(Path("short.npy"), Eigen::VectorXd::Zero(7), &error));
+  ExpectRefused({"--init_weights=" + Path("short.npy")},
+                {"short.npy", "7", "1444"});
+  Eigen::MatrixXd data = Eigen::MatrixXd::Constant(64, 4, 0.5);
+  data(5, 2) = std::nan("");
+  ASSERT_TRUE(WriteNpy(Path("nan.npy"), data, &error));
+  ExpectRefused({"--data=" + Path("nan.npy")}, {"nan.npy", "5", "2"});
+  ASSERT_TRUE(
+      WriteNpy(Path("wide.npy"), Eigen::MatrixXd::Zero(64, 5), &error));
+  ExpectRefused({"--data=" + Path("wide.npy")}, {"(64, 5)", "4"});
+}
+
+TEST_F(CompareProgram, WritesARunDirectoryAndRefusesToReplaceIt) {
+  const Output output = Run(SmallRun("run"));
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("half_inverse"), std::string::npos);
+  EXPECT_NE(output.text.find("epochs done"), std::string::npos);
+  for (const char* name : {"flags.txt",
+                           "versions.txt",
+                           "table.txt",
+                           "table.md",
+                           "summary.csv",
+                           "data.npy",
+                           "initial_weights-seed1.npy",
+                           "half_inverse-seed1/history.csv",
+                           "half_inverse-seed1/weights.npy",
+                           "half_inverse-seed1/neurons.csv",
+                           "half_inverse-seed1/sample_path.csv",
+                           "adam-step_size-1e-2-seed1/weights.npy"}) {
+    EXPECT_TRUE(fs::exists(Path("run") + "/" + name)) << name;
+  }
+  const std::string table = ReadAll(Path("run") + "/table.txt");
+  const Output again = Run(SmallRun("run"));
+  EXPECT_EQ(again.exit_code, 1);
+  EXPECT_NE(again.text.find("exists"), std::string::npos) << again.text;
+  EXPECT_EQ(ReadAll(Path("run") + "/table.txt"), table);
+
+  std::vector<std::string> overwrite = SmallRun("run");
+  overwrite.push_back("--overwrite");
+  EXPECT_EQ(Run(overwrite).exit_code, 0);
+
+  // Only what a run made is ever replaced.
+  fs::create_directories(Path("precious"));
+  std::ofstream(Path("precious") + "/thesis.tex") << "years";
+  overwrite = SmallRun("precious");
+  overwrite.push_back("--overwrite");
+  EXPECT_EQ(Run(overwrite).exit_code, 1);
+  EXPECT_EQ(ReadAll(Path("precious") + "/thesis.tex"), "years");
+}
+
+TEST_F(CompareProgram, FlagFileRepeatsTheRunBitForBit) {
+  ASSERT_EQ(Run(SmallRun("first")).exit_code, 0);
+  const Output second = Run({"--flagfile=" + Path("first") + "/flags.txt",
+                             "--output=" + Path("second")});
+  ASSERT_EQ(second.exit_code, 0) << second.text;
+  Eigen::VectorXd a, b;
+  std::string error;
+  const std::string weights = "/half_inverse-seed1/weights.npy";
+  ASSERT_TRUE(ReadNpy(Path("first") + weights, 1444, &a, &error)) << error;
+  ASSERT_TRUE(ReadNpy(Path("second") + weights, 1444, &b, &error)) << error;
+  EXPECT_EQ(a, b);
+
+  // So does a run that is given the first one's data and weights.
+  std::vector<std::string> given = SmallRun("third");
+  given[0] = "--problem=oscillator_chain:data_seed=9";
+  given.push_back("--data=" + Path("first") + "/data.npy");
+  given.push_back("--init_weights=" + Path("first") +
+                  "/initial_weights-seed1.npy");
+  given.push_back("--seeds=5");
+  const Output third = Run(given);
+  ASSERT_EQ(third.exit_code, 0) << third.text;
+  ASSERT_TRUE(ReadNpy(
+      Path("third") + "/half_inverse-seed5/weights.npy", 1444, &b, &error));
+  EXPECT_EQ(a, b);
+}
+
+TEST_F(CompareProgram, ADivergingMethodIsARowAndTheOthersGoOn) {
+  std::vector<std::string> arguments = SmallRun("run");
+  arguments[1] =
+      "--rules=gradient_descent:step_size=1e200,half_inverse,"
+      "ceres_lm,ceres_lm+half_inverse,ceres_bfgs";
+  const Output output = Run(arguments);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("diverged at step 2"), std::string::npos)
+      << output.text;
+  EXPECT_NE(output.text.find("proposed"), std::string::npos) << output.text;
+  EXPECT_TRUE(fs::exists(Path("run") + "/ceres_bfgs-seed1/weights.npy"));
+}
+
+TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
+  std::vector<std::string> arguments = SmallRun("run");
+  arguments[1] = "--rules=half_inverse,adam:step_size=1e-2";
+  arguments[2] = "--epochs=1000000";
+  const pid_t child = Start(arguments);
+  // The run has begun when its first files are there.
+  const std::string started = Path("run") + "/half_inverse-seed1";
+  for (int i = 0; i < 500 && !fs::exists(started); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ::kill(child, SIGINT);
+  const Output interrupted = Wait(child);
+  EXPECT_EQ(interrupted.exit_code, 0) << interrupted.text;
+  EXPECT_NE(interrupted.text.find("stopped"), std::string::npos)
+      << interrupted.text;
+  EXPECT_TRUE(fs::exists(started + "/weights.npy"));
+  EXPECT_TRUE(fs::exists(Path("run") + "/table.txt"));
+  EXPECT_FALSE(fs::exists(started + "/result.txt"));
+
+  // A shorter budget, so that the resumed run ends.
+  arguments[2] = "--epochs=3";
+  arguments.push_back("--resume");
+  const Output resumed = Run(arguments);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.text;
+  EXPECT_TRUE(fs::exists(started + "/result.txt"));
+  EXPECT_TRUE(
+      fs::exists(Path("run") + "/adam-step_size-1e-2-seed1/result.txt"));
+
+  // Other flags would be another run.
+  arguments[3] = "--batch_size=8";
+  const Output other = Run(arguments);
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_NE(other.text.find("batch_size"), std::string::npos) << other.text;
+}
+
+TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
+  const Output output = Run({"--problem=oscillator_chain:num_samples=64",
+                             "--rules=gauss_newton:truncation=1e-6",
+                             "--batch_size=8",
+                             "--dump_step=" + Path("dump")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const std::string at = Path("dump") + "/gauss_newton-truncation-1e-6/";
+  Eigen::MatrixXd J;
+  Eigen::VectorXd g, gradient, step;
+  std::string error;
+  ASSERT_TRUE(ReadNpy(at + "J.npy", 32, 1444, &J, &error)) << error;
+  ASSERT_TRUE(ReadNpy(at + "g.npy", 32, &g, &error)) << error;
+  ASSERT_TRUE(ReadNpy(at + "gradient.npy", 1444, &gradient, &error)) << error;
+  ASSERT_TRUE(ReadNpy(at + "step.npy", 1444, &step, &error)) << error;
+  EXPECT_LT((J.transpose() * g - gradient).norm(), 1e-12 * gradient.norm());
+  // J has full row rank, so the Gauss-Newton step with eta = 1 undoes g.
+  EXPECT_LT((J * step + g).norm(), 1e-6 * g.norm());
+}
+
+TEST_F(CompareProgram, PointProblemsHaveATableToo) {
+  const Output output = Run({"--problem=squared_component",
+                             "--rules=gradient_descent:step_size=0.01,newton,"
+                             "ceres_lm,ceres_bfgs,ceres_lm+half_inverse",
+                             "--steps=20",
+                             "--plots=false",
+                             "--output=" + Path("run")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("ceres_bfgs"), std::string::npos);
+  EXPECT_TRUE(fs::exists(Path("run") + "/path-newton.csv"));
+}
+
+}  // namespace
+}  // namespace invgrad

@@ -1,0 +1,65 @@
+#include "invgrad/chain/data_set.h"
+
+#include <limits>
+#include <string>
+
+#include "gtest/gtest.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::MatrixXd;
+
+DataSet FourSamples() {
+  DataSet data;
+  data.inputs.resize(2, 4);
+  data.inputs << 0, 1, 2, 3, 10, 11, 12, 13;
+  data.contexts = -data.inputs.topRows(1);
+  data.targets = data.inputs.bottomRows(1);
+  return data;
+}
+
+TEST(DataSetTest, SelectKeepsTheGivenOrder) {
+  const DataSet selected = FourSamples().Select({3, 1, 3});
+  ASSERT_EQ(selected.num_samples(), 3);
+  EXPECT_EQ(selected.inputs.row(0), Eigen::RowVector3d(3, 1, 3));
+  EXPECT_EQ(selected.contexts.row(0), Eigen::RowVector3d(-3, -1, -3));
+  EXPECT_EQ(selected.targets.row(0), Eigen::RowVector3d(13, 11, 13));
+}
+
+TEST(DataSetTest, RangeIsContiguous) {
+  const DataSet range = FourSamples().Range(1, 2);
+  EXPECT_EQ(range.inputs.row(0), Eigen::RowVector2d(1, 2));
+  EXPECT_EQ(range.contexts.row(0), Eigen::RowVector2d(-1, -2));
+  EXPECT_EQ(range.targets.row(0), Eigen::RowVector2d(11, 12));
+  EXPECT_EQ(FourSamples().Range(4, 0).num_samples(), 0);
+}
+
+TEST(DataSetTest, AnArrayWithoutRowsMayHaveNoColumns) {
+  DataSet data = FourSamples();
+  data.contexts.resize(0, 0);
+  EXPECT_EQ(data.Range(1, 2).contexts.cols(), 2);
+  EXPECT_EQ(data.Select({0, 1, 2}).contexts.cols(), 3);
+}
+
+TEST(DataSetTest, NamesArraySampleAndEntryThatIsNotFinite) {
+  std::string error;
+  DataSet data = FourSamples();
+  EXPECT_TRUE(data.IsFinite(&error));
+  EXPECT_EQ(error, "");
+  data.inputs(1, 2) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(data.IsFinite(&error));
+  EXPECT_EQ(error, "inputs: entry 1 of sample 2 is nan");
+  data = FourSamples();
+  data.targets(0, 3) = -std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(data.IsFinite(&error));
+  EXPECT_EQ(error, "targets: entry 0 of sample 3 is -inf");
+}
+
+TEST(DataSetDeathTest, RefusesSamplesThatDoNotExist) {
+  EXPECT_DEATH(FourSamples().Select({4}), "4 vs. 4");
+  EXPECT_DEATH(FourSamples().Range(3, 2), "2 vs. 1");
+}
+
+}  // namespace
+}  // namespace invgrad

@@ -1,0 +1,170 @@
+#include "invgrad/chain/network_jacobian.h"
+
+#include <cmath>
+#include <random>
+#include <tuple>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/jet.h"
+#include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/network_functor.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
+  std::mt19937 generator(seed);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  return MatrixXd::NullaryExpr(
+      rows, cols, [&](Eigen::Index) { return uniform(generator); });
+}
+
+// Widths, batch size and outputs per sample: tiles of one sample and of many,
+// with and without a remainder.
+class NetworkJacobianTest
+    : public testing::TestWithParam<std::tuple<std::vector<int>, int, int>> {
+ protected:
+  NetworkJacobianTest()
+      : network_(std::get<0>(GetParam()), Activation::kTanh),
+        weights_(RandomMatrix(network_.num_weights(), 1, 1)),
+        jacobian_(Make()) {
+    jacobian_.ToDense(&dense_);
+  }
+
+  NetworkJacobian Make() const {
+    const auto& [widths, batch_size, num_outputs] = GetParam();
+    DenseNetwork::Activations activations;
+    network_.Forward(weights_,
+                     RandomMatrix(widths.front(), batch_size, 2),
+                     false,
+                     &activations);
+    return NetworkJacobian(
+        network_,
+        weights_,
+        std::move(activations),
+        RandomMatrix(widths.back(), batch_size * num_outputs, 3));
+  }
+
+  const DenseNetwork network_;
+  const VectorXd weights_;
+  const NetworkJacobian jacobian_;
+  MatrixXd dense_;
+};
+
+TEST_P(NetworkJacobianTest, GramIsTheDenseOne) {
+  MatrixXd gram;
+  jacobian_.Gram(&gram);
+  const MatrixXd expected = dense_ * dense_.transpose();
+  ASSERT_EQ(gram.rows(), dense_.rows());
+  ASSERT_EQ(gram.cols(), dense_.rows());
+  EXPECT_LT((gram - expected).norm(), 1e-14 * expected.norm());
+  EXPECT_EQ(gram, gram.transpose());
+}
+
+TEST_P(NetworkJacobianTest, ParameterGramIsTheDenseOne) {
+  MatrixXd gram;
+  jacobian_.ParameterGram(&gram);
+  const MatrixXd expected = dense_.transpose() * dense_;
+  EXPECT_LT((gram - expected).norm(), 1e-14 * expected.norm());
+}
+
+TEST_P(NetworkJacobianTest, ProductsAreTheDenseOnes) {
+  const VectorXd v = RandomMatrix(jacobian_.cols(), 1, 4);
+  const VectorXd w = RandomMatrix(jacobian_.rows(), 1, 5);
+  VectorXd Jv;
+  VectorXd Jtw;
+  jacobian_.Times(v, &Jv);
+  jacobian_.TransposeTimes(w, &Jtw);
+  EXPECT_LT((Jv - dense_ * v).norm(), 1e-14 * dense_.norm() * v.norm());
+  EXPECT_LT((Jtw - dense_.transpose() * w).norm(),
+            1e-14 * dense_.norm() * w.norm());
+  // w . J v = J^T w . v
+  EXPECT_NEAR(
+      w.dot(Jv), Jtw.dot(v), 1e-14 * dense_.norm() * v.norm() * w.norm());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Sizes,
+    NetworkJacobianTest,
+    testing::Values(std::make_tuple(std::vector<int>{3, 2}, 1, 1),
+                    std::make_tuple(std::vector<int>{2, 5, 3}, 4, 3),
+                    std::make_tuple(std::vector<int>{4, 20, 20, 20, 24}, 35, 4),
+                    std::make_tuple(std::vector<int>{3, 6, 4, 5}, 11, 7),
+                    std::make_tuple(std::vector<int>{2, 8, 9}, 3, 70)));
+
+// P(x) = (x0 x1, sin x2, exp x0).
+struct Curved {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::exp;
+    using std::sin;
+    y[0] = x[0] * x[1];
+    y[1] = sin(x[2]);
+    y[2] = exp(x[0]);
+    return true;
+  }
+};
+
+// Network and simulator on Jets, one weight at a time, and by central
+// differences.
+TEST(NetworkJacobian, IsTheDerivativeOfTheChain) {
+  const DenseNetwork network({2, 4, 3}, Activation::kSigmoid);
+  const AutoDiffSimulator<Curved, 3, 3> simulator;
+  const int batch_size = 3;
+  const VectorXd weights = RandomMatrix(network.num_weights(), 1, 1);
+  const MatrixXd inputs = RandomMatrix(2, batch_size, 2);
+  DenseNetwork::Activations activations;
+  network.Forward(weights, inputs, false, &activations);
+  MatrixXd simulator_jacobians(3, 3 * batch_size);
+  Eigen::Vector3d y;
+  for (int s = 0; s < batch_size; ++s) {
+    ASSERT_TRUE(simulator.Evaluate(activations.outputs.col(s).data(),
+                                   nullptr,
+                                   y.data(),
+                                   simulator_jacobians.col(3 * s).data()));
+  }
+  const NetworkJacobian jacobian(
+      network, weights, activations, simulator_jacobians);
+  MatrixXd J;
+  jacobian.ToDense(&J);
+
+  using Jet = ceres::Jet<double, 1>;
+  const NetworkFunctor functor(network);
+  for (int k = 0; k < network.num_weights(); ++k) {
+    for (int s = 0; s < batch_size; ++s) {
+      std::vector<Jet> theta;
+      for (const double weight : weights) theta.emplace_back(weight);
+      theta[k].v[0] = 1.0;
+      const Jet a[] = {Jet(inputs(0, s)), Jet(inputs(1, s))};
+      Jet x[3];
+      Jet y_jets[3];
+      functor(theta.data(), a, x);
+      Curved()(x, y_jets);
+
+      const double h = 1e-5;
+      Eigen::Vector3d shifted[2];
+      for (const int side : {0, 1}) {
+        VectorXd moved = weights;
+        moved[k] += side == 0 ? -h : h;
+        Eigen::Vector3d x_moved;
+        const Eigen::Vector2d a_moved = inputs.col(s);
+        functor(moved.data(), a_moved.data(), x_moved.data());
+        Curved()(x_moved.data(), shifted[side].data());
+      }
+      for (int j = 0; j < 3; ++j) {
+        EXPECT_NEAR(J(3 * s + j, k), y_jets[j].v[0], 1e-14);
+        // h^2 / 6 times a third derivative of order one, and eps / h.
+        EXPECT_NEAR(
+            J(3 * s + j, k), (shifted[1][j] - shifted[0][j]) / (2.0 * h), 1e-9);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace invgrad

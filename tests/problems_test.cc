@@ -1,0 +1,390 @@
+// What every row of the table of problems promises, and what each one adds.
+
+#include "problems/problems.h"
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/solve/minimizer.h"
+#include "problems/oscillator_chain.h"
+
+namespace invgrad {
+namespace {
+
+using RowMajorMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+PhysicsProblem Create(const std::string& specification) {
+  PhysicsProblem problem;
+  std::string error;
+  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
+  return problem;
+}
+
+// The problem's physics at one typical point.
+struct Probe {
+  const Simulator* simulator;
+  const Loss* loss;
+  Eigen::VectorXd x;
+  Eigen::VectorXd context;
+  Eigen::VectorXd target;
+
+  explicit Probe(const PhysicsProblem& problem) {
+    NumpyRandom random(5);
+    if (problem.point.has_value()) {
+      simulator = problem.point->simulator.get();
+      loss = problem.point->loss.get();
+      target = problem.point->target;
+    } else {
+      simulator = &problem.learning->model->simulator();
+      loss = &problem.learning->model->loss();
+      context = problem.learning->train.contexts.col(0);
+      target = problem.learning->train.targets.col(0);
+    }
+    x.resize(simulator->num_inputs());
+    for (double& value : x) value = random.Uniform(-1.0, 1.0);
+  }
+
+  Eigen::VectorXd Outputs(const Eigen::VectorXd& at) const {
+    Eigen::VectorXd y(simulator->num_outputs());
+    EXPECT_TRUE(
+        simulator->Evaluate(at.data(), context.data(), y.data(), nullptr));
+    return y;
+  }
+  RowMajorMatrix Jacobian(const Eigen::VectorXd& at) const {
+    Eigen::VectorXd y(simulator->num_outputs());
+    RowMajorMatrix J(simulator->num_outputs(), simulator->num_inputs());
+    EXPECT_TRUE(
+        simulator->Evaluate(at.data(), context.data(), y.data(), J.data()));
+    return J;
+  }
+};
+
+class EveryProblem : public ::testing::TestWithParam<std::string> {
+ protected:
+  const PhysicsProblem problem_ = Create(GetParam());
+  // Central differences of functions of order one with h = 1e-5: h^2 and
+  // eps / h.
+  static constexpr double kStep = 1e-5;
+  static constexpr double kTolerance = 1e-7;
+};
+
+TEST_P(EveryProblem, IsEitherAPointOrALearningProblem) {
+  EXPECT_NE(problem_.point.has_value(), problem_.learning.has_value());
+}
+
+TEST_P(EveryProblem, SimulatorJacobianIsThatOfItsOutputs) {
+  const Probe probe(problem_);
+  const RowMajorMatrix J = probe.Jacobian(probe.x);
+  const double scale = std::max(1.0, J.cwiseAbs().maxCoeff());
+  for (int i = 0; i < probe.x.size(); ++i) {
+    const Eigen::VectorXd h =
+        kStep * Eigen::VectorXd::Unit(probe.x.size(), i);
+    const Eigen::VectorXd difference =
+        (probe.Outputs(probe.x + h) - probe.Outputs(probe.x - h)) /
+        (2.0 * kStep);
+    EXPECT_LT((J.col(i) - difference).cwiseAbs().maxCoeff(), kTolerance * scale)
+        << "input " << i;
+  }
+}
+
+TEST_P(EveryProblem, PullBackIsTheTransposedJacobian) {
+  const Probe probe(problem_);
+  const Eigen::VectorXd w =
+      Eigen::VectorXd::LinSpaced(probe.simulator->num_outputs(), 1.0, 2.0);
+  Eigen::VectorXd y(w.size()), x_bar(probe.x.size());
+  ASSERT_TRUE(probe.simulator->PullBack(
+      probe.x.data(),
+      probe.context.data(),
+      [&w](const double*, double* covector) {
+        Eigen::Map<Eigen::VectorXd>(covector, w.size()) = w;
+        return true;
+      },
+      y.data(),
+      x_bar.data()));
+  const RowMajorMatrix J = probe.Jacobian(probe.x);
+  EXPECT_EQ(y, probe.Outputs(probe.x));
+  EXPECT_LT((x_bar - J.transpose() * w).norm(), 1e-12 * (1.0 + J.norm()));
+}
+
+TEST_P(EveryProblem, WeightedHessianIsTheDerivativeOfThePulledBackCovector) {
+  const Probe probe(problem_);
+  const int n = static_cast<int>(probe.x.size());
+  const Eigen::VectorXd w =
+      Eigen::VectorXd::LinSpaced(probe.simulator->num_outputs(), 1.0, 2.0);
+  Eigen::MatrixXd H(n, n);
+  ASSERT_TRUE(probe.simulator->WeightedHessian(
+      probe.x.data(), probe.context.data(), w.data(), H.data()));
+  const double scale = std::max(1.0, H.cwiseAbs().maxCoeff());
+  EXPECT_LT((H - H.transpose()).cwiseAbs().maxCoeff(), 1e-12 * scale);
+  for (int i = 0; i < n; ++i) {
+    const Eigen::VectorXd h = kStep * Eigen::VectorXd::Unit(n, i);
+    const Eigen::VectorXd difference =
+        (probe.Jacobian(probe.x + h) - probe.Jacobian(probe.x - h))
+            .transpose() *
+        w / (2.0 * kStep);
+    EXPECT_LT((H.col(i) - difference).cwiseAbs().maxCoeff(), kTolerance * scale)
+        << "input " << i;
+  }
+}
+
+TEST_P(EveryProblem, LossDerivativesAreThoseOfTheLoss) {
+  const Probe probe(problem_);
+  const int m = probe.loss->size();
+  const Eigen::VectorXd y = probe.Outputs(probe.x);
+  const double* target = probe.target.data();
+  double loss = 0.0;
+  Eigen::VectorXd gradient(m), above(m), below(m);
+  Eigen::MatrixXd hessian(m, m);
+  ASSERT_TRUE(probe.loss->Evaluate(
+      y.data(), target, &loss, gradient.data(), hessian.data()));
+  for (int i = 0; i < m; ++i) {
+    const Eigen::VectorXd h = kStep * Eigen::VectorXd::Unit(m, i);
+    const Eigen::VectorXd y_above = y + h, y_below = y - h;
+    double loss_above = 0.0, loss_below = 0.0;
+    ASSERT_TRUE(probe.loss->Evaluate(
+        y_above.data(), target, &loss_above, above.data(), nullptr));
+    ASSERT_TRUE(probe.loss->Evaluate(
+        y_below.data(), target, &loss_below, below.data(), nullptr));
+    const double scale = 1.0 + std::abs(loss);
+    EXPECT_NEAR(gradient[i],
+                (loss_above - loss_below) / (2.0 * kStep),
+                kTolerance * scale);
+    EXPECT_LT(((above - below) / (2.0 * kStep) - hessian.col(i)).norm(),
+              kTolerance * scale);
+  }
+}
+
+TEST_P(EveryProblem, KnownOptimumIsOne) {
+  if (!problem_.point.has_value() || !problem_.point->minimizer.has_value()) {
+    GTEST_SKIP() << "no minimizer is known";
+  }
+  ChainObjective objective = problem_.point->MakeObjective();
+  objective.SetState(*problem_.point->minimizer);
+  LinearizationParts parts;
+  parts.gradient = true;
+  Linearization at_optimum;
+  std::string error;
+  ASSERT_TRUE(objective.Linearize(parts, &at_optimum, &error)) << error;
+  EXPECT_NEAR(at_optimum.gradient.norm(), 0.0, 1e-12);
+  ASSERT_TRUE(problem_.point->minimum.has_value());
+  EXPECT_NEAR(at_optimum.cost, *problem_.point->minimum, 1e-12);
+}
+
+TEST_P(EveryProblem, DataAreFiniteAndFitTheModel) {
+  if (!problem_.learning.has_value()) GTEST_SKIP() << "a point problem";
+  const LearningProblem& learning = *problem_.learning;
+  std::string error;
+  EXPECT_TRUE(learning.train.IsFinite(&error)) << error;
+  EXPECT_TRUE(learning.test.IsFinite(&error)) << error;
+  EXPECT_EQ(learning.train.inputs.rows(),
+            learning.model->network().num_inputs());
+  EXPECT_EQ(learning.train.contexts.rows(),
+            learning.model->simulator().num_context());
+  EXPECT_EQ(learning.train.targets.rows(), learning.model->loss().size());
+  EXPECT_LE(learning.batch_size, learning.train.num_samples());
+
+  // The data that the problem shows make the same problem again.
+  const ProblemRow* row = FindProblem(
+      std::string(GetParam()).substr(0, GetParam().find(':')));
+  ASSERT_NE(row, nullptr);
+  PhysicsProblem again;
+  const std::string settings_of = GetParam();
+  ASSERT_TRUE(CreateProblem(settings_of, &learning.data, &again, &error))
+      << error;
+  EXPECT_EQ(again.learning->train.inputs, learning.train.inputs);
+  EXPECT_EQ(again.learning->test.targets, learning.test.targets);
+}
+
+TEST_P(EveryProblem, UnknownOptionIsRefusedByName) {
+  PhysicsProblem problem;
+  std::string error;
+  const std::string name = GetParam().substr(0, GetParam().find(':'));
+  EXPECT_FALSE(CreateProblem(name + ":no_such_option=1", nullptr, &problem, &error));
+  EXPECT_NE(error.find("no_such_option"), std::string::npos) << error;
+  EXPECT_NE(error.find(name), std::string::npos) << error;
+}
+
+// Every row with its defaults, and the settings that change the physics.
+std::vector<std::string> Specifications() {
+  std::vector<std::string> specifications;
+  for (const ProblemRow& row : Problems()) specifications.push_back(row.name);
+  specifications.insert(specifications.end(),
+                        {"toy_network:lambda=0.01",
+                         "oscillator_chain:coupling=cubic",
+                         "oscillator_chain:num_oscillators=3:num_samples=8",
+                         "oscillator_chain:num_oscillators=5:coupling=cubic:"
+                         "num_samples=8"});
+  return specifications;
+}
+
+INSTANTIATE_TEST_SUITE_P(Problems,
+                         EveryProblem,
+                         ::testing::ValuesIn(Specifications()),
+                         [](const auto& info) {
+                           std::string name = info.param;
+                           for (char& c : name) {
+                             if (std::isalnum(c) == 0) c = '_';
+                           }
+                           return name;
+                         });
+
+TEST(Problems, UnknownNameSuggestsTheNearest) {
+  PhysicsProblem problem;
+  std::string error;
+  EXPECT_FALSE(CreateProblem("oscilator_chain", nullptr, &problem, &error));
+  EXPECT_NE(error.find("oscillator_chain"), std::string::npos) << error;
+}
+
+TEST(LinearScale, StepsScaleAsItsHeaderSays) {
+  const double c = 3.0;
+  const double u[] = {2.0, 50.0};
+  const PhysicsProblem problem =
+      Create("linear_scale:c=3:unit_0=2:unit_1=50");
+  const auto step_of = [&](const std::string& name, const Settings& settings) {
+    ChainObjective objective = problem.point->MakeObjective();
+    std::string error;
+    const auto rule = CreateRule({"", name, settings}, &error);
+    EXPECT_NE(rule, nullptr) << error;
+    Linearization at_x;
+    EXPECT_TRUE(objective.Linearize(rule->Needs(), &at_x, &error)) << error;
+    Eigen::VectorXd step;
+    EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+    return step;
+  };
+  const double eta = 0.25;
+  const Settings settings = {{"step_size", "0.25"}};
+  const Eigen::VectorXd gradient = step_of("gradient_descent", settings);
+  const Eigen::VectorXd half = step_of("half_inverse", settings);
+  const Eigen::VectorXd full = step_of("gauss_newton", settings);
+  const Eigen::VectorXd newton = step_of("newton", settings);
+  const Eigen::VectorXd adam = step_of("adam", settings);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_NEAR(gradient[i], -eta * c * u[i], 1e-12 * c * u[i]);
+    EXPECT_NEAR(half[i], -eta * c / std::sqrt(u[i]), 1e-12);
+    EXPECT_NEAR(full[i], -eta * c / u[i], 1e-12);
+    // The Hessian is zero: Newton falls back to gradient descent.
+    EXPECT_NEAR(newton[i], gradient[i], 1e-12 * c * u[i]);
+    // The first step of Adam is eta whatever the units, but for its epsilon.
+    EXPECT_NEAR(adam[i], -eta, 1e-6);
+  }
+}
+
+TEST(ToyNetwork, LambdaScalesTheOutputAndNotTheTarget) {
+  const PhysicsProblem good = Create("toy_network:lambda=1");
+  const PhysicsProblem bad = Create("toy_network:lambda=0.01");
+  EXPECT_EQ(good.learning->train.targets, bad.learning->train.targets);
+  EXPECT_EQ(good.learning->model->num_weights(), 30);
+  const Probe probe(bad);
+  EXPECT_EQ(probe.Jacobian(probe.x)(1, 1), 0.01);
+  EXPECT_EQ(probe.Jacobian(probe.x)(0, 0), 1.0);
+}
+
+// (q, v) after `time` with no force.
+Eigen::VectorXd Roll(const OscillatorStep& step,
+                     const Eigen::VectorXd& start,
+                     int num_steps) {
+  Eigen::VectorXd state = start, next(start.size());
+  const double u = 0.0;
+  for (int t = 0; t < num_steps; ++t) {
+    EXPECT_TRUE(step(state.data(), &u, next.data()));
+    state.swap(next);
+  }
+  return state;
+}
+
+TEST(OscillatorStep, UncoupledOscillatorsReturnAfterTwoPi) {
+  OscillatorStep step;
+  step.linear = 0.0;
+  step.dt = 2.0 * M_PI / 1000.0;
+  const Eigen::Vector4d start(0.3, -0.2, 0.5, 0.1);
+  // Global error of order dt^4 times the time.
+  EXPECT_LT((Roll(step, start, 1000) - start).norm(), 1e-9);
+}
+
+TEST(OscillatorStep, IsOfOrderFour) {
+  for (const double cubic : {0.0, 1.0}) {
+    OscillatorStep step;
+    step.cubic = cubic;
+    const Eigen::Vector4d start(0.9, -0.7, 0.5, 0.3);
+    const auto at_dt = [&](int num_steps) {
+      step.dt = 4.0 / num_steps;
+      return Roll(step, start, num_steps);
+    };
+    const Eigen::VectorXd exact = at_dt(4096);
+    const double coarse = (at_dt(32) - exact).norm();
+    const double fine = (at_dt(64) - exact).norm();
+    EXPECT_NEAR(std::log2(coarse / fine), 4.0, 0.3) << "cubic " << cubic;
+  }
+}
+
+TEST(OscillatorStep, ConservesEnergyWithoutForce) {
+  OscillatorStep step;
+  step.num_oscillators = 3;
+  step.linear = 0.4;
+  step.cubic = 0.8;
+  step.dt = 0.01;
+  const auto energy = [&](const Eigen::VectorXd& s) {
+    double sum = 0.5 * s.squaredNorm();
+    for (int i = 0; i < 2; ++i) {
+      const double gap = s[i + 1] - s[i];
+      sum += 0.5 * step.linear * gap * gap +
+             0.25 * step.cubic * std::pow(gap, 4.0);
+    }
+    return sum;
+  };
+  Eigen::VectorXd start(6);
+  start << 0.5, -0.8, 0.3, 0.1, 0.6, -0.4;
+  // RK4 at dt = 0.01 drifts by dt^5 a step: 1e-10 in 1000 steps.
+  EXPECT_NEAR(energy(Roll(step, start, 1000)), energy(start), 1e-8);
+}
+
+TEST(OscillatorStep, SwappingTheOscillatorsSwapsTheMotion) {
+  OscillatorStep step;
+  step.cubic = 1.0;
+  const Eigen::Vector4d start(0.9, -0.7, 0.5, 0.3);
+  const Eigen::Vector4d swapped(-0.7, 0.9, 0.3, 0.5);
+  const Eigen::VectorXd a = Roll(step, start, 50);
+  const Eigen::VectorXd b = Roll(step, swapped, 50);
+  EXPECT_LT((a - Eigen::Vector4d(b[1], b[0], b[3], b[2])).norm(), 1e-13);
+}
+
+TEST(OscillatorStep, ForceActsOnTheLastOscillatorOnly) {
+  OscillatorStep step;
+  step.control = 3.0;
+  const Eigen::Vector4d rest = Eigen::Vector4d::Zero();
+  Eigen::Vector4d derivative;
+  step.Derivative(rest.data(), 2.0, derivative.data());
+  EXPECT_EQ(derivative, Eigen::Vector4d(0.0, 0.0, 0.0, 6.0));
+}
+
+TEST(OscillatorChain, DataAreNumpys) {
+  // import numpy as np; np.random.seed(0); np.random.rand(8192, 4)[0]
+  const PhysicsProblem problem = Create("oscillator_chain");
+  const DataSet& train = problem.learning->train;
+  EXPECT_EQ(train.inputs(0, 0), 0.5488135039273248);
+  EXPECT_EQ(train.inputs(1, 0), 0.7151893663724195);
+  EXPECT_EQ(train.inputs(2, 0), 0.6027633760716439);
+  EXPECT_EQ(train.inputs(3, 0), 0.5448831829968969);
+  EXPECT_EQ(train.num_samples(), 4096);
+  EXPECT_EQ(problem.learning->test.num_samples(), 4096);
+  // 4-20-20-20-24: 1,444 weights; with 96 steps 2,956.
+  EXPECT_EQ(problem.learning->model->num_weights(), 1444);
+  EXPECT_EQ(Create("oscillator_chain:coupling=cubic")
+                .learning->model->num_weights(),
+            2956);
+}
+
+TEST(OscillatorChain, DataOfAnotherShapeAreRefused) {
+  PhysicsProblem problem;
+  std::string error;
+  const Eigen::MatrixXd data = Eigen::MatrixXd::Zero(10, 5);
+  EXPECT_FALSE(CreateProblem("oscillator_chain", &data, &problem, &error));
+  EXPECT_NE(error.find("(10, 5)"), std::string::npos) << error;
+}
+
+}  // namespace
+}  // namespace invgrad

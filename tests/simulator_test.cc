@@ -1,0 +1,149 @@
+#include "invgrad/chain/simulator.h"
+
+#include <cmath>
+#include <vector>
+
+#include "Eigen/Core"
+#include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/chain/scratch.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using RowMajorMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// y = (x0 x1, sin x0, x1^3), for x0 > 0 only.
+struct Curved {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sin;
+    if (!(x[0] > T(0.0))) return false;
+    y[0] = x[0] * x[1];
+    y[1] = sin(x[0]);
+    y[2] = x[1] * x[1] * x[1];
+    return true;
+  }
+};
+
+// The pull-back of a constant covector by PullBack and by J must agree.
+void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
+                                        const VectorXd& x) {
+  const int rows = simulator.num_outputs();
+  const int cols = simulator.num_inputs();
+  RowMajorMatrix J(rows, cols);
+  VectorXd y(rows);
+  ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
+  VectorXd value(rows);
+  ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, value.data(), nullptr));
+  EXPECT_EQ(value, y);
+
+  VectorXd w = VectorXd::LinSpaced(rows, -1.0, 2.0);
+  VectorXd pulled(cols);
+  VectorXd seen;
+  const auto covector = [&](const double* at, double* out) {
+    seen = Eigen::Map<const VectorXd>(at, rows);
+    Eigen::Map<VectorXd>(out, rows) = w;
+    return true;
+  };
+  ASSERT_TRUE(simulator.PullBack(
+      x.data(), nullptr, covector, value.data(), pulled.data()));
+  EXPECT_EQ(value, y);
+  EXPECT_EQ(seen, y);
+  // Sums of at most three terms of order one.
+  EXPECT_LT((pulled - J.transpose() * w).norm(), 1e-14);
+
+  const auto refuse = [](const double*, double*) { return false; };
+  EXPECT_FALSE(simulator.PullBack(
+      x.data(), nullptr, refuse, value.data(), pulled.data()));
+}
+
+TEST(IdentitySimulatorTest, IsTheIdentity) {
+  const IdentitySimulator simulator(3);
+  const Vector3d x(1.0, -2.0, 3.0);
+  Vector3d y;
+  RowMajorMatrix J(3, 3);
+  ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
+  EXPECT_EQ(y, x);
+  EXPECT_EQ(J, MatrixXd::Identity(3, 3));
+  ExpectPullBackIsTransposedJacobian(simulator, x);
+  MatrixXd H = MatrixXd::Ones(3, 3);
+  ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, y.data(), H.data()));
+  EXPECT_EQ(H, MatrixXd::Zero(3, 3));
+}
+
+TEST(LinearSimulatorTest, IsItsMatrix) {
+  RowMajorMatrix A(2, 3);
+  A << 1, 0, 2, 0, -3, 0;
+  const Vector2d b(0.5, -0.25);
+  const LinearSimulator simulator(A.sparseView(), b);
+  const Vector3d x(1.0, -2.0, 3.0);
+  Vector2d y;
+  RowMajorMatrix J = RowMajorMatrix::Ones(2, 3);
+  ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
+  EXPECT_EQ(y, Vector2d(7.5, 5.75));
+  EXPECT_EQ(J, A);
+  ExpectPullBackIsTransposedJacobian(simulator, x);
+  MatrixXd H = MatrixXd::Ones(3, 3);
+  ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, y.data(), H.data()));
+  EXPECT_EQ(H, MatrixXd::Zero(3, 3));
+}
+
+TEST(AutoDiffSimulatorTest, IsTheClosedForm) {
+  const AutoDiffSimulator<Curved, 2, 3> simulator;
+  const Vector2d x(0.7, -1.3);
+  Vector3d y;
+  RowMajorMatrix J(3, 2);
+  ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
+  RowMajorMatrix expected(3, 2);
+  expected << -1.3, 0.7, std::cos(0.7), 0.0, 0.0, 3.0 * 1.3 * 1.3;
+  EXPECT_LT((J - expected).norm(), 1e-15);
+  ExpectPullBackIsTransposedJacobian(simulator, x);
+
+  const Vector3d w(2.0, -1.0, 0.5);
+  Matrix2d H;
+  ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, w.data(), H.data()));
+  Matrix2d expected_hessian;
+  expected_hessian << std::sin(0.7), 2.0, 2.0, 0.5 * 6.0 * -1.3;
+  EXPECT_LT((H - expected_hessian).norm(), 1e-14);
+}
+
+TEST(AutoDiffSimulatorTest, FailsWithTheFunctorOrAnInfinity) {
+  const AutoDiffSimulator<Curved, 2, 3> simulator;
+  Vector3d y;
+  RowMajorMatrix J(3, 2);
+  Matrix2d H;
+  const Vector3d w = Vector3d::Ones();
+  for (const Vector2d& x : {Vector2d(-1.0, 1.0), Vector2d(1.0, 1e200)}) {
+    EXPECT_FALSE(simulator.Evaluate(x.data(), nullptr, y.data(), nullptr));
+    EXPECT_FALSE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
+  }
+  const Vector2d refused(-1.0, 1.0);
+  EXPECT_FALSE(
+      simulator.WeightedHessian(refused.data(), nullptr, w.data(), H.data()));
+}
+
+TEST(ScratchTest, KeepsItsMemoryAndNests) {
+  const double* first;
+  {
+    Scratch<double> scratch(100);
+    first = scratch.data();
+    Scratch<double> nested(50);
+    EXPECT_NE(nested.data(), first);
+  }
+  Scratch<double> again(80);
+  EXPECT_EQ(again.size(), 80u);
+  Scratch<double> other(50);
+  EXPECT_NE(other.data(), again.data());
+  EXPECT_TRUE(again.data() == first || other.data() == first);
+}
+
+}  // namespace
+}  // namespace invgrad

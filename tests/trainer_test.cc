@@ -1,0 +1,358 @@
+#include "invgrad/solve/trainer.h"
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/checkpoint.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/rules/rules.h"
+
+namespace invgrad {
+namespace {
+
+// A regression of y = (a0 a1, a0 - a1) that trains in milliseconds.
+struct Regression {
+  Model model;
+  DataSet train;
+  DataSet test;
+  Eigen::VectorXd weights;
+
+  explicit Regression(Reduction reduction = Reduction::kMean)
+      : model(DenseNetwork({2, 5, 2}, Activation::kTanh),
+              std::make_shared<IdentitySimulator>(2),
+              std::make_shared<SquaredNormLoss>(2, 1.0),
+              reduction) {
+    NumpyRandom random(3);
+    train = MakeData(24, &random);
+    test = MakeData(10, &random);
+    weights = model.network().InitialWeights(Initialization::kGlorotUniform,
+                                             &random);
+  }
+
+  static DataSet MakeData(int num_samples, NumpyRandom* random) {
+    DataSet data;
+    data.inputs = random->Rand(2, num_samples);
+    data.contexts.resize(0, num_samples);
+    data.targets.resize(2, num_samples);
+    data.targets.row(0) =
+        data.inputs.row(0).cwiseProduct(data.inputs.row(1));
+    data.targets.row(1) = data.inputs.row(0) - data.inputs.row(1);
+    return data;
+  }
+};
+
+std::unique_ptr<UpdateRule> MakeRule(const std::string& name,
+                                     const Settings& settings) {
+  std::string error;
+  std::unique_ptr<UpdateRule> rule = CreateRule({"", name, settings}, &error);
+  EXPECT_NE(rule, nullptr) << error;
+  return rule;
+}
+
+struct Result {
+  Eigen::VectorXd weights;
+  History history;
+  TrainSummary summary;
+};
+
+Result TrainRegression(const Regression& problem,
+                       const TrainOptions& options,
+                       UpdateRule* rule) {
+  Result result;
+  result.weights = problem.weights;
+  std::string error;
+  EXPECT_TRUE(Train(options,
+                    problem.model,
+                    problem.train,
+                    problem.test,
+                    rule,
+                    &result.weights,
+                    &result.history,
+                    &result.summary,
+                    &error))
+      << error;
+  return result;
+}
+
+TrainOptions Epochs(int num_epochs, int batch_size) {
+  TrainOptions options;
+  options.max_num_epochs = num_epochs;
+  options.batch_size = batch_size;
+  return options;
+}
+
+TEST(Trainer, OneFullBatchStepOfGradientDescentIsTheGradient) {
+  const Regression problem;
+  LinearizationParts parts;
+  parts.gradient = true;
+  Linearization at_start;
+  std::string error;
+  ASSERT_TRUE(problem.model.Linearize(
+      problem.weights, problem.train, parts, &at_start, &error));
+  const auto rule = MakeRule("gradient_descent", {{"step_size", "0.1"}});
+  TrainOptions options = Epochs(1, 0);
+  const Result result = TrainRegression(problem, options, rule.get());
+  EXPECT_EQ(result.summary.num_steps, 1);
+  EXPECT_LT((result.weights - (problem.weights - 0.1 * at_start.gradient)).norm(),
+            1e-15);
+  ASSERT_EQ(result.history.size(), 2u);
+  EXPECT_EQ(result.history[1].batch_loss, at_start.cost);
+  EXPECT_EQ(result.history[0].train_loss, at_start.cost);
+  EXPECT_EQ(result.history[1].train_loss,
+            MeanLoss(problem.model, result.weights, problem.train));
+}
+
+TEST(Trainer, SameInputsGiveTheSameBits) {
+  const Regression problem;
+  TrainOptions options = Epochs(5, 4);
+  options.shuffle = true;
+  options.shuffle_seed = 7;
+  const auto first = MakeRule("half_inverse", {});
+  const auto second = MakeRule("half_inverse", {});
+  const Result a = TrainRegression(problem, options, first.get());
+  const Result b = TrainRegression(problem, options, second.get());
+  EXPECT_EQ(a.weights, b.weights);
+  options.shuffle_seed = 8;
+  const auto third = MakeRule("half_inverse", {});
+  EXPECT_NE(TrainRegression(problem, options, third.get()).weights, a.weights);
+}
+
+TEST(Trainer, LossIsPerSampleWhateverTheReduction) {
+  const Regression mean(Reduction::kMean);
+  const Regression sum(Reduction::kSum);
+  const double loss = MeanLoss(mean.model, mean.weights, mean.train);
+  EXPECT_NEAR(MeanLoss(sum.model, sum.weights, sum.train), loss, 1e-15);
+  // The mean over all samples is that over two halves.
+  EXPECT_NEAR(0.5 * (MeanLoss(mean.model, mean.weights, mean.train.Range(0, 12)) +
+                     MeanLoss(mean.model, mean.weights, mean.train.Range(12, 12))),
+              loss,
+              1e-15);
+}
+
+TEST(Trainer, SamplesThatDoNotFillABatchAreLeftOut) {
+  const Regression problem;  // 24 samples
+  const auto rule = MakeRule("adam", {});
+  const Result result = TrainRegression(problem, Epochs(3, 7), rule.get());
+  EXPECT_EQ(result.summary.num_steps, 3 * 3);
+}
+
+class EveryRuleResumes : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(EveryRuleResumes, BitForBit) {
+  const Regression problem;
+  const std::string path = ::testing::TempDir() + "trainer_checkpoint_" +
+                           GetParam() + std::to_string(::getpid());
+  std::remove(path.c_str());
+  TrainOptions options = Epochs(6, 8);
+  options.shuffle = true;
+  const auto whole_rule = MakeRule(GetParam(), {});
+  const Result whole = TrainRegression(problem, options, whole_rule.get());
+
+  options.checkpoint_path = path;
+  options.checkpoint_interval_in_seconds = 0.0;
+  options.max_num_epochs = 3;
+  const auto first_rule = MakeRule(GetParam(), {});
+  TrainRegression(problem, options, first_rule.get());
+  options.max_num_epochs = 6;
+  const auto second_rule = MakeRule(GetParam(), {});
+  const Result resumed = TrainRegression(problem, options, second_rule.get());
+  std::remove(path.c_str());
+
+  EXPECT_EQ(resumed.weights, whole.weights);
+  EXPECT_EQ(resumed.summary.num_steps, whole.summary.num_steps);
+  ASSERT_EQ(resumed.history.size(), whole.history.size());
+  for (size_t i = 0; i < whole.history.size(); ++i) {
+    EXPECT_EQ(resumed.history[i].step, whole.history[i].step);
+    EXPECT_EQ(resumed.history[i].train_loss, whole.history[i].train_loss);
+    EXPECT_EQ(resumed.history[i].test_loss, whole.history[i].test_loss);
+  }
+}
+
+std::vector<std::string> RuleNames() {
+  std::vector<std::string> names;
+  for (const RuleRow& row : Rules()) names.push_back(row.name);
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(Trainer,
+                         EveryRuleResumes,
+                         ::testing::ValuesIn(RuleNames()),
+                         [](const auto& info) { return info.param; });
+
+TEST(Trainer, RefusesACheckpointOfAnotherRun) {
+  const Regression problem;
+  const std::string path =
+      ::testing::TempDir() + "trainer_other_" + std::to_string(::getpid());
+  Checkpoint checkpoint;
+  checkpoint.arrays["weights"] = Eigen::VectorXd::Zero(3);
+  std::string error;
+  ASSERT_TRUE(WriteCheckpoint(path, checkpoint, &error)) << error;
+  TrainOptions options = Epochs(1, 8);
+  options.checkpoint_path = path;
+  const auto rule = MakeRule("adam", {});
+  Eigen::VectorXd weights = problem.weights;
+  History history;
+  TrainSummary summary;
+  EXPECT_FALSE(Train(options,
+                     problem.model,
+                     problem.train,
+                     problem.test,
+                     rule.get(),
+                     &weights,
+                     &history,
+                     &summary,
+                     &error));
+  EXPECT_NE(error.find(path), std::string::npos) << error;
+  EXPECT_EQ(weights, problem.weights);
+  std::remove(path.c_str());
+}
+
+// Steps that are fine until `bad_step`, which is `value` everywhere.
+class ExplodingRule final : public UpdateRule {
+ public:
+  ExplodingRule(int bad_step, double value)
+      : bad_step_(bad_step), value_(value) {}
+  LinearizationParts Needs() const override {
+    LinearizationParts parts;
+    parts.gradient = true;
+    return parts;
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    *step = -0.01 * at_x.gradient;
+    if (++step_ == bad_step_) step->setConstant(value_);
+    return true;
+  }
+
+ private:
+  int bad_step_;
+  double value_;
+  int step_ = 0;
+};
+
+TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
+  const Regression problem;
+  for (const double value : {std::nan(""), HUGE_VAL, 1e200}) {
+    ExplodingRule rule(5, value);
+    const Result result = TrainRegression(problem, Epochs(10, 8), &rule);
+    EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+    // Step 5 leads to weights at which step 6 has nothing to linearize.
+    EXPECT_EQ(result.summary.message.rfind("diverged at step 6: ", 0), 0u)
+        << result.summary.message;
+    ExplodingRule same(100, value);
+    TrainOptions four_steps;
+    four_steps.max_num_steps = 4;
+    four_steps.batch_size = 8;
+    EXPECT_EQ(result.weights,
+              TrainRegression(problem, four_steps, &same).weights);
+    EXPECT_TRUE(std::isfinite(result.history.back().train_loss));
+  }
+}
+
+TEST(Trainer, RefusesDataThatAreNotFinite) {
+  Regression problem;
+  problem.train.inputs(1, 5) = NAN;
+  const auto rule = MakeRule("adam", {});
+  Eigen::VectorXd weights = problem.weights;
+  History history;
+  TrainSummary summary;
+  std::string error;
+  EXPECT_FALSE(Train(Epochs(1, 8),
+                     problem.model,
+                     problem.train,
+                     problem.test,
+                     rule.get(),
+                     &weights,
+                     &history,
+                     &summary,
+                     &error));
+  EXPECT_NE(error.find("train data"), std::string::npos) << error;
+  EXPECT_NE(error.find('5'), std::string::npos) << error;
+}
+
+class StoppingCallback final : public ceres::IterationCallback {
+ public:
+  StoppingCallback(int step, ceres::CallbackReturnType verdict)
+      : step_(step), verdict_(verdict) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    EXPECT_EQ(iteration.iteration, num_calls_++);
+    return iteration.iteration == step_ ? verdict_ : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  int step_;
+  ceres::CallbackReturnType verdict_;
+  int num_calls_ = 0;
+};
+
+TEST(Trainer, CallbacksEndTheRunAsInCeres) {
+  const Regression problem;
+  for (const auto& [verdict, type] :
+       {std::make_pair(ceres::SOLVER_ABORT, ceres::USER_FAILURE),
+        std::make_pair(ceres::SOLVER_TERMINATE_SUCCESSFULLY,
+                       ceres::USER_SUCCESS)}) {
+    StoppingCallback callback(4, verdict);
+    TrainOptions options = Epochs(10, 8);
+    options.callbacks.push_back(&callback);
+    const auto rule = MakeRule("adam", {});
+    const Result result = TrainRegression(problem, options, rule.get());
+    EXPECT_EQ(result.summary.termination_type, type);
+    EXPECT_EQ(result.summary.num_steps, 4);
+    EXPECT_EQ(result.history.back().step, 4);
+  }
+}
+
+TEST(Trainer, StopsAtTheTargetLossAndWhenPatienceEnds) {
+  const Regression problem;
+  TrainOptions options = Epochs(10000, 8);
+  options.target_loss = 1e-3;
+  auto rule = MakeRule("half_inverse", {{"step_size", "auto"}});
+  Result result = TrainRegression(problem, options, rule.get());
+  EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_LE(result.history.back().train_loss, 1e-3);
+
+  options.target_loss = 0.0;
+  options.patience = 3;
+  // Steps too small to change a weight: there is never a new minimum.
+  rule = MakeRule("gradient_descent", {{"step_size", "1e-300"}});
+  result = TrainRegression(problem, options, rule.get());
+  EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(result.summary.num_steps, 3 * 3);
+}
+
+TEST(Trainer, TimeBudgetEndsTheRun) {
+  const Regression problem;
+  TrainOptions options;
+  options.max_time_in_seconds = 0.02;
+  options.batch_size = 8;
+  const auto rule = MakeRule("adam", {});
+  const Result result = TrainRegression(problem, options, rule.get());
+  EXPECT_EQ(result.summary.message, "time used up");
+  EXPECT_GE(result.summary.train_time_in_seconds, 0.02);
+  EXPECT_GT(result.summary.num_steps, 0);
+}
+
+TEST(Trainer, EvaluationsAreDenseFirstAndLogarithmicLater) {
+  for (int epoch = 1; epoch <= 40; ++epoch) {
+    EXPECT_TRUE(IsEvaluationEpoch(epoch)) << epoch;
+  }
+  int last = 40;
+  for (int epoch = 41; epoch <= 100000; ++epoch) {
+    if (!IsEvaluationEpoch(epoch)) continue;
+    const double growth = static_cast<double>(epoch - last) / last;
+    EXPECT_LE(growth, 1.0 / 20.0 + 1e-12) << epoch;
+    EXPECT_GE(growth, 1.0 / 42.0) << epoch;
+    last = epoch;
+  }
+}
+
+}  // namespace
+}  // namespace invgrad
