@@ -358,4 +358,11 @@ UpdateCallback::Summary UpdateCallback::summary() const {
   return state_->summary();
 }
 
+std::string UpdateCallback::Summary::BriefReport() const {
+  return std::to_string(num_proposed) + " proposed, " +
+         std::to_string(num_accepted) + " accepted, " +
+         std::to_string(num_rejected) + " rejected, " +
+         std::to_string(num_ceres_steps) + " steps of Ceres";
+}
+
 }  // namespace invgrad

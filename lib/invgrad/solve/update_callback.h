@@ -69,6 +69,9 @@ class UpdateCallback final : public ceres::IterationCallback {
     int num_rejected = 0;     // of those proposed
     int num_ceres_steps = 0;  // iterations left to Ceres
     std::string message;      // why the last proposal was not made
+
+    // "12 proposed, 9 accepted, 3 rejected, 4 steps of Ceres"
+    std::string BriefReport() const;
   };
 
   // False, with *error saying what to do, if the problem has bounds or blocks
