@@ -1,7 +1,6 @@
 #include "invgrad/solve/ceres_minimizer.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "ceres/gradient_problem.h"
 #include "ceres/types.h"
@@ -20,7 +19,8 @@ struct TrustRegionOptions {
   std::string linear_solver = "dense_qr";
   int num_threads = 1;
 
-  void Describe(std::vector<std::string> linear_solvers, OptionSet* set) {
+  void Describe(const std::vector<std::string>& linear_solvers,
+                OptionSet* set) {
     set->Add("initial_trust_region_radius",
              &initial_trust_region_radius,
              {1e-32, 1e16},
