@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -126,15 +125,12 @@ class UpdateCallback::State {
     parts_.jacobian = true;  // for the linear model
     for (double* values : linearizer_.parameter_blocks()) {
       own_.emplace_back(*problem, values);
-      auto staging = std::make_unique<StagingManifold>(
-          problem->ParameterBlockSize(values), own_.back().manifold);
-      problem->SetManifold(values, staging.get());
-      staging_.push_back(staging.get());
-      if (options_.manifold_ownership == ceres::TAKE_OWNERSHIP) {
-        staging.release();  // to the problem
-      } else {
-        owned_.push_back(std::move(staging));
+      staging_.push_back(new StagingManifold(
+          problem->ParameterBlockSize(values), own_.back().manifold));
+      if (options_.manifold_ownership == ceres::DO_NOT_TAKE_OWNERSHIP) {
+        owned_.emplace_back(staging_.back());
       }
+      problem->SetManifold(values, staging_.back());
     }
   }
 
@@ -300,6 +296,7 @@ class UpdateCallback::State {
   LinearizationParts parts_;
   std::vector<OwnManifold> own_;           // in the order of the linearizer's
   std::vector<StagingManifold*> staging_;  // blocks, both
+  // Those that the problem does not delete.
   std::vector<std::unique_ptr<StagingManifold>> owned_;
   Eigen::VectorXd step_;       // n: the last proposal
   bool has_proposal_ = false;  // staged in the last call
