@@ -51,7 +51,7 @@ class AutoDiffLoss final : public Loss {
       if (gradient != nullptr) gradient[i] = value.v[i].a;
       H.col(i) = value.v[i].v;
     }
-    return AllFinite(loss, 1) && AllFinite(hessian, kSize * kSize) &&
+    return AllFinite(loss, 1) && AllFinite(hessian, H.size()) &&
            (gradient == nullptr || AllFinite(gradient, kSize));
   }
 

@@ -47,7 +47,7 @@ class AutoDiffSimulator final : public Simulator {
       y[i] = y_jets[i].a;
       J_transposed.col(i) = y_jets[i].v;
     }
-    return AllFinite(y, kOut) && AllFinite(jacobian, kOut * kIn);
+    return AllFinite(y, kOut) && AllFinite(jacobian, J_transposed.size());
   }
 
   bool WeightedHessian(const double* x,
@@ -64,7 +64,7 @@ class AutoDiffSimulator final : public Simulator {
     for (int i = 0; i < kOut; ++i) {
       for (int k = 0; k < kIn; ++k) H.col(k) += w[i] * y_jets[i].v[k].v;
     }
-    return AllFinite(hessian, kIn * kIn);
+    return AllFinite(hessian, H.size());
   }
 
  private:

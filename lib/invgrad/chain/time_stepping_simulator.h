@@ -58,31 +58,29 @@ class TimeSteppingSimulator final : public Simulator {
     CHECK_GT(num_steps, 0);
   }
 
-  int num_inputs() const override { return num_steps_ * control_size_; }
-  int num_outputs() const override { return state_size_; }
-  int num_context() const override { return state_size_; }
-
-  const Step& step() const { return step_; }
-  int control_size() const { return control_size_; }
-  int num_steps() const { return num_steps_; }
+  int num_inputs() const override {
+    return static_cast<int>(num_steps_ * control_size_);
+  }
+  int num_outputs() const override { return static_cast<int>(state_size_); }
+  int num_context() const override { return num_outputs(); }
 
   bool Evaluate(const double* x,
                 const double* context,
                 double* y,
                 double* jacobian) const override {
     if (jacobian == nullptr) return RollOut(x, context, y);
-    const int ns = state_size_;
-    const int size = ns + control_size_;
+    const Index ns = state_size_;
+    const Index size = ns + control_size_;
     Scratch<double> M(num_steps_ * StepJacobianSize());
     if (!LinearizeSteps(x, context, y, nullptr, M.data())) return false;
     // Both by rows: C, and C M_t = [C A_t, C B_t].
     Scratch<double> C(ns * ns);
     Scratch<double> CM(ns * size);
     Eigen::Map<Eigen::MatrixXd>(C.data(), ns, ns).setIdentity();
-    for (int t = num_steps_ - 1; t >= 0; --t) {
+    for (Index t = num_steps_ - 1; t >= 0; --t) {
       const double* M_t = M.data() + t * StepJacobianSize();
       if (ns < kSmallState) {
-        for (int i = 0; i < ns; ++i) {
+        for (Index i = 0; i < ns; ++i) {
           TransposeTimes(M_t, C.data() + i * ns, CM.data() + i * size);
         }
       } else {
@@ -94,12 +92,13 @@ class TimeSteppingSimulator final : public Simulator {
              0.0,
              Eigen::Map<Eigen::MatrixXd>(CM.data(), size, ns));
       }
-      for (int i = 0; i < ns; ++i) {
+      for (Index i = 0; i < ns; ++i) {
         const double* row = CM.data() + i * size;
         std::copy(row, row + ns, C.data() + i * ns);
-        std::copy(row + ns,
-                  row + size,
-                  jacobian + i * num_inputs() + t * control_size_);
+        std::copy(
+            row + ns,
+            row + size,
+            jacobian + i * num_steps_ * control_size_ + t * control_size_);
       }
     }
     return AllFinite(jacobian, ns * num_inputs());
@@ -115,7 +114,7 @@ class TimeSteppingSimulator final : public Simulator {
     Scratch<double> p(state_size_);
     Scratch<double> Mp(state_size_ + control_size_);  // [A_t^T p, B_t^T p]
     if (!covector(y, p.data())) return false;
-    for (int t = num_steps_ - 1; t >= 0; --t) {
+    for (Index t = num_steps_ - 1; t >= 0; --t) {
       TransposeTimes(M.data() + t * StepJacobianSize(), p.data(), Mp.data());
       std::copy_n(Mp.data(), state_size_, p.data());
       std::copy_n(
@@ -128,8 +127,8 @@ class TimeSteppingSimulator final : public Simulator {
                        const double* context,
                        const double* w,
                        double* hessian) const override {
-    const int ns = state_size_;
-    const int nc = control_size_;
+    const Index ns = state_size_;
+    const Index nc = control_size_;
     Scratch<double> y(ns);
     Scratch<double> states(num_steps_ * ns);
     Scratch<double> M(num_steps_ * StepJacobianSize());
@@ -142,15 +141,15 @@ class TimeSteppingSimulator final : public Simulator {
     Eigen::MatrixXd S(ns + nc, ns + nc);
     Eigen::MatrixXd chained;  // M_t^T R of the later controls
     Eigen::Map<Eigen::MatrixXd> H(hessian, num_inputs(), num_inputs());
-    for (int t = num_steps_ - 1; t >= 0; --t) {
+    for (Index t = num_steps_ - 1; t >= 0; --t) {
       const ConstRowMajorMap M_t(
           M.data() + t * StepJacobianSize(), ns, ns + nc);
       if (!StepHessian(&states[t * ns], x + t * nc, p.data(), &S)) return false;
       S.noalias() += M_t.transpose() * P * M_t;
       S.triangularView<Eigen::StrictlyUpper>() = S.transpose();  // to the bit
-      const int column = t * nc;
-      const int first_later = column + nc;
-      const int num_later = num_inputs() - first_later;
+      const Index column = t * nc;
+      const Index first_later = column + nc;
+      const Index num_later = num_inputs() - first_later;
       chained.noalias() = M_t.transpose() * R.rightCols(num_later);
       R.rightCols(num_later) = chained.topRows(ns);
       R.middleCols(column, nc) = S.topRightCorner(ns, nc);
@@ -161,26 +160,27 @@ class TimeSteppingSimulator final : public Simulator {
       P = S.topLeftCorner(ns, ns);
       p = M_t.leftCols(ns).transpose() * p;
     }
-    return AllFinite(hessian, num_inputs() * num_inputs());
+    return AllFinite(hessian, H.size());
   }
 
  private:
+  using Index = Eigen::Index;
   using ConstRowMajorMap = Eigen::Map<
       const Eigen::
           Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
 
   // Below this state size plain loops beat BLAS: 80 ns against 94 at 6, 183
   // against 108 at 8.
-  static constexpr int kSmallState = 7;
+  static constexpr Index kSmallState = 7;
 
-  int StepJacobianSize() const {
+  Index StepJacobianSize() const {
     return state_size_ * (state_size_ + control_size_);
   }
 
   bool RollOut(const double* x, const double* context, double* y) const {
     Scratch<double> next(state_size_);
     std::copy_n(context, state_size_, y);
-    for (int t = 0; t < num_steps_; ++t) {
+    for (Index t = 0; t < num_steps_; ++t) {
       if (!step_(y, x + t * control_size_, next.data())) return false;
       std::copy_n(next.data(), state_size_, y);
     }
@@ -195,27 +195,27 @@ class TimeSteppingSimulator final : public Simulator {
                       double* states,
                       double* M) const {
     using Jet = ceres::Jet<double, kStride>;
-    const int ns = state_size_;
-    const int size = ns + control_size_;
+    const Index ns = state_size_;
+    const Index size = ns + control_size_;
     Scratch<Jet> z(size);  // state and control
     Scratch<Jet> next(ns);
     std::copy_n(context, ns, y);
-    for (int t = 0; t < num_steps_; ++t) {
+    for (Index t = 0; t < num_steps_; ++t) {
       const double* control = x + t * control_size_;
       double* M_t = M + t * StepJacobianSize();
       if (states != nullptr) std::copy_n(y, ns, states + t * ns);
-      for (int i = 0; i < ns; ++i) z[i] = Jet(y[i]);
-      for (int i = ns; i < size; ++i) z[i] = Jet(control[i - ns]);
-      for (int first = 0; first < size; first += kStride) {
-        const int width = std::min(kStride, size - first);
-        for (int k = 0; k < width; ++k) z[first + k].v[k] = 1.0;
+      for (Index i = 0; i < ns; ++i) z[i] = Jet(y[i]);
+      for (Index i = ns; i < size; ++i) z[i] = Jet(control[i - ns]);
+      for (Index first = 0; first < size; first += kStride) {
+        const Index width = std::min<Index>(kStride, size - first);
+        for (Index k = 0; k < width; ++k) z[first + k].v[k] = 1.0;
         if (!InlinedStep(z.data(), z.data() + ns, next.data())) return false;
-        for (int k = 0; k < width; ++k) z[first + k].v[k] = 0.0;
-        for (int i = 0; i < ns; ++i) {
+        for (Index k = 0; k < width; ++k) z[first + k].v[k] = 0.0;
+        for (Index i = 0; i < ns; ++i) {
           std::copy_n(next[i].v.data(), width, M_t + i * size + first);
         }
       }
-      for (int i = 0; i < ns; ++i) y[i] = next[i].a;
+      for (Index i = 0; i < ns; ++i) y[i] = next[i].a;
     }
     return AllFinite(y, ns) && AllFinite(M, num_steps_ * StepJacobianSize());
   }
@@ -231,10 +231,10 @@ class TimeSteppingSimulator final : public Simulator {
 
   // M_t^T p, as sums in registers: the sizes are too small for anything else.
   void TransposeTimes(const double* M_t, const double* p, double* Mp) const {
-    const int size = state_size_ + control_size_;
-    for (int k = 0; k < size; ++k) {
+    const Index size = state_size_ + control_size_;
+    for (Index k = 0; k < size; ++k) {
       double sum = 0.0;
-      for (int i = 0; i < state_size_; ++i) sum += M_t[i * size + k] * p[i];
+      for (Index i = 0; i < state_size_; ++i) sum += M_t[i * size + k] * p[i];
       Mp[k] = sum;
     }
   }
@@ -246,24 +246,24 @@ class TimeSteppingSimulator final : public Simulator {
                    Eigen::MatrixXd* hessian) const {
     using Jet = NestedJet<kStride>;
     using Inner = InnerJet<kStride>;
-    const int ns = state_size_;
-    const int size = ns + control_size_;
+    const Index ns = state_size_;
+    const Index size = ns + control_size_;
     Scratch<Jet> z(size);
     Scratch<Jet> next(ns);
-    for (int row = 0; row < size; row += kStride) {
-      for (int col = 0; col <= row; col += kStride) {
-        for (int i = 0; i < size; ++i) {
+    for (Index row = 0; row < size; row += kStride) {
+      for (Index col = 0; col <= row; col += kStride) {
+        for (Index i = 0; i < size; ++i) {
           z[i] = Jet(Inner(i < ns ? state[i] : control[i - ns]));
           if (i >= row && i < row + kStride) z[i].v[i - row] = Inner(1.0);
           if (i >= col && i < col + kStride) z[i].a.v[i - col] = 1.0;
         }
         if (!step_(z.data(), z.data() + ns, next.data())) return false;
-        const int num_rows = std::min(kStride, size - row);
-        const int num_cols = std::min(kStride, size - col);
-        for (int j = 0; j < num_rows; ++j) {
-          for (int k = 0; k < num_cols; ++k) {
+        const Index num_rows = std::min<Index>(kStride, size - row);
+        const Index num_cols = std::min<Index>(kStride, size - col);
+        for (Index j = 0; j < num_rows; ++j) {
+          for (Index k = 0; k < num_cols; ++k) {
             double sum = 0.0;
-            for (int i = 0; i < ns; ++i) sum += p[i] * next[i].v[j].v[k];
+            for (Index i = 0; i < ns; ++i) sum += p[i] * next[i].v[j].v[k];
             (*hessian)(row + j, col + k) = sum;
             (*hessian)(col + k, row + j) = sum;
           }
@@ -274,9 +274,9 @@ class TimeSteppingSimulator final : public Simulator {
   }
 
   Step step_;
-  int state_size_;
-  int control_size_;
-  int num_steps_;
+  Index state_size_;
+  Index control_size_;
+  Index num_steps_;
 };
 
 }  // namespace invgrad
