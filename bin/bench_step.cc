@@ -190,10 +190,8 @@ void RegisterAll() {
     for (const auto& [name, route] :
          {std::pair<const char*, const char*>{"step", "gram"},
           std::pair<const char*, const char*>{"step_full_svd", "svd"}}) {
-      benchmark::RegisterBenchmark((chain + name).c_str(),
-                                   Step,
-                                   coupling,
-                                   std::string(route))
+      benchmark::RegisterBenchmark(
+          (chain + name).c_str(), Step, coupling, std::string(route))
           ->Unit(benchmark::kMillisecond);
     }
     benchmark::RegisterBenchmark(

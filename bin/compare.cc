@@ -7,7 +7,8 @@
 //       --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
 //   compare --problem=oscillator_chain --epochs=5
 //       --rules=half_inverse:truncation=1e-10,adam:step_size=1e-3:batch_size=256
-//   compare --problem=oscillator_chain:coupling=cubic --seconds=20 --seeds=1,2,3
+//   compare --problem=oscillator_chain:coupling=cubic --seconds=20
+//   --seeds=1,2,3
 //       --rules=half_inverse,gauss_newton,adam:step_size=3e-4:batch_size=512
 //   compare --problem=toy_network:lambda=0.01 --seconds=10
 //       --rules=half_inverse:step_size=auto,adam:step_size=1e-2,ceres_lm
@@ -32,10 +33,8 @@
 #include "bin/support/run_directory.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/io/interrupt.h"
 #include "invgrad/io/npy.h"
 #include "invgrad/linalg/blas.h"
-
 #include "problems/problems.h"
 
 DEFINE_bool(list, false, "print the problems and rules with their options");
@@ -73,7 +72,7 @@ DEFINE_string(dump_step,
               "",
               "write J, g and every rule's first step (.npy) there, and stop");
 DEFINE_int32(blas_threads, 1, "threads of the linear algebra");
-DEFINE_double(progress_seconds, 1.0, "time between progress lines; 0: none");
+DEFINE_bool(progress, true, "show live how the runs are doing");
 DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
@@ -122,10 +121,6 @@ bool CheckFlags(std::string* error) {
                "blas_threads",
                std::to_string(FLAGS_blas_threads),
                "1 to 256") &&
-         check(FLAGS_progress_seconds >= 0.0,
-               "progress_seconds",
-               std::to_string(FLAGS_progress_seconds),
-               "0 (none) or more") &&
          check(FLAGS_list_markdown.empty(),
                "list_markdown",
                FLAGS_list_markdown,
@@ -148,7 +143,7 @@ LearningComparisonOptions ReadLearningOptions(const LearningProblem& problem,
   options.tracked_sample = FLAGS_track_sample;
   options.resume = FLAGS_resume;
   options.plots = FLAGS_plots;
-  options.progress_seconds = FLAGS_progress_seconds;
+  options.shows_progress = FLAGS_progress;
   options.train.shuffle = FLAGS_shuffle;
   options.train.target_loss = FLAGS_target_loss;
   options.train.patience = FLAGS_patience;
@@ -169,11 +164,10 @@ int RunLearning(const LearningProblem& problem,
   const LearningComparisonOptions options =
       ReadLearningOptions(problem, seeds, levels);
   Eigen::VectorXd initial_weights;
-  if (!FLAGS_init_weights.empty() &&
-      !ReadNpy(FLAGS_init_weights,
-               problem.model->num_weights(),
-               &initial_weights,
-               &error)) {
+  if (!FLAGS_init_weights.empty() && !ReadNpy(FLAGS_init_weights,
+                                              problem.model->num_weights(),
+                                              &initial_weights,
+                                              &error)) {
     return Fail(error);
   }
   if (!CheckLearningComparison(problem, methods, options, &error)) {

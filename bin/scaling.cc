@@ -3,10 +3,10 @@
 //   L = c (y_0 + y_1),   y = (u_0 x_0, u_1 x_1)
 //
 // A step proportional to c^p has p in the first column; one that is right for
-// every scale of the loss would have p = -1 for the distance to a given decrease
-// of L. The other columns: the step along x_0 when the unit of x_0 changes, and
-// the step along x_0 when only the unit of x_1 changes: a rule that mixes units
-// has a number other than zero there.
+// every scale of the loss would have p = -1 for the distance to a given
+// decrease of L. The other columns: the step along x_0 when the unit of x_0
+// changes, and the step along x_0 when only the unit of x_1 changes: a rule
+// that mixes units has a number other than zero there.
 //
 // Sample runs:
 //
@@ -57,10 +57,8 @@ std::string Exponent(double a, double b) {
   const double exponent = std::log2(std::abs(a / b));
   char text[32];
   // Minus zero is zero, and so is what rounding leaves.
-  std::snprintf(text,
-                sizeof text,
-                "%.3g",
-                std::abs(exponent) < 1e-6 ? 0.0 : exponent);
+  std::snprintf(
+      text, sizeof text, "%.3g", std::abs(exponent) < 1e-6 ? 0.0 : exponent);
   return text;
 }
 
@@ -68,14 +66,15 @@ int Run() {
   std::vector<Specification> rules;
   std::string error;
   if (FLAGS_rules.empty()) {
-    for (const RuleRow& row : Rules()) rules.push_back({row.name, row.name, {}});
+    for (const RuleRow& row : Rules())
+      rules.push_back({row.name, row.name, {}});
   } else if (!ParseSpecifications(FLAGS_rules, &rules, &error)) {
     return Fail("--rules: " + error);
   }
-  Table table({"rule",
-               "loss x 2: step x 2^",
-               "unit of x_0 x 2: its step x 2^",
-               "unit of x_1 x 2: step of x_0 x 2^"});
+  Table table({{"rule", Table::Align::kLeft},
+               {"loss x 2: step x 2^"},
+               {"unit of x_0 x 2: its step x 2^"},
+               {"unit of x_1 x 2: step of x_0 x 2^"}});
   for (const Specification& rule : rules) {
     Eigen::VectorXd step, double_loss, double_unit_0, double_unit_1;
     if (!FirstStep(rule, 1.0, 1.0, 1.0, &step, &error) ||
@@ -97,9 +96,9 @@ int Run() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  return invgrad::RunProgram(
-      argc,
-      argv,
-      "asks how the first step of each rule scales with the loss and with units",
-      invgrad::Run);
+  return invgrad::RunProgram(argc,
+                             argv,
+                             "asks how the first step of each rule scales with "
+                             "the loss and with units",
+                             invgrad::Run);
 }

@@ -55,9 +55,8 @@ bool OscillatorChain::Create(const Options& options,
     }
     problem->data = *data;
   } else {
-    problem->data =
-        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-            .Rand(2 * options.num_samples, state_size);
+    problem->data = NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
+                        .Rand(2 * options.num_samples, state_size);
   }
   DataSet all;
   all.inputs = problem->data.transpose();

@@ -1,5 +1,6 @@
 // A small network behind an ill-conditioned scaling: where gradient descent
-// stalls, Gauss-Newton saturates the neurons, and the half-inverse does neither.
+// stalls, Gauss-Newton saturates the neurons, and the half-inverse does
+// neither.
 //
 //   y = P(f(a)) = (f_0, lambda f_1),   y*(a) = (sin 6a, cos 9a)
 //   L = 1/2 |y - y*|^2,   a in [-1, 1]

@@ -54,10 +54,10 @@ TEST(ChainObjective, GradientAndHessianAreThoseOfTheCost) {
   const double h = 1e-4;
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d di = h * Eigen::Vector2d::Unit(i);
-    EXPECT_NEAR(at_x.gradient[i],
-                (CostAt(objective, x + di) - CostAt(objective, x - di)) /
-                    (2.0 * h),
-                1e-6);
+    EXPECT_NEAR(
+        at_x.gradient[i],
+        (CostAt(objective, x + di) - CostAt(objective, x - di)) / (2.0 * h),
+        1e-6);
     for (int j = 0; j < 2; ++j) {
       const Eigen::Vector2d dj = h * Eigen::Vector2d::Unit(j);
       const double difference =
@@ -96,8 +96,8 @@ TEST(ChainObjective, AsACeresProblemHasTheSameCostAndGradient) {
   ChainFunction function(&objective);
   double function_cost = 0.0;
   Eigen::Vector2d function_gradient;
-  ASSERT_TRUE(function.Evaluate(
-      x.data(), &function_cost, function_gradient.data()));
+  ASSERT_TRUE(
+      function.Evaluate(x.data(), &function_cost, function_gradient.data()));
   EXPECT_EQ(function_cost, at_x.cost);
   EXPECT_EQ(function_gradient, Eigen::Vector2d(at_x.gradient));
 }

@@ -37,11 +37,10 @@ std::string ReadAll(const std::string& path) {
 class CompareProgram : public ::testing::Test {
  protected:
   CompareProgram() {
-    directory_ = fs::path(::testing::TempDir()) /
-                 ("compare_program_" + std::to_string(::getpid()) + "_" +
-                  ::testing::UnitTest::GetInstance()
-                      ->current_test_info()
-                      ->name());
+    directory_ =
+        fs::path(::testing::TempDir()) /
+        ("compare_program_" + std::to_string(::getpid()) + "_" +
+         ::testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(directory_);
     fs::create_directories(directory_);
   }
@@ -172,15 +171,16 @@ TEST_F(CompareProgram, RefusesFilesThatDoNotFit) {
   ExpectRefused({"--init_weights=" + Path("none.npy")}, {"none.npy"});
   std::ofstream(Path("text.npy")) << "no array";
   ExpectRefused({"--init_weights=" + Path("text.npy")}, {"text.npy"});
-  ASSERT_TRUE(WriteNpy(Path("short.npy"), Eigen::VectorXd::Zero(7), &error));
+  ASSERT_TRUE(WriteNpy(
+      Path("short.npy"), Eigen::VectorXd(Eigen::VectorXd::Zero(7)), &error));
   ExpectRefused({"--init_weights=" + Path("short.npy")},
                 {"short.npy", "7", "1444"});
   Eigen::MatrixXd data = Eigen::MatrixXd::Constant(64, 4, 0.5);
   data(5, 2) = std::nan("");
   ASSERT_TRUE(WriteNpy(Path("nan.npy"), data, &error));
   ExpectRefused({"--data=" + Path("nan.npy")}, {"nan.npy", "5", "2"});
-  ASSERT_TRUE(
-      WriteNpy(Path("wide.npy"), Eigen::MatrixXd::Zero(64, 5), &error));
+  ASSERT_TRUE(WriteNpy(
+      Path("wide.npy"), Eigen::MatrixXd(Eigen::MatrixXd::Zero(64, 5)), &error));
   ExpectRefused({"--data=" + Path("wide.npy")}, {"(64, 5)", "4"});
 }
 

@@ -81,8 +81,7 @@ TEST_P(EveryProblem, SimulatorJacobianIsThatOfItsOutputs) {
   const RowMajorMatrix J = probe.Jacobian(probe.x);
   const double scale = std::max(1.0, J.cwiseAbs().maxCoeff());
   for (int i = 0; i < probe.x.size(); ++i) {
-    const Eigen::VectorXd h =
-        kStep * Eigen::VectorXd::Unit(probe.x.size(), i);
+    const Eigen::VectorXd h = kStep * Eigen::VectorXd::Unit(probe.x.size(), i);
     const Eigen::VectorXd difference =
         (probe.Outputs(probe.x + h) - probe.Outputs(probe.x - h)) /
         (2.0 * kStep);
@@ -188,8 +187,8 @@ TEST_P(EveryProblem, DataAreFiniteAndFitTheModel) {
   EXPECT_LE(learning.batch_size, learning.train.num_samples());
 
   // The data that the problem shows make the same problem again.
-  const ProblemRow* row = FindProblem(
-      std::string(GetParam()).substr(0, GetParam().find(':')));
+  const ProblemRow* row =
+      FindProblem(std::string(GetParam()).substr(0, GetParam().find(':')));
   ASSERT_NE(row, nullptr);
   PhysicsProblem again;
   const std::string settings_of = GetParam();
@@ -203,7 +202,8 @@ TEST_P(EveryProblem, UnknownOptionIsRefusedByName) {
   PhysicsProblem problem;
   std::string error;
   const std::string name = GetParam().substr(0, GetParam().find(':'));
-  EXPECT_FALSE(CreateProblem(name + ":no_such_option=1", nullptr, &problem, &error));
+  EXPECT_FALSE(
+      CreateProblem(name + ":no_such_option=1", nullptr, &problem, &error));
   EXPECT_NE(error.find("no_such_option"), std::string::npos) << error;
   EXPECT_NE(error.find(name), std::string::npos) << error;
 }
@@ -242,8 +242,7 @@ TEST(Problems, UnknownNameSuggestsTheNearest) {
 TEST(LinearScale, StepsScaleAsItsHeaderSays) {
   const double c = 3.0;
   const double u[] = {2.0, 50.0};
-  const PhysicsProblem problem =
-      Create("linear_scale:c=3:unit_0=2:unit_1=50");
+  const PhysicsProblem problem = Create("linear_scale:c=3:unit_0=2:unit_1=50");
   const auto step_of = [&](const std::string& name, const Settings& settings) {
     ChainObjective objective = problem.point->MakeObjective();
     std::string error;
@@ -373,9 +372,9 @@ TEST(OscillatorChain, DataAreNumpys) {
   EXPECT_EQ(problem.learning->test.num_samples(), 4096);
   // 4-20-20-20-24: 1,444 weights; with 96 steps 2,956.
   EXPECT_EQ(problem.learning->model->num_weights(), 1444);
-  EXPECT_EQ(Create("oscillator_chain:coupling=cubic")
-                .learning->model->num_weights(),
-            2956);
+  EXPECT_EQ(
+      Create("oscillator_chain:coupling=cubic").learning->model->num_weights(),
+      2956);
 }
 
 TEST(OscillatorChain, DataOfAnotherShapeAreRefused) {

@@ -87,10 +87,8 @@ TEST(PhysgradComparison, Newton) {
 // 1.06e-5, 3.16e-6 and 1.19e-6 after epochs 1 to 4 (B = 32, eta = 1, tau =
 // 1e-10). Weights and data are drawn anew, so a factor of two is allowed.
 TEST(PhysgradHigCode, HalfInverseOnTheLinearChain) {
-  const double printed[4] = {5.44398972e-05,
-                             1.06443604e-05,
-                             3.16352543e-06,
-                             1.18576099e-06};
+  const double printed[4] = {
+      5.44398972e-05, 1.06443604e-05, 3.16352543e-06, 1.18576099e-06};
   PhysicsProblem problem;
   std::string error;
   ASSERT_TRUE(CreateProblem("oscillator_chain", nullptr, &problem, &error));

@@ -175,7 +175,7 @@ struct LinearStep {
 TEST(TimeSteppingSimulator, LinearStepsHaveMatrixPowersAsJacobian) {
   std::mt19937 generator(3);
   std::uniform_real_distribution<double> uniform(-0.5, 0.5);
-  const int size = 6;
+  const int size = 9;
   const int num_steps = 5;
   LinearStep step;
   step.A =

@@ -1,12 +1,12 @@
 #include "invgrad/solve/trainer.h"
 
+#include <unistd.h>
+
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include <unistd.h>
 
 #include "gtest/gtest.h"
 #include "invgrad/io/checkpoint.h"
@@ -31,8 +31,8 @@ struct Regression {
     NumpyRandom random(3);
     train = MakeData(24, &random);
     test = MakeData(10, &random);
-    weights = model.network().InitialWeights(Initialization::kGlorotUniform,
-                                             &random);
+    weights =
+        model.network().InitialWeights(Initialization::kGlorotUniform, &random);
   }
 
   static DataSet MakeData(int num_samples, NumpyRandom* random) {
@@ -40,8 +40,7 @@ struct Regression {
     data.inputs = random->Rand(2, num_samples);
     data.contexts.resize(0, num_samples);
     data.targets.resize(2, num_samples);
-    data.targets.row(0) =
-        data.inputs.row(0).cwiseProduct(data.inputs.row(1));
+    data.targets.row(0) = data.inputs.row(0).cwiseProduct(data.inputs.row(1));
     data.targets.row(1) = data.inputs.row(0) - data.inputs.row(1);
     return data;
   }
@@ -99,8 +98,9 @@ TEST(Trainer, OneFullBatchStepOfGradientDescentIsTheGradient) {
   TrainOptions options = Epochs(1, 0);
   const Result result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.num_steps, 1);
-  EXPECT_LT((result.weights - (problem.weights - 0.1 * at_start.gradient)).norm(),
-            1e-15);
+  EXPECT_LT(
+      (result.weights - (problem.weights - 0.1 * at_start.gradient)).norm(),
+      1e-15);
   ASSERT_EQ(result.history.size(), 2u);
   EXPECT_EQ(result.history[1].batch_loss, at_start.cost);
   EXPECT_EQ(result.history[0].train_loss, at_start.cost);
@@ -129,10 +129,11 @@ TEST(Trainer, LossIsPerSampleWhateverTheReduction) {
   const double loss = MeanLoss(mean.model, mean.weights, mean.train);
   EXPECT_NEAR(MeanLoss(sum.model, sum.weights, sum.train), loss, 1e-15);
   // The mean over all samples is that over two halves.
-  EXPECT_NEAR(0.5 * (MeanLoss(mean.model, mean.weights, mean.train.Range(0, 12)) +
-                     MeanLoss(mean.model, mean.weights, mean.train.Range(12, 12))),
-              loss,
-              1e-15);
+  EXPECT_NEAR(
+      0.5 * (MeanLoss(mean.model, mean.weights, mean.train.Range(0, 12)) +
+             MeanLoss(mean.model, mean.weights, mean.train.Range(12, 12))),
+      loss,
+      1e-15);
 }
 
 TEST(Trainer, SamplesThatDoNotFillABatchAreLeftOut) {

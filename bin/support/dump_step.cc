@@ -74,12 +74,8 @@ bool DumpStep(const LearningProblem& problem,
         problem.train.Range(0, BatchSize(problem, method, options));
     const std::string method_directory =
         directory + "/" + FileName(method.label);
-    if (!DumpMethod(*problem.model,
-                    batch,
-                    method,
-                    weights,
-                    method_directory,
-                    error)) {
+    if (!DumpMethod(
+            *problem.model, batch, method, weights, method_directory, error)) {
       return false;
     }
     std::cout << "wrote " << method_directory << "\n";

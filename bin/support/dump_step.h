@@ -1,5 +1,5 @@
-// The first step of every rule as numpy arrays, so that any other implementation
-// can be checked against this one.
+// The first step of every rule as numpy arrays, so that any other
+// implementation can be checked against this one.
 //
 //   DIR/METHOD/weights.npy    theta (n)
 //   DIR/METHOD/outputs.npy    y of the batch, one row a sample (B, |y|)

@@ -32,10 +32,10 @@ double BudgetShare(const TrainOptions& options,
                    double steps_per_epoch,
                    const ceres::IterationSummary& iteration) {
   const double steps = iteration.iteration;
-  return std::max({steps / (steps_per_epoch * options.max_num_epochs),
-                   steps / static_cast<double>(options.max_num_steps),
-                   iteration.cumulative_time_in_seconds /
-                       options.max_time_in_seconds});
+  return std::max(
+      {steps / (steps_per_epoch * options.max_num_epochs),
+       steps / static_cast<double>(options.max_num_steps),
+       iteration.cumulative_time_in_seconds / options.max_time_in_seconds});
 }
 
 // Prints where a run is, and ends it on Ctrl-C.
@@ -44,38 +44,33 @@ class LiveCallback final : public ceres::IterationCallback {
   LiveCallback(const std::string& label,
                const TrainOptions& train,
                double steps_per_epoch,
-               double progress_seconds,
-               const Interrupt& interrupt)
+               bool shows_progress)
       : train_(train),
         steps_per_epoch_(steps_per_epoch),
-        interrupt_(interrupt),
-        progress_(label, progress_seconds) {}
+        shows_progress_(shows_progress) {
+    state_.label = label;
+  }
 
   void OnEvaluation(const History& history) {
-    train_loss_ = history.back().train_loss;
+    state_.loss = history.back().train_loss;
   }
 
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
-    Progress::State state;
-    state.step = iteration.iteration;
-    state.epoch = iteration.iteration / steps_per_epoch_;
-    state.loss = std::isfinite(train_loss_) ? train_loss_ : iteration.cost;
-    state.seconds = iteration.cumulative_time_in_seconds;
-    state.fraction = BudgetShare(train_, steps_per_epoch_, iteration);
-    progress_.Update(state);
-    return interrupt_.requested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                                  : ceres::SOLVER_CONTINUE;
+    state_.step = iteration.iteration;
+    state_.epoch = iteration.iteration / steps_per_epoch_;
+    state_.fraction = BudgetShare(train_, steps_per_epoch_, iteration);
+    if (shows_progress_) progress_.Update(state_);
+    return Interrupt::IsRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                                    : ceres::SOLVER_CONTINUE;
   }
-
-  void Finish() { progress_.Finish(); }
 
  private:
   const TrainOptions& train_;
   const double steps_per_epoch_;
-  const Interrupt& interrupt_;
+  const bool shows_progress_;
+  ProgressState state_;
   Progress progress_;
-  double train_loss_ = HistoryRow::kNone;
 };
 
 // The result with the median final train loss of the seeds; failed ones last.
@@ -89,9 +84,10 @@ const LearningRunResult& MedianRun(
                ? std::numeric_limits<double>::infinity()
                : loss;
   };
-  std::stable_sort(sorted.begin(),
-                   sorted.end(),
-                   [&](const auto* a, const auto* b) { return key(a) < key(b); });
+  std::stable_sort(
+      sorted.begin(), sorted.end(), [&](const auto* a, const auto* b) {
+        return key(a) < key(b);
+      });
   return *sorted[(sorted.size() - 1) / 2];
 }
 
@@ -107,8 +103,8 @@ std::string Spread(const std::vector<LearningRunResult>& results) {
     low = std::min(low, result.last().train_loss);
     high = std::max(high, result.last().train_loss);
   }
-  std::string text = high > 0.0 ? FormatNumber(low) + " - " + FormatNumber(high)
-                                : "-";
+  std::string text =
+      high > 0.0 ? FormatNumber(low) + " - " + FormatNumber(high) : "-";
   if (num_failed > 0) {
     text += ", " + std::to_string(num_failed) + " of " +
             std::to_string(results.size()) + " failed";
@@ -125,15 +121,18 @@ struct MethodResults {
 
 Table MakeTable(const LearningComparisonOptions& options,
                 const std::vector<MethodResults>& all) {
-  std::vector<std::string> header = {
-      "method", "train loss", "test loss", "best train"};
   const bool has_seeds = options.seeds.size() > 1;
-  if (has_seeds) header.push_back("train loss, all seeds");
-  header.insert(header.end(), {"steps", "s", "ms/step"});
+  std::vector<Table::Column> header = {{"method", Table::Align::kLeft},
+                                       {"train loss"},
+                                       {"test loss"},
+                                       {"best train"}};
+  if (has_seeds) header.push_back({"train loss, all seeds"});
+  header.insert(header.end(), {{"steps"}, {"s"}, {"ms/step"}});
   for (const double level : options.levels) {
-    header.push_back("s to " + FormatNumber(level));
+    header.push_back({"s to " + FormatNumber(level)});
   }
-  header.insert(header.end(), {"saturated", "status"});
+  header.push_back({"saturated"});
+  header.push_back({"status", Table::Align::kLeft});
   Table table(header);
   for (const MethodResults& method : all) {
     std::vector<std::string> row = {method.label};
@@ -151,11 +150,10 @@ Table MakeTable(const LearningComparisonOptions& options,
     if (has_seeds) row.push_back(Spread(method.runs));
     row.push_back(std::to_string(run.summary.num_steps));
     row.push_back(FormatNumber(seconds));
-    row.push_back(
-        run.summary.num_steps > 0
-            ? FormatNumber(1e3 * seconds /
-                           static_cast<double>(run.summary.num_steps))
-            : "-");
+    row.push_back(run.summary.num_steps > 0
+                      ? FormatNumber(1e3 * seconds /
+                                     static_cast<double>(run.summary.num_steps))
+                      : "-");
     for (const double level : options.levels) {
       row.push_back(FormatNumber(run.SecondsToLevel(level)));
     }
@@ -237,8 +235,8 @@ std::vector<Plot> NeuronPlots(const std::vector<MethodResults>& all) {
     for (size_t j = 0; j < run.neurons.front().size(); ++j) {
       const NeuronStatistics& neuron = run.neurons.front()[j];
       Series series;
-      series.title = std::to_string(neuron.layer) + "." +
-                     std::to_string(neuron.neuron);
+      series.title =
+          std::to_string(neuron.layer) + "." + std::to_string(neuron.neuron);
       for (size_t i = 0; i < run.neurons.size(); ++i) {
         if (run.history[i].step == 0) continue;
         series.x.push_back(static_cast<double>(run.history[i].step));
@@ -255,8 +253,8 @@ Plot SamplePathPlot(const LearningProblem& problem,
                     const LearningComparisonOptions& options,
                     const std::vector<MethodResults>& all) {
   Plot plot;
-  plot.title =
-      "training sample " + std::to_string(options.tracked_sample) + " in y space";
+  plot.title = "training sample " + std::to_string(options.tracked_sample) +
+               " in y space";
   plot.x_label = "y_0";
   plot.y_label = "y_1";
   for (const MethodResults& method : all) {
@@ -311,12 +309,9 @@ bool WriteResults(const LearningProblem& problem,
   const Table table = MakeTable(options, all);
   out << table.ToText();
   if (options.plots) DrawPictures(problem, options, all);
-  return WriteFile(
-             options.output + "/table.txt", table.ToText(), error) &&
-         WriteFile(
-             options.output + "/table.md", table.ToMarkdown(), error) &&
-         WriteFile(
-             options.output + "/summary.csv", SummaryCsv(all), error);
+  return WriteFile(options.output + "/table.txt", table.ToText(), error) &&
+         WriteFile(options.output + "/table.md", table.ToMarkdown(), error) &&
+         WriteFile(options.output + "/summary.csv", SummaryCsv(all), error);
 }
 
 // Runs one method from one seed, or reads it back if that was done before.
@@ -325,7 +320,6 @@ bool RunOrLoad(const LearningProblem& problem,
                const LearningComparisonOptions& options,
                const Eigen::VectorXd& weights,
                int seed,
-               const Interrupt& interrupt,
                LearningRunResult* result,
                std::string* error) {
   LearningRunOptions run;
@@ -345,16 +339,12 @@ bool RunOrLoad(const LearningProblem& problem,
   LiveCallback live(method.label + " seed " + std::to_string(seed),
                     run.train,
                     steps_per_epoch,
-                    options.progress_seconds,
-                    interrupt);
+                    options.shows_progress);
   run.train.callbacks.push_back(&live);
   run.train.on_evaluation = [&live](const History& history) {
     live.OnEvaluation(history);
   };
-  const bool ok =
-      RunLearning(problem, method, seed, weights, run, result, error);
-  live.Finish();
-  return ok;
+  return RunLearning(problem, method, seed, weights, run, result, error);
 }
 
 }  // namespace
@@ -387,8 +377,8 @@ bool CheckLearningComparison(const LearningProblem& problem,
   }
   for (const Method& method : methods) {
     if (BatchSize(problem, method, options) > num_samples) {
-      *error = "--rules: " + method.label + ": batch_size=" +
-               std::to_string(method.batch_size) +
+      *error = "--rules: " + method.label +
+               ": batch_size=" + std::to_string(method.batch_size) +
                " is out of range; allowed: 1 to the " +
                std::to_string(num_samples) + " training samples, or 0 for all";
       return false;
@@ -427,17 +417,11 @@ bool CompareLearning(const LearningProblem& problem,
                   error)) {
       return false;
     }
-    for (size_t i = 0; i < methods.size() && !interrupt.requested(); ++i) {
+    for (size_t i = 0; i < methods.size() && !Interrupt::IsRequested(); ++i) {
       LearningRunResult result;
       std::string why;
-      if (RunOrLoad(problem,
-                    methods[i],
-                    options,
-                    weights,
-                    seed,
-                    interrupt,
-                    &result,
-                    &why)) {
+      if (RunOrLoad(
+              problem, methods[i], options, weights, seed, &result, &why)) {
         all[i].runs.push_back(std::move(result));
       } else {
         all[i].refusal = "not run: " + why;

@@ -31,7 +31,7 @@ struct LearningComparisonOptions {
   int tracked_sample = -1;
   bool resume = false;
   bool plots = true;
-  double progress_seconds = 1.0;
+  bool shows_progress = true;
   TrainOptions train;
 };
 

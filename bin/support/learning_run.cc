@@ -41,8 +41,8 @@ std::string NeuronsCsv(
   for (size_t i = 0; i < neurons.size(); ++i) {
     for (const NeuronStatistics& neuron : neurons[i]) {
       csv << steps[i] << ',' << neuron.layer << ',' << neuron.neuron << ','
-          << neuron.mean << ',' << neuron.deviation << ','
-          << neuron.flat_share << '\n';
+          << neuron.mean << ',' << neuron.deviation << ',' << neuron.flat_share
+          << '\n';
     }
   }
   return csv.str();
@@ -121,17 +121,14 @@ bool WriteRun(const std::string& directory,
   }
   return WriteHistory(directory + "/history.csv", result.history, error) &&
          WriteNpy(directory + "/weights.npy", result.weights, error) &&
-         WriteFile(directory + "/neurons.csv",
-                             NeuronsCsv(steps, neurons),
-                             error) &&
+         WriteFile(
+             directory + "/neurons.csv", NeuronsCsv(steps, neurons), error) &&
          (result.sample_path.empty() ||
-          WriteFile(
-              directory + "/sample_path.csv",
-              SamplePathCsv(result.history, result.sample_path),
-              error)) &&
+          WriteFile(directory + "/sample_path.csv",
+                    SamplePathCsv(result.history, result.sample_path),
+                    error)) &&
          (result.was_interrupted() ||
-          WriteFile(
-              directory + "/result.txt", ResultText(result), error));
+          WriteFile(directory + "/result.txt", ResultText(result), error));
 }
 
 }  // namespace
@@ -169,17 +166,16 @@ bool RunLearning(const LearningProblem& problem,
   result->weights = initial_weights;
   result->num_hidden_neurons = NumHiddenNeurons(network);
   const bool tracks_neurons = result->num_hidden_neurons <= kMaxTrackedNeurons;
-  const DataSet tracked =
-      options.tracked_sample < 0
-          ? problem.train.Range(0, 0)
-          : problem.train.Range(options.tracked_sample, 1);
+  const DataSet tracked = options.tracked_sample < 0
+                              ? problem.train.Range(0, 0)
+                              : problem.train.Range(options.tracked_sample, 1);
 
   TrainOptions train_options = options.train;
   train_options.checkpoint_path = options.directory + "/checkpoint";
   train_options.on_evaluation = [&](const History& history) {
     if (tracks_neurons) {
-      result->neurons.push_back(ComputeNeuronStatistics(
-          network, result->weights, problem.train));
+      result->neurons.push_back(
+          ComputeNeuronStatistics(network, result->weights, problem.train));
     }
     if (tracked.num_samples() > 0) {
       Eigen::MatrixXd y;

@@ -41,16 +41,15 @@ struct LearningRunResult {
   std::vector<std::vector<NeuronStatistics>> neurons;
   std::vector<Eigen::VectorXd> sample_path;  // y at history[i]
 
-  bool has_failed() const {
-    return summary.termination_type == ceres::FAILURE;
-  }
+  bool has_failed() const { return summary.termination_type == ceres::FAILURE; }
   // The user stopped it; it may go on from its checkpoint.
   bool was_interrupted() const {
     return summary.termination_type == ceres::USER_SUCCESS;
   }
   const HistoryRow& last() const { return history.back(); }
   double BestTrainLoss() const;
-  // Seconds until the train loss first was at most `level`; NaN if it never was.
+  // Seconds until the train loss first was at most `level`; NaN if it never
+  // was.
   double SecondsToLevel(double level) const;
 };
 

@@ -1,5 +1,5 @@
-// What there is to compare: the tables of problems and rules as text, and as the
-// Markdown of docs/problems.md and docs/rules.md.
+// What there is to compare: the tables of problems and rules as text, and as
+// the Markdown of docs/problems.md and docs/rules.md.
 #ifndef BIN_SUPPORT_LISTING_H_
 #define BIN_SUPPORT_LISTING_H_
 

@@ -74,12 +74,8 @@ bool TracePath(const PointProblem& problem,
   minimizer.function_tolerance = 0.0;
   minimizer.parameter_tolerance = 0.0;
   ChainObjective objective = problem.MakeObjective();
-  if (!MinimizeByMethod(method,
-                        minimizer,
-                        &objective,
-                        &path->x,
-                        &path->summary,
-                        error)) {
+  if (!MinimizeByMethod(
+          method, minimizer, &objective, &path->x, &path->summary, error)) {
     return false;
   }
   // A failed step is not in the path: the last point is the last good one.
@@ -119,7 +115,13 @@ bool ComparePoint(const PointProblem& problem,
                   const PointComparisonOptions& options,
                   std::ostream& out,
                   std::string* error) {
-  Table table({"method", "steps", "L at start", "L", "x", "|x - x*|", "status"});
+  Table table({{"method", Table::Align::kLeft},
+               {"steps"},
+               {"L at start"},
+               {"L"},
+               {"x"},
+               {"|x - x*|"},
+               {"status", Table::Align::kLeft}});
   Plot plot;
   plot.title = "loss";
   plot.x_label = "step";
@@ -145,10 +147,8 @@ bool ComparePoint(const PointProblem& problem,
     plot.series.push_back(series);
   }
   out << table.ToText();
-  if (!WriteFile(
-          options.output + "/table.txt", table.ToText(), error) ||
-      !WriteFile(
-          options.output + "/table.md", table.ToMarkdown(), error)) {
+  if (!WriteFile(options.output + "/table.txt", table.ToText(), error) ||
+      !WriteFile(options.output + "/table.md", table.ToMarkdown(), error)) {
     return false;
   }
   std::string plot_error;

@@ -23,12 +23,8 @@ namespace fs = std::filesystem;
 
 // A resumed run may be longer than the first one, and look at other levels.
 const std::set<std::string>& FlagsThatMayChange() {
-  static const auto& flags = *new std::set<std::string>{"output",
-                                                        "epochs",
-                                                        "steps",
-                                                        "seconds",
-                                                        "levels",
-                                                        "progress_seconds"};
+  static const auto& flags = *new std::set<std::string>{
+      "output", "epochs", "steps", "seconds", "levels", "progress"};
   return flags;
 }
 
@@ -96,8 +92,8 @@ bool PrepareRunDirectory(const std::string& path,
   std::error_code failure;
   const std::string flag_file = path + "/flags.txt";
   const bool exists = fs::exists(path, failure);
-  const bool is_empty = exists && fs::is_directory(path, failure) &&
-                        fs::is_empty(path, failure);
+  const bool is_empty =
+      exists && fs::is_directory(path, failure) && fs::is_empty(path, failure);
   if (exists && !is_empty) {
     if (existing == ExistingDirectory::kRefuse) {
       *error = "--output=" + path + " exists; give another directory, or " +

@@ -56,17 +56,25 @@ constexpr int kNumColors = std::size(kColors);
 constexpr int kNumDashes = std::size(kDashes);
 constexpr int kPointTypes[] = {7, 5, 9, 11, 13};  // filled
 
-// In single quotes gnuplot expands nothing; a quote is written twice.
+// A string that gnuplot takes as it stands. What means something to gnuplot in
+// double quotes is written as an octal number; single quotes would not do, as
+// gnuplot 5.4 misreads a string that begins with a quote.
 std::string Quote(std::string_view text) {
-  std::string quoted = "'";
+  std::string quoted = "\"";
   for (const char c : text) {
-    const bool is_control = static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
-    quoted += is_control ? ' ' : c;
-    if (c == '\'') {
-      quoted += '\'';
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f) {
+      quoted += ' ';
+    } else if (std::string_view("\"'`\\@$").find(c) != std::string_view::npos) {
+      quoted += '\\';
+      for (const int shift : {6, 3, 0}) {
+        quoted += static_cast<char>('0' + ((code >> shift) & 7));
+      }
+    } else {
+      quoted += c;
     }
   }
-  return quoted + "'";
+  return quoted + '"';
 }
 
 // No locale, unlike printf.
@@ -77,15 +85,18 @@ std::string Number(double value) {
   return std::string(buffer, result.ptr);
 }
 
+// gnuplot takes what exceeds 8.99e307 for undefined; there is room for margins.
+constexpr double kLargest = 1e306;
+constexpr double kSmallest = 1e-306;  // on a logarithmic axis
+
 // One axis: which values can be drawn, and where.
 struct Axis {
   bool is_log = false;
   double low = 0.0;
   double high = 1.0;
 
-  // gnuplot takes what exceeds 8.99e307 for undefined.
   bool CanDraw(double value) const {
-    return std::abs(value) < 8e307 && (!is_log || value > 0.0);
+    return std::abs(value) <= kLargest && (!is_log || value >= kSmallest);
   }
   double ToDisplay(double value) const {
     return is_log ? std::log10(value) : value;
@@ -116,15 +127,15 @@ Axis FitAxis(bool is_log,
     low = is_log ? -1.0 : 0.0;
     high = is_log ? 0.0 : 1.0;
   }
-  // A curve without extent gets half a decade, or a tenth of its value.
   double pad = margin * (high - low);
-  if (high - low <= 1e-12 * std::max(std::abs(low), std::abs(high)) ||
-      high == low) {
-    pad = is_log ? 0.5 : std::max(0.1 * std::abs(high), 1e-300);
-    pad = high == 0.0 && !is_log ? 1.0 : pad;
+  // What has no extent gets half a decade, a tenth of its value, or one.
+  if (high - low <= 1e-12 * std::max(std::abs(low), std::abs(high))) {
+    constexpr double kTiny = 1e-100;
+    pad = is_log ? 0.5 : std::abs(high) > kTiny ? 0.1 * std::abs(high) : 1.0;
   }
-  axis.low = axis.FromDisplay(low - pad);
-  axis.high = axis.FromDisplay(high + pad);
+  const double lowest = is_log ? kSmallest : -kLargest;
+  axis.low = std::clamp(axis.FromDisplay(low - pad), lowest, kLargest);
+  axis.high = std::clamp(axis.FromDisplay(high + pad), lowest, kLargest);
   if (range.low && axis.CanDraw(*range.low)) {
     axis.low = *range.low;
   }
@@ -306,7 +317,7 @@ std::vector<double> Levels(const ContourField& field) {
   std::vector<double> levels;
   constexpr size_t kNumLevels = 14;
   for (size_t k = 1; k <= kNumLevels && sorted.size() > 1; ++k) {
-    // Halfway to the next value: a line through a point of the grid frays.
+    // Halfway to the next value: no line touches a point of the grid.
     const size_t i = (sorted.size() - 2) * k / (kNumLevels + 1);
     const double level = 0.5 * (sorted[i] + sorted[i + 1]);
     if (levels.empty() || level > levels.back()) {
@@ -506,6 +517,41 @@ std::string LegendCommand(Plot::Legend place) {
   return "unset key\n";
 }
 
+std::string Color(int look) {
+  return std::string(" lc rgb '") + kColors[look % kNumColors] + "'";
+}
+
+std::string BandElement(const std::string& data, int look) {
+  return data +
+         " using 1:3:4 with filledcurves fs transparent solid 0.18 noborder" +
+         Color(look) + " notitle";
+}
+
+std::string SeriesElement(const std::string& data,
+                          const Series& series,
+                          int look) {
+  const std::string line =
+      std::string(" lw 1.6 dt ") + kDashes[look / kNumColors % kNumDashes];
+  const std::string point =
+      " pt " + std::to_string(kPointTypes[look % std::size(kPointTypes)]) +
+      " ps 0.9";
+  std::string element = data;
+  switch (series.style) {
+    case Series::Style::kLines:
+      element += " with lines" + line;
+      break;
+    case Series::Style::kPoints:
+      element += " with points" + point;
+      break;
+    case Series::Style::kLinesAndPoints:
+      element += " with linespoints" + line + point;
+      break;
+  }
+  return element + Color(look) +
+         (series.title.empty() ? std::string(" notitle")
+                               : " title " + Quote(series.title));
+}
+
 // What `plot` draws, separated by commas.
 class PlotCommand {
  public:
@@ -554,37 +600,12 @@ PanelScript MakePanel(const Plot& plot,
     const bool has_points =
         AppendData(name, series, x_axis, y_axis, &script.data);
     const int look = series.color < 0 ? static_cast<int>(i) : series.color;
-    const std::string color =
-        " lc rgb '" + std::string(kColors[look % kNumColors]) + "'";
     if (has_points && !series.y_low.empty()) {
-      command.Add(name +
-                  " using 1:3:4 with filledcurves fs transparent solid "
-                  "0.18 noborder" +
-                  color + " notitle");
+      command.Add(BandElement(name, look));
     }
     // A series without a point keeps its place in the legend.
-    std::string element = has_points ? name + " using 1:2" : "NaN";
-    const std::string dash = kDashes[look / kNumColors % kNumDashes];
-    const std::string line =
-        " lw 1.6 dt " + (dash == "solid" ? std::string("solid") : dash);
-    const std::string point =
-        " pt " + std::to_string(kPointTypes[look % std::size(kPointTypes)]) +
-        " ps 0.9";
-    switch (series.style) {
-      case Series::Style::kLines:
-        element += " with lines" + line;
-        break;
-      case Series::Style::kPoints:
-        element += " with points" + point;
-        break;
-      case Series::Style::kLinesAndPoints:
-        element += " with linespoints" + line + point;
-        break;
-    }
-    elements.push_back(element + color +
-                       (series.title.empty()
-                            ? std::string(" notitle")
-                            : " title " + Quote(series.title)));
+    elements.push_back(
+        SeriesElement(has_points ? name + " using 1:2" : "NaN", series, look));
   }
   for (const std::string& element : elements) {  // in front of all bands
     command.Add(element);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "glog/logging.h"
+#include "invgrad/linalg/finite.h"
 
 namespace invgrad {
 namespace {
@@ -159,31 +160,6 @@ VectorXd Times(const MatrixXd& U,
               y.data(),
               1);
   return y;
-}
-
-bool CheckFinite(const char* name, const VectorXd& v, std::string* message) {
-  for (Index i = 0; i < v.size(); ++i) {
-    if (std::isfinite(v[i])) continue;
-    std::ostringstream text;
-    text << name << " is not finite: entry " << i << " is " << v[i];
-    *message = text.str();
-    return false;
-  }
-  return true;
-}
-
-bool CheckFinite(const char* name, const MatrixXd& A, std::string* message) {
-  for (Index j = 0; j < A.cols(); ++j) {
-    for (Index i = 0; i < A.rows(); ++i) {
-      if (std::isfinite(A(i, j))) continue;
-      std::ostringstream text;
-      text << name << " is not finite: entry (" << i << ", " << j << ") is "
-           << A(i, j);
-      *message = text.str();
-      return false;
-    }
-  }
-  return true;
 }
 
 bool GradientStep(const JacobianOperator& J,

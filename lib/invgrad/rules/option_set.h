@@ -109,6 +109,14 @@ class OptionSet {
   std::vector<Setter> setters_;
 };
 
+// CHECKs that all fields have values that the options allow, for Options that
+// were filled in by a program and not from text.
+template <typename Options>
+void CheckOptions(Options options) {
+  OptionSet set;
+  options.Describe(&set);
+}
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_RULES_OPTION_SET_H_

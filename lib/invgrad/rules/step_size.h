@@ -1,4 +1,5 @@
-// The step size eta of a rule: fixed, scheduled, or found from the linear model.
+// The step size eta of a rule: fixed, scheduled, or found from the linear
+// model.
 //
 //   fixed      eta
 //   schedule   eta s(p), p in [0, 1] the share of the budget that is spent:
@@ -7,13 +8,15 @@
 //              cosine       s = f + (1 - f) (1 + cos(pi p)) / 2
 //              exponential  s = f^p
 //              with f = final_fraction
-//   auto       eta = -rho (g . J d) / (J d . H_L J d): rho times the minimizer
-//              of the linear model along d
+//   auto       eta s(p) with eta = -rho (g . J d) / (J d . H_L J d): rho times
+//              the minimizer of the linear model along d
 //
 // Units:   eta has the units of step / d, so `auto` makes a rule's step
 //          independent of the units of the loss.
+// Cost:    auto: one product with J and one with H_L.
 // Fails:   AutoStepSize returns false if J d = 0, if d is no descent direction,
-//          or if a value is not finite.
+//          if the loss does not curve upwards along J d, or if a value is not
+//          finite.
 #ifndef INVGRAD_RULES_STEP_SIZE_H_
 #define INVGRAD_RULES_STEP_SIZE_H_
 
@@ -36,6 +39,9 @@ struct StepSizeOptions {
   void Describe(bool allow_auto, OptionSet* set);
 
   bool is_auto() const { return step_size != step_size; }
+
+  // s(progress).
+  double ScheduleFactor(double progress) const;
 
   // eta s(progress). CHECKs that it is not auto.
   double Scheduled(double progress) const;

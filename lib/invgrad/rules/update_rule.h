@@ -43,6 +43,10 @@ class UpdateRule {
   virtual std::string LastStepReport() const { return ""; }
 };
 
+// Gives an array of a rule's memory its initial value at the first step: `size`
+// entries `value` if it is empty. CHECKs that its size fits otherwise.
+void InitializeOnce(Eigen::Index size, double value, Eigen::VectorXd* array);
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_RULES_UPDATE_RULE_H_

@@ -11,6 +11,13 @@
 // The trust-region methods need a least-squares problem; the line searches also
 // take a ceres::FirstOrderFunction (ceres::GradientProblem), which is how a
 // model is given to them: one backward pass instead of a Jacobian.
+//
+// Differences to Minimize: iterations hold the rejected steps too; a step on
+// which Ceres ends the run by a tolerance is not among them; function and
+// parameter tolerances of 0 end a run on no change at all; mini-batches are
+// refused (CHECKed).
+// Fails:   as Ceres: FAILURE in the summary with Ceres' message, also for
+//          options that Ceres refuses.
 #ifndef INVGRAD_SOLVE_CERES_MINIMIZER_H_
 #define INVGRAD_SOLVE_CERES_MINIMIZER_H_
 
@@ -46,7 +53,9 @@ const std::vector<CeresMethodRow>& CeresMethods();
 const CeresMethodRow* FindCeresMethod(const std::string& name);
 
 // Runs ceres::Solve with Ceres' options as given, but for the budget,
-// tolerances and callbacks, which come from `options`.
+// tolerances and callbacks, which come from `options`, and its log, which is
+// silent. Callbacks run in the order given, an UpdateCallback among them, and
+// see the blocks up to date (the best state, if steps may be nonmonotonic).
 void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::Solver::Options ceres_options,
                        ceres::Problem* problem,

@@ -113,8 +113,8 @@ Eigen::VectorXd ChainObjective::Outputs() const {
 ChainCostFunction::ChainCostFunction(const ChainObjective* objective)
     : objective_(objective) {
   const std::optional<double> factor = objective->loss().SquaredNormFactor();
-  CHECK(factor.has_value())
-      << "only a squared-norm loss has residuals; this loss needs a line search";
+  CHECK(factor.has_value()) << "only a squared-norm loss has residuals; this "
+                               "loss needs a line search";
   scale_ = std::sqrt(2.0 * *factor);
   set_num_residuals(objective->simulator().num_outputs());
   mutable_parameter_block_sizes()->push_back(objective->num_parameters());
@@ -150,8 +150,7 @@ bool ChainFunction::Evaluate(const double* parameters,
                              double* cost,
                              double* gradient) const {
   ChainObjective at_x = *objective_;
-  at_x.SetState(
-      Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters()));
+  at_x.SetState(Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters()));
   std::string error;
   if (gradient == nullptr) return at_x.Cost(cost, &error);
   LinearizationParts parts;

@@ -7,7 +7,8 @@
 // Units:   g and J are those of y, not of a residual: for L = c |y - y*|^2 it
 //          is g = 2 c (y - y*) and H_L = 2 c I.
 // Cost:    one simulator evaluation with Jacobian; the Hessian one more.
-// Fails:   Linearize and Cost return false if simulator or loss fails or a value
+// Fails:   Linearize and Cost return false if simulator or loss fails or a
+// value
 //          is not finite.
 #ifndef INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_
 #define INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_

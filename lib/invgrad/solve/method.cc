@@ -109,8 +109,8 @@ void Configure(const Method& method,
       << error;
 }
 
-// Turns Ceres' iterations into a history, with its own clock, which stands while
-// losses are looked at; and keeps the budget.
+// Turns Ceres' iterations into a history, with its own clock, which stands
+// while losses are looked at; and keeps the budget.
 class TrainingRecorder final : public ceres::IterationCallback {
  public:
   TrainingRecorder(const TrainOptions& options,
@@ -339,15 +339,8 @@ bool TrainByMethod(const Method& method,
                    TrainSummary* summary,
                    std::string* error) {
   if (method.ceres != nullptr) {
-    return TrainWithCeres(method,
-                          options,
-                          model,
-                          train,
-                          test,
-                          weights,
-                          history,
-                          summary,
-                          error);
+    return TrainWithCeres(
+        method, options, model, train, test, weights, history, summary, error);
   }
   const std::unique_ptr<UpdateRule> rule = method.MakeRule();
   return Train(options,
@@ -386,11 +379,8 @@ bool MinimizeByMethod(const Method& method,
       *error = method.label + " needs a least-squares loss, c |y - y*|^2";
       return false;
     }
-    MinimizeWithCeres(recorded,
-                      gradient_options,
-                      new ChainFunction(objective),
-                      &x,
-                      summary);
+    MinimizeWithCeres(
+        recorded, gradient_options, new ChainFunction(objective), &x, summary);
   } else {
     ceres::Problem problem;
     problem.AddResidualBlock(

@@ -41,9 +41,9 @@ bool ParseMethods(const std::string& text,
                   std::string* error);
 
 // Trains by the method. Ceres' minimizers use all samples at once whatever
-// the batch size; an iteration counts as a step and as an epoch, and a checkpoint
-// is not written. False for bad input, as Train, and if the method cannot take the
-// model (a trust region needs a squared-norm loss).
+// the batch size; an iteration counts as a step and as an epoch, and a
+// checkpoint is not written. False for bad input, as Train, and if the method
+// cannot take the model (a trust region needs a squared-norm loss).
 bool TrainByMethod(const Method& method,
                    const TrainOptions& options,
                    const Model& model,

@@ -20,8 +20,8 @@ class Objective {
   // n: the size of a step, which is that of the tangent space.
   virtual int num_parameters() const = 0;
 
-  // Linearizes at the current point. False, with *error, if the cost or a wanted
-  // part cannot be computed or is not finite.
+  // Linearizes at the current point. False, with *error, if the cost or a
+  // wanted part cannot be computed or is not finite.
   virtual bool Linearize(const LinearizationParts& parts,
                          Linearization* linearization,
                          std::string* error) const = 0;

@@ -123,8 +123,7 @@ bool TrainingRun::Step() {
   Eigen::VectorXd step;
   std::string error;
   const bool is_finite =
-      model_.Linearize(
-          *weights_, batch, rule_->Needs(), &at_weights, &error);
+      model_.Linearize(*weights_, batch, rule_->Needs(), &at_weights, &error);
   if (is_finite) last_good_weights_ = *weights_;
   if (!is_finite || !rule_->ComputeStep(at_weights, &step, &error)) {
     seconds_ += SecondsSince(start);
@@ -137,11 +136,11 @@ bool TrainingRun::Step() {
   seconds_ += SecondsSince(start);
   batch_loss_ = at_weights.cost;
   step_norm_ = step.norm();
-  return CallBack(
-      batch_loss_,
-      at_weights.gradient.size() == 0 ? 0.0
-                                      : at_weights.gradient.lpNorm<Eigen::Infinity>(),
-      step_norm_);
+  return CallBack(batch_loss_,
+                  at_weights.gradient.size() == 0
+                      ? 0.0
+                      : at_weights.gradient.lpNorm<Eigen::Infinity>(),
+                  step_norm_);
 }
 
 bool TrainingRun::CallBack(double batch_loss,
@@ -398,8 +397,7 @@ bool Train(const TrainOptions& options,
   }
   history->clear();
   *summary = TrainSummary();
-  TrainingRun run(
-      options, model, train, test, rule, weights, history, summary);
+  TrainingRun run(options, model, train, test, rule, weights, history, summary);
   if (!options.checkpoint_path.empty() &&
       std::filesystem::exists(options.checkpoint_path) && !run.Restore(error)) {
     return false;

@@ -4,8 +4,8 @@
 //
 // A batch is `batch_size` consecutive samples of an epoch's order; the last
 // samples of an epoch that do not fill a batch are left out. Training time
-// is the wall-clock time of linearizations and steps; evaluations, callbacks and
-// checkpoints are not counted.
+// is the wall-clock time of linearizations and steps; evaluations, callbacks
+// and checkpoints are not counted.
 //
 // The loss over a data set is the mean over its samples, whatever the model's
 // reduction is, so that runs of different batch sizes compare. It is looked at
@@ -16,7 +16,8 @@
 // Determinism: the same inputs give the same bits, and a run that is continued
 // from its checkpoint ends like one that was never stopped (but for the times,
 // and hence for a budget in seconds).
-// Fails:   a numerical failure (no finite loss, no finite step) ends the run with
+// Fails:   a numerical failure (no finite loss, no finite step) ends the run
+// with
 //          ceres::FAILURE and "diverged at step k: ..."; the weights are those
 //          of the last step with a finite batch loss.
 #ifndef INVGRAD_SOLVE_TRAINER_H_

@@ -5,7 +5,31 @@
 //   ceres_options.update_state_every_iteration = true;
 //   ceres::Solve(ceres_options, &problem, &summary);
 //
-// (contract: see the class)
+// After every accepted step the callback linearizes the problem, asks the rule
+// for a step and stages it. A manifold wrapped around each parameter block's
+// own puts the staged step in the place of Ceres' own at the next Plus, which
+// is where the trust-region minimizer forms its candidate. Ceres then accepts
+// or rejects the candidate by its gain ratio, as ever: the cost never rises,
+// and progress table, summary, tolerances, robust losses, constant blocks,
+// manifolds and threads are those of the user.
+//
+// A rejected proposal is halved and proposed again; the scale is remembered and
+// doubles with every proposal that is accepted, up to 1. If max_num_backoffs do
+// not help, the turn is Ceres' until its trust region, which rejections shrink,
+// is as large again as before (or Ceres finds it too large itself). Ceres also
+// has the turn if the rule fails or the linear model promises too little. The
+// rule is asked at most once an accepted state; it does not learn that its step
+// was scaled or rejected.
+//
+// Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
+//          nonmonotonic steps may be on) and update_state_every_iteration; the
+//          callback aborts the solve, and says why in summary().message, if
+//          either is missing. No bounds on blocks that are not constant,
+//          because Ceres' projected line search calls Plus repeatedly.
+// Cost:    one linearization and one step of the rule per accepted step, on top
+//          of Ceres' own; k^2 numbers and a product with J for a block of size
+//          k that had no manifold.
+// Fails:   numerical failures of the rule are Ceres' turn, never errors.
 #ifndef INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 #define INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 
@@ -14,6 +38,7 @@
 
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
+#include "ceres/types.h"
 #include "invgrad/rules/update_rule.h"
 
 namespace invgrad {
@@ -22,30 +47,42 @@ class UpdateCallback final : public ceres::IterationCallback {
  public:
   struct Options {
     // Problem::Options::manifold_ownership of the problem, which Ceres 2.1 does
-    // not let anyone ask for.
+    // not let anyone ask for. It must be the problem's: wrongly told, a
+    // manifold is deleted twice or not at all.
     ceres::Ownership manifold_ownership = ceres::TAKE_OWNERSHIP;
-    // A rejected proposal is halved and proposed again at most so many times;
-    // then Ceres' own step follows.
+    // A rejected proposal is halved and proposed again at most so many times.
     int max_num_backoffs = 2;
     // Blocks with a larger tangent space are refused: Ceres multiplies J by a
     // k x k matrix for a block with a manifold of size k.
     int max_block_size = 512;
-    // A proposal for which the linear model promises a smaller relative decrease
-    // of the cost is left to Ceres, so that the run does not end by Ceres'
-    // function tolerance on a step that was not Ceres' own.
+    // A proposal for which the linear model promises a smaller relative
+    // decrease of the cost is left to Ceres, so that the run does not end by
+    // Ceres' function tolerance on a step that was not Ceres' own.
     double min_relative_model_decrease = 1e-5;
   };
 
+  // Of the last solve. num_proposed = num_accepted + num_rejected, and one more
+  // if a proposal's change was within Ceres' tolerances, which ends the run.
   struct Summary {
     int num_proposed = 0;
-    int num_accepted = 0;  // of those proposed
-    int num_rejected = 0;  // of those proposed
+    int num_accepted = 0;     // of those proposed
+    int num_rejected = 0;     // of those proposed
     int num_ceres_steps = 0;  // iterations left to Ceres
     std::string message;      // why the last proposal was not made
+
+    // "12 proposed, 9 accepted, 3 rejected, 4 steps of Ceres"
+    std::string BriefReport() const;
   };
+
+  // False, with *error saying what to do, if the problem has bounds or blocks
+  // that are too large.
+  static bool IsSupported(const Options& options,
+                          const ceres::Problem& problem,
+                          std::string* error);
 
   // Wraps the manifolds of the problem's blocks; ~UpdateCallback restores them,
   // so the problem must outlive the callback, and the callback the solve.
+  // Blocks and their constness must not change in between. CHECKs IsSupported.
   UpdateCallback(const Options& options,
                  UpdateRule* rule,
                  ceres::Problem* problem);
@@ -54,7 +91,7 @@ class UpdateCallback final : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override;
 
-  const Summary& summary() const;
+  Summary summary() const;
 
  private:
   class State;

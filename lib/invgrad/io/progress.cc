@@ -1,0 +1,163 @@
+#include "invgrad/io/progress.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+
+#include "glog/logging.h"
+
+namespace invgrad {
+namespace {
+
+double SteadySeconds() {
+  return std::chrono::duration<double>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+int NumColumns(std::FILE* out) {
+  winsize size{};
+  constexpr int kUsual = 80;
+  return ioctl(fileno(out), TIOCGWINSZ, &size) == 0 && size.ws_col > 0
+             ? size.ws_col
+             : kUsual;
+}
+
+// "3 min 05 s": the second part always has two digits.
+std::string TwoParts(long large,
+                     const char* large_unit,
+                     long small,
+                     const char* small_unit) {
+  return std::to_string(large) + large_unit + (small < 10 ? " 0" : " ") +
+         std::to_string(small) + small_unit;
+}
+
+std::string Fixed(double value, int decimals) {
+  char buffer[340];  // the largest double has 309 digits
+  const auto result = std::to_chars(buffer,
+                                    buffer + sizeof(buffer),
+                                    value,
+                                    std::chars_format::fixed,
+                                    decimals);
+  return std::string(buffer, result.ptr);
+}
+
+}  // namespace
+
+std::string FormatDuration(double seconds) {
+  constexpr double kLongest = 1e12;
+  if (!(seconds >= 0.0 && seconds < kLongest)) {
+    return "?";
+  }
+  // The bounds are where the shorter form would round up to the next one.
+  if (seconds < 0.9995) {
+    return Fixed(seconds, 3) + " s";
+  }
+  if (seconds < 59.95) {
+    return Fixed(seconds, 1) + " s";
+  }
+  const long whole = std::lround(seconds);
+  if (whole < 3600) {
+    return TwoParts(whole / 60, " min", whole % 60, " s");
+  }
+  const long minutes = std::lround(seconds / 60.0);
+  if (minutes < 24L * 60L) {
+    return TwoParts(minutes / 60, " h", minutes % 60, " min");
+  }
+  const long hours = std::lround(seconds / 3600.0);
+  return TwoParts(hours / 24, " d", hours % 24, " h");
+}
+
+std::string FormatNumber(double value, int digits) {
+  CHECK_GT(digits, 0);
+  CHECK_LE(digits, 17);
+  char buffer[40];
+  const auto result = std::to_chars(buffer,
+                                    buffer + sizeof(buffer),
+                                    value,
+                                    std::chars_format::general,
+                                    digits);
+  const std::string text(buffer, result.ptr);
+  return std::isnan(value) ? "nan" : text;
+}
+
+Progress::Progress(const Options& options)
+    : options_(options),
+      is_terminal_(
+          options.is_terminal.value_or(isatty(fileno(options.out)) == 1)) {
+  CHECK(options_.out != nullptr);
+  if (!options_.clock) {
+    options_.clock = SteadySeconds;
+  }
+}
+
+void Progress::Update(const ProgressState& state) {
+  const double now = options_.clock();
+  if (!is_begun_) {
+    is_begun_ = true;
+    first_time_ = now;
+    first_ = state;
+    // A terminal shows at once that something is happening.
+    last_written_ = is_terminal_ ? now - options_.seconds_between_updates : now;
+  }
+  const double wait = is_terminal_ ? options_.seconds_between_updates
+                                   : options_.seconds_between_lines;
+  if (now - last_written_ < wait) {
+    return;
+  }
+  last_written_ = now;
+  std::string line = Line(state, now);
+  if (is_terminal_) {
+    // The last column stays free: some terminals wrap when it is written to.
+    line = line.substr(0, NumColumns(options_.out) - 1);
+    const int width = line.size();
+    std::fprintf(options_.out,
+                 "\r%s%*s",
+                 line.c_str(),
+                 std::max(width_shown_ - width, 0),
+                 "");
+    width_shown_ = width;
+  } else {
+    std::fprintf(options_.out, "%s\n", line.c_str());
+  }
+  std::fflush(options_.out);
+}
+
+void Progress::Clear() {
+  if (width_shown_ > 0) {
+    std::fprintf(options_.out, "\r%*s\r", width_shown_, "");
+    std::fflush(options_.out);
+  }
+  width_shown_ = 0;
+  is_begun_ = false;
+}
+
+std::string Progress::Line(const ProgressState& state, double now) const {
+  const double elapsed = now - first_time_;
+  std::string line = state.label + "  step " + std::to_string(state.step);
+  if (!std::isnan(state.epoch)) {
+    line += "  epoch " + Fixed(state.epoch, 1);
+  }
+  if (!std::isnan(state.loss)) {
+    line += "  loss " + FormatNumber(state.loss);
+  }
+  if (elapsed > 0.0 && state.step > first_.step) {
+    constexpr int kDigits = 3;
+    line += "  " + FormatNumber((state.step - first_.step) / elapsed, kDigits) +
+            " steps/s";
+  }
+  line += "  elapsed " + FormatDuration(elapsed);
+  const double done = state.fraction - first_.fraction;
+  if (done > 0.0) {
+    line +=
+        "  left " +
+        FormatDuration(elapsed * std::max(1.0 - state.fraction, 0.0) / done);
+  }
+  return line;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,41 @@
+// A table of text with aligned columns, for a terminal or as Markdown.
+//
+//   rule          ms/step  status
+//   ------------  -------  --------
+//   half_inverse      1.1  ok
+//   gauss_newton     12.5  diverged
+//
+// Widths count UTF-8 characters. Line ends within a cell become spaces.
+//
+// Fails:   CHECKs that every row has as many cells as there are columns.
+#ifndef INVGRAD_IO_TABLE_H_
+#define INVGRAD_IO_TABLE_H_
+
+#include <string>
+#include <vector>
+
+namespace invgrad {
+
+class Table {
+ public:
+  enum class Align { kLeft, kRight };
+  struct Column {
+    std::string title;
+    Align align = Align::kRight;
+  };
+
+  explicit Table(std::vector<Column> columns);
+
+  void AddRow(std::vector<std::string> cells);
+
+  std::string ToText() const;
+  std::string ToMarkdown() const;
+
+ private:
+  std::vector<Column> columns_;
+  std::vector<std::vector<std::string>> rows_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_IO_TABLE_H_

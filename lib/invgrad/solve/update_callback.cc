@@ -1,0 +1,365 @@
+#include "invgrad/solve/update_callback.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/local_parameterization.h"
+#include "ceres/manifold.h"
+#include "glog/logging.h"
+#include "invgrad/linalg/linearization.h"
+#include "invgrad/solve/problem_linearizer.h"
+
+namespace invgrad {
+namespace {
+
+// A block's own manifold, or the Euclidean one, which takes a staged step in
+// the place of the next that it is given.
+class StagingManifold final : public ceres::Manifold {
+ public:
+  // `own` may be null; not owned.
+  StagingManifold(int size, const ceres::Manifold* own)
+      : euclidean_(size), own_(own != nullptr ? *own : euclidean_) {}
+
+  void Stage(const Eigen::VectorXd& step) {
+    CHECK_EQ(step.size(), TangentSize());
+    step_ = step;
+    is_staged_ = true;
+  }
+  void Clear() { is_staged_ = false; }
+  bool is_staged() const { return is_staged_; }
+
+  int AmbientSize() const override { return own_.AmbientSize(); }
+  int TangentSize() const override { return own_.TangentSize(); }
+
+  bool Plus(const double* x,
+            const double* delta,
+            double* x_plus_delta) const override {
+    // Written only if something is staged: then Ceres forms its candidate, and
+    // calls Plus once. Inner iterations call it from several threads.
+    if (!is_staged_) return own_.Plus(x, delta, x_plus_delta);
+    is_staged_ = false;
+    return own_.Plus(x, step_.data(), x_plus_delta);
+  }
+
+  bool PlusJacobian(const double* x, double* jacobian) const override {
+    return own_.PlusJacobian(x, jacobian);
+  }
+  bool RightMultiplyByPlusJacobian(const double* x,
+                                   const int num_rows,
+                                   const double* ambient_matrix,
+                                   double* tangent_matrix) const override {
+    return own_.RightMultiplyByPlusJacobian(
+        x, num_rows, ambient_matrix, tangent_matrix);
+  }
+  bool Minus(const double* y,
+             const double* x,
+             double* y_minus_x) const override {
+    return own_.Minus(y, x, y_minus_x);
+  }
+  bool MinusJacobian(const double* x, double* jacobian) const override {
+    return own_.MinusJacobian(x, jacobian);
+  }
+
+ private:
+  const ceres::EuclideanManifold<ceres::DYNAMIC> euclidean_;
+  const ceres::Manifold& own_;
+  Eigen::VectorXd step_;
+  mutable bool is_staged_ = false;
+};
+
+// Ceres 2.1 still has local parameterizations, and so has code that uses it.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+
+// What a block had before it was wrapped.
+struct OwnManifold {
+  OwnManifold(const ceres::Problem& problem, double* values)
+      : values(values),
+        manifold(problem.GetManifold(values)),
+        parameterization(problem.GetParameterization(values)) {}
+
+  void Restore(ceres::Problem* problem) const {
+    // Ceres takes them as pointers to what it may delete, and hands them out as
+    // pointers to const.
+    if (parameterization != nullptr) {
+      problem->SetParameterization(
+          values, const_cast<ceres::LocalParameterization*>(parameterization));
+    } else {
+      problem->SetManifold(values, const_cast<ceres::Manifold*>(manifold));
+    }
+  }
+
+  double* values;
+  const ceres::Manifold* manifold;  // null: none
+  const ceres::LocalParameterization* parameterization;
+};
+
+#pragma GCC diagnostic pop
+
+bool IsBounded(const ceres::Problem& problem, const double* values) {
+  // "If the parameter is not bounded by the user" (ceres/problem.h).
+  constexpr double kUnbounded = std::numeric_limits<double>::max();
+  for (int i = 0; i < problem.ParameterBlockSize(values); ++i) {
+    if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
+        problem.GetParameterUpperBound(values, i) < kUnbounded) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+class UpdateCallback::State {
+ public:
+  State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
+      : options_(options),
+        rule_(rule),
+        problem_(problem),
+        // Before wrapping: it moves by the blocks' own manifolds.
+        linearizer_(problem, {}),
+        parts_(rule->Needs()) {
+    parts_.jacobian = true;  // for the linear model
+    for (double* values : linearizer_.parameter_blocks()) {
+      own_.emplace_back(*problem, values);
+      staging_.push_back(new StagingManifold(
+          problem->ParameterBlockSize(values), own_.back().manifold));
+      if (options_.manifold_ownership == ceres::DO_NOT_TAKE_OWNERSHIP) {
+        owned_.emplace_back(staging_.back());
+      }
+      problem->SetManifold(values, staging_.back());
+    }
+  }
+
+  ~State() {
+    for (const OwnManifold& own : own_) own.Restore(problem_);
+  }
+
+  ceres::CallbackReturnType OnIteration(
+      const ceres::IterationSummary& iteration) {
+    if (iteration.iteration == 0) {
+      summary_ = Summary();
+      if (iteration.trust_region_radius <= 0.0) {
+        // A trust region has a radius, a line search has not.
+        return Abort(
+            "UpdateCallback needs Solver::Options::minimizer_type = "
+            "TRUST_REGION");
+      }
+    } else {
+      Count(iteration);
+    }
+    // What is still staged was not used: Ceres found no valid step of its own
+    // to replace. (Of a Plus that failed, some blocks may be left; none may
+    // stay.)
+    const bool was_passed_over = IsStaged();
+    const bool was_proposed = has_proposal_ && !was_passed_over;
+    for (StagingManifold* manifold : staging_) manifold->Clear();
+    has_proposal_ = false;
+
+    if (iteration.iteration == 0) {
+      scale_ = 1.0;
+      lost_radius_ = 0.0;
+      return Propose(iteration);
+    }
+    if (iteration.step_is_successful) {
+      if (was_proposed) scale_ = std::min(2.0 * scale_, 1.0);
+      return Propose(iteration);
+    }
+    if (was_passed_over) {
+      Stage();
+    } else if (was_proposed) {
+      BackOff();
+    } else {
+      // Ceres finds its trust region too large, so nothing was taken from it.
+      lost_radius_ = 0.0;
+      summary_.message = "Ceres' own step was rejected at this state";
+    }
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  Summary summary() const {
+    Summary summary = summary_;
+    // Ceres ends a run on its tolerances without calling anyone back.
+    if (has_proposal_ && !IsStaged()) ++summary.num_proposed;
+    return summary;
+  }
+
+ private:
+  // Blocks that residual blocks name come first, and Ceres moves them all or
+  // none.
+  bool IsStaged() const {
+    return !staging_.empty() && staging_.front()->is_staged();
+  }
+
+  void Count(const ceres::IterationSummary& iteration) {
+    if (!has_proposal_ || IsStaged()) {
+      ++summary_.num_ceres_steps;
+      return;
+    }
+    ++summary_.num_proposed;
+    if (iteration.step_is_successful) {
+      ++summary_.num_accepted;
+    } else {
+      ++summary_.num_rejected;
+    }
+  }
+
+  ceres::CallbackReturnType Propose(const ceres::IterationSummary& iteration) {
+    if (iteration.step_is_nonmonotonic) {
+      // Ceres shows the state of the least cost, which is another one.
+      summary_.message = "the last step was nonmonotonic";
+      return ceres::SOLVER_CONTINUE;
+    }
+    if (iteration.trust_region_radius < lost_radius_) {
+      summary_.message =
+          "Ceres' trust region has not recovered from a rejected proposal";
+      return ceres::SOLVER_CONTINUE;
+    }
+    lost_radius_ = 0.0;
+    Linearization at_x;
+    if (!linearizer_.Linearize(parts_, &at_x, &summary_.message)) {
+      return ceres::SOLVER_CONTINUE;
+    }
+    // The same residual blocks at the same state: the sums differ by rounding.
+    // Both contain the fixed cost of residual blocks that cannot change.
+    constexpr double kCostTolerance = 1e-9;
+    if (!(std::abs(at_x.cost - iteration.cost) <=
+          kCostTolerance * std::abs(iteration.cost))) {
+      return Abort(
+          "UpdateCallback does not see the solver's state; set "
+          "Solver::Options::update_state_every_iteration = true, and let no "
+          "other callback change the blocks");
+    }
+    num_backoffs_ = 0;
+    radius_ = iteration.trust_region_radius;
+    if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
+      return ceres::SOLVER_CONTINUE;
+    }
+    CHECK_EQ(step_.size(), linearizer_.num_parameters());
+    step_ *= scale_;
+    if (!IsPromising(at_x)) {
+      summary_.message =
+          "the linear model promises too small a decrease of the cost";
+      return ceres::SOLVER_CONTINUE;
+    }
+    Stage();
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  // L(x) - L(x + step) by the linear model; false for a NaN too.
+  bool IsPromising(const Linearization& at_x) const {
+    Eigen::VectorXd J_step;
+    at_x.jacobian->Times(step_, &J_step);
+    const double decrease =
+        -at_x.loss_gradient.dot(J_step) - 0.5 * J_step.squaredNorm();
+    return decrease >= options_.min_relative_model_decrease * at_x.cost;
+  }
+
+  void BackOff() {
+    scale_ *= 0.5;
+    if (num_backoffs_ >= options_.max_num_backoffs) {
+      // Each rejection has shrunk Ceres' trust region, 64 times after three of
+      // them. If proposals went on, Ceres' own steps would become so short that
+      // its function tolerance ended the run far from a minimum (measured: in
+      // Rosenbrock's valley).
+      lost_radius_ = radius_;
+      summary_.message = "the last proposal was rejected " +
+                         std::to_string(num_backoffs_ + 1) + " times";
+      return;
+    }
+    ++num_backoffs_;
+    step_ *= 0.5;
+    Stage();
+  }
+
+  void Stage() {
+    for (std::size_t i = 0; i < staging_.size(); ++i) {
+      staging_[i]->Stage(step_.segment(linearizer_.column(static_cast<int>(i)),
+                                       staging_[i]->TangentSize()));
+    }
+    has_proposal_ = true;
+  }
+
+  ceres::CallbackReturnType Abort(const std::string& message) {
+    LOG(ERROR) << message;
+    summary_.message = message;
+    return ceres::SOLVER_ABORT;
+  }
+
+  const Options options_;
+  UpdateRule* rule_;
+  ceres::Problem* problem_;
+  const ProblemLinearizer linearizer_;
+  LinearizationParts parts_;
+  std::vector<OwnManifold> own_;           // in the order of the linearizer's
+  std::vector<StagingManifold*> staging_;  // blocks, both
+  // Those that the problem does not delete.
+  std::vector<std::unique_ptr<StagingManifold>> owned_;
+  Eigen::VectorXd step_;       // n: the last proposal
+  bool has_proposal_ = false;  // staged in the last call
+  int num_backoffs_ = 0;       // of the last proposal
+  double radius_ = 0.0;        // Ceres', when it was first made
+  double scale_ = 1.0;         // of proposals: what was accepted lately
+  double lost_radius_ = 0.0;   // Ceres has the turn below it
+  Summary summary_;
+};
+
+bool UpdateCallback::IsSupported(const Options& options,
+                                 const ceres::Problem& problem,
+                                 std::string* error) {
+  const ProblemLinearizer linearizer(&problem, {});
+  const std::vector<double*>& blocks = linearizer.parameter_blocks();
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const std::string block =
+        "parameter block " + std::to_string(i) + " (of those not constant)";
+    const int size = problem.ParameterBlockTangentSize(blocks[i]);
+    if (size > options.max_block_size) {
+      *error = block + " has size " + std::to_string(size) + " > " +
+               std::to_string(options.max_block_size) +
+               " = max_block_size; split it into smaller blocks, or use "
+               "Minimize";
+      return false;
+    }
+    if (IsBounded(problem, blocks[i])) {
+      *error = block +
+               " has bounds, with which proposals do not work; remove the "
+               "bounds (a change of variables can take their place), or solve "
+               "without UpdateCallback";
+      return false;
+    }
+  }
+  return true;
+}
+
+UpdateCallback::UpdateCallback(const Options& options,
+                               UpdateRule* rule,
+                               ceres::Problem* problem) {
+  CHECK(rule != nullptr);
+  CHECK(problem != nullptr);
+  std::string error;
+  CHECK(IsSupported(options, *problem, &error)) << error;
+  state_ = std::make_unique<State>(options, rule, problem);
+}
+
+UpdateCallback::~UpdateCallback() = default;
+
+ceres::CallbackReturnType UpdateCallback::operator()(
+    const ceres::IterationSummary& iteration) {
+  return state_->OnIteration(iteration);
+}
+
+UpdateCallback::Summary UpdateCallback::summary() const {
+  return state_->summary();
+}
+
+std::string UpdateCallback::Summary::BriefReport() const {
+  return std::to_string(num_proposed) + " proposed, " +
+         std::to_string(num_accepted) + " accepted, " +
+         std::to_string(num_rejected) + " rejected, " +
+         std::to_string(num_ceres_steps) + " steps of Ceres";
+}
+
+}  // namespace invgrad

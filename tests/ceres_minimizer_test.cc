@@ -1,0 +1,260 @@
+#include "invgrad/solve/ceres_minimizer.h"
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/first_order_function.h"
+#include "ceres/problem.h"
+#include "gtest/gtest.h"
+
+namespace invgrad {
+namespace {
+
+struct Rosenbrock {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = 1.0 - x[0];
+    r[1] = 10.0 * (x[1] - x[0] * x[0]);
+    return true;
+  }
+};
+
+struct RosenbrockProblem {
+  double x[2] = {-1.2, 1.0};
+  ceres::Problem problem;
+  RosenbrockProblem() {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
+        nullptr,
+        x);
+  }
+};
+
+// The same, L = 1/2 |r|^2, as a function.
+class RosenbrockFunction final : public ceres::FirstOrderFunction {
+ public:
+  bool Evaluate(const double* x,
+                double* cost,
+                double* gradient) const override {
+    const double a = 1.0 - x[0];
+    const double b = 10.0 * (x[1] - x[0] * x[0]);
+    *cost = 0.5 * (a * a + b * b);
+    if (gradient != nullptr) {
+      gradient[0] = -a - 20.0 * x[0] * b;
+      gradient[1] = 10.0 * b;
+    }
+    return true;
+  }
+  int NumParameters() const override { return 2; }
+};
+
+MinimizerOptions Patient() {
+  MinimizerOptions options;
+  // Steepest descent needs its time.
+  options.max_num_iterations = 20000;
+  options.function_tolerance = 1e-14;
+  return options;
+}
+
+void ExpectConsistent(const MinimizerSummary& summary) {
+  ASSERT_FALSE(summary.iterations.empty());
+  EXPECT_DOUBLE_EQ(summary.initial_cost, 12.1);
+  EXPECT_EQ(summary.iterations[0].iteration, 0);
+  EXPECT_EQ(summary.iterations[0].cost, summary.initial_cost);
+  EXPECT_EQ(summary.num_steps(), summary.iterations.back().iteration);
+  EXPECT_GT(summary.total_time_in_seconds, 0.0);
+}
+
+class EveryMethod : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(EveryMethod, SolvesRosenbrock) {
+  const CeresMethodRow* row = FindCeresMethod(GetParam());
+  ASSERT_NE(row, nullptr);
+  EXPECT_FALSE(row->formula.empty());
+  ceres::Solver::Options solver_options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  std::string error;
+  ASSERT_TRUE(row->configure({}, &solver_options, &gradient_options, &error))
+      << error;
+  EXPECT_EQ(solver_options.num_threads, 1);
+  EXPECT_EQ(solver_options.minimizer_type == ceres::TRUST_REGION,
+            row->is_trust_region);
+
+  RosenbrockProblem p;
+  MinimizerSummary summary;
+  MinimizeWithCeres(Patient(), solver_options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
+      << summary.BriefReport();
+  EXPECT_NEAR(p.x[0], 1.0, 1e-3);
+  EXPECT_NEAR(p.x[1], 1.0, 1e-3);
+  EXPECT_LT(summary.final_cost, 1e-6);
+  ExpectConsistent(summary);
+
+  if (row->is_trust_region) return;
+  Eigen::VectorXd x = Eigen::Vector2d(-1.2, 1.0);
+  MinimizeWithCeres(
+      Patient(), gradient_options, new RosenbrockFunction, &x, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
+      << summary.BriefReport();
+  EXPECT_NEAR(x[0], 1.0, 1e-3);
+  EXPECT_NEAR(x[1], 1.0, 1e-3);
+  ExpectConsistent(summary);
+}
+
+TEST_P(EveryMethod, RefusesWhatItDoesNotKnow) {
+  const CeresMethodRow* row = FindCeresMethod(GetParam());
+  ASSERT_NE(row, nullptr);
+  ceres::Solver::Options solver_options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  std::string error;
+  EXPECT_FALSE(row->configure(
+      {{"colour", "blue"}}, &solver_options, &gradient_options, &error));
+  EXPECT_NE(error.find("colour"), std::string::npos) << error;
+  // Every option's default is a value that it takes.
+  for (const OptionSet::Row& option : row->options()) {
+    EXPECT_TRUE(row->configure({{option.name, option.default_value}},
+                               &solver_options,
+                               &gradient_options,
+                               &error))
+        << error;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(CeresMinimizer,
+                         EveryMethod,
+                         ::testing::Values("ceres_lm",
+                                           "ceres_dogleg",
+                                           "ceres_bfgs",
+                                           "ceres_lbfgs",
+                                           "ceres_nonlinear_cg",
+                                           "ceres_steepest_descent"),
+                         [](const auto& info) { return info.param; });
+
+TEST(CeresMinimizer, Table) {
+  EXPECT_EQ(CeresMethods().size(), 6u);
+  EXPECT_EQ(FindCeresMethod("ceres_newton"), nullptr);
+}
+
+TEST(CeresMinimizer, SettingsArrive) {
+  ceres::Solver::Options options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  std::string error;
+  ASSERT_TRUE(FindCeresMethod("ceres_lm")
+                  ->configure({{"initial_trust_region_radius", "10"},
+                               {"linear_solver", "cgnr"}},
+                              &options,
+                              &gradient_options,
+                              &error));
+  EXPECT_EQ(options.initial_trust_region_radius, 10.0);
+  EXPECT_EQ(options.linear_solver_type, ceres::CGNR);
+  EXPECT_EQ(options.trust_region_strategy_type, ceres::LEVENBERG_MARQUARDT);
+
+  ASSERT_TRUE(FindCeresMethod("ceres_dogleg")
+                  ->configure({{"dogleg", "subspace_dogleg"}},
+                              &options,
+                              &gradient_options,
+                              &error));
+  EXPECT_EQ(options.trust_region_strategy_type, ceres::DOGLEG);
+  EXPECT_EQ(options.dogleg_type, ceres::SUBSPACE_DOGLEG);
+  EXPECT_EQ(options.linear_solver_type, ceres::DENSE_QR);
+  EXPECT_FALSE(FindCeresMethod("ceres_dogleg")
+                   ->configure({{"linear_solver", "cgnr"}},
+                               &options,
+                               &gradient_options,
+                               &error));
+
+  ASSERT_TRUE(
+      FindCeresMethod("ceres_lbfgs")
+          ->configure({{"rank", "7"}}, &options, &gradient_options, &error));
+  EXPECT_EQ(options.max_lbfgs_rank, 7);
+  EXPECT_EQ(gradient_options.max_lbfgs_rank, 7);
+  EXPECT_EQ(gradient_options.line_search_direction_type, ceres::LBFGS);
+
+  ASSERT_TRUE(FindCeresMethod("ceres_nonlinear_cg")
+                  ->configure({{"type", "polak_ribiere"}},
+                              &options,
+                              &gradient_options,
+                              &error));
+  EXPECT_EQ(options.nonlinear_conjugate_gradient_type, ceres::POLAK_RIBIERE);
+  EXPECT_EQ(gradient_options.nonlinear_conjugate_gradient_type,
+            ceres::POLAK_RIBIERE);
+}
+
+// Notes what it sees; ends the run at iteration 2.
+class Watcher final : public ceres::IterationCallback {
+ public:
+  Watcher(const double* x, std::vector<std::string>* log, std::string name)
+      : x_(x), log_(log), name_(std::move(name)) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    log_->push_back(name_);
+    states.push_back(*x_);
+    return iteration.iteration == 2 ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                                    : ceres::SOLVER_CONTINUE;
+  }
+  std::vector<double> states;
+
+ private:
+  const double* x_;
+  std::vector<std::string>* log_;
+  std::string name_;
+};
+
+TEST(CeresMinimizer, CallbacksSeeTheStateInOrder) {
+  RosenbrockProblem p;
+  std::vector<std::string> log;
+  Watcher first(p.x, &log, "first");
+  Watcher second(p.x, &log, "second");
+  MinimizerOptions options;
+  options.callbacks = {&first, &second};
+  ceres::Solver::Options ceres_options;
+  ceres_options.minimizer_type = ceres::LINE_SEARCH;
+  MinimizerSummary summary;
+  MinimizeWithCeres(options, ceres_options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
+  EXPECT_EQ(log,
+            std::vector<std::string>(
+                {"first", "second", "first", "second", "first"}));
+  EXPECT_EQ(first.states[0], -1.2);
+  EXPECT_NE(first.states[1], -1.2);
+  EXPECT_EQ(first.states[2], p.x[0]);
+
+  Eigen::VectorXd x = Eigen::Vector2d(-1.2, 1.0);
+  log.clear();
+  Watcher third(x.data(), &log, "third");
+  options.callbacks = {&third};
+  MinimizeWithCeres(options,
+                    ceres::GradientProblemSolver::Options(),
+                    new RosenbrockFunction,
+                    &x,
+                    &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
+  EXPECT_NE(third.states[1], -1.2);
+  EXPECT_EQ(third.states[2], x[0]);
+}
+
+TEST(CeresMinimizer, Budget) {
+  RosenbrockProblem p;
+  MinimizerOptions options;
+  options.max_num_iterations = 3;
+  MinimizerSummary summary;
+  MinimizeWithCeres(options, ceres::Solver::Options(), &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
+  EXPECT_EQ(summary.num_steps(), 3);
+  EXPECT_FALSE(summary.message.empty());
+}
+
+TEST(CeresMinimizer, NothingToChange) {
+  RosenbrockProblem p;
+  p.problem.SetParameterBlockConstant(p.x);
+  MinimizerSummary summary;
+  MinimizeWithCeres(
+      MinimizerOptions(), ceres::Solver::Options(), &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  ExpectConsistent(summary);
+}
+
+}  // namespace
+}  // namespace invgrad

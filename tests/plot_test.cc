@@ -1,0 +1,439 @@
+#include "invgrad/io/plot.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/atomic_file.h"
+#include "temporary_folder.h"
+
+namespace invgrad {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Series Line(std::vector<double> x, std::vector<double> y) {
+  Series series;
+  series.title = "line";
+  series.x = std::move(x);
+  series.y = std::move(y);
+  return series;
+}
+
+class PlotTest : public testing::Test {
+ protected:
+  // What the environment says where programs are, changed until the destructor.
+  class Path {
+   public:
+    explicit Path(const std::string& path) : before_(std::getenv("PATH")) {
+      setenv("PATH", path.c_str(), 1);
+    }
+    Path(const Path&) = delete;
+    Path& operator=(const Path&) = delete;
+    ~Path() { setenv("PATH", before_.c_str(), 1); }
+
+   private:
+    std::string before_;
+  };
+
+  // A program called gnuplot that does what `commands` say.
+  std::string FakeGnuplot(const std::string& commands) {
+    std::string folder = folder_ / "bin";
+    std::filesystem::create_directory(folder);
+    std::string error;
+    EXPECT_TRUE(
+        WriteFile(folder + "/gnuplot", "#!/bin/sh\n" + commands + "\n", &error))
+        << error;
+    chmod((folder + "/gnuplot").c_str(), 0755);
+    return folder;
+  }
+
+  std::string Read(const std::string& path) {
+    std::string bytes;
+    std::string error;
+    EXPECT_TRUE(ReadFile(path, &bytes, &error)) << error;
+    return bytes;
+  }
+
+  // Draws, and returns the picture's width and height.
+  std::pair<int, int> Draw(const std::vector<Plot>& plots,
+                           const std::string& name = "plot") {
+    std::string error;
+    EXPECT_TRUE(WritePlots(folder_ / (name + ".png"), plots, &error)) << error;
+    const std::string png = Read(folder_ / (name + ".png"));
+    if (png.size() < 24 || png.substr(1, 3) != "PNG") {
+      ADD_FAILURE() << "not a PNG";
+      return {};
+    }
+    // The header chunk begins with two big-endian numbers of 32 bits.
+    const auto number = [&png](size_t i) {
+      return static_cast<unsigned char>(png[i + 2]) * 256 +
+             static_cast<unsigned char>(png[i + 3]);
+    };
+    return {number(16), number(20)};
+  }
+
+  // The script that would draw, without drawing.
+  std::string Script(const Plot& plot) {
+    const Path path(FakeGnuplot("exit 1"));
+    std::string error;
+    WritePlot(folder_ / "script.png", plot, &error);
+    return Read(folder_ / "script.gp");
+  }
+
+  // The lines of a data block.
+  static std::vector<std::string> Data(const std::string& script,
+                                       const std::string& name) {
+    std::istringstream text(script);
+    std::string line;
+    while (std::getline(text, line) && line != name + " << EOD") {
+    }
+    std::vector<std::string> lines;
+    while (std::getline(text, line) && line != "EOD") {
+      lines.push_back(line);
+    }
+    return lines;
+  }
+
+  static bool Has(const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  }
+
+  const TemporaryFolder folder_;
+};
+
+// A PNG by the gnuplot that is installed.
+class DrawnPlotTest : public PlotTest {
+ protected:
+  void SetUp() override {
+    if (std::system("gnuplot --version > /dev/null 2>&1") != 0) {
+      GTEST_SKIP() << "gnuplot is not installed (apt install gnuplot-nox)";
+    }
+  }
+};
+
+TEST_F(DrawnPlotTest, LinesPointsBandsAndContoursAreDrawn) {
+  Plot plot;
+  plot.title = "title";
+  plot.log_y = true;
+  plot.series = {Line({1, 2, 3}, {1e-3, 1e-6, 1e-9})};
+  EXPECT_EQ(Draw({plot}, "line"), std::make_pair(1200, 800));
+  plot.series[0].style = Series::Style::kPoints;
+  EXPECT_EQ(Draw({plot}, "points"), std::make_pair(1200, 800));
+  plot.series[0].style = Series::Style::kLines;
+  plot.series[0].y_low = {1e-4, 0.0, kNan};
+  plot.series[0].y_high = {1e-2, 1e-5, kInfinity};
+  EXPECT_EQ(Draw({plot}, "band"), std::make_pair(1200, 800));
+  plot.log_y = false;
+  ContourField field;
+  field.x = {0, 2, 4};
+  field.y = {0, 1, 2, 3};
+  field.z = Eigen::MatrixXd::Random(4, 3);
+  field.z(0, 0) = kNan;
+  plot.contours = field;
+  EXPECT_EQ(Draw({plot}, "contours"), std::make_pair(1200, 800));
+  // Each of them leaves other pixels.
+  EXPECT_NE(Read(folder_ / "line.png"), Read(folder_ / "points.png"));
+  EXPECT_NE(Read(folder_ / "line.png"), Read(folder_ / "band.png"));
+  plot.contours->z.setZero();
+  Draw({plot}, "flat");
+  EXPECT_NE(Read(folder_ / "contours.png"), Read(folder_ / "flat.png"));
+}
+
+TEST_F(DrawnPlotTest, PanelsStandSideBySide) {
+  Plot plot;
+  plot.series = {Line({1, 2, 3}, {1, 2, 3})};
+  const auto [width, height] = Draw({plot, plot});
+  EXPECT_EQ(width, 2 * (115 + 640 + 35));
+  EXPECT_EQ(height, 700);
+}
+
+TEST_F(DrawnPlotTest, NothingToDrawIsStillAPicture) {
+  for (const bool is_log : {false, true}) {
+    Plot plot;
+    plot.log_x = plot.log_y = is_log;
+    std::vector<Plot> plots;
+    // Nothing, no points, none that can be drawn, constants (zero and tiny
+    // ones too), and the ends of what a double can hold.
+    for (const Series& series : {Series(),
+                                 Line({}, {}),
+                                 Line({1, 2}, {kNan, kInfinity}),
+                                 Line({1, 1}, {0, 0}),
+                                 Line({1e-320, 1e-320}, {1e-304, 1e-304}),
+                                 Line({1, 1}, {-1e300, 1e300}),
+                                 Line({1, 2}, {1e-320, 1.7e308})}) {
+      plot.series = {series};
+      plots.push_back(plot);
+    }
+    EXPECT_EQ(Draw(plots).second, 700);
+  }
+}
+
+TEST_F(DrawnPlotTest, TextIsOnlyText) {
+  const std::string evil = folder_ / "evil";
+  std::vector<Plot> plots;
+  for (const std::string& text :
+       {"`touch " + evil + "`",
+        "'; system('touch " + evil + "') #",
+        "\"; system(\"touch " + evil + "\") #",
+        "a\nsystem('touch " + evil + "')\n",
+        std::string("@x %s \\ {/=50 _^} ' \xff \\")}) {
+    Plot plot;
+    plot.title = plot.x_label = plot.y_label = text;
+    plot.series = {Line({1, 2}, {1, 2})};
+    plot.series[0].title = text;
+    plots.push_back(plot);
+  }
+  EXPECT_EQ(Draw(plots, "it's a -\"name\" `x`").second, 700);
+  EXPECT_FALSE(std::filesystem::exists(evil));
+}
+
+TEST_F(DrawnPlotTest, TheScriptDrawsThePictureAgain) {
+  Plot plot;
+  plot.series = {Line({1, 2}, {1, 2})};
+  Draw({plot});
+  const std::string first = Read(folder_ / "plot.png");
+  std::filesystem::remove(folder_ / "plot.png");
+  const std::string command =
+      "cd '" + (folder_ / "") + "' && gnuplot plot.gp > /dev/null 2>&1";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(Read(folder_ / "plot.png"), first);
+}
+
+TEST_F(DrawnPlotTest, PathsMayBeRelative) {
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(folder_ / "");
+  Plot plot;
+  std::string error;
+  EXPECT_TRUE(WritePlot("-here.png", plot, &error)) << error;
+  std::filesystem::current_path(before);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "-here.png"));
+}
+
+TEST_F(PlotTest, MissingGnuplotNamesThePackage) {
+  const Path path(folder_ / "empty");
+  Plot plot;
+  std::string error;
+  EXPECT_FALSE(WritePlot(folder_ / "plot.png", plot, &error));
+  EXPECT_EQ(error,
+            "no picture " + (folder_ / "plot.png") +
+                ": gnuplot is not installed (apt install gnuplot-nox); its "
+                "script is " +
+                (folder_ / "plot.gp"));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "plot.gp"));
+}
+
+TEST_F(PlotTest, FailuresOfGnuplotAreReported) {
+  std::string error;
+  const std::string png = folder_ / "plot.png";
+  ASSERT_TRUE(WriteFile(png, "an old picture", &error)) << error;
+  const std::string start = "no picture " + png + ": ";
+  const std::string end = "; its script is " + (folder_ / "plot.gp");
+  {
+    const Path path(FakeGnuplot("echo line 3: bad command >&2; exit 1"));
+    EXPECT_FALSE(WritePlot(png, Plot(), &error));
+    EXPECT_EQ(error, start + "gnuplot failed: line 3: bad command\n" + end);
+    EXPECT_FALSE(std::filesystem::exists(png));  // would pass for the new one
+  }
+  {
+    const Path path(FakeGnuplot("kill -9 $$"));
+    EXPECT_FALSE(WritePlot(png, Plot(), &error));
+    EXPECT_EQ(error, start + "gnuplot was ended by signal 9" + end);
+  }
+  {
+    const Path path(FakeGnuplot("exit 0"));
+    EXPECT_FALSE(WritePlot(png, Plot(), &error));
+    EXPECT_EQ(error,
+              start + "gnuplot wrote nothing (is the folder writable?)" + end);
+  }
+  EXPECT_FALSE(WritePlot(folder_ / "none/plot.png", Plot(), &error));
+  EXPECT_EQ(error,
+            "cannot write " + (folder_ / "none/plot.gp") +
+                ": No such file or directory");
+}
+
+TEST_F(PlotTest, WhatCannotBeDrawnIsAGap) {
+  Plot plot;
+  plot.series = {
+      Line({0, 1, 2, 3, 4, 5, 6}, {kNan, 1, kNan, kInfinity, -4, 5, kNan})};
+  EXPECT_EQ(Data(Script(plot), "$panel0_series0"),
+            (std::vector<std::string>{"1 1", "", "4 -4", "5 5", ""}));
+  plot.log_y = true;
+  EXPECT_EQ(Data(Script(plot), "$panel0_series0"),
+            (std::vector<std::string>{"1 1", "", "5 5", ""}));
+  plot.log_y = false;
+  plot.log_x = true;
+  plot.series[0].y[0] = 7.0;  // at x = 0
+  EXPECT_EQ(Data(Script(plot), "$panel0_series0").front(), "1 1");
+}
+
+TEST_F(PlotTest, LongCurvesKeepTheirPeaksGapsAndEnds) {
+  constexpr int kSize = 200000;
+  for (const bool log_x : {false, true}) {
+    Plot plot;
+    plot.log_x = log_x;
+    plot.series = {Line({}, {})};
+    for (int i = 1; i <= kSize; ++i) {
+      plot.series[0].x.push_back(i);
+      plot.series[0].y.push_back(std::sin(0.1 * i));
+    }
+    plot.series[0].y[77777] = 5.0;
+    plot.series[0].y[99999] = -5.0;
+    plot.series[0].y[150000] = kNan;
+    const std::vector<std::string> data = Data(Script(plot), "$panel0_series0");
+    EXPECT_LE(data.size(), 6010u);
+    EXPECT_GE(data.size(), 1000u);
+    EXPECT_EQ(data.front(), "1 0.09983341665");
+    EXPECT_EQ(data.back().substr(0, 7), "200000 ");
+    EXPECT_EQ(std::count(data.begin(), data.end(), "77778 5"), 1);
+    EXPECT_EQ(std::count(data.begin(), data.end(), "100000 -5"), 1);
+    EXPECT_EQ(std::count(data.begin(), data.end(), ""), 1);
+    // On a logarithmic axis the first points are far apart.
+    EXPECT_EQ(std::count(data.begin(), data.end(), "5 0.4794255386"),
+              log_x ? 1 : 0);
+  }
+}
+
+TEST_F(PlotTest, LongPathsKeepTheirExtent) {
+  Plot plot;
+  plot.series = {Line({}, {})};
+  double x_max = -1.0;
+  double y_min = 1.0;
+  for (int i = 0; i < 100000; ++i) {
+    plot.series[0].x.push_back(std::cos(0.01 * i) * (1.0 + 1e-6 * i));
+    plot.series[0].y.push_back(std::sin(0.01 * i));
+    x_max = std::max(x_max, plot.series[0].x.back());
+    y_min = std::min(y_min, plot.series[0].y.back());
+  }
+  double found_x_max = -1.0;
+  double found_y_min = 1.0;
+  const std::vector<std::string> data = Data(Script(plot), "$panel0_series0");
+  EXPECT_LE(data.size(), 6010u);
+  for (const std::string& line : data) {
+    double x = 0.0;
+    double y = 0.0;
+    std::istringstream(line) >> x >> y;
+    found_x_max = std::max(found_x_max, x);
+    found_y_min = std::min(found_y_min, y);
+  }
+  // The script has 10 digits.
+  EXPECT_NEAR(found_x_max, x_max, 1e-9);
+  EXPECT_NEAR(found_y_min, y_min, 1e-9);
+}
+
+TEST_F(PlotTest, RangesAreKeptOrFitted) {
+  Plot plot;
+  plot.log_y = true;
+  plot.series = {Line({0, 10}, {1e-8, 1.0})};
+  std::string script = Script(plot);
+  EXPECT_TRUE(Has(script, "set xrange [0:10]"));  // from edge to edge
+  // 8 decades and 4 % of them on either side: 10^-8.32 to 10^0.32.
+  EXPECT_TRUE(Has(script, "set yrange [4.786300923e-09:2.089296131]"));
+  EXPECT_TRUE(Has(script, "set format y '10^{%T}'"));
+  plot.x_range.high = 20.0;
+  plot.y_range.low = 1e-3;
+  plot.y_range.high = 10.0;
+  script = Script(plot);
+  EXPECT_TRUE(Has(script, "set xrange [0:20]"));
+  EXPECT_TRUE(Has(script, "set yrange [0.001:10]"));
+}
+
+TEST_F(PlotTest, ShortLogarithmicAxesHaveEnoughTicks) {
+  Plot plot;
+  plot.log_y = true;
+  plot.series = {Line({0, 1}, {1, 1})};
+  plot.y_range = {0.8, 60.0};
+  EXPECT_TRUE(Has(Script(plot), "set ytics (1, 2, 5, 10, 20, 50)\n"));
+  plot.y_range = {2.0, 3.0};
+  EXPECT_TRUE(Has(Script(plot), "set ytics (2, 2.2, 2.4, 2.6, 2.8, 3)\n"));
+}
+
+TEST_F(PlotTest, TheLegendLooksForAFreeCorner) {
+  Plot plot;
+  plot.x_range = {0.0, 1.0};
+  plot.y_range = {0.0, 1.0};
+  plot.series = {Line({0.0, 1.0}, {0.5, 0.5})};
+  EXPECT_TRUE(Has(Script(plot), "set key inside top right"));
+  // The ends are not in the corner, what is between them is.
+  plot.series.push_back(Line({0.6, 1.0}, {1.0, 0.7}));
+  EXPECT_TRUE(Has(Script(plot), "set key inside top right"));
+  plot.series.push_back(Line({0.6, 1.0}, {1.0, 0.9}));
+  EXPECT_TRUE(Has(Script(plot), "set key inside bottom left"));
+  plot.series.push_back(Line({0.0, 0.1}, {0.1, 0.0}));
+  EXPECT_TRUE(Has(Script(plot), "set key inside top left"));
+  plot.series.push_back(Line({0.05}, {0.95}));
+  EXPECT_TRUE(Has(Script(plot), "set key inside bottom right"));
+  plot.series.push_back(Line({0.95}, {0.05}));
+  EXPECT_TRUE(Has(Script(plot), "set key at graph 1.01"));
+  plot.legend = Plot::Legend::kTopLeft;
+  EXPECT_TRUE(Has(Script(plot), "set key inside top left"));
+  plot.legend = Plot::Legend::kNone;
+  EXPECT_TRUE(Has(Script(plot), "unset key"));
+  plot.legend = Plot::Legend::kAuto;
+  for (Series& series : plot.series) {
+    series.title.clear();
+  }
+  EXPECT_TRUE(Has(Script(plot), "unset key"));
+  plot.series.assign(7, Line({0.5}, {0.5}));
+  EXPECT_TRUE(Has(Script(plot), "set key at graph 1.01"));
+}
+
+TEST_F(PlotTest, ThirtySeriesLookDifferent) {
+  Plot plot;
+  plot.series.assign(30, Line({0, 1}, {0, 1}));
+  std::istringstream script(Script(plot));
+  std::vector<std::string> looks;
+  for (std::string line; std::getline(script, line);) {
+    const size_t begin = line.find(" with lines");
+    if (begin != std::string::npos) {
+      looks.push_back(line.substr(begin, line.find(" title") - begin));
+    }
+  }
+  EXPECT_EQ(looks.size(), 30u);
+  std::sort(looks.begin(), looks.end());
+  EXPECT_EQ(std::unique(looks.begin(), looks.end()), looks.end());
+}
+
+TEST_F(PlotTest, AutomaticLevelsAreQuantiles) {
+  Plot plot;
+  ContourField field;
+  // z = 1 .. 16 in any monotone scale: the lines lie between the same points.
+  field.x = {0, 1, 2, 3};
+  field.y = {0, 1, 2, 3};
+  field.z = Eigen::VectorXd::LinSpaced(16, 1, 16).reshaped(4, 4);
+  plot.contours = field;
+  EXPECT_TRUE(Has(Script(plot),
+                  "levels discrete 1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5,9.5,10.5,"
+                  "11.5,12.5,13.5,14.5\n"));
+  plot.contours->levels = {3.25, 4};
+  EXPECT_TRUE(Has(Script(plot), "levels discrete 3.25,4\n"));
+}
+
+TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
+  std::string error;
+  Plot plot;
+  EXPECT_DEATH(WritePlot(folder_ / "plot.pdf", plot, &error), "plot.pdf");
+  EXPECT_DEATH(WritePlots(folder_ / "plot.png", {}, &error), "empty");
+  plot.series = {Line({1, 2}, {1})};
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "line");
+  plot.series = {Line({1}, {1})};
+  plot.series[0].y_low = {1};
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "line");
+  plot.series.clear();
+  plot.contours = ContourField();
+  plot.contours->x = {1};
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
+}
+
+}  // namespace
+}  // namespace invgrad
