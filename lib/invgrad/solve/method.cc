@@ -262,7 +262,8 @@ bool TrainWithCeres(const Method& method,
     } else {
       const std::unique_ptr<UpdateRule> rule = method.MakeRule();
       UpdateCallback callback(UpdateCallback::Options(), rule.get(), &problem);
-      minimizer_options.callbacks.push_back(&callback);
+      minimizer_options.callbacks.insert(minimizer_options.callbacks.begin(),
+                                         &callback);
       MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
       proposals = "; " + callback.summary().BriefReport();
     }
