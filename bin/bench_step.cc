@@ -99,7 +99,7 @@ void JacobianFactors(benchmark::State& state, const std::string& coupling) {
 struct ChainFunctor {
   const Chain* chain;
   NetworkFunctor network;
-  OscillatorStep step;
+  OscillatorStep<2> step;
 
   template <typename T>
   bool operator()(T const* const* parameters, T* residuals) const {
@@ -128,7 +128,7 @@ void AutoDiff(benchmark::State& state) {
   ceres::DynamicAutoDiffCostFunction<ChainFunctor, kStride> cost_function(
       new ChainFunctor{&chain,
                        NetworkFunctor(chain.problem.model->network()),
-                       OscillatorStep()});
+                       OscillatorStep<2>()});
   const int n = chain.problem.model->num_weights();
   const int m = static_cast<int>(chain.batch.targets.size());
   cost_function.AddParameterBlock(n);

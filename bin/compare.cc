@@ -246,7 +246,7 @@ int Run() {
   }
   Eigen::MatrixXd data;
   if (!FLAGS_data.empty() && (!ReadNpy(FLAGS_data, -1, -1, &data, &error) ||
-                              !CheckFinite(FLAGS_data, data, &error))) {
+                              !CheckNpyFinite(FLAGS_data, data, &error))) {
     return Fail(error);
   }
   PhysicsProblem problem;

@@ -14,7 +14,8 @@
 //          A large c, to which x should react little, makes every step but
 //          Adam's large: the loss is sensitive, and the step should be short.
 //          The Hessian is zero: Newton has no step of its own and falls back
-//          to gradient descent; the automatic step size does not exist.
+//          to gradient descent (its fallback_step_size); the automatic step
+//          size does not exist.
 // Optimum: none; L is unbounded below.
 // Source:  PBDL, chapter physgrad, "Units" and "Function sensitivity",
 //          arXiv 2109.05237.

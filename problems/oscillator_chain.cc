@@ -14,16 +14,26 @@ Activation HiddenActivation(const OscillatorChain::Options& options) {
   return options.coupling == "linear" ? Activation::kTanh : Activation::kRelu;
 }
 
-std::shared_ptr<const Simulator> MakeSimulator(const OscillatorStep& step,
-                                               int num_steps) {
-  const int state_size = 2 * step.num_oscillators;
-  // Two oscillators and their force are five variables: one pass of Jets.
-  if (step.num_oscillators == 2) {
-    return std::make_shared<TimeSteppingSimulator<OscillatorStep, 5>>(
-        step, state_size, 1, num_steps);
-  }
-  return std::make_shared<TimeSteppingSimulator<OscillatorStep, 8>>(
-      step, state_size, 1, num_steps);
+struct Physics {
+  int num_steps = 24;
+  double dt = 0.5;
+  double linear = 0.2;
+  double cubic = 0.0;
+  double control = 1.0;
+};
+
+template <int kCapacity, int kStride>
+std::shared_ptr<const Simulator> MakeSimulator(const Physics& physics,
+                                               int num_oscillators) {
+  OscillatorStep<kCapacity> step;
+  step.num_oscillators = num_oscillators;
+  step.dt = physics.dt;
+  step.linear = physics.linear;
+  step.cubic = physics.cubic;
+  step.control = physics.control;
+  return std::make_shared<
+      TimeSteppingSimulator<OscillatorStep<kCapacity>, kStride>>(
+      step, 2 * num_oscillators, 1, physics.num_steps);
 }
 
 }  // namespace
@@ -32,16 +42,10 @@ bool OscillatorChain::Create(const Options& options,
                              const Eigen::MatrixXd* data,
                              LearningProblem* problem,
                              std::string* error) {
-  OscillatorStep step;
-  step.num_oscillators = options.num_oscillators;
-  int num_steps = 24;
+  Physics physics;
   problem->batch_size = 32;
   if (options.coupling == "cubic") {
-    step.dt = 0.125;
-    step.linear = 0.0;
-    step.cubic = 1.0;
-    step.control = 3.0;
-    num_steps = 96;
+    physics = {96, 0.125, 0.0, 1.0, 3.0};
     problem->batch_size = 128;
   }
   const int state_size = 2 * options.num_oscillators;
@@ -69,9 +73,12 @@ bool OscillatorChain::Create(const Options& options,
   problem->num_epochs = 25;
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(
-      DenseNetwork({state_size, 20, 20, 20, num_steps},
+      DenseNetwork({state_size, 20, 20, 20, physics.num_steps},
                    HiddenActivation(options)),
-      MakeSimulator(step, num_steps),
+      // Two oscillators and their force are five variables: one pass of Jets.
+      options.num_oscillators == 2
+          ? MakeSimulator<2, 6>(physics, 2)
+          : MakeSimulator<kMaxOscillators, 8>(physics, options.num_oscillators),
       std::make_shared<SquaredNormLoss>(state_size, 1.0),
       Reduction::kMean);
   return true;

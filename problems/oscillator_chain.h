@@ -39,11 +39,14 @@
 
 namespace invgrad {
 
-// One Runge-Kutta step: state (q, v), control u -> next state.
+// The longest chain.
+constexpr int kMaxOscillators = 16;
+
+// One Runge-Kutta step: state (q, v), control u -> next state, of a chain of at
+// most kCapacity oscillators.
+template <int kCapacity>
 class OscillatorStep {
  public:
-  static constexpr int kMaxOscillators = 16;
-
   int num_oscillators = 2;
   double dt = 0.5;
   double linear = 0.2;
@@ -53,9 +56,8 @@ class OscillatorStep {
   template <typename T>
   bool operator()(const T* state, const T* u, T* next_state) const {
     const int size = 2 * num_oscillators;
-    T k1[2 * kMaxOscillators], k2[2 * kMaxOscillators];
-    T k3[2 * kMaxOscillators], k4[2 * kMaxOscillators];
-    T stage[2 * kMaxOscillators];
+    T k1[2 * kCapacity] = {}, k2[2 * kCapacity] = {}, k3[2 * kCapacity] = {};
+    T k4[2 * kCapacity] = {}, stage[2 * kCapacity] = {};
     Derivative(state, *u, k1);
     for (int i = 0; i < size; ++i) stage[i] = state[i] + (0.5 * dt) * k1[i];
     Derivative(stage, *u, k2);
@@ -104,7 +106,7 @@ struct OscillatorChain {
                "linear: PBDL notebook; cubic: HIG release");
       set->Add("num_oscillators",
                &num_oscillators,
-               {2, OscillatorStep::kMaxOscillators},
+               {2, kMaxOscillators},
                "length of the chain");
       set->Add("num_samples",
                &num_samples,

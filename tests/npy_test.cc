@@ -306,20 +306,20 @@ TEST_F(NpyTest, FailedWriteIsReported) {
                 ": No such file or directory");
 }
 
-TEST(CheckFinite, NamesTheFirstByRows) {
+TEST(CheckNpyFinite, NamesTheFirstByRows) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   MatrixXd matrix = MatrixXd::Constant(3, 4, 1e308);
   std::string error;
-  EXPECT_TRUE(CheckFinite("x.npy", matrix, &error));
-  EXPECT_TRUE(CheckFinite("x.npy", MatrixXd(), &error));
+  EXPECT_TRUE(CheckNpyFinite("x.npy", matrix, &error));
+  EXPECT_TRUE(CheckNpyFinite("x.npy", MatrixXd(), &error));
   matrix(2, 0) = -kInfinity;
-  EXPECT_FALSE(CheckFinite("x.npy", matrix, &error));
+  EXPECT_FALSE(CheckNpyFinite("x.npy", matrix, &error));
   EXPECT_EQ(error, "file x.npy: -inf at row 2, column 0 (counted from 0)");
   matrix(1, 3) = kInfinity;
-  EXPECT_FALSE(CheckFinite("x.npy", matrix, &error));
+  EXPECT_FALSE(CheckNpyFinite("x.npy", matrix, &error));
   EXPECT_EQ(error, "file x.npy: inf at row 1, column 3 (counted from 0)");
   const VectorXd vector = (VectorXd(2) << 1.0, std::nan("")).finished();
-  EXPECT_FALSE(CheckFinite("x.npy", vector, &error));
+  EXPECT_FALSE(CheckNpyFinite("x.npy", vector, &error));
   EXPECT_EQ(error, "file x.npy: nan at row 1, column 0 (counted from 0)");
 }
 

@@ -357,9 +357,9 @@ bool ReadNpy(const std::string& path,
   return true;
 }
 
-bool CheckFinite(const std::string& path,
-                 const Eigen::Ref<const Eigen::MatrixXd>& matrix,
-                 std::string* error) {
+bool CheckNpyFinite(const std::string& path,
+                    const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                    std::string* error) {
   CHECK(error != nullptr);
   for (int i = 0; i < matrix.rows(); ++i) {
     for (int j = 0; j < matrix.cols(); ++j) {

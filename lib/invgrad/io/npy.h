@@ -6,7 +6,7 @@
 //
 // Fails:   returns false with a message that names the file and what was found
 //          and wanted; the output is then unchanged. Infinities and NaN are
-//          values like any other: CheckFinite finds them.
+//          values like any other: CheckNpyFinite finds them.
 //
 // Source: numpy/lib/format.py, "Format Version 1.0".
 #ifndef INVGRAD_IO_NPY_H_
@@ -41,9 +41,9 @@ bool ReadNpy(const std::string& path,
 
 // False if an entry is infinite or NaN; *error then names the first one, row by
 // row: "file x.npy: nan at row 3, column 0 (counted from 0)".
-bool CheckFinite(const std::string& path,
-                 const Eigen::Ref<const Eigen::MatrixXd>& matrix,
-                 std::string* error);
+bool CheckNpyFinite(const std::string& path,
+                    const Eigen::Ref<const Eigen::MatrixXd>& matrix,
+                    std::string* error);
 
 }  // namespace invgrad
 
