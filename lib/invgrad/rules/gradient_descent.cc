@@ -1,0 +1,41 @@
+#include "invgrad/rules/gradient_descent.h"
+
+#include "invgrad/linalg/finite.h"
+
+namespace invgrad {
+
+void GradientDescent::Options::Describe(OptionSet* set) {
+  step_size.Describe(/*allow_auto=*/false, set);
+  set->Add("momentum",
+           &momentum,
+           {0.0, 1.0, false, true},
+           "mu, memory of the velocity");
+  set->Add("nesterov", &nesterov, "look ahead along the velocity");
+}
+
+GradientDescent::GradientDescent(const Options& options) : options_(options) {
+  CheckOptions(options);
+}
+
+LinearizationParts GradientDescent::Needs() const {
+  LinearizationParts parts;
+  parts.gradient = true;
+  return parts;
+}
+
+bool GradientDescent::ComputeStep(const Linearization& at_x,
+                                  Eigen::VectorXd* step,
+                                  std::string* error) {
+  const Eigen::VectorXd& gradient = at_x.gradient;
+  if (!CheckFinite("the gradient", gradient, error)) return false;
+  InitializeOnce(gradient.size(), 0.0, &velocity_);
+  velocity_ = options_.momentum * velocity_ + gradient;
+  *step = -options_.step_size.Scheduled(at_x.progress) * velocity_;
+  if (options_.nesterov) {
+    *step = -options_.step_size.Scheduled(at_x.progress) *
+            (gradient + options_.momentum * velocity_);
+  }
+  return CheckFinite("the step", *step, error);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,158 @@
+#include "invgrad/rules/newton.h"
+
+#include <lapacke.h>
+
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <vector>
+
+#include "glog/logging.h"
+#include "invgrad/linalg/finite.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Powers of two d with which every row and column of diag(d) H diag(d) has a
+// largest entry near one, so that a well-posed H in unlike units does not look
+// singular. Zero rows keep d = 1.
+//
+// [1] Ruiz. A scaling algorithm to equilibrate both rows and columns norms in
+//     matrices. RAL-TR-2001-034, 2001. Each pass halves the exponents that are
+//     left; 12 passes bring 1e300 to within a factor of two.
+VectorXd EquilibrationOf(const MatrixXd& H) {
+  constexpr int kNumPasses = 12;
+  VectorXd d = VectorXd::Ones(H.rows());
+  MatrixXd scaled = H;
+  for (int pass = 0; pass < kNumPasses; ++pass) {
+    VectorXd factor = scaled.cwiseAbs().rowwise().maxCoeff();
+    for (double& value : factor) {
+      value = value == 0.0 ? 1.0 : 1.0 / std::sqrt(value);
+    }
+    scaled = factor.asDiagonal() * scaled * factor.asDiagonal();
+    d = d.cwiseProduct(factor);
+  }
+  for (double& value : d) value = std::exp2(std::round(std::log2(value)));
+  return d;
+}
+
+}  // namespace
+
+void Newton::Options::Describe(OptionSet* set) {
+  step_size.Describe(/*allow_auto=*/false, set);
+  set->Add("fallback_step_size",
+           &fallback_step_size,
+           {0.0, std::numeric_limits<double>::infinity(), true},
+           "eta of the gradient-descent step where the Hessian is singular");
+}
+
+Newton::Newton(const Options& options) : options_(options) {
+  CheckOptions(options);
+}
+
+LinearizationParts Newton::Needs() const {
+  LinearizationParts parts;
+  parts.gradient = true;
+  parts.hessian = true;
+  return parts;
+}
+
+bool Newton::ComputeStep(const Linearization& at_x,
+                         VectorXd* step,
+                         std::string* error) {
+  CHECK_EQ(at_x.hessian.rows(), at_x.gradient.size());
+  CHECK_EQ(at_x.hessian.cols(), at_x.gradient.size());
+  report_.clear();
+  if (!CheckFinite("the gradient", at_x.gradient, error)) return false;
+  if (!CheckFinite("the Hessian", at_x.hessian, error)) return false;
+  const bool success = options_.saddle_free ? SaddleFreeStep(at_x, step, error)
+                                            : NewtonStep(at_x, step, error);
+  return success && CheckFinite("the step", *step, error);
+}
+
+bool Newton::NewtonStep(const Linearization& at_x,
+                        VectorXd* step,
+                        std::string* error) {
+  const Index n = at_x.gradient.size();
+  const VectorXd scale = EquilibrationOf(at_x.hessian);
+  const MatrixXd H = scale.asDiagonal() * at_x.hessian * scale.asDiagonal();
+  const VectorXd gradient = scale.cwiseProduct(at_x.gradient);
+  MatrixXd factor(n, n);
+  std::vector<lapack_int> pivots(n);
+  VectorXd solution(n);
+  double reciprocal_condition = 0.0;
+  double forward_error = 0.0;
+  double backward_error = 0.0;
+  const lapack_int info = LAPACKE_dsysvx(LAPACK_COL_MAJOR,
+                                         'N',
+                                         'L',
+                                         n,
+                                         1,
+                                         H.data(),
+                                         n,
+                                         factor.data(),
+                                         n,
+                                         pivots.data(),
+                                         gradient.data(),
+                                         n,
+                                         solution.data(),
+                                         n,
+                                         &reciprocal_condition,
+                                         &forward_error,
+                                         &backward_error);
+  if (info < 0) {
+    *error = "the Hessian could not be factorized (dsysvx)";
+    return false;
+  }
+  const double schedule = options_.step_size.ScheduleFactor(at_x.progress);
+  std::ostringstream report;
+  if (info == 0) {
+    *step =
+        -options_.step_size.step_size * schedule * scale.cwiseProduct(solution);
+    report << "Newton step, reciprocal condition " << reciprocal_condition;
+  } else {
+    *step = -options_.fallback_step_size * schedule * at_x.gradient;
+    report << "Hessian singular: gradient-descent step";
+  }
+  report_ = report.str();
+  return true;
+}
+
+bool Newton::SaddleFreeStep(const Linearization& at_x,
+                            VectorXd* step,
+                            std::string* error) {
+  const Index n = at_x.gradient.size();
+  MatrixXd V = at_x.hessian;
+  VectorXd lambda(n);
+  if (LAPACKE_dsyevd(
+          LAPACK_COL_MAJOR, 'V', 'L', n, V.data(), n, lambda.data()) != 0) {
+    *error = "the eigenvalues of the Hessian (dsyevd) did not converge";
+    return false;
+  }
+  const double threshold = n * std::numeric_limits<double>::epsilon() *
+                           lambda.lpNorm<Eigen::Infinity>();
+  VectorXd components = V.transpose() * at_x.gradient;
+  int num_negative = 0;
+  int num_flat = 0;
+  for (Index i = 0; i < n; ++i) {
+    if (std::abs(lambda[i]) <= threshold) {
+      components[i] *= options_.fallback_step_size;
+      ++num_flat;
+    } else {
+      components[i] *= options_.step_size.step_size / std::abs(lambda[i]);
+      if (lambda[i] < 0.0) ++num_negative;
+    }
+  }
+  *step = -options_.step_size.ScheduleFactor(at_x.progress) * (V * components);
+  std::ostringstream report;
+  report << num_negative << " negative and " << num_flat << " flat of " << n
+         << " curvatures";
+  report_ = report.str();
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,70 @@
+// The joint rules: a spectral filter of J, applied to the loss gradient.
+//
+//   step = -eta V phi(S) U^T g,   J = U S V^T,   g = dL/dy
+//
+//   row                   phi(s)
+//   power                 s^-kappa           for s > truncation s_max, else 0
+//   half_inverse          s^(-1/2)           for s > truncation s_max, else 0
+//   gauss_newton          s^-1               for s > truncation s_max, else 0
+//   levenberg_marquardt   s / (s^2 + damping + relative_damping s_max^2)
+//
+// Shapes:  g: m;  J: m x n;  step: n.
+// Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
+//          half-inverse step depends on the units of y, on a factor 1/2 in the
+//          loss, and on sum or mean over a batch. g is used as it is given.
+//          damping has the units of s^2.
+// Cost:    one spectral step, see spectral_step.h; auto two products more.
+// Fails:   returns false if g, J or the step is not finite, if a factorization
+//          does not converge, or if there is no automatic step size.
+//
+// [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
+//     Learning. ICLR 2022. arXiv 2203.10131. Its eta is 1 for the oscillators.
+#ifndef INVGRAD_RULES_SPECTRAL_RULE_H_
+#define INVGRAD_RULES_SPECTRAL_RULE_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/rules/option_set.h"
+#include "invgrad/rules/step_size.h"
+#include "invgrad/rules/update_rule.h"
+
+namespace invgrad {
+
+class SpectralRule final : public UpdateRule {
+ public:
+  struct Options {
+    // Each with the settings of its row.
+    static Options Power();
+    static Options HalfInverse();
+    static Options GaussNewton();
+    static Options LevenbergMarquardt();
+
+    StepSizeOptions step_size{1.0};
+    SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
+    bool kappa_is_a_setting = true;
+    std::string route = "auto";
+    double tolerance = SpectralStepOptions{}.tolerance;
+
+    void Describe(OptionSet* set);
+  };
+
+  explicit SpectralRule(const Options& options);
+
+  LinearizationParts Needs() const override;
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) override;
+  std::string LastStepReport() const override { return report_; }
+
+ private:
+  const Options options_;
+  SpectralStepOptions spectral_options_;
+  std::string report_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_SPECTRAL_RULE_H_
