@@ -24,7 +24,6 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "gflags/gflags.h"
-#include "glog/logging.h"
 #include "invgrad/io/plot.h"
 #include "problems/problems.h"
 
@@ -235,7 +234,7 @@ int Run() {
   if (!WritePlots(FLAGS_output + "/trajectories.png",
                   MakePlots(*problem.point, paths),
                   &error)) {
-    LOG(WARNING) << error;
+    Warn(error);
   }
   std::cout << "results in " << FLAGS_output << "\n";
   return 0;

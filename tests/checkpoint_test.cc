@@ -28,6 +28,11 @@ class CheckpointTest : public testing::Test {
     return error.substr(std::min(start.size(), error.size()));
   }
 
+  // A file with one array of size 1, but for what is written there.
+  std::string Bytes(const std::string& count, const std::string& line) {
+    return magic_ + count + "\n" + line + "\n" + std::string(8, '\0');
+  }
+
   const TemporaryFolder folder_;
   const std::string path_ = folder_ / "checkpoint";
   const std::string magic_ = "invgrad checkpoint, version 1\n";
@@ -105,13 +110,13 @@ TEST_F(CheckpointTest, ErrorsSayWhat) {
   EXPECT_EQ(ReadError("invgrad checkpoint, version 2\n0\n"),
             "found version '2', wanted '1'");
   for (const std::string count : {"", "-1", "1.0", "x", "1 "}) {
-    EXPECT_EQ(ReadError(magic_ + count + "\na 1\n" + one),
+    EXPECT_EQ(ReadError(Bytes(count, "a 1")),
               "cannot read the number of arrays");
   }
   EXPECT_EQ(ReadError(magic_ + "2\na 1\n" + one),
             "array 2 of 2: no line with its name and size (truncated?)");
   for (const std::string line : {"a", "a ", " 1", "a -1", "a 1.0", "a b 1"}) {
-    EXPECT_EQ(ReadError(magic_ + "1\n" + line + "\n" + one),
+    EXPECT_EQ(ReadError(Bytes("1", line)),
               "array 1 of 1: found '" + line + "', wanted name and size");
   }
   EXPECT_EQ(ReadError(magic_ + "2\na 1\na 1\n" + one + one),
@@ -123,7 +128,7 @@ TEST_F(CheckpointTest, LyingSizesDoNotAllocate) {
   // 2^61 doubles are 2^64 bytes, zero modulo 2^64.
   for (const std::string size :
        {"2", "1000000000000", "2305843009213693952", "18446744073709551615"}) {
-    EXPECT_EQ(ReadError(magic_ + "1\na " + size + "\n" + one),
+    EXPECT_EQ(ReadError(Bytes("1", "a " + size)),
               "array 1 of 1: 'a' has " + size +
                   " values, the file is too short for them (truncated?)");
   }

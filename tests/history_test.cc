@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <string>
 
@@ -13,10 +12,10 @@
 namespace invgrad {
 namespace {
 
-// Bit for bit, but any NaN is like any other.
+// Also the sign of zero; any NaN is like any other.
 bool IsSame(double a, double b) {
   return (std::isnan(a) && std::isnan(b)) ||
-         std::memcmp(&a, &b, sizeof(a)) == 0;
+         (a == b && std::signbit(a) == std::signbit(b));
 }
 
 void ExpectSame(const History& found, const History& wanted) {

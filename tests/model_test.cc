@@ -204,7 +204,7 @@ TEST_P(ModelTest, LossDerivativesAreThoseOfTheLossInY) {
   const VectorXd v = RandomMatrix(8, 1, 15);
   const VectorXd Hv = at.loss_hessian_times(v);
   ASSERT_EQ(Hv.size(), 8);
-  for (int s = 0; s < 4; ++s) {
+  for (Eigen::Index s = 0; s < 4; ++s) {
     double loss;
     Eigen::Vector2d g;
     Eigen::Matrix2d H;

@@ -122,7 +122,7 @@ TEST(NetworkJacobian, IsTheDerivativeOfTheChain) {
   network.Forward(weights, inputs, false, &activations);
   MatrixXd simulator_jacobians(3, 3 * batch_size);
   Eigen::Vector3d y;
-  for (int s = 0; s < batch_size; ++s) {
+  for (Eigen::Index s = 0; s < batch_size; ++s) {
     ASSERT_TRUE(simulator.Evaluate(activations.outputs.col(s).data(),
                                    nullptr,
                                    y.data(),

@@ -276,23 +276,23 @@ TEST_F(NpyTest, LyingHeadersDoNotAllocate) {
 }
 
 TEST_F(NpyTest, MalformedHeadersAreShown) {
-  for (const std::string header :
-       {"{'descr': '<f8', 'fortran_order': False, 'shape': (-2, 3), }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (2.0, 3), }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (2 3), }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': "
-        "(99999999999999999999, 3), }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3)",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (2,",
-        "{'descr': '<f8', 'fortran_order': maybe, 'shape': (2, 3), }",
-        "{'descr': '<f8, 'fortran_order': False, 'shape': (2, 3), }",
-        "{'descr': '<f8', 'shape': (2, 3), }",
-        "{'descr': '<f8', 'descr': '<f8', 'fortran_order': False, 'shape': "
-        "(2, 3), }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), 'x': 1, }",
-        "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), } + 1",
-        "[1, 2]",
-        ""}) {
+  const std::string shape =
+      "{'descr': '<f8', 'fortran_order': False, 'shape': ";
+  for (const std::string& header :
+       {shape + "(-2, 3), }",
+        shape + "(2.0, 3), }",
+        shape + "(2 3), }",
+        shape + "(99999999999999999999, 3), }",
+        shape + "(2, 3)",
+        shape + "(2,",
+        shape + "(2, 3), 'x': 1, }",
+        shape + "(2, 3), 'descr': '<f8', }",
+        shape + "(2, 3), } + 1",
+        std::string("{'descr': '<f8', 'fortran_order': no, 'shape': (2, 3)}"),
+        std::string("{'descr': '<f8, 'fortran_order': False, 'shape': (2,)}"),
+        std::string("{'descr': '<f8', 'shape': (2, 3), }"),
+        std::string("[1, 2]"),
+        std::string()}) {
     const std::string problem = ReadError(Npy(1, header, by_rows_));
     EXPECT_EQ(problem, "cannot read its header: " + header.substr(0, 120));
   }

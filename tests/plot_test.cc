@@ -48,7 +48,7 @@ class PlotTest : public testing::Test {
 
   // A program called gnuplot that does what `commands` say.
   std::string FakeGnuplot(const std::string& commands) {
-    const std::string folder = folder_ / "bin";
+    std::string folder = folder_ / "bin";
     std::filesystem::create_directory(folder);
     std::string error;
     EXPECT_TRUE(

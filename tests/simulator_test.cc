@@ -130,6 +130,18 @@ TEST(AutoDiffSimulatorTest, FailsWithTheFunctorOrAnInfinity) {
       simulator.WeightedHessian(refused.data(), nullptr, w.data(), H.data()));
 }
 
+TEST(AllFiniteTest, SeesEveryEntry) {
+  EXPECT_TRUE(AllFinite(nullptr, 0));
+  for (const double bad : {HUGE_VAL, -HUGE_VAL, std::nan("")}) {
+    for (int i = 0; i < 3; ++i) {
+      Vector3d values(1.0, -1e308, 0.0);
+      EXPECT_TRUE(AllFinite(values.data(), 3));
+      values[i] = bad;
+      EXPECT_FALSE(AllFinite(values.data(), 3));
+    }
+  }
+}
+
 TEST(ScratchTest, KeepsItsMemoryAndNests) {
   const double* first;
   {

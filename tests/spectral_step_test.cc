@@ -192,7 +192,7 @@ TEST(SpectralStep, ErrorIsAtMostItsEstimate) {
       for (const VectorXd& g :
            {random.Vector(m), VectorXd(J * random.Vector(n))}) {
         for (const SpectralFilter& filter :
-             AllFilters({0.0, 3.3e-2, 3.3e-4, 3.3e-6, 3.3e-9})) {
+             AllFilters({0.0, 3.3e-2, 1e-4, 3.3e-6, 3.3e-9})) {
           for (const SpectralRoute route : {SpectralRoute::kSvd, GramSide(J)}) {
             SpectralStepSummary summary;
             const VectorXd d = StepOf(J, g, filter, route, &summary);
@@ -241,6 +241,30 @@ TEST(SpectralStep, AccuracyFollowsTheThreshold) {
       EXPECT_NEAR(summary.s_max, 1.0, 1e-13);
       EXPECT_NEAR(summary.s_min_kept, smallest, 0.01 * smallest);
     }
+  }
+}
+
+// Two values a hair to either side of the threshold: rounding mixes their
+// singular vectors by about epsilon / gap, and the estimate has to say so.
+TEST(SpectralStep, EstimateKnowsOfLeaksAcrossTheThreshold) {
+  Random random(12);
+  VectorXd s = LogUniform(9, 1e-2);
+  constexpr double kGap = 1e-8;
+  s[7] = 3e-2 * (1.0 + kGap);
+  s[8] = 3e-2 * (1.0 - kGap);
+  const MatrixXd J = random.WithSpectrum(9, 12, s);
+  const VectorXd g = random.Vector(9);
+  const SpectralFilter filter = SpectralFilter::HalfInverse(3e-2);
+  for (const auto& [route, gap] :
+       {std::pair(SpectralRoute::kSvd, 6e-2 * kGap),
+        std::pair(SpectralRoute::kGram, 4.0 * 9e-4 * kGap)}) {
+    SpectralStepSummary summary;
+    const VectorXd d = StepOf(J, g, filter, route, &summary);
+    EXPECT_EQ(summary.num_undecided, 0);
+    EXPECT_LE(Reference(J).RelativeError(filter, g, d),
+              summary.estimated_error);
+    EXPECT_GE(summary.estimated_error, 0.1 * kEpsilon / gap);
+    EXPECT_LE(summary.estimated_error, 100.0 * kEpsilon / gap);
   }
 }
 

@@ -94,9 +94,9 @@ constexpr double kRounding = 1e-13;
 
 TYPED_TEST(TimeSteppingSimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
   using Jet = ceres::Jet<double, kNumInputs>;
-  std::vector<Jet> jets;
+  std::vector<Jet> jets(kNumInputs);
   for (int i = 0; i < kNumInputs; ++i) {
-    jets.push_back(Jet(this->controls_[i], i));
+    jets[i] = Jet(this->controls_[i], i);
   }
   const std::vector<Jet> expected = RollOut(jets, this->start_);
 
@@ -139,9 +139,9 @@ TYPED_TEST(TimeSteppingSimulatorTest, PullBackIsTheTransposedJacobian) {
 TYPED_TEST(TimeSteppingSimulatorTest,
            HessianIsThatOfNestedJetsThroughTheRollOut) {
   using Jet = NestedJet<kNumInputs>;
-  std::vector<Jet> jets;
+  std::vector<Jet> jets(kNumInputs);
   for (int i = 0; i < kNumInputs; ++i) {
-    jets.push_back(MakeHessianJet<kNumInputs>(this->controls_[i], i));
+    jets[i] = MakeHessianJet<kNumInputs>(this->controls_[i], i);
   }
   const std::vector<Jet> y = RollOut(jets, this->start_);
   const Eigen::Vector2d w(1.3, -0.7);
@@ -175,7 +175,7 @@ struct LinearStep {
 TEST(TimeSteppingSimulator, LinearStepsHaveMatrixPowersAsJacobian) {
   std::mt19937 generator(3);
   std::uniform_real_distribution<double> uniform(-0.5, 0.5);
-  const int size = 6;
+  const int size = 9;
   const int num_steps = 5;
   LinearStep step;
   step.A =

@@ -226,6 +226,60 @@ TEST(UpdateCallback, BacksOffThenLeavesToCeres) {
   EXPECT_EQ(proposals, std::vector<double>({-0.25, 0.125, 0.3125}));
 }
 
+struct Offset {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] - 10.0;
+    return true;
+  }
+};
+
+// From 0: +30 is rejected, +15 is accepted at scale 1/2, and the
+// next proposal, -4, is taken whole.
+TEST(UpdateCallback, TheScaleRecovers) {
+  double x = 0.0;
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &x);
+  int num_asked = 0;
+  FunctionRule rule([&](const auto&, auto* step, std::string*) {
+    *step = Eigen::VectorXd::Constant(1, num_asked == 0 ? 30.0 : -4.0);
+    return ++num_asked <= 2;
+  });
+  Options options;
+  options.min_relative_model_decrease = -1e300;
+  UpdateCallback callback(options, &rule, &problem);
+  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  solver_options.max_num_iterations = 3;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver_options, &problem, &summary);
+  EXPECT_EQ(x, 11.0);
+  EXPECT_EQ(callback.summary().num_accepted, 2);
+  EXPECT_EQ(callback.summary().num_rejected, 1);
+}
+
+// Rejections shrink Ceres' trust region. A rule that is always wrong must not
+// shrink it until Ceres takes its own short steps for convergence.
+TEST(UpdateCallback, AWrongRuleDoesNotStopCeres) {
+  TwoBlockRosenbrock p;
+  // Uphill, as far as ever, although the callback learns to take less of it.
+  double length = 1.0;
+  FunctionRule rule([&](const auto& at_x, auto* step, std::string*) {
+    *step = length * at_x.gradient.normalized();
+    length *= 8.0;
+    return true;
+  });
+  Options options;
+  options.min_relative_model_decrease = -1e300;
+  UpdateCallback callback(options, &rule, &p.problem);
+  ceres::Solver::Summary summary;
+  ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(p.x, 1.0, 1e-6);
+  EXPECT_NEAR(p.y, 1.0, 1e-6);
+  EXPECT_GE(callback.summary().num_rejected, 3);
+}
+
 TEST(UpdateCallback, SmallPromisesAreLeftToCeres) {
   TwoBlockRosenbrock p;
   // Along the gradient, for a relative decrease of 1e-6 by the linear model.

@@ -6,8 +6,8 @@
 #include <map>
 #include <sstream>
 
+#include "bin/support/program.h"
 #include "bin/support/run_directory.h"
-#include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/interrupt.h"
 #include "invgrad/io/npy.h"
@@ -155,7 +155,9 @@ Table MakeTable(const LearningComparisonOptions& options,
                                      static_cast<double>(run.summary.num_steps))
                       : "-");
     for (const double level : options.levels) {
-      row.push_back(FormatNumber(run.SecondsToLevel(level)));
+      const double seconds_to_level = run.SecondsToLevel(level);
+      row.push_back(
+          std::isnan(seconds_to_level) ? "-" : FormatNumber(seconds_to_level));
     }
     row.push_back(std::to_string(run.num_saturated) + "/" +
                   std::to_string(run.num_hidden_neurons));
@@ -285,19 +287,19 @@ void DrawPictures(const LearningProblem& problem,
   if (!WritePlots(options.output + "/loss.png",
                   LossPlots(all, problem.test.num_samples() > 0),
                   &error)) {
-    LOG(WARNING) << error;
+    Warn(error);
     return;
   }
   const std::vector<Plot> neurons = NeuronPlots(all);
   if (!neurons.empty() &&
       !WritePlots(options.output + "/neurons.png", neurons, &error)) {
-    LOG(WARNING) << error;
+    Warn(error);
   }
   if (options.tracked_sample >= 0 && problem.train.targets.rows() >= 2 &&
       !WritePlot(options.output + "/sample_path.png",
                  SamplePathPlot(problem, options, all),
                  &error)) {
-    LOG(WARNING) << error;
+    Warn(error);
   }
 }
 
@@ -425,7 +427,7 @@ bool CompareLearning(const LearningProblem& problem,
         all[i].runs.push_back(std::move(result));
       } else {
         all[i].refusal = "not run: " + why;
-        LOG(WARNING) << methods[i].label << ": " << why;
+        Warn(methods[i].label + ": " + why);
       }
     }
   }

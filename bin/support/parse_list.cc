@@ -56,7 +56,7 @@ bool ParseNumbers(const std::string& text,
                   std::string* error) {
   numbers->clear();
   for (const std::string& item : Split(text)) {
-    double number = 0.0;
+    double number = 1.0;
     const Range range{0.0, std::numeric_limits<double>::infinity(), true};
     if (!ParseItem(item, "number", range, &number, error)) return false;
     numbers->push_back(number);

@@ -4,8 +4,8 @@
 #include <limits>
 #include <sstream>
 
+#include "bin/support/program.h"
 #include "bin/support/run_directory.h"
-#include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/plot.h"
 #include "invgrad/io/progress.h"
@@ -154,7 +154,7 @@ bool ComparePoint(const PointProblem& problem,
   std::string plot_error;
   if (options.plots &&
       !WritePlot(options.output + "/loss.png", plot, &plot_error)) {
-    LOG(WARNING) << plot_error;
+    Warn(plot_error);
   }
   out << "results in " << options.output << "\n";
   return true;

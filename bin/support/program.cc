@@ -10,6 +10,8 @@ namespace invgrad {
 
 int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
   FLAGS_logtostderr = true;
+  // Ceres warns of every restart of nonlinear conjugate gradients.
+  FLAGS_minloglevel = google::GLOG_ERROR;
   gflags::SetUsageMessage(usage);
   gflags::SetVersionString(INVGRAD_VERSION);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
@@ -22,8 +24,12 @@ int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
 }
 
 int Fail(const std::string& message) {
-  std::cerr << gflags::ProgramInvocationShortName() << ": " << message << "\n";
+  Warn(message);
   return 1;
+}
+
+void Warn(const std::string& message) {
+  std::cerr << gflags::ProgramInvocationShortName() << ": " << message << "\n";
 }
 
 }  // namespace invgrad

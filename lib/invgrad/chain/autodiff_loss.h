@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "Eigen/Core"
 #include "ceres/jet.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/nested_jet.h"
@@ -45,11 +46,12 @@ class AutoDiffLoss final : public Loss {
     Jet value;
     if (!functor_(y_jets.data(), target, &value)) return false;
     *loss = value.a.a;
+    Eigen::Map<Eigen::Matrix<double, kSize, kSize>> H(hessian);
     for (int i = 0; i < kSize; ++i) {
       if (gradient != nullptr) gradient[i] = value.v[i].a;
-      std::copy_n(value.v[i].v.data(), kSize, hessian + i * kSize);
+      H.col(i) = value.v[i].v;
     }
-    return AllFinite(loss, 1) && AllFinite(hessian, kSize * kSize) &&
+    return AllFinite(loss, 1) && AllFinite(hessian, H.size()) &&
            (gradient == nullptr || AllFinite(gradient, kSize));
   }
 

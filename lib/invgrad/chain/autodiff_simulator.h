@@ -12,7 +12,6 @@
 #ifndef INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_
 #define INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_
 
-#include <algorithm>
 #include <utility>
 
 #include "Eigen/Core"
@@ -42,11 +41,13 @@ class AutoDiffSimulator final : public Simulator {
     Scratch<Jet> y_jets(kOut);
     for (int i = 0; i < kIn; ++i) x_jets[i] = Jet(x[i], i);
     if (!functor_(x_jets.data(), y_jets.data())) return false;
+    // By columns, a row-major J is J^T.
+    Eigen::Map<Eigen::Matrix<double, kIn, kOut>> J_transposed(jacobian);
     for (int i = 0; i < kOut; ++i) {
       y[i] = y_jets[i].a;
-      std::copy_n(y_jets[i].v.data(), kIn, jacobian + i * kIn);
+      J_transposed.col(i) = y_jets[i].v;
     }
-    return AllFinite(y, kOut) && AllFinite(jacobian, kOut * kIn);
+    return AllFinite(y, kOut) && AllFinite(jacobian, J_transposed.size());
   }
 
   bool WeightedHessian(const double* x,
@@ -63,7 +64,7 @@ class AutoDiffSimulator final : public Simulator {
     for (int i = 0; i < kOut; ++i) {
       for (int k = 0; k < kIn; ++k) H.col(k) += w[i] * y_jets[i].v[k].v;
     }
-    return AllFinite(hessian, kIn * kIn);
+    return AllFinite(hessian, H.size());
   }
 
  private:

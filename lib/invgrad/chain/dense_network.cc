@@ -263,7 +263,7 @@ void DenseNetwork::Hessian(const VectorXd& weights,
       // `from` on: there the weights act on the tangent through z alone.
       const int first_column = offsets_[from] + unit * (widths_[from] + 1);
       for (int l = from; l < L; ++l) {
-        const int stride = widths_[l] + 1;
+        const Eigen::Index stride = widths_[l] + 1;
         gradient_dots.resize(layer_size(l), batch_size);
         for (int s = 0; s < batch_size; ++s) {
           for (int i = 0; i < widths_[l + 1]; ++i) {

@@ -10,8 +10,8 @@ namespace invgrad {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-LinearSimulator::LinearSimulator(Matrix A, VectorXd b)
-    : A_(std::move(A)), b_(std::move(b)) {
+LinearSimulator::LinearSimulator(const Matrix& A, VectorXd b)
+    : A_(A), b_(std::move(b)) {
   CHECK_EQ(A_.rows(), b_.size());
   CHECK_GT(A_.rows(), 0);
   CHECK_GT(A_.cols(), 0);

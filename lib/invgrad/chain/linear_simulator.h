@@ -18,7 +18,7 @@ class LinearSimulator final : public Simulator {
  public:
   using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
-  LinearSimulator(Matrix A, Eigen::VectorXd b);
+  LinearSimulator(const Matrix& A, Eigen::VectorXd b);
 
   int num_inputs() const override { return static_cast<int>(A_.cols()); }
   int num_outputs() const override { return static_cast<int>(A_.rows()); }

@@ -181,8 +181,8 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   CheckSizes(*this, weights, batch);
   CheckTargets(*this, batch);
   const int batch_size = batch.num_samples();
-  const int num_x = network_.num_outputs();
-  const int num_y = loss_->size();
+  const Eigen::Index num_x = network_.num_outputs();
+  const Eigen::Index num_y = loss_->size();
   const double scale = BatchScale(batch_size);
   const std::optional<double> factor = loss_->SquaredNormFactor();
   const bool want_loss_hessians = parts.hessian || !factor.has_value();

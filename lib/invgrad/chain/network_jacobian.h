@@ -54,10 +54,11 @@ class NetworkJacobian final : public JacobianOperator {
   void Gram(Eigen::MatrixXd* JJt) const override;
   void ToDense(Eigen::MatrixXd* J) const override;
 
- private:
-  // delta of layer l: widths[l + 1] x m.
+  // delta of layer l = 0 .. L - 1: widths[l + 1] x m. The first call builds
+  // those of all layers.
   const Eigen::MatrixXd& LayerFactor(int l) const;
 
+ private:
   DenseNetwork network_;
   Eigen::VectorXd weights_;
   DenseNetwork::Activations activations_;

@@ -8,9 +8,10 @@
 
 namespace invgrad {
 
-bool AllFinite(const double* values, int size) {
+bool AllFinite(const double* values, std::ptrdiff_t size) {
   bool all_finite = true;
-  for (int i = 0; i < size; ++i) all_finite &= std::isfinite(values[i]);
+  for (std::ptrdiff_t i = 0; i < size; ++i)
+    all_finite &= std::isfinite(values[i]);
   return all_finite;
 }
 

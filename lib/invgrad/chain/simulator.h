@@ -15,12 +15,13 @@
 #ifndef INVGRAD_CHAIN_SIMULATOR_H_
 #define INVGRAD_CHAIN_SIMULATOR_H_
 
+#include <cstddef>
 #include <functional>
 
 namespace invgrad {
 
 // Whether none of `size` values is infinite or NaN.
-bool AllFinite(const double* values, int size);
+bool AllFinite(const double* values, std::ptrdiff_t size);
 
 class Simulator {
  public:

@@ -37,6 +37,42 @@ bool ParseSize(std::string_view text, std::uint64_t* size) {
   return result.ec == std::errc() && result.ptr == end;
 }
 
+// An array that was announced, and is not filled yet.
+struct Announced {
+  Eigen::VectorXd* array = nullptr;
+  std::uint64_t size = 0;
+};
+
+// Takes the line of one array. Returns what is wrong, or nothing.
+std::string TakeArray(std::uint64_t num_values_before,
+                      std::string_view* rest,
+                      Checkpoint* checkpoint,
+                      Announced* announced) {
+  std::string_view line;
+  if (!TakeLine(rest, &line)) {
+    return "no line with its name and size (truncated?)";
+  }
+  const size_t space = line.find(' ');
+  std::uint64_t size = 0;
+  if (space == 0 || space == std::string_view::npos ||
+      !ParseSize(line.substr(space + 1), &size)) {
+    return "found '" + std::string(line) + "', wanted name and size";
+  }
+  const std::string name(line.substr(0, space));
+  const auto [entry, is_new] = checkpoint->arrays.try_emplace(name);
+  if (!is_new) {
+    return "a second '" + name + "'";
+  }
+  // Compared before it is added: the sum must not overflow.
+  const std::uint64_t available = rest->size() / sizeof(double);
+  if (size > available || num_values_before + size > available) {
+    return "'" + name + "' has " + std::to_string(size) +
+           " values, the file is too short for them (truncated?)";
+  }
+  *announced = {&entry->second, size};
+  return "";
+}
+
 // Returns what is wrong, or nothing.
 std::string Parse(std::string_view rest, Checkpoint* checkpoint) {
   std::string_view line;
@@ -54,35 +90,16 @@ std::string Parse(std::string_view rest, Checkpoint* checkpoint) {
     return "cannot read the number of arrays";
   }
 
-  std::vector<Eigen::VectorXd*> arrays;
-  std::vector<std::uint64_t> sizes;
+  std::vector<Announced> all;
   std::uint64_t num_values = 0;
-  for (std::uint64_t i = 0; i < num_arrays; ++i) {
-    const std::string where = "array " + std::to_string(i + 1) + " of " +
-                              std::to_string(num_arrays) + ": ";
-    if (!TakeLine(&rest, &line)) {
-      return where + "no line with its name and size (truncated?)";
-    }
-    const size_t space = line.find(' ');
-    std::uint64_t size = 0;
-    if (space == 0 || space == std::string_view::npos ||
-        !ParseSize(line.substr(space + 1), &size)) {
-      return where + "found '" + std::string(line) + "', wanted name and size";
-    }
-    const std::string name(line.substr(0, space));
-    const auto [array, is_new] = checkpoint->arrays.try_emplace(name);
-    if (!is_new) {
-      return where + "a second '" + name + "'";
-    }
-    // Compared before it is added: the sum must not overflow.
-    if (size > rest.size() / sizeof(double) ||
-        num_values + size > rest.size() / sizeof(double)) {
-      return where + "'" + name + "' has " + std::to_string(size) +
-             " values, the file is too short for them (truncated?)";
-    }
-    num_values += size;
-    arrays.push_back(&array->second);
-    sizes.push_back(size);
+  std::string problem;
+  while (all.size() < num_arrays && problem.empty()) {
+    problem = TakeArray(num_values, &rest, checkpoint, &all.emplace_back());
+    num_values += all.back().size;
+  }
+  if (!problem.empty()) {
+    return "array " + std::to_string(all.size()) + " of " +
+           std::to_string(num_arrays) + ": " + problem;
   }
   if (rest.size() != num_values * sizeof(double)) {
     return "found " + std::to_string(rest.size()) +
@@ -90,11 +107,11 @@ std::string Parse(std::string_view rest, Checkpoint* checkpoint) {
            std::to_string(num_values * sizeof(double));
   }
 
-  for (size_t i = 0; i < arrays.size(); ++i) {
-    arrays[i]->resize(sizes[i]);
-    const size_t num_bytes = sizes[i] * sizeof(double);
+  for (const auto& [array, size] : all) {
+    array->resize(size);
+    const size_t num_bytes = size * sizeof(double);
     if (num_bytes > 0) {
-      std::memcpy(arrays[i]->data(), rest.data(), num_bytes);
+      std::memcpy(array->data(), rest.data(), num_bytes);
     }
     rest.remove_prefix(num_bytes);
   }
@@ -113,7 +130,8 @@ bool WriteCheckpoint(const std::string& path,
     CHECK(!name.empty());
     CHECK(name.find_first_of(kSpace) == std::string::npos)
         << "white space in the name '" << name << "'";
-    bytes += name + ' ' + std::to_string(array.size()) + '\n';
+    bytes.append(name).append(" ");
+    bytes.append(std::to_string(array.size())).append("\n");
   }
   for (const auto& [name, array] : checkpoint.arrays) {
     if (array.size() > 0) {

@@ -353,7 +353,7 @@ bool ReadNpy(const std::string& path,
           error)) {
     return false;
   }
-  *vector = std::move(column);
+  *vector = column;
   return true;
 }
 

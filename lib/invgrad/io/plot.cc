@@ -517,6 +517,41 @@ std::string LegendCommand(Plot::Legend place) {
   return "unset key\n";
 }
 
+std::string Color(int look) {
+  return std::string(" lc rgb '") + kColors[look % kNumColors] + "'";
+}
+
+std::string BandElement(const std::string& data, int look) {
+  return data +
+         " using 1:3:4 with filledcurves fs transparent solid 0.18 noborder" +
+         Color(look) + " notitle";
+}
+
+std::string SeriesElement(const std::string& data,
+                          const Series& series,
+                          int look) {
+  const std::string line =
+      std::string(" lw 1.6 dt ") + kDashes[look / kNumColors % kNumDashes];
+  const std::string point =
+      " pt " + std::to_string(kPointTypes[look % std::size(kPointTypes)]) +
+      " ps 0.9";
+  std::string element = data;
+  switch (series.style) {
+    case Series::Style::kLines:
+      element += " with lines" + line;
+      break;
+    case Series::Style::kPoints:
+      element += " with points" + point;
+      break;
+    case Series::Style::kLinesAndPoints:
+      element += " with linespoints" + line + point;
+      break;
+  }
+  return element + Color(look) +
+         (series.title.empty() ? std::string(" notitle")
+                               : " title " + Quote(series.title));
+}
+
 // What `plot` draws, separated by commas.
 class PlotCommand {
  public:
@@ -565,37 +600,12 @@ PanelScript MakePanel(const Plot& plot,
     const bool has_points =
         AppendData(name, series, x_axis, y_axis, &script.data);
     const int look = series.color < 0 ? static_cast<int>(i) : series.color;
-    const std::string color =
-        " lc rgb '" + std::string(kColors[look % kNumColors]) + "'";
     if (has_points && !series.y_low.empty()) {
-      command.Add(name +
-                  " using 1:3:4 with filledcurves fs transparent solid "
-                  "0.18 noborder" +
-                  color + " notitle");
+      command.Add(BandElement(name, look));
     }
     // A series without a point keeps its place in the legend.
-    std::string element = has_points ? name + " using 1:2" : "NaN";
-    const std::string dash = kDashes[look / kNumColors % kNumDashes];
-    const std::string line =
-        " lw 1.6 dt " + (dash == "solid" ? std::string("solid") : dash);
-    const std::string point =
-        " pt " + std::to_string(kPointTypes[look % std::size(kPointTypes)]) +
-        " ps 0.9";
-    switch (series.style) {
-      case Series::Style::kLines:
-        element += " with lines" + line;
-        break;
-      case Series::Style::kPoints:
-        element += " with points" + point;
-        break;
-      case Series::Style::kLinesAndPoints:
-        element += " with linespoints" + line + point;
-        break;
-    }
-    elements.push_back(element + color +
-                       (series.title.empty()
-                            ? std::string(" notitle")
-                            : " title " + Quote(series.title)));
+    elements.push_back(
+        SeriesElement(has_points ? name + " using 1:2" : "NaN", series, look));
   }
   for (const std::string& element : elements) {  // in front of all bands
     command.Add(element);

@@ -65,7 +65,7 @@ std::string FormatDuration(double seconds) {
     return TwoParts(whole / 60, " min", whole % 60, " s");
   }
   const long minutes = std::lround(seconds / 60.0);
-  if (minutes < 24 * 60) {
+  if (minutes < 24L * 60L) {
     return TwoParts(minutes / 60, " h", minutes % 60, " min");
   }
   const long hours = std::lround(seconds / 3600.0);

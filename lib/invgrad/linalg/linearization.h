@@ -5,7 +5,7 @@
 //   g = dL/dy,   J = dy/dx,   H_L = d2L/dy2,   gradient = J^T g
 //
 // Shapes:  x, d: n;  y, g: m;  J: m x n;  H_L: m x m, block diagonal.
-// Units:   x carries one unit per entry, y likewise; g is [L]/[y], J is [y]/[x].
+// Units:   x has one unit per entry, y likewise; g is [L]/[y], J is [y]/[x].
 //          A half-inverse step changes with these units, see
 //          docs/conventions.md.
 //

@@ -46,6 +46,10 @@ struct TrustRegionOptions {
     options->num_threads = num_threads;
     CHECK(ceres::StringToLinearSolverType(linear_solver,
                                           &options->linear_solver_type));
+    // Ceres' own dense algebra is Eigen's, compiled for the oldest processors.
+    if (ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK)) {
+      options->dense_linear_algebra_library_type = ceres::LAPACK;
+    }
   }
 };
 

@@ -61,6 +61,7 @@ bool FindRows(const std::string& name, Method* method, std::string* error) {
 bool ParseBatchSize(const std::string& value,
                     int* batch_size,
                     std::string* error) {
+  *batch_size = 0;
   OptionSet set;
   set.Add("batch_size", batch_size, {0, 1e9}, "samples a step; 0: all");
   return set.Set("batch_size", value, error);
@@ -261,7 +262,8 @@ bool TrainWithCeres(const Method& method,
     } else {
       const std::unique_ptr<UpdateRule> rule = method.MakeRule();
       UpdateCallback callback(UpdateCallback::Options(), rule.get(), &problem);
-      minimizer_options.callbacks.push_back(&callback);
+      minimizer_options.callbacks.insert(minimizer_options.callbacks.begin(),
+                                         &callback);
       MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
       proposals = "; " + callback.summary().BriefReport();
     }

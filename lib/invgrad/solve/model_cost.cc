@@ -112,8 +112,8 @@ std::vector<double*> NeuronBlocks(const DenseNetwork& network,
   std::vector<double*> blocks;
   for (int l = 0; l < network.num_layers(); ++l) {
     for (int unit = 0; unit < network.widths()[l + 1]; ++unit) {
-      blocks.push_back(weights + network.offset(l) +
-                       unit * (network.widths()[l] + 1));
+      blocks.push_back(weights);
+      weights += network.widths()[l] + 1;
     }
   }
   return blocks;

@@ -281,7 +281,7 @@ void TrainingRun::SaveCheckpoint() {
   std::string error;
   // A checkpoint that cannot be written costs a resume, not the run.
   if (!WriteCheckpoint(options_.checkpoint_path, checkpoint, &error)) {
-    LOG(WARNING) << error;
+    LOG(ERROR) << error;
   }
   last_checkpoint_ = Clock::now();
 }
