@@ -30,9 +30,10 @@
 #include "invgrad/solve/method.h"
 
 DEFINE_string(rules,
-              "gradient_descent:step_size=3e-3,adam:step_size=1e-2,"
+              "gradient_descent:step_size=3e-2,"
+              "adam:step_size=1e-2:schedule=cosine,"
               "half_inverse,gauss_newton,"
-              "levenberg_marquardt:relative_damping=1e-6,"
+              "levenberg_marquardt:relative_damping=1e-8,"
               "ceres_lm:linear_solver=dense_normal_cholesky",
               "what to compare; `compare --list` shows all rules and options");
 DEFINE_double(seconds, 6.0, "training time of each rule");
