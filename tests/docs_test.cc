@@ -50,6 +50,11 @@ std::vector<fs::path> Pages() {
   return pages;
 }
 
+// "// [marker]" or "// [/marker]"; not "// [1] A source."
+bool IsMarker(const std::string& text) {
+  return text.rfind("// [", 0) == 0 && text.back() == ']';
+}
+
 // What stands between the lines "// [marker]" and "// [/marker]", without the
 // indentation of the first of them. Markers may overlap; lines that are markers
 // are not part of it. Empty, with a failure, unless both occur exactly once.
@@ -66,7 +71,7 @@ std::string MarkedRegion(const std::string& source, const std::string& marker) {
       indentation = first;
     } else if (text == "// [/" + marker + "]") {
       ++num_ends;
-    } else if (num_begins == 1 && num_ends == 0 && text.rfind("// [", 0) != 0) {
+    } else if (num_begins == 1 && num_ends == 0 && !IsMarker(text)) {
       region += (first < indentation ? text : line.substr(indentation)) + "\n";
     }
   }
@@ -129,9 +134,10 @@ std::vector<std::string> RelativeLinks(const std::string& page) {
 
 TEST(Docs, MarkedRegionIsUnindentedAndLeavesOutMarkers) {
   const std::string source =
-      "a\n  // [x]\n  b\n\n    c\n  // [y]\n  // [/x]\n  d\n  // [/y]\n";
-  EXPECT_EQ(MarkedRegion(source, "x"), "b\n\n  c\n");
-  EXPECT_EQ(MarkedRegion(source, "y"), "d\n");
+      "a\n  // [x]\n  b\n\n    c\n  // [y]\n  // [1] e\n  // [/x]\n  d\n"
+      "  // [/y]\n";
+  EXPECT_EQ(MarkedRegion(source, "x"), "b\n\n  c\n// [1] e\n");
+  EXPECT_EQ(MarkedRegion(source, "y"), "// [1] e\nd\n");
 }
 
 TEST(Docs, QuotationsAndLinksAreFound) {
