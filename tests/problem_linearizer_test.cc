@@ -540,5 +540,41 @@ TEST(ProblemLinearizer, HessianRefusesACurvedPlus) {
   EXPECT_EQ(HessianError(&problem), "");
 }
 
+struct Product {
+  template <typename T>
+  bool operator()(const T* a, const T* b, T* r) const {
+    r[0] = a[0] * b[0] - 1.0;
+    return true;
+  }
+};
+
+TEST(ProblemLinearizer, StoresAFullJacobianDenselyAndASparseOneInRows) {
+  double x[6] = {1.0, 2.0, 3.0, 4.0, 5.0, 6.0};
+  LinearizationParts parts;
+  parts.jacobian = true;
+  // One residual on 2 of 2, 3, ... unknowns each: full, then ever emptier.
+  for (const int num_pairs : {1, 3}) {
+    ceres::Problem problem;
+    for (int i = 0; i < num_pairs; ++i) {
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<Product, 1, 1, 1>(new Product),
+          nullptr,
+          &x[2 * i],
+          &x[2 * i + 1]);
+    }
+    const ProblemLinearizer linearizer(&problem, {});
+    Linearization at_x;
+    std::string error;
+    ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
+    EXPECT_EQ(
+        dynamic_cast<const DenseJacobian*>(at_x.jacobian.get()) != nullptr,
+        num_pairs == 1);
+    Eigen::MatrixXd J;
+    at_x.jacobian->ToDense(&J);
+    EXPECT_EQ(J(0, 0), 2.0);
+    EXPECT_EQ(J(0, 1), 1.0);
+  }
+}
+
 }  // namespace
 }  // namespace invgrad

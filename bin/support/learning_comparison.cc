@@ -73,22 +73,32 @@ class LiveCallback final : public ceres::IterationCallback {
   Progress progress_;
 };
 
-// The result with the median final train loss of the seeds; failed ones last.
+// The final loss of a run, by which seeds are ordered: failed ones last.
+double RankedLoss(const LearningRunResult& run, double HistoryRow::*loss) {
+  const double value = run.last().*loss;
+  return run.has_failed() || !std::isfinite(value)
+             ? std::numeric_limits<double>::infinity()
+             : value;
+}
+
+// The run with the median of that final loss over the seeds; of an even number
+// the lower one.
 const LearningRunResult& MedianRun(
-    const std::vector<LearningRunResult>& results) {
+    const std::vector<LearningRunResult>& results,
+    double HistoryRow::*loss = &HistoryRow::train_loss) {
   std::vector<const LearningRunResult*> sorted;
+  sorted.reserve(results.size());
   for (const LearningRunResult& result : results) sorted.push_back(&result);
-  const auto key = [](const LearningRunResult* result) {
-    const double loss = result->last().train_loss;
-    return result->has_failed() || !std::isfinite(loss)
-               ? std::numeric_limits<double>::infinity()
-               : loss;
-  };
   std::stable_sort(
-      sorted.begin(), sorted.end(), [&](const auto* a, const auto* b) {
-        return key(a) < key(b);
+      sorted.begin(), sorted.end(), [loss](const auto* a, const auto* b) {
+        return RankedLoss(*a, loss) < RankedLoss(*b, loss);
       });
   return *sorted[(sorted.size() - 1) / 2];
+}
+
+// "-" for what was not computed or never happened.
+std::string NumberOrDash(double value) {
+  return std::isnan(value) ? "-" : FormatNumber(value);
 }
 
 std::string Spread(const std::vector<LearningRunResult>& results) {
@@ -145,7 +155,8 @@ Table MakeTable(const LearningComparisonOptions& options,
     const LearningRunResult& run = MedianRun(method.runs);
     const double seconds = run.summary.train_time_in_seconds;
     row.push_back(FormatNumber(run.last().train_loss));
-    row.push_back(FormatNumber(run.last().test_loss));
+    row.push_back(NumberOrDash(
+        MedianRun(method.runs, &HistoryRow::test_loss).last().test_loss));
     row.push_back(FormatNumber(run.BestTrainLoss()));
     if (has_seeds) row.push_back(Spread(method.runs));
     row.push_back(std::to_string(run.summary.num_steps));
@@ -210,6 +221,9 @@ std::vector<Plot> LossPlots(const std::vector<MethodResults>& all,
     plot.y_label = "loss";
     plot.log_x = true;
     plot.log_y = true;
+    // One legend is enough: it stands beside the last panel.
+    plot.legend =
+        against_seconds ? Plot::Legend::kOutside : Plot::Legend::kNone;
     for (const MethodResults& method : all) {
       if (method.runs.empty()) continue;
       plot.series.push_back(LossCurve(
@@ -337,7 +351,8 @@ bool RunOrLoad(const LearningProblem& problem,
   const double steps_per_epoch =
       method.ceres != nullptr
           ? 1.0
-          : problem.train.num_samples() / run.train.batch_size;
+          : static_cast<double>(problem.train.num_samples() /
+                                run.train.batch_size);
   LiveCallback live(method.label + " seed " + std::to_string(seed),
                     run.train,
                     steps_per_epoch,

@@ -135,8 +135,12 @@ class TrainingRecorder final : public ceres::IterationCallback {
     summary_->num_steps = iteration.iteration;
     summary_->train_time_in_seconds = seconds_;
     step_norm_ = iteration.step_norm;
-    mean_loss_ = iteration.cost / (model_.BatchScale(train_.num_samples()) *
-                                   train_.num_samples());
+    // The cost of a rejected step is not that of the state.
+    if (iteration.iteration == 0 || iteration.step_is_successful) {
+      const int num_samples = train_.num_samples();
+      mean_loss_ =
+          iteration.cost / (model_.BatchScale(num_samples) * num_samples);
+    }
     if (IsEvaluationEpoch(iteration.iteration)) Record();
     ceres::IterationSummary timed = iteration;
     timed.cumulative_time_in_seconds = seconds_;

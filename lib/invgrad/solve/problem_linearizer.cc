@@ -452,7 +452,16 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   }
   if (parts.jacobian) {
     linearization->loss_gradient = std::move(r);
-    linearization->jacobian = std::make_shared<SparseJacobian>(std::move(J));
+    // Products with a matrix that is mostly full are BLAS' work.
+    constexpr double kDense = 0.5;
+    if (static_cast<double>(J.nonZeros()) >=
+        kDense * static_cast<double>(J.rows()) *
+            static_cast<double>(J.cols())) {
+      linearization->jacobian =
+          std::make_shared<DenseJacobian>(Eigen::MatrixXd(J));
+    } else {
+      linearization->jacobian = std::make_shared<SparseJacobian>(std::move(J));
+    }
     linearization->loss_hessian_times = nullptr;  // the identity
   }
   return true;

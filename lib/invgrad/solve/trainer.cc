@@ -375,13 +375,17 @@ bool Train(const TrainOptions& options,
         summary != nullptr && error != nullptr);
   CHECK_EQ(weights->size(), model.num_weights());
   CHECK_GT(train.num_samples(), 0);
-  CHECK(options.batch_size >= 0 && options.batch_size <= train.num_samples())
-      << "batch_size is " << options.batch_size << ", allowed are 1 to "
-      << train.num_samples() << ", or 0 for all samples";
   CHECK(options.max_num_epochs < std::numeric_limits<int>::max() ||
         options.max_num_steps < std::numeric_limits<long>::max() ||
         std::isfinite(options.max_time_in_seconds))
       << "a training run needs a budget in epochs, steps or seconds";
+  if (options.batch_size < 0 || options.batch_size > train.num_samples()) {
+    *error = "batch_size=" + std::to_string(options.batch_size) +
+             " is out of range; allowed: 1 to the " +
+             std::to_string(train.num_samples()) +
+             " training samples, or 0 for all";
+    return false;
+  }
   std::string where;
   if (!train.IsFinite(&where)) {
     *error = "train data: " + where;

@@ -78,8 +78,9 @@ struct TrainSummary {
 };
 
 // `test` may have no samples. `weights` holds the initial weights and receives
-// the final ones. Returns false only for bad input (non-finite data, a
-// checkpoint that does not fit): then *error says what, and nothing was done.
+// the final ones. Returns false only for bad input (a batch size that does not
+// fit, data that are not finite, a checkpoint of another run): then *error says
+// what, and nothing was done.
 bool Train(const TrainOptions& options,
            const Model& model,
            const DataSet& train,
