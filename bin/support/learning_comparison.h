@@ -7,9 +7,9 @@
 //   DIR/neurons.png        mean activations of a small network's neurons
 //   DIR/sample_path.png    the tracked sample in the plane of y_0 and y_1
 //
-// Of a method's seeds, the table shows the median of each column, and curves and
-// times show the run with the median final train loss; a failed run counts as
-// worse than any other.
+// Of a method's seeds, the table shows the median of each column, and curves
+// and times show the run with the median final train loss; a failed run counts
+// as worse than any other.
 #ifndef BIN_SUPPORT_LEARNING_COMPARISON_H_
 #define BIN_SUPPORT_LEARNING_COMPARISON_H_
 
