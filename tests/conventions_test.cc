@@ -213,6 +213,7 @@ TEST(Conventions, ScalingOfTheRulesThatNormalizeTheGradient) {
   ExpectRuleScaling("adam", {{"epsilon", epsilon}}, exponents, tolerance);
   ExpectRuleScaling("rmsprop", {{"epsilon", epsilon}}, exponents, tolerance);
   ExpectRuleScaling("adagrad", {{"epsilon", epsilon}}, exponents, tolerance);
+  ExpectRuleScaling("adadelta", {{"epsilon", epsilon}}, exponents, tolerance);
 }
 
 TEST(Conventions, ScalingOfMomentum) {

@@ -117,6 +117,16 @@ TEST_F(TrajectoriesProgram, ADivergingRuleKeepsItsFirstSteps) {
   EXPECT_EQ(ReadCsv(Path("run/newton.csv")).size(), 21u);
 }
 
+TEST_F(TrajectoriesProgram, AStartWithoutAFiniteLossIsSaid) {
+  const Output output = Run({"--problem=squared_component:start_1=1e200",
+                             "--rules=newton,ceres_lm,ceres_bfgs",
+                             "--grid=5",
+                             "--output=" + Path("run")});
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output,
+             {"newton  (failed: no start", "ceres_lm  (failed: no start"});
+}
+
 TEST_F(TrajectoriesProgram, AProblemWithoutAnOptimumHasPathsToo) {
   const Output output = Run({"--problem=linear_scale",
                              "--steps=2",

@@ -50,7 +50,7 @@ std::vector<std::string> TableRow(const PointProblem& problem,
           ? FormatNumber((x - *problem.minimizer).norm())
           : "-";
   return {path.label,
-          std::to_string(path.summary.num_steps()),
+          std::to_string(path.x.size() - 1),
           FormatNumber(path.loss.front()),
           FormatNumber(path.loss.back()),
           PointText(x),

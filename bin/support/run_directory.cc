@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 // A resumed run may be longer than the first one, and look at other levels.
 const std::set<std::string>& FlagsThatMayChange() {
   static const auto& flags = *new std::set<std::string>{
-      "output", "epochs", "steps", "seconds", "levels", "progress"};
+      "output", "epochs", "steps", "seconds", "levels", "progress", "plots"};
   return flags;
 }
 

@@ -14,8 +14,9 @@
 //
 // Differences to Minimize: iterations hold the rejected steps too; a step on
 // which Ceres ends the run by a tolerance is not among them; function and
-// parameter tolerances of 0 end a run on no change at all; mini-batches are
-// refused (CHECKed).
+// parameter tolerances of 0 end a run on no change at all; on SOLVER_ABORT a
+// trust region puts the blocks back to the start; mini-batches are refused
+// (CHECKed).
 // Fails:   as Ceres: FAILURE in the summary with Ceres' message, also for
 //          options that Ceres refuses.
 #ifndef INVGRAD_SOLVE_CERES_MINIMIZER_H_

@@ -8,8 +8,7 @@
 //          is g = 2 c (y - y*) and H_L = 2 c I.
 // Cost:    one simulator evaluation with Jacobian; the Hessian one more.
 // Fails:   Linearize and Cost return false if simulator or loss fails or a
-// value
-//          is not finite.
+//          value is not finite.
 #ifndef INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_
 #define INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "glog/logging.h"
@@ -12,6 +13,9 @@
 namespace invgrad {
 
 namespace {
+
+constexpr char kNeedsLeastSquares[] =
+    "a trust region needs a least-squares loss, c |y - y*|^2";
 
 bool HasOption(const std::vector<OptionSet::Row>& options,
                const std::string& name) {
@@ -135,11 +139,13 @@ class TrainingRecorder final : public ceres::IterationCallback {
     summary_->num_steps = iteration.iteration;
     summary_->train_time_in_seconds = seconds_;
     step_norm_ = iteration.step_norm;
-    // The cost of a rejected step is not that of the state.
+    // The weights are those of the lowest cost: a step that was rejected is not
+    // in them, nor is one that was taken although the cost rose.
     if (iteration.iteration == 0 || iteration.step_is_successful) {
       const int num_samples = train_.num_samples();
-      mean_loss_ =
-          iteration.cost / (model_.BatchScale(num_samples) * num_samples);
+      mean_loss_ = std::fmin(
+          mean_loss_,
+          iteration.cost / (model_.BatchScale(num_samples) * num_samples));
     }
     if (IsEvaluationEpoch(iteration.iteration)) Record();
     ceres::IterationSummary timed = iteration;
@@ -149,14 +155,18 @@ class TrainingRecorder final : public ceres::IterationCallback {
       verdict = (*callback)(timed);
       if (verdict != ceres::SOLVER_CONTINUE) break;
     }
-    if (verdict == ceres::SOLVER_CONTINUE) {
-      budget_is_spent_ = CheckBudget();
-      if (budget_is_spent_) verdict = ceres::SOLVER_TERMINATE_SUCCESSFULLY;
-    } else {
-      stop_reason_ = "stopped by a callback";
+    if (verdict == ceres::SOLVER_ABORT) {
+      Stop(ceres::USER_FAILURE, "aborted by a callback" + AtStep());
+    } else if (verdict == ceres::SOLVER_TERMINATE_SUCCESSFULLY) {
+      Stop(ceres::USER_SUCCESS, "stopped by a callback" + AtStep());
+    } else if (IsDone()) {
+      verdict = ceres::SOLVER_TERMINATE_SUCCESSFULLY;
     }
     resumed_ = Clock::now();
-    return verdict;
+    // On SOLVER_ABORT Ceres puts the weights back to the start; they are kept.
+    return verdict == ceres::SOLVER_CONTINUE
+               ? verdict
+               : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }
 
   // The last state, unless it is in the history.
@@ -166,10 +176,9 @@ class TrainingRecorder final : public ceres::IterationCallback {
     }
   }
 
-  bool budget_is_spent() const { return budget_is_spent_; }
-
-  // Why the budget or a user callback ended the run; empty if neither did.
-  const std::string& stop_reason() const { return stop_reason_; }
+  // Whether budget, target, patience or a callback ended the run, and then with
+  // the summary filled.
+  bool has_stopped() const { return has_stopped_; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -189,22 +198,42 @@ class TrainingRecorder final : public ceres::IterationCallback {
     }
     row.step_norm = step_norm_;
     history_->push_back(row);
+    const double watched =
+        test_.num_samples() > 0 ? row.test_loss : row.train_loss;
+    evaluations_since_best_ =
+        watched < best_loss_ ? 0 : evaluations_since_best_ + 1;
+    best_loss_ = std::fmin(best_loss_, watched);
     if (options_.on_evaluation) options_.on_evaluation(*history_);
   }
 
-  // True, with the reason kept, if the run has to end.
-  bool CheckBudget() {
-    const int step = static_cast<int>(summary_->num_steps);
+  std::string AtStep() const {
+    return " at step " + std::to_string(summary_->num_steps);
+  }
+
+  void Stop(ceres::TerminationType type, const std::string& message) {
+    summary_->termination_type = type;
+    summary_->message = message;
+    has_stopped_ = true;
+  }
+
+  // True, with the summary filled, if the run has to end.
+  bool IsDone() {
+    const long step = summary_->num_steps;
     if (options_.target_loss > 0.0 && mean_loss_ <= options_.target_loss) {
-      stop_reason_ = "target loss reached at step " + std::to_string(step);
+      Stop(ceres::CONVERGENCE, "target loss reached" + AtStep());
+    } else if (options_.patience > 0 &&
+               evaluations_since_best_ >= options_.patience) {
+      Stop(ceres::CONVERGENCE,
+           "no improvement in " + std::to_string(options_.patience) +
+               " evaluations");
     } else if (step >= options_.max_num_epochs) {
-      stop_reason_ = "epochs done";
+      Stop(ceres::NO_CONVERGENCE, "epochs done");
     } else if (step >= options_.max_num_steps) {
-      stop_reason_ = "steps done";
+      Stop(ceres::NO_CONVERGENCE, "steps done");
     } else if (seconds_ >= options_.max_time_in_seconds) {
-      stop_reason_ = "time used up";
+      Stop(ceres::NO_CONVERGENCE, "time used up");
     }
-    return !stop_reason_.empty();
+    return has_stopped_;
   }
 
   const TrainOptions& options_;
@@ -218,9 +247,28 @@ class TrainingRecorder final : public ceres::IterationCallback {
   double seconds_ = 0.0;
   double mean_loss_ = HistoryRow::kNone;
   double step_norm_ = HistoryRow::kNone;
-  bool budget_is_spent_ = false;
-  std::string stop_reason_;
+  double best_loss_ = std::numeric_limits<double>::infinity();
+  int evaluations_since_best_ = 0;
+  bool has_stopped_ = false;
 };
+
+// False, with *error set, if the method has a rule that cannot propose its
+// steps for this problem.
+bool TakesProposals(const Method& method,
+                    const ceres::Problem& problem,
+                    std::string* error) {
+  return method.rule == nullptr ||
+         UpdateCallback::IsSupported(UpdateCallback::Options(), problem, error);
+}
+
+// What is added to a run's message; if all was left to Ceres, also why.
+std::string ProposalsText(const UpdateCallback::Summary& summary) {
+  std::string text = "; " + summary.BriefReport();
+  if (summary.num_proposed == 0 && !summary.message.empty()) {
+    text += " (" + summary.message + ")";
+  }
+  return text;
+}
 
 MinimizerOptions UnboundedOptions() {
   MinimizerOptions options;
@@ -244,8 +292,16 @@ bool TrainWithCeres(const Method& method,
                     std::string* error) {
   if (method.ceres->is_trust_region &&
       !model.loss().SquaredNormFactor().has_value()) {
-    *error = method.label + " needs a least-squares loss, c |y - y*|^2";
+    *error = kNeedsLeastSquares;
     return false;
+  }
+  if (!CheckTrainingInput(options, model, train, test, *weights, error)) {
+    return false;
+  }
+  ceres::Problem problem;
+  if (method.ceres->is_trust_region) {
+    AddModelToProblem(&model, &train, weights, &problem);
+    if (!TakesProposals(method, problem, error)) return false;
   }
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;
@@ -259,8 +315,6 @@ bool TrainWithCeres(const Method& method,
   MinimizerSummary result;
   std::string proposals;
   if (method.ceres->is_trust_region) {
-    ceres::Problem problem;
-    AddModelToProblem(&model, &train, weights, &problem);
     if (method.rule == nullptr) {
       MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
     } else {
@@ -269,7 +323,7 @@ bool TrainWithCeres(const Method& method,
       minimizer_options.callbacks.insert(minimizer_options.callbacks.begin(),
                                          &callback);
       MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
-      proposals = "; " + callback.summary().BriefReport();
+      proposals = ProposalsText(callback.summary());
     }
   } else {
     MinimizeWithCeres(minimizer_options,
@@ -279,13 +333,27 @@ bool TrainWithCeres(const Method& method,
                       &result);
   }
   recorder.RecordEnd();
-  summary->termination_type = recorder.budget_is_spent()
-                                  ? ceres::NO_CONVERGENCE
-                                  : result.termination_type;
-  summary->message = (recorder.stop_reason().empty() ? result.message
-                                                     : recorder.stop_reason()) +
-                     proposals;
+  if (!recorder.has_stopped()) {
+    summary->termination_type = result.termination_type;
+    summary->message = result.message;
+  }
+  summary->message += proposals;
   return true;
+}
+
+// False, with the summary and the path of the failure, if the cost is not
+// finite at the start. Ceres itself only looks at residuals, whose squares may
+// be infinite although they are not.
+bool HasStart(const ChainObjective& objective,
+              std::vector<Eigen::VectorXd>* path,
+              MinimizerSummary* summary) {
+  double cost = 0.0;
+  std::string error;
+  if (objective.Cost(&cost, &error)) return true;
+  *summary = MinimizerSummary();
+  summary->message = "no start: " + error;
+  path->push_back(objective.State());
+  return false;
 }
 
 // Collects the points that a minimization visits.
@@ -375,6 +443,7 @@ bool MinimizeByMethod(const Method& method,
   if (method.ceres == nullptr) {
     const std::unique_ptr<UpdateRule> rule = method.MakeRule();
     Minimize(recorded, rule.get(), objective, summary);
+    if (path->empty()) path->push_back(objective->State());
     return true;
   }
   ceres::Solver::Options solver_options;
@@ -382,16 +451,19 @@ bool MinimizeByMethod(const Method& method,
   Configure(method, &solver_options, &gradient_options);
   if (!objective->loss().SquaredNormFactor().has_value()) {
     if (method.ceres->is_trust_region) {
-      *error = method.label + " needs a least-squares loss, c |y - y*|^2";
+      *error = kNeedsLeastSquares;
       return false;
     }
+    if (!HasStart(*objective, path, summary)) return true;
     MinimizeWithCeres(
         recorded, gradient_options, new ChainFunction(objective), &x, summary);
   } else {
     ceres::Problem problem;
     problem.AddResidualBlock(
         new ChainCostFunction(objective), nullptr, x.data());
-    std::unique_ptr<UpdateRule> rule = method.MakeRule();
+    if (!TakesProposals(method, problem, error)) return false;
+    if (!HasStart(*objective, path, summary)) return true;
+    const std::unique_ptr<UpdateRule> rule = method.MakeRule();
     std::unique_ptr<UpdateCallback> callback;
     if (rule != nullptr) {
       callback = std::make_unique<UpdateCallback>(
@@ -400,10 +472,12 @@ bool MinimizeByMethod(const Method& method,
     }
     MinimizeWithCeres(recorded, solver_options, &problem, summary);
     if (callback != nullptr) {
-      summary->message += "; " + callback->summary().BriefReport();
+      summary->message += ProposalsText(callback->summary());
     }
   }
   objective->SetState(x);
+  // Ceres ends a run on its tolerances without calling anyone back.
+  if (path->empty() || path->back() != x) path->push_back(x);
   return true;
 }
 

@@ -43,7 +43,9 @@ bool ParseMethods(const std::string& text,
 // Trains by the method. Ceres' minimizers use all samples at once whatever
 // the batch size; an iteration counts as a step and as an epoch, and a
 // checkpoint is not written. False for bad input, as Train, and if the method
-// cannot take the model (a trust region needs a squared-norm loss).
+// cannot take the model: a trust region needs a squared-norm loss, and a rule
+// that proposes to one needs neurons of at most
+// UpdateCallback::Options::max_block_size weights.
 bool TrainByMethod(const Method& method,
                    const TrainOptions& options,
                    const Model& model,
@@ -54,8 +56,9 @@ bool TrainByMethod(const Method& method,
                    TrainSummary* summary,
                    std::string* error);
 
-// Minimizes from the objective's current point; `path` receives the points,
-// the start first. False if the method cannot take the objective.
+// Minimizes from the objective's current point; `path` receives the points, the
+// start first and the final one last. False if the method cannot take the
+// objective.
 bool MinimizeByMethod(const Method& method,
                       const MinimizerOptions& options,
                       ChainObjective* objective,
