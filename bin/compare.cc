@@ -198,8 +198,24 @@ int RunLearning(const LearningProblem& problem,
 
 int RunPoint(const PointProblem& problem, const std::vector<Method>& methods) {
   std::string error;
-  if (!FLAGS_dump_step.empty() || !FLAGS_init_weights.empty()) {
-    return Fail("--dump_step and --init_weights need a problem with a network");
+  for (const char* name : {"epochs",
+                           "batch_size",
+                           "shuffle",
+                           "target_loss",
+                           "patience",
+                           "init_weights",
+                           "dump_step"}) {
+    const gflags::CommandLineFlagInfo flag =
+        gflags::GetCommandLineFlagInfoOrDie(name);
+    if (flag.current_value != flag.default_value) {
+      return Fail("--" + flag.name + "=" + flag.current_value +
+                  " needs a problem with a network");
+    }
+  }
+  if (FLAGS_steps > std::numeric_limits<int>::max()) {
+    return Fail("--steps=" + std::to_string(FLAGS_steps) +
+                " is out of range; allowed: at most " +
+                std::to_string(std::numeric_limits<int>::max()));
   }
   if (FLAGS_resume) {
     return Fail("--resume: a point problem runs in seconds; use --overwrite");

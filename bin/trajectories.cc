@@ -213,7 +213,7 @@ int Run() {
   for (const Method& method : methods) {
     PointPath path;
     if (!TracePath(*problem.point, method, options, &path, &error)) {
-      return Fail(error);
+      return Fail(method.label + ": " + error);
     }
     paths.push_back(std::move(path));
   }

@@ -1,14 +1,10 @@
 // The program compare, run as a user runs it.
 
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <chrono>
+#include <cmath>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -16,69 +12,16 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/history.h"
 #include "invgrad/io/npy.h"
+#include "tests/program_runner.h"
 
 namespace invgrad {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct Output {
-  int exit_code = -1;
-  std::string text;  // stdout and stderr
-};
-
-std::string ReadAll(const std::string& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-class CompareProgram : public ::testing::Test {
+class CompareProgram : public ProgramRunner {
  protected:
-  CompareProgram() {
-    directory_ =
-        fs::path(::testing::TempDir()) /
-        ("compare_program_" + std::to_string(::getpid()) + "_" +
-         ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(directory_);
-    fs::create_directories(directory_);
-  }
-  ~CompareProgram() override { fs::remove_all(directory_); }
-
-  std::string Path(const std::string& name) const {
-    return (directory_ / name).string();
-  }
-
-  // Starts compare with its output in a file; returns the process.
-  pid_t Start(const std::vector<std::string>& arguments) const {
-    std::vector<std::string> words = {INVGRAD_BIN_DIR "/compare"};
-    words.insert(words.end(), arguments.begin(), arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    const pid_t child = ::fork();
-    if (child == 0) {
-      std::freopen(Path("stdout").c_str(), "w", stdout);
-      ::dup2(STDOUT_FILENO, STDERR_FILENO);
-      ::execv(argv[0], argv.data());
-      std::_Exit(127);
-    }
-    return child;
-  }
-
-  Output Wait(pid_t child) const {
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    Output output;
-    output.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    output.text = ReadAll(Path("stdout"));
-    return output;
-  }
-
-  Output Run(const std::vector<std::string>& arguments) const {
-    return Wait(Start(arguments));
-  }
+  CompareProgram() : ProgramRunner("compare") {}
 
   // A run of some milliseconds.
   std::vector<std::string> SmallRun(const std::string& output) const {
@@ -89,22 +32,6 @@ class CompareProgram : public ::testing::Test {
             "--plots=false",
             "--output=" + Path(output)};
   }
-
-  // Fails with exit code 1, says all of `words`, and writes nothing.
-  void ExpectRefused(std::vector<std::string> arguments,
-                     const std::vector<std::string>& words) const {
-    arguments.push_back("--output=" + Path("refused"));
-    const Output output = Run(arguments);
-    EXPECT_EQ(output.exit_code, 1) << output.text;
-    for (const std::string& word : words) {
-      EXPECT_NE(output.text.find(word), std::string::npos)
-          << "no '" << word << "' in: " << output.text;
-    }
-    EXPECT_FALSE(fs::exists(Path("refused")));
-  }
-
- private:
-  fs::path directory_;
 };
 
 TEST_F(CompareProgram, ListsProblemsRulesAndOptions) {
@@ -297,6 +224,32 @@ TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
   EXPECT_NE(other.text.find("batch_size"), std::string::npos) << other.text;
 }
 
+TEST_F(CompareProgram, ALargerBudgetGoesOnWithARunThatIsDone) {
+  std::vector<std::string> arguments = SmallRun("whole");
+  arguments[2] = "--epochs=5";
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  ASSERT_EQ(Run(SmallRun("run")).exit_code, 0);
+  arguments.back() = "--output=" + Path("run");
+  arguments.push_back("--resume");
+  const Output resumed = Run(arguments);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.text;
+  for (const std::string name : {"half_inverse", "adam-step_size-1e-2"}) {
+    const std::string weights = "/" + name + "-seed1/weights.npy";
+    EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
+    History history;
+    std::string error;
+    ASSERT_TRUE(ReadHistory(
+        Path("run/" + name + "-seed1/history.csv"), &history, &error));
+    EXPECT_EQ(history.size(), 6u);
+    // That of the shorter run is not the path of this one.
+    EXPECT_FALSE(fs::exists(Path("run/" + name + "-seed1/sample_path.csv")));
+  }
+  // Done is done: nothing runs, and the table is the same.
+  const Output again = Run(arguments);
+  EXPECT_EQ(again.exit_code, 0);
+  EXPECT_EQ(again.text, resumed.text);
+}
+
 TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
   const Output output = Run({"--problem=oscillator_chain:num_samples=64",
                              "--rules=gauss_newton:truncation=1e-6",
@@ -314,6 +267,15 @@ TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
   EXPECT_LT((J.transpose() * g - gradient).norm(), 1e-12 * gradient.norm());
   // J has full row rank, so the Gauss-Newton step with eta = 1 undoes g.
   EXPECT_LT((J * step + g).norm(), 1e-6 * g.norm());
+}
+
+TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
+  const std::string problem = "--problem=squared_component";
+  ExpectRefused({problem, "--rules=adam", "--epochs=5"}, {"--epochs=5"});
+  ExpectRefused({problem, "--rules=adam", "--shuffle"}, {"--shuffle"});
+  ExpectRefused({problem, "--rules=adam", "--dump_step=x"}, {"--dump_step=x"});
+  ExpectRefused({problem, "--rules=adam", "--steps=3000000000"},
+                {"--steps=3000000000", "2147483647"});
 }
 
 TEST_F(CompareProgram, PointProblemsHaveATableToo) {

@@ -1,12 +1,16 @@
 // The laws of scale in docs/conventions.md, section 3: by which factor a step
 // changes when residuals, loss, x or y are measured in other units.
 #include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/linalg/jacobian_operator.h"
 #include "invgrad/linalg/spectral_filter.h"
 #include "invgrad/linalg/spectral_step.h"
+#include "invgrad/rules/rules.h"
 
 namespace invgrad {
 namespace {
@@ -108,6 +112,120 @@ TEST(Conventions, AbsoluteDampingHasTheUnitOfSquaredSingularValues) {
   const Eigen::VectorXd actual =
       Direction(SpectralFilter::LevenbergMarquardt(damping, 0.0), c * J, c * g);
   EXPECT_LE((actual - expected).norm(), kTolerance * expected.norm());
+}
+
+// --- The rules that see more, or less, than J and g ---
+
+// The unscaled problem or one of its changes, with a Hessian whose columns are
+// no multiples of J^T J's. Columns A to D of the table, in this order.
+enum class Change { kNone, kResiduals, kLoss, kUnitOfX, kUnitOfY };
+
+Linearization Problem(Change change) {
+  const double c = kScale;
+  Eigen::MatrixXd J = Jacobian();
+  Eigen::VectorXd g = LossGradient();
+  // d2L/dy2 and what the simulator's curvature adds; indefinite on purpose.
+  Eigen::MatrixXd loss_hessian = Eigen::Vector3d(1.0, 2.0, 0.5).asDiagonal();
+  Eigen::MatrixXd hessian(4, 4);
+  hessian << 3.0, 0.5, -0.2, 0.1,  //
+      0.5, -2.0, 0.3, 0.4,         //
+      -0.2, 0.3, 1.5, -0.6,        //
+      0.1, 0.4, -0.6, 2.5;
+  switch (change) {
+    case Change::kNone:
+      break;
+    case Change::kResiduals:  // L = 1/2 |r|^2 keeps its H_L
+      J *= c;
+      g *= c;
+      hessian *= c * c;
+      break;
+    case Change::kLoss:
+      g *= c;
+      loss_hessian *= c;
+      hessian *= c;
+      break;
+    case Change::kUnitOfX:
+      J *= c;
+      hessian *= c * c;
+      break;
+    case Change::kUnitOfY:
+      J *= c;
+      g /= c;
+      loss_hessian /= c * c;
+      break;
+  }
+  Linearization at_x;
+  at_x.cost = 1.0;  // no rule reads it
+  at_x.gradient = J.transpose() * g;
+  at_x.loss_gradient = g;
+  at_x.jacobian = std::make_shared<DenseJacobian>(J);
+  at_x.loss_hessian_times = [loss_hessian](const Eigen::VectorXd& v) {
+    return Eigen::VectorXd(loss_hessian * v);
+  };
+  at_x.hessian = hessian;
+  return at_x;
+}
+
+// The second of two steps at one place, so that what a rule remembers counts.
+Eigen::VectorXd SecondStep(const Specification& specification, Change change) {
+  std::string error;
+  const std::unique_ptr<UpdateRule> rule = CreateRule(specification, &error);
+  EXPECT_NE(rule, nullptr) << error;
+  const Linearization at_x = Problem(change);
+  Eigen::VectorXd step;
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+  }
+  // A step of x' in the old units is c times as long.
+  return change == Change::kUnitOfX ? Eigen::VectorXd(kScale * step) : step;
+}
+
+void ExpectRuleScaling(const std::string& name,
+                       Settings settings,
+                       const Exponents& exponents,
+                       double tolerance = kTolerance) {
+  SCOPED_TRACE(name);
+  const Specification specification{name, name, std::move(settings)};
+  const Eigen::VectorXd d = SecondStep(specification, Change::kNone);
+  const auto expect_factor = [&](Change change, double p) {
+    const Eigen::VectorXd changed = SecondStep(specification, change);
+    const double factor = std::pow(kScale, p);
+    EXPECT_LE((changed - factor * d).norm(), tolerance * factor * d.norm())
+        << "measured factor " << changed.norm() / d.norm() << ", expected "
+        << factor;
+  };
+  expect_factor(Change::kResiduals, exponents.residuals);
+  expect_factor(Change::kLoss, exponents.loss);
+  expect_factor(Change::kUnitOfX, exponents.unit_of_x);
+  expect_factor(Change::kUnitOfY, exponents.unit_of_y);
+}
+
+TEST(Conventions, ScalingOfNewton) {
+  ExpectRuleScaling("newton", {}, {0.0, 0.0, 0.0, 0.0});
+  ExpectRuleScaling("saddle_free_newton", {}, {0.0, 0.0, 0.0, 0.0});
+}
+
+// epsilon is not negligible to kTolerance, but to this: gradients are about 1.
+TEST(Conventions, ScalingOfTheRulesThatNormalizeTheGradient) {
+  const double tolerance = 1e-6;
+  const Exponents exponents = {0.0, 0.0, 1.0, 0.0};
+  const std::string epsilon = "1e-12";
+  ExpectRuleScaling("adam", {{"epsilon", epsilon}}, exponents, tolerance);
+  ExpectRuleScaling("rmsprop", {{"epsilon", epsilon}}, exponents, tolerance);
+  ExpectRuleScaling("adagrad", {{"epsilon", epsilon}}, exponents, tolerance);
+}
+
+TEST(Conventions, ScalingOfMomentum) {
+  ExpectRuleScaling(
+      "gradient_descent", {{"momentum", "0.9"}}, {2.0, 1.0, 2.0, 0.0});
+}
+
+TEST(Conventions, AnAutomaticStepSizeMakesEveryDirectionFree) {
+  const Exponents exponents = {0.0, 0.0, 0.0, 0.0};
+  for (const char* name :
+       {"half_inverse", "gauss_newton", "levenberg_marquardt", "power"}) {
+    ExpectRuleScaling(name, {{"step_size", "auto"}}, exponents);
+  }
 }
 
 // Section 4: a model against the same model as a Ceres problem, whose residuals

@@ -248,5 +248,19 @@ TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
   EXPECT_NEAR(y[1], exact, 1e-6);
 }
 
+// docs/rules.md and docs/problems.md are printed from the tables.
+TEST(Docs, GeneratedPagesAreCurrent) {
+  TemporaryFolder folder;
+  for (const std::string page : {"rules", "problems"}) {
+    const std::string printed = folder / (page + ".md");
+    const std::string command =
+        INVGRAD_BIN_DIR "/compare --list_markdown=" + page + " > " + printed;
+    ASSERT_EQ(std::system(command.c_str()), 0) << command;
+    EXPECT_EQ(Read(printed), Read(kRoot / "docs" / (page + ".md")))
+        << "docs/" << page << ".md is not what compare --list_markdown=" << page
+        << " prints";
+  }
+}
+
 }  // namespace
 }  // namespace invgrad

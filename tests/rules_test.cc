@@ -136,7 +136,9 @@ TEST(Rules, DefaultsOfTheJointRules) {
                             {"schedule", "constant"},
                             {"final_fraction", "0.01"},
                             {"rho", "0.3"}};
-  const Values spectral = {{"route", "auto"}, {"tolerance", "0.001"}};
+  const Values spectral = {{"route", "auto"},
+                           {"tolerance", "0.001"},
+                           {"threshold_tolerance", "0.25"}};
   const auto with = [&](Values middle) {
     middle.insert(middle.begin(), step_size.begin(), step_size.end());
     middle.insert(middle.end(), spectral.begin(), spectral.end());

@@ -344,6 +344,40 @@ TEST(SpectralStep, ExactZerosAreDecidedOnlyIfResolved) {
   }
 }
 
+// s = 1, 1e-6 (1 + 1e-3), 0.5e-6: the Gram matrix resolves a threshold of 1e-6
+// to some 2e-3, the SVD much better.
+TEST(SpectralStep, AutoKeepsAnUndecidedValueIfTheThresholdMayBeThatUnsharp) {
+  const MatrixXd J = Eigen::Vector3d(1.0, 1.001e-6, 0.5e-6).asDiagonal();
+  const VectorXd g = Eigen::Vector3d(1.0, 1e-9, 1e-9);
+  const SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
+  SpectralStepOptions options;
+  options.tolerance = 1.0;
+  SpectralStepSummary summary;
+  VectorXd d;
+  ASSERT_TRUE(SpectralStep(DenseJacobian(J), g, filter, options, &d, &summary));
+  EXPECT_EQ(summary.route, SpectralRoute::kSvd);
+  EXPECT_EQ(summary.rank, 2);
+  EXPECT_EQ(summary.num_undecided, 0);
+  EXPECT_LT(summary.threshold_resolution, 1e-8);
+
+  options.threshold_tolerance = 0.01;
+  ASSERT_TRUE(SpectralStep(DenseJacobian(J), g, filter, options, &d, &summary));
+  EXPECT_EQ(summary.route, SpectralRoute::kGram);
+  EXPECT_EQ(summary.num_undecided, 1);
+  EXPECT_GT(summary.threshold_resolution, 1e-3);
+  EXPECT_LT(summary.threshold_resolution, 0.01);
+
+  // A threshold of zero is never resolved by a Gram matrix.
+  const MatrixXd singular = Eigen::Vector3d(1.0, 0.5, 0.0).asDiagonal();
+  ASSERT_TRUE(SpectralStep(DenseJacobian(singular),
+                           g,
+                           SpectralFilter::HalfInverse(0.0),
+                           options,
+                           &d,
+                           &summary));
+  EXPECT_EQ(summary.route, SpectralRoute::kSvd);
+}
+
 TEST(SpectralStep, AValueAtTheThresholdIsReportedAsUndecided) {
   // Powers of two: the thresholds are exact.
   const MatrixXd J = Eigen::Vector4d(1.0, 0.5, 0.25, 0.125).asDiagonal();

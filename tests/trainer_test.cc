@@ -12,6 +12,7 @@
 #include "invgrad/io/checkpoint.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
+#include "tests/temporary_folder.h"
 
 namespace invgrad {
 namespace {
@@ -214,6 +215,58 @@ TEST(Trainer, RefusesACheckpointOfAnotherRun) {
   std::remove(path.c_str());
 }
 
+TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
+  const Regression problem;
+  const TemporaryFolder folder;
+  TrainOptions options = Epochs(2, 8);
+  options.checkpoint_path = folder / "checkpoint";
+  const auto rule = MakeRule("adam", {});
+  const Result before = TrainRegression(problem, options, rule.get());
+  options.batch_size = 6;
+  Eigen::VectorXd weights = problem.weights;
+  History history;
+  TrainSummary summary;
+  std::string error;
+  EXPECT_FALSE(Train(options,
+                     problem.model,
+                     problem.train,
+                     problem.test,
+                     rule.get(),
+                     &weights,
+                     &history,
+                     &summary,
+                     &error));
+  EXPECT_NE(error.find("found batch_size=8, wanted 6"), std::string::npos)
+      << error;
+  EXPECT_EQ(weights, problem.weights);
+  EXPECT_TRUE(history.empty());
+}
+
+TEST(Trainer, NoBudgetIsNoStep) {
+  const Regression problem;
+  const auto rule = MakeRule("adam", {});
+  TrainOptions options = Epochs(0, 8);
+  EXPECT_EQ(TrainRegression(problem, options, rule.get()).weights,
+            problem.weights);
+  options = TrainOptions();
+  options.max_num_steps = 0;
+  const Result result = TrainRegression(problem, options, rule.get());
+  EXPECT_EQ(result.summary.num_steps, 0);
+  EXPECT_EQ(result.history.size(), 1u);
+}
+
+TEST(Trainer, OneSampleIsAWholeEpoch) {
+  Regression problem;
+  problem.train = problem.train.Range(0, 1);
+  problem.test = problem.test.Range(0, 0);
+  const auto rule = MakeRule("half_inverse", {{"step_size", "auto"}});
+  const Result result = TrainRegression(problem, Epochs(4, 1), rule.get());
+  EXPECT_EQ(result.summary.num_steps, 4);
+  EXPECT_LT(result.history.back().train_loss,
+            result.history.front().train_loss);
+  EXPECT_TRUE(std::isnan(result.history.back().test_loss));
+}
+
 // Steps that are fine until `bad_step`, which is `value` everywhere.
 class ExplodingRule final : public UpdateRule {
  public:
@@ -308,6 +361,39 @@ TEST(Trainer, CallbacksEndTheRunAsInCeres) {
     EXPECT_EQ(result.summary.termination_type, type);
     EXPECT_EQ(result.summary.num_steps, 4);
     EXPECT_EQ(result.history.back().step, 4);
+  }
+}
+
+// Stopped within an epoch of three steps (4, 5), at its end, where an
+// evaluation is due (6), and before the first step (0).
+TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
+  const Regression problem;
+  const TemporaryFolder folder;
+  TrainOptions options = Epochs(5, 8);
+  options.shuffle = true;
+  const auto whole_rule = MakeRule("adam", {});
+  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  for (const int step : {0, 4, 5, 6}) {
+    SCOPED_TRACE(step);
+    StoppingCallback callback(step, ceres::SOLVER_TERMINATE_SUCCESSFULLY);
+    TrainOptions stopped_options = options;
+    stopped_options.checkpoint_path = folder / std::to_string(step);
+    stopped_options.callbacks.push_back(&callback);
+    const auto first_rule = MakeRule("adam", {});
+    const Result stopped =
+        TrainRegression(problem, stopped_options, first_rule.get());
+    EXPECT_EQ(stopped.summary.num_steps, step);
+    stopped_options.callbacks.clear();
+    const auto second_rule = MakeRule("adam", {});
+    const Result resumed =
+        TrainRegression(problem, stopped_options, second_rule.get());
+    EXPECT_EQ(resumed.weights, whole.weights);
+    EXPECT_EQ(resumed.summary.num_steps, whole.summary.num_steps);
+    ASSERT_EQ(resumed.history.size(), whole.history.size());
+    for (size_t i = 0; i < whole.history.size(); ++i) {
+      EXPECT_EQ(resumed.history[i].step, whole.history[i].step);
+      EXPECT_EQ(resumed.history[i].train_loss, whole.history[i].train_loss);
+    }
   }
 }
 

@@ -30,13 +30,13 @@ std::string RunDirectory(const LearningComparisonOptions& options,
 // The share of the budget that is spent, for the time left.
 double BudgetShare(const TrainOptions& options,
                    int steps_per_epoch,
-                   const ceres::IterationSummary& iteration) {
-  const double steps = iteration.iteration;
+                   long num_steps,
+                   double seconds) {
+  const auto steps = static_cast<double>(num_steps);
   const double epochs = steps / steps_per_epoch;
-  return std::max(
-      {epochs / options.max_num_epochs,
-       steps / static_cast<double>(options.max_num_steps),
-       iteration.cumulative_time_in_seconds / options.max_time_in_seconds});
+  return std::max({epochs / options.max_num_epochs,
+                   steps / static_cast<double>(options.max_num_steps),
+                   seconds / options.max_time_in_seconds});
 }
 
 // Prints where a run is, and ends it on Ctrl-C.
@@ -60,7 +60,10 @@ class LiveCallback final : public ceres::IterationCallback {
       const ceres::IterationSummary& iteration) override {
     state_.step = iteration.iteration;
     state_.epoch = static_cast<double>(iteration.iteration) / steps_per_epoch_;
-    state_.fraction = BudgetShare(train_, steps_per_epoch_, iteration);
+    state_.fraction = BudgetShare(train_,
+                                  steps_per_epoch_,
+                                  iteration.iteration,
+                                  iteration.cumulative_time_in_seconds);
     if (shows_progress_) progress_.Update(state_);
     return Interrupt::IsRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
                                     : ceres::SOLVER_CONTINUE;
@@ -331,7 +334,8 @@ bool WriteResults(const LearningProblem& problem,
          WriteFile(options.output + "/summary.csv", SummaryCsv(all), error);
 }
 
-// Runs one method from one seed, or reads it back if that was done before.
+// Runs one method from one seed, goes on with it, or reads it back if it is
+// done.
 bool RunOrLoad(const LearningProblem& problem,
                const Method& method,
                const LearningComparisonOptions& options,
@@ -345,14 +349,21 @@ bool RunOrLoad(const LearningProblem& problem,
   run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
   run.tracked_sample = options.tracked_sample;
   run.directory = RunDirectory(options, method.label, seed);
-  if (options.resume) {
-    if (LoadLearningRun(run.directory, problem, result, error)) return true;
-    if (!error->empty()) return false;
-  }
   const int steps_per_epoch =
       method.ceres != nullptr
           ? 1
           : problem.train.num_samples() / run.train.batch_size;
+  if (options.resume) {
+    if (LoadLearningRun(run.directory, problem, result, error) &&
+        (!result->has_used_its_budget() ||
+         BudgetShare(run.train,
+                     steps_per_epoch,
+                     result->summary.num_steps,
+                     result->summary.train_time_in_seconds) >= 1.0)) {
+      return true;
+    }
+    if (!error->empty()) return false;
+  }
   LiveCallback live(method.label + " seed " + std::to_string(seed),
                     run.train,
                     steps_per_epoch,

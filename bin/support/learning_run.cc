@@ -159,6 +159,10 @@ bool RunLearning(const LearningProblem& problem,
     *error = options.directory + ": " + failure.message();
     return false;
   }
+  // Of a shorter run that is to go on: not the results of this one.
+  for (const char* name : {"/result.txt", "/sample_path.csv"}) {
+    std::filesystem::remove(options.directory + name, failure);
+  }
   const DenseNetwork& network = problem.model->network();
   *result = LearningRunResult();
   result->label = method.label;
@@ -209,7 +213,7 @@ bool RunLearning(const LearningProblem& problem,
     result->sample_path.clear();
   }
   if (!WriteRun(options.directory, *result, final_neurons, error)) return false;
-  if (!result->was_interrupted()) {
+  if (!result->was_interrupted() && !result->has_used_its_budget()) {
     std::filesystem::remove(train_options.checkpoint_path, failure);
   }
   return true;
@@ -230,8 +234,14 @@ bool LoadLearningRun(const std::string& directory,
     return false;
   }
   result->num_hidden_neurons = NumHiddenNeurons(problem.model->network());
-  return ReadHistory(directory + "/history.csv", &result->history, error) &&
-         ReadNpy(directory + "/weights.npy",
+  if (!ReadHistory(directory + "/history.csv", &result->history, error)) {
+    return false;
+  }
+  if (result->history.empty()) {
+    *error = directory + "/history.csv: has no rows";
+    return false;
+  }
+  return ReadNpy(directory + "/weights.npy",
                  problem.model->num_weights(),
                  &result->weights,
                  error);

@@ -6,7 +6,7 @@
 //                     networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
 //   DIR/result.txt    written last: a run that has it is complete
-//   DIR/checkpoint    while the run is under way
+//   DIR/checkpoint    where the run can go on, unless it converged or failed
 #ifndef BIN_SUPPORT_LEARNING_RUN_H_
 #define BIN_SUPPORT_LEARNING_RUN_H_
 
@@ -47,6 +47,10 @@ struct LearningRunResult {
     return summary.termination_type == ceres::USER_SUCCESS;
   }
   const HistoryRow& last() const { return history.back(); }
+  // Its budget ended it; with a larger one it may go on.
+  bool has_used_its_budget() const {
+    return summary.termination_type == ceres::NO_CONVERGENCE;
+  }
   double BestTrainLoss() const;
   // Seconds until the train loss first was at most `level`; NaN if it never
   // was.

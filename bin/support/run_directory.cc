@@ -96,8 +96,12 @@ bool PrepareRunDirectory(const std::string& path,
       exists && fs::is_directory(path, failure) && fs::is_empty(path, failure);
   if (exists && !is_empty) {
     if (existing == ExistingDirectory::kRefuse) {
+      gflags::CommandLineFlagInfo info;
       *error = "--output=" + path + " exists; give another directory, or " +
-               "--overwrite, or --resume to go on with its run";
+               "--overwrite";
+      if (gflags::GetCommandLineFlagInfo("resume", &info)) {
+        *error += ", or --resume to go on with its run";
+      }
       return false;
     }
     if (existing == ExistingDirectory::kOverwrite) {

@@ -117,6 +117,8 @@ void SummarizeSpectrum(const SpectralFilter& filter,
                        SpectralStepSummary* summary) {
   summary->s_max = s_max;
   const double jump = JumpOf(filter);
+  summary->threshold_resolution =
+      jump < 0.0 ? 0.0 : resolution / (power * std::pow(jump, power));
   for (const double value : s) {
     if (filter.Keeps(value, s_max)) {
       summary->s_min_kept =
@@ -410,15 +412,17 @@ bool SpectralStep(const JacobianOperator& J,
                                   ? SpectralRoute::kGram
                                   : SpectralRoute::kParameterGram;
   const bool computed = GramStep(J, g, filter, cheap, d, summary);
-  if (computed && summary->num_undecided == 0 &&
-      summary->estimated_error <= options.tolerance) {
+  const bool is_decided =
+      summary->num_undecided == 0 ||
+      summary->threshold_resolution <= options.threshold_tolerance;
+  if (computed && is_decided && summary->estimated_error <= options.tolerance) {
     return true;
   }
   std::ostringstream reason;
   reason << SpectralRouteName(cheap) << ": ";
   if (!computed) {
     reason << summary->message;
-  } else if (summary->num_undecided > 0) {
+  } else if (!is_decided) {
     reason << summary->num_undecided << " values undecided";
   } else {
     reason << "estimated error " << summary->estimated_error << " > "

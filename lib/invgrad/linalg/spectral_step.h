@@ -44,8 +44,9 @@
 // threshold within that resolution of tau s_max.
 //
 // kAuto takes kGradient if phi(s) = s, and the Gram route of the smaller side
-// otherwise. It keeps the answer if no value is undecided and estimated_error
-// is at most options.tolerance; else it takes kSvd, and summary.message says
+// otherwise. It keeps the answer if estimated_error is at most
+// options.tolerance, and no value is undecided or the threshold is resolved to
+// options.threshold_tolerance; else it takes kSvd, and summary.message says
 // why.
 //
 // Fails:   returns false, with a message, if g or J is not finite, if a
@@ -71,6 +72,10 @@ struct SpectralStepOptions {
   // kAuto keeps a Gram route's answer if its estimated relative error is at
   // most this, and falls back to kSvd otherwise.
   double tolerance = 1e-6;
+  // kAuto keeps a Gram route's answer with undecided values only if it is the
+  // step for a threshold within this relative distance of tau s_max: 0 insists
+  // on the sharp threshold.
+  double threshold_tolerance = 0.0;
 };
 
 struct SpectralStepSummary {
@@ -81,7 +86,10 @@ struct SpectralStepSummary {
   double s_min_kept = 0.0;       // the smallest that is kept
   double estimated_error = 0.0;  // of d, relative: see Accuracy
   int num_undecided = 0;         // values that may be on either side
-  std::string message;           // what failed, or why kAuto took kSvd
+  // How far from tau s_max a value must be to be decided, relative to it:
+  // infinity if phi jumps at zero, 0 if it does not jump.
+  double threshold_resolution = 0.0;
+  std::string message;  // what failed, or why kAuto took kSvd
 };
 
 // CHECKs the sizes, that the filter is valid, and that kGradient is only asked

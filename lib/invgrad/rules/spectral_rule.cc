@@ -76,11 +76,16 @@ void SpectralRule::Options::Describe(OptionSet* set) {
            &tolerance,
            {0.0, kInfinity, true},
            "relative error up to which route=auto takes a Gram matrix");
+  set->Add("threshold_tolerance",
+           &threshold_tolerance,
+           {0.0, kInfinity},
+           "relative error of the truncation up to which it does");
 }
 
 SpectralRule::SpectralRule(const Options& options) : options_(options) {
   CheckOptions(options);
   spectral_options_.tolerance = options_.tolerance;
+  spectral_options_.threshold_tolerance = options_.threshold_tolerance;
   for (const SpectralRoute candidate : kRoutes) {
     if (options_.route == SpectralRouteName(candidate)) {
       spectral_options_.route = candidate;

@@ -51,6 +51,9 @@ class SpectralRule final : public UpdateRule {
     // 1e-10, 25 epochs) tolerances of 1e-3, 1e-4, 1e-6 and the SVD gave the
     // same losses to four digits, the first ten times faster than the last.
     double tolerance = 1e-3;
+    // A value that is within a quarter of the threshold may be on either side
+    // of it: nobody chooses tau more sharply than that.
+    double threshold_tolerance = 0.25;
 
     void Describe(OptionSet* set);
   };

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <numeric>
 #include <utility>
 
@@ -65,10 +66,18 @@ class TrainingRun {
   // One step; false if the run ends, with the summary filled.
   bool Step();
   void Evaluate();
+  // Looks at the losses if it is time to; false if the run ends by that, with
+  // the summary filled.
+  bool EvaluateIfDue();
   // True if the run ends, with the summary filled.
   bool IsDone();
   bool CallBack(double batch_loss, double gradient_max_norm, double step_norm);
   void Finish(ceres::TerminationType type, const std::string& message);
+  // True if the run was ended by its budget or its user, and by nothing else.
+  bool MayGoOn() const {
+    return summary_->termination_type != ceres::FAILURE &&
+           summary_->termination_type != ceres::CONVERGENCE;
+  }
   void SaveCheckpoint();
   double Progress() const;
   int epoch() const { return static_cast<int>(step_ / steps_per_epoch_); }
@@ -91,7 +100,7 @@ class TrainingRun {
   double batch_loss_ = HistoryRow::kNone;
   double step_norm_ = HistoryRow::kNone;
   BestLoss best_;
-  std::vector<int> order_;  // of this epoch, if shuffled
+  std::vector<int> order_;  // of this epoch, if shuffled and under way
   // The weights of the last finite batch loss.
   Eigen::VectorXd last_good_weights_;
   Clock::time_point last_checkpoint_ = Clock::now();
@@ -219,6 +228,26 @@ void TrainingRun::Finish(ceres::TerminationType type,
   summary_->message = message;
 }
 
+bool TrainingRun::EvaluateIfDue() {
+  if (step_ % steps_per_epoch_ != 0 || !IsEvaluationEpoch(epoch()) ||
+      history_->back().step == step_) {
+    return true;
+  }
+  Evaluate();
+  if (!std::isfinite(history_->back().train_loss)) {
+    *weights_ = last_good_weights_;
+    Finish(ceres::FAILURE,
+           AtStep("diverged", step_) + ": the train loss is not finite");
+    return false;
+  }
+  if (!options_.checkpoint_path.empty() &&
+      SecondsSince(last_checkpoint_) >=
+          options_.checkpoint_interval_in_seconds) {
+    SaveCheckpoint();
+  }
+  return true;
+}
+
 void TrainingRun::Run() {
   last_good_weights_ = *weights_;
   bool runs = true;
@@ -230,22 +259,11 @@ void TrainingRun::Run() {
     Finish(ceres::FAILURE, "the loss is not finite at the initial weights");
     runs = false;
   }
-  while (runs && !IsDone()) {
-    runs = Step();
-    if (runs && step_ % steps_per_epoch_ == 0 && IsEvaluationEpoch(epoch())) {
-      Evaluate();
-      if (!std::isfinite(history_->back().train_loss)) {
-        *weights_ = last_good_weights_;
-        Finish(ceres::FAILURE,
-               AtStep("diverged", step_) + ": the train loss is not finite");
-        runs = false;
-      } else if (!options_.checkpoint_path.empty() &&
-                 SecondsSince(last_checkpoint_) >=
-                     options_.checkpoint_interval_in_seconds) {
-        SaveCheckpoint();
-      }
-    }
-  }
+  // A run that was stopped after a step has its evaluation before it.
+  runs = runs && EvaluateIfDue();
+  while (runs && !IsDone()) runs = Step() && EvaluateIfDue();
+  // Before the evaluation below, which a longer run would not have made.
+  if (!options_.checkpoint_path.empty() && MayGoOn()) SaveCheckpoint();
   // The state in which the run ended, wherever that was.
   if (history_->back().step != step_) Evaluate();
   summary_->num_steps = step_;
@@ -265,7 +283,12 @@ void TrainingRun::SaveCheckpoint() {
   arrays["step_norm"] = scalar(step_norm_);
   arrays["best_loss"] = scalar(best_.loss);
   arrays["evaluations_since_best"] = scalar(best_.evaluations_since);
+  arrays["batch_size"] = scalar(batch_size_);
+  arrays["num_samples"] = scalar(train_.num_samples());
   arrays["shuffle"] = shuffle_.State();
+  arrays["order"] = Eigen::Map<const Eigen::VectorXi>(
+                        order_.data(), static_cast<Eigen::Index>(order_.size()))
+                        .cast<double>();
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
   for (size_t i = 0; i < rule_state.size(); ++i) {
     arrays["rule_" + std::to_string(i)] = *rule_state[i];
@@ -291,52 +314,87 @@ bool TrainingRun::Restore(std::string* error) {
   if (!ReadCheckpoint(options_.checkpoint_path, &checkpoint, error)) {
     return false;
   }
-  const auto& arrays = checkpoint.arrays;
   const auto misfit = [&](const std::string& name) {
     *error = options_.checkpoint_path + ": array '" + name +
              "' is missing or does not fit this run";
     return false;
   };
-  const auto read_scalar = [&](const char* name, double* value) {
-    const auto it = arrays.find(name);
-    if (it == arrays.end() || it->second.size() != 1) return misfit(name);
-    *value = it->second[0];
-    return true;
+  // Null, with *error set, if the array is missing or has another size; any
+  // size will do if it is negative. Nothing is assigned before all of them are
+  // found to fit.
+  const auto find = [&](const std::string& name,
+                        Eigen::Index size) -> const Eigen::VectorXd* {
+    const auto it = checkpoint.arrays.find(name);
+    if (it == checkpoint.arrays.end() ||
+        (size >= 0 && it->second.size() != size)) {
+      misfit(name);
+      return nullptr;
+    }
+    return &it->second;
   };
-  double step = 0.0;
-  double evaluations_since_best = 0.0;
-  if (!read_scalar("step", &step) || !read_scalar("seconds", &seconds_) ||
-      !read_scalar("batch_loss", &batch_loss_) ||
-      !read_scalar("step_norm", &step_norm_) ||
-      !read_scalar("best_loss", &best_.loss) ||
-      !read_scalar("evaluations_since_best", &evaluations_since_best)) {
+  std::map<std::string, double> scalars;
+  for (const char* name : {"step",
+                           "seconds",
+                           "batch_loss",
+                           "step_norm",
+                           "best_loss",
+                           "evaluations_since_best",
+                           "batch_size",
+                           "num_samples"}) {
+    const Eigen::VectorXd* value = find(name, 1);
+    if (value == nullptr) return false;
+    scalars[name] = (*value)[0];
+  }
+  const auto is_same = [&](const char* name, int ours) {
+    if (scalars[name] == ours) return true;
+    *error = options_.checkpoint_path + ": found " + name + "=" +
+             std::to_string(static_cast<long>(scalars[name])) + ", wanted " +
+             std::to_string(ours);
+    return false;
+  };
+  if (!is_same("batch_size", batch_size_) ||
+      !is_same("num_samples", train_.num_samples())) {
     return false;
   }
-  step_ = static_cast<long>(step);
-  best_.evaluations_since = static_cast<int>(evaluations_since_best);
-  const auto weights = arrays.find("weights");
-  if (weights == arrays.end() || weights->second.size() != weights_->size()) {
-    return misfit("weights");
+  const Eigen::VectorXd* weights = find("weights", weights_->size());
+  const Eigen::VectorXd* rows = find("history", -1);
+  const Eigen::VectorXd* order = find("order", -1);
+  const Eigen::VectorXd* shuffle = find("shuffle", -1);
+  if (weights == nullptr || rows == nullptr || order == nullptr ||
+      shuffle == nullptr) {
+    return false;
   }
-  *weights_ = weights->second;
-  const auto shuffle = arrays.find("shuffle");
-  if (shuffle == arrays.end() || !shuffle_.SetState(shuffle->second)) {
-    return misfit("shuffle");
-  }
-  const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
-  for (size_t i = 0; i < rule_state.size(); ++i) {
-    const std::string name = "rule_" + std::to_string(i);
-    const auto state = arrays.find(name);
-    if (state == arrays.end()) return misfit(name);
-    *rule_state[i] = state->second;
-  }
-  const auto rows = arrays.find("history");
-  if (rows == arrays.end() || rows->second.size() % 7 != 0) {
+  const long step = static_cast<long>(scalars["step"]);
+  const bool needs_order = options_.shuffle && step % steps_per_epoch_ != 0;
+  if (rows->size() == 0 || rows->size() % 7 != 0) {
     return misfit("history");
   }
-  history_->clear();
-  for (Eigen::Index i = 0; i < rows->second.size(); i += 7) {
-    const auto v = rows->second.segment<7>(i);
+  if (needs_order && order->size() != train_.num_samples()) {
+    return misfit("order");
+  }
+  const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
+  std::vector<const Eigen::VectorXd*> found_state;
+  for (size_t i = 0; i < rule_state.size(); ++i) {
+    found_state.push_back(find("rule_" + std::to_string(i), -1));
+    if (found_state.back() == nullptr) return false;
+  }
+  if (!shuffle_.SetState(*shuffle)) return misfit("shuffle");
+
+  step_ = step;
+  seconds_ = scalars["seconds"];
+  batch_loss_ = scalars["batch_loss"];
+  step_norm_ = scalars["step_norm"];
+  best_.loss = scalars["best_loss"];
+  best_.evaluations_since = static_cast<int>(scalars["evaluations_since_best"]);
+  *weights_ = *weights;
+  order_.resize(order->size());
+  Eigen::Map<Eigen::VectorXi>(order_.data(), order->size()) =
+      order->cast<int>();
+  for (size_t i = 0; i < rule_state.size(); ++i) {
+    *rule_state[i] = *found_state[i];
+  }
+  for (Eigen::Index i = 0; i < rows->size(); i += 7) {
+    const auto v = rows->segment<7>(i);
     history_->push_back(
         {static_cast<long>(v[0]), v[1], v[2], v[3], v[4], v[5], v[6]});
   }
@@ -362,18 +420,13 @@ double MeanLoss(const Model& model,
   return cost / (model.BatchScale(num_samples) * num_samples);
 }
 
-bool Train(const TrainOptions& options,
-           const Model& model,
-           const DataSet& train,
-           const DataSet& test,
-           UpdateRule* rule,
-           Eigen::VectorXd* weights,
-           History* history,
-           TrainSummary* summary,
-           std::string* error) {
-  CHECK(rule != nullptr && weights != nullptr && history != nullptr &&
-        summary != nullptr && error != nullptr);
-  CHECK_EQ(weights->size(), model.num_weights());
+bool CheckTrainingInput(const TrainOptions& options,
+                        const Model& model,
+                        const DataSet& train,
+                        const DataSet& test,
+                        const Eigen::VectorXd& weights,
+                        std::string* error) {
+  CHECK_EQ(weights.size(), model.num_weights());
   CHECK_GT(train.num_samples(), 0);
   CHECK(options.max_num_epochs < std::numeric_limits<int>::max() ||
         options.max_num_steps < std::numeric_limits<long>::max() ||
@@ -395,8 +448,25 @@ bool Train(const TrainOptions& options,
     *error = "test data: " + where;
     return false;
   }
-  if (!weights->allFinite()) {
+  if (!weights.allFinite()) {
     *error = "the initial weights are not finite";
+    return false;
+  }
+  return true;
+}
+
+bool Train(const TrainOptions& options,
+           const Model& model,
+           const DataSet& train,
+           const DataSet& test,
+           UpdateRule* rule,
+           Eigen::VectorXd* weights,
+           History* history,
+           TrainSummary* summary,
+           std::string* error) {
+  CHECK(rule != nullptr && weights != nullptr && history != nullptr &&
+        summary != nullptr && error != nullptr);
+  if (!CheckTrainingInput(options, model, train, test, *weights, error)) {
     return false;
   }
   history->clear();

@@ -16,8 +16,7 @@
 // Determinism: the same inputs give the same bits, and a run that is continued
 // from its checkpoint ends like one that was never stopped (but for the times,
 // and hence for a budget in seconds).
-// Fails:   a numerical failure (no finite loss, no finite step) ends the run
-// with
+// Fails:   a numerical failure (no finite loss, no finite step) ends the run as
 //          ceres::FAILURE and "diverged at step k: ..."; the weights are those
 //          of the last step with a finite batch loss.
 #ifndef INVGRAD_SOLVE_TRAINER_H_
@@ -64,8 +63,9 @@ struct TrainOptions {
   // Called when a row has been added to the history.
   std::function<void(const History& history)> on_evaluation;
 
-  // If not empty, a checkpoint is written there at evaluations, at most this
-  // often, and, if it exists, the run continues from it.
+  // If not empty, a checkpoint is written there: at evaluations, at most this
+  // often, and when the budget or a callback ends the run, between any two
+  // steps. If the file exists, the run continues from it.
   std::string checkpoint_path;
   double checkpoint_interval_in_seconds = 10.0;
 };
@@ -90,6 +90,16 @@ bool Train(const TrainOptions& options,
            History* history,
            TrainSummary* summary,
            std::string* error);
+
+// The checks of Train and of whoever else trains. CHECKs the sizes of weights
+// and data and that there is a budget; false, with *error saying what, for
+// input that only running shows to be bad.
+bool CheckTrainingInput(const TrainOptions& options,
+                        const Model& model,
+                        const DataSet& train,
+                        const DataSet& test,
+                        const Eigen::VectorXd& weights,
+                        std::string* error);
 
 // The mean loss over the samples; NaN if it cannot be computed.
 double MeanLoss(const Model& model,
