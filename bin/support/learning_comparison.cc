@@ -29,11 +29,12 @@ std::string RunDirectory(const LearningComparisonOptions& options,
 
 // The share of the budget that is spent, for the time left.
 double BudgetShare(const TrainOptions& options,
-                   double steps_per_epoch,
+                   int steps_per_epoch,
                    long num_steps,
                    double seconds) {
   const auto steps = static_cast<double>(num_steps);
-  return std::max({steps / (steps_per_epoch * options.max_num_epochs),
+  const double epochs = steps / steps_per_epoch;
+  return std::max({epochs / options.max_num_epochs,
                    steps / static_cast<double>(options.max_num_steps),
                    seconds / options.max_time_in_seconds});
 }
@@ -43,7 +44,7 @@ class LiveCallback final : public ceres::IterationCallback {
  public:
   LiveCallback(const std::string& label,
                const TrainOptions& train,
-               double steps_per_epoch,
+               int steps_per_epoch,
                bool shows_progress)
       : train_(train),
         steps_per_epoch_(steps_per_epoch),
@@ -58,7 +59,7 @@ class LiveCallback final : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
     state_.step = iteration.iteration;
-    state_.epoch = iteration.iteration / steps_per_epoch_;
+    state_.epoch = static_cast<double>(iteration.iteration) / steps_per_epoch_;
     state_.fraction = BudgetShare(train_,
                                   steps_per_epoch_,
                                   iteration.iteration,
@@ -70,7 +71,7 @@ class LiveCallback final : public ceres::IterationCallback {
 
  private:
   const TrainOptions& train_;
-  const double steps_per_epoch_;
+  const int steps_per_epoch_;
   const bool shows_progress_;
   ProgressState state_;
   Progress progress_;
@@ -348,11 +349,10 @@ bool RunOrLoad(const LearningProblem& problem,
   run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
   run.tracked_sample = options.tracked_sample;
   run.directory = RunDirectory(options, method.label, seed);
-  const double steps_per_epoch =
+  const int steps_per_epoch =
       method.ceres != nullptr
-          ? 1.0
-          : static_cast<double>(problem.train.num_samples() /
-                                run.train.batch_size);
+          ? 1
+          : problem.train.num_samples() / run.train.batch_size;
   if (options.resume) {
     if (LoadLearningRun(run.directory, problem, result, error) &&
         (!result->has_used_its_budget() ||
@@ -432,6 +432,7 @@ bool CompareLearning(const LearningProblem& problem,
     return false;
   }
   std::vector<MethodResults> all;
+  all.reserve(methods.size());
   for (const Method& method : methods) {
     all.push_back({method.label, "not run: interrupted", {}});
   }
