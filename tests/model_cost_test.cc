@@ -12,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/solve/problem_linearizer.h"
 
 namespace invgrad {
 namespace {
@@ -48,6 +49,21 @@ class ModelCostTest : public testing::TestWithParam<Reduction> {
   DataSet data_;
   VectorXd weights_;
 };
+
+TEST_P(ModelCostTest, ProblemHasTheModelsHessian) {
+  LinearizationParts parts;
+  parts.hessian = true;
+  Linearization of_model, of_problem;
+  std::string error;
+  ASSERT_TRUE(model_.Linearize(weights_, data_, parts, &of_model, &error));
+  ceres::Problem problem;
+  AddModelToProblem(&model_, &data_, &weights_, &problem);
+  const ProblemLinearizer linearizer(&problem, {});
+  ASSERT_TRUE(linearizer.Linearize(parts, &of_problem, &error)) << error;
+  // The same terms, summed in another order.
+  EXPECT_LT((of_problem.hessian - of_model.hessian).norm(),
+            1e-12 * of_model.hessian.norm());
+}
 
 TEST_P(ModelCostTest, ProblemHasTheModelsCostAndGradient) {
   LinearizationParts parts;

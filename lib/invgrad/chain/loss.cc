@@ -31,4 +31,20 @@ bool SquaredNormLoss::Evaluate(const double* y,
   return std::isfinite(*loss);
 }
 
+DotProductLoss::DotProductLoss(int size) : size_(size) { CHECK_GT(size, 0); }
+
+bool DotProductLoss::Evaluate(const double* y,
+                              const double* target,
+                              double* loss,
+                              double* gradient,
+                              double* hessian) const {
+  const Eigen::Map<const Eigen::VectorXd> w(target, size_);
+  *loss = w.dot(Eigen::Map<const Eigen::VectorXd>(y, size_));
+  if (gradient != nullptr) Eigen::Map<Eigen::VectorXd>(gradient, size_) = w;
+  if (hessian != nullptr) {
+    Eigen::Map<Eigen::MatrixXd>(hessian, size_, size_).setZero();
+  }
+  return std::isfinite(*loss);
+}
+
 }  // namespace invgrad

@@ -53,6 +53,22 @@ class SquaredNormLoss final : public Loss {
   double factor_;
 };
 
+// L = y* . y: the covector y* as a loss, whose Hessian in what is before y is
+// that of the outputs, weighted by y*.
+class DotProductLoss final : public Loss {
+ public:
+  explicit DotProductLoss(int size);
+  int size() const override { return size_; }
+  bool Evaluate(const double* y,
+                const double* target,
+                double* loss,
+                double* gradient,
+                double* hessian) const override;
+
+ private:
+  int size_;
+};
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_CHAIN_LOSS_H_

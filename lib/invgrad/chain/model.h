@@ -22,6 +22,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
@@ -46,6 +47,12 @@ class Model {
   const DenseNetwork& network() const { return network_; }
   const Simulator& simulator() const { return *simulator_; }
   const Loss& loss() const { return *loss_; }
+
+  // The same network and simulator in front of another loss.
+  Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {
+    return Model(network_, simulator_, std::move(loss), reduction);
+  }
+
   Reduction reduction() const { return reduction_; }
   int num_weights() const { return network_.num_weights(); }
 

@@ -246,6 +246,15 @@ void ConvertSummary(const CeresSummary& ceres_summary,
   summary->final_cost = ceres_summary.final_cost;
   summary->iterations = ceres_summary.iterations;
   summary->total_time_in_seconds = ceres_summary.total_time_in_seconds;
+  // The last cost that Ceres names may be that of a step which it rejected; it
+  // returns the best state that it accepted.
+  for (const ceres::IterationSummary& iteration : summary->iterations) {
+    if (iteration.iteration == 0) {
+      summary->final_cost = iteration.cost;
+    } else if (iteration.step_is_successful) {
+      summary->final_cost = std::min(summary->final_cost, iteration.cost);
+    }
+  }
   // Ceres records no start if nothing can change.
   if (summary->iterations.empty() &&
       summary->termination_type == ceres::CONVERGENCE) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "glog/logging.h"
 
@@ -32,14 +33,45 @@ ModelCostFunction::ModelCostFunction(const Model* model, const DataSet* data)
   }
 }
 
-bool ModelCostFunction::Evaluate(double const* const* parameters,
-                                 double* residuals,
-                                 double** jacobians) const {
+VectorXd ModelCostFunction::Weights(const double* const* parameters) const {
   VectorXd weights(model_->num_weights());
   double* weight = weights.data();
   for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
     weight = std::copy_n(parameters[b], parameter_block_sizes()[b], weight);
   }
+  return weights;
+}
+
+bool ModelCostFunction::WeightedHessian(const double* const* parameters,
+                                        const double* w,
+                                        double* hessian) const {
+  // sum_i w_i r_i is, but for a constant, the loss w' . y with w' = sqrt(...)
+  // w.
+  const int num_y = model_->loss().size();
+  const Model dot_product = model_->WithLoss(
+      std::make_shared<DotProductLoss>(num_y), Reduction::kSum);
+  DataSet weighted = *data_;
+  weighted.targets =
+      std::sqrt(SquaredResidualScale(*model_, *data_)) *
+      Eigen::Map<const Eigen::MatrixXd>(w, num_y, data_->num_samples());
+  LinearizationParts parts;
+  parts.hessian = true;
+  Linearization linearization;
+  std::string error;
+  if (!dot_product.Linearize(
+          Weights(parameters), weighted, parts, &linearization, &error)) {
+    VLOG(1) << error;
+    return false;
+  }
+  const int n = model_->num_weights();
+  Eigen::Map<Eigen::MatrixXd>(hessian, n, n) = linearization.hessian;
+  return true;
+}
+
+bool ModelCostFunction::Evaluate(double const* const* parameters,
+                                 double* residuals,
+                                 double** jacobians) const {
+  const VectorXd weights = Weights(parameters);
   const double squared_scale = SquaredResidualScale(*model_, *data_);
   Eigen::Map<VectorXd> residual(residuals, num_residuals());
   std::string error;

@@ -15,23 +15,29 @@
 #include <string>
 #include <vector>
 
-#include "ceres/cost_function.h"
 #include "ceres/first_order_function.h"
 #include "ceres/problem.h"
 #include "invgrad/chain/model.h"
+#include "invgrad/solve/second_order_cost_function.h"
 
 namespace invgrad {
 
 // Needs a squared-norm loss (CHECKed; ask Loss::SquaredNormFactor first).
-class ModelCostFunction final : public ceres::CostFunction {
+class ModelCostFunction final : public SecondOrderCostFunction {
  public:
   // Model and data must outlive the function.
   ModelCostFunction(const Model* model, const DataSet* data);
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
+  // By one tangent-of-backward pass a unit, over all samples.
+  bool WeightedHessian(const double* const* parameters,
+                       const double* w,
+                       double* hessian) const override;
 
  private:
+  Eigen::VectorXd Weights(const double* const* parameters) const;
+
   const Model* model_;
   const DataSet* data_;
 };
