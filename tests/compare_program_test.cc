@@ -279,9 +279,11 @@ TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
 }
 
 TEST_F(CompareProgram, PointProblemsHaveATableToo) {
+  const std::string rules =
+      "--rules=gradient_descent:step_size=0.01,newton,"
+      "ceres_lm,ceres_bfgs,ceres_lm+half_inverse";
   const Output output = Run({"--problem=squared_component",
-                             "--rules=gradient_descent:step_size=0.01,newton,"
-                             "ceres_lm,ceres_bfgs,ceres_lm+half_inverse",
+                             rules,
                              "--steps=20",
                              "--plots=false",
                              "--output=" + Path("run")});
