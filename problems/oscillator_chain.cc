@@ -22,17 +22,17 @@ struct Physics {
   double control = 1.0;
 };
 
-template <int kCapacity, int kStride>
+template <int kNumOscillators, int kStride>
 std::shared_ptr<const Simulator> MakeSimulator(const Physics& physics,
                                                int num_oscillators) {
-  OscillatorStep<kCapacity> step;
+  OscillatorStep<kNumOscillators> step;
   step.num_oscillators = num_oscillators;
   step.dt = physics.dt;
   step.linear = physics.linear;
   step.cubic = physics.cubic;
   step.control = physics.control;
   return std::make_shared<
-      TimeSteppingSimulator<OscillatorStep<kCapacity>, kStride>>(
+      TimeSteppingSimulator<OscillatorStep<kNumOscillators>, kStride>>(
       step, 2 * num_oscillators, 1, physics.num_steps);
 }
 
@@ -78,7 +78,7 @@ bool OscillatorChain::Create(const Options& options,
       // Two oscillators and their force are five variables: one pass of Jets.
       options.num_oscillators == 2
           ? MakeSimulator<2, 6>(physics, 2)
-          : MakeSimulator<kMaxOscillators, 8>(physics, options.num_oscillators),
+          : MakeSimulator<0, 8>(physics, options.num_oscillators),
       std::make_shared<SquaredNormLoss>(state_size, 1.0),
       Reduction::kMean);
   return true;

@@ -42,12 +42,13 @@ namespace invgrad {
 // The longest chain.
 constexpr int kMaxOscillators = 16;
 
-// One Runge-Kutta step: state (q, v), control u -> next state, of a chain of at
-// most kCapacity oscillators.
-template <int kCapacity>
+// One Runge-Kutta step: state (q, v), control u -> next state. With a number of
+// oscillators that is known to the compiler, which unrolls its loops, or with
+// kNumOscillators = 0 for num_oscillators of them.
+template <int kNumOscillators>
 class OscillatorStep {
  public:
-  int num_oscillators = 2;
+  int num_oscillators = kNumOscillators > 0 ? kNumOscillators : 2;
   double dt = 0.5;
   double linear = 0.2;
   double cubic = 0.0;
@@ -55,7 +56,9 @@ class OscillatorStep {
 
   template <typename T>
   bool operator()(const T* state, const T* u, T* next_state) const {
-    const int size = 2 * num_oscillators;
+    constexpr int kCapacity =
+        kNumOscillators > 0 ? kNumOscillators : kMaxOscillators;
+    const int size = 2 * count();
     T k1[2 * kCapacity] = {}, k2[2 * kCapacity] = {}, k3[2 * kCapacity] = {};
     T k4[2 * kCapacity] = {}, stage[2 * kCapacity] = {};
     Derivative(state, *u, k1);
@@ -76,19 +79,24 @@ class OscillatorStep {
   template <typename T>
   void Derivative(const T* state, const T& u, T* derivative) const {
     const T* q = state;
-    const T* v = state + num_oscillators;
-    T* acceleration = derivative + num_oscillators;
-    for (int i = 0; i < num_oscillators; ++i) {
+    const T* v = state + count();
+    T* acceleration = derivative + count();
+    for (int i = 0; i < count(); ++i) {
       derivative[i] = v[i];
       acceleration[i] = -q[i];
     }
-    for (int i = 0; i + 1 < num_oscillators; ++i) {
+    for (int i = 0; i + 1 < count(); ++i) {
       const T gap = q[i + 1] - q[i];
       const T force = linear * gap + cubic * (gap * gap * gap);
       acceleration[i] += force;
       acceleration[i + 1] -= force;
     }
-    acceleration[num_oscillators - 1] += control * u;
+    acceleration[count() - 1] += control * u;
+  }
+
+ private:
+  int count() const {
+    return kNumOscillators > 0 ? kNumOscillators : num_oscillators;
   }
 };
 

@@ -283,10 +283,10 @@ TEST(ToyNetwork, LambdaScalesTheOutputAndNotTheTarget) {
   EXPECT_EQ(probe.Jacobian(probe.x)(0, 0), 1.0);
 }
 
-using ThreeOscillators = OscillatorStep<3>;
+using AnyOscillators = OscillatorStep<0>;
 
 // (q, v) after `num_steps` with no force.
-Eigen::VectorXd Roll(const ThreeOscillators& step,
+Eigen::VectorXd Roll(const AnyOscillators& step,
                      const Eigen::VectorXd& start,
                      int num_steps) {
   Eigen::VectorXd state = start, next(start.size());
@@ -299,7 +299,7 @@ Eigen::VectorXd Roll(const ThreeOscillators& step,
 }
 
 TEST(OscillatorStep, UncoupledOscillatorsReturnAfterTwoPi) {
-  ThreeOscillators step;
+  AnyOscillators step;
   step.linear = 0.0;
   step.dt = 2.0 * M_PI / 1000.0;
   const Eigen::Vector4d start(0.3, -0.2, 0.5, 0.1);
@@ -309,7 +309,7 @@ TEST(OscillatorStep, UncoupledOscillatorsReturnAfterTwoPi) {
 
 TEST(OscillatorStep, IsOfOrderFour) {
   for (const double cubic : {0.0, 1.0}) {
-    ThreeOscillators step;
+    AnyOscillators step;
     step.cubic = cubic;
     const Eigen::Vector4d start(0.9, -0.7, 0.5, 0.3);
     const auto at_dt = [&](int num_steps) {
@@ -324,7 +324,7 @@ TEST(OscillatorStep, IsOfOrderFour) {
 }
 
 TEST(OscillatorStep, ConservesEnergyWithoutForce) {
-  ThreeOscillators step;
+  AnyOscillators step;
   step.num_oscillators = 3;
   step.linear = 0.4;
   step.cubic = 0.8;
@@ -345,7 +345,7 @@ TEST(OscillatorStep, ConservesEnergyWithoutForce) {
 }
 
 TEST(OscillatorStep, SwappingTheOscillatorsSwapsTheMotion) {
-  ThreeOscillators step;
+  AnyOscillators step;
   step.cubic = 1.0;
   const Eigen::Vector4d start(0.9, -0.7, 0.5, 0.3);
   const Eigen::Vector4d swapped(-0.7, 0.9, 0.3, 0.5);
@@ -355,7 +355,7 @@ TEST(OscillatorStep, SwappingTheOscillatorsSwapsTheMotion) {
 }
 
 TEST(OscillatorStep, ForceActsOnTheLastOscillatorOnly) {
-  ThreeOscillators step;
+  AnyOscillators step;
   step.control = 3.0;
   const Eigen::Vector4d rest = Eigen::Vector4d::Zero();
   Eigen::Vector4d derivative;
