@@ -28,7 +28,6 @@
 #ifndef PROBLEMS_OSCILLATOR_CHAIN_H_
 #define PROBLEMS_OSCILLATOR_CHAIN_H_
 
-#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -49,7 +48,7 @@ constexpr int kMaxOscillators = 16;
 template <int kNumOscillators>
 class OscillatorStep {
  public:
-  int num_oscillators = std::max(kNumOscillators, 2);
+  int num_oscillators = 2;  // read if kNumOscillators is 0
   double dt = 0.5;
   double linear = 0.2;
   double cubic = 0.0;
