@@ -1,0 +1,57 @@
+// Reduces a symmetric matrix to tridiagonal form.
+//
+//   K = Q T Q^T,   Q orthogonal, a product of Householder reflectors
+//
+// For applying functions of K to a vector: f(K) g = Q f(T) Q^T g needs Q twice,
+// applied to one vector, and never the eigenvectors of K.
+//
+// Shapes:  K: m x m, of which the lower triangle is read;  Q: m x m;
+//          T: diagonal m, off-diagonal m - 1.
+// Units:   T has those of K. Entries near the ends of double's range lose
+//          digits or overflow: scale K to entries of order one before.
+// Cost:    4/3 m^3 for Compute, 2 m^2 (one stage) or 3 m^2 (two stages) for
+//          each product with Q.
+// Fails:   never; a K that is not finite gives a T that is not finite.
+#ifndef INVGRAD_LINALG_TRIDIAGONALIZATION_H_
+#define INVGRAD_LINALG_TRIDIAGONALIZATION_H_
+
+#include <cstdint>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+class Tridiagonalization {
+ public:
+  enum class Method { kAuto, kOneStage, kTwoStage };
+
+  // Reduces the symmetric matrix whose lower triangle K holds. K is destroyed:
+  // it holds the reflectors afterwards, and must stay alive and unchanged while
+  // Q is applied. Memory is kept: a second matrix of the same size allocates
+  // nothing.
+  void Compute(Eigen::MatrixXd* K, Method method = Method::kAuto);
+
+  const Eigen::VectorXd& diagonal() const { return diagonal_; }
+  const Eigen::VectorXd& off_diagonal() const { return off_diagonal_; }
+
+  // x = Q^T x and x = Q x.
+  void ApplyQTranspose(Eigen::VectorXd* x) const;  // m
+  void ApplyQ(Eigen::VectorXd* x) const;           // m
+
+  // X = Q X. Only after a reduction in one stage (CHECKed).
+  void ApplyQ(Eigen::MatrixXd* X) const;  // m x k
+
+  // Bytes that Compute keeps for a matrix of size m, beyond K.
+  static int64_t Bytes(int m, Method method = Method::kAuto);
+
+ private:
+  const Eigen::MatrixXd* K_ = nullptr;
+  Eigen::VectorXd diagonal_;      // m
+  Eigen::VectorXd off_diagonal_;  // m - 1
+  Eigen::VectorXd tau_;           // m - 1
+  mutable Eigen::VectorXd work_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_LINALG_TRIDIAGONALIZATION_H_
