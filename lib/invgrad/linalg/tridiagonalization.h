@@ -18,6 +18,7 @@
 #include <cstdint>
 
 #include "Eigen/Core"
+#include "invgrad/linalg/one_stage.h"
 
 namespace invgrad {
 
@@ -49,7 +50,7 @@ class Tridiagonalization {
   Eigen::VectorXd diagonal_;      // m
   Eigen::VectorXd off_diagonal_;  // m - 1
   Eigen::VectorXd tau_;           // m - 1
-  mutable Eigen::VectorXd work_;
+  OneStageReduction one_stage_;
 };
 
 }  // namespace invgrad
