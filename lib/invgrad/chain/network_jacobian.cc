@@ -136,14 +136,6 @@ void NetworkJacobian::Gram(MatrixXd* JJt) const {
           }
         }
       }
-      // The mirror image, while the tile is in the cache.
-      if (s0 == t0) {
-        auto diagonal = JJt->block(s0 * r, s0 * r, height, height);
-        diagonal.triangularView<Eigen::StrictlyUpper>() = diagonal.transpose();
-      } else {
-        JJt->block(t0 * r, s0 * r, width, height) =
-            JJt->block(s0 * r, t0 * r, height, width).transpose();
-      }
     }
   }
 }
@@ -168,6 +160,12 @@ void NetworkJacobian::ToDense(MatrixXd* J) const {
           inputs.array().colwise() * deltas.col(unit).array();
     }
   }
+}
+
+std::string NetworkJacobian::RowName(int row) const {
+  return JacobianOperator::RowName(row) + " (sample " +
+         std::to_string(row / outputs_per_sample_) + ", output " +
+         std::to_string(row % outputs_per_sample_) + ")";
 }
 
 }  // namespace invgrad

@@ -26,6 +26,7 @@
 #define INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
 
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -53,6 +54,7 @@ class NetworkJacobian final : public JacobianOperator {
                       Eigen::VectorXd* Jtw) const override;
   void Gram(Eigen::MatrixXd* JJt) const override;
   void ToDense(Eigen::MatrixXd* J) const override;
+  std::string RowName(int row) const override;  // "row 12 (sample 3, output 0)"
 
   // delta of layer l = 0 .. L - 1: widths[l + 1] x m. The first call builds
   // those of all layers.

@@ -73,6 +73,32 @@ void Syrk(Op op_A,
               LeadingDimension(C));
 }
 
+void Gemv(Op op_A,
+          const Eigen::Ref<const Eigen::MatrixXd>& A,
+          const Eigen::Ref<const Eigen::VectorXd>& x,
+          Eigen::Ref<Eigen::VectorXd> y) {
+  CHECK_EQ(x.size(), op_A == Op::kNone ? A.cols() : A.rows());
+  CHECK_EQ(y.size(), op_A == Op::kNone ? A.rows() : A.cols());
+  CHECK_NE(x.data(), y.data()) << "A product cannot be computed in place.";
+  // BLAS leaves y untouched where A has no rows or columns.
+  if (A.size() == 0) {
+    y.setZero();
+    return;
+  }
+  cblas_dgemv(CblasColMajor,
+              ToCblas(op_A),
+              static_cast<int>(A.rows()),
+              static_cast<int>(A.cols()),
+              1.0,
+              A.data(),
+              LeadingDimension(A),
+              x.data(),
+              1,
+              0.0,
+              y.data(),
+              1);
+}
+
 void SetBlasThreads(int num_threads) {
   CHECK_GT(num_threads, 0);
   openblas_set_num_threads(num_threads);

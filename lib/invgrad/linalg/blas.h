@@ -1,6 +1,7 @@
 // The few BLAS calls of the library, in Eigen's types.
 //
-//   C = alpha op(A) op(B) + beta C,   C = alpha op(A) op(A)^T + beta C
+//   C = alpha op(A) op(B) + beta C,   C = alpha op(A) op(A)^T + beta C,
+//   y = op(A) x
 //
 // Why not Eigen's own products: without -march=native they run at a third of
 // the speed of OpenBLAS, which chooses its kernels at run time.
@@ -36,10 +37,34 @@ void Syrk(Op op_A,
           double beta,
           Eigen::Ref<Eigen::MatrixXd> C);
 
+// y = op(A) x; y may hold anything before.
+void Gemv(Op op_A,
+          const Eigen::Ref<const Eigen::MatrixXd>& A,
+          const Eigen::Ref<const Eigen::VectorXd>& x,
+          Eigen::Ref<Eigen::VectorXd> y);
+
 // The number of threads that BLAS and LAPACK use, in the whole process. Below
 // m ~ 1000 one thread is fastest.
 void SetBlasThreads(int num_threads);
 int BlasThreads();
+
+// One BLAS thread while it lives, if `only_one`: for many small products, which
+// threads slow down.
+class SingleBlasThread {
+ public:
+  explicit SingleBlasThread(bool only_one)
+      : before_(only_one ? BlasThreads() : 1) {
+    if (before_ > 1) SetBlasThreads(1);
+  }
+  ~SingleBlasThread() {
+    if (before_ > 1) SetBlasThreads(before_);
+  }
+  SingleBlasThread(const SingleBlasThread&) = delete;
+  SingleBlasThread& operator=(const SingleBlasThread&) = delete;
+
+ private:
+  const int before_;
+};
 
 // Which BLAS is loaded, its version, and the kernels that it chose.
 std::string BlasName();

@@ -1,10 +1,7 @@
 #include "invgrad/linalg/jacobian_operator.h"
 
-#include <cblas.h>
-
-#include <algorithm>
-
 #include "glog/logging.h"
+#include "invgrad/linalg/blas.h"
 
 namespace invgrad {
 namespace {
@@ -17,59 +14,11 @@ void CheckProductSizes(const JacobianOperator& J,
       << J.cols();
 }
 
-// *y = A x, or A^T x.
-void DenseTimes(const Eigen::MatrixXd& A,
-                CBLAS_TRANSPOSE transpose,
-                const Eigen::VectorXd& x,
-                Eigen::VectorXd* y) {
-  CHECK_NE(&x, y) << "A product cannot be computed in place.";
-  y->setZero(transpose == CblasNoTrans ? A.rows() : A.cols());
-  // BLAS leaves y untouched where A has no rows or columns.
-  if (A.size() == 0) return;
-  cblas_dgemv(CblasColMajor,
-              transpose,
-              A.rows(),
-              A.cols(),
-              1.0,
-              A.data(),
-              A.rows(),
-              x.data(),
-              1,
-              0.0,
-              y->data(),
-              1);
-}
-
-// *G = A A^T, or A^T A with CblasTrans; both triangles.
-void DenseGram(const Eigen::MatrixXd& A,
-               CBLAS_TRANSPOSE transpose,
-               Eigen::MatrixXd* G) {
-  const bool rows = transpose == CblasNoTrans;
-  const Eigen::Index size = rows ? A.rows() : A.cols();
-  G->setZero(size, size);
-  if (A.size() == 0) return;
-  cblas_dsyrk(CblasColMajor,
-              CblasLower,
-              transpose,
-              size,
-              rows ? A.cols() : A.rows(),
-              1.0,
-              A.data(),
-              A.rows(),
-              0.0,
-              G->data(),
-              size);
-  // By blocks, so that neither triangle is walked across the cache for long.
-  constexpr Eigen::Index kBlock = 32;
-  for (Eigen::Index j = 0; j < size; j += kBlock) {
-    const Eigen::Index width = std::min(kBlock, size - j);
-    G->block(j, j, width, width).triangularView<Eigen::StrictlyUpper>() =
-        G->block(j, j, width, width).transpose();
-    for (Eigen::Index i = j + kBlock; i < size; i += kBlock) {
-      const Eigen::Index height = std::min(kBlock, size - i);
-      G->block(j, i, width, height) = G->block(i, j, height, width).transpose();
-    }
-  }
+// *G = the lower triangle of op(A) op(A)^T.
+void DenseGram(const Eigen::MatrixXd& A, Op op, Eigen::MatrixXd* G) {
+  const Eigen::Index size = op == Op::kNone ? A.rows() : A.cols();
+  G->resize(size, size);
+  Syrk(op, 1.0, A, 0.0, *G);
 }
 
 }  // namespace
@@ -77,26 +26,32 @@ void DenseGram(const Eigen::MatrixXd& A,
 void JacobianOperator::ParameterGram(Eigen::MatrixXd* JtJ) const {
   Eigen::MatrixXd J;
   ToDense(&J);
-  DenseGram(J, CblasTrans, JtJ);
+  DenseGram(J, Op::kTranspose, JtJ);
+}
+
+std::string JacobianOperator::RowName(int row) const {
+  return "row " + std::to_string(row);
 }
 
 void DenseJacobian::Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const {
   CheckProductSizes(*this, v.size(), false);
-  DenseTimes(J_, CblasNoTrans, v, Jv);
+  Jv->resize(rows());
+  Gemv(Op::kNone, J_, v, *Jv);
 }
 
 void DenseJacobian::TransposeTimes(const Eigen::VectorXd& w,
                                    Eigen::VectorXd* Jtw) const {
   CheckProductSizes(*this, w.size(), true);
-  DenseTimes(J_, CblasTrans, w, Jtw);
+  Jtw->resize(cols());
+  Gemv(Op::kTranspose, J_, w, *Jtw);
 }
 
 void DenseJacobian::Gram(Eigen::MatrixXd* JJt) const {
-  DenseGram(J_, CblasNoTrans, JJt);
+  DenseGram(J_, Op::kNone, JJt);
 }
 
 void DenseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
-  DenseGram(J_, CblasTrans, JtJ);
+  DenseGram(J_, Op::kTranspose, JtJ);
 }
 
 void SparseJacobian::Times(const Eigen::VectorXd& v,

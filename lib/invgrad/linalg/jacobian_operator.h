@@ -10,6 +10,7 @@
 #ifndef INVGRAD_LINALG_JACOBIAN_OPERATOR_H_
 #define INVGRAD_LINALG_JACOBIAN_OPERATOR_H_
 
+#include <string>
 #include <utility>
 
 #include "Eigen/Core"
@@ -31,14 +32,18 @@ class JacobianOperator {
   virtual void TransposeTimes(const Eigen::VectorXd& w,
                               Eigen::VectorXd* Jtw) const = 0;
 
-  // J J^T: m x m, both triangles.
+  // The lower triangle of J J^T: m x m. What is above the diagonal is not
+  // specified.
   virtual void Gram(Eigen::MatrixXd* JJt) const = 0;
 
   // J: m x n. The default of every other form of J.
   virtual void ToDense(Eigen::MatrixXd* J) const = 0;
 
-  // J^T J: n x n, both triangles. By default from the dense J.
+  // The same of J^T J: n x n. By default from the dense J.
   virtual void ParameterGram(Eigen::MatrixXd* JtJ) const;
+
+  // What a message calls a row: "row 12", and what it belongs to if known.
+  virtual std::string RowName(int row) const;
 };
 
 // J stored as a column-major matrix.

@@ -3,56 +3,67 @@
 //   d = V phi(S) U^T g,   J = U S V^T
 //
 // Routes, all of which compute the same d:
-//   kSvd            LAPACK dgesdd of the dense J. The oracle.
-//   kGram           m <= n: J J^T = U S^2 U^T by LAPACK dsyevd,
-//                   d = J^T U [phi(S) / S] U^T g
-//   kParameterGram  n < m:  J^T J = V S^2 V^T,
-//                   d = V [phi(S) / S] V^T J^T g
-//   kGradient       phi(s) = s: d = J^T g, no factorization
+//   kGram           m <= n: J J^T = Q T Q^T with T tridiagonal,
+//                   d = J^T Q f(T) Q^T g,  f(lambda) = phi(s) / s, lambda = s^2
+//   kParameterGram  n < m:  J^T J = Q T Q^T,
+//                   d = Q f(T) Q^T J^T g
+//   kCascade        the Gram matrix for s > 1e-3 s_max; for the others the SVD
+//                   of J^T X (or J X), X their singular vectors
+//   kSvd            the SVD of the dense J, by QR and LAPACK dgesdd. The
+//   oracle. kGradient       phi(s) = s: d = J^T g, no factorization
+//
+// f(T) is applied to one vector by a contour integral: some 70 to 130 solutions
+// of shifted tridiagonal systems in place of T's eigenvectors, the truncation
+// sharp (contour_quadrature.h, tridiagonal.h). Below size 64, and for clamped
+// filters, whose f is not analytic, by all eigenvectors.
 //
 // Shapes:  g: m;  J: m x n;  d: n.
-// Cost:    kSvd O(m n min(m, n)) with J formed; the Gram routes one Gram matrix
-//          and O(min(m, n)^3), with J never formed; each an estimate of
-//          O(min(m, n)^2).
+// Cost:    with k = min(m, n): the Gram routes one Gram matrix (m^2 sum of the
+//          layer widths for a network, never formed; k^2 max(m, n) for a dense
+//          J), 4/3 k^3, and O(100 k); kCascade 2 k^2 r + 2 max(m, n) r^2 more
+//          for r small values; kSvd O(max(m, n) k^2) with J formed.
+// Memory:  SpectralStepBytes; of the workspace, so that a step of the same
+//          shape by the same route allocates nothing (a promise for kGram).
 //
 // Accuracy. A factorization is exact for a matrix that differs from J (or from
-// its Gram matrix) by E, whose entries are about 10 epsilon / sqrt(min(m, n))
-// times the largest singular value (eigenvalue). To first order that changes
-// the component of d along v_i by
-//
-//   sum_j phi[s_i, s_j] E_ij c_j           kSvd, phi continued oddly to -s
-//   s_i sum_j f[lambda_i, lambda_j] E_ij c_j                 kGram
-//   sum_j f[lambda_i, lambda_j] E_ij s_j c_j                 kParameterGram
-//
-// with c = U^T g, lambda = s^2, f = phi(s) / s and divided differences
-// h[x, y] = (h(x) - h(y)) / (x - y). summary.estimated_error is the norm of
-// this change, with the signs of E random, and of the last roundings, relative
-// to |d|. It holds all that is known to hurt: small values that are kept, a
-// part of g in dropped directions that leaks across the threshold, and values
-// below what the route can tell from zero. With tau_eff = s_min_kept / s_max it
-// grows as epsilon / tau_eff for kSvd and as epsilon / tau_eff^2 for the Gram
-// routes.
+// its Gram matrix) by E, whose entries are about 10 epsilon / sqrt(k) times
+// the largest singular value (eigenvalue). summary.estimated_error is the
+// first-order change of d by such an E, relative to |d|: for an SVD or
+// eigenvectors the mean over all E (step_error.h), for a contour integral three
+// times the change by one random E, for which the same systems are solved
+// again. It holds all that is known to hurt: small values that are kept, a part
+// of g in dropped directions that leaks across the threshold, and values below
+// what the route can tell from zero. With tau_eff = s_min_kept / s_max it grows
+// as epsilon / tau_eff for kSvd and kCascade (but not below 1e-9 or so there)
+// and as epsilon / tau_eff^2 for the Gram routes.
 //
 // A value is undecided if it is nearer to where phi jumps (tau s_max; zero for
 // tau = 0 or a clamped filter, unless phi vanishes there) than the route can
-// resolve: in s by 2 epsilon sqrt(m + n) s_max for kSvd, in s^2 by
-// 2 epsilon (min(m, n) + sqrt(n)) s_max^2 for the Gram routes.
+// resolve: in s by 2 epsilon sqrt(m + n) s_max for kSvd and kCascade, in s^2 by
+// 2 epsilon (k + sqrt(max(m, n))) s_max^2 for the Gram routes.
 //
 // Contract: with no value undecided, the relative error of d is at most
 // estimated_error. (An empirical law that the tests hold against long double
 // arithmetic, not a theorem.) With values undecided, d is the step for a
 // threshold within that resolution of tau s_max.
 //
-// kAuto takes kGradient if phi(s) = s, and the Gram route of the smaller side
-// otherwise. It keeps the answer if estimated_error is at most
+// kAuto takes kGradient if phi(s) = s. Otherwise it climbs from the Gram route
+// of the smaller side by kCascade to kSvd, until estimated_error is at most
 // options.tolerance, and no value is undecided or the threshold is resolved to
-// options.threshold_tolerance; else it takes kSvd, and summary.message says
-// why.
+// options.threshold_tolerance; summary.message says what was not enough. The
+// cascade goes on from the Gram route's reduction. A workspace remembers the
+// route of the last step and starts there, and tries the cheapest again after
+// 20 steps.
 //
-// Fails:   returns false, with a message, if g or J is not finite, if a
-//          factorization does not converge, or if d overflows; the Gram routes
-//          also if the squares of J's entries over- or underflow. J = 0 or
-//          g = 0 gives d = 0.
+// Fails:   returns false, with a message, if g or J is not finite (naming the
+//          first such row), if a factorization does not converge, if d
+//          overflows, or if the route needs more memory than options allow; the
+//          Gram routes also if the squares of J's entries over- or underflow;
+//          kCascade below size 64, for clamped filters, and if more than 70 %
+//          of the values are small.
+//          Every route ends after a number of operations known beforehand, or
+//          with LAPACK's word that it did not converge. J = 0 or g = 0 gives
+//          d = 0.
 #ifndef INVGRAD_LINALG_SPECTRAL_STEP_H_
 #define INVGRAD_LINALG_SPECTRAL_STEP_H_
 
@@ -61,21 +72,31 @@
 #include "Eigen/Core"
 #include "invgrad/linalg/jacobian_operator.h"
 #include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/linalg/spectral_workspace.h"
 
 namespace invgrad {
 
-enum class SpectralRoute { kAuto, kSvd, kGram, kParameterGram, kGradient };
+enum class SpectralRoute {
+  kAuto,
+  kSvd,
+  kGram,
+  kParameterGram,
+  kCascade,
+  kGradient
+};
 const char* SpectralRouteName(SpectralRoute route);
 
 struct SpectralStepOptions {
   SpectralRoute route = SpectralRoute::kAuto;
-  // kAuto keeps a Gram route's answer if its estimated relative error is at
-  // most this, and falls back to kSvd otherwise.
+  // kAuto keeps a route's answer if its estimated relative error is at most
+  // this, and goes on to a more accurate one otherwise.
   double tolerance = 1e-6;
-  // kAuto keeps a Gram route's answer with undecided values only if it is the
-  // step for a threshold within this relative distance of tau s_max: 0 insists
-  // on the sharp threshold.
+  // kAuto keeps an answer with undecided values only if it is the step for a
+  // threshold within this relative distance of tau s_max: 0 insists on the
+  // sharp threshold.
   double threshold_tolerance = 0.0;
+  // In bytes; 0: three quarters of the machine's memory.
+  double memory_limit = 0.0;
 };
 
 struct SpectralStepSummary {
@@ -89,11 +110,25 @@ struct SpectralStepSummary {
   // How far from tau s_max a value must be to be decided, relative to it:
   // infinity if phi jumps at zero, 0 if it does not jump.
   double threshold_resolution = 0.0;
-  std::string message;  // what failed, or why kAuto took kSvd
+  std::string message;  // what failed, or why kAuto went on
 };
+
+// What a route keeps in the workspace, in bytes, for J m x n that is a
+// network's or compressed rows; kCascade keeps 8 max(m, n) r more for r small
+// values.
+double SpectralStepBytes(SpectralRoute route, Eigen::Index m, Eigen::Index n);
 
 // CHECKs the sizes, that the filter is valid, and that kGradient is only asked
 // for phi(s) = s.
+bool SpectralStep(const JacobianOperator& J,
+                  const Eigen::VectorXd& g,
+                  const SpectralFilter& filter,
+                  const SpectralStepOptions& options,
+                  SpectralWorkspace* workspace,
+                  Eigen::VectorXd* d,
+                  SpectralStepSummary* summary);
+
+// The same with a workspace of its own, for a single step.
 bool SpectralStep(const JacobianOperator& J,
                   const Eigen::VectorXd& g,
                   const SpectralFilter& filter,

@@ -42,11 +42,14 @@ class Tridiagonalization {
   // X = Q X. Only after a reduction in one stage (CHECKed).
   void ApplyQ(Eigen::MatrixXd* X) const;  // m x k
 
+  Method method() const { return method_; }  // of the last reduction
+
   // Bytes that Compute keeps for a matrix of size m, beyond K.
   static int64_t Bytes(int m, Method method = Method::kAuto);
 
  private:
   const Eigen::MatrixXd* K_ = nullptr;
+  Method method_ = Method::kOneStage;
   Eigen::VectorXd diagonal_;      // m
   Eigen::VectorXd off_diagonal_;  // m - 1
   Eigen::VectorXd tau_;           // m - 1

@@ -15,7 +15,8 @@ namespace {
 constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kSvd,
                                      SpectralRoute::kGram,
-                                     SpectralRoute::kParameterGram};
+                                     SpectralRoute::kParameterGram,
+                                     SpectralRoute::kCascade};
 
 }  // namespace
 
@@ -105,28 +106,28 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
   CHECK(at_x.jacobian != nullptr) << "A joint rule needs J.";
   report_.clear();
   SpectralStepSummary summary;
-  Eigen::VectorXd direction;
   if (!SpectralStep(*at_x.jacobian,
                     at_x.loss_gradient,
                     options_.filter,
                     spectral_options_,
-                    &direction,
+                    &workspace_,
+                    &direction_,
                     &summary)) {
     *error = summary.message;
     return false;
   }
-  direction = -direction;
+  direction_ = -direction_;
   double eta = options_.step_size.step_size;
-  if (direction.isZero(0.0)) {
+  if (direction_.isZero(0.0)) {
     // Along it there is nothing to minimize; it is a step of any size.
     eta = 1.0;
   } else if (options_.step_size.is_auto() &&
              !AutoStepSize(
-                 at_x, direction, options_.step_size.rho, &eta, error)) {
+                 at_x, direction_, options_.step_size.rho, &eta, error)) {
     return false;
   }
   eta *= options_.step_size.ScheduleFactor(at_x.progress);
-  *step = eta * direction;
+  *step = eta * direction_;
 
   std::ostringstream report;
   report.precision(2);

@@ -23,10 +23,12 @@
 #define INVGRAD_RULES_SPECTRAL_RULE_H_
 
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/linalg/spectral_filter.h"
 #include "invgrad/linalg/spectral_step.h"
+#include "invgrad/linalg/spectral_workspace.h"
 #include "invgrad/rules/option_set.h"
 #include "invgrad/rules/step_size.h"
 #include "invgrad/rules/update_rule.h"
@@ -64,11 +66,17 @@ class SpectralRule final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
+  // The route's history, which chooses the next step's route.
+  std::vector<Eigen::VectorXd*> MutableState() override {
+    return {&workspace_.history};
+  }
   std::string LastStepReport() const override { return report_; }
 
  private:
   const Options options_;
   SpectralStepOptions spectral_options_;
+  SpectralWorkspace workspace_;
+  Eigen::VectorXd direction_;
   std::string report_;
 };
 

@@ -1,0 +1,234 @@
+#include <lapacke.h>
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "invgrad/linalg/blas.h"
+#include "invgrad/linalg/finite.h"
+#include "invgrad/linalg/gram_route.h"
+#include "invgrad/linalg/small_svd.h"
+#include "invgrad/linalg/step_error.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Singular values above this, relative to s_max, are left to the Gram matrix,
+// whose error there is epsilon / kSplit^2 = 2e-10.
+constexpr double kSplit = 1e-3;
+
+// With a larger share of all values below it, the SVD of the whole J is as
+// cheap.
+constexpr double kLargestShare = 0.7;
+
+// *X (m x count) = the eigenvectors of T of its `count` smallest eigenvalues.
+bool SmallestEigenvectors(const Tridiagonalization& reduction,
+                          int count,
+                          SpectralWorkspace* workspace,
+                          MatrixXd* X) {
+  const int size = static_cast<int>(reduction.diagonal().size());
+  // dstemr destroys T, and wants one entry more of its off-diagonal.
+  VectorXd& diagonal = workspace->y;
+  VectorXd& off_diagonal = workspace->change;
+  diagonal = reduction.diagonal();
+  off_diagonal.setZero(size);
+  off_diagonal.head(size - 1) = reduction.off_diagonal();
+  workspace->values.resize(size);
+  X->resize(size, count);
+  workspace->lapack_numbers.resize(
+      std::max<size_t>(workspace->lapack_numbers.size(), 18 * size));
+  workspace->lapack_integers.resize(
+      std::max<size_t>(workspace->lapack_integers.size(), 12 * size));
+  int* support = workspace->lapack_integers.data() + 10 * size;
+  int found = 0;
+  lapack_logical high_accuracy = 1;
+  const int info =
+      LAPACKE_dstemr_work(LAPACK_COL_MAJOR,
+                          'V',
+                          'I',
+                          size,
+                          diagonal.data(),
+                          off_diagonal.data(),
+                          0.0,
+                          0.0,
+                          1,
+                          count,
+                          &found,
+                          workspace->values.data(),
+                          X->data(),
+                          size,
+                          count,
+                          support,
+                          &high_accuracy,
+                          workspace->lapack_numbers.data(),
+                          static_cast<int>(workspace->lapack_numbers.size()),
+                          workspace->lapack_integers.data(),
+                          10 * size);
+  return info == 0 && found == count;
+}
+
+}  // namespace
+
+// With X the eigenvectors of the Gram matrix (of J J^T, say) below the split
+// and P the projector on the others:
+//
+//   d = J^T f(P J J^T P) g + V_W phi(S_W) U_W^T g,   J^T X = V_W S_W (X^T
+//   U_W)^T
+//
+// J^T X is computed from J itself: its singular values have lost nothing to
+// squaring.
+bool CascadeRoute(const SpectralProblem& problem,
+                  bool reduced,
+                  SpectralWorkspace* workspace,
+                  VectorXd* d,
+                  SpectralStepSummary* summary) {
+  *summary = SpectralStepSummary();
+  summary->route = SpectralRoute::kCascade;
+  const Index m = problem.m();
+  const Index n = problem.n();
+  const bool parameter_side = n < m;
+  const SpectralFilter& filter = problem.filter;
+  if (!GramIsReduced(problem)) {
+    summary->message =
+        "the cascade is for at least 64 rows and columns, and no clamping";
+    return false;
+  }
+
+  if (!reduced) {
+    const SpectralRoute side =
+        parameter_side ? SpectralRoute::kParameterGram : SpectralRoute::kGram;
+    switch (FormGram(problem, side, workspace, summary)) {
+      case GramResult::kFailed:
+        return false;
+      case GramResult::kZero:
+        d->setZero(n);
+        return true;
+      case GramResult::kDone:
+        break;
+    }
+    workspace->reduction.Compute(&workspace->gram,
+                                 Tridiagonalization::Method::kOneStage);
+    workspace->tridiagonal.Set(workspace->reduction.diagonal(),
+                               workspace->reduction.off_diagonal());
+  }
+  const double unit = workspace->unit;
+  const Tridiagonal& T = workspace->tridiagonal;
+  const double lambda_max = T.Eigenvalue(T.size() - 1);
+  const double s_max = std::sqrt(lambda_max) * std::sqrt(unit);
+  // The threshold is left to the SVD, which resolves it better.
+  const double split = std::max(kSplit, 4.0 * filter.tau);
+  // A value at the split may be on either side of it.
+  const Cut cut = FindCut(
+      T, split * split * lambda_max, 0.1 * split * split * lambda_max, 0.0);
+  const int count = cut.num_below;
+  if (count > kLargestShare * T.size()) {
+    std::ostringstream message;
+    message << count << " of " << T.size() << " values below " << split
+            << " s_max: too many for the cascade";
+    summary->message = message.str();
+    return false;
+  }
+
+  // The small values first: the large ones' solution overwrites T's buffers.
+  VectorXd small = VectorXd::Zero(n);
+  double small_error = 0.0;
+  summary->s_max = s_max;
+  int num_kept = 0;
+  if (count > 0) {
+    MatrixXd& X = workspace->basis;
+    if (!SmallestEigenvectors(workspace->reduction, count, workspace, &X)) {
+      summary->message =
+          "the eigenvectors of J's Gram matrix (dstemr) did not converge";
+      return false;
+    }
+    workspace->reduction.ApplyQ(&X);
+    MatrixXd& W = workspace->dense;
+    W.resize(parameter_side ? m : n, count);
+    VectorXd column;
+    VectorXd image;
+    for (int k = 0; k < count; ++k) {
+      column = X.col(k);
+      if (parameter_side) {
+        problem.J.Times(column, &image);
+      } else {
+        problem.J.TransposeTimes(column, &image);
+      }
+      W.col(k) = image;
+    }
+    SmallSvd svd(workspace);
+    if (!svd.Compute(&summary->message)) return false;
+    // W = L S R^T with (L, X R) = (V, U) of J, or (U, V) on the parameter side.
+    VectorXd c;
+    VectorXd x(count);
+    if (parameter_side) {
+      svd.LeftTransposeTimes(problem.g, &c);
+    } else {
+      Gemv(Op::kTranspose, X, problem.g, x);
+      svd.RightTransposeTimes(x, &c);
+    }
+    const VectorXd s = svd.s();
+    VectorXd filtered(count);
+    for (int i = 0; i < count; ++i) filtered[i] = filter(s[i], s_max) * c[i];
+    if (parameter_side) {
+      svd.RightTimes(filtered, &x);
+      Gemv(Op::kNone, X, x, small);
+    } else {
+      svd.LeftTimes(filtered, &small);
+    }
+    const double norm_small = small.norm();
+    SummarizeSpectrum(filter, s, s_max, 1, SvdResolution(m, n), summary);
+    num_kept = summary->rank;
+    if (norm_small > 0.0 && s[0] > 0.0) {
+      small_error = norm_small * SvdStepError(filter, s, s_max, c, 0.0, n > m);
+      // X is rotated towards a large value's vector by epsilon s_max^2 /
+      // s_i^2, which is how much of the others' steps is missing there.
+      double squared = 0.0;
+      for (int j = 0; j < count; ++j) {
+        if (filtered[j] == 0.0) continue;
+        squared += std::pow(filtered[j] * s_max / s[j], 2);
+      }
+      small_error += BackwardError(T.size()) / split *
+                     std::sqrt(0.3 * (T.size() - count) * squared);
+    }
+  }
+
+  if (parameter_side) {
+    problem.J.TransposeTimes(problem.g, &workspace->b);
+  } else {
+    workspace->b = problem.g;
+  }
+  workspace->reduction.ApplyQTranspose(&workspace->b);
+  d->setZero(n);
+  double large_error = 0.0;
+  if (count < T.size()) {
+    if (summary->rank == 0) {
+      summary->s_min_kept = std::sqrt(cut.above) * std::sqrt(unit);
+    }
+    summary->rank = num_kept + T.size() - count;
+    ApplyCutFunction(filter, lambda_max, cut, parameter_side, workspace);
+    VectorXd& y = workspace->y;
+    workspace->reduction.ApplyQ(&y);
+    y *= GramStepScale(filter, unit);
+    if (parameter_side) {
+      *d = y;
+    } else {
+      problem.J.TransposeTimes(y, d);
+    }
+    // Nothing is lost across the split, where one part takes over from the
+    // other: what counts is the slope of f there.
+    large_error = 10.0 * BackwardError(1) / (split * split) * d->norm();
+  }
+  *d += small;
+  const double norm = d->norm();
+  summary->estimated_error =
+      norm == 0.0
+          ? 0.0
+          : RoundingError() + std::hypot(small_error, large_error) / norm;
+  return CheckFinite("the step", *d, &summary->message);
+}
+
+}  // namespace invgrad
