@@ -8,6 +8,7 @@
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/io/numpy_random.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -64,13 +65,7 @@ bool Poisson::Create(const Options& options,
   const int n = options.resolution;
   const int size = n * n;
   if (data != nullptr) {
-    if (data->cols() != size || data->rows() < 2) {
-      *error = "poisson: data must have shape (2 samples or more, " +
-               std::to_string(size) + "), found (" +
-               std::to_string(data->rows()) + ", " +
-               std::to_string(data->cols()) + ")";
-      return false;
-    }
+    if (!CheckDataShape(*data, size, error)) return false;
     problem->data = *data;
   } else {
     problem->data = SmoothFields(2 * options.num_samples, n, options.data_seed);
@@ -80,10 +75,7 @@ bool Poisson::Create(const Options& options,
   all.inputs = A * problem->data.transpose();
   all.targets = all.inputs;
   all.contexts.resize(0, all.num_samples());
-  const int num_train = all.num_samples() / 2;
-  problem->train = all.Range(0, num_train);
-  problem->test = all.Range(num_train, all.num_samples() - num_train);
-  problem->batch_size = std::min(64, num_train);
+  SplitSamples(all, 64, problem);
   problem->num_epochs = 25;
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(

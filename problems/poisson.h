@@ -44,7 +44,7 @@ struct Poisson {
     int num_samples = 4096;
     int data_seed = 0;
     void Describe(OptionSet* set) {
-      set->Add("resolution", &resolution, {2, 64}, "cells a side, n");
+      set->Add("resolution", &resolution, {2, 32}, "cells a side, n");
       set->Add("num_samples",
                &num_samples,
                {1, 1e6},

@@ -1,11 +1,11 @@
 #include "problems/quantum_dipole.h"
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
 
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/io/numpy_random.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -27,18 +27,12 @@ Eigen::MatrixXd DrawTargets(int num_targets, int seed) {
 }
 
 bool AreTargets(const Eigen::MatrixXd& data, std::string* error) {
-  if (data.cols() != kStateSize || data.rows() < 2) {
-    *error = "quantum_dipole: data must have shape (2 samples or more, " +
-             std::to_string(kStateSize) + "), found (" +
-             std::to_string(data.rows()) + ", " + std::to_string(data.cols()) +
-             ")";
-    return false;
-  }
+  if (!CheckDataShape(data, kStateSize, error)) return false;
   for (Eigen::Index s = 0; s < data.rows(); ++s) {
     const double norm = data.row(s).norm();
     // As good as single precision is.
     if (!(std::abs(norm - 1.0) < 1e-6)) {
-      *error = "quantum_dipole: row " + std::to_string(s) +
+      *error = "row " + std::to_string(s) +
                " of the data must have norm 1, found " + std::to_string(norm);
       return false;
     }
@@ -63,10 +57,7 @@ bool QuantumDipole::Create(const Options& options,
   all.targets = all.inputs;
   all.contexts =
       SchroedingerSimulator::Eigenstate(1).replicate(1, all.num_samples());
-  const int num_train = all.num_samples() / 2;
-  problem->train = all.Range(0, num_train);
-  problem->test = all.Range(num_train, all.num_samples() - num_train);
-  problem->batch_size = std::min(16, num_train);
+  SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(

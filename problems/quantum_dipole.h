@@ -18,11 +18,12 @@
 // Settings: Nt 384, dt 0.05, network 28-20-20-20-384 tanh (9,484 weights), N
 //          1024 + 1024, B 16, data_seed 1; half-inverse: step size 0.5,
 //          truncation 1e-5.
-// Facts:   the loss is no least-squares problem: Ceres' trust-region solvers
-//          refuse it. Each sample's J has one null direction on the left, y
-//          (the norm), so a batch has B singular values that are zero.
-//          L = 1 where <y*|y> = 0, as at u = 0, is not stationary for y but is
-//          for L: the gradient of L vanishes there.
+// Facts:   the loss is no sum of squares: Ceres' trust-region solvers refuse
+// it.
+//          Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
+//          y in the ground state, is a stationary point, at L = 1. As the norm
+//          is conserved, y^T J = 0 for every sample, and a batch has B singular
+//          values that are zero.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
 //          and its code, Quantum_dipole/.
 #ifndef PROBLEMS_QUANTUM_DIPOLE_H_
