@@ -75,14 +75,14 @@ class SchroedingerSimulator final : public Simulator {
                        double* hessian) const override;
 
  private:
-  // A complex number at each point.
-  struct GridFunction {
-    double re[kNumPoints];
-    double im[kNumPoints];
-  };
-  // kWidth grid functions side by side: column k holds point k of each.
+  // kWidth complex functions on the points, side by side: point k of the j-th
+  // is entry kWidth k + j.
   template <int kWidth>
-  struct GridFunctions;
+  struct GridFunctions {
+    double re[kWidth * kNumPoints];
+    double im[kWidth * kNumPoints];
+  };
+  using GridFunction = GridFunctions<1>;
   // What a step leaves for the way back.
   struct Step {
     GridFunction inverse_pivots;  // of A_t, scaled: see Factor
@@ -96,13 +96,28 @@ class SchroedingerSimulator final : public Simulator {
   void Solve(const GridFunction& inverse_pivots,
              const GridFunctions<kWidth>& c,
              GridFunctions<kWidth>* solution) const;
+  // f <- 2 midpoint - f.
+  template <int kWidth>
+  static void Advance(const GridFunctions<kWidth>& midpoint,
+                      GridFunctions<kWidth>* f);
+  // Sums f g over the points, without conjugation: kWidth complex numbers.
+  template <int kWidth>
+  static void Dot(const GridFunctions<kWidth>& f,
+                  const GridFunction& g,
+                  double* re,
+                  double* im);
   // -i dt X f.
-  GridFunction Source(const GridFunctions<1>& f) const;
+  GridFunction Source(const GridFunction& f) const;
+  static GridFunction FromState(const double* state);
   // Computes y, and fills the steps.
   bool RollOut(const double* x,
                const double* context,
                Step* steps,
                double* y) const;
+  // Calls visit(t, q) with q = A_t^-1 c from the last step to the first, for w
+  // . y = Re c^T y.
+  template <typename Visit>
+  void ChainBack(const double* w, const Step* steps, const Visit& visit) const;
 
   int num_steps_;
   double dt_;
