@@ -1,6 +1,7 @@
 #include "problems/quantum_dipole.h"
 
 #include <cmath>
+#include <cstdint>
 #include <memory>
 
 #include "invgrad/chain/autodiff_loss.h"

@@ -59,7 +59,7 @@ struct QuantumDipole {
     int data_seed = 1;
     void Describe(OptionSet* set) {
       set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
-      set->Add("dt", &dt, {0.0, 10.0, true}, "length of a time step");
+      set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
       set->Add("num_samples",
                &num_samples,
                {1, 1e7},

@@ -28,8 +28,7 @@
 // Fails:   returns false if a value is not finite. The pivots of A_t have real
 //          parts of at least one whatever u is: nothing else can fail. CHECKs
 //          that num_steps > 0 and dt is finite and not zero.
-// Facts:   the norm is conserved: psi^T J = 0 for psi = y, a null space of J
-//          that truncation must meet.
+// Facts:   the norm is conserved: y^T J = 0, so J is never of full rank.
 //
 // [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
 //     Learning. ICLR 2022, section 3.4, arXiv 2203.10131; code
@@ -114,8 +113,8 @@ class SchroedingerSimulator final : public Simulator {
                const double* context,
                Step* steps,
                double* y) const;
-  // Calls visit(t, q) with q = A_t^-1 c from the last step to the first, for w
-  // . y = Re c^T y.
+  // Starts from c with Re c^T y = w . y and calls visit(t, q), q = A_t^-1 c,
+  // from the last step to the first.
   template <typename Visit>
   void ChainBack(const double* w, const Step* steps, const Visit& visit) const;
 

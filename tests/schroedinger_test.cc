@@ -206,8 +206,8 @@ class SchroedingerDerivatives : public testing::Test {
 
 TEST_F(SchroedingerDerivatives, JacobianIsThatOfJetsThroughTheRollOut) {
   using Jet = ceres::Jet<double, kNumSteps>;
-  std::vector<Jet> jets;
-  for (int t = 0; t < kNumSteps; ++t) jets.emplace_back(controls_[t], t);
+  std::vector<Jet> jets(kNumSteps);
+  for (int t = 0; t < kNumSteps; ++t) jets[t] = Jet(controls_[t], t);
   const std::vector<Jet> expected = RollOut(jets, kDt, start_);
   const VectorXd y = Evolve(controls_, kDt, start_);
   const RowMajorMatrix J = Jacobian(controls_, kDt, start_);
@@ -220,9 +220,9 @@ TEST_F(SchroedingerDerivatives, JacobianIsThatOfJetsThroughTheRollOut) {
 
 TEST_F(SchroedingerDerivatives, HessianIsThatOfNestedJetsThroughTheRollOut) {
   using Jet = NestedJet<kNumSteps>;
-  std::vector<Jet> jets;
+  std::vector<Jet> jets(kNumSteps);
   for (int t = 0; t < kNumSteps; ++t) {
-    jets.push_back(MakeHessianJet<kNumSteps>(controls_[t], t));
+    jets[t] = MakeHessianJet<kNumSteps>(controls_[t], t);
   }
   const std::vector<Jet> y = RollOut(jets, kDt, start_);
   const VectorXd w = RandomVector(kSize, 1.0, 8);
