@@ -12,6 +12,8 @@
 //       --rules=half_inverse,gauss_newton,adam:step_size=3e-4:batch_size=512
 //   compare --problem=toy_network:lambda=0.01 --seconds=10
 //       --rules=half_inverse:step_size=auto,adam:step_size=1e-2,ceres_lm
+//   compare --problem=quantum_dipole --seconds=20
+//       --rules=half_inverse:step_size=0.5:truncation=1e-5,adam:step_size=5e-4
 //   compare --flagfile=runs/compare/flags.txt --output=runs/again
 //
 // The run directory holds the flags that repeat the run, versions, histories
