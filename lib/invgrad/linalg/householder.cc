@@ -1,5 +1,7 @@
 #include "invgrad/linalg/householder.h"
 
+#include <algorithm>
+
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -28,7 +30,7 @@ void ApplyReflectors(const Eigen::MatrixXd& A,
                      bool transpose,
                      Eigen::VectorXd* x) {
   CHECK_EQ(x->size(), A.rows());
-  CHECK_LE(tau.size() + offset, A.rows());
+  CHECK_LE(tau.size(), std::max<Eigen::Index>(0, A.rows() - offset));
   simd::Run([&]() INVGRAD_INLINE {
     ApplyInTurn(static_cast<int>(A.rows()),
                 A.data(),

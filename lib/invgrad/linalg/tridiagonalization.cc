@@ -12,17 +12,33 @@ namespace invgrad {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-void Tridiagonalization::Compute(MatrixXd* K, Method /*method*/) {
+void Tridiagonalization::Compute(MatrixXd* K, Method method) {
   K_ = K;
-  one_stage_.Compute(K, &diagonal_, &off_diagonal_, &tau_);
+  method_ = method == Method::kAuto ? Method::kOneStage : method;
+  if (method_ == Method::kOneStage) {
+    one_stage_.Compute(K, &diagonal_, &off_diagonal_, &tau_);
+  } else {
+    band_reduction_.Compute(BulgeChase::kBandwidth, K, &tau_);
+    bulge_chase_.Compute(*K, &diagonal_, &off_diagonal_);
+  }
 }
 
 void Tridiagonalization::ApplyQTranspose(VectorXd* x) const {
-  ApplyReflectors(*K_, 1, tau_, true, x);
+  if (method_ == Method::kOneStage) {
+    ApplyReflectors(*K_, 1, tau_, true, x);
+  } else {
+    ApplyReflectors(*K_, BulgeChase::kBandwidth, tau_, true, x);
+    bulge_chase_.ApplyQ(true, x);
+  }
 }
 
 void Tridiagonalization::ApplyQ(VectorXd* x) const {
-  ApplyReflectors(*K_, 1, tau_, false, x);
+  if (method_ == Method::kOneStage) {
+    ApplyReflectors(*K_, 1, tau_, false, x);
+  } else {
+    bulge_chase_.ApplyQ(false, x);
+    ApplyReflectors(*K_, BulgeChase::kBandwidth, tau_, false, x);
+  }
 }
 
 void Tridiagonalization::ApplyQ(MatrixXd* X) const {

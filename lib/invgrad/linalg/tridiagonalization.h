@@ -18,6 +18,8 @@
 #include <cstdint>
 
 #include "Eigen/Core"
+#include "invgrad/linalg/band_reduction.h"
+#include "invgrad/linalg/bulge_chase.h"
 #include "invgrad/linalg/one_stage.h"
 
 namespace invgrad {
@@ -53,7 +55,10 @@ class Tridiagonalization {
   Eigen::VectorXd diagonal_;      // m
   Eigen::VectorXd off_diagonal_;  // m - 1
   Eigen::VectorXd tau_;           // m - 1
+  Method method_ = Method::kOneStage;
   OneStageReduction one_stage_;
+  BandReduction band_reduction_;
+  mutable BulgeChase bulge_chase_;
 };
 
 }  // namespace invgrad
