@@ -51,7 +51,6 @@ class Tridiagonalization {
 
  private:
   const Eigen::MatrixXd* K_ = nullptr;
-  Method method_ = Method::kOneStage;
   Eigen::VectorXd diagonal_;      // m
   Eigen::VectorXd off_diagonal_;  // m - 1
   Eigen::VectorXd tau_;           // m - 1
