@@ -1,235 +1,433 @@
-// Times the half-inverse step and its Jacobian against named alternatives.
+// Times the half-inverse step's linear algebra, route by route, beside a full
+// SVD, at the four published sizes and with a million weights.
 //
 // Sample runs:
 //
 //   bench_step
-//   bench_step --benchmark_filter=linear_chain --benchmark_repetitions=5
+//   bench_step --cases=poisson --slow_baselines
+//   bench_step --cases=linear_chain,cubic_chain --benchmark_repetitions=5
+//   bench_step --memory --cases=poisson
 //
-// One thread. After the usual lines, the ratios of the same run are printed:
+// One BLAS thread, warm: the workspace is kept between steps. CASE/ROUTE is the
+// whole linear algebra of a step, from the Jacobian's factors (or, for a full
+// SVD, from the dense J) to d:
 //
-//   linear_chain/step            linearization (network, physics), half-inverse
-//                                by the Gram route, weights moved: B = 32
-//   linear_chain/step_full_svd   the same with J formed and LAPACK dgesdd
-//   linear_chain/jacobian        the network's Jacobian factors (and physics)
-//   linear_chain/autodiff/S      Ceres' DynamicAutoDiffCostFunction, stride S,
-//                                of the same model
-//   cubic_chain/...              the nonlinear oscillators, B = 128
+//   gram, cascade, svd   the routes of spectral_step.h
+//   dgesdd, sgesdd       LAPACK's SVD of J in double and single precision
+//   bdcsvd               Eigen's
+//   step                 linearization (network, physics, factors) and gram
+//
+// After the usual lines, ratios of the same run, GF/s and multiples of the
+// limit: the time of the Gram matrix' and the reduction's arithmetic,
+// m^2 sum(widths) + 4/3 m^3, at the speed of this run's dgemm. With --memory,
+// no times: the peak memory of a process that makes one such step.
+
+#include <lapacke.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
-#include <limits>
-#include <map>
+#include <functional>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "Eigen/SVD"
 #include "benchmark/benchmark.h"
-#include "ceres/dynamic_autodiff_cost_function.h"
+#include "bin/support/ratio_reporter.h"
+#include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/linalg/blas.h"
+#include "invgrad/linalg/spectral_step.h"
 #include "invgrad/rules/rules.h"
-#include "problems/oscillator_chain.h"
+#include "problems/problems.h"
+
+DEFINE_string(cases,
+              "linear_chain,cubic_chain,quantum_dipole,poisson,million",
+              "which sizes, comma-separated");
+DEFINE_bool(slow_baselines,
+            false,
+            "also those full SVDs that take a minute or more");
+DEFINE_int32(train_steps, 0, "steps of Adam before the Jacobian is taken");
+DEFINE_bool(memory, false, "print peak memory instead of times");
 
 namespace invgrad {
 namespace {
 
-struct Chain {
+struct CaseRow {
+  const char* name;
+  const char* problem;
+  double truncation;            // the published one
+  std::vector<int> widths;      // of another network than the problem's
+  bool full_svd_is_slow;        // a minute or more
+  bool full_svd_is_impossible;  // J alone would take 33 GB
+};
+
+const std::vector<CaseRow>& CaseRows() {
+  static const auto& rows = *new std::vector<CaseRow>{
+      {"linear_chain", "oscillator_chain", 1e-10, {}, false, false},
+      {"cubic_chain",
+       "oscillator_chain:coupling=cubic",
+       1e-6,
+       {},
+       false,
+       false},
+      {"quantum_dipole", "quantum_dipole", 1e-5, {}, false, false},
+      {"poisson", "poisson", 1e-5, {}, true, false},
+      {"million", "poisson", 1e-5, {64, 512, 1024, 416, 64}, true, true},
+  };
+  return rows;
+}
+
+// A batch of a problem, linearized.
+struct Case {
+  const CaseRow* row;
   LearningProblem problem;
+  std::shared_ptr<const Model> model;
   DataSet batch;
   Eigen::VectorXd weights;
+  Linearization at_weights;
 
-  explicit Chain(const std::string& coupling) {
-    OscillatorChain::Options options;
-    options.coupling = coupling;
-    options.num_samples = 512;
+  explicit Case(const CaseRow& case_row) : row(&case_row) {
+    PhysicsProblem physics;
     std::string error;
-    CHECK(OscillatorChain::Create(options, nullptr, &problem, &error)) << error;
+    CHECK(CreateProblem(row->problem, nullptr, &physics, &error)) << error;
+    problem = *physics.learning;
+    model = problem.model;
+    if (!row->widths.empty()) {
+      model = std::make_shared<Model>(model->WithNetwork(
+          DenseNetwork(row->widths, model->network().hidden_activation())));
+    }
     batch = problem.train.Range(0, problem.batch_size);
     NumpyRandom random(1);
-    weights = problem.model->network().InitialWeights(problem.initialization,
-                                                      &random);
+    weights = model->network().InitialWeights(problem.initialization, &random);
+    const std::unique_ptr<UpdateRule> adam =
+        CreateRule({"", "adam", {}}, &error);
+    CHECK(adam != nullptr) << error;
+    const int num_batches = problem.train.num_samples() / problem.batch_size;
+    for (int i = 0; i < FLAGS_train_steps; ++i) {
+      Linearization at;
+      Eigen::VectorXd step;
+      CHECK(model->Linearize(
+          weights,
+          problem.train.Range(i % num_batches * problem.batch_size,
+                              problem.batch_size),
+          adam->Needs(),
+          &at,
+          &error))
+          << error;
+      CHECK(adam->ComputeStep(at, &step, &error)) << error;
+      weights += step;
+    }
+    Linearize(&at_weights);
+  }
+
+  void Linearize(Linearization* at) const {
+    LinearizationParts parts;
+    parts.jacobian = true;
+    std::string error;
+    CHECK(model->Linearize(weights, batch, parts, at, &error)) << error;
+  }
+  const JacobianOperator& J() const { return *at_weights.jacobian; }
+  const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
+  SpectralFilter filter() const {
+    return SpectralFilter::HalfInverse(row->truncation);
+  }
+
+  // Of the Gram matrix and its reduction.
+  double LimitFlops() const {
+    double widths = 0.0;
+    for (size_t l = 1; l < model->network().widths().size(); ++l) {
+      widths += model->network().widths()[l];
+    }
+    const double m = J().rows();
+    return m * m * widths + 4.0 / 3.0 * m * m * m;
   }
 };
 
-void Step(benchmark::State& state,
-          const std::string& coupling,
-          const std::string& route) {
-  const Chain chain(coupling);
-  Specification rule_text{
-      "", "half_inverse", {{"truncation", "1e-10"}, {"route", route}}};
-  std::string error;
-  const std::unique_ptr<UpdateRule> rule = CreateRule(rule_text, &error);
-  CHECK(rule != nullptr) << error;
-  // The weights move, but not so far that the problem would become another.
-  Eigen::VectorXd weights = chain.weights;
-  Eigen::VectorXd step;
-  for (auto _ : state) {
-    Linearization at_weights;
-    CHECK(chain.problem.model->Linearize(
-        weights, chain.batch, rule->Needs(), &at_weights, &error))
-        << error;
-    CHECK(rule->ComputeStep(at_weights, &step, &error)) << error;
-    weights = chain.weights + 1e-3 * step;
-  }
-  state.SetLabel(rule->LastStepReport());
-}
+// Repeats `step` under the clock; `step` returns what the line says about it.
+using Step = std::function<std::string(const Case&)>;
 
-void JacobianFactors(benchmark::State& state, const std::string& coupling) {
-  const Chain chain(coupling);
-  LinearizationParts parts;
-  parts.jacobian = true;
-  std::string error;
-  for (auto _ : state) {
-    Linearization at_weights;
-    CHECK(chain.problem.model->Linearize(
-        chain.weights, chain.batch, parts, &at_weights, &error))
-        << error;
-    benchmark::DoNotOptimize(
-        static_cast<const NetworkJacobian&>(*at_weights.jacobian)
-            .LayerFactor(0)
-            .data());
-  }
-}
-
-// The same batch as one Ceres functor: network and physics on Jets.
-struct ChainFunctor {
-  const Chain* chain;
-  NetworkFunctor network;
-  OscillatorStep<2> step;
-
-  template <typename T>
-  bool operator()(T const* const* parameters, T* residuals) const {
-    const DataSet& batch = chain->batch;
-    const int num_steps = chain->problem.model->network().num_outputs();
-    const int state_size = static_cast<int>(batch.inputs.rows());
-    std::vector<T> inputs(state_size), next(state_size), control(num_steps);
-    for (int s = 0; s < batch.num_samples(); ++s) {
-      for (int i = 0; i < state_size; ++i) inputs[i] = T(batch.inputs(i, s));
-      network(parameters[0], inputs.data(), control.data());
-      for (int t = 0; t < num_steps; ++t) {
-        step(inputs.data(), &control[t], next.data());
-        inputs.swap(next);
-      }
-      for (int i = 0; i < state_size; ++i) {
-        *residuals++ = inputs[i] - batch.targets(i, s);
-      }
+Step RouteStep(SpectralRoute route) {
+  auto workspace = std::make_shared<SpectralWorkspace>();
+  return [route, workspace](const Case& at) -> std::string {
+    SpectralStepOptions options;
+    options.route = route;
+    Eigen::VectorXd d;
+    SpectralStepSummary summary;
+    if (!SpectralStep(at.J(),
+                      at.g(),
+                      at.filter(),
+                      options,
+                      workspace.get(),
+                      &d,
+                      &summary)) {
+      return summary.message;
     }
-    return true;
+    char text[100];
+    std::snprintf(text,
+                  sizeof(text),
+                  "rank %d, error < %.1e",
+                  summary.rank,
+                  summary.estimated_error);
+    return text;
+  };
+}
+
+std::string FullStep(const Case& at) {
+  static auto& workspace = *new SpectralWorkspace;
+  Linearization linearization;
+  at.Linearize(&linearization);
+  SpectralStepOptions options;
+  options.route = SpectralRoute::kGram;
+  Eigen::VectorXd d;
+  SpectralStepSummary summary;
+  CHECK(SpectralStep(*linearization.jacobian,
+                     linearization.loss_gradient,
+                     at.filter(),
+                     options,
+                     &workspace,
+                     &d,
+                     &summary))
+      << summary.message;
+  return "";
+}
+
+// V phi(S) U^T g from a thin SVD.
+template <typename Matrix, typename Vector>
+Eigen::VectorXd Filtered(const Matrix& U,
+                         const Vector& s,
+                         const Matrix& Vt,
+                         const Case& at) {
+  using Scalar = typename Matrix::Scalar;
+  Vector c = U.transpose() * at.g().template cast<Scalar>();
+  for (Eigen::Index i = 0; i < c.size(); ++i) {
+    c[i] *= static_cast<Scalar>(at.filter()(s[i], s[0]));
   }
+  return (Vt.transpose() * c).template cast<double>();
+}
+
+lapack_int Gesdd(int m, int n, double* A, double* s, double* U, double* Vt) {
+  const int k = std::min(m, n);
+  return LAPACKE_dgesdd(LAPACK_COL_MAJOR, 'S', m, n, A, m, s, U, m, Vt, k);
+}
+lapack_int Gesdd(int m, int n, float* A, float* s, float* U, float* Vt) {
+  const int k = std::min(m, n);
+  return LAPACKE_sgesdd(LAPACK_COL_MAJOR, 'S', m, n, A, m, s, U, m, Vt, k);
+}
+
+// LAPACK's SVD of the dense J, its arrays kept between steps.
+template <typename Scalar>
+Step LapackStep() {
+  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+  using Vector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
+  struct Arrays {
+    Matrix J, A, U, Vt;
+    Vector s;
+  };
+  auto arrays = std::make_shared<Arrays>();
+  return [arrays](const Case& at) -> std::string {
+    const int m = at.J().rows();
+    const int n = at.J().cols();
+    const int k = std::min(m, n);
+    Arrays& a = *arrays;
+    if (a.J.size() == 0) {
+      Eigen::MatrixXd J;
+      at.J().ToDense(&J);
+      a.J = J.cast<Scalar>();
+      a.U.resize(m, k);
+      a.Vt.resize(k, n);
+      a.s.resize(k);
+    }
+    a.A = a.J;  // which LAPACK destroys
+    CHECK_EQ(Gesdd(m, n, a.A.data(), a.s.data(), a.U.data(), a.Vt.data()), 0);
+    benchmark::DoNotOptimize(Filtered(a.U, a.s, a.Vt, at).data());
+    return "";
+  };
+}
+
+Step EigenStep() {
+  struct Arrays {
+    Eigen::MatrixXd J;
+    Eigen::BDCSVD<Eigen::MatrixXd> svd;
+  };
+  auto arrays = std::make_shared<Arrays>();
+  return [arrays](const Case& at) -> std::string {
+    if (arrays->J.size() == 0) at.J().ToDense(&arrays->J);
+    arrays->svd.compute(arrays->J, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    const Eigen::MatrixXd Vt = arrays->svd.matrixV().transpose();
+    const Eigen::VectorXd d =
+        Filtered(arrays->svd.matrixU(), arrays->svd.singularValues(), Vt, at);
+    benchmark::DoNotOptimize(d.data());
+    return "";
+  };
+}
+
+struct RouteRow {
+  const char* name;
+  bool is_full_svd;
+  std::function<Step()> make;
 };
 
-template <int kStride>
-void AutoDiff(benchmark::State& state) {
-  const Chain chain("linear");
-  ceres::DynamicAutoDiffCostFunction<ChainFunctor, kStride> cost_function(
-      new ChainFunctor{&chain,
-                       NetworkFunctor(chain.problem.model->network()),
-                       OscillatorStep<2>()});
-  const int n = chain.problem.model->num_weights();
-  const int m = static_cast<int>(chain.batch.targets.size());
-  cost_function.AddParameterBlock(n);
-  cost_function.SetNumResiduals(m);
-  const double* parameters[] = {chain.weights.data()};
-  std::vector<double> jacobian(static_cast<size_t>(m) * n), residuals(m);
-  double* jacobians[] = {jacobian.data()};
-  for (auto _ : state) {
-    CHECK(cost_function.Evaluate(parameters, residuals.data(), jacobians));
+const std::vector<RouteRow>& RouteRows() {
+  static const auto& rows = *new std::vector<RouteRow>{
+      {"gram", false, [] { return RouteStep(SpectralRoute::kGram); }},
+      {"step", false, [] { return Step(FullStep); }},
+      {"cascade", false, [] { return RouteStep(SpectralRoute::kCascade); }},
+      {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},
+      {"dgesdd", true, [] { return LapackStep<double>(); }},
+      {"sgesdd", true, [] { return LapackStep<float>(); }},
+      {"bdcsvd", true, [] { return EigenStep(); }},
+  };
+  return rows;
+}
+
+bool IsWanted(const CaseRow& row, const RouteRow& route) {
+  const bool slow = row.full_svd_is_slow &&
+                    (route.is_full_svd || std::string(route.name) == "cascade");
+  return !(slow && (row.full_svd_is_impossible || !FLAGS_slow_baselines));
+}
+
+// The dgemm rate of this run, in flops a second.
+double GemmRate() {
+  constexpr int kSize = 1024;
+  const Eigen::MatrixXd A = Eigen::MatrixXd::Random(kSize, kSize);
+  Eigen::MatrixXd C(kSize, kSize);
+  double best = 0.0;
+  for (int i = 0; i < 5; ++i) {
+    using Clock = std::chrono::steady_clock;
+    const Clock::time_point start = Clock::now();
+    Gemm(Op::kNone, Op::kTranspose, 1.0, A, A, 0.0, C);
+    const double seconds =
+        std::chrono::duration<double>(Clock::now() - start).count();
+    best = std::max(best, 2.0 * kSize * kSize * kSize / seconds);
+  }
+  return best;
+}
+
+// Megabytes of a process that makes one step.
+double PeakMemory(const CaseRow& row, const RouteRow& route) {
+  const pid_t child = fork();
+  PCHECK(child >= 0);
+  if (child == 0) {
+    route.make()(Case(row));
+    _exit(0);
+  }
+  int status = 0;
+  rusage usage;
+  PCHECK(wait4(child, &status, 0, &usage) == child);
+  CHECK_EQ(status, 0) << row.name << " " << route.name;
+  return usage.ru_maxrss / 1024.0;
+}
+
+bool ReadCases(std::vector<const CaseRow*>* cases) {
+  std::istringstream names(FLAGS_cases);
+  std::string name;
+  while (std::getline(names, name, ',')) {
+    const auto row = std::find_if(
+        CaseRows().begin(), CaseRows().end(), [&name](const CaseRow& it) {
+          return name == it.name;
+        });
+    if (row == CaseRows().end()) {
+      std::fprintf(stderr, "--cases: no case '%s'; there are:", name.c_str());
+      for (const CaseRow& it : CaseRows()) std::fprintf(stderr, " %s", it.name);
+      std::fprintf(stderr, "\n");
+      return false;
+    }
+    cases->push_back(&*row);
+  }
+  return true;
+}
+
+void PrintMemory(const std::vector<const CaseRow*>& cases) {
+  std::printf("peak memory of a process that makes one step, MB\n");
+  for (const CaseRow* row : cases) {
+    for (const RouteRow& route : RouteRows()) {
+      if (!IsWanted(*row, route)) continue;
+      std::printf("%-30s %8.0f\n",
+                  (std::string(row->name) + "/" + route.name).c_str(),
+                  PeakMemory(*row, route));
+      std::fflush(stdout);
+    }
   }
 }
 
-template <int kStride>
-void RegisterAutoDiff() {
-  const std::string name = "linear_chain/autodiff/" + std::to_string(kStride);
-  benchmark::RegisterBenchmark(name.c_str(), AutoDiff<kStride>)
-      ->Unit(benchmark::kMillisecond);
-}
-
-// Keeps the times of a run for the ratios at its end.
-class RatioReporter final : public benchmark::ConsoleReporter {
- public:
-  void ReportRuns(const std::vector<Run>& runs) override {
-    benchmark::ConsoleReporter::ReportRuns(runs);
-    for (const Run& run : runs) {
-      if (run.error_occurred || run.run_type != Run::RT_Iteration) continue;
-      times_[run.run_name.function_name].push_back(run.GetAdjustedRealTime());
-    }
-  }
-
-  // How many times slower `slow` is than `fast`, by their medians.
-  void PrintRatio(const std::string& slow, const std::string& fast) const {
-    const double ratio = Median(slow) / Median(fast);
-    if (ratio == ratio) {
-      std::printf("%-34s / %-28s = %8.1f\n", slow.c_str(), fast.c_str(), ratio);
-    }
-  }
-
-  // The name of the fastest of those that ran; "" if none did.
-  std::string Fastest(const std::vector<std::string>& names) const {
-    std::string fastest;
-    double least = std::numeric_limits<double>::infinity();
-    for (const std::string& name : names) {
-      if (Median(name) < least) {
-        least = Median(name);
-        fastest = name;
-      }
-    }
-    return fastest;
-  }
-
- private:
-  // NaN if it did not run.
-  double Median(const std::string& name) const {
-    const auto it = times_.find(name);
-    if (it == times_.end()) return std::numeric_limits<double>::quiet_NaN();
-    std::vector<double> sorted = it->second;
-    std::sort(sorted.begin(), sorted.end());
-    return sorted[sorted.size() / 2];
-  }
-
-  std::map<std::string, std::vector<double>> times_;
-};
-
-void RegisterAll() {
-  for (const std::string coupling : {"linear", "cubic"}) {
-    const std::string chain = coupling + "_chain/";
-    for (const auto& [name, route] :
-         {std::pair<const char*, const char*>{"step", "gram"},
-          std::pair<const char*, const char*>{"step_full_svd", "svd"}}) {
-      benchmark::RegisterBenchmark(
-          (chain + name).c_str(), Step, coupling, std::string(route))
-          ->Unit(benchmark::kMillisecond);
-    }
+void Register(const std::shared_ptr<const Case>& at) {
+  for (const RouteRow& route : RouteRows()) {
+    if (!IsWanted(*at->row, route)) continue;
+    const std::string name = std::string(at->row->name) + "/" + route.name;
     benchmark::RegisterBenchmark(
-        (chain + "jacobian").c_str(), JacobianFactors, coupling)
+        name.c_str(),
+        [at](benchmark::State& state, const RouteRow& it) {
+          // Outside the clock: the factors and the workspace's first use.
+          const Step step = it.make();
+          std::string label = step(*at);
+          for (auto _ : state) label = step(*at);
+          state.SetLabel(label);
+        },
+        route)
         ->Unit(benchmark::kMillisecond);
   }
-  RegisterAutoDiff<4>();
-  RegisterAutoDiff<8>();
-  RegisterAutoDiff<16>();
-  RegisterAutoDiff<32>();
+}
+
+void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
+                 const RatioReporter& reporter,
+                 double gemm_rate) {
+  std::printf("\nRatios of this run (medians of the repetitions)\n");
+  for (const auto& at : cases) {
+    const std::string name = at->row->name;
+    for (const RouteRow& route : RouteRows()) {
+      if (std::string(route.name) == "gram") continue;
+      reporter.PrintRatio(name + "/" + route.name, name + "/gram");
+    }
+  }
+  std::printf("\ndgemm: %.1f GF/s\n", gemm_rate * 1e-9);
+  for (const auto& at : cases) {
+    const double seconds =
+        reporter.Median(std::string(at->row->name) + "/gram");
+    if (std::isnan(seconds)) continue;
+    std::printf(
+        "%-15s %5d x %7d: %9.3f GF, %5.1f GF/s, %5.2f times the limit\n",
+        at->row->name,
+        at->J().rows(),
+        at->J().cols(),
+        at->LimitFlops() * 1e-9,
+        at->LimitFlops() / seconds * 1e-9,
+        seconds * gemm_rate / at->LimitFlops());
+  }
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  using invgrad::Case;
   benchmark::Initialize(&argc, argv);
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  std::vector<const invgrad::CaseRow*> rows;
+  if (!invgrad::ReadCases(&rows)) return 1;
   invgrad::SetBlasThreads(1);
-  invgrad::RegisterAll();
+  if (FLAGS_memory) {
+    invgrad::PrintMemory(rows);
+    return 0;
+  }
+  std::vector<std::shared_ptr<const Case>> cases;
+  for (const invgrad::CaseRow* row : rows) {
+    cases.push_back(std::make_shared<const Case>(*row));
+    invgrad::Register(cases.back());
+  }
+  const double gemm_rate = invgrad::GemmRate();
   invgrad::RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
-  std::printf("\nRatios of this run (medians of the repetitions)\n");
-  reporter.PrintRatio("linear_chain/step_full_svd", "linear_chain/step");
-  reporter.PrintRatio("cubic_chain/step_full_svd", "cubic_chain/step");
-  reporter.PrintRatio(reporter.Fastest({"linear_chain/autodiff/4",
-                                        "linear_chain/autodiff/8",
-                                        "linear_chain/autodiff/16",
-                                        "linear_chain/autodiff/32"}),
-                      "linear_chain/jacobian");
+  invgrad::PrintRatios(cases, reporter, gemm_rate);
   return 0;
 }

@@ -53,6 +53,11 @@ class Model {
     return Model(network_, simulator_, std::move(loss), reduction);
   }
 
+  // Another network in front of the same simulator and loss.
+  Model WithNetwork(DenseNetwork network) const {
+    return Model(std::move(network), simulator_, loss_, reduction_);
+  }
+
   Reduction reduction() const { return reduction_; }
   int num_weights() const { return network_.num_weights(); }
 
