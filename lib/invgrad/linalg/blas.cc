@@ -73,6 +73,28 @@ void Syrk(Op op_A,
               LeadingDimension(C));
 }
 
+void Gemv(Op op_A,
+          double alpha,
+          const Eigen::Ref<const Eigen::MatrixXd>& A,
+          const Eigen::Ref<const Eigen::VectorXd>& x,
+          double beta,
+          Eigen::Ref<Eigen::VectorXd> y) {
+  CHECK_EQ(x.size(), op_A == Op::kNone ? A.cols() : A.rows());
+  CHECK_EQ(y.size(), op_A == Op::kNone ? A.rows() : A.cols());
+  cblas_dgemv(CblasColMajor,
+              ToCblas(op_A),
+              static_cast<int>(A.rows()),
+              static_cast<int>(A.cols()),
+              alpha,
+              A.data(),
+              LeadingDimension(A),
+              x.data(),
+              1,
+              beta,
+              y.data(),
+              1);
+}
+
 void SetBlasThreads(int num_threads) {
   CHECK_GT(num_threads, 0);
   openblas_set_num_threads(num_threads);
