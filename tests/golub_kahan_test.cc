@@ -400,6 +400,22 @@ TEST(GolubKahanStep, StoresTheSmallerBasisUnlessTheThresholdIsSmall) {
     EXPECT_EQ(workspace.P.rows(), m);
     EXPECT_EQ(workspace.V.rows(), n);
     EXPECT_LT(factored.RelativeError(fine, g, d), 1e-6);
+    GolubKahanOptions one_basis = Tolerance(1e-3);
+    one_basis.always_one_basis = true;
+    one_basis.max_iterations = 20;
+    GolubKahanOptions two_bases = one_basis;
+    two_bases.always_one_basis = false;
+    VectorXd iterate;
+    ASSERT_TRUE(
+        GolubKahanStep(J, g, fine, two_bases, &workspace, &iterate, &summary));
+    workspace = GolubKahanWorkspace();
+    ASSERT_TRUE(
+        GolubKahanStep(J, g, fine, one_basis, &workspace, &d, &summary));
+    EXPECT_FALSE(summary.converged);
+    EXPECT_EQ(workspace.P.size() > 0, m < n);
+    EXPECT_EQ(workspace.V.size() > 0, m >= n);
+    // The smallest value of the iterate is about 1e-4 s_max.
+    EXPECT_LT((d - iterate).norm(), 1e-6 * d.norm());
     workspace.P.setConstant(11, 3, kNaN);
     workspace.V.setConstant(7, 50, kNaN);
     ASSERT_TRUE(GolubKahanStep(

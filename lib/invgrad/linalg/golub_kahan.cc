@@ -369,8 +369,9 @@ bool GolubKahanStep(const JacobianOperator& J,
   v /= v_norm;
 
   const double smallest = SmallestScale(filter);
-  const bool both = kBackwardError * kEpsilon >
-                    0.01 * options.tolerance * smallest * smallest;
+  const bool both = !options.always_one_basis &&
+                    kBackwardError * kEpsilon >
+                        0.01 * options.tolerance * smallest * smallest;
   const bool keep_P = both || m < n;
   const bool keep_V = both || m >= n;
   Basis P(m, &workspace->P);

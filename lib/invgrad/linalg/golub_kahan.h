@@ -70,6 +70,9 @@ struct GolubKahanOptions {
   double tolerance = 1e-3;
   // The cap on time and memory. min(m, n) is always enough.
   int max_iterations = 1000;
+  // Stores one basis whatever the threshold is: for iterates that are not meant
+  // to converge.
+  bool always_one_basis = false;
 };
 
 // The bases, kept between calls: their pages cost more than they look.
