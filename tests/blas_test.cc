@@ -70,6 +70,28 @@ TEST(GemmTest, EmptySumIsZero) {
   EXPECT_EQ(C, MatrixXd::Zero(2, 3));
 }
 
+TEST(GemvTest, IsEigensProductForEveryTransposition) {
+  const MatrixXd A = Integers(3, 4, 1);
+  const MatrixXd At = A.transpose();
+  const Eigen::VectorXd x = Integers(4, 1, 2);
+  const Eigen::VectorXd y = Integers(3, 1, 3);
+  const Eigen::VectorXd expected = 2.0 * A * x - 3.0 * y;
+  Eigen::VectorXd result = y;
+  Gemv(Op::kNone, 2.0, A, x, -3.0, result);
+  EXPECT_EQ(result, expected);
+  result = y;
+  Gemv(Op::kTranspose, 2.0, At, x, -3.0, result);
+  EXPECT_EQ(result, expected);
+}
+
+TEST(GemvTest, ZeroBetaOverwritesNanAlsoWithBlocks) {
+  const MatrixXd A = Integers(6, 7, 4);
+  Eigen::VectorXd y =
+      Eigen::VectorXd::Constant(2, std::numeric_limits<double>::quiet_NaN());
+  Gemv(Op::kNone, 1.0, A.block(1, 2, 2, 3), A.col(0).head(3), 0.0, y);
+  EXPECT_EQ(y, A.block(1, 2, 2, 3) * A.col(0).head(3));
+}
+
 TEST(GemmDeathTest, RefusesSizesThatDoNotFit) {
   // OpenBLAS has threads of its own.
   testing::FLAGS_gtest_death_test_style = "threadsafe";

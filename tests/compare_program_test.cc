@@ -52,6 +52,7 @@ TEST_F(CompareProgram, ListsProblemsRulesAndOptions) {
                            "half_inverse",
                            "gauss_newton",
                            "levenberg_marquardt",
+                           "krylov",
                            "ceres_lm",
                            "ceres_dogleg",
                            "ceres_bfgs",

@@ -107,7 +107,8 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "power",
                                    "half_inverse",
                                    "gauss_newton",
-                                   "levenberg_marquardt"}));
+                                   "levenberg_marquardt",
+                                   "krylov"}));
 }
 
 // Every default, set explicitly, changes nothing.

@@ -74,27 +74,33 @@ void Syrk(Op op_A,
 }
 
 void Gemv(Op op_A,
+          double alpha,
           const Eigen::Ref<const Eigen::MatrixXd>& A,
           const Eigen::Ref<const Eigen::VectorXd>& x,
+          double beta,
           Eigen::Ref<Eigen::VectorXd> y) {
   CHECK_EQ(x.size(), op_A == Op::kNone ? A.cols() : A.rows());
   CHECK_EQ(y.size(), op_A == Op::kNone ? A.rows() : A.cols());
   CHECK_NE(x.data(), y.data()) << "A product cannot be computed in place.";
   // BLAS leaves y untouched where A has no rows or columns.
   if (A.size() == 0) {
-    y.setZero();
+    if (beta == 0.0) {
+      y.setZero();
+    } else {
+      y *= beta;
+    }
     return;
   }
   cblas_dgemv(CblasColMajor,
               ToCblas(op_A),
               static_cast<int>(A.rows()),
               static_cast<int>(A.cols()),
-              1.0,
+              alpha,
               A.data(),
               LeadingDimension(A),
               x.data(),
               1,
-              0.0,
+              beta,
               y.data(),
               1);
 }

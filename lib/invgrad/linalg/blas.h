@@ -1,7 +1,7 @@
 // The few BLAS calls of the library, in Eigen's types.
 //
 //   C = alpha op(A) op(B) + beta C,   C = alpha op(A) op(A)^T + beta C,
-//   y = op(A) x
+//   y = alpha op(A) x + beta y
 //
 // Why not Eigen's own products: without -march=native they run at a third of
 // the speed of OpenBLAS, which chooses its kernels at run time.
@@ -37,10 +37,12 @@ void Syrk(Op op_A,
           double beta,
           Eigen::Ref<Eigen::MatrixXd> C);
 
-// y = op(A) x; y may hold anything before.
+// y = alpha op(A) x + beta y. With beta = 0, y may hold anything.
 void Gemv(Op op_A,
+          double alpha,
           const Eigen::Ref<const Eigen::MatrixXd>& A,
           const Eigen::Ref<const Eigen::VectorXd>& x,
+          double beta,
           Eigen::Ref<Eigen::VectorXd> y);
 
 // The number of threads that BLAS and LAPACK use, in the whole process. Below

@@ -112,11 +112,8 @@ INVGRAD_INLINE inline void UpdateTriangle(double* A,
 }
 
 // C = H (C - w v^T), H = I - tau u u^T, except for its first column.
-INVGRAD_INLINE inline void UpdateSquare(double* C,
-                                        const double* v,
-                                        const double* w,
-                                        const double* u,
-                                        double tau) {
+INVGRAD_INLINE inline void UpdateSquare(
+    double* C, const double* v, const double* w, const double* u, double tau) {
   const double u_w = simd::Dot(b, u, w);
   for (int j = 0; j < b; j += kPack) {
     const Quad column(C, j);

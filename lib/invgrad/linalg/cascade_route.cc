@@ -167,7 +167,7 @@ bool CascadeRoute(const SpectralProblem& problem,
     if (parameter_side) {
       svd.LeftTransposeTimes(problem.g, &c);
     } else {
-      Gemv(Op::kTranspose, X, problem.g, x);
+      Gemv(Op::kTranspose, 1.0, X, problem.g, 0.0, x);
       svd.RightTransposeTimes(x, &c);
     }
     const VectorXd s = svd.s();
@@ -175,7 +175,7 @@ bool CascadeRoute(const SpectralProblem& problem,
     for (int i = 0; i < count; ++i) filtered[i] = filter(s[i], s_max) * c[i];
     if (parameter_side) {
       svd.RightTimes(filtered, &x);
-      Gemv(Op::kNone, X, x, small);
+      Gemv(Op::kNone, 1.0, X, x, 0.0, small);
     } else {
       svd.LeftTimes(filtered, &small);
     }

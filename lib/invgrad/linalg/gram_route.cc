@@ -135,7 +135,7 @@ bool EigenvectorStep(const SpectralProblem& problem,
   const VectorXd s = s_max * lambda.cwiseMax(0.0).cwiseSqrt();
   VectorXd& c = workspace->y;
   c.resize(size);
-  Gemv(Op::kTranspose, U, workspace->b, c);
+  Gemv(Op::kTranspose, 1.0, U, workspace->b, 0.0, c);
   VectorXd filtered(size);
   for (Index i = 0; i < size; ++i) {
     const double phi = problem.filter(s[i], s_max);
@@ -143,7 +143,7 @@ bool EigenvectorStep(const SpectralProblem& problem,
   }
   VectorXd& w = workspace->product;
   w.resize(size);
-  Gemv(Op::kNone, U, filtered, w);
+  Gemv(Op::kNone, 1.0, U, filtered, 0.0, w);
   if (parameter_side) {
     *d = w;
   } else {

@@ -36,14 +36,14 @@ std::string JacobianOperator::RowName(int row) const {
 void DenseJacobian::Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const {
   CheckProductSizes(*this, v.size(), false);
   Jv->resize(rows());
-  Gemv(Op::kNone, J_, v, *Jv);
+  Gemv(Op::kNone, 1.0, J_, v, 0.0, *Jv);
 }
 
 void DenseJacobian::TransposeTimes(const Eigen::VectorXd& w,
                                    Eigen::VectorXd* Jtw) const {
   CheckProductSizes(*this, w.size(), true);
   Jtw->resize(cols());
-  Gemv(Op::kTranspose, J_, w, *Jtw);
+  Gemv(Op::kTranspose, 1.0, J_, w, 0.0, *Jtw);
 }
 
 void DenseJacobian::Gram(Eigen::MatrixXd* JJt) const {

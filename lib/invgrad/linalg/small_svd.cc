@@ -106,33 +106,36 @@ void SmallSvd::ApplyReflectors(char transpose, VectorXd* x) const {
 void SmallSvd::LeftTransposeTimes(const VectorXd& x, VectorXd* y) const {
   y->resize(workspace_.left.cols());
   if (!is_reduced_) {
-    Gemv(Op::kTranspose, workspace_.left, x, *y);
+    Gemv(Op::kTranspose, 1.0, workspace_.left, x, 0.0, *y);
     return;
   }
   VectorXd& rotated = workspace_.product;
   rotated = x;
   ApplyReflectors('T', &rotated);
   Gemv(Op::kTranspose,
+       1.0,
        workspace_.left,
        rotated.head(workspace_.left.rows()),
+       0.0,
        *y);
 }
 
 void SmallSvd::LeftTimes(const VectorXd& x, VectorXd* y) const {
   y->setZero(workspace_.dense.rows());
-  Gemv(Op::kNone, workspace_.left, x, y->head(workspace_.left.rows()));
+  Gemv(
+      Op::kNone, 1.0, workspace_.left, x, 0.0, y->head(workspace_.left.rows()));
   if (is_reduced_) ApplyReflectors('N', y);
 }
 
 // LAPACK returns Z^T.
 void SmallSvd::RightTransposeTimes(const VectorXd& x, VectorXd* y) const {
   y->resize(workspace_.right.rows());
-  Gemv(Op::kNone, workspace_.right, x, *y);
+  Gemv(Op::kNone, 1.0, workspace_.right, x, 0.0, *y);
 }
 
 void SmallSvd::RightTimes(const VectorXd& x, VectorXd* y) const {
   y->resize(workspace_.right.cols());
-  Gemv(Op::kTranspose, workspace_.right, x, *y);
+  Gemv(Op::kTranspose, 1.0, workspace_.right, x, 0.0, *y);
 }
 
 }  // namespace invgrad

@@ -4,6 +4,7 @@
 #include "invgrad/rules/adagrad.h"
 #include "invgrad/rules/adam.h"
 #include "invgrad/rules/gradient_descent.h"
+#include "invgrad/rules/krylov_rule.h"
 #include "invgrad/rules/newton.h"
 #include "invgrad/rules/rmsprop.h"
 #include "invgrad/rules/spectral_rule.h"
@@ -81,6 +82,10 @@ std::vector<RuleRow> MakeRules() {
       Row<SpectralRule>("levenberg_marquardt",
                         "step = -eta V S / (S^2 + lambda) U^T g",
                         SpectralRule::Options::LevenbergMarquardt()),
+      Row<KrylovRule>("krylov",
+                      "step = -eta V_k R_k^(-kappa) P_k^T g, k Golub-Kahan "
+                      "iterations",
+                      KrylovRule::Options()),
   };
 }
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "glog/logging.h"
-#include "invgrad/linalg/finite.h"
 
 namespace invgrad {
 namespace {
@@ -116,18 +115,11 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
     *error = summary.message;
     return false;
   }
-  direction_ = -direction_;
-  double eta = options_.step_size.step_size;
-  if (direction_.isZero(0.0)) {
-    // Along it there is nothing to minimize; it is a step of any size.
-    eta = 1.0;
-  } else if (options_.step_size.is_auto() &&
-             !AutoStepSize(
-                 at_x, direction_, options_.step_size.rho, &eta, error)) {
+  double eta = 0.0;
+  if (!ScaleDirection(
+          at_x, options_.step_size, -direction_, &eta, step, error)) {
     return false;
   }
-  eta *= options_.step_size.ScheduleFactor(at_x.progress);
-  *step = eta * direction_;
 
   std::ostringstream report;
   report.precision(2);
@@ -142,7 +134,7 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
   if (options_.step_size.is_auto()) report << ", step size " << eta;
   if (!summary.message.empty()) report << " (" << summary.message << ")";
   report_ = report.str();
-  return CheckFinite("the step", *step, error);
+  return true;
 }
 
 }  // namespace invgrad

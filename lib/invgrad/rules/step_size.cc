@@ -92,4 +92,23 @@ bool AutoStepSize(const Linearization& at_x,
   return false;
 }
 
+bool ScaleDirection(const Linearization& at_x,
+                    const StepSizeOptions& options,
+                    const Eigen::VectorXd& direction,
+                    double* step_size,
+                    Eigen::VectorXd* step,
+                    std::string* error) {
+  *step_size = options.step_size;
+  if (direction.isZero(0.0)) {
+    // Along it there is nothing to minimize.
+    *step_size = 1.0;
+  } else if (options.is_auto() &&
+             !AutoStepSize(at_x, direction, options.rho, step_size, error)) {
+    return false;
+  }
+  *step_size *= options.ScheduleFactor(at_x.progress);
+  *step = *step_size * direction;
+  return CheckFinite("the step", *step, error);
+}
+
 }  // namespace invgrad

@@ -54,6 +54,16 @@ bool AutoStepSize(const Linearization& at_x,
                   double* step_size,
                   std::string* error);
 
+// step = eta s(progress) d with the eta of `options`, fixed or auto; *step_size
+// is that factor. d = 0 is a step of any size. False if there is no automatic
+// step size or if the step is not finite.
+bool ScaleDirection(const Linearization& at_x,
+                    const StepSizeOptions& options,
+                    const Eigen::VectorXd& direction,
+                    double* step_size,
+                    Eigen::VectorXd* step,
+                    std::string* error);
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_RULES_STEP_SIZE_H_

@@ -1,0 +1,70 @@
+// The power rule in a Krylov space, for batches whose J has too many rows for a
+// factorization.
+//
+//   step = -eta V_k R_k^(-kappa) P_k^T g
+//
+// where k Golub-Kahan iterations from J^T g give J V_k = P_k R_k and
+// R_k^(-kappa) = Y S^(-kappa) X^T from the SVD R_k = X S Y^T (golub_kahan.h).
+// k = 1 is gradient descent with a scaled step, k = rank J the power rule;
+// between the two, modes that have not been resolved are treated like one
+// another, by their mean curvature. k takes the place of a truncation.
+//
+// Shapes:  g: m;  J: m x n;  step: n;  P_k: m x k;  V_k: n x k;  R_k: k x k.
+// Units:   those of the power rule: (g, J) -> c (g, J) multiplies the step by
+//          c^(1 - kappa), at any k.
+// Cost:    k products with J and k with J^T, 2 min(m, n) k^2 for orthogonality,
+//          O(k^3); min(m, n) k doubles. Neither J nor its Gram matrix is
+//          formed.
+// Fails:   as golub_kahan.h, and if there is no automatic step size. A step
+//          that has not converged to the power rule's is no failure.
+//
+// With a truncation the iteration ends when the step is that of the truncated
+// power rule to `tolerance`, or after `iterations`.
+//
+// kappa = 1 is Gauss-Newton with the k-th iterate of LSQR [1].
+//
+// [1] Paige, Saunders. LSQR: An Algorithm for Sparse Linear Equations and
+//     Sparse Least Squares. ACM TOMS 8 (1982).
+#ifndef INVGRAD_RULES_KRYLOV_RULE_H_
+#define INVGRAD_RULES_KRYLOV_RULE_H_
+
+#include <limits>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/linalg/golub_kahan.h"
+#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/rules/option_set.h"
+#include "invgrad/rules/step_size.h"
+#include "invgrad/rules/update_rule.h"
+
+namespace invgrad {
+
+class KrylovRule final : public UpdateRule {
+ public:
+  struct Options {
+    StepSizeOptions step_size{std::numeric_limits<double>::quiet_NaN()};
+    SpectralFilter filter = SpectralFilter::HalfInverse(0.0);
+    int iterations = 40;
+    double tolerance = 1e-2;
+
+    void Describe(OptionSet* set);
+  };
+
+  explicit KrylovRule(const Options& options);
+
+  LinearizationParts Needs() const override;
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) override;
+  std::string LastStepReport() const override { return report_; }
+
+ private:
+  const Options options_;
+  GolubKahanWorkspace workspace_;
+  std::string report_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_KRYLOV_RULE_H_
