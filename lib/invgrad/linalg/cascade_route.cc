@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "invgrad/linalg/blas.h"
@@ -17,9 +18,13 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Singular values above this, relative to s_max, are left to the Gram matrix,
-// whose error there is epsilon / kSplit^2 = 2e-10.
-constexpr double kSplit = 1e-3;
+// Singular values above the split, relative to s_max, are left to the Gram
+// matrix, whose error there is kGramError / split^2.
+constexpr double kGramError = 100.0 * std::numeric_limits<double>::epsilon();
+constexpr double kLargestSplit = 1e-3;
+
+// Of the tolerance, for that error.
+constexpr double kGramShare = 0.25;
 
 // With a larger share of all values below it, the SVD of the whole J is as
 // cheap.
@@ -82,6 +87,7 @@ bool SmallestEigenvectors(const Tridiagonalization& reduction,
 // J^T X is computed from J itself: its singular values have lost nothing to
 // squaring.
 bool CascadeRoute(const SpectralProblem& problem,
+                  double tolerance,
                   bool reduced,
                   SpectralWorkspace* workspace,
                   VectorXd* d,
@@ -120,7 +126,9 @@ bool CascadeRoute(const SpectralProblem& problem,
   const double lambda_max = T.Eigenvalue(T.size() - 1);
   const double s_max = std::sqrt(lambda_max) * std::sqrt(unit);
   // The threshold is left to the SVD, which resolves it better.
-  const double split = std::max(kSplit, 4.0 * filter.tau);
+  const double split = std::max(
+      std::min(kLargestSplit, std::sqrt(kGramError / (kGramShare * tolerance))),
+      4.0 * filter.tau);
   // A value at the split may be on either side of it.
   const Cut cut = FindCut(
       T, split * split * lambda_max, 0.1 * split * split * lambda_max, 0.0);
@@ -220,7 +228,7 @@ bool CascadeRoute(const SpectralProblem& problem,
     }
     // Nothing is lost across the split, where one part takes over from the
     // other: what counts is the slope of f there.
-    large_error = 10.0 * BackwardError(1) / (split * split) * d->norm();
+    large_error = kGramError / (split * split) * d->norm();
   }
   *d += small;
   const double norm = d->norm();

@@ -65,8 +65,17 @@ bool GramRoute(const SpectralProblem& problem,
 // CascadeRoute can go on.
 bool GramIsReduced(const SpectralProblem& problem);
 
+bool GolubKahanRoute(const SpectralProblem& problem,
+                     double tolerance,
+                     SpectralWorkspace* workspace,
+                     Eigen::VectorXd* d,
+                     SpectralStepSummary* summary);
+
+// The smallest values are those below a split that leaves the large ones an
+// error well below `tolerance`.
 // `reduced`: GramRoute has just left its reduction in *workspace, in one stage.
 bool CascadeRoute(const SpectralProblem& problem,
+                  double tolerance,
                   bool reduced,
                   SpectralWorkspace* workspace,
                   Eigen::VectorXd* d,

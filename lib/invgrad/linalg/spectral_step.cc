@@ -25,6 +25,12 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 // Smaller problems are slowed down by a second BLAS thread.
 constexpr Index kSmallestThreaded = 1000;
 
+// Golub-Kahan pays for large problems of which the filter keeps a small share:
+// it takes 1.2 to 2 iterations a kept value, each of two products with J and a
+// reorthogonalization.
+constexpr Index kSmallestKrylov = 1000;
+constexpr double kLargestKrylovShare = 1.0 / 12.0;
+
 // A Gram matrix that was not accurate enough is tried again after this many
 // steps.
 constexpr int kStepsBetweenTries = 20;
@@ -64,7 +70,10 @@ bool TakeRoute(const SpectralProblem& problem,
     case SpectralRoute::kParameterGram:
       return GramRoute(problem, route, workspace, d, summary);
     case SpectralRoute::kCascade:
-      return CascadeRoute(problem, false, workspace, d, summary);
+      return CascadeRoute(
+          problem, options.tolerance, false, workspace, d, summary);
+    case SpectralRoute::kGolubKahan:
+      return GolubKahanRoute(problem, options.tolerance, workspace, d, summary);
     case SpectralRoute::kGradient:
       return GradientRoute(problem, d, summary);
     case SpectralRoute::kAuto:
@@ -96,66 +105,97 @@ bool IsAccepted(bool computed,
   return false;
 }
 
+// What a workspace remembers of the last step of the same shape.
+class History {
+ public:
+  History(const SpectralProblem& problem,
+          SpectralRoute cheapest,
+          VectorXd* memory)
+      : memory_(*memory) {
+    if (memory_.size() == kSize && memory_[kRows] == problem.m() &&
+        memory_[kCols] == problem.n()) {
+      return;
+    }
+    memory_.resize(kSize);
+    memory_[kRows] = problem.m();
+    memory_[kCols] = problem.n();
+    memory_[kRoute] = static_cast<double>(cheapest);
+    memory_[kRank] = problem.m() + problem.n();
+    memory_[kSteps] = 0.0;
+  }
+  SpectralRoute route() const {
+    return static_cast<SpectralRoute>(memory_[kRoute]);
+  }
+  double rank() const { return memory_[kRank]; }
+  double steps_since_try() const { return memory_[kSteps]; }
+
+  // `tried`: the cheapest route was.
+  void Remember(const SpectralStepSummary& summary, bool tried) {
+    memory_[kRoute] = static_cast<double>(summary.route);
+    memory_[kRank] = summary.rank;
+    memory_[kSteps] = tried ? 0.0 : memory_[kSteps] + 1.0;
+  }
+
+ private:
+  enum { kRows, kCols, kRoute, kRank, kSteps, kSize };
+  VectorXd& memory_;
+};
+
 // The routes from cheap to accurate, until one is accurate enough.
 bool ClimbLadder(const SpectralProblem& problem,
                  const SpectralStepOptions& options,
                  SpectralWorkspace* workspace,
                  VectorXd* d,
                  SpectralStepSummary* summary) {
-  const SpectralRoute cheap = problem.m() <= problem.n()
-                                  ? SpectralRoute::kGram
-                                  : SpectralRoute::kParameterGram;
-  // What the last step of this shape took, if that was not the cheapest.
-  enum { kRows, kCols, kRoute, kSteps, kHistorySize };
-  VectorXd& history = workspace->history;
-  if (history.size() != kHistorySize || history[kRows] != problem.m() ||
-      history[kCols] != problem.n()) {
-    history.resize(kHistorySize);
-    history << problem.m(), problem.n(), static_cast<double>(cheap), 0.0;
+  const SpectralRoute gram = problem.m() <= problem.n()
+                                 ? SpectralRoute::kGram
+                                 : SpectralRoute::kParameterGram;
+  History history(problem, gram, &workspace->history);
+  SpectralRoute first = history.route();
+  if (first == SpectralRoute::kGolubKahan ||
+      history.steps_since_try() >= kStepsBetweenTries) {
+    first = gram;
   }
-  SpectralRoute first = static_cast<SpectralRoute>(history[kRoute]);
-  if (history[kSteps] >= kStepsBetweenTries) first = cheap;
-
   std::string reasons;
   const auto is_accepted = [&](bool computed) {
     std::string reason;
-    if (IsAccepted(computed, *summary, options, &reason)) return true;
-    reasons += (reasons.empty() ? "" : "; ") + reason;
-    return false;
-  };
-  const auto remember = [&](SpectralRoute route) {
-    history[kRoute] = static_cast<double>(route);
-    history[kSteps] = first == cheap ? 0.0 : history[kSteps] + 1.0;
-  };
-  const bool may_cascade = GramIsReduced(problem);
-  if (first == cheap) {
-    if (is_accepted(
-            TakeRoute(problem, cheap, options, workspace, d, summary))) {
-      remember(cheap);
-      return true;
-    }
-  }
-  if (may_cascade && first != SpectralRoute::kSvd) {
-    const bool reduced =
-        first == cheap && summary->s_max > 0.0 &&
-        workspace->reduction.method() == Tridiagonalization::Method::kOneStage;
-    if (is_accepted(reduced ? CascadeRoute(problem, true, workspace, d, summary)
-                            : TakeRoute(problem,
-                                        SpectralRoute::kCascade,
-                                        options,
-                                        workspace,
-                                        d,
-                                        summary))) {
-      remember(SpectralRoute::kCascade);
+    if (IsAccepted(computed, *summary, options, &reason)) {
+      history.Remember(*summary, first == gram);
       summary->message = reasons;
       return true;
     }
+    reasons += (reasons.empty() ? "" : "; ") + reason;
+    return false;
+  };
+  const auto take = [&](SpectralRoute route) {
+    return TakeRoute(problem, route, options, workspace, d, summary);
+  };
+
+  const Index size = std::min(problem.m(), problem.n());
+  if (size >= kSmallestKrylov && history.rank() <= kLargestKrylovShare * size &&
+      JumpOf(problem.filter) > 0.0 &&
+      is_accepted(take(SpectralRoute::kGolubKahan))) {
+    return true;
   }
-  const bool success =
-      TakeRoute(problem, SpectralRoute::kSvd, options, workspace, d, summary);
-  remember(SpectralRoute::kSvd);
+  if (first == gram && is_accepted(take(gram))) return true;
+  if (GramIsReduced(problem) && first != SpectralRoute::kSvd) {
+    const bool reduced =
+        first == gram && summary->s_max > 0.0 &&
+        workspace->reduction.method() == Tridiagonalization::Method::kOneStage;
+    if (is_accepted(
+            reduced
+                ? CascadeRoute(
+                      problem, options.tolerance, true, workspace, d, summary)
+                : take(SpectralRoute::kCascade))) {
+      return true;
+    }
+  }
+  const bool success = take(SpectralRoute::kSvd);
   // What stopped the SVD matters more than why it was tried.
-  if (success) summary->message = reasons;
+  if (success) {
+    history.Remember(*summary, first == gram);
+    summary->message = reasons;
+  }
   return success;
 }
 
@@ -225,6 +265,33 @@ bool GradientRoute(const SpectralProblem& problem,
                             CheckFinite("J^T g", *d, &summary->message));
 }
 
+bool GolubKahanRoute(const SpectralProblem& problem,
+                     double tolerance,
+                     SpectralWorkspace* workspace,
+                     VectorXd* d,
+                     SpectralStepSummary* summary) {
+  summary->route = SpectralRoute::kGolubKahan;
+  GolubKahanOptions options;
+  options.tolerance = tolerance;
+  options.max_iterations =
+      static_cast<int>(std::min(problem.m(), problem.n())) * 2 / 3 + 50;
+  GolubKahanSummary result;
+  const bool computed = GolubKahanStep(problem.J,
+                                       problem.g,
+                                       problem.filter,
+                                       options,
+                                       &workspace->golub_kahan,
+                                       d,
+                                       &result);
+  summary->rank = result.rank;
+  summary->s_max = result.s_max;
+  summary->s_min_kept = result.s_min_kept;
+  summary->estimated_error = result.estimated_error;
+  summary->num_undecided = result.num_undecided;
+  summary->message = result.message;
+  return computed && result.converged;
+}
+
 const char* SpectralRouteName(SpectralRoute route) {
   switch (route) {
     case SpectralRoute::kAuto:
@@ -237,6 +304,8 @@ const char* SpectralRouteName(SpectralRoute route) {
       return "parameter_gram";
     case SpectralRoute::kCascade:
       return "cascade";
+    case SpectralRoute::kGolubKahan:
+      return "golub_kahan";
     case SpectralRoute::kGradient:
       return "gradient";
   }
@@ -266,6 +335,7 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
     case SpectralRoute::kCascade:
       return gram(size, Tridiagonalization::Method::kOneStage) +
              (cols < rows ? kDouble * rows * cols : 0.0);
+    case SpectralRoute::kGolubKahan:
     case SpectralRoute::kGradient:
     case SpectralRoute::kAuto:
       break;

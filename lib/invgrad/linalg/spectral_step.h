@@ -7,8 +7,11 @@
 //                   d = J^T Q f(T) Q^T g,  f(lambda) = phi(s) / s, lambda = s^2
 //   kParameterGram  n < m:  J^T J = Q T Q^T,
 //                   d = Q f(T) Q^T J^T g
-//   kCascade        the Gram matrix for s > 1e-3 s_max; for the others the SVD
-//                   of J^T X (or J X), X their singular vectors
+//   kCascade        the Gram matrix for the large values; for the others, from
+//                   1e-3 s_max or less down, the SVD of J^T X (or J X), X their
+//                   singular vectors
+//   kGolubKahan     bidiagonalization from products with J alone, for tau that
+//                   keeps few values (golub_kahan.h)
 //   kSvd            the SVD of the dense J, by QR and LAPACK dgesdd. The
 //   oracle. kGradient       phi(s) = s: d = J^T g, no factorization
 //
@@ -21,7 +24,8 @@
 // Cost:    with k = min(m, n): the Gram routes one Gram matrix (m^2 sum of the
 //          layer widths for a network, never formed; k^2 max(m, n) for a dense
 //          J), 4/3 k^3, and O(100 k); kCascade 2 k^2 r + 2 max(m, n) r^2 more
-//          for r small values; kSvd O(max(m, n) k^2) with J formed.
+//          for r small values; kGolubKahan 1.5 rank products with J and J^T;
+//          kSvd O(max(m, n) k^2) with J formed.
 // Memory:  SpectralStepBytes; of the workspace, so that a step of the same
 //          shape by the same route allocates nothing (a promise for kGram).
 //
@@ -52,8 +56,9 @@
 // options.tolerance, and no value is undecided or the threshold is resolved to
 // options.threshold_tolerance; summary.message says what was not enough. The
 // cascade goes on from the Gram route's reduction. A workspace remembers the
-// route of the last step and starts there, and tries the cheapest again after
-// 20 steps.
+// last step: where the Gram matrix was not accurate enough, the next step
+// starts with what was, and tries it again after 20 steps; where the filter
+// kept at most a twelfth of 1,000 values or more, with kGolubKahan.
 //
 // Fails:   returns false, with a message, if g or J is not finite (naming the
 //          first such row), if a factorization does not converge, if d
@@ -61,9 +66,10 @@
 //          Gram routes also if the squares of J's entries over- or underflow;
 //          kCascade below size 64, for clamped filters, and if more than 70 %
 //          of the values are small.
-//          Every route ends after a number of operations known beforehand, or
-//          with LAPACK's word that it did not converge. J = 0 or g = 0 gives
-//          d = 0.
+//          kGolubKahan if it has not converged after 2 min(m, n) / 3 + 50
+//          iterations. Every route ends after a number of operations known
+//          beforehand, or with LAPACK's word that it did not converge. J = 0 or
+//          g = 0 gives d = 0.
 #ifndef INVGRAD_LINALG_SPECTRAL_STEP_H_
 #define INVGRAD_LINALG_SPECTRAL_STEP_H_
 
@@ -82,6 +88,7 @@ enum class SpectralRoute {
   kGram,
   kParameterGram,
   kCascade,
+  kGolubKahan,
   kGradient
 };
 const char* SpectralRouteName(SpectralRoute route);

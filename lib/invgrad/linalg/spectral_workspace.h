@@ -13,6 +13,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/linalg/contour_quadrature.h"
+#include "invgrad/linalg/golub_kahan.h"
 #include "invgrad/linalg/tridiagonal.h"
 #include "invgrad/linalg/tridiagonalization.h"
 
@@ -38,6 +39,7 @@ struct SpectralWorkspace {
   Eigen::VectorXd y;
   Eigen::VectorXd change;
   Eigen::VectorXd product;
+  GolubKahanWorkspace golub_kahan;
   // Of the SVDs.
   Eigen::MatrixXd dense;
   Eigen::MatrixXd triangle;

@@ -15,7 +15,8 @@ constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kSvd,
                                      SpectralRoute::kGram,
                                      SpectralRoute::kParameterGram,
-                                     SpectralRoute::kCascade};
+                                     SpectralRoute::kCascade,
+                                     SpectralRoute::kGolubKahan};
 
 }  // namespace
 
