@@ -3,6 +3,8 @@
 #include <cblas.h>
 
 #include <algorithm>
+#include <numeric>
+#include <utility>
 
 #include "glog/logging.h"
 
@@ -72,12 +74,29 @@ void DenseGram(const Eigen::MatrixXd& A,
   }
 }
 
+void CheckBlockSizes(const JacobianOperator& J,
+                     const std::vector<int>& block_sizes) {
+  if (block_sizes.empty()) return;
+  CHECK_EQ(std::accumulate(block_sizes.begin(), block_sizes.end(), 0), J.cols())
+      << "Blocks of columns hold all columns.";
+}
+
 }  // namespace
 
 void JacobianOperator::ParameterGram(Eigen::MatrixXd* JtJ) const {
   Eigen::MatrixXd J;
   ToDense(&J);
   DenseGram(J, CblasTrans, JtJ);
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+JacobianOperator::ColumnBlocks() const {
+  return {};
+}
+
+DenseJacobian::DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes)
+    : J_(std::move(J)), block_sizes_(std::move(block_sizes)) {
+  CheckBlockSizes(*this, block_sizes_);
 }
 
 void DenseJacobian::Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const {
@@ -97,6 +116,24 @@ void DenseJacobian::Gram(Eigen::MatrixXd* JJt) const {
 
 void DenseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
   DenseGram(J_, CblasTrans, JtJ);
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+DenseJacobian::ColumnBlocks() const {
+  std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+  int column = 0;
+  for (const int size : block_sizes_) {
+    blocks.push_back(
+        std::make_unique<DenseJacobian>(J_.middleCols(column, size)));
+    column += size;
+  }
+  return blocks;
+}
+
+SparseJacobian::SparseJacobian(Matrix J, std::vector<int> block_sizes)
+    : block_sizes_(std::move(block_sizes)) {
+  J_.swap(J);
+  CheckBlockSizes(*this, block_sizes_);
 }
 
 void SparseJacobian::Times(const Eigen::VectorXd& v,
@@ -121,6 +158,20 @@ void SparseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
   const Matrix transpose = J_.transpose();
   const Matrix product = transpose * J_;
   *JtJ = product;
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+SparseJacobian::ColumnBlocks() const {
+  // In compressed columns a block is a range of entries.
+  const Eigen::SparseMatrix<double> by_columns = J_;
+  std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+  int column = 0;
+  for (const int size : block_sizes_) {
+    blocks.push_back(std::make_unique<SparseJacobian>(
+        Matrix(by_columns.middleCols(column, size))));
+    column += size;
+  }
+  return blocks;
 }
 
 }  // namespace invgrad

@@ -4,6 +4,7 @@
 #include "invgrad/rules/adagrad.h"
 #include "invgrad/rules/adam.h"
 #include "invgrad/rules/gradient_descent.h"
+#include "invgrad/rules/kfac_rule.h"
 #include "invgrad/rules/newton.h"
 #include "invgrad/rules/rmsprop.h"
 #include "invgrad/rules/spectral_rule.h"
@@ -81,6 +82,14 @@ std::vector<RuleRow> MakeRules() {
       Row<SpectralRule>("levenberg_marquardt",
                         "step = -eta V S / (S^2 + lambda) U^T g",
                         SpectralRule::Options::LevenbergMarquardt()),
+      Row<SpectralRule>("layer_half_inverse",
+                        "step_l = -eta V_l S_l^(-kappa) U_l^T g, s > tau s_max "
+                        "of the layer's columns of J",
+                        SpectralRule::Options::LayerHalfInverse()),
+      Row<KfacRule>("kfac_half_inverse",
+                    "step_l = -eta A^(-p) G_l D^(-p), p = (1 + kappa) / 2, "
+                    "J_l^T J_l ~ D (x) A",
+                    KfacRule::Options()),
   };
 }
 

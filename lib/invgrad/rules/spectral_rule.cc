@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
+#include <memory>
 #include <sstream>
 #include <vector>
 
 #include "glog/logging.h"
-#include "invgrad/linalg/finite.h"
+#include "invgrad/rules/filter_options.h"
 
 namespace invgrad {
 namespace {
@@ -16,6 +18,41 @@ constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kSvd,
                                      SpectralRoute::kGram,
                                      SpectralRoute::kParameterGram};
+
+// What the steps of all blocks were like.
+struct Totals {
+  std::map<SpectralRoute, int> num_blocks;
+  int rank = 0;
+  int max_rank = 0;
+  int num_undecided = 0;
+  std::string message;  // the first
+
+  void Add(const JacobianOperator& J, const SpectralStepSummary& summary) {
+    ++num_blocks[summary.route];
+    if (summary.route != SpectralRoute::kGradient) {
+      rank += summary.rank;
+      max_rank += std::min(J.rows(), J.cols());
+    }
+    num_undecided += summary.num_undecided;
+    if (message.empty()) message = summary.message;
+  }
+
+  // "route gram, rank 97 of 128", "route gram 3, svd 1, rank 211 of 300".
+  std::string Report() const {
+    std::ostringstream report;
+    const bool single =
+        num_blocks.size() == 1 && num_blocks.begin()->second == 1;
+    const char* separator = "route ";
+    for (const auto& [route, count] : num_blocks) {
+      report << separator << SpectralRouteName(route);
+      if (!single) report << " " << count;
+      separator = ", ";
+    }
+    if (max_rank > 0) report << ", rank " << rank << " of " << max_rank;
+    if (num_undecided > 0) report << ", " << num_undecided << " undecided";
+    return report.str();
+  }
+};
 
 }  // namespace
 
@@ -31,6 +68,12 @@ SpectralRule::Options SpectralRule::Options::GaussNewton() {
   Options options;
   options.filter.kappa = 1.0;
   options.kappa_is_a_setting = false;
+  return options;
+}
+
+SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
+  Options options;
+  options.layerwise = true;
   return options;
 }
 
@@ -53,19 +96,7 @@ void SpectralRule::Options::Describe(OptionSet* set) {
              {0.0, kInfinity},
              "the same, in units of s_max^2");
   } else {
-    if (kappa_is_a_setting) {
-      set->Add("kappa",
-               &filter.kappa,
-               {-1.0, 1.0},
-               "exponent: -1 gradient, 1/2 half-inverse, 1 Gauss-Newton");
-    }
-    set->Add("truncation",
-             &filter.tau,
-             {0.0, 1.0, false, true},
-             "tau: singular values s <= tau s_max are dropped");
-    set->Add("clamp",
-             &filter.clamp,
-             "raise small singular values to tau s_max instead");
+    DescribePowerFilter(&filter, kappa_is_a_setting, set);
   }
   std::vector<std::string> names;
   for (const SpectralRoute candidate : kRoutes) {
@@ -102,46 +133,50 @@ LinearizationParts SpectralRule::Needs() const {
 bool SpectralRule::ComputeStep(const Linearization& at_x,
                                Eigen::VectorXd* step,
                                std::string* error) {
-  CHECK(at_x.jacobian != nullptr) << "A joint rule needs J.";
+  CHECK(at_x.jacobian != nullptr) << "A spectral rule needs J.";
   report_.clear();
-  SpectralStepSummary summary;
-  Eigen::VectorXd direction;
-  if (!SpectralStep(*at_x.jacobian,
-                    at_x.loss_gradient,
-                    options_.filter,
-                    spectral_options_,
-                    &direction,
-                    &summary)) {
-    *error = summary.message;
-    return false;
-  }
-  direction = -direction;
-  double eta = options_.step_size.step_size;
-  if (direction.isZero(0.0)) {
-    // Along it there is nothing to minimize; it is a step of any size.
-    eta = 1.0;
-  } else if (options_.step_size.is_auto() &&
-             !AutoStepSize(
-                 at_x, direction, options_.step_size.rho, &eta, error)) {
-    return false;
-  }
-  eta *= options_.step_size.ScheduleFactor(at_x.progress);
-  *step = eta * direction;
+  const JacobianOperator& J = *at_x.jacobian;
+  std::vector<std::unique_ptr<const JacobianOperator>> column_blocks;
+  if (options_.layerwise) column_blocks = J.ColumnBlocks();
+  std::vector<const JacobianOperator*> blocks;
+  for (const auto& block : column_blocks) blocks.push_back(block.get());
+  if (blocks.empty()) blocks.push_back(&J);
 
+  Eigen::VectorXd direction(J.cols());
+  Totals totals;
+  Eigen::Index column = 0;
+  for (const JacobianOperator* block : blocks) {
+    // A manifold may leave a parameter block no direction to move in.
+    if (block->cols() == 0) continue;
+    SpectralStepSummary summary;
+    Eigen::VectorXd d;
+    if (!SpectralStep(*block,
+                      at_x.loss_gradient,
+                      options_.filter,
+                      spectral_options_,
+                      &d,
+                      &summary)) {
+      *error = summary.message;
+      if (blocks.size() > 1) {
+        *error = "columns from " + std::to_string(column) + ": " + *error;
+      }
+      return false;
+    }
+    direction.segment(column, d.size()) = -d;
+    column += d.size();
+    totals.Add(*block, summary);
+  }
+  double eta = 0.0;
+  if (!ScaleToStep(options_.step_size, at_x, direction, &eta, step, error)) {
+    return false;
+  }
   std::ostringstream report;
   report.precision(2);
-  report << "route " << SpectralRouteName(summary.route);
-  if (summary.route != SpectralRoute::kGradient) {
-    report << ", rank " << summary.rank << " of "
-           << std::min(at_x.jacobian->rows(), at_x.jacobian->cols());
-  }
-  if (summary.num_undecided > 0) {
-    report << ", " << summary.num_undecided << " undecided";
-  }
+  report << totals.Report();
   if (options_.step_size.is_auto()) report << ", step size " << eta;
-  if (!summary.message.empty()) report << " (" << summary.message << ")";
+  if (!totals.message.empty()) report << " (" << totals.message << ")";
   report_ = report.str();
-  return CheckFinite("the step", *step, error);
+  return true;
 }
 
 }  // namespace invgrad

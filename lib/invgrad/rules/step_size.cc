@@ -92,4 +92,23 @@ bool AutoStepSize(const Linearization& at_x,
   return false;
 }
 
+bool ScaleToStep(const StepSizeOptions& options,
+                 const Linearization& at_x,
+                 const Eigen::VectorXd& direction,
+                 double* eta,
+                 Eigen::VectorXd* step,
+                 std::string* error) {
+  *eta = options.step_size;
+  if (direction.isZero(0.0)) {
+    // Along it there is nothing to minimize; it is a step of any size.
+    *eta = 1.0;
+  } else if (options.is_auto() &&
+             !AutoStepSize(at_x, direction, options.rho, eta, error)) {
+    return false;
+  }
+  *eta *= options.ScheduleFactor(at_x.progress);
+  *step = *eta * direction;
+  return CheckFinite("the step", *step, error);
+}
+
 }  // namespace invgrad

@@ -54,6 +54,16 @@ bool AutoStepSize(const Linearization& at_x,
                   double* step_size,
                   std::string* error);
 
+// *step = *eta direction with the step size of `options`, auto or not, and its
+// schedule. A direction of zero gives a step of zero. False if there is no
+// automatic step size or the step is not finite.
+bool ScaleToStep(const StepSizeOptions& options,
+                 const Linearization& at_x,
+                 const Eigen::VectorXd& direction,
+                 double* eta,
+                 Eigen::VectorXd* step,
+                 std::string* error);
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_RULES_STEP_SIZE_H_
