@@ -87,8 +87,8 @@ std::vector<RuleRow> MakeRules() {
                         "of the layer's columns of J",
                         SpectralRule::Options::LayerHalfInverse()),
       Row<KfacRule>("kfac_half_inverse",
-                    "step_l = -eta A^(-p) G_l D^(-p), p = (1 + kappa) / 2, "
-                    "J_l^T J_l ~ D (x) A",
+                    "step_l = -eta B^p A^(-p) G_l D^(-p), p = (1 + kappa) / 2, "
+                    "J_l^T J_l ~ D (x) A / B",
                     KfacRule::Options()),
   };
 }
