@@ -1,6 +1,6 @@
 #include "problems/oscillator_chain.h"
 
-#include <algorithm>
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -43,20 +43,14 @@ bool OscillatorChain::Create(const Options& options,
                              LearningProblem* problem,
                              std::string* error) {
   Physics physics;
-  problem->batch_size = 32;
+  int batch_size = 32;
   if (options.coupling == "cubic") {
     physics = {96, 0.125, 0.0, 1.0, 3.0};
-    problem->batch_size = 128;
+    batch_size = 128;
   }
   const int state_size = 2 * options.num_oscillators;
   if (data != nullptr) {
-    if (data->cols() != state_size || data->rows() < 2) {
-      *error = "oscillator_chain: data must have shape (2 samples or more, " +
-               std::to_string(state_size) + "), found (" +
-               std::to_string(data->rows()) + ", " +
-               std::to_string(data->cols()) + ")";
-      return false;
-    }
+    if (!CheckDataShape(*data, state_size, error)) return false;
     problem->data = *data;
   } else {
     problem->data = NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
@@ -66,10 +60,7 @@ bool OscillatorChain::Create(const Options& options,
   all.inputs = problem->data.transpose();
   all.contexts = all.inputs;
   all.targets = all.inputs;
-  const int num_train = all.num_samples() / 2;
-  problem->train = all.Range(0, num_train);
-  problem->test = all.Range(num_train, all.num_samples() - num_train);
-  problem->batch_size = std::min(problem->batch_size, num_train);
+  SplitSamples(all, batch_size, problem);
   problem->num_epochs = 25;
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(

@@ -2,6 +2,8 @@
 
 #include "problems/linear_scale.h"
 #include "problems/oscillator_chain.h"
+#include "problems/poisson.h"
+#include "problems/quantum_dipole.h"
 #include "problems/squared_component.h"
 #include "problems/toy_network.h"
 
@@ -86,6 +88,13 @@ const std::vector<ProblemRow>& Problems() {
           "oscillator_chain",
           "q'' = -q + coupling + u(t) on the last mass, L = |y(T) - y(0)|^2",
           "PBDL physgrad-hig-code (linear), HIG release (cubic)"),
+      Learning<QuantumDipole>(
+          "quantum_dipole",
+          "i psi' = (-d_xx + u(t) x) psi, L = 1 - |<y*|psi(T)>|^2",
+          "HIG release, Quantum_dipole"),
+      Learning<Poisson>("poisson",
+                        "y = laplace(x), x = 0 outside, L = 1/2 |y - y*|^2",
+                        "HIG release, Poisson_problem"),
   };
   return table;
 }

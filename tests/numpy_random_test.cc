@@ -1,5 +1,6 @@
 #include "invgrad/io/numpy_random.h"
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -55,6 +56,26 @@ TEST_F(NumpyRandomTest, PermutationIsNumpys) {
             (std::vector<int>{2, 9, 6, 4, 0, 3, 1, 7, 8, 5}));
   EXPECT_EQ(NumpyRandom(42).Permutation(10),
             (std::vector<int>{8, 1, 5, 0, 7, 2, 9, 4, 3, 6}));
+}
+
+TEST_F(NumpyRandomTest, NormalPairsAreNumpys) {
+  // np.random.seed(s); [np.random.normal() for _ in range(4)]
+  NumpyRandom zero(0);
+  EXPECT_EQ(zero.NormalPair(),
+            Eigen::Vector2d(1.764052345967664, 0.4001572083672233));
+  EXPECT_EQ(zero.NormalPair(),
+            Eigen::Vector2d(0.9787379841057392, 2.240893199201458));
+  NumpyRandom answer(42);
+  EXPECT_EQ(answer.NormalPair(),
+            Eigen::Vector2d(0.4967141530112327, -0.13826430117118466));
+  EXPECT_EQ(answer.NormalPair(),
+            Eigen::Vector2d(0.6476885381006925, 1.5230298564080254));
+  // np.random.seed(1); np.random.normal(); np.random.normal();
+  // np.random.uniform(0, 2 * np.pi)
+  NumpyRandom one(1);
+  EXPECT_EQ(one.NormalPair(),
+            Eigen::Vector2d(1.6243453636632417, -0.6117564136500754));
+  EXPECT_EQ(one.Uniform(0.0, 2.0 * M_PI), 0.0007186381718527407);
 }
 
 TEST_F(NumpyRandomTest, UniformIsNumpys) {

@@ -47,6 +47,17 @@ double NumpyRandom::Uniform(double low, double high) {
   return low + (high - low) * Rand();
 }
 
+Eigen::Vector2d NumpyRandom::NormalPair() {
+  double x = 0.0, y = 0.0, square = 0.0;
+  do {
+    x = 2.0 * Rand() - 1.0;
+    y = 2.0 * Rand() - 1.0;
+    square = x * x + y * y;
+  } while (square >= 1.0 || square == 0.0);
+  const double scale = std::sqrt(-2.0 * std::log(square) / square);
+  return {scale * y, scale * x};
+}
+
 std::vector<int> NumpyRandom::Permutation(int n) {
   CHECK_GE(n, 0);
   std::vector<int> order(n);

@@ -3,7 +3,7 @@
 //   np.random.seed(seed);  np.random.rand(...);  np.random.permutation(n)
 //
 // MT19937; doubles have 53 bits: (a * 2^26 + b) / 2^53 with a, b the top 27 and
-// 26 bits of two draws.
+// 26 bits of two draws. Normal numbers come from Marsaglia's polar method.
 //
 // Source: numpy/random/src/legacy/legacy-distributions.c and
 // numpy/random/mtrand.pyx (shuffle), numpy 1.x and 2.x.
@@ -31,6 +31,10 @@ class NumpyRandom {
 
   // np.random.uniform(low, high)
   double Uniform(double low, double high);
+
+  // np.random.normal(), twice. numpy makes normal numbers in pairs and keeps
+  // the second for the next call; who takes both leaves nothing behind.
+  Eigen::Vector2d NormalPair();
 
   // np.random.permutation(n)
   std::vector<int> Permutation(int n);

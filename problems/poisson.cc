@@ -1,0 +1,89 @@
+#include "problems/poisson.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/sample_data.h"
+
+namespace invgrad {
+
+Eigen::SparseMatrix<double, Eigen::RowMajor> Poisson::Laplacian(int n) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      const int row = n * i + j;
+      entries.emplace_back(row, row, -4.0);
+      if (i > 0) entries.emplace_back(row, row - n, 1.0);
+      if (i < n - 1) entries.emplace_back(row, row + n, 1.0);
+      if (j > 0) entries.emplace_back(row, row - 1, 1.0);
+      if (j < n - 1) entries.emplace_back(row, row + 1, 1.0);
+    }
+  }
+  Eigen::SparseMatrix<double, Eigen::RowMajor> A(n * n, n * n);
+  A.setFromTriplets(entries.begin(), entries.end());
+  return A;
+}
+
+Eigen::MatrixXd Poisson::SmoothFields(int num_fields, int n, int seed) {
+  // Rows 2 m and 2 m + 1: what Re z_k and Im z_k of the m-th k contribute.
+  const int size = n * n;
+  Eigen::MatrixXd modes = Eigen::MatrixXd::Zero(2 * size, size);
+  for (int m = 1; m < size; ++m) {  // m = 0: the mean
+    const int k_1 = m / n, k_2 = m % n;
+    const auto frequency = [n](int k) { return std::min(k, n - k); };
+    const double square =
+        frequency(k_1) * frequency(k_1) + frequency(k_2) * frequency(k_2);
+    for (int cell = 0; cell < size; ++cell) {
+      const int turns = (k_1 * (cell / n) + k_2 * (cell % n)) % n;
+      const double angle = 2.0 * M_PI * turns / n;
+      modes(2 * m, cell) = std::cos(angle) / square;
+      modes(2 * m + 1, cell) = -std::sin(angle) / square;
+    }
+  }
+  NumpyRandom random(static_cast<std::uint32_t>(seed));
+  Eigen::MatrixXd fields(num_fields, size);
+  Eigen::RowVectorXd z(2 * size);
+  for (int s = 0; s < num_fields; ++s) {
+    for (int m = 0; m < size; ++m) {
+      z.segment<2>(2 * m) = random.NormalPair();
+    }
+    const Eigen::RowVectorXd field = z * modes;
+    fields.row(s) = field * (n / field.norm());
+  }
+  return fields;
+}
+
+bool Poisson::Create(const Options& options,
+                     const Eigen::MatrixXd* data,
+                     LearningProblem* problem,
+                     std::string* error) {
+  const int n = options.resolution;
+  const int size = n * n;
+  if (data != nullptr) {
+    if (!CheckDataShape(*data, size, error)) return false;
+    problem->data = *data;
+  } else {
+    problem->data = SmoothFields(2 * options.num_samples, n, options.data_seed);
+  }
+  const Eigen::SparseMatrix<double, Eigen::RowMajor> A = Laplacian(n);
+  DataSet all;
+  all.inputs = A * problem->data.transpose();
+  all.targets = all.inputs;
+  all.contexts.resize(0, all.num_samples());
+  SplitSamples(all, 64, problem);
+  problem->num_epochs = 25;
+  problem->initialization = Initialization::kGlorotUniform;
+  problem->model = std::make_shared<Model>(
+      DenseNetwork({size, 64, 128, 64, size}, Activation::kTanh),
+      std::make_shared<LinearSimulator>(A, Eigen::VectorXd::Zero(size)),
+      std::make_shared<SquaredNormLoss>(size, 0.5),
+      Reduction::kSum);
+  return true;
+}
+
+}  // namespace invgrad

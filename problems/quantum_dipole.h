@@ -1,0 +1,80 @@
+// A quantum particle in a box that a dipole field must carry from the ground
+// state to a superposition of the second and the third eigenstate.
+//
+//   i d psi/dt = (-d_xx + u(t) x) psi,   x in [0, 2],   psi(0) = es(1)
+//   y = psi(T),   L = 1 - |<y*|y>|^2,   y* = cos(a) es(2) + sin(a) es(3)
+//
+// The network sees the target y* and puts out the field of every time step.
+// The simulator and its discretization: schroedinger.h.
+//
+// Shapes:  state, network input, y: 28 (14 points: real part, imaginary part);
+//          x: Nt = num_steps.
+// Units:   hbar = 2 m = 1; <a|b> = sum_k conj(a_k) b_k, and all states have
+//          norm one. So 0 <= L <= 1, and a phase of y is free.
+// Data:    np.random.seed(data_seed); for each target normal() twice, for
+//          cos(a) and sin(a) up to their norm, and uniform(0, 2 pi) twice, two
+//          phases that the release draws and does not use. The first half is
+//          for training. The release rounds the states to single precision.
+// Settings: Nt 384, dt 0.05, network 28-20-20-20-384 tanh (9,484 weights), N
+//          1024 + 1024, B 16, data_seed 1; half-inverse: step size 0.5,
+//          truncation 1e-5.
+// Facts:   the loss is no sum of squares: Ceres' trust-region solvers refuse
+// it.
+//          Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
+//          y in the ground state, is a stationary point, at L = 1. As the norm
+//          is conserved, y^T J = 0 for every sample, and a batch has B singular
+//          values that are zero.
+// Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
+//          and its code, Quantum_dipole/.
+#ifndef PROBLEMS_QUANTUM_DIPOLE_H_
+#define PROBLEMS_QUANTUM_DIPOLE_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "problems/problem.h"
+#include "problems/schroedinger.h"
+
+namespace invgrad {
+
+// L = 1 - |<y*|y>|^2, the infidelity of two states of norm one.
+struct Infidelity {
+  template <typename T>
+  bool operator()(const T* y, const double* target, T* loss) const {
+    T re(0.0), im(0.0);
+    for (int k = 0; k < SchroedingerSimulator::kStateSize; k += 2) {
+      re += target[k] * y[k] + target[k + 1] * y[k + 1];
+      im += target[k] * y[k + 1] - target[k + 1] * y[k];
+    }
+    *loss = 1.0 - (re * re + im * im);
+    return true;
+  }
+};
+
+struct QuantumDipole {
+  struct Options {
+    int num_steps = 384;
+    double dt = 0.05;
+    int num_samples = 1024;
+    int data_seed = 1;
+    void Describe(OptionSet* set) {
+      set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
+      set->Add("dt", &dt, {0.0, 10.0, true}, "length of a time step");
+      set->Add("num_samples",
+               &num_samples,
+               {1, 1e7},
+               "training samples; as many again are for testing");
+      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+    }
+  };
+
+  // `data`: targets of norm one, one a row.
+  static bool Create(const Options& options,
+                     const Eigen::MatrixXd* data,
+                     LearningProblem* problem,
+                     std::string* error);
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_QUANTUM_DIPOLE_H_

@@ -1,0 +1,114 @@
+// The Schroedinger equation of a particle in a box that a dipole field drives.
+//
+//   i d psi/dt = H psi,   H = -d_xx + u(t) x,   psi(0) = psi(length) = 0
+//
+// discretized by central differences on the points x_k = k dx inside the box
+// and by the scheme of Crank and Nicolson, u constant in a step [1]:
+//
+//   A_t phi_t = psi_t,   psi_{t+1} = 2 phi_t - psi_t,   A_t = 1 + i dt/2 H(u_t)
+//
+// which is (1 + i dt/2 H) psi_{t+1} = (1 - i dt/2 H) psi_t with the midpoint
+// phi_t = (psi_t + psi_{t+1}) / 2. A step is unitary, of order 2 in dt, and
+// undone by one of -dt.
+//
+// With X = diag(x_k), dpsi_{t+1}/du_t = -i dt A_t^-1 X phi_t. A_t is symmetric
+// (not Hermitian), so rows c^T of dpsi_N/dpsi_t are chained backwards by
+// the solves and updates of the forward pass:
+//
+//   Jacobian, pull-back   q = A_t^-1 c,   dy_c/du_t = -i dt q^T X phi_t,
+//                         c = 2 q - c
+//   Hessian, s < t        -i dt q^T X A_t^-1 dpsi_t/du_s;
+//            s = t        -i dt q^T X dpsi_{t+1}/du_t
+//
+// Shapes:  psi, context (the start), y (the end): 28, for each of 14 points
+//          real part, imaginary part;  x = u_0 .. u_{N-1}: N = num_steps.
+// Units:   hbar = 2 m = 1; |psi|^2 sums to 1 without the weight dx.
+// Cost:    a step factors A_t once. J: 14 solves a step, side by side;
+//          pull-back: one solve; Hessian: N / 2 solves a step.
+// Fails:   returns false if a value is not finite. The pivots of A_t have real
+//          parts of at least one whatever u is: nothing else can fail. CHECKs
+//          that num_steps > 0 and dt is finite and not zero.
+// Facts:   the norm is conserved: psi^T J = 0 for psi = y, a null space of J
+//          that truncation must meet.
+//
+// [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
+//     Learning. ICLR 2022, section 3.4, arXiv 2203.10131; code
+//     Quantum_dipole/solver.py.
+#ifndef PROBLEMS_SCHROEDINGER_H_
+#define PROBLEMS_SCHROEDINGER_H_
+
+#include "Eigen/Core"
+#include "invgrad/chain/simulator.h"
+
+namespace invgrad {
+
+class SchroedingerSimulator final : public Simulator {
+ public:
+  static constexpr int kNumPoints = 14;  // inside the box
+  static constexpr int kStateSize = 2 * kNumPoints;
+  static constexpr double kLength = 2.0;
+  static constexpr double kSpacing = kLength / (kNumPoints + 1);  // dx
+
+  // A negative dt goes back in time.
+  SchroedingerSimulator(int num_steps, double dt);
+
+  // sin(n pi x / length), n = 1 .. 14, normalized and real: the eigenstates of
+  // the discretized H at u = 0.
+  static Eigen::VectorXd Eigenstate(int n);
+
+  int num_inputs() const override { return num_steps_; }
+  int num_outputs() const override { return kStateSize; }
+  int num_context() const override { return kStateSize; }
+
+  bool Evaluate(const double* x,
+                const double* context,
+                double* y,
+                double* jacobian) const override;
+  bool PullBack(const double* x,
+                const double* context,
+                const Covector& covector,
+                double* y,
+                double* x_bar) const override;
+  bool WeightedHessian(const double* x,
+                       const double* context,
+                       const double* w,
+                       double* hessian) const override;
+
+ private:
+  // A complex number at each point.
+  struct GridFunction {
+    double re[kNumPoints];
+    double im[kNumPoints];
+  };
+  // kWidth grid functions side by side: column k holds point k of each.
+  template <int kWidth>
+  struct GridFunctions;
+  // What a step leaves for the way back.
+  struct Step {
+    GridFunction inverse_pivots;  // of A_t, scaled: see Factor
+    GridFunction source;          // -i dt X phi_t
+  };
+
+  // Fills the inverse pivots of all steps.
+  void Factor(const double* x, Step* steps) const;
+  // Computes A^-1 c.
+  template <int kWidth>
+  void Solve(const GridFunction& inverse_pivots,
+             const GridFunctions<kWidth>& c,
+             GridFunctions<kWidth>* solution) const;
+  // -i dt X f.
+  GridFunction Source(const GridFunctions<1>& f) const;
+  // Computes y, and fills the steps.
+  bool RollOut(const double* x,
+               const double* context,
+               Step* steps,
+               double* y) const;
+
+  int num_steps_;
+  double dt_;
+  double scale_;  // 2 dx^2 / dt
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_SCHROEDINGER_H_
