@@ -332,7 +332,7 @@ TEST(LayerRules, DeadLayersStandStill) {
   }
 }
 
-TEST(LayerRules, FactorsThatAreNotFiniteAreRefused) {
+TEST(LayerRules, JacobiansThatAreNotFiniteAreRefused) {
   const int m = kBatchSize * kOutputs;
   MatrixXd simulator = RandomMatrix(kWidths.back(), m, 3);
   simulator(1, 2) = kNaN;

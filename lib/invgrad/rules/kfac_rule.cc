@@ -31,7 +31,6 @@ struct Factor {
 bool Factorize(const MatrixXd& X, Factor* factor, std::string* error) {
   const Index size = X.rows();
   // In units of the largest entry, whose square could over- or underflow.
-  if (!CheckFinite("a factor", X, error)) return false;
   const double unit = X.cwiseAbs().maxCoeff();
   factor->root.setZero(size);
   if (unit == 0.0) {

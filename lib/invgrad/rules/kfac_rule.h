@@ -27,7 +27,7 @@
 // Cost:    B sum (fan_in^2 + |y| fan_out^2) + O(sum fan_in^3 + fan_out^3), and
 //          the deltas of network_jacobian.h; auto one product more.
 // Fails:   returns false if J has no layers (a network in front of a simulator
-//          has; a ceres::Problem has none), if g, a factor or the step is not
+//          has; a ceres::Problem has none), if g, J^T g or the step is not
 //          finite, if a factorization does not converge, or if there is no
 //          automatic step size.
 //
