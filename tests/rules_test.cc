@@ -180,6 +180,10 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
   EXPECT_EQ(defaults("levenberg_marquardt"),
             with({{"damping", "0"}, {"relative_damping", "0.001"}}));
   EXPECT_EQ(defaults("layer_half_inverse"), defaults("power"));
+  Values kfac = step_size;
+  kfac.insert(kfac.end(),
+              {{"kappa", "0.5"}, {"truncation", "0.001"}, {"clamp", "true"}});
+  EXPECT_EQ(defaults("kfac_half_inverse"), kfac);
 }
 
 TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {

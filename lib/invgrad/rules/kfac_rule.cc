@@ -97,6 +97,10 @@ bool FilterGradient(const LayerJacobian& layer,
 
 }  // namespace
 
+KfacRule::Options::Options() : filter(SpectralFilter::HalfInverse(1e-3)) {
+  filter.clamp = true;
+}
+
 void KfacRule::Options::Describe(OptionSet* set) {
   step_size.Describe(/*allow_auto=*/true, set);
   DescribePowerFilter(&filter, /*kappa_is_a_setting=*/true, set);

@@ -52,8 +52,12 @@ namespace invgrad {
 class KfacRule final : public UpdateRule {
  public:
   struct Options {
+    // Half-inverse; values below 1e-3 s_max are clamped, not dropped, as
+    // K-FAC's damping does: docs/results/layerwise.md.
+    Options();
+
     StepSizeOptions step_size{1.0};
-    SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
+    SpectralFilter filter;
 
     void Describe(OptionSet* set);
   };
