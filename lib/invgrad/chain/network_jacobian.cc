@@ -89,6 +89,7 @@ LayerJacobian NetworkJacobian::Layer(int l) const {
 std::vector<std::unique_ptr<const JacobianOperator>>
 NetworkJacobian::ColumnBlocks() const {
   std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+  blocks.reserve(network_.num_layers());
   for (int l = 0; l < network_.num_layers(); ++l) {
     blocks.push_back(std::make_unique<LayerJacobian>(Layer(l)));
   }
@@ -97,6 +98,7 @@ NetworkJacobian::ColumnBlocks() const {
 
 void NetworkJacobian::Gram(MatrixXd* JJt) const {
   std::vector<LayerJacobian> layers;
+  layers.reserve(network_.num_layers());
   for (int l = 0; l < network_.num_layers(); ++l) layers.push_back(Layer(l));
   GramOfLayers(layers, JJt);
 }

@@ -139,6 +139,7 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
   std::vector<std::unique_ptr<const JacobianOperator>> column_blocks;
   if (options_.layerwise) column_blocks = J.ColumnBlocks();
   std::vector<const JacobianOperator*> blocks;
+  blocks.reserve(column_blocks.size());
   for (const auto& block : column_blocks) blocks.push_back(block.get());
   if (blocks.empty()) blocks.push_back(&J);
 
