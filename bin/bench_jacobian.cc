@@ -61,7 +61,8 @@ void JacobianFactors(benchmark::State& state, const std::string& coupling) {
         << error;
     benchmark::DoNotOptimize(
         static_cast<const NetworkJacobian&>(*at_weights.jacobian)
-            .LayerFactor(0)
+            .Layer(0)
+            .deltas()
             .data());
   }
 }

@@ -29,6 +29,8 @@ rules=(
   power:kappa=0.75:step_size=auto
   gauss_newton:step_size=auto
   levenberg_marquardt:step_size=auto
+  layer_half_inverse:step_size=auto
+  kfac_half_inverse:step_size=auto
   ceres_lm
   ceres_lm:linear_solver=cgnr
   ceres_dogleg

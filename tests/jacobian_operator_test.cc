@@ -118,6 +118,28 @@ TEST(JacobianOperator, ParameterGramFromTheDenseForm) {
   ExpectActsLike(OnlyDenseOnRequest(matrix), matrix);
 }
 
+TEST(JacobianOperator, ColumnBlocksAreTheColumns) {
+  const MatrixXd matrix = RandomMatrix(6, 11);
+  const std::vector<int> sizes = {4, 0, 6, 1};
+  const DenseJacobian dense(matrix, sizes);
+  const SparseJacobian sparse(matrix.sparseView(), sizes);
+  for (const JacobianOperator* J :
+       {static_cast<const JacobianOperator*>(&dense),
+        static_cast<const JacobianOperator*>(&sparse)}) {
+    const auto blocks = J->ColumnBlocks();
+    ASSERT_EQ(blocks.size(), sizes.size());
+    int column = 0;
+    for (size_t i = 0; i < sizes.size(); ++i) {
+      ExpectActsLike(*blocks[i], matrix.middleCols(column, sizes[i]));
+      EXPECT_TRUE(blocks[i]->ColumnBlocks().empty());
+      column += sizes[i];
+    }
+  }
+  EXPECT_TRUE(OnlyDenseOnRequest(matrix).ColumnBlocks().empty());
+  EXPECT_DEATH(DenseJacobian(matrix, {4, 6}), "Blocks of columns");
+  EXPECT_DEATH(SparseJacobian(matrix.sparseView(), {12}), "Blocks of columns");
+}
+
 TEST(JacobianOperator, NonFiniteEntriesTravelThrough) {
   MatrixXd matrix = MatrixXd::Ones(3, 4);
   matrix(1, 2) = std::numeric_limits<double>::quiet_NaN();

@@ -88,6 +88,21 @@ TEST_P(NetworkJacobianTest, ProductsAreTheDenseOnes) {
       w.dot(Jv), Jtw.dot(v), 1e-14 * dense_.norm() * v.norm() * w.norm());
 }
 
+TEST_P(NetworkJacobianTest, ColumnBlocksAreTheLayers) {
+  const std::vector<int>& widths = std::get<0>(GetParam());
+  const auto blocks = jacobian_.ColumnBlocks();
+  ASSERT_EQ(blocks.size(), widths.size() - 1);
+  int column = 0;
+  for (size_t l = 0; l < blocks.size(); ++l) {
+    MatrixXd block;
+    blocks[l]->ToDense(&block);
+    ASSERT_EQ(block.cols(), (widths[l] + 1) * widths[l + 1]);
+    EXPECT_EQ(block, dense_.middleCols(column, block.cols()));
+    column += blocks[l]->cols();
+  }
+  EXPECT_EQ(column, jacobian_.cols());
+}
+
 INSTANTIATE_TEST_SUITE_P(
     Sizes,
     NetworkJacobianTest,

@@ -194,6 +194,32 @@ TEST(ProblemLinearizer, AgreesWithCeresOnASubset) {
   ExpectAgreesWithCeres(&problem, options);
 }
 
+TEST(ProblemLinearizer, ColumnBlocksAreTheParameterBlocks) {
+  Blocks blocks;
+  ceres::Problem problem;
+  blocks.AddTo(&problem);
+  AddResiduals(1.0, &blocks, &problem);
+  const ProblemLinearizer linearizer(&problem, {});
+  LinearizationParts parts;
+  parts.jacobian = true;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
+  Eigen::MatrixXd J;
+  at_x.jacobian->ToDense(&J);
+  const auto column_blocks = at_x.jacobian->ColumnBlocks();
+  ASSERT_EQ(column_blocks.size(), linearizer.parameter_blocks().size());
+  for (size_t b = 0; b < column_blocks.size(); ++b) {
+    Eigen::MatrixXd J_b;
+    column_blocks[b]->ToDense(&J_b);
+    EXPECT_EQ(
+        J_b.cols(),
+        problem.ParameterBlockTangentSize(linearizer.parameter_blocks()[b]));
+    EXPECT_EQ(J_b,
+              J.middleCols(linearizer.column(static_cast<int>(b)), J_b.cols()));
+  }
+}
+
 TEST(ProblemLinearizer, ZeroResidual) {
   double x[2] = {0.0, 0.0};
   double y[2] = {0.0, 0.0};

@@ -12,6 +12,7 @@
 
 #include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/chain/network_jacobian.h"
 
 namespace invgrad {
 namespace {
@@ -36,6 +37,24 @@ std::string CreationError(const std::string& text) {
   return error;
 }
 
+// A as the Jacobian of a network of one linear unit over samples with one
+// output each, row s is delta_s (a_s, 1): a J in which every rule finds what it
+// needs. The last column of A must have no zero.
+std::shared_ptr<const JacobianOperator> OneUnit(const MatrixXd& A) {
+  const int num_inputs = static_cast<int>(A.cols()) - 1;
+  const DenseNetwork network({num_inputs, 1}, Activation::kTanh);
+  const VectorXd weights = VectorXd::Zero(A.cols());
+  const VectorXd delta = A.col(num_inputs);
+  DenseNetwork::Activations activations;
+  network.Forward(
+      weights,
+      (delta.cwiseInverse().asDiagonal() * A.leftCols(num_inputs)).transpose(),
+      false,
+      &activations);
+  return std::make_shared<NetworkJacobian>(
+      network, weights, activations, delta.transpose());
+}
+
 // L = 1/2 |A x - b|^2.
 class Quadratic {
  public:
@@ -55,7 +74,7 @@ class Quadratic {
     Linearization at_x;
     at_x.cost = Cost(x);
     at_x.loss_gradient = A_ * x - b_;
-    at_x.jacobian = std::make_shared<DenseJacobian>(A_);
+    at_x.jacobian = OneUnit(A_);
     at_x.gradient = A_.transpose() * at_x.loss_gradient;
     at_x.hessian = A_.transpose() * A_;
     return at_x;
@@ -80,8 +99,13 @@ VectorXd StepOf(const std::string& text, const Linearization& at_x) {
   return StepOf(Create(text).get(), at_x);
 }
 
-const char* const kJointRules[] = {
-    "power", "half_inverse", "gauss_newton", "levenberg_marquardt"};
+// Those that decompose J.
+const char* const kSpectralRules[] = {"power",
+                                      "half_inverse",
+                                      "gauss_newton",
+                                      "levenberg_marquardt",
+                                      "layer_half_inverse",
+                                      "kfac_half_inverse"};
 
 TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
   std::set<std::string> names;
@@ -108,6 +132,8 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "half_inverse",
                                    "gauss_newton",
                                    "levenberg_marquardt",
+                                   "layer_half_inverse",
+                                   "kfac_half_inverse",
                                    "krylov"}));
 }
 
@@ -124,7 +150,7 @@ TEST(Rules, EveryDefaultIsAccepted) {
   }
 }
 
-TEST(Rules, DefaultsOfTheJointRules) {
+TEST(Rules, DefaultsOfTheSpectralRules) {
   const auto defaults = [](const std::string& name) {
     std::vector<std::pair<std::string, std::string>> values;
     for (const OptionSet::Row& option : FindRule(name)->options()) {
@@ -154,6 +180,11 @@ TEST(Rules, DefaultsOfTheJointRules) {
       with({{"kappa", "0.5"}, {"truncation", "1e-06"}, {"clamp", "false"}}));
   EXPECT_EQ(defaults("levenberg_marquardt"),
             with({{"damping", "0"}, {"relative_damping", "0.001"}}));
+  EXPECT_EQ(defaults("layer_half_inverse"), defaults("power"));
+  Values kfac = step_size;
+  kfac.insert(kfac.end(),
+              {{"kappa", "0.5"}, {"truncation", "0.001"}, {"clamp", "true"}});
+  EXPECT_EQ(defaults("kfac_half_inverse"), kfac);
 }
 
 TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
@@ -219,7 +250,7 @@ TEST(Rules, AZeroGradientGivesAZeroStep) {
   for (const RuleRow& row : Rules()) {
     EXPECT_TRUE(StepOf(row.name, at_x).isZero(0.0)) << row.name;
   }
-  for (const std::string name : kJointRules) {
+  for (const std::string name : kSpectralRules) {
     EXPECT_TRUE(StepOf(name + ":step_size=auto", at_x).isZero(0.0)) << name;
   }
 }
@@ -300,19 +331,22 @@ TEST(Rules, StateIsComplete) {
 }
 
 // (g, J) -> c (g, J) multiplies the step by c^(1 - kappa).
-TEST(JointRules, ScalingLaw) {
+TEST(SpectralRules, ScalingLaw) {
   const Quadratic problem(5, 7);
   const Linearization at_x = problem.At(VectorXd::Ones(7));
   const double c = 7.0;
   Linearization scaled = at_x;
   scaled.loss_gradient = c * at_x.loss_gradient;
-  scaled.jacobian = std::make_shared<DenseJacobian>(c * problem.A());
+  scaled.jacobian = OneUnit(c * problem.A());
   const std::vector<std::pair<std::string, double>> cases = {
       {"half_inverse", 0.5},
       {"gauss_newton", 1.0},
       {"power:kappa=-1", -1.0},
       {"power:kappa=0.75", 0.75},
-      {"levenberg_marquardt", 1.0}};
+      {"levenberg_marquardt", 1.0},
+      {"layer_half_inverse", 0.5},
+      {"kfac_half_inverse", 0.5},
+      {"kfac_half_inverse:kappa=1", 1.0}};
   for (const auto& [text, kappa] : cases) {
     const VectorXd step = std::pow(c, 1.0 - kappa) * StepOf(text, at_x);
     EXPECT_LE((StepOf(text, scaled) - step).norm(), 1e-12 * step.norm())
@@ -321,13 +355,13 @@ TEST(JointRules, ScalingLaw) {
 }
 
 // The automatic step size undoes the factor: no step depends on it.
-TEST(JointRules, AutomaticStepsDoNotDependOnTheScaleOfTheLoss) {
+TEST(SpectralRules, AutomaticStepsDoNotDependOnTheScaleOfTheLoss) {
   const Quadratic problem(5, 7);
   const Linearization at_x = problem.At(VectorXd::Ones(7));
   Linearization scaled = at_x;
   scaled.loss_gradient = 7.0 * at_x.loss_gradient;
-  scaled.jacobian = std::make_shared<DenseJacobian>(7.0 * problem.A());
-  for (const std::string name : kJointRules) {
+  scaled.jacobian = OneUnit(7.0 * problem.A());
+  for (const std::string name : kSpectralRules) {
     const VectorXd step = StepOf(name + ":step_size=auto", at_x);
     EXPECT_LE((StepOf(name + ":step_size=auto", scaled) - step).norm(),
               1e-12 * step.norm())
@@ -340,7 +374,7 @@ TEST(JointRules, AutomaticStepsDoNotDependOnTheScaleOfTheLoss) {
       1e-12 * full.norm());
 }
 
-TEST(JointRules, GaussNewtonIsLeastSquares) {
+TEST(SpectralRules, GaussNewtonIsLeastSquares) {
   for (const auto& [m, n] : {std::pair(7, 5), std::pair(5, 7)}) {
     const Quadratic problem(m, n);
     const Linearization at_x = problem.At(VectorXd::Ones(n));
@@ -358,7 +392,7 @@ TEST(JointRules, GaussNewtonIsLeastSquares) {
   }
 }
 
-TEST(JointRules, KappaMinusOneIsGradientDescent) {
+TEST(SpectralRules, KappaMinusOneIsGradientDescent) {
   const Quadratic problem(5, 7);
   const Linearization at_x = problem.At(VectorXd::Ones(7));
   const VectorXd step = StepOf("gradient_descent:step_size=0.1", at_x);
@@ -371,7 +405,7 @@ TEST(JointRules, KappaMinusOneIsGradientDescent) {
   }
 }
 
-TEST(JointRules, LevenbergMarquardtLimits) {
+TEST(SpectralRules, LevenbergMarquardtLimits) {
   const Quadratic problem(5, 7);
   const Linearization at_x = problem.At(VectorXd::Ones(7));
   const auto damped = [&](const std::string& damping) {
@@ -386,7 +420,7 @@ TEST(JointRules, LevenbergMarquardtLimits) {
   EXPECT_GE((damped("1.0") - gauss_newton).norm(), 1e-2 * gauss_newton.norm());
 }
 
-TEST(JointRules, ReportsSayWhatWasDone) {
+TEST(SpectralRules, ReportsSayWhatWasDone) {
   const Quadratic problem(5, 7);
   const Linearization at_x = problem.At(VectorXd::Ones(7));
   const auto report = [&](const std::string& text) {

@@ -37,6 +37,11 @@ TEST_F(ScalingProgram, HasARowForEveryRule) {
   for (const RuleRow& row : Rules()) {
     EXPECT_EQ(Row(output, row.name).size(), 3u) << row.name;
   }
+  // One that needs the layers of a network says so.
+  EXPECT_EQ(Row(output, "kfac_half_inverse"),
+            (std::vector<std::string>{"-", "-", "-"}));
+  ExpectSays(output, {"kfac_half_inverse: K-FAC needs"});
+  ExpectSays(Run({"--rules=kfac_half_inverse"}), {"K-FAC needs"});
 }
 
 // docs/conventions.md, section 3, and problems/linear_scale.h: with the loss,

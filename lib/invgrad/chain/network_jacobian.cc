@@ -1,6 +1,5 @@
 #include "invgrad/chain/network_jacobian.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "glog/logging.h"
@@ -83,82 +82,31 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
   return hidden_factors_[l];
 }
 
+LayerJacobian NetworkJacobian::Layer(int l) const {
+  return LayerJacobian(&activations_.inputs[l], &LayerFactor(l));
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+NetworkJacobian::ColumnBlocks() const {
+  std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+  blocks.reserve(network_.num_layers());
+  for (int l = 0; l < network_.num_layers(); ++l) {
+    blocks.push_back(std::make_unique<LayerJacobian>(Layer(l)));
+  }
+  return blocks;
+}
+
 void NetworkJacobian::Gram(MatrixXd* JJt) const {
-  const int L = network_.num_layers();
-  const Index r = outputs_per_sample_;
-  const Index batch_size = activations_.batch_size();
-  JJt->resize(rows(), rows());
-
-  std::vector<MatrixXd> input_grams(L);  // B x B: a_s . a_t, lower triangle
-  for (int l = 0; l < L; ++l) {
-    input_grams[l].resize(batch_size, batch_size);
-    Syrk(Op::kTranspose, 1.0, activations_.inputs[l], 0.0, input_grams[l]);
-    input_grams[l].triangularView<Eigen::StrictlyUpper>() =
-        input_grams[l].transpose();
-  }
-
-  // Tiles of whole samples, small enough that a layer's products stay in the
-  // cache until they are scaled and added, large enough for Gemm to be fast.
-  // Measured: 64 is best for r = 4, 128 by a tenth for r = 28 and 64.
-  const Index samples_per_tile = std::max<Index>(1, (r < 16 ? 64 : 128) / r);
-  const Index tile = samples_per_tile * r;
-  MatrixXd delta_gram(tile, tile);
-  VectorXd scale(tile);  // a_s . a_t for the rows (s, j) of the tile
-  for (Index t0 = 0; t0 < batch_size; t0 += samples_per_tile) {
-    const Index num_t = std::min(samples_per_tile, batch_size - t0);
-    for (Index s0 = t0; s0 < batch_size; s0 += samples_per_tile) {
-      const Index num_s = std::min(samples_per_tile, batch_size - s0);
-      const Index height = num_s * r;
-      const Index width = num_t * r;
-      for (int l = 0; l < L; ++l) {
-        const MatrixXd& delta = LayerFactor(l);
-        Gemm(Op::kTranspose,
-             Op::kNone,
-             1.0,
-             delta.middleCols(s0 * r, height),
-             delta.middleCols(t0 * r, width),
-             0.0,
-             delta_gram.topLeftCorner(height, width));
-        for (Index t = 0; t < num_t; ++t) {
-          const double* inputs = &input_grams[l](s0, t0 + t);
-          for (Index s = 0; s < num_s; ++s) {
-            std::fill_n(scale.data() + s * r, r, inputs[s]);
-          }
-          for (Index col = t * r; col < (t + 1) * r; ++col) {
-            const auto product = scale.head(height).cwiseProduct(
-                delta_gram.col(col).head(height));
-            auto sum = JJt->col(t0 * r + col).segment(s0 * r, height);
-            if (l == 0) {
-              sum = product;
-            } else {
-              sum += product;
-            }
-          }
-        }
-      }
-    }
-  }
+  std::vector<LayerJacobian> layers;
+  layers.reserve(network_.num_layers());
+  for (int l = 0; l < network_.num_layers(); ++l) layers.push_back(Layer(l));
+  GramOfLayers(layers, JJt);
 }
 
 void NetworkJacobian::ToDense(MatrixXd* J) const {
-  const std::vector<int>& widths = network_.widths();
-  const Index r = outputs_per_sample_;
   J->resize(rows(), cols());
-  MatrixXd inputs;  // m x (widths[l] + 1): row (s, j) is a_{l,s}
-  MatrixXd deltas;  // m x widths[l + 1]
   for (int l = 0; l < network_.num_layers(); ++l) {
-    const Index fan_in = widths[l] + 1;
-    inputs.resize(rows(), fan_in);
-    for (int s = 0; s < activations_.batch_size(); ++s) {
-      inputs.middleRows(s * r, r) =
-          activations_.inputs[l].col(s).transpose().replicate(r, 1);
-    }
-    deltas = LayerFactor(l).transpose();
-    for (int unit = 0; unit < widths[l + 1]; ++unit) {
-      const Index first = network_.offset(l) + unit * fan_in;
-      J->middleCols(first, fan_in).array() =
-          inputs.array().colwise() * deltas.col(unit).array();
-    }
+    Layer(l).WriteTo(J->middleCols(network_.offset(l), network_.layer_size(l)));
   }
 }
 

@@ -6,7 +6,7 @@
 // What it keeps is the forward pass's activations and the J_s. With a_{l,s} the
 // input of layer l for sample s (and a last 1 for the bias), and delta_{l,sj}
 // the derivative of y_{s,j} in the layer's z, row (s, j) of J holds the outer
-// products a_{l,s} delta_{l,sj}^T of all layers, and so [1]
+// products a_{l,s} delta_{l,sj}^T of all layers, and so (layer_jacobian.h)
 //
 //   (J J^T)_{(s,j),(t,k)} = sum_l (a_{l,s} . a_{l,t}) (delta_{l,sj} .
 //   delta_{l,tk})
@@ -14,17 +14,14 @@
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
 // Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.
 //          Gram: m^2 sum_l widths[l], where a dense J takes m^2 n: it pays from
-//          the first layer on. The delta_l are built on the first use of Gram
-//          or ToDense (2 m n / B more, once) and kept: 8 m sum_l widths[l]
-//          bytes.
+//          the first layer on. The delta_l are built on the first use of Gram,
+//          ToDense, Layer or ColumnBlocks (2 m n / B more, once) and kept:
+//          8 m sum_l widths[l] bytes.
 // Fails:   never by itself. Safe to use from several threads.
-//
-// [1] The Gram matrix of a Khatri-Rao product is the Hadamard product of the
-//     factors' Gram matrices. Kolda, Bader. Tensor Decompositions and
-//     Applications. SIAM Review 51 (2009), section 2.6.
 #ifndef INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
 #define INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
 
+#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -32,6 +29,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/linalg/jacobian_operator.h"
+#include "invgrad/linalg/layer_jacobian.h"
 
 namespace invgrad {
 
@@ -56,11 +54,17 @@ class NetworkJacobian final : public JacobianOperator {
   void ToDense(Eigen::MatrixXd* J) const override;
   std::string RowName(int row) const override;  // "row 12 (sample 3, output 0)"
 
-  // delta of layer l = 0 .. L - 1: widths[l + 1] x m. The first call builds
-  // those of all layers.
-  const Eigen::MatrixXd& LayerFactor(int l) const;
+  // The layers.
+  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const override;
+
+  // The columns of layer l = 0 .. L - 1; refers to this operator.
+  LayerJacobian Layer(int l) const;
 
  private:
+  // delta_l: widths[l + 1] x m. The first call builds those of all layers.
+  const Eigen::MatrixXd& LayerFactor(int l) const;
+
   DenseNetwork network_;
   Eigen::VectorXd weights_;
   DenseNetwork::Activations activations_;

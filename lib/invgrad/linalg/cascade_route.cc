@@ -141,6 +141,25 @@ bool CascadeRoute(const SpectralProblem& problem,
     return false;
   }
 
+  if (parameter_side) {
+    problem.J.TransposeTimes(problem.g, &workspace->b);
+  } else {
+    workspace->b = problem.g;
+  }
+  workspace->reduction.ApplyQTranspose(&workspace->b);
+  // What rotates the small values' vectors towards those of the large ones, by
+  // epsilon s_max^2 / s_i^2: the sum of squares of c_i / s_i^2 (c_i / s_i on
+  // the parameter side, where b = J^T g).
+  double leak = 0.0;
+  if (count > 0 && count < T.size()) {
+    ApplyCutFunction(SpectralFilter::GaussNewton(0.0),
+                     lambda_max,
+                     cut,
+                     parameter_side,
+                     workspace);
+    leak = BackwardError(T.size()) * lambda_max * workspace->y.norm();
+  }
+
   // The small values first: the large ones' solution overwrites T's buffers.
   VectorXd small = VectorXd::Zero(n);
   double small_error = 0.0;
@@ -191,25 +210,26 @@ bool CascadeRoute(const SpectralProblem& problem,
     SummarizeSpectrum(filter, s, s_max, 1, SvdResolution(m, n), summary);
     num_kept = summary->rank;
     if (norm_small > 0.0 && s[0] > 0.0) {
-      small_error = norm_small * SvdStepError(filter, s, s_max, c, 0.0, n > m);
-      // X is rotated towards a large value's vector by epsilon s_max^2 /
-      // s_i^2, which is how much of the others' steps is missing there.
-      double squared = 0.0;
+      const double outside =
+          parameter_side ? std::sqrt(std::max(
+                               0.0, problem.g.squaredNorm() - c.squaredNorm()))
+                         : 0.0;
+      small_error =
+          norm_small * SvdStepError(filter, s, s_max, c, outside, n > m);
+      double missing = 0.0;  // along the large values' vectors
+      double leaked = 0.0;   // from them
       for (int j = 0; j < count; ++j) {
-        if (filtered[j] == 0.0) continue;
-        squared += std::pow(filtered[j] * s_max / s[j], 2);
+        if (filtered[j] != 0.0) missing += std::pow(filtered[j] / s[j], 2);
+        const double phi = filter(s[j], s_max);
+        if (phi != 0.0)
+          leaked += std::pow(parameter_side ? phi / s[j] : phi, 2);
       }
-      small_error += BackwardError(T.size()) / split *
-                     std::sqrt(0.3 * (T.size() - count) * squared);
+      small_error += BackwardError(T.size()) * s_max / split *
+                         std::sqrt(0.3 * (T.size() - count) * missing) +
+                     leak * std::sqrt(leaked);
     }
   }
 
-  if (parameter_side) {
-    problem.J.TransposeTimes(problem.g, &workspace->b);
-  } else {
-    workspace->b = problem.g;
-  }
-  workspace->reduction.ApplyQTranspose(&workspace->b);
   d->setZero(n);
   double large_error = 0.0;
   if (count < T.size()) {

@@ -1,5 +1,8 @@
 #include "invgrad/linalg/jacobian_operator.h"
 
+#include <numeric>
+#include <utility>
+
 #include "glog/logging.h"
 #include "invgrad/linalg/blas.h"
 
@@ -21,6 +24,13 @@ void DenseGram(const Eigen::MatrixXd& A, Op op, Eigen::MatrixXd* G) {
   Syrk(op, 1.0, A, 0.0, *G);
 }
 
+void CheckBlockSizes(const JacobianOperator& J,
+                     const std::vector<int>& block_sizes) {
+  if (block_sizes.empty()) return;
+  CHECK_EQ(std::accumulate(block_sizes.begin(), block_sizes.end(), 0), J.cols())
+      << "Blocks of columns hold all columns.";
+}
+
 }  // namespace
 
 void JacobianOperator::ParameterGram(Eigen::MatrixXd* JtJ) const {
@@ -31,6 +41,16 @@ void JacobianOperator::ParameterGram(Eigen::MatrixXd* JtJ) const {
 
 std::string JacobianOperator::RowName(int row) const {
   return "row " + std::to_string(row);
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+JacobianOperator::ColumnBlocks() const {
+  return {};
+}
+
+DenseJacobian::DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes)
+    : J_(std::move(J)), block_sizes_(std::move(block_sizes)) {
+  CheckBlockSizes(*this, block_sizes_);
 }
 
 void DenseJacobian::Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const {
@@ -52,6 +72,24 @@ void DenseJacobian::Gram(Eigen::MatrixXd* JJt) const {
 
 void DenseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
   DenseGram(J_, Op::kTranspose, JtJ);
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+DenseJacobian::ColumnBlocks() const {
+  std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+  int column = 0;
+  for (const int size : block_sizes_) {
+    blocks.push_back(
+        std::make_unique<DenseJacobian>(J_.middleCols(column, size)));
+    column += size;
+  }
+  return blocks;
+}
+
+SparseJacobian::SparseJacobian(Matrix J, std::vector<int> block_sizes)
+    : block_sizes_(std::move(block_sizes)) {
+  J_.swap(J);
+  CheckBlockSizes(*this, block_sizes_);
 }
 
 void SparseJacobian::Times(const Eigen::VectorXd& v,
@@ -76,6 +114,20 @@ void SparseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
   const Matrix transpose = J_.transpose();
   const Matrix product = transpose * J_;
   *JtJ = product;
+}
+
+std::vector<std::unique_ptr<const JacobianOperator>>
+SparseJacobian::ColumnBlocks() const {
+  // In compressed columns a block is a range of entries.
+  const Eigen::SparseMatrix<double> by_columns = J_;
+  std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+  int column = 0;
+  for (const int size : block_sizes_) {
+    blocks.push_back(std::make_unique<SparseJacobian>(
+        Matrix(by_columns.middleCols(column, size))));
+    column += size;
+  }
+  return blocks;
 }
 
 }  // namespace invgrad

@@ -10,8 +10,10 @@
 #ifndef INVGRAD_LINALG_JACOBIAN_OPERATOR_H_
 #define INVGRAD_LINALG_JACOBIAN_OPERATOR_H_
 
+#include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
@@ -44,12 +46,21 @@ class JacobianOperator {
 
   // What a message calls a row: "row 12", and what it belongs to if known.
   virtual std::string RowName(int row) const;
+
+  // The columns in groups that belong together, from the first to the last: the
+  // layers of a network, the parameter blocks of a ceres::Problem. None if
+  // nothing is known of groups, as by default. The blocks may refer to this
+  // operator, which must outlive them.
+  virtual std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const;
 };
 
 // J stored as a column-major matrix.
 class DenseJacobian final : public JacobianOperator {
  public:
-  explicit DenseJacobian(Eigen::MatrixXd J) : J_(std::move(J)) {}
+  // block_sizes: the numbers of columns of the ColumnBlocks, which are copies;
+  // they sum up to those of J (CHECKed), unless there are none.
+  explicit DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes = {});
 
   int rows() const override { return static_cast<int>(J_.rows()); }
   int cols() const override { return static_cast<int>(J_.cols()); }
@@ -59,17 +70,21 @@ class DenseJacobian final : public JacobianOperator {
   void Gram(Eigen::MatrixXd* JJt) const override;
   void ToDense(Eigen::MatrixXd* J) const override { *J = J_; }
   void ParameterGram(Eigen::MatrixXd* JtJ) const override;
+  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const override;
 
  private:
   Eigen::MatrixXd J_;
+  std::vector<int> block_sizes_;
 };
 
 // J in compressed rows, as a ceres::Problem has it.
 class SparseJacobian final : public JacobianOperator {
  public:
   using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-  // Swapped in, because Eigen's sparse matrices do not move.
-  explicit SparseJacobian(Matrix J) { J_.swap(J); }
+  // J is swapped in, because Eigen's sparse matrices do not move. block_sizes:
+  // as for DenseJacobian. A ColumnBlock has all rows of J, most of them empty.
+  explicit SparseJacobian(Matrix J, std::vector<int> block_sizes = {});
 
   int rows() const override { return static_cast<int>(J_.rows()); }
   int cols() const override { return static_cast<int>(J_.cols()); }
@@ -79,11 +94,14 @@ class SparseJacobian final : public JacobianOperator {
   void Gram(Eigen::MatrixXd* JJt) const override;
   void ToDense(Eigen::MatrixXd* J) const override { *J = J_; }
   void ParameterGram(Eigen::MatrixXd* JtJ) const override;
+  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const override;
 
   const Matrix& matrix() const { return J_; }
 
  private:
   Matrix J_;
+  std::vector<int> block_sizes_;
 };
 
 }  // namespace invgrad

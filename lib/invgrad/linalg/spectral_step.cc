@@ -137,7 +137,8 @@ class History {
   }
 
  private:
-  enum { kRows, kCols, kRoute, kRank, kSteps, kSize };
+  enum { kRows, kCols, kRoute, kRank, kSteps };
+  static constexpr int kSize = SpectralWorkspace::kHistorySize;
   VectorXd& memory_;
 };
 

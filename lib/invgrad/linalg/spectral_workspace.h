@@ -20,9 +20,11 @@
 namespace invgrad {
 
 struct SpectralWorkspace {
-  // What SpectralStep remembers: empty, or rows, columns, the route that gave
-  // the answer, its rank, and the steps since the cheapest route was last
-  // tried. A checkpoint that holds it resumes bit for bit.
+  // What SpectralStep remembers of the last step: rows, columns, the route that
+  // gave the answer, its rank, and the steps since the cheapest route was last
+  // tried. Empty or zero before the first. A checkpoint that holds it resumes
+  // bit for bit.
+  static constexpr int kHistorySize = 5;
   Eigen::VectorXd history;
 
   // The rest are buffers of the routes, named by their use.

@@ -59,8 +59,7 @@ bool KrylovRule::ComputeStep(const Linearization& at_x,
     return false;
   }
   double eta = 0.0;
-  if (!ScaleDirection(
-          at_x, options_.step_size, -direction, &eta, step, error)) {
+  if (!ScaleToStep(options_.step_size, at_x, -direction, &eta, step, error)) {
     return false;
   }
   std::ostringstream report;

@@ -4,6 +4,7 @@
 #include "invgrad/rules/adagrad.h"
 #include "invgrad/rules/adam.h"
 #include "invgrad/rules/gradient_descent.h"
+#include "invgrad/rules/kfac_rule.h"
 #include "invgrad/rules/krylov_rule.h"
 #include "invgrad/rules/newton.h"
 #include "invgrad/rules/rmsprop.h"
@@ -82,6 +83,14 @@ std::vector<RuleRow> MakeRules() {
       Row<SpectralRule>("levenberg_marquardt",
                         "step = -eta V S / (S^2 + lambda) U^T g",
                         SpectralRule::Options::LevenbergMarquardt()),
+      Row<SpectralRule>("layer_half_inverse",
+                        "step_l = -eta V_l S_l^(-kappa) U_l^T g, s > tau s_max "
+                        "of the layer's columns of J",
+                        SpectralRule::Options::LayerHalfInverse()),
+      Row<KfacRule>("kfac_half_inverse",
+                    "step_l = -eta B^p A^(-p) G_l D^(-p), p = (1 + kappa) / 2, "
+                    "J_l^T J_l ~ D (x) A / B",
+                    KfacRule::Options()),
       Row<KrylovRule>("krylov",
                       "step = -eta V_k R_k^(-kappa) P_k^T g, k Golub-Kahan "
                       "iterations",

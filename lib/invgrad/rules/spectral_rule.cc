@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
+#include <memory>
 #include <sstream>
 #include <vector>
 
 #include "glog/logging.h"
+#include "invgrad/rules/filter_options.h"
 
 namespace invgrad {
 namespace {
@@ -17,6 +20,41 @@ constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kParameterGram,
                                      SpectralRoute::kCascade,
                                      SpectralRoute::kGolubKahan};
+
+// What the steps of all blocks were like.
+struct Totals {
+  std::map<SpectralRoute, int> num_blocks;
+  int rank = 0;
+  int max_rank = 0;
+  int num_undecided = 0;
+  std::string message;  // the first
+
+  void Add(const JacobianOperator& J, const SpectralStepSummary& summary) {
+    ++num_blocks[summary.route];
+    if (summary.route != SpectralRoute::kGradient) {
+      rank += summary.rank;
+      max_rank += std::min(J.rows(), J.cols());
+    }
+    num_undecided += summary.num_undecided;
+    if (message.empty()) message = summary.message;
+  }
+
+  // "route gram, rank 97 of 128", "route gram 3, svd 1, rank 211 of 300".
+  std::string Report() const {
+    std::ostringstream report;
+    const bool single =
+        num_blocks.size() == 1 && num_blocks.begin()->second == 1;
+    const char* separator = "route ";
+    for (const auto& [route, count] : num_blocks) {
+      report << separator << SpectralRouteName(route);
+      if (!single) report << " " << count;
+      separator = ", ";
+    }
+    if (max_rank > 0) report << ", rank " << rank << " of " << max_rank;
+    if (num_undecided > 0) report << ", " << num_undecided << " undecided";
+    return report.str();
+  }
+};
 
 }  // namespace
 
@@ -32,6 +70,12 @@ SpectralRule::Options SpectralRule::Options::GaussNewton() {
   Options options;
   options.filter.kappa = 1.0;
   options.kappa_is_a_setting = false;
+  return options;
+}
+
+SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
+  Options options;
+  options.layerwise = true;
   return options;
 }
 
@@ -54,19 +98,7 @@ void SpectralRule::Options::Describe(OptionSet* set) {
              {0.0, kInfinity},
              "the same, in units of s_max^2");
   } else {
-    if (kappa_is_a_setting) {
-      set->Add("kappa",
-               &filter.kappa,
-               {-1.0, 1.0},
-               "exponent: -1 gradient, 1/2 half-inverse, 1 Gauss-Newton");
-    }
-    set->Add("truncation",
-             &filter.tau,
-             {0.0, 1.0, false, true},
-             "tau: singular values s <= tau s_max are dropped");
-    set->Add("clamp",
-             &filter.clamp,
-             "raise small singular values to tau s_max instead");
+    DescribePowerFilter(&filter, kappa_is_a_setting, set);
   }
   std::vector<std::string> names;
   for (const SpectralRoute candidate : kRoutes) {
@@ -103,37 +135,58 @@ LinearizationParts SpectralRule::Needs() const {
 bool SpectralRule::ComputeStep(const Linearization& at_x,
                                Eigen::VectorXd* step,
                                std::string* error) {
-  CHECK(at_x.jacobian != nullptr) << "A joint rule needs J.";
+  CHECK(at_x.jacobian != nullptr) << "A spectral rule needs J.";
   report_.clear();
-  SpectralStepSummary summary;
-  if (!SpectralStep(*at_x.jacobian,
-                    at_x.loss_gradient,
-                    options_.filter,
-                    spectral_options_,
-                    &workspace_,
-                    &direction_,
-                    &summary)) {
-    *error = summary.message;
-    return false;
+  const JacobianOperator& J = *at_x.jacobian;
+  std::vector<std::unique_ptr<const JacobianOperator>> column_blocks;
+  if (options_.layerwise) column_blocks = J.ColumnBlocks();
+  std::vector<const JacobianOperator*> blocks;
+  blocks.reserve(column_blocks.size());
+  for (const auto& block : column_blocks) blocks.push_back(block.get());
+  if (blocks.empty()) blocks.push_back(&J);
+
+  direction_.resize(J.cols());
+  Totals totals;
+  Eigen::Index column = 0;
+  constexpr Eigen::Index kHistory = SpectralWorkspace::kHistorySize;
+  const auto num_blocks = static_cast<Eigen::Index>(blocks.size());
+  if (histories_.size() != kHistory * num_blocks) {
+    histories_.setZero(kHistory * num_blocks);
+  }
+  Eigen::Index index = -1;
+  for (const JacobianOperator* block : blocks) {
+    ++index;
+    // A manifold may leave a parameter block no direction to move in.
+    if (block->cols() == 0) continue;
+    workspace_.history = histories_.segment(kHistory * index, kHistory);
+    SpectralStepSummary summary;
+    if (!SpectralStep(*block,
+                      at_x.loss_gradient,
+                      options_.filter,
+                      spectral_options_,
+                      &workspace_,
+                      &d_,
+                      &summary)) {
+      *error = summary.message;
+      if (blocks.size() > 1) {
+        *error = "columns from " + std::to_string(column) + ": " + *error;
+      }
+      return false;
+    }
+    histories_.segment(kHistory * index, kHistory) = workspace_.history;
+    direction_.segment(column, d_.size()) = -d_;
+    column += d_.size();
+    totals.Add(*block, summary);
   }
   double eta = 0.0;
-  if (!ScaleDirection(
-          at_x, options_.step_size, -direction_, &eta, step, error)) {
+  if (!ScaleToStep(options_.step_size, at_x, direction_, &eta, step, error)) {
     return false;
   }
-
   std::ostringstream report;
   report.precision(2);
-  report << "route " << SpectralRouteName(summary.route);
-  if (summary.route != SpectralRoute::kGradient) {
-    report << ", rank " << summary.rank << " of "
-           << std::min(at_x.jacobian->rows(), at_x.jacobian->cols());
-  }
-  if (summary.num_undecided > 0) {
-    report << ", " << summary.num_undecided << " undecided";
-  }
+  report << totals.Report();
   if (options_.step_size.is_auto()) report << ", step size " << eta;
-  if (!summary.message.empty()) report << " (" << summary.message << ")";
+  if (!totals.message.empty()) report << " (" << totals.message << ")";
   report_ = report.str();
   return true;
 }

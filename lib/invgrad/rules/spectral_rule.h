@@ -1,12 +1,22 @@
-// The joint rules: a spectral filter of J, applied to the loss gradient.
+// A spectral filter of J, applied to the loss gradient: of all of J (the joint
+// rules), or of the columns of one layer at a time.
 //
-//   step = -eta V phi(S) U^T g,   J = U S V^T,   g = dL/dy
+//   step = -eta V phi(S) U^T g,             J = U S V^T,   g = dL/dy
+//   step_l = -eta V_l phi(S_l) U_l^T g,     J_l = U_l S_l V_l^T    (layerwise)
 //
 //   row                   phi(s)
 //   power                 s^-kappa           for s > truncation s_max, else 0
 //   half_inverse          s^(-1/2)           for s > truncation s_max, else 0
 //   gauss_newton          s^-1               for s > truncation s_max, else 0
 //   levenberg_marquardt   s / (s^2 + damping + relative_damping s_max^2)
+//   layer_half_inverse    layerwise: s^-kappa for s > truncation s_max of J_l,
+//                         else 0; kappa is 1/2 by default
+//
+// The J_l are the ColumnBlocks of J: a network's layers, the parameter blocks
+// of a ceres::Problem that are not constant. What couples them is dropped, so
+// that each layer steps as if the others stood still: where L layers can all
+// correct the outputs, the full steps (kappa = 1) overshoot L times. Where J
+// has no ColumnBlocks, J is the only one.
 //
 // Shapes:  g: m;  J: m x n;  step: n.
 // Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
@@ -14,6 +24,10 @@
 //          loss, and on sum or mean over a batch. g is used as it is given.
 //          damping has the units of s^2.
 // Cost:    one spectral step, see spectral_step.h; auto two products more.
+//          Layerwise: one for each layer, of size min(m, n_l). That is cheaper
+//          than the joint one if most layers have n_l < m (large batches):
+//          n_l^3 each where the joint step takes min(m, n)^3. Where n_l >= m it
+//          is L times the work.
 // Fails:   returns false if g, J or the step is not finite, if a factorization
 //          does not converge, or if there is no automatic step size.
 //
@@ -43,10 +57,12 @@ class SpectralRule final : public UpdateRule {
     static Options HalfInverse();
     static Options GaussNewton();
     static Options LevenbergMarquardt();
+    static Options LayerHalfInverse();
 
     StepSizeOptions step_size{1.0};
     SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
     bool kappa_is_a_setting = true;
+    bool layerwise = false;
     std::string route = "auto";
     // Far looser than a spectral step alone would ask for, and still below what
     // training can tell: on the linear oscillator chain (B = 32, truncation
@@ -66,9 +82,9 @@ class SpectralRule final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
-  // The route's history, which chooses the next step's route.
+  // The routes' histories, which choose the next step's routes.
   std::vector<Eigen::VectorXd*> MutableState() override {
-    return {&workspace_.history};
+    return {&histories_};
   }
   std::string LastStepReport() const override { return report_; }
 
@@ -76,6 +92,8 @@ class SpectralRule final : public UpdateRule {
   const Options options_;
   SpectralStepOptions spectral_options_;
   SpectralWorkspace workspace_;
+  Eigen::VectorXd histories_;  // one a block, zero before its first step
+  Eigen::VectorXd d_;          // of a block
   Eigen::VectorXd direction_;
   std::string report_;
 };

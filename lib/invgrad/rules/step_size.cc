@@ -92,22 +92,22 @@ bool AutoStepSize(const Linearization& at_x,
   return false;
 }
 
-bool ScaleDirection(const Linearization& at_x,
-                    const StepSizeOptions& options,
-                    const Eigen::VectorXd& direction,
-                    double* step_size,
-                    Eigen::VectorXd* step,
-                    std::string* error) {
-  *step_size = options.step_size;
+bool ScaleToStep(const StepSizeOptions& options,
+                 const Linearization& at_x,
+                 const Eigen::VectorXd& direction,
+                 double* eta,
+                 Eigen::VectorXd* step,
+                 std::string* error) {
+  *eta = options.step_size;
   if (direction.isZero(0.0)) {
-    // Along it there is nothing to minimize.
-    *step_size = 1.0;
+    // Along it there is nothing to minimize; it is a step of any size.
+    *eta = 1.0;
   } else if (options.is_auto() &&
-             !AutoStepSize(at_x, direction, options.rho, step_size, error)) {
+             !AutoStepSize(at_x, direction, options.rho, eta, error)) {
     return false;
   }
-  *step_size *= options.ScheduleFactor(at_x.progress);
-  *step = *step_size * direction;
+  *eta *= options.ScheduleFactor(at_x.progress);
+  *step = *eta * direction;
   return CheckFinite("the step", *step, error);
 }
 

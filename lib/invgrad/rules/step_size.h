@@ -54,15 +54,15 @@ bool AutoStepSize(const Linearization& at_x,
                   double* step_size,
                   std::string* error);
 
-// step = eta s(progress) d with the eta of `options`, fixed or auto; *step_size
-// is that factor. d = 0 is a step of any size. False if there is no automatic
-// step size or if the step is not finite.
-bool ScaleDirection(const Linearization& at_x,
-                    const StepSizeOptions& options,
-                    const Eigen::VectorXd& direction,
-                    double* step_size,
-                    Eigen::VectorXd* step,
-                    std::string* error);
+// *step = *eta direction with the step size of `options`, auto or not, and its
+// schedule. A direction of zero gives a step of zero. False if there is no
+// automatic step size or the step is not finite.
+bool ScaleToStep(const StepSizeOptions& options,
+                 const Linearization& at_x,
+                 const Eigen::VectorXd& direction,
+                 double* eta,
+                 Eigen::VectorXd* step,
+                 std::string* error);
 
 }  // namespace invgrad
 

@@ -454,13 +454,18 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     linearization->loss_gradient = std::move(r);
     // Products with a matrix that is mostly full are BLAS' work.
     constexpr double kDense = 0.5;
+    std::vector<int> block_sizes;
+    for (const ParameterBlock& block : blocks_) {
+      block_sizes.push_back(block.tangent_size);
+    }
     if (static_cast<double>(J.nonZeros()) >=
         kDense * static_cast<double>(J.rows()) *
             static_cast<double>(J.cols())) {
       linearization->jacobian =
-          std::make_shared<DenseJacobian>(Eigen::MatrixXd(J));
+          std::make_shared<DenseJacobian>(Eigen::MatrixXd(J), block_sizes);
     } else {
-      linearization->jacobian = std::make_shared<SparseJacobian>(std::move(J));
+      linearization->jacobian =
+          std::make_shared<SparseJacobian>(std::move(J), block_sizes);
     }
     linearization->loss_hessian_times = nullptr;  // the identity
   }

@@ -11,7 +11,8 @@
 // irreproducible.)
 //
 // Shapes:  m = sum of the residual sizes;  n = sum of the tangent sizes.
-// J is a SparseJacobian, or a DenseJacobian if at least half of it is filled.
+// J is a SparseJacobian, or a DenseJacobian if at least half of it is filled;
+// its ColumnBlocks are the parameter blocks that are not constant.
 // Cost:    one CostFunction::Evaluate with Jacobians a residual block. Does not
 //          use Problem::Evaluate, which must not be called during a solve.
 // Fails:   Linearize and Cost return false if a cost function does or a value

@@ -1,0 +1,23 @@
+#include "invgrad/rules/filter_options.h"
+
+namespace invgrad {
+
+void DescribePowerFilter(SpectralFilter* filter,
+                         bool kappa_is_a_setting,
+                         OptionSet* set) {
+  if (kappa_is_a_setting) {
+    set->Add("kappa",
+             &filter->kappa,
+             {-1.0, 1.0},
+             "exponent: -1 gradient, 1/2 half-inverse, 1 Gauss-Newton");
+  }
+  set->Add("truncation",
+           &filter->tau,
+           {0.0, 1.0, false, true},
+           "tau: singular values s <= tau s_max are dropped");
+  set->Add("clamp",
+           &filter->clamp,
+           "raise small singular values to tau s_max instead");
+}
+
+}  // namespace invgrad

@@ -1,0 +1,171 @@
+#include "invgrad/rules/kfac_rule.h"
+
+#include <lapacke.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <sstream>
+#include <vector>
+
+#include "glog/logging.h"
+#include "invgrad/linalg/blas.h"
+#include "invgrad/linalg/finite.h"
+#include "invgrad/linalg/layer_jacobian.h"
+#include "invgrad/rules/filter_options.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// X X^T = s_max^2 U diag(root^2) U^T, root in [0, 1].
+struct Factor {
+  MatrixXd U;
+  VectorXd root;
+  double s_max = 0.0;
+};
+
+bool Factorize(const MatrixXd& X, Factor* factor, std::string* error) {
+  const Index size = X.rows();
+  // In units of the largest entry, whose square could over- or underflow.
+  const double unit = X.cwiseAbs().maxCoeff();
+  factor->root.setZero(size);
+  if (unit == 0.0) {
+    factor->U.setIdentity(size, size);
+    factor->s_max = 0.0;
+    return true;
+  }
+  factor->U.resize(size, size);
+  Syrk(Op::kNone, 1.0, X / unit, 0.0, factor->U);
+  VectorXd lambda(size);
+  if (LAPACKE_dsyevd(LAPACK_COL_MAJOR,
+                     'V',
+                     'L',
+                     size,
+                     factor->U.data(),
+                     size,
+                     lambda.data()) != 0) {
+    *error = "the eigenvalues of a factor (dsyevd) did not converge";
+    return false;
+  }
+  const double largest = lambda[size - 1];
+  factor->s_max = unit * std::sqrt(largest);
+  const double zero = size * std::numeric_limits<double>::epsilon() * largest;
+  for (Index i = 0; i < size; ++i) {
+    if (lambda[i] > zero) factor->root[i] = std::sqrt(lambda[i] / largest);
+  }
+  return true;
+}
+
+// Replaces a layer's gradient by phi(S_l) / S_l of it, and adds to *rank how
+// many singular values were kept.
+bool FilterGradient(const LayerJacobian& layer,
+                    const SpectralFilter& filter,
+                    Eigen::Ref<VectorXd> gradient,
+                    int* rank,
+                    std::string* error) {
+  Factor of_inputs;
+  Factor of_deltas;
+  if (!Factorize(layer.inputs(), &of_inputs, error) ||
+      !Factorize(layer.deltas(), &of_deltas, error)) {
+    return false;
+  }
+  const MatrixXd& P = of_inputs.U;
+  const MatrixXd& Q = of_deltas.U;
+  const double s_max = of_inputs.s_max * of_deltas.s_max /
+                       std::sqrt(static_cast<double>(layer.inputs().cols()));
+  Eigen::Map<MatrixXd> G(gradient.data(), P.rows(), Q.rows());
+  MatrixXd GQ(P.rows(), Q.rows());
+  Gemm(Op::kNone, Op::kNone, 1.0, G, Q, 0.0, GQ);
+  Gemm(Op::kTranspose, Op::kNone, 1.0, P, GQ, 0.0, G);
+  for (Index k = 0; k < Q.rows(); ++k) {
+    for (Index i = 0; i < P.rows(); ++i) {
+      const double s = s_max * of_inputs.root[i] * of_deltas.root[k];
+      const double phi = filter(s, s_max);
+      // Not phi / s, which over- and underflows before the result does.
+      G(i, k) = phi == 0.0 ? 0.0 : G(i, k) * phi / s;
+      if (filter.Keeps(s, s_max)) ++*rank;
+    }
+  }
+  Gemm(Op::kNone, Op::kNone, 1.0, P, G, 0.0, GQ);
+  Gemm(Op::kNone, Op::kTranspose, 1.0, GQ, Q, 0.0, G);
+  return true;
+}
+
+}  // namespace
+
+KfacRule::Options::Options() : filter(SpectralFilter::HalfInverse(1e-3)) {
+  filter.clamp = true;
+}
+
+void KfacRule::Options::Describe(OptionSet* set) {
+  step_size.Describe(/*allow_auto=*/true, set);
+  DescribePowerFilter(&filter, /*kappa_is_a_setting=*/true, set);
+}
+
+KfacRule::KfacRule(const Options& options) : options_(options) {
+  CheckOptions(options);
+}
+
+LinearizationParts KfacRule::Needs() const {
+  LinearizationParts parts;
+  parts.jacobian = true;
+  return parts;
+}
+
+bool KfacRule::ComputeStep(const Linearization& at_x,
+                           VectorXd* step,
+                           std::string* error) {
+  CHECK(at_x.jacobian != nullptr) << "K-FAC needs J.";
+  report_.clear();
+  const JacobianOperator& J = *at_x.jacobian;
+  const std::vector<std::unique_ptr<const JacobianOperator>> blocks =
+      J.ColumnBlocks();
+  std::vector<const LayerJacobian*> layers;
+  for (const auto& block : blocks) {
+    layers.push_back(dynamic_cast<const LayerJacobian*>(block.get()));
+    if (layers.back() == nullptr) break;
+  }
+  if (layers.empty() || layers.back() == nullptr) {
+    *error =
+        "K-FAC needs the Jacobian of a network's layers, and this problem has "
+        "none; half_inverse and layer_half_inverse take any Jacobian";
+    return false;
+  }
+  if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
+  VectorXd direction;
+  J.TransposeTimes(at_x.loss_gradient, &direction);
+  if (!CheckFinite("J^T g", direction, error)) return false;
+  std::ostringstream report;
+  report.precision(2);
+  report << layers.size() << " layers";
+  if (!options_.filter.IsGradientDescent()) {
+    int rank = 0;
+    Index column = 0;
+    for (std::size_t l = 0; l < layers.size(); ++l) {
+      if (!FilterGradient(*layers[l],
+                          options_.filter,
+                          direction.segment(column, layers[l]->cols()),
+                          &rank,
+                          error)) {
+        *error = "layer " + std::to_string(l) + ": " + *error;
+        return false;
+      }
+      column += layers[l]->cols();
+    }
+    report << ", rank " << rank << " of " << column;
+  }
+  direction = -direction;
+  double eta = 0.0;
+  if (!ScaleToStep(options_.step_size, at_x, direction, &eta, step, error)) {
+    return false;
+  }
+  if (options_.step_size.is_auto()) report << ", step size " << eta;
+  report_ = report.str();
+  return true;
+}
+
+}  // namespace invgrad

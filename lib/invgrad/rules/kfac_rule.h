@@ -1,0 +1,80 @@
+// A half-inverse of each layer of a network, with K-FAC's approximation of
+// J_l^T J_l: two small eigenproblems a layer instead of one of the whole J.
+//
+//   J_l^T J_l = sum_s D_s (x) a_s a_s^T ~ (1 / B) D (x) A,
+//   A = sum_s a_s a_s^T = P diag(lambda) P^T,
+//   D = sum_s D_s = Q diag(mu) Q^T,   D_s = sum_j delta_{s,j} delta_{s,j}^T
+//
+//   step_l = -eta P [phi(s_ik) / s_ik * (P^T G_l Q)_ik] Q^T,
+//   s_ik = sqrt(lambda_i mu_k / B),   phi(s) = s^-kappa for s > tau s_max
+//
+// so that step_l = -eta B^p A^-p G_l D^-p with p = (1 + kappa) / 2: 3/4 for
+// half-inverse, 1 for the Gauss-Newton step of K-FAC [1]. G_l is the gradient
+// J_l^T g in the layer's weights as a matrix, a_s and delta_{s,j} the factors
+// of layer_jacobian.h, tau and s_max (of each layer) as in spectral_filter.h.
+// Values whose lambda_i or mu_k rounding cannot tell from zero count as zero.
+//
+// Two things are dropped: what couples the layers, and how D_s and a_s a_s^T
+// vary together over the batch. The second is exact for one sample with one
+// output, and where all samples have the same D_s (a last layer in front of a
+// linear simulator).
+//
+// Shapes:  A: fan_in x fan_in;  D: fan_out x fan_out;  G_l, step_l: fan_in x
+//          fan_out, with the bias in the last row.
+// Units:   as half-inverse: (g, J) -> c (g, J) multiplies the step by
+//          c^(1 - kappa). A full step in each of L layers overshoots: eta is
+//          smaller than that of half_inverse, or auto.
+// Cost:    B sum (fan_in^2 + |y| fan_out^2) + O(sum fan_in^3 + fan_out^3), and
+//          the deltas of network_jacobian.h; auto one product more.
+// Fails:   returns false if J has no layers (a network in front of a simulator
+//          has; a ceres::Problem has none), if g, J^T g or the step is not
+//          finite, if a factorization does not converge, or if there is no
+//          automatic step size.
+//
+// [1] Martens, Grosse. Optimizing Neural Networks with Kronecker-factored
+//     Approximate Curvature. ICML 2015, sections 3 and 4.2 (block diagonal).
+//     arXiv 1503.05671. There D is that of the loss, D_s = E[g_z g_z^T], and
+//     damping and momentum are added; here y's metric is the identity, as in
+//     every joint rule.
+#ifndef INVGRAD_RULES_KFAC_RULE_H_
+#define INVGRAD_RULES_KFAC_RULE_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/rules/option_set.h"
+#include "invgrad/rules/step_size.h"
+#include "invgrad/rules/update_rule.h"
+
+namespace invgrad {
+
+class KfacRule final : public UpdateRule {
+ public:
+  struct Options {
+    // Half-inverse; values below 1e-3 s_max are clamped, not dropped, as
+    // K-FAC's damping does: docs/results/layerwise.md.
+    Options();
+
+    StepSizeOptions step_size{1.0};
+    SpectralFilter filter;
+
+    void Describe(OptionSet* set);
+  };
+
+  explicit KfacRule(const Options& options);
+
+  LinearizationParts Needs() const override;
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) override;
+  std::string LastStepReport() const override { return report_; }
+
+ private:
+  const Options options_;
+  std::string report_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_KFAC_RULE_H_
