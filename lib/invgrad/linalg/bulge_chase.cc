@@ -47,10 +47,10 @@ constexpr int kTriangleEnd = kPadded;
 constexpr int kSquareEnd = 2 * b + kPack;
 
 // 1 in the lanes from `lane` on, 0 in those before it; -4 <= lane <= 8.
-INVGRAD_INLINE inline const Pack& From(int lane) {
+INVGRAD_INLINE inline const double* From(int lane) {
   static constexpr double kStep[] = {
       0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
-  return At(kStep + 8 - lane);
+  return kStep + 8 - lane;
 }
 
 // Four neighbouring columns of the matrix.
@@ -67,8 +67,8 @@ struct Quad {
 // neither A nor C are undefined.
 INVGRAD_INLINE inline void Multiply(
     double* A, int shift, const double* v, double* w, double* p) {
-  for (int i = 0; i < kSquareEnd; i += kPack) At(w + i) = Pack{};
-  for (int i = 0; i < kPadded; i += kPack) At(p + i) = Pack{};
+  for (int i = 0; i < kSquareEnd; i += kPack) At(w + i).v = Pack{};
+  for (int i = 0; i < kPadded; i += kPack) At(p + i).v = Pack{};
   for (int j = 0; j < b; j += kPack) {
     const Quad column(A, shift, j);
     Pack sum[kPack] = {};
@@ -76,30 +76,30 @@ INVGRAD_INLINE inline void Multiply(
     for (int k = 0; k < kPack; ++k) v_j[k] = Pack{} + v[shift + j + k];
     // The two packs that the diagonal crosses.
     for (int i = j; i < j + 2 * kPack; i += kPack) {
-      const Pack v_i = At(v + i);
-      Pack w_i = At(w + i);
+      const Pack v_i = At(v + i).v;
+      Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        const Pack a = At(column.a[k] + i);
+        const Pack a = At(column.a[k] + i).v;
         const int diagonal = shift + j + k - i;
-        w_i += a * (From(diagonal) * v_j[k]);
-        sum[k] += a * (From(diagonal + 1) * v_i);
+        w_i += a * (At(From(diagonal)).v * v_j[k]);
+        sum[k] += a * (At(From(diagonal + 1)).v * v_i);
       }
-      At(w + i) = w_i;
+      At(w + i).v = w_i;
     }
     for (int i = j + 2 * kPack; i < kTriangleEnd; i += kPack) {
-      const Pack v_i = At(v + i);
-      Pack w_i = At(w + i);
+      const Pack v_i = At(v + i).v;
+      Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        const Pack a = At(column.a[k] + i);
+        const Pack a = At(column.a[k] + i).v;
         w_i += a * v_j[k];
         sum[k] += a * v_i;
       }
-      At(w + i) = w_i;
+      At(w + i).v = w_i;
     }
     for (int i = kTriangleEnd; i < kSquareEnd; i += kPack) {
-      Pack w_i = At(w + i);
-      for (int k = 0; k < kPack; ++k) w_i += At(column.a[k] + i) * v_j[k];
-      At(w + i) = w_i;
+      Pack w_i = At(w + i).v;
+      for (int k = 0; k < kPack; ++k) w_i += At(column.a[k] + i).v * v_j[k];
+      At(w + i).v = w_i;
     }
     for (int k = 0; k < kPack; ++k) p[shift + j + k] = simd::Sum(sum[k]);
   }
@@ -118,8 +118,8 @@ INVGRAD_INLINE inline void Update(double* A,
     const Quad column(A, shift, j);
     Pack sum[kPack] = {};
     for (int i = b; i < kSquareEnd; i += kPack) {
-      const Pack u_i = At(u + i - b);
-      for (int k = 0; k < kPack; ++k) sum[k] += At(column.a[k] + i) * u_i;
+      const Pack u_i = At(u + i - b).v;
+      for (int k = 0; k < kPack; ++k) sum[k] += At(column.a[k] + i).v * u_i;
     }
     Pack v_j[kPack];
     Pack w_j[kPack];
@@ -132,31 +132,31 @@ INVGRAD_INLINE inline void Update(double* A,
     }
     // The pack with rows of both A and C: here the latter.
     for (int k = 0; k < kPack; ++k) {
-      At(column.a[k] + b) -= At(u) * z_j[k];
+      At(column.a[k] + b).v -= At(u).v * z_j[k];
     }
     for (int i = j; i < j + 2 * kPack; i += kPack) {
-      const Pack v_i = At(v + i);
-      const Pack w_i = At(w + i);
+      const Pack v_i = At(v + i).v;
+      const Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        Pack& a = At(column.a[k] + i);
-        const Pack& mask = From(shift + j + k - i);
-        a = a - v_i * (mask * w_j[k]) - w_i * (mask * v_j[k]);
+        simd::Slot& a = At(column.a[k] + i);
+        const Pack mask = At(From(shift + j + k - i)).v;
+        a.v = a.v - v_i * (mask * w_j[k]) - w_i * (mask * v_j[k]);
       }
     }
     for (int i = j + 2 * kPack; i < kTriangleEnd; i += kPack) {
-      const Pack v_i = At(v + i);
-      const Pack w_i = At(w + i);
+      const Pack v_i = At(v + i).v;
+      const Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        Pack& a = At(column.a[k] + i);
-        a = a - v_i * w_j[k] - w_i * v_j[k];
+        simd::Slot& a = At(column.a[k] + i);
+        a.v = a.v - v_i * w_j[k] - w_i * v_j[k];
       }
     }
     for (int i = kTriangleEnd; i < kSquareEnd; i += kPack) {
-      const Pack u_i = At(u + i - b);
-      const Pack w_i = At(w + i);
+      const Pack u_i = At(u + i - b).v;
+      const Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        Pack& a = At(column.a[k] + i);
-        a = a - u_i * z_j[k] - w_i * v_j[k];
+        simd::Slot& a = At(column.a[k] + i);
+        a.v = a.v - u_i * z_j[k] - w_i * v_j[k];
       }
     }
   }
@@ -164,7 +164,7 @@ INVGRAD_INLINE inline void Update(double* A,
 
 // What a reflector leaves of the column that it was made for.
 INVGRAD_INLINE inline void ClearColumn(double beta, double* column) {
-  for (int i = 0; i < b; i += kPack) At(column + i) = Pack{};
+  for (int i = 0; i < b; i += kPack) At(column + i).v = Pack{};
   column[0] = beta;
 }
 
@@ -190,19 +190,19 @@ INVGRAD_INLINE inline void ChaseOneSquare(double* band,
   }
   Pack sum = {};
   for (int i = 0; i < kSquareEnd; i += kPack) {
-    Pack w_i = At(w + i);
+    Pack w_i = At(w + i).v;
     if (i < kPadded) {
-      w_i += At(p + i);
-      sum += w_i * At(v + i);
+      w_i += At(p + i).v;
+      sum += w_i * At(v + i).v;
     }
-    At(w + i) = w_i * tau;
+    At(w + i).v = w_i * tau;
   }
   const double c = 0.5 * tau * tau * simd::Sum(sum);
-  for (int i = 0; i < kPadded; i += kPack) At(w + i) -= c * At(v + i);
+  for (int i = 0; i < kPadded; i += kPack) At(w + i).v -= c * At(v + i).v;
 
   double* column = A + shift * kStride + b;  // C's first
   for (int i = 0; i < kPadded; i += kPack) {
-    At(u + i) = At(column + i) - At(w + b + i);
+    At(u + i).v = At(column + i).v - At(w + b + i).v;
   }
   for (int i = 0; i < kPack; ++i) {
     if (i < shift) u[i] = 0.0;
