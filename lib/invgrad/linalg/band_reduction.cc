@@ -13,7 +13,6 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::Ref;
 using Eigen::VectorXd;
 
 // The lower triangle is tiled by columns: squares of kSquare on the diagonal,
