@@ -26,7 +26,9 @@
 #define INVGRAD_COUNTS_ALLOCATIONS 1
 std::atomic<int> num_allocations{0};
 extern "C" {
+// glibc's own names. NOLINTNEXTLINE(bugprone-reserved-identifier)
 void* __libc_malloc(size_t size);
+// NOLINTNEXTLINE(bugprone-reserved-identifier)
 void* __libc_memalign(size_t alignment, size_t size);
 void* malloc(size_t size) {
   ++num_allocations;

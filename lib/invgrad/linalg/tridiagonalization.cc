@@ -16,10 +16,10 @@ namespace {
 
 using Method = Tridiagonalization::Method;
 
-// Where two stages take over. One core of a Zen 4 with 1 MB of L2 needed for one
-// and two stages 48 and 74 ms at m = 1024, 181 and 243 ms at 1536, 401 and
-// 318 ms at 1792, 0.66 and 0.48 s at 2048.
-constexpr int kCrossover = 1650;
+// Where two stages take over. One core of a shared Zen 4 with 1 MB of L2 needed
+// for one and two stages 46 and 73 ms at m = 1024, 186 and 220 ms at 1536, 499
+// and 474 ms at 2048, 6.9 and 3.2 s at 4096.
+constexpr int kCrossover = 1800;
 
 Method Choose(Method method, Eigen::Index m) {
   if (method != Method::kAuto) return method;
