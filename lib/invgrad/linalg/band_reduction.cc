@@ -13,75 +13,92 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::Ref;
 using Eigen::VectorXd;
 
-#ifndef TW
-#define TW 128
-#define TH 512
-#endif
-constexpr Index kTileWidth = TW;
-constexpr Index kTileHeight = TH;
+// The lower triangle is tiled by columns: squares of kSquare on the diagonal,
+// which are full; what is below them in the same tile of kTileWidth; and whole
+// tiles. One tile and its share of V and W fit in a cache of 1 MB. The squares
+// are small because half of their change is wasted.
+constexpr Index kSquare = 64;
+constexpr Index kTileWidth = 3 * kSquare;
+constexpr Index kTileHeight = 512;
 
-// Makes the tiles on the diagonal full.
-void MirrorDiagonalTiles(MatrixXd* K) {
+// Makes the squares on the diagonal full.
+void MirrorSquares(MatrixXd* K) {
   const Index m = K->rows();
-  for (Index first = 0; first < m; first += kTileWidth) {
-    const Index end = std::min(m, first + kTileWidth);
-    for (Index j = first; j < end; ++j) {
-      for (Index i = first; i < j; ++i) (*K)(i, j) = (*K)(j, i);
-    }
+  for (Index j = 0; j < m; ++j) {
+    for (Index i = j / kSquare * kSquare; i < j; ++i) (*K)(i, j) = (*K)(j, i);
   }
 }
 
-// The tiles of the lower triangle of K from row `begin` on, by columns:
-// A -= [V W] [W V]^T, unless VW is null, and X = A V of [V X].
-void Sweep(Index begin,
-           const MatrixXd* VW,
-           const MatrixXd& WV,
-           MatrixXd* K,
-           MatrixXd* VX) {
-  const Index m = K->rows();
-  const Index b = VX->cols() / 2;
-  auto V = VX->leftCols(b);
-  auto X = VX->rightCols(b);
-  X.bottomRows(m - begin).setZero();
-  for (Index j = begin; j < m;) {
-    const Index end = std::min(m, (j / kTileWidth + 1) * kTileWidth);
-    const Index cols = end - j;
-    for (Index i = j; i < m;) {
-      const Index rows = i == j ? cols : std::min(kTileHeight, m - i);
-      auto A = K->block(i, j, rows, cols);
-      if (VW != nullptr) {
-        Gemm(Op::kNone,
-             Op::kTranspose,
-             -1.0,
-             VW->middleRows(i, rows),
-             WV.middleRows(j, cols),
-             1.0,
-             A);
+// The end of the tile of that width, on a grid from zero on, that holds i.
+Index TileEnd(Index i, Index width, Index m) {
+  return std::min(m, (i / width + 1) * width);
+}
+
+// One sweep over the lower triangle of K from row `begin` on:
+// A -= [V W] [W V]^T, unless it is null, and X = A V of the new [V X].
+class Sweep {
+ public:
+  Sweep(const MatrixXd* VW, const MatrixXd& WV, MatrixXd* K, MatrixXd* VX)
+      : VW_(VW), WV_(WV), K_(*K), VX_(*VX), b_(VX->cols() / 2) {}
+
+  void Run(Index begin) {
+    const Index m = K_.rows();
+    VX_.block(begin, b_, m - begin, b_).setZero();
+    Index end;
+    for (Index j = begin; j < m; j = end) {
+      end = TileEnd(j, kTileWidth, m);
+      for (Index k = j; k < end;) {
+        const Index square_end = TileEnd(k, kSquare, m);
+        Tile(k, square_end, k, square_end);
+        if (square_end < end) Tile(square_end, end, k, square_end);
+        k = square_end;
       }
+      for (Index i = end; i < m; i += kTileHeight) {
+        Tile(i, std::min(m, i + kTileHeight), j, end);
+      }
+    }
+  }
+
+ private:
+  void Tile(Index i, Index i_end, Index j, Index j_end) {
+    const Index rows = i_end - i;
+    const Index cols = j_end - j;
+    auto A = K_.block(i, j, rows, cols);
+    if (VW_ != nullptr) {
       Gemm(Op::kNone,
+           Op::kTranspose,
+           -1.0,
+           VW_->middleRows(i, rows),
+           WV_.middleRows(j, cols),
+           1.0,
+           A);
+    }
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         A,
+         VX_.block(j, 0, cols, b_),
+         1.0,
+         VX_.block(i, b_, rows, b_));
+    if (i != j) {
+      Gemm(Op::kTranspose,
            Op::kNone,
            1.0,
            A,
-           V.middleRows(j, cols),
+           VX_.block(i, 0, rows, b_),
            1.0,
-           X.middleRows(i, rows));
-      if (i != j) {
-        Gemm(Op::kTranspose,
-             Op::kNone,
-             1.0,
-             A,
-             V.middleRows(i, rows),
-             1.0,
-             X.middleRows(j, cols));
-      }
-      i += rows;
+           VX_.block(j, b_, cols, b_));
     }
-    j = end;
   }
-}
+
+  const MatrixXd* VW_;
+  const MatrixXd& WV_;
+  MatrixXd& K_;
+  MatrixXd& VX_;
+  const Index b_;
+};
 
 }  // namespace
 
@@ -97,7 +114,7 @@ void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
   T_.resize(b, b);
   S_.resize(b, b);
   TS_.resize(b, b);
-  MirrorDiagonalTiles(K);
+  MirrorSquares(K);
 
   bool pending = false;
   for (Index k = 0; k < m; k += b) {
@@ -143,7 +160,7 @@ void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
     next_VW_.bottomRows(n).setZero();
     V = panel.triangularView<Eigen::UnitLower>();
 
-    Sweep(begin, pending ? &VW_ : nullptr, WV_, K, &next_VW_);
+    Sweep(pending ? &VW_ : nullptr, WV_, K, &next_VW_).Run(begin);
 
     auto T = T_.topLeftCorner(width, width);
     auto S = S_.topLeftCorner(width, width);

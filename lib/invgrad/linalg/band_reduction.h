@@ -13,7 +13,7 @@
 //
 // Shapes:  K: m x m, its lower triangle is read;  reflector j: rows j + b, ...,
 //          below the band of K afterwards.
-// Cost:    4/3 m^3 + O(b m^2); 5 b m numbers of memory.
+// Cost:    4/3 m^3 + O(b m^2); 6 b m numbers of memory.
 //
 // [1] Bischof, Lang, Sun. A framework for symmetric band reduction. ACM TOMS
 //     26(4), 2000.

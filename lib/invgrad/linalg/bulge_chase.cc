@@ -20,8 +20,8 @@ static_assert(b % kPack == 0);
 // Column j of the band lies at Column(j), its diagonal first: b rows of the
 // band and b - 1 of the bulge follow. The difference of two columns' addresses
 // is kStride for the same row, so that squares are ordinary matrices.
-// Squares are read in whole packs, which reach up to kPack - 1 places above the
-// diagonal: the gap between two columns.
+// Triangles are read and written in whole packs, with places above the diagonal
+// unchanged.
 constexpr Index kStride = 2 * b + kPack;
 
 // The band is continued by zeros after row m - 1, and all squares are whole.
@@ -36,134 +36,186 @@ Index TotalReflectors(int m) {
   return total;
 }
 
-// 1 in the lanes of column k of a square on the diagonal that lie on and below
-// the diagonal, and strictly below it.
-constexpr double kLower[kPack][kPack] = {
-    {1, 1, 1, 1}, {0, 1, 1, 1}, {0, 0, 1, 1}, {0, 0, 0, 1}};
-constexpr double kStrictlyLower[kPack][kPack] = {
-    {0, 1, 1, 1}, {0, 0, 1, 1}, {0, 0, 0, 1}, {0, 0, 0, 0}};
+// Packs start at multiples of kPack, so that none lies on two cache lines.
+// Squares start anywhere: the vectors of a square that starts at row r have
+// kPack more places, with zeros before place r % kPack and after the vector.
+constexpr int kPadded = b + kPack;
 
-// Four neighbouring columns.
+// The packs of a column of the triangle A, of which the last one also holds
+// rows of the square C below A, and those of A and C together.
+constexpr int kTriangleEnd = kPadded;
+constexpr int kSquareEnd = 2 * b + kPack;
+
+// 1 in the lanes from `lane` on, 0 in those before it; -4 <= lane <= 8.
+INVGRAD_INLINE inline const double* From(int lane) {
+  static constexpr double kStep[] = {
+      0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+  return kStep + 8 - lane;
+}
+
+// Four neighbouring columns of the matrix.
 struct Quad {
-  INVGRAD_INLINE Quad(double* A, int j) {
-    for (int k = 0; k < kPack; ++k) a[k] = A + (j + k) * kStride;
+  INVGRAD_INLINE Quad(double* A, int shift, int j) {
+    for (int k = 0; k < kPack; ++k) a[k] = A + (shift + j + k) * kStride;
   }
   double* a[kPack];
 };
 
-// w = A v for the lower triangle of the symmetric A, and for the square C
-// below it: v: b; w: 2 b.
-INVGRAD_INLINE inline void Multiply(double* A, const double* v, double* w) {
-  std::fill(w, w + 2 * b, 0.0);
+// w + p = A v for the lower triangle of the symmetric A, and w = C v. p is the
+// part from above the diagonal: numbers that are written one by one and read as
+// packs at once would have to wait for each other. Places of w that belong to
+// neither A nor C are undefined.
+INVGRAD_INLINE inline void Multiply(
+    double* A, int shift, const double* v, double* w, double* p) {
+  for (int i = 0; i < kSquareEnd; i += kPack) At(w + i).v = Pack{};
+  for (int i = 0; i < kPadded; i += kPack) At(p + i).v = Pack{};
   for (int j = 0; j < b; j += kPack) {
-    const Quad column(A, j);
-    Pack sum[kPack];
+    const Quad column(A, shift, j);
+    Pack sum[kPack] = {};
     Pack v_j[kPack];
-    Pack w_i = At(w + j);
-    for (int k = 0; k < kPack; ++k) {
-      v_j[k] = Pack{} + v[j + k];
-      const Pack& a = At(column.a[k] + j);
-      w_i += a * (At(kLower[k]) * v_j[k]);
-      sum[k] = a * (At(kStrictlyLower[k]) * At(v + j));
-    }
-    At(w + j) = w_i;
-    for (int i = j + kPack; i < b; i += kPack) {
-      const Pack v_i = At(v + i);
-      w_i = At(w + i);
+    for (int k = 0; k < kPack; ++k) v_j[k] = Pack{} + v[shift + j + k];
+    // The two packs that the diagonal crosses.
+    for (int i = j; i < j + 2 * kPack; i += kPack) {
+      const Pack v_i = At(v + i).v;
+      Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        const Pack& a = At(column.a[k] + i);
+        const Pack a = At(column.a[k] + i).v;
+        const int diagonal = shift + j + k - i;
+        w_i += a * (At(From(diagonal)).v * v_j[k]);
+        sum[k] += a * (At(From(diagonal + 1)).v * v_i);
+      }
+      At(w + i).v = w_i;
+    }
+    for (int i = j + 2 * kPack; i < kTriangleEnd; i += kPack) {
+      const Pack v_i = At(v + i).v;
+      Pack w_i = At(w + i).v;
+      for (int k = 0; k < kPack; ++k) {
+        const Pack a = At(column.a[k] + i).v;
         w_i += a * v_j[k];
         sum[k] += a * v_i;
       }
-      At(w + i) = w_i;
+      At(w + i).v = w_i;
     }
-    for (int i = b; i < 2 * b; i += kPack) {
-      w_i = At(w + i);
-      for (int k = 0; k < kPack; ++k) w_i += At(column.a[k] + i) * v_j[k];
-      At(w + i) = w_i;
+    for (int i = kTriangleEnd; i < kSquareEnd; i += kPack) {
+      Pack w_i = At(w + i).v;
+      for (int k = 0; k < kPack; ++k) w_i += At(column.a[k] + i).v * v_j[k];
+      At(w + i).v = w_i;
     }
-    for (int k = 0; k < kPack; ++k) w[j + k] += simd::Sum(sum[k]);
+    for (int k = 0; k < kPack; ++k) p[shift + j + k] = simd::Sum(sum[k]);
   }
 }
 
-// A -= v w^T + w v^T, the lower triangle.
-INVGRAD_INLINE inline void UpdateTriangle(double* A,
-                                          const double* v,
-                                          const double* w) {
+// A -= v w^T + w v^T, the lower triangle, and C = H (C - w v^T) with
+// H = I - tau u u^T. The places of u are those of C.
+INVGRAD_INLINE inline void Update(double* A,
+                                  int shift,
+                                  const double* v,
+                                  const double* w,
+                                  const double* u,
+                                  double tau) {
+  const double u_w = simd::Dot(kPadded, u, w + b);
   for (int j = 0; j < b; j += kPack) {
-    const Quad column(A, j);
+    const Quad column(A, shift, j);
+    Pack sum[kPack] = {};
+    for (int i = b; i < kSquareEnd; i += kPack) {
+      const Pack u_i = At(u + i - b).v;
+      for (int k = 0; k < kPack; ++k) sum[k] += At(column.a[k] + i).v * u_i;
+    }
     Pack v_j[kPack];
     Pack w_j[kPack];
-    for (int k = 0; k < kPack; ++k) {
-      v_j[k] = Pack{} + v[j + k];
-      w_j[k] = Pack{} + w[j + k];
-      At(column.a[k] + j) -= At(v + j) * (At(kLower[k]) * w_j[k]) +
-                             At(w + j) * (At(kLower[k]) * v_j[k]);
-    }
-    for (int i = j + kPack; i < b; i += kPack) {
-      const Pack v_i = At(v + i);
-      const Pack w_i = At(w + i);
-      for (int k = 0; k < kPack; ++k) {
-        Pack& a = At(column.a[k] + i);
-        a = a - v_i * w_j[k] - w_i * v_j[k];
-      }
-    }
-  }
-}
-
-// C = H (C - w v^T), H = I - tau u u^T, except for its first column.
-INVGRAD_INLINE inline void UpdateSquare(
-    double* C, const double* v, const double* w, const double* u, double tau) {
-  const double u_w = simd::Dot(b, u, w);
-  for (int j = 0; j < b; j += kPack) {
-    const Quad column(C, j);
-    Pack sum[kPack] = {};
-    for (int i = 0; i < b; i += kPack) {
-      const Pack u_i = At(u + i);
-      for (int k = 0; k < kPack; ++k) sum[k] += At(column.a[k] + i) * u_i;
-    }
-    Pack v_j[kPack];
     Pack z_j[kPack];
     for (int k = 0; k < kPack; ++k) {
-      v_j[k] = Pack{} + v[j + k];
-      z_j[k] = Pack{} + tau * (simd::Sum(sum[k]) - u_w * v[j + k]);
+      const int row = shift + j + k;
+      v_j[k] = Pack{} + v[row];
+      w_j[k] = Pack{} + w[row];
+      z_j[k] = Pack{} + tau * (simd::Sum(sum[k]) - u_w * v[row]);
     }
-    for (int i = 0; i < b; i += kPack) {
-      const Pack u_i = At(u + i);
-      const Pack w_i = At(w + i);
+    // The pack with rows of both A and C: here the latter.
+    for (int k = 0; k < kPack; ++k) {
+      At(column.a[k] + b).v -= At(u).v * z_j[k];
+    }
+    for (int i = j; i < j + 2 * kPack; i += kPack) {
+      const Pack v_i = At(v + i).v;
+      const Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
-        Pack& c = At(column.a[k] + i);
-        c = c - w_i * v_j[k] - u_i * z_j[k];
+        simd::Slot& a = At(column.a[k] + i);
+        const Pack mask = At(From(shift + j + k - i)).v;
+        a.v = a.v - v_i * (mask * w_j[k]) - w_i * (mask * v_j[k]);
+      }
+    }
+    for (int i = j + 2 * kPack; i < kTriangleEnd; i += kPack) {
+      const Pack v_i = At(v + i).v;
+      const Pack w_i = At(w + i).v;
+      for (int k = 0; k < kPack; ++k) {
+        simd::Slot& a = At(column.a[k] + i);
+        a.v = a.v - v_i * w_j[k] - w_i * v_j[k];
+      }
+    }
+    for (int i = kTriangleEnd; i < kSquareEnd; i += kPack) {
+      const Pack u_i = At(u + i - b).v;
+      const Pack w_i = At(w + i).v;
+      for (int k = 0; k < kPack; ++k) {
+        simd::Slot& a = At(column.a[k] + i);
+        a.v = a.v - u_i * z_j[k] - w_i * v_j[k];
       }
     }
   }
 }
 
-// Applies the reflector (v, tau) from both sides to the triangle A on the
-// diagonal, and from the right to the square below it; makes the reflector
-// (u, tau_u) that clears that square's first column, and applies it from the
-// left.
-INVGRAD_INLINE inline void ChaseOneSquare(
-    double* A, const double* v, double tau, double* u, double* tau_u) {
-  double w[2 * b];
-  Multiply(A, v, w);
-  for (int i = 0; i < 2 * b; ++i) w[i] *= tau;
-  const double c = 0.5 * tau * simd::Dot(b, w, v);
-  for (int i = 0; i < b; ++i) w[i] -= c * v[i];
-  UpdateTriangle(A, v, w);
-
-  double* C = A + b;
-  for (int i = 0; i < b; ++i) u[i] = C[i] - w[b + i];
-  const double beta = MakeReflector(b, u, tau_u);
-  UpdateSquare(C, v, w + b, u, *tau_u);
-  C[0] = beta;
-  std::fill(C + 1, C + b, 0.0);
+// What a reflector leaves of the column that it was made for.
+INVGRAD_INLINE inline void ClearColumn(double beta, double* column) {
+  for (int i = 0; i < b; i += kPack) At(column + i).v = Pack{};
+  column[0] = beta;
 }
 
-#ifndef GSW
-#define GSW 8
-#endif
-constexpr int kSweeps = GSW;
+// One step of a sweep, at the square that starts at `row`: applies the
+// reflector (v, tau) from both sides to the triangle A on the diagonal, and
+// from the right to the square C below it; makes the reflector (u, tau_u) that
+// clears C's first column, and applies it from the left.
+INVGRAD_INLINE inline void ChaseOneSquare(double* band,
+                                          int row,
+                                          const double* v,
+                                          double tau,
+                                          double* u,
+                                          double* tau_u) {
+  const int shift = row % kPack;
+  // A(0, 0) is entry (row - shift, row - shift) of the band.
+  double* A = band + (row - shift) * (kStride + 1);
+  alignas(64) double w[kSquareEnd];
+  alignas(64) double p[kPadded];
+  Multiply(A, shift, v, w, p);
+  for (int i = 0; i < kPack; ++i) {
+    if (i < shift) w[i] = p[i] = 0.0;
+    if (i >= shift) w[2 * b + i] = 0.0;
+  }
+  Pack sum = {};
+  for (int i = 0; i < kSquareEnd; i += kPack) {
+    Pack w_i = At(w + i).v;
+    if (i < kPadded) {
+      w_i += At(p + i).v;
+      sum += w_i * At(v + i).v;
+    }
+    At(w + i).v = w_i * tau;
+  }
+  const double c = 0.5 * tau * tau * simd::Sum(sum);
+  for (int i = 0; i < kPadded; i += kPack) At(w + i).v -= c * At(v + i).v;
+
+  double* column = A + shift * kStride + b;  // C's first
+  for (int i = 0; i < kPadded; i += kPack) {
+    At(u + i).v = At(column + i).v - At(w + b + i).v;
+  }
+  for (int i = 0; i < kPack; ++i) {
+    if (i < shift) u[i] = 0.0;
+    if (i >= shift) u[b + i] = 0.0;
+  }
+  const double beta = MakeReflector(b, u + shift, tau_u);
+  Update(A, shift, v, w, u, *tau_u);
+  column += shift;
+  ClearColumn(beta, column);
+}
+
+// How many sweeps are under way: eight squares of 2 b x b are 0.3 MB.
+constexpr int kSweeps = 8;
 
 INVGRAD_INLINE inline void Chase(int m,
                                  double* band,
@@ -172,7 +224,7 @@ INVGRAD_INLINE inline void Chase(int m,
   // Where the reflectors of the sweeps under way begin, and one place for the
   // empty ones after the last of a sweep.
   Index first[kSweeps];
-  double none[b];
+  alignas(64) double none[kPadded];
   double tau_none;
   Index next = 0;
   for (int s0 = 0; s0 + 2 < m; s0 += kSweeps) {
@@ -188,19 +240,21 @@ INVGRAD_INLINE inline void Chase(int m,
         const int t = time - g;
         const int count = NumReflectors(m, s);
         if (t >= count) continue;
-        double* u = reflectors + (first[g] + t) * b;
+        const int row = s + 1 + t * b;
+        double* u = reflectors + (first[g] + t) * kPadded;
         double* tau_u = tau + first[g] + t;
         if (t == 0) {
           double* column = band + s * (kStride + 1) + 1;
-          std::copy(column, column + b, u);
-          column[0] = MakeReflector(b, u, tau_u);
-          std::fill(column + 1, column + b, 0.0);
+          std::fill(u, u + kPadded, 0.0);
+          std::copy(column, column + b, u + row % kPack);
+          ClearColumn(MakeReflector(b, u + row % kPack, tau_u), column);
         }
         const bool last = t + 1 == count;
-        ChaseOneSquare(band + (s + 1 + t * b) * (kStride + 1),
+        ChaseOneSquare(band,
+                       row,
                        u,
                        *tau_u,
-                       last ? none : u + b,
+                       last ? none : u + kPadded,
                        last ? &tau_none : tau_u + 1);
       }
     }
@@ -219,8 +273,11 @@ INVGRAD_INLINE inline void Apply(int m,
     if (!transpose) first -= count;
     // The reflectors of one sweep have no row in common.
     for (int t = 0; t < count; ++t) {
-      ApplyReflector(
-          b, reflectors + (first + t) * b, tau[first + t], x + s + 1 + t * b);
+      const int row = s + 1 + t * b;
+      ApplyReflector(b,
+                     reflectors + (first + t) * kPadded + row % kPack,
+                     tau[first + t],
+                     x + row);
     }
     if (transpose) first += count;
   }
@@ -237,8 +294,9 @@ void BulgeChase::Compute(const Eigen::MatrixXd& K,
   diagonal->resize(m);
   off_diagonal->resize(std::max(0, m - 1));
   double* storage = band_.Reserve(BandSize(m));
-  double* reflectors = reflectors_.Reserve(TotalReflectors(m) * b);
-  double* tau = tau_.Reserve(TotalReflectors(m) + m + b);
+  double* reflectors = reflectors_.Reserve(TotalReflectors(m) * kPadded);
+  double* tau = tau_.Reserve(TotalReflectors(m));
+  padded_x_.Reserve(m + b);
   std::fill(storage, storage + BandSize(m), 0.0);
   double* band = storage + kPack;
   for (int j = 0; j < m; ++j) {
@@ -252,10 +310,10 @@ void BulgeChase::Compute(const Eigen::MatrixXd& K,
   }
 }
 
-void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) {
+void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) const {
   CHECK_EQ(x->size(), size_);
   // Reflectors reach over the end, with zeros.
-  double* padded = band_.Reserve(BandSize(size_));
+  double* padded = padded_x_.Reserve(size_ + b);
   std::copy(x->data(), x->data() + size_, padded);
   std::fill(padded + size_, padded + size_ + b, 0.0);
   simd::Run([&]() INVGRAD_INLINE {
@@ -266,7 +324,7 @@ void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) {
 
 int64_t BulgeChase::Bytes(int m) {
   return static_cast<int64_t>(sizeof(double)) *
-         (BandSize(m) + TotalReflectors(m) * (b + 1) + m + b);
+         (BandSize(m) + TotalReflectors(m) * (kPadded + 1) + m + b);
 }
 
 }  // namespace invgrad

@@ -38,14 +38,14 @@ INVGRAD_INLINE inline void SweepDiagonalSquare(const Triangle& A,
                                                const double* w,
                                                const double* u,
                                                double* p) {
-  Pack p_i = At(p + first);
+  Pack p_i = At(p + first).v;
   for (int j = first; j < first + kPack; ++j) {
     double* a = A.Column(j) + first;
-    const Pack a_ij = At(a) - At(v + first) * w[j] - At(w + first) * v[j];
-    At(a) = a_ij;
+    const Pack a_ij = At(a).v - At(v + first).v * w[j] - At(w + first).v * v[j];
+    At(a).v = a_ij;
     p_i += a_ij * u[j];
   }
-  At(p + first) = p_i;
+  At(p + first).v = p_i;
 }
 
 // The columns first, ..., first + kPack - 1 below it: the same, and
@@ -69,17 +69,17 @@ INVGRAD_INLINE inline void SweepColumns(const Triangle& A,
     sum[k] = Pack{};
   }
   for (int i = first + kPack; i < A.size; i += kPack) {
-    const Pack v_i = At(v + i);
-    const Pack w_i = At(w + i);
-    const Pack u_i = At(u + i);
-    Pack p_i = At(p + i);
+    const Pack v_i = At(v + i).v;
+    const Pack w_i = At(w + i).v;
+    const Pack u_i = At(u + i).v;
+    Pack p_i = At(p + i).v;
     for (int k = 0; k < kPack; ++k) {
-      const Pack a_ij = At(a[k] + i) - v_i * w_j[k] - w_i * v_j[k];
-      At(a[k] + i) = a_ij;
+      const Pack a_ij = At(a[k] + i).v - v_i * w_j[k] - w_i * v_j[k];
+      At(a[k] + i).v = a_ij;
       p_i += a_ij * u_j[k];
       sum[k] += a_ij * u_i;
     }
-    At(p + i) = p_i;
+    At(p + i).v = p_i;
   }
   for (int k = 0; k < kPack; ++k) p[first + k] += simd::Sum(sum[k]);
 }

@@ -17,16 +17,20 @@
 namespace invgrad {
 namespace simd {
 
-// Four numbers at any address. Never passed or returned by value, which would
-// tie the calling convention to the instruction set.
+// Four numbers. Never passed or returned by value, which would tie the calling
+// convention to the instruction set.
 constexpr int kPack = 4;
-typedef double Pack __attribute__((vector_size(32), aligned(8), may_alias));
+typedef double Pack __attribute__((vector_size(32)));
 
-INVGRAD_INLINE inline Pack& At(double* x) {
-  return *reinterpret_cast<Pack*>(x);
+// Four numbers in memory, at any address: At(x).v.
+struct __attribute__((packed, may_alias)) Slot {
+  Pack v;
+};
+INVGRAD_INLINE inline Slot& At(double* x) {
+  return *reinterpret_cast<Slot*>(x);
 }
-INVGRAD_INLINE inline const Pack& At(const double* x) {
-  return *reinterpret_cast<const Pack*>(x);
+INVGRAD_INLINE inline const Slot& At(const double* x) {
+  return *reinterpret_cast<const Slot*>(x);
 }
 
 INVGRAD_INLINE inline double Sum(const Pack& x) {
@@ -39,8 +43,8 @@ INVGRAD_INLINE inline double Dot(int n, const double* x, const double* y) {
   Pack odd = {};
   int i = 0;
   for (; i + 2 * kPack <= n; i += 2 * kPack) {
-    even += At(x + i) * At(y + i);
-    odd += At(x + i + kPack) * At(y + i + kPack);
+    even += At(x + i).v * At(y + i).v;
+    odd += At(x + i + kPack).v * At(y + i + kPack).v;
   }
   even += odd;
   double sum = Sum(even);

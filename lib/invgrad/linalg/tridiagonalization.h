@@ -5,19 +5,28 @@
 // For applying functions of K to a vector: f(K) g = Q f(T) Q^T g needs Q twice,
 // applied to one vector, and never the eigenvectors of K.
 //
+// In one stage (one_stage.h), or in two for large matrices: to a band
+// (band_reduction.h), in matrix products, and from there to tridiagonal form
+// (bulge_chase.h). The stages are fast enough to be worth their detour where K
+// no longer fits in the cache.
+//
 // Shapes:  K: m x m, of which the lower triangle is read;  Q: m x m;
 //          T: diagonal m, off-diagonal m - 1.
-// Units:   T has those of K. Entries near the ends of double's range lose
-//          digits or overflow: scale K to entries of order one before.
-// Cost:    4/3 m^3 for Compute, 2 m^2 (one stage) or 3 m^2 (two stages) for
-//          each product with Q.
+// Units:   T has those of K. Squares and products of entries must neither
+//          over- nor underflow: scale K to entries of order one before.
+// Cost:    4/3 m^3 for Compute; 2 m^2 (one stage) or 4 m^2 (two stages) for
+//          each product of Q and a vector. In two stages the products are those
+//          of BLAS; set its threads.
 // Fails:   never; a K that is not finite gives a T that is not finite.
+// Threads: one object is not for two threads at a time, ApplyQ included: it
+//          works in buffers that are kept.
 #ifndef INVGRAD_LINALG_TRIDIAGONALIZATION_H_
 #define INVGRAD_LINALG_TRIDIAGONALIZATION_H_
 
 #include <cstdint>
 
 #include "Eigen/Core"
+#include "invgrad/linalg/aligned_buffer.h"
 #include "invgrad/linalg/band_reduction.h"
 #include "invgrad/linalg/bulge_chase.h"
 #include "invgrad/linalg/one_stage.h"
@@ -46,18 +55,19 @@ class Tridiagonalization {
 
   Method method() const { return method_; }  // of the last reduction
 
-  // Bytes that Compute keeps for a matrix of size m, beyond K.
+  // The memory that is kept for a matrix of size m, beyond K.
   static int64_t Bytes(int m, Method method = Method::kAuto);
 
  private:
-  const Eigen::MatrixXd* K_ = nullptr;
-  Eigen::VectorXd diagonal_;      // m
-  Eigen::VectorXd off_diagonal_;  // m - 1
-  Eigen::VectorXd tau_;           // m - 1
-  Method method_ = Method::kOneStage;
+  const Eigen::MatrixXd* K_ = nullptr;  // holds the reflectors
+  Method method_ = Method::kOneStage;   // never kAuto
+  Eigen::VectorXd diagonal_;            // m
+  Eigen::VectorXd off_diagonal_;        // m - 1
+  Eigen::VectorXd tau_;                 // of the reflectors in K
   OneStageReduction one_stage_;
   BandReduction band_reduction_;
-  mutable BulgeChase bulge_chase_;
+  BulgeChase bulge_chase_;
+  mutable AlignedBuffer work_;
 };
 
 }  // namespace invgrad

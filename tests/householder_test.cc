@@ -1,0 +1,80 @@
+#include "invgrad/linalg/householder.h"
+
+#include <cmath>
+#include <limits>
+
+#include "Eigen/Core"
+#include "gtest/gtest.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+
+// sin(1), sin(2), ...
+VectorXd Wave(int n) { return VectorXd::LinSpaced(n, 1, n).array().sin(); }
+
+TEST(MakeReflector, ClearsAllButTheFirst) {
+  for (const double sign : {1.0, -1.0}) {
+    for (int n = 1; n <= 13; ++n) {
+      const VectorXd x = sign * Wave(n);
+      VectorXd u = x;
+      double tau;
+      const double beta = MakeReflector(n, u.data(), &tau);
+      EXPECT_EQ(u[0], 1.0);
+      // A few roundings in each of the n terms of the norm.
+      const double tolerance = 4.0 * n * kEpsilon;
+      EXPECT_NEAR(std::abs(beta), x.norm(), tolerance * x.norm());
+      // Orthogonal: tau = 2 / |u|^2, or H = I.
+      EXPECT_NEAR(tau * u.squaredNorm(), tau == 0.0 ? 0.0 : 2.0, tolerance);
+      VectorXd y = x;
+      ApplyReflector(n, u.data(), tau, y.data());
+      EXPECT_LE((y - beta * VectorXd::Unit(n, 0)).norm(), tolerance * x.norm());
+    }
+  }
+}
+
+TEST(MakeReflector, IsTheIdentityIfNothingIsToBeCleared) {
+  VectorXd x = 3.0 * VectorXd::Unit(5, 0);
+  // Its square is subnormal, with few digits.
+  x[2] = 1e-160;
+  double tau = 7.0;
+  EXPECT_EQ(MakeReflector(5, x.data(), &tau), 3.0);
+  EXPECT_EQ(tau, 0.0);
+  EXPECT_EQ(x, VectorXd::Unit(5, 0));
+}
+
+TEST(MakeReflector, KeepsNan) {
+  VectorXd x = Wave(6);
+  x[4] = std::numeric_limits<double>::quiet_NaN();
+  double tau;
+  EXPECT_TRUE(std::isnan(MakeReflector(6, x.data(), &tau)));
+}
+
+TEST(ApplyReflectors, AppliesTheLastFirstOrTheFirstFirst) {
+  const int m = 9;
+  const int offset = 2;
+  MatrixXd A(m, m);
+  for (int j = 0; j < m; ++j) A.col(j) = (j + 1) * Wave(m);
+  const VectorXd tau = Wave(m - offset);
+  MatrixXd Q = MatrixXd::Identity(m, m);
+  for (int j = 0; j < tau.size(); ++j) {
+    VectorXd u = VectorXd::Unit(m, j + offset);
+    u.tail(m - 1 - offset - j) = A.col(j).tail(m - 1 - offset - j);
+    Q *= MatrixXd::Identity(m, m) - tau[j] * u * u.transpose();
+  }
+  const VectorXd x = Wave(m).reverse();
+  VectorXd y = x;
+  ApplyReflectors(A, offset, tau, false, &y);
+  EXPECT_LE((y - Q * x).norm(), 100 * kEpsilon * Q.norm() * x.norm());
+  y = x;
+  ApplyReflectors(A, offset, tau, true, &y);
+  EXPECT_LE((y - Q.transpose() * x).norm(),
+            100 * kEpsilon * Q.norm() * x.norm());
+}
+
+}  // namespace
+}  // namespace invgrad
