@@ -368,10 +368,12 @@ bool GolubKahanStep(const JacobianOperator& J,
   }
   v /= v_norm;
 
+  // Of a value from the jump, relative to it: how near one is expected.
+  constexpr double kNearestGap = 1e-4;
   const double smallest = SmallestScale(filter);
   const bool both = !options.always_one_basis &&
                     kBackwardError * kEpsilon >
-                        0.01 * options.tolerance * smallest * smallest;
+                        kNearestGap * options.tolerance * smallest * smallest;
   const bool keep_P = both || m < n;
   const bool keep_V = both || m >= n;
   Basis P(m, &workspace->P);
