@@ -501,6 +501,15 @@ TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
         << summary.message;
     EXPECT_FALSE(summary.converged);
   }
+  // Finite entries whose norm is not.
+  EXPECT_FALSE(GolubKahanStep(DenseJacobian(MatrixXd::Identity(3, 4)),
+                              VectorXd::Constant(3, 1.7e308),
+                              filter,
+                              GolubKahanOptions(),
+                              &workspace,
+                              &d,
+                              &summary));
+  EXPECT_EQ(summary.message, "the norm of g overflows");
   // A step that overflows.
   EXPECT_FALSE(GolubKahanStep(DenseJacobian(MatrixXd::Constant(1, 1, 1e-300)),
                               VectorXd::Constant(1, 1e200),
