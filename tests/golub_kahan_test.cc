@@ -10,6 +10,9 @@
 
 #include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/linalg/spectral_step.h"
+#include "problems/oscillator_chain.h"
 
 namespace invgrad {
 namespace {
@@ -188,6 +191,50 @@ TEST(GolubKahanStep, NeedsALittleMoreIterationsThanTheRank) {
     EXPECT_EQ(stopped.num_iterations, coarse.rank);
     EXPECT_NE(stopped.message.find("after"), std::string::npos);
     EXPECT_GT(factored.RelativeError(filter, g, d), 1e-3);
+  }
+}
+
+// The same on the Jacobian of a network and its physics, against the Gram
+// route: the nonlinear oscillators, 512 x 2956, at their initial weights.
+TEST(GolubKahanStep, AgreesWithTheGramRouteOnANetworksJacobian) {
+  OscillatorChain::Options options;
+  options.coupling = "cubic";
+  options.num_samples = 128;
+  LearningProblem problem;
+  std::string error;
+  ASSERT_TRUE(OscillatorChain::Create(options, nullptr, &problem, &error));
+  NumpyRandom random(1);
+  const VectorXd weights =
+      problem.model->network().InitialWeights(problem.initialization, &random);
+  LinearizationParts parts;
+  parts.jacobian = true;
+  Linearization at_weights;
+  ASSERT_TRUE(problem.model->Linearize(
+      weights, problem.train, parts, &at_weights, &error));
+  for (const auto& [tau, most_per_rank] :
+       {std::pair<double, double>{1e-1, 3.0}, {1e-2, 1.7}, {1e-3, 1.5}}) {
+    SCOPED_TRACE(tau);
+    const SpectralFilter filter = SpectralFilter::HalfInverse(tau);
+    VectorXd d;
+    const GolubKahanSummary summary = StepOf(*at_weights.jacobian,
+                                             at_weights.loss_gradient,
+                                             filter,
+                                             Tolerance(1e-5),
+                                             &d);
+    EXPECT_TRUE(summary.converged);
+    SpectralStepOptions gram;
+    gram.route = SpectralRoute::kGram;
+    SpectralStepSummary gram_summary;
+    VectorXd expected;
+    ASSERT_TRUE(SpectralStep(*at_weights.jacobian,
+                             at_weights.loss_gradient,
+                             filter,
+                             gram,
+                             &expected,
+                             &gram_summary));
+    EXPECT_EQ(summary.rank, gram_summary.rank);
+    EXPECT_LT(summary.num_iterations, most_per_rank * summary.rank);
+    EXPECT_LT((d - expected).norm(), 1e-5 * expected.norm());
   }
 }
 
@@ -454,6 +501,15 @@ TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
         << summary.message;
     EXPECT_FALSE(summary.converged);
   }
+  // Finite entries whose norm is not.
+  EXPECT_FALSE(GolubKahanStep(DenseJacobian(MatrixXd::Identity(3, 4)),
+                              VectorXd::Constant(3, 1.7e308),
+                              filter,
+                              GolubKahanOptions(),
+                              &workspace,
+                              &d,
+                              &summary));
+  EXPECT_EQ(summary.message, "the norm of g overflows");
   // A step that overflows.
   EXPECT_FALSE(GolubKahanStep(DenseJacobian(MatrixXd::Constant(1, 1, 1e-300)),
                               VectorXd::Constant(1, 1e200),

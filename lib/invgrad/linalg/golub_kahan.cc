@@ -324,6 +324,104 @@ class ErrorEstimate {
   double norm_ = 0.0;  // |d_k|
 };
 
+// False, with a message, if an entry of `values` or their norm is not finite.
+bool CheckNorm(const std::string& name,
+               const VectorXd& values,
+               double norm,
+               std::string* error) {
+  if (std::isfinite(norm)) return true;
+  if (CheckFinite(name, values, error)) {
+    *error = "the norm of " + name + " overflows";
+  }
+  return false;
+}
+
+// P_k, V_k and R_k, an iteration at a time.
+class Bidiagonalization {
+ public:
+  // From unit vectors g and v_1.
+  Bidiagonalization(const JacobianOperator& J,
+                    const VectorXd& g,
+                    const VectorXd& v,
+                    bool both_orthonormal,
+                    GolubKahanWorkspace* workspace)
+      : J_(J),
+        g_(g),
+        keeps_P_(both_orthonormal || J.rows() < J.cols()),
+        keeps_V_(both_orthonormal || J.rows() >= J.cols()),
+        negligible_(kEpsilon * (8.0 + std::sqrt(std::max(J.rows(), J.cols())))),
+        P_(J.rows(), &workspace->P),
+        V_(J.cols(), &workspace->V),
+        v_(v) {}
+
+  const Bidiagonal& R() const { return R_; }
+  // The bases span all that there is.
+  bool is_exhausted() const { return is_exhausted_; }
+  bool keeps_V() const { return keeps_V_; }
+
+  // False, with a message, if a product with J is not finite.
+  bool Advance(std::string* error) {
+    // p_k rho_k = J v_k - theta_{k-1} p_{k-1}
+    if (keeps_V_) V_.Append(v_);
+    J_.Times(v_, &w_);
+    if (R_.size() > 0) w_ -= R_.theta * p_;
+    if (keeps_P_) P_.Orthogonalize(&w_);
+    double rho = w_.stableNorm();
+    if (!CheckNorm("J v", w_, rho, error)) return false;
+    if (rho <= negligible_ * J_norm_) {
+      // v_k is in the null space of J, up to roundings.
+      rho = 0.0;
+      p_.setZero(J_.rows());
+      is_exhausted_ = true;
+    } else {
+      p_ = w_ / rho;
+    }
+    if (keeps_P_) P_.Append(p_);
+    if (R_.size() > 0) R_.superdiagonal.push_back(R_.theta);
+    R_.diagonal.push_back(rho);
+    R_.h.push_back(p_.dot(g_));
+
+    // v_{k+1} theta_k = J^T p_k - rho_k v_k
+    J_.TransposeTimes(p_, &w_);
+    w_ -= rho * v_;
+    if (keeps_V_) V_.Orthogonalize(&w_);
+    R_.theta = w_.stableNorm();
+    if (!CheckNorm("J^T p", w_, R_.theta, error)) return false;
+    J_norm_ = std::max({J_norm_, rho, R_.theta});
+    if (R_.theta <= negligible_ * J_norm_ || R_.size() == J_.cols()) {
+      R_.theta = 0.0;
+    } else {
+      v_ = w_ / R_.theta;
+    }
+    if (R_.theta == 0.0 || R_.size() == J_.rows()) is_exhausted_ = true;
+    return true;
+  }
+
+  // V_k y, or the same from P_k z: J^T P_k z = V_k y + theta z_k v_{k+1}.
+  VectorXd Step(const VectorXd& y, const VectorXd& z) const {
+    if (keeps_V_) return V_.Times(y);
+    VectorXd d;
+    J_.TransposeTimes(P_.Times(z), &d);
+    d -= (R_.theta * z[z.size() - 1]) * v_;
+    return d;
+  }
+
+ private:
+  const JacobianOperator& J_;
+  const VectorXd& g_;
+  const bool keeps_P_;
+  const bool keeps_V_;
+  const double negligible_;  // relative to |J|
+  Basis P_;
+  Basis V_;
+  Bidiagonal R_;
+  VectorXd p_;           // p_k
+  VectorXd v_;           // v_{k+1}
+  VectorXd w_;           // either before it is normalized
+  double J_norm_ = 0.0;  // a lower bound of s_max
+  bool is_exhausted_ = false;
+};
+
 }  // namespace
 
 bool GolubKahanStep(const JacobianOperator& J,
@@ -342,136 +440,85 @@ bool GolubKahanStep(const JacobianOperator& J,
   std::string invalid;
   CHECK(filter.IsValid(&invalid)) << invalid;
   *summary = GolubKahanSummary();
-  if (!CheckFinite("g", g, &summary->message)) return false;
+  std::string* error = &summary->message;
 
-  const Index m = J.rows();
-  const Index n = J.cols();
-  d->setZero(n);
+  d->setZero(J.cols());
   const double g_norm = g.stableNorm();
-  if (g_norm == 0.0) {
-    summary->converged = true;
-    return true;
-  }
+  if (!CheckNorm("g", g, g_norm, error)) return false;
+  summary->converged = g_norm == 0.0;
+  if (summary->converged) return true;
   const VectorXd g_unit = g / g_norm;
   VectorXd v;
   J.TransposeTimes(g_unit, &v);
-  if (!CheckFinite("J^T g", v, &summary->message)) return false;
   const double v_norm = v.stableNorm();
-  if (v_norm == 0.0) {
-    summary->converged = true;
-    return true;
-  }
-  if (filter.IsGradientDescent()) {
+  if (!CheckNorm("J^T g", v, v_norm, error)) return false;
+  summary->converged = v_norm == 0.0 || filter.IsGradientDescent();
+  if (summary->converged) {
     *d = g_norm * v;
-    summary->converged = true;
-    return CheckFinite("the step", *d, &summary->message);
+    return CheckFinite("the step", *d, error);
   }
   v /= v_norm;
 
+  // Of a value from the jump, relative to it: how near one is expected.
+  constexpr double kNearestGap = 1e-4;
   const double smallest = SmallestScale(filter);
   const bool both = !options.always_one_basis &&
                     kBackwardError * kEpsilon >
-                        0.01 * options.tolerance * smallest * smallest;
-  const bool keep_P = both || m < n;
-  const bool keep_V = both || m >= n;
-  Basis P(m, &workspace->P);
-  Basis V(n, &workspace->V);
-
-  Bidiagonal R;
+                        kNearestGap * options.tolerance * smallest * smallest;
+  Bidiagonalization bidiagonalization(J, g_unit, v, both, workspace);
+  const Bidiagonal& R = bidiagonalization.R();
   RitzValues ritz;
-  VectorXd p;
-  VectorXd w;
   VectorXd y;
   VectorXd z;
   VectorXd y_before;
-  double J_norm = 0.0;  // a lower bound of s_max
-  const double negligible = kEpsilon * (8.0 + std::sqrt(std::max(m, n)));
-  const Index space = std::min(m, n);
-  const Index last = std::min<Index>(space, options.max_iterations);
   Index next_check = 1;
-  for (Index k = 1;; ++k) {
-    if (keep_V) V.Append(v);
-    J.Times(v, &w);
-    if (k > 1) w -= R.theta * p;
-    if (keep_P) P.Orthogonalize(&w);
-    double rho = w.stableNorm();
-    if (!std::isfinite(rho)) return CheckFinite("J v", w, &summary->message);
-    bool is_complete = k == space;
-    if (rho <= negligible * J_norm) {
-      // v_k is in the null space of J, up to roundings.
-      rho = 0.0;
-      p.setZero(m);
-      is_complete = true;
-    } else {
-      p = w / rho;
-    }
-    J_norm = std::max(J_norm, rho);
-    if (keep_P) P.Append(p);
-    if (k > 1) R.superdiagonal.push_back(R.theta);
-    R.diagonal.push_back(rho);
-    R.h.push_back(p.dot(g_unit));
-
-    J.TransposeTimes(p, &w);
-    w -= rho * v;
-    if (keep_V) V.Orthogonalize(&w);
-    R.theta = w.stableNorm();
-    if (!std::isfinite(R.theta)) {
-      return CheckFinite("J^T p", w, &summary->message);
-    }
-    J_norm = std::max(J_norm, R.theta);
-    if (R.theta <= negligible * J_norm || k == n) {
-      R.theta = 0.0;
-      is_complete = true;
-    } else {
-      v = w / R.theta;
-    }
-
-    if (!is_complete && k < last && k < next_check) continue;
+  for (bool ends = false; !ends;) {
+    if (!bidiagonalization.Advance(error)) return false;
+    const Index k = R.size();
+    const bool exhausted = bidiagonalization.is_exhausted();
+    ends = exhausted || k == options.max_iterations;
+    if (!ends && k < next_check) continue;
     next_check = k + std::max<Index>(2, k / 16);
     summary->num_iterations = static_cast<int>(k);
     if (!ComputeRitzValues(R, &ritz)) {
-      summary->message = "the SVD of R_k (dbdsqr) did not converge";
+      *error = "the SVD of R_k (dbdsqr) did not converge";
       return false;
     }
     SummarizeSpectrum(ritz, filter, summary);
-    summary->estimated_error = ErrorEstimate(ritz, filter, both, is_complete)
+    summary->estimated_error = ErrorEstimate(ritz, filter, both, exhausted)
                                    .Relative(&summary->num_undecided);
-    const bool ends = is_complete || k == last;
     if (!ends && summary->estimated_error > options.tolerance) continue;
     const Index before = k - std::max<Index>(1, k / 32);
-    if (!ProjectedStep(
-            R, k, filter, summary->s_max, &y, keep_V ? nullptr : &z) ||
+    if (!ProjectedStep(R,
+                       k,
+                       filter,
+                       summary->s_max,
+                       &y,
+                       bidiagonalization.keeps_V() ? nullptr : &z) ||
         (before > 0 &&
          !ProjectedStep(
              R, before, filter, summary->s_max, &y_before, nullptr))) {
-      summary->message = "the SVD of R_k (dbdsdc) did not converge";
+      *error = "the SVD of R_k (dbdsdc) did not converge";
       return false;
     }
-    if (!is_complete) {
+    if (!exhausted) {
       VectorXd difference = y;
       difference.head(before) -= y_before;
       summary->estimated_error += difference.stableNorm() / y.stableNorm();
     }
     summary->converged = summary->estimated_error <= options.tolerance;
-    if (summary->converged || ends) break;
+    ends = ends || summary->converged;
   }
 
-  if (keep_V) {
-    *d = V.Times(y);
-  } else {
-    // J^T P z = V y + theta z_k v_{k+1}.
-    J.TransposeTimes(P.Times(z), d);
-    *d -= (R.theta * z[z.size() - 1]) * v;
-  }
-  *d *= g_norm;
+  *d = g_norm * bidiagonalization.Step(y, z);
   if (!summary->converged) {
     std::ostringstream message;
     message << "golub_kahan: estimated error " << summary->estimated_error
             << " > " << options.tolerance << " after "
             << summary->num_iterations << " iterations";
-    summary->message = message.str();
+    *error = message.str();
   }
-  return CheckFinite("the step", *d, &summary->message);
+  return CheckFinite("the step", *d, error);
 }
 
 }  // namespace invgrad

@@ -8,12 +8,14 @@
 //   R_k = X Sigma Y^T:   d_k = V_k Y phi(Sigma) X^T P_k^T g              [2]
 //
 // Shapes:  g: m;  J: m x n;  d: n;  k: summary.num_iterations.
-// Cost:    k products with J and k with J^T; 4 k^2 N for reorthogonalization
-//          with N stored numbers a step; O(k^3) once for the SVD of R_k.
-// Memory:  N k doubles. N = min(m, n) where the accuracy of the Gram matrix
-//          suffices (the smaller basis alone is kept orthonormal, the other one
-//          follows up to roundings of epsilon / tau^2 [3]), and m + n for small
-//          tau.
+// Cost:    k products with J and k with J^T; 2 N k^2 for reorthogonalization
+//          against N stored numbers an iteration, and as much again where it
+//          cancels; O(k^2) for a test of convergence, of which there are about
+//          16 log k; O(k^3) once or twice for the SVD of R_k.
+// Memory:  N k doubles, up to twice that while they grow. N = min(m, n) where
+//          the accuracy of the Gram matrix suffices (the smaller basis alone is
+//          kept orthonormal, the other one follows up to roundings of epsilon /
+//          tau^2 [3]), and m + n for small tau.
 //
 // Convergence. With a sharp truncation it is a cliff: the error stays above
 // 1e-3 until every mode near tau s_max is resolved, and then drops to 1e-6 in a
@@ -35,7 +37,8 @@
 // below the jump, E(jump) is added. So are the difference from an earlier
 // iterate, and roundings. Without a jump the estimate is the largest E on
 // [0, inf). With a jump at zero (tau = 0, or a clamped filter) every mode
-// counts, and the iteration has to exhaust the rank of J.
+// counts, and the iteration has to exhaust the rank of J; it may then end with
+// an estimate that is far above the error.
 //
 // Contract: d is within estimated_error of the step whose s_max is the largest
 // singular value of which g has a part. (Held by the tests on synthetic
