@@ -20,8 +20,8 @@ namespace invgrad {
 
 struct SpectralWorkspace {
   // What SpectralStep remembers: empty, or rows, columns, the route that gave
-  // the answer, its rank, and the steps since the cheapest route was last
-  // tried. A checkpoint that holds it resumes bit for bit.
+  // the answer, and the steps since the cheapest route was last tried. A
+  // checkpoint that holds it resumes bit for bit.
   Eigen::VectorXd history;
 
   // The rest are buffers of the routes, named by their use.
