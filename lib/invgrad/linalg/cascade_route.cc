@@ -76,6 +76,26 @@ bool SmallestEigenvectors(const Tridiagonalization& reduction,
   return info == 0 && found == count;
 }
 
+// *step = V phi(S) U^T g of the values that `cut` keeps, by the Gram matrix;
+// Q^T g, or Q^T J^T g on the parameter side, is in workspace->b.
+void LargeStep(const SpectralProblem& problem,
+               const SpectralFilter& filter,
+               double lambda_max,
+               const Cut& cut,
+               bool parameter_side,
+               SpectralWorkspace* workspace,
+               VectorXd* step) {
+  ApplyCutFunction(filter, lambda_max, cut, parameter_side, workspace);
+  VectorXd& y = workspace->y;
+  workspace->reduction.ApplyQ(&y);
+  y *= GramStepScale(filter, workspace->unit);
+  if (parameter_side) {
+    *step = y;
+  } else {
+    problem.J.TransposeTimes(y, step);
+  }
+}
+
 }  // namespace
 
 // With X the eigenvectors of the Gram matrix (of J J^T, say) below the split
@@ -85,7 +105,10 @@ bool SmallestEigenvectors(const Tridiagonalization& reduction,
 //   U_W)^T
 //
 // J^T X is computed from J itself: its singular values have lost nothing to
-// squaring.
+// squaring. But X is rotated towards the large values' vectors by epsilon
+// s_max^2 / s^2, and their share of g would leak into the small ones', which
+// phi may raise. So it is taken off first: U_W^T is applied to g - J w, w =
+// J^T (P J J^T P)^-1 g.
 bool CascadeRoute(const SpectralProblem& problem,
                   double tolerance,
                   bool reduced,
@@ -147,25 +170,28 @@ bool CascadeRoute(const SpectralProblem& problem,
     workspace->b = problem.g;
   }
   workspace->reduction.ApplyQTranspose(&workspace->b);
-  // What rotates the small values' vectors towards those of the large ones, by
-  // epsilon s_max^2 / s_i^2: the sum of squares of c_i / s_i^2 (c_i / s_i on
-  // the parameter side, where b = J^T g).
-  double leak = 0.0;
-  if (count > 0 && count < T.size()) {
-    ApplyCutFunction(SpectralFilter::GaussNewton(0.0),
-                     lambda_max,
-                     cut,
-                     parameter_side,
-                     workspace);
-    leak = BackwardError(T.size()) * lambda_max * workspace->y.norm();
-  }
-
-  // The small values first: the large ones' solution overwrites T's buffers.
-  VectorXd small = VectorXd::Zero(n);
-  double small_error = 0.0;
+  LargeStep(problem, filter, lambda_max, cut, parameter_side, workspace, d);
+  // Nothing is lost across the split, where one part takes over from the
+  // other: what counts is the slope of f there.
+  const double large_error = kGramError / (split * split) * d->norm();
   summary->s_max = s_max;
+  summary->s_min_kept = std::sqrt(cut.above) * std::sqrt(unit);
+
+  double small_error = 0.0;
   int num_kept = 0;
   if (count > 0) {
+    VectorXd w;
+    LargeStep(problem,
+              SpectralFilter::GaussNewton(0.0),
+              lambda_max,
+              cut,
+              parameter_side,
+              workspace,
+              &w);
+    VectorXd image;
+    problem.J.Times(w, &image);
+    const VectorXd g_small = problem.g - image;
+
     MatrixXd& X = workspace->basis;
     if (!SmallestEigenvectors(workspace->reduction, count, workspace, &X)) {
       summary->message =
@@ -176,7 +202,6 @@ bool CascadeRoute(const SpectralProblem& problem,
     MatrixXd& W = workspace->dense;
     W.resize(parameter_side ? m : n, count);
     VectorXd column;
-    VectorXd image;
     for (int k = 0; k < count; ++k) {
       column = X.col(k);
       if (parameter_side) {
@@ -191,66 +216,52 @@ bool CascadeRoute(const SpectralProblem& problem,
     // W = L S R^T with (L, X R) = (V, U) of J, or (U, V) on the parameter side.
     VectorXd c;
     VectorXd x(count);
+    double outside = 0.0;
     if (parameter_side) {
-      svd.LeftTransposeTimes(problem.g, &c);
+      svd.LeftTransposeTimes(g_small, &c);
+      outside =
+          std::sqrt(std::max(0.0, g_small.squaredNorm() - c.squaredNorm()));
     } else {
-      Gemv(Op::kTranspose, 1.0, X, problem.g, 0.0, x);
+      Gemv(Op::kTranspose, X, g_small, x);
       svd.RightTransposeTimes(x, &c);
     }
     const VectorXd s = svd.s();
-    VectorXd filtered(count);
-    for (int i = 0; i < count; ++i) filtered[i] = filter(s[i], s_max) * c[i];
+    VectorXd phi(count);
+    for (int i = 0; i < count; ++i) phi[i] = filter(s[i], s_max);
+    const VectorXd filtered = phi.cwiseProduct(c);
+    VectorXd small(n);
     if (parameter_side) {
       svd.RightTimes(filtered, &x);
-      Gemv(Op::kNone, 1.0, X, x, 0.0, small);
+      Gemv(Op::kNone, X, x, small);
     } else {
       svd.LeftTimes(filtered, &small);
     }
     const double norm_small = small.norm();
+    *d += small;
     SummarizeSpectrum(filter, s, s_max, 1, SvdResolution(m, n), summary);
     num_kept = summary->rank;
-    if (norm_small > 0.0 && s[0] > 0.0) {
-      const double outside =
-          parameter_side ? std::sqrt(std::max(
-                               0.0, problem.g.squaredNorm() - c.squaredNorm()))
-                         : 0.0;
-      small_error =
-          norm_small * SvdStepError(filter, s, s_max, c, outside, n > m);
-      double missing = 0.0;  // along the large values' vectors
-      double leaked = 0.0;   // from them
-      for (int j = 0; j < count; ++j) {
-        if (filtered[j] != 0.0) missing += std::pow(filtered[j] / s[j], 2);
-        const double phi = filter(s[j], s_max);
-        if (phi != 0.0)
-          leaked += std::pow(parameter_side ? phi / s[j] : phi, 2);
-      }
-      small_error += BackwardError(T.size()) * s_max / split *
-                         std::sqrt(0.3 * (T.size() - count) * missing) +
-                     leak * std::sqrt(leaked);
-    }
-  }
-
-  d->setZero(n);
-  double large_error = 0.0;
-  if (count < T.size()) {
-    if (summary->rank == 0) {
+    if (num_kept == 0) {
       summary->s_min_kept = std::sqrt(cut.above) * std::sqrt(unit);
     }
-    summary->rank = num_kept + T.size() - count;
-    ApplyCutFunction(filter, lambda_max, cut, parameter_side, workspace);
-    VectorXd& y = workspace->y;
-    workspace->reduction.ApplyQ(&y);
-    y *= GramStepScale(filter, unit);
-    if (parameter_side) {
-      *d = y;
-    } else {
-      problem.J.TransposeTimes(y, d);
+    if (norm_small > 0.0 && s[0] > 0.0) {
+      const double entry = BackwardError(T.size());
+      small_error =
+          norm_small * SvdStepError(filter, s, s_max, c, outside, n > m);
+      // X is rotated towards a large value's vector by epsilon s_max^2 /
+      // s_i^2, which is how much of the others' steps is missing there.
+      double squared = 0.0;
+      for (int j = 0; j < count; ++j) {
+        if (filtered[j] == 0.0) continue;
+        squared += std::pow(filtered[j] * s_max / s[j], 2);
+      }
+      small_error +=
+          entry / split * std::sqrt(0.3 * (T.size() - count) * squared);
+      // And the roundings of J w.
+      small_error += entry * s_max * w.norm() * phi.norm();
     }
-    // Nothing is lost across the split, where one part takes over from the
-    // other: what counts is the slope of f there.
-    large_error = kGramError / (split * split) * d->norm();
   }
-  *d += small;
+  summary->rank = num_kept + T.size() - count;
+
   const double norm = d->norm();
   summary->estimated_error =
       norm == 0.0

@@ -11,11 +11,13 @@
 // half-plane.
 //
 // Shapes:  N = (log(1 / tolerance) (log(kappa) + 3)) / pi^2 nodes,
-//          kappa = (upper - below) / (above - below). For tolerance 1e-14: 31
-//          nodes for kappa = 1e3, 77 for 1e9, 127 for 1e15.
+//          kappa = (upper - below) / (above - below). For tolerance 1e-14: 33
+//          nodes for kappa = 1e3, 78 for 1e9, 123 for 1e15.
 // Units:   z has those of x.
-// Accuracy: relative to the largest |f| on the contour, which is that near
-//          `above` for a decreasing f, tolerance and a few roundings.
+// Accuracy: relative to the largest |f| on the contour, which is at most twice
+//          that at `above` for the f of spectral filters: 4 tolerance and a few
+//          roundings. If f is singular at `below`, that holds from a distance
+//          of above - below; at x = below it may be 2000 tolerance (for 1 / x).
 // Fails:   CHECKs below < above < upper and the tolerance.
 //
 // [1] Hale, Higham, Trefethen. Computing A^alpha, log(A), and related matrix

@@ -1,0 +1,28 @@
+// The linearization that a joint rule meets in training: on the first batch of
+// a learning problem, at its initial weights or after some steps of Adam.
+//
+// Spectra of real Jacobians change in training: what is measured at the initial
+// weights only says little about the rest of a run.
+#ifndef PROBLEMS_TRAINED_LINEARIZATION_H_
+#define PROBLEMS_TRAINED_LINEARIZATION_H_
+
+#include <string>
+
+#include "invgrad/linalg/linearization.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+// J and g of the first `batch_size` training samples (0: the problem's own
+// number), after `num_steps` Adam steps of size 1e-3 on batches of that size.
+// The initial weights are those of seed 0. False with *error set if the
+// training diverges or the batch size does not fit.
+bool LinearizeAfterTraining(const LearningProblem& problem,
+                            int batch_size,
+                            int num_steps,
+                            Linearization* linearization,
+                            std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_TRAINED_LINEARIZATION_H_
