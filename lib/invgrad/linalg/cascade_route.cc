@@ -222,7 +222,7 @@ bool CascadeRoute(const SpectralProblem& problem,
       outside =
           std::sqrt(std::max(0.0, g_small.squaredNorm() - c.squaredNorm()));
     } else {
-      Gemv(Op::kTranspose, X, g_small, x);
+      Gemv(Op::kTranspose, 1.0, X, g_small, 0.0, x);
       svd.RightTransposeTimes(x, &c);
     }
     const VectorXd s = svd.s();
@@ -232,7 +232,7 @@ bool CascadeRoute(const SpectralProblem& problem,
     VectorXd small(n);
     if (parameter_side) {
       svd.RightTimes(filtered, &x);
-      Gemv(Op::kNone, X, x, small);
+      Gemv(Op::kNone, 1.0, X, x, 0.0, small);
     } else {
       svd.LeftTimes(filtered, &small);
     }
