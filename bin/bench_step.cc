@@ -6,6 +6,7 @@
 //   bench_step
 //   bench_step --cases=poisson --slow_baselines
 //   bench_step --cases=linear_chain,cubic_chain --benchmark_repetitions=5
+//   bench_step --cases=poisson --truncation=1e-2
 //   bench_step --memory --cases=poisson
 //
 // One BLAS thread, warm: the workspace is kept between steps. CASE/ROUTE is the
@@ -13,6 +14,7 @@
 // SVD, from the dense J) to d:
 //
 //   gram, cascade, svd   the routes of spectral_step.h
+//   golub_kahan          likewise, with --truncation=1e-3 or more
 //   dgesdd, sgesdd       LAPACK's SVD of J in double and single precision
 //   bdcsvd               Eigen's
 //   step                 linearization (network, physics, factors) and gram
@@ -57,6 +59,7 @@ DEFINE_bool(slow_baselines,
             false,
             "also those full SVDs that take a minute or more");
 DEFINE_int32(train_steps, 0, "steps of Adam before the Jacobian is taken");
+DEFINE_double(truncation, 0.0, "tau; 0: each problem's published one");
 DEFINE_bool(memory, false, "print peak memory instead of times");
 
 namespace invgrad {
@@ -139,7 +142,8 @@ struct Case {
   const JacobianOperator& J() const { return *at_weights.jacobian; }
   const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
   SpectralFilter filter() const {
-    return SpectralFilter::HalfInverse(row->truncation);
+    return SpectralFilter::HalfInverse(
+        FLAGS_truncation > 0.0 ? FLAGS_truncation : row->truncation);
   }
 
   // Of the Gram matrix and its reduction.
@@ -294,8 +298,11 @@ const std::vector<RouteRow>& RouteRows() {
 }
 
 bool IsWanted(const CaseRow& row, const RouteRow& route) {
-  const bool slow = row.full_svd_is_slow &&
-                    (route.is_full_svd || std::string(route.name) == "cascade");
+  const std::string name = route.name;
+  // It is for truncations that keep a small share of the values.
+  if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
+  const bool slow =
+      row.full_svd_is_slow && (route.is_full_svd || name == "cascade");
   return !(slow && (row.full_svd_is_impossible || !FLAGS_slow_baselines));
 }
 
@@ -416,6 +423,10 @@ int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
+    std::fprintf(stderr, "--truncation: allowed are [0, 1)\n");
+    return 1;
+  }
   std::vector<const invgrad::CaseRow*> rows;
   if (!invgrad::ReadCases(&rows)) return 1;
   invgrad::SetBlasThreads(1);
