@@ -99,6 +99,9 @@ std::vector<Spectrum> Spectra(int k) {
   s = LogUniform(k, 1e-2);
   s.tail(k / 4) *= 1e-7;
   spectra.push_back({"a gap of seven decades", s});
+  s.setZero();
+  s[0] = 1.0;
+  spectra.push_back({"rank one", s});
   // All that the cascade leaves to the Gram matrix is just above its split.
   s = LogUniform(k, 1.3e-3);
   s.tail(k / 4) *= 1e-6;
@@ -195,6 +198,38 @@ INSTANTIATE_TEST_SUITE_P(Shapes,
                          testing::Values(std::pair(64, 90),
                                          std::pair(90, 64),
                                          std::pair(65, 65)));
+
+// Where a single product of g with a vector decides the error, an estimate by
+// sampling must not be small just because another such product is: many g.
+TEST(SpectralAccuracySampling, OneNumberDecides) {
+  RandomMatrices random(5);
+  VectorXd one_dominant = VectorXd::Constant(64, 1e-3);
+  one_dominant[0] = 1.0;
+  VectorXd rank_one = VectorXd::Zero(64);
+  rank_one[0] = 1.0;
+  VectorXd one_small = LogUniform(64, 1e-3);
+  one_small[63] *= 0.1;
+  for (const auto& [m, n] : {std::pair(64, 90), std::pair(90, 64)}) {
+    for (const auto& [s, filter] :
+         {std::pair(one_dominant, SpectralFilter::HalfInverse(0.033)),
+          std::pair(rank_one, SpectralFilter::LevenbergMarquardt(0.0, 1e-3)),
+          std::pair(one_small, SpectralFilter::HalfInverse(1e-6))}) {
+      const MatrixXd J = random.WithSpectrum(m, n, s);
+      const SpectralReference reference(J);
+      int num_violated = 0;
+      for (int draw = 0; draw < 300; ++draw) {
+        const VectorXd g = random.Vector(m);
+        SpectralStepSummary summary;
+        const VectorXd d = StepOf(J, g, filter, GramSide(J), &summary);
+        EXPECT_EQ(summary.num_undecided, 0);
+        if (Distance(d, reference.Step(filter, g)) > summary.estimated_error) {
+          ++num_violated;
+        }
+      }
+      EXPECT_EQ(num_violated, 0) << m << ", s_1 = " << s[1];
+    }
+  }
+}
 
 // Half-inverse, white g, log-uniform spectrum, tau in the middle of a gap:
 //   SVD      5 eps / tau_eff

@@ -247,6 +247,14 @@ TEST(Tridiagonal, ResolventsMatchDenseSolutions) {
   }
 }
 
+Tridiagonal::Perturbations Signs(Index m, Random* random) {
+  Tridiagonal::Perturbations uv(2 * Tridiagonal::kNumPerturbations, m);
+  for (double& sign : uv.reshaped()) {
+    sign = random->Number() > 0.0 ? 1.0 : -1.0;
+  }
+  return uv;
+}
+
 // A real shift below the spectrum: Levenberg-Marquardt's.
 TEST(Tridiagonal, RealShiftsSolveRealSystems) {
   const Matrix matrix = SecondDifference(25);
@@ -265,25 +273,14 @@ TEST(Tridiagonal, NoShiftsGiveZero) {
   EXPECT_EQ(y, VectorXd::Zero(5));
 }
 
-// The derivative in the size of E = sum_p (u_p v_p^T + v_p u_p^T) / sqrt(2 P),
-// against a symmetric difference in long double.
-TEST(Tridiagonal, PerturbationIsTheDerivative) {
-  constexpr int kVectors = Tridiagonal::kPerturbationVectors;
+// Column p: the derivative in the size of E_p = (u_p v_p^T + v_p u_p^T) /
+// sqrt(2), against a symmetric difference in long double.
+TEST(Tridiagonal, ChangesAreDerivatives) {
   Random random(5);
   for (const Matrix& matrix : Matrices()) {
     SCOPED_TRACE(matrix.name + " " + std::to_string(matrix.size()));
     const Index m = matrix.size();
-    Tridiagonal::Perturbation uv(kVectors, m);
-    for (double& sign : uv.reshaped()) {
-      sign = random.Number() > 0.0 ? 1.0 : -1.0;
-    }
-    MatrixXd E = MatrixXd::Zero(m, m);
-    for (int p = 0; p < kVectors; p += 2) {
-      E += uv.row(p).transpose() * uv.row(p + 1);
-      E += uv.row(p + 1).transpose() * uv.row(p);
-    }
-    E /= std::sqrt(static_cast<double>(kVectors));
-
+    const Tridiagonal::Perturbations uv = Signs(m, &random);
     const VectorXd h = random.Vector(m);
     std::vector<Complex> z;
     std::vector<Complex> c;
@@ -293,55 +290,58 @@ TEST(Tridiagonal, PerturbationIsTheDerivative) {
     }
     Tridiagonal T = matrix.Packed();
     VectorXd y;
-    VectorXd change;
-    T.ApplyResolvents(z, c, h, &y, &uv, &change);
+    Tridiagonal::Changes changes;
+    T.ApplyResolvents(z, c, h, &y, &uv, &changes);
     VectorXd alone;
     T.ApplyResolvents(z, c, h, &alone, nullptr, nullptr);
     EXPECT_EQ(y, alone);
 
-    // Symmetric difference: error step^2 times the third derivative, at most
-    // |E|^3 / 0.1^4, and roundings of long double over the step.
-    constexpr double kStep = 1e-5;
     const LongMatrix dense = matrix.Dense().cast<LongComplex>();
-    const LongMatrix step = (kStep * E).cast<LongComplex>();
-    const LongVector difference = (ExactResolvents(dense + step, z, c, h).y -
-                                   ExactResolvents(dense - step, z, c, h).y) /
-                                  LongComplex(2.0 * kStep);
-    const double norm_E = E.norm();
-    EXPECT_LE((change - difference.imag().cast<double>()).norm(),
-              1e-9 * difference.norm() +
-                  kStep * kStep * std::pow(norm_E / 0.1, 3) / 0.1 * h.norm());
-    EXPECT_GT(change.norm(), 0.0);
+    for (int p = 0; p < Tridiagonal::kNumPerturbations; ++p) {
+      const MatrixXd uvt =
+          uv.row(2 * p).transpose() * uv.row(2 * p + 1) / std::sqrt(2.0);
+      const MatrixXd E = uvt + uvt.transpose();
+      // Symmetric difference: error step^2 times the third derivative, at most
+      // |E|^3 / 0.1^4, and roundings of long double over the step.
+      constexpr double kStep = 1e-5;
+      const LongMatrix step = (kStep * E).cast<LongComplex>();
+      const LongVector difference = (ExactResolvents(dense + step, z, c, h).y -
+                                     ExactResolvents(dense - step, z, c, h).y) /
+                                    LongComplex(2.0 * kStep);
+      EXPECT_LE((changes.col(p) - difference.imag().cast<double>()).norm(),
+                1e-9 * difference.norm() + kStep * kStep *
+                                               std::pow(E.norm() / 0.1, 3) /
+                                               0.1 * h.norm());
+      EXPECT_GT(changes.col(p).norm(), 0.0);
+    }
   }
 }
 
-// The entries of E have variance one, but for those on the diagonal, which
-// have more: averaged over the signs, not only for a particular draw.
+// The entries of each E_p have variance one, but for those on the diagonal,
+// which have more.
 TEST(Tridiagonal, PerturbationsAreOfSizeOne) {
-  constexpr int kVectors = Tridiagonal::kPerturbationVectors;
   constexpr int kSize = 60;
   Random random(6);
-  Tridiagonal::Perturbation uv(kVectors, kSize);
-  for (double& sign : uv.reshaped()) sign = random.Number() > 0.0 ? 1.0 : -1.0;
-  // -(T - z)^-1 E (T - z)^-1 h with T = 0 and z = i is E h.
+  const Tridiagonal::Perturbations uv = Signs(kSize, &random);
+  // (z - T)^-1 E (z - T)^-1 h with T = 0 and z = i is -E h.
   Tridiagonal T;
   T.Set(VectorXd::Zero(kSize), VectorXd::Zero(kSize - 1));
-  double squared = 0.0;
+  Eigen::Array4d squared = Eigen::Array4d::Zero();
   VectorXd y;
-  VectorXd change;
+  Tridiagonal::Changes changes;
   for (int i = 0; i < kSize; ++i) {
-    // Im[c / (i - 0)^2] = 1 for c = -i.
     T.ApplyResolvents({{0.0, 1.0}},
                       {{0.0, -1.0}},
                       VectorXd::Unit(kSize, i),
                       &y,
                       &uv,
-                      &change);
-    change[i] = 0.0;  // the diagonal
-    squared += change.squaredNorm();
+                      &changes);
+    changes.row(i).setZero();  // the diagonal
+    squared += changes.colwise().squaredNorm().transpose().array();
   }
-  // 2 P = 8 terms of variance 1 / 8 each, over 60 x 59 entries.
-  EXPECT_NEAR(squared / (kSize * (kSize - 1)), 1.0, 0.3);
+  for (const double sum : squared) {
+    EXPECT_NEAR(sum / (kSize * (kSize - 1)), 1.0, 0.3);
+  }
 }
 
 TEST(Tridiagonal, TimesIsTheProduct) {
@@ -402,10 +402,11 @@ TEST(TridiagonalDeathTest, ChecksSizes) {
   EXPECT_DEATH(T.Eigenvalue(3), "index");
   EXPECT_DEATH(T.Eigenvalue(-1), "index");
   VectorXd y;
+  Tridiagonal::Changes changes;
   EXPECT_DEATH(T.Times(VectorXd::Ones(2), &y), "x.size");
-  EXPECT_DEATH(
-      T.ApplyResolvents({{1.0, 1.0}}, {}, VectorXd::Ones(3), &y, nullptr, &y),
-      "z.size");
+  EXPECT_DEATH(T.ApplyResolvents(
+                   {{1.0, 1.0}}, {}, VectorXd::Ones(3), &y, nullptr, &changes),
+               "z.size");
 }
 
 }  // namespace

@@ -33,12 +33,14 @@ constexpr Index kSmallestReduced = 64;
 // Of the quadrature, relative to the largest |f|.
 constexpr double kContourTolerance = 1e-15;
 
-// The error of one random perturbation is seldom less than a third of the mean
-// over all of them.
+// The mean error of four random perturbations is hardly ever less than a third
+// of the mean over all of them. One is not enough: where a single number
+// decides the error (one value kept, or one small one far from the others),
+// that of one sample is small whenever this number happens to be.
 constexpr double kSampleSafety = 3.0;
 
 // Entries +-1 of a fixed pseudo-random sequence (splitmix64).
-void FillSigns(Index size, Tridiagonal::Perturbation* signs) {
+void FillSigns(Index size, Tridiagonal::Perturbations* signs) {
   if (signs->cols() == size) return;
   signs->resize(Eigen::NoChange, size);
   std::uint64_t state = 0;
@@ -309,18 +311,22 @@ double ApplyCutFunction(const SpectralFilter& filter,
       workspace->coefficients.push_back(node.weight * f(node.z));
     }
   }
-  Tridiagonal::Perturbation& E = workspace->perturbation;
-  FillSigns(T.size(), &E);
+  FillSigns(T.size(), &workspace->perturbations);
   T.ApplyResolvents(workspace->shifts,
                     workspace->coefficients,
                     workspace->b,
                     &workspace->y,
-                    &E,
-                    &workspace->change);
-  const double norm_change =
-      StepNorm(parameter_side, workspace->change, workspace);
-  if (norm_change == 0.0) return 0.0;
-  return kSampleSafety * BackwardError(T.size()) * lambda_max * norm_change /
+                    &workspace->perturbations,
+                    &workspace->changes);
+  double squared_change = 0.0;
+  for (int p = 0; p < Tridiagonal::kNumPerturbations; ++p) {
+    workspace->change = workspace->changes.col(p);
+    const double norm = StepNorm(parameter_side, workspace->change, workspace);
+    squared_change += norm * norm / Tridiagonal::kNumPerturbations;
+  }
+  if (squared_change == 0.0) return 0.0;
+  return kSampleSafety * BackwardError(T.size()) * lambda_max *
+         std::sqrt(squared_change) /
          StepNorm(parameter_side, workspace->y, workspace);
 }
 

@@ -34,7 +34,7 @@
 // the largest singular value (eigenvalue). summary.estimated_error is the
 // first-order change of d by such an E, relative to |d|: for an SVD or
 // eigenvectors the mean over all E (step_error.h), for a contour integral three
-// times the change by one random E, for which the same systems are solved
+// times the mean over four random E, for which the same systems are solved
 // again. It holds all that is known to hurt: small values that are kept, a part
 // of g in dropped directions that leaks across the threshold, and values below
 // what the route can tell from zero. With tau_eff = s_min_kept / s_max it grows

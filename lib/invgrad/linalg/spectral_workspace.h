@@ -33,7 +33,8 @@ struct SpectralWorkspace {
   double unit = 1.0;  // that `gram` was divided by
   Tridiagonalization reduction;
   Tridiagonal tridiagonal;
-  Tridiagonal::Perturbation perturbation;
+  Tridiagonal::Perturbations perturbations;
+  Tridiagonal::Changes changes;
   std::vector<ContourNode> nodes;
   std::vector<std::complex<double>> shifts;
   std::vector<std::complex<double>> coefficients;

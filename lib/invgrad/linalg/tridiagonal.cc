@@ -172,14 +172,14 @@ INVGRAD_INLINE inline void Solve(Index size,
 
 // After Solve: the change of y by T -> T + E, to first order,
 //   d(T - z)^-1 h = -(T - z)^-1 E x,
-// with E = sum_p (u_p v_p^T + v_p u_p^T); `uv` holds u_0, v_0, u_1, ... row by
-// row.
+// for each E = u_p v_p^T + v_p u_p^T; `uv` holds u_0, v_0, u_1, ... row by row,
+// `changes` the results one after the other.
 INVGRAD_INLINE inline void Perturb(Index size,
                                    const double* uv,
                                    const ResolventLanes* lanes,
                                    FactorRow* rows,
-                                   double* change) {
-  constexpr int kVectors = Tridiagonal::kPerturbationVectors;
+                                   double* changes) {
+  constexpr int kVectors = 2 * Tridiagonal::kNumPerturbations;
   const Lanes zero = {};
   // products[k][q] = (the partner of vector q) . x of group k.
   Complex products[kGroups][kVectors] = {};
@@ -193,40 +193,40 @@ INVGRAD_INLINE inline void Perturb(Index size,
       }
     }
   }
-  Complex r[kGroups] = {};  // E x of the first row
-  for (int k = 0; k < kGroups; ++k) {
-    for (int q = 0; q < kVectors; ++q) {
-      r[k].re += uv[q] * products[k][q].re;
-      r[k].im += uv[q] * products[k][q].im;
-    }
-  }
-  for (Index i = 0; i < size; ++i) {
-    const double* signs = uv + kVectors * (i + 1);
-    for (int k = 0; k < kGroups; ++k) {
-      FactorRow& row = rows[kGroups * i + k];
-      Complex next = {zero, zero};
-      if (i + 1 < size) {
-        for (int q = 0; q < kVectors; ++q) {
-          next.re += signs[q] * products[k][q].re;
-          next.im += signs[q] * products[k][q].im;
-        }
+  for (int p = 0; p < Tridiagonal::kNumPerturbations; ++p) {
+    // Entry i of E x; zero behind the end.
+    const auto product = [&](Index i, int k) INVGRAD_INLINE {
+      if (i == size) return Complex{zero, zero};
+      const double u = uv[kVectors * i + 2 * p];
+      const double v = uv[kVectors * i + 2 * p + 1];
+      const Complex& vx = products[k][2 * p];
+      const Complex& ux = products[k][2 * p + 1];
+      return Complex{u * vx.re + v * ux.re, u * vx.im + v * ux.im};
+    };
+    Complex r[kGroups];
+    for (int k = 0; k < kGroups; ++k) r[k] = product(0, k);
+    for (Index i = 0; i < size; ++i) {
+      for (int k = 0; k < kGroups; ++k) {
+        FactorRow& row = rows[kGroups * i + k];
+        const Complex next = product(i + 1, k);
+        const Mask swap = row.swapped;
+        const Complex x = {swap ? next.re : r[k].re, swap ? next.im : r[k].im};
+        const Complex& l = row.multiplier;
+        row.x = x;
+        r[k] = {(swap ? r[k].re : next.re) - l.re * x.re + l.im * x.im,
+                (swap ? r[k].im : next.im) - l.re * x.im - l.im * x.re};
       }
-      const Mask swap = row.swapped;
-      const Complex x = {swap ? next.re : r[k].re, swap ? next.im : r[k].im};
-      const Complex& l = row.multiplier;
-      row.x = x;
-      r[k] = {(swap ? r[k].re : next.re) - l.re * x.re + l.im * x.im,
-              (swap ? r[k].im : next.im) - l.re * x.im - l.im * x.re};
     }
-  }
-  Complex x1[kGroups] = {};
-  Complex x2[kGroups] = {};
-  for (Index i = size - 1; i >= 0; --i) {
-    Lanes sum = zero;
-    for (int k = 0; k < kGroups; ++k) {
-      Substitute(lanes[k].c, &rows[kGroups * i + k], &x1[k], &x2[k], &sum);
+    double* change = changes + p * size;
+    Complex x1[kGroups] = {};
+    Complex x2[kGroups] = {};
+    for (Index i = size - 1; i >= 0; --i) {
+      Lanes sum = zero;
+      for (int k = 0; k < kGroups; ++k) {
+        Substitute(lanes[k].c, &rows[kGroups * i + k], &x1[k], &x2[k], &sum);
+      }
+      change[i] += simd::Sum(sum);
     }
-    change[i] += simd::Sum(sum);
   }
 }
 
@@ -326,15 +326,15 @@ void Tridiagonal::ApplyResolvents(const std::vector<std::complex<double>>& z,
                                   const std::vector<std::complex<double>>& c,
                                   const VectorXd& h,
                                   VectorXd* y,
-                                  const Perturbation* perturbation,
-                                  VectorXd* change) {
+                                  const Perturbations* perturbations,
+                                  Changes* changes) {
   CHECK_EQ(z.size(), c.size());
   CHECK_EQ(h.size(), size_);
-  if (perturbation != nullptr) CHECK_EQ(perturbation->cols(), size_);
+  if (perturbations != nullptr) CHECK_EQ(perturbations->cols(), size_);
   auto* rows = reinterpret_cast<FactorRow*>(
       rows_.Reserve(kGroups * size_ * (sizeof(FactorRow) / sizeof(double))));
   y->setZero(size_);
-  if (perturbation != nullptr) change->setZero(size_);
+  if (perturbations != nullptr) changes->setZero(size_, kNumPerturbations);
   for (size_t first = 0; first < z.size(); first += kShifts) {
     ResolventLanes lanes[kGroups];
     for (size_t k = 0; k < kShifts; ++k) {
@@ -355,14 +355,12 @@ void Tridiagonal::ApplyResolvents(const std::vector<std::complex<double>>& z,
             lanes,
             rows,
             y->data());
-      if (perturbation != nullptr) {
-        Perturb(size_, perturbation->data(), lanes, rows, change->data());
+      if (perturbations != nullptr) {
+        Perturb(size_, perturbations->data(), lanes, rows, changes->data());
       }
     });
   }
-  if (perturbation != nullptr) {
-    *change /= std::sqrt(static_cast<double>(kPerturbationVectors));
-  }
+  if (perturbations != nullptr) *changes /= std::sqrt(2.0);
 }
 
 }  // namespace invgrad

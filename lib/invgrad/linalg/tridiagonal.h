@@ -55,20 +55,22 @@ class Tridiagonal {
   // y = T x.
   void Times(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
 
-  // A perturbation of T by size E, E = sum_p (u_p v_p^T + v_p u_p^T) / sqrt(2
-  // P): column i holds entries i of u_0, v_0, u_1, ... With entries +-1 drawn
-  // at random, E is a symmetric matrix whose entries have variance one.
-  static constexpr int kPerturbationVectors = 8;  // 2 P
-  using Perturbation =
-      Eigen::Matrix<double, kPerturbationVectors, Eigen::Dynamic>;
+  // Perturbations of T by size E_p, E_p = (u_p v_p^T + v_p u_p^T) / sqrt(2), p
+  // = 0 .. 3: column i holds entries i of u_0, v_0, u_1, ... With entries +-1
+  // drawn at random, E_p is a symmetric matrix whose entries have variance one.
+  static constexpr int kNumPerturbations = 4;
+  using Perturbations =
+      Eigen::Matrix<double, 2 * kNumPerturbations, Eigen::Dynamic>;
+  using Changes = Eigen::Matrix<double, Eigen::Dynamic, kNumPerturbations>;
 
-  // With `perturbation` not null, *change is the derivative of y in its size.
+  // With `perturbations` not null, column p of *changes (m x 4) is the
+  // derivative of y in the size of E_p.
   void ApplyResolvents(const std::vector<std::complex<double>>& z,
                        const std::vector<std::complex<double>>& c,
                        const Eigen::VectorXd& h,
                        Eigen::VectorXd* y,
-                       const Perturbation* perturbation,
-                       Eigen::VectorXd* change);
+                       const Perturbations* perturbations,
+                       Changes* changes);
 
  private:
   int size_ = 0;

@@ -1,0 +1,281 @@
+// Measures how accurate the routes of the half-inverse step are on the
+// Jacobians of the problems, at the initial weights and after some training.
+//
+//   error = |d - d_exact| / |d_exact|
+//
+// Sample runs:
+//
+//   accuracy
+//   accuracy --problems=quantum_dipole --truncations=1e-5,1e-10
+//   accuracy --problems=poisson --truncations=1e-5
+//
+// d_exact is computed in long double, by QR and Jacobi's SVD, if the batch has
+// at most --long_double_rows rows (m = 448 takes some minutes), and by the
+// route svd otherwise, whose error is about epsilon / truncation. A cell holds
+// the error and, in brackets, what the route estimated.
+//
+//   auto             the route that a rule takes with its default tolerances
+//   sgesdd           LAPACK's SVD in single precision, which the code that came
+//                    with the paper uses
+//   gram/svd float   the route in double precision with the factors delta of
+//                    the network's Jacobian (network_jacobian.h) rounded to
+//                    single precision
+
+#include <lapacke.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "bin/support/parse_list.h"
+#include "bin/support/program.h"
+#include "gflags/gflags.h"
+#include "invgrad/chain/network_jacobian.h"
+#include "invgrad/io/table.h"
+#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/rules/spectral_rule.h"
+#include "problems/problems.h"
+#include "problems/trained_linearization.h"
+#include "tests/spectral_reference.h"
+
+DEFINE_string(problems,
+              "oscillator_chain,oscillator_chain:coupling=cubic,quantum_dipole",
+              "learning problems, name[:key=value...],...");
+DEFINE_string(truncations,
+              "1e-2,1e-3,1e-4,1e-5,1e-6,1e-7,1e-8,1e-10",
+              "tau: singular values s <= tau s_max are dropped");
+DEFINE_int32(train_steps, 1000, "Adam steps before the second measurement");
+DEFINE_int32(batch_size, 0, "samples of the batch; 0: as published");
+DEFINE_int32(long_double_rows,
+             512,
+             "largest m for which the reference is long double");
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::MatrixXf;
+using Eigen::VectorXd;
+using Eigen::VectorXf;
+
+std::string Text(const char* format, double number) {
+  char text[32];
+  std::snprintf(text, sizeof text, format, number);
+  return text;
+}
+
+// J = U S V^T by LAPACK's sgesdd.
+class SingleSvd {
+ public:
+  explicit SingleSvd(const MatrixXd& J) {
+    MatrixXf A = J.cast<float>();
+    const auto m = static_cast<int>(A.rows());
+    const auto n = static_cast<int>(A.cols());
+    const int k = std::min(m, n);
+    U_.resize(m, k);
+    s_.resize(k);
+    Vt_.resize(k, n);
+    converged_ = LAPACKE_sgesdd(LAPACK_COL_MAJOR,
+                                'S',
+                                m,
+                                n,
+                                A.data(),
+                                m,
+                                s_.data(),
+                                U_.data(),
+                                m,
+                                Vt_.data(),
+                                k) == 0;
+  }
+
+  // NaN if the iteration did not converge.
+  VectorXd Step(const SpectralFilter& filter, const VectorXd& g) const {
+    if (!converged_)
+      return VectorXd::Constant(Vt_.cols(),
+                                std::numeric_limits<double>::quiet_NaN());
+    VectorXf c = U_.transpose() * g.cast<float>();
+    for (Index i = 0; i < c.size(); ++i) {
+      c[i] *= static_cast<float>(filter(s_[i], s_[0]));
+    }
+    return (Vt_.transpose() * c).cast<double>();
+  }
+
+ private:
+  MatrixXf U_;
+  VectorXf s_;
+  MatrixXf Vt_;
+  bool converged_ = false;
+};
+
+// J with its factors delta in single precision. A column block of J, a unit's
+// incoming weights and bias, is a delta^T; the bias has a = 1.
+MatrixXd WithSingleFactors(const DenseNetwork& network, const MatrixXd& J) {
+  MatrixXd rounded = J;
+  for (int l = 0; l < network.num_layers(); ++l) {
+    const int fan_in = network.widths()[l] + 1;
+    for (int unit = 0; unit < network.widths()[l + 1]; ++unit) {
+      auto block =
+          rounded.middleCols(network.offset(l) + unit * fan_in, fan_in);
+      for (Index row = 0; row < J.rows(); ++row) {
+        const double delta = block(row, fan_in - 1);
+        if (delta == 0.0) continue;
+        block.row(row) *=
+            static_cast<double>(static_cast<float>(delta)) / delta;
+      }
+    }
+  }
+  return rounded;
+}
+
+double RelativeError(const VectorXd& d, const VectorXd& exact) {
+  return (d - exact).norm() / exact.norm();
+}
+
+void Measure(const LearningProblem& problem,
+             const Linearization& at_weights,
+             const std::vector<double>& truncations) {
+  const JacobianOperator& J = *at_weights.jacobian;
+  const VectorXd& g = at_weights.loss_gradient;
+  MatrixXd dense;
+  J.ToDense(&dense);
+  std::unique_ptr<const SpectralReference> reference;
+  if (J.rows() <= FLAGS_long_double_rows) {
+    reference = std::make_unique<SpectralReference>(dense);
+    std::cout << "s_min / s_max = "
+              << Text("%.1e",
+                      static_cast<double>(reference->s(static_cast<int>(
+                                              reference->s().size() - 1)) /
+                                          reference->s(0)))
+              << "\n\n";
+  }
+  const SingleSvd single(dense);
+  const DenseJacobian rounded(
+      WithSingleFactors(problem.model->network(), dense));
+  const SpectralRule::Options rule = SpectralRule::Options::HalfInverse();
+  SpectralStepOptions options;
+  options.tolerance = rule.tolerance;
+  options.threshold_tolerance = rule.threshold_tolerance;
+
+  Table table({{"tau"},
+               {"rank"},
+               {"route", Table::Align::kLeft},
+               {"auto"},
+               {"gram"},
+               {"cascade"},
+               {"svd"},
+               {"sgesdd"},
+               {"gram float"},
+               {"svd float"}});
+  for (const double tau : truncations) {
+    const SpectralFilter filter = SpectralFilter::HalfInverse(tau);
+    SpectralStepSummary summary;
+    VectorXd exact;
+    if (reference != nullptr) {
+      exact = reference->Step(filter, g).cast<double>();
+    } else {
+      SpectralStepOptions by_svd;
+      by_svd.route = SpectralRoute::kSvd;
+      if (!SpectralStep(J, g, filter, by_svd, &exact, &summary)) {
+        Warn(summary.message);
+        continue;
+      }
+    }
+    // The error by a route, with its estimate in brackets if wanted.
+    const auto cell = [&](const JacobianOperator& jacobian,
+                          SpectralRoute route,
+                          bool with_estimate) -> std::string {
+      options.route = route;
+      VectorXd d;
+      if (!SpectralStep(jacobian, g, filter, options, &d, &summary)) {
+        return "refused";
+      }
+      std::string text = Text("%.1e", RelativeError(d, exact));
+      if (with_estimate) text += Text(" (%.0e)", summary.estimated_error);
+      if (summary.num_undecided > 0) {
+        text += ", " + std::to_string(summary.num_undecided) + " undecided";
+      }
+      return text;
+    };
+    const std::string by_auto = cell(J, SpectralRoute::kAuto, true);
+    const std::string route = SpectralRouteName(summary.route);
+    const std::string rank = std::to_string(summary.rank);
+    table.AddRow({Text("%.0e", tau),
+                  rank,
+                  route,
+                  by_auto,
+                  cell(J, SpectralRoute::kGram, true),
+                  cell(J, SpectralRoute::kCascade, true),
+                  reference != nullptr ? cell(J, SpectralRoute::kSvd, true)
+                                       : "reference",
+                  Text("%.1e", RelativeError(single.Step(filter, g), exact)),
+                  cell(rounded, SpectralRoute::kGram, false),
+                  cell(rounded, SpectralRoute::kSvd, false)});
+  }
+  std::cout << table.ToMarkdown() << "\n" << std::flush;
+}
+
+int Run() {
+  std::vector<Specification> problems;
+  std::vector<double> truncations;
+  std::string error;
+  if (!ParseSpecifications(FLAGS_problems, &problems, &error)) {
+    return Fail("--problems: " + error);
+  }
+  if (!ParseNumbers(FLAGS_truncations, &truncations, &error)) {
+    return Fail("--truncations: " + error);
+  }
+  for (const double tau : truncations) {
+    if (tau >= 1.0) return Fail("--truncations: must be below 1");
+  }
+  if (FLAGS_train_steps < 0) return Fail("--train_steps: must not be negative");
+  if (FLAGS_batch_size < 0) return Fail("--batch_size: must not be negative");
+  for (const Specification& specification : problems) {
+    PhysicsProblem problem;
+    if (!CreateProblem(specification.text, nullptr, &problem, &error)) {
+      return Fail("--problems: " + error);
+    }
+    if (!problem.learning.has_value()) {
+      return Fail("--problems: " + specification.text +
+                  " has no network; allowed are learning problems");
+    }
+    std::vector<int> train_steps = {0};
+    if (FLAGS_train_steps > 0) train_steps.push_back(FLAGS_train_steps);
+    for (const int num_steps : train_steps) {
+      Linearization at_weights;
+      if (!LinearizeAfterTraining(*problem.learning,
+                                  FLAGS_batch_size,
+                                  num_steps,
+                                  &at_weights,
+                                  &error)) {
+        return Fail(specification.text + ": " + error);
+      }
+      std::cout << "**" << specification.text << "**, "
+                << (num_steps == 0 ? std::string("initial weights")
+                                   : "after " + std::to_string(num_steps) +
+                                         " steps of Adam")
+                << ": J " << at_weights.jacobian->rows() << " x "
+                << at_weights.jacobian->cols() << "\n"
+                << std::flush;
+      Measure(*problem.learning, at_weights, truncations);
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  return invgrad::RunProgram(argc,
+                             argv,
+                             "measures the errors of the half-inverse step's "
+                             "routes on the Jacobians of the problems",
+                             invgrad::Run);
+}
