@@ -4,10 +4,10 @@
 // Sample runs:
 //
 //   bench_step
-//   bench_step --cases=poisson --slow_baselines
+//   bench_step --cases=poisson --routes=gram,dgesdd
 //   bench_step --cases=linear_chain,cubic_chain --benchmark_repetitions=5
 //   bench_step --cases=poisson --truncation=1e-2
-//   bench_step --memory --cases=poisson
+//   bench_step --memory --cases=poisson --routes=gram,dgesdd
 //
 // One BLAS thread, warm: the workspace is kept between steps. CASE/ROUTE is the
 // whole linear algebra of a step, from the Jacobian's factors (or, for a full
@@ -55,9 +55,10 @@
 DEFINE_string(cases,
               "linear_chain,cubic_chain,quantum_dipole,poisson,million",
               "which sizes, comma-separated");
-DEFINE_bool(slow_baselines,
-            false,
-            "also those full SVDs that take a minute or more");
+DEFINE_string(routes,
+              "",
+              "which routes, comma-separated; empty: all that take less than a "
+              "minute");
 DEFINE_int32(train_steps, 0, "steps of Adam before the Jacobian is taken");
 DEFINE_double(truncation, 0.0, "tau; 0: each problem's published one");
 DEFINE_bool(memory, false, "print peak memory instead of times");
@@ -297,13 +298,26 @@ const std::vector<RouteRow>& RouteRows() {
   return rows;
 }
 
+std::vector<std::string> Split(const std::string& list) {
+  std::istringstream stream(list);
+  std::vector<std::string> names;
+  std::string name;
+  while (std::getline(stream, name, ',')) names.push_back(name);
+  return names;
+}
+
 bool IsWanted(const CaseRow& row, const RouteRow& route) {
   const std::string name = route.name;
+  if (row.full_svd_is_impossible && (route.is_full_svd || name == "cascade")) {
+    return false;
+  }
+  if (!FLAGS_routes.empty()) {
+    const std::vector<std::string> wanted = Split(FLAGS_routes);
+    return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
+  }
   // It is for truncations that keep a small share of the values.
   if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
-  const bool slow =
-      row.full_svd_is_slow && (route.is_full_svd || name == "cascade");
-  return !(slow && (row.full_svd_is_impossible || !FLAGS_slow_baselines));
+  return !(row.full_svd_is_slow && (route.is_full_svd || name == "cascade"));
 }
 
 // The dgemm rate of this run, in flops a second.
@@ -338,21 +352,33 @@ double PeakMemory(const CaseRow& row, const RouteRow& route) {
   return usage.ru_maxrss / 1024.0;
 }
 
-bool ReadCases(std::vector<const CaseRow*>* cases) {
-  std::istringstream names(FLAGS_cases);
-  std::string name;
-  while (std::getline(names, name, ',')) {
-    const auto row = std::find_if(
-        CaseRows().begin(), CaseRows().end(), [&name](const CaseRow& it) {
-          return name == it.name;
-        });
-    if (row == CaseRows().end()) {
-      std::fprintf(stderr, "--cases: no case '%s'; there are:", name.c_str());
-      for (const CaseRow& it : CaseRows()) std::fprintf(stderr, " %s", it.name);
-      std::fprintf(stderr, "\n");
-      return false;
+// Whether `rows` has a row of that name; says so if not.
+template <typename Row>
+bool HasRow(const char* flag,
+            const std::vector<Row>& rows,
+            const std::string& name) {
+  for (const Row& row : rows) {
+    if (name == row.name) return true;
+  }
+  std::fprintf(stderr, "--%s: there is no '%s', but", flag, name.c_str());
+  for (const Row& row : rows) std::fprintf(stderr, " %s", row.name);
+  std::fprintf(stderr, "\n");
+  return false;
+}
+
+bool ReadFlags(std::vector<const CaseRow*>* cases) {
+  if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
+    std::fprintf(stderr, "--truncation: allowed are [0, 1)\n");
+    return false;
+  }
+  for (const std::string& name : Split(FLAGS_routes)) {
+    if (!HasRow("routes", RouteRows(), name)) return false;
+  }
+  for (const std::string& name : Split(FLAGS_cases)) {
+    if (!HasRow("cases", CaseRows(), name)) return false;
+    for (const CaseRow& row : CaseRows()) {
+      if (name == row.name) cases->push_back(&row);
     }
-    cases->push_back(&*row);
   }
   return true;
 }
@@ -374,17 +400,21 @@ void Register(const std::shared_ptr<const Case>& at) {
   for (const RouteRow& route : RouteRows()) {
     if (!IsWanted(*at->row, route)) continue;
     const std::string name = std::string(at->row->name) + "/" + route.name;
-    benchmark::RegisterBenchmark(
+    const bool slow = at->row->full_svd_is_slow && route.is_full_svd;
+    auto* registered = benchmark::RegisterBenchmark(
         name.c_str(),
-        [at](benchmark::State& state, const RouteRow& it) {
-          // Outside the clock: the factors and the workspace's first use.
+        [at, slow](benchmark::State& state, const RouteRow& it) {
+          // Outside the clock: the factors and the workspace's first use, which
+          // is nothing beside a minute.
           const Step step = it.make();
-          std::string label = step(*at);
+          std::string label;
+          if (!slow) label = step(*at);
           for (auto _ : state) label = step(*at);
           state.SetLabel(label);
         },
-        route)
-        ->Unit(benchmark::kMillisecond);
+        route);
+    registered->Unit(benchmark::kMillisecond);
+    if (slow) registered->MinTime(1e-3);  // once
   }
 }
 
@@ -423,12 +453,8 @@ int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
-    std::fprintf(stderr, "--truncation: allowed are [0, 1)\n");
-    return 1;
-  }
   std::vector<const invgrad::CaseRow*> rows;
-  if (!invgrad::ReadCases(&rows)) return 1;
+  if (!invgrad::ReadFlags(&rows)) return 1;
   invgrad::SetBlasThreads(1);
   if (FLAGS_memory) {
     invgrad::PrintMemory(rows);

@@ -64,11 +64,9 @@ class SpectralRule final : public UpdateRule {
     bool kappa_is_a_setting = true;
     bool layerwise = false;
     std::string route = "auto";
-    // Far looser than a spectral step alone would ask for, and still below what
-    // training can tell: on the linear oscillator chain (B = 32, truncation
-    // 1e-10, 25 epochs) tolerances of 1e-3, 1e-4, 1e-6 and the SVD gave the
-    // same losses to four digits, the first ten times faster than the last.
-    double tolerance = 1e-3;
+    // Of an estimate that is 40 to several hundred times too high on the
+    // problems' Jacobians. Training cannot tell: see docs/results/speed.md.
+    double tolerance = 1e-2;
     // A value that is within a quarter of the threshold may be on either side
     // of it: nobody chooses tau more sharply than that.
     double threshold_tolerance = 0.25;
