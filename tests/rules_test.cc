@@ -164,7 +164,7 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
                             {"final_fraction", "0.01"},
                             {"rho", "0.3"}};
   const Values spectral = {{"route", "auto"},
-                           {"tolerance", "0.001"},
+                           {"tolerance", "0.01"},
                            {"threshold_tolerance", "0.25"}};
   const auto with = [&](Values middle) {
     middle.insert(middle.begin(), step_size.begin(), step_size.end());
