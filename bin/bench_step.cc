@@ -49,7 +49,6 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/spectral_step.h"
-#include "invgrad/rules/rules.h"
 #include "problems/problems.h"
 
 DEFINE_string(cases,
@@ -59,7 +58,6 @@ DEFINE_string(routes,
               "",
               "which routes, comma-separated; empty: all that take less than a "
               "minute");
-DEFINE_int32(train_steps, 0, "steps of Adam before the Jacobian is taken");
 DEFINE_double(truncation, 0.0, "tau; 0: each problem's published one");
 DEFINE_bool(memory, false, "print peak memory instead of times");
 
@@ -113,24 +111,6 @@ struct Case {
     batch = problem.train.Range(0, problem.batch_size);
     NumpyRandom random(1);
     weights = model->network().InitialWeights(problem.initialization, &random);
-    const std::unique_ptr<UpdateRule> adam =
-        CreateRule({"", "adam", {}}, &error);
-    CHECK(adam != nullptr) << error;
-    const int num_batches = problem.train.num_samples() / problem.batch_size;
-    for (int i = 0; i < FLAGS_train_steps; ++i) {
-      Linearization at;
-      Eigen::VectorXd step;
-      CHECK(model->Linearize(
-          weights,
-          problem.train.Range(i % num_batches * problem.batch_size,
-                              problem.batch_size),
-          adam->Needs(),
-          &at,
-          &error))
-          << error;
-      CHECK(adam->ComputeStep(at, &step, &error)) << error;
-      weights += step;
-    }
     Linearize(&at_weights);
   }
 

@@ -30,7 +30,8 @@ constexpr double kGramShare = 0.25;
 // cheap.
 constexpr double kLargestShare = 0.7;
 
-// *X (m x count) = the eigenvectors of T of its `count` smallest eigenvalues.
+// *X (min(m, n) x count) = the eigenvectors of T of its `count` smallest
+// eigenvalues.
 bool SmallestEigenvectors(const Tridiagonalization& reduction,
                           int count,
                           SpectralWorkspace* workspace,

@@ -11,6 +11,7 @@
 #include "glog/logging.h"
 #include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/finite.h"
+#include "invgrad/linalg/step_error.h"
 
 namespace invgrad {
 namespace {
@@ -23,16 +24,13 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Backward error of the bidiagonalization in units of epsilon |J|; as in
-// spectral_step.cc.
+// step_error.cc.
 constexpr double kBackwardError = 10.0;
 
 // The estimate is a bound but for cross terms and small constants. On synthetic
 // spectra (five kinds, white, smooth and nearly invariant g, nine filters) the
 // error was at most 0.9 times the estimate.
 constexpr double kSafety = 5.0;
-
-// No step is better than a few roundings.
-constexpr double kRoundings = 64.0;
 
 // An orthonormal basis in the columns of a buffer that grows.
 class Basis {
@@ -177,15 +175,16 @@ bool IsSmooth(const SpectralFilter& filter) {
          (filter.damping > 0.0 || filter.relative_damping > 0.0);
 }
 
-// Where phi jumps, in units of s_max.
-double JumpOf(const SpectralFilter& filter) {
+// Where values are dropped or clamped, in units of s_max.
+double TruncationOf(const SpectralFilter& filter) {
   return filter.clamp ? 0.0 : filter.tau;
 }
 
 // The smallest s, in units of s_max, whose relative accuracy matters; a lower
 // bound that needs no spectrum.
 double SmallestScale(const SpectralFilter& filter) {
-  return IsSmooth(filter) ? std::sqrt(filter.relative_damping) : JumpOf(filter);
+  return IsSmooth(filter) ? std::sqrt(filter.relative_damping)
+                          : TruncationOf(filter);
 }
 
 void SummarizeSpectrum(const RitzValues& ritz,
@@ -228,12 +227,12 @@ class ErrorEstimate {
   double Relative(int* num_undecided) const {
     *num_undecided = 0;
     if (unit_ == 0.0) return 1.0;
-    const double squared = IsSmooth(filter_)
-                               ? Squared()
-                               : SquaredAcross(JumpOf(filter_), num_undecided);
-    const double estimate = (kSafety * std::sqrt(squared + SquaredShift()) +
-                             kRoundings * kEpsilon) /
-                            norm_;
+    const double squared =
+        IsSmooth(filter_) ? Squared()
+                          : SquaredAcross(TruncationOf(filter_), num_undecided);
+    const double estimate =
+        (kSafety * std::sqrt(squared + SquaredShift()) + RoundingError()) /
+        norm_;
     // Nothing is known where f overflows near zero.
     return estimate < kInfinity ? estimate : kInfinity;
   }

@@ -34,9 +34,9 @@ constexpr Index kSmallestReduced = 64;
 constexpr double kContourTolerance = 1e-15;
 
 // The mean error of four random perturbations is hardly ever less than a third
-// of the mean over all of them. One is not enough: where a single number
-// decides the error (one value kept, or one small one far from the others),
-// that of one sample is small whenever this number happens to be.
+// of the mean over all of them (root mean squares). One is not enough: where a
+// single number decides the error (one value kept, or one small one far from
+// the others), that of one sample is small whenever this number happens to be.
 constexpr double kSampleSafety = 3.0;
 
 // Entries +-1 of a fixed pseudo-random sequence (splitmix64).
@@ -53,8 +53,8 @@ void FillSigns(Index size, Tridiagonal::Perturbations* signs) {
   }
 }
 
-// f(z) = phi(sqrt(z)) / sqrt(z) in T's units, up to the factor that StepScale
-// gives.
+// f(z) = phi(sqrt(z)) / sqrt(z) in T's units, up to the factor that
+// GramStepScale gives.
 class GramFunction {
  public:
   GramFunction(const SpectralFilter& filter, double unit, double lambda_max)
@@ -183,7 +183,9 @@ bool ReducedStep(const SpectralProblem& problem,
   if (jump < 0.0 && f.is_resolvent()) cut.num_below = 0;
   summary->s_max = std::sqrt(lambda_max) * std::sqrt(unit);
   summary->rank = T.size() - cut.num_below;
-  summary->s_min_kept = std::sqrt(std::max(cut.above, 0.0)) * std::sqrt(unit);
+  if (summary->rank > 0) {
+    summary->s_min_kept = std::sqrt(std::max(cut.above, 0.0)) * std::sqrt(unit);
+  }
   if (jump >= 0.0) {
     summary->num_undecided = cut.num_undecided;
     summary->threshold_resolution = resolution / (2.0 * jump * jump);
@@ -265,7 +267,7 @@ Cut FindCut(const Tridiagonal& T,
     cut.above = T.upper_bound();
   }
   if (cut.num_below == 0) {
-    cut.below = std::min(singularity, cut.threshold);
+    cut.below = singularity;
   } else {
     cut.below = T.Eigenvalue(
         cut.num_below - 1, T.lower_bound(), cut.threshold, rounding);
@@ -351,9 +353,9 @@ GramResult FormGram(const SpectralProblem& problem,
   }
   const double largest = diagonal.maxCoeff();
   if (largest < kSmallestGram) {
-    MatrixXd A;
-    problem.J.ToDense(&A);
-    if (A.isZero(0.0)) return GramResult::kZero;
+    // J = 0, or for this g as good as that.
+    problem.J.TransposeTimes(problem.g, &workspace->product);
+    if (workspace->product.isZero(0.0)) return GramResult::kZero;
     summary->message = "the squares of J's entries underflow";
     return GramResult::kFailed;
   }

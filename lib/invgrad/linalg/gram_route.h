@@ -14,9 +14,9 @@ namespace invgrad {
 
 enum class GramResult { kFailed, kZero, kDone };
 
-// Fills workspace->gram with K / unit (its lower triangle) and ->unit. kZero: J
-// is zero. kFailed sets summary->message: J is not finite, or its squares over-
-// or underflow.
+// Fills workspace->gram with K / unit (its lower triangle) and ->unit. kZero:
+// J, or J^T g, is zero. kFailed sets summary->message: J is not finite, or its
+// squares over- or underflow.
 GramResult FormGram(const SpectralProblem& problem,
                     SpectralRoute route,
                     SpectralWorkspace* workspace,

@@ -122,7 +122,7 @@ void GramOfLayers(const std::vector<LayerJacobian>& layers, MatrixXd* JJt) {
   const Index batch_size = layers[0].inputs().cols();
   JJt->resize(rows, rows);
 
-  // B x B: a_s . a_t, lower triangle
+  // B x B: a_s . a_t, both triangles: tiles on the diagonal read all.
   std::vector<MatrixXd> input_grams;
   for (const LayerJacobian& layer : layers) {
     CHECK_EQ(layer.rows(), rows);

@@ -6,6 +6,8 @@
 #ifndef INVGRAD_LINALG_SPECTRAL_ROUTES_H_
 #define INVGRAD_LINALG_SPECTRAL_ROUTES_H_
 
+#include <string>
+
 #include "Eigen/Core"
 #include "invgrad/linalg/jacobian_operator.h"
 #include "invgrad/linalg/spectral_filter.h"
@@ -67,12 +69,13 @@ bool GramIsReduced(const SpectralProblem& problem);
 
 bool GolubKahanRoute(const SpectralProblem& problem,
                      double tolerance,
+                     double memory_limit,
                      SpectralWorkspace* workspace,
                      Eigen::VectorXd* d,
                      SpectralStepSummary* summary);
 
-// The smallest values are those below a split that leaves the large ones an
-// error well below `tolerance`.
+// Values below a split, chosen so that the large ones' error is well below
+// `tolerance`, are left to an SVD.
 // `reduced`: GramRoute has just left its reduction in *workspace, in one stage.
 bool CascadeRoute(const SpectralProblem& problem,
                   double tolerance,

@@ -35,15 +35,17 @@ constexpr double kLargestKrylovShare = 1.0 / 12.0;
 // steps.
 constexpr int kStepsBetweenTries = 20;
 
+double AllowedBytes(const SpectralStepOptions& options) {
+  if (options.memory_limit > 0.0) return options.memory_limit;
+  return 0.75 * sysconf(_SC_PHYS_PAGES) * sysconf(_SC_PAGESIZE);
+}
+
 bool FitsInMemory(const SpectralProblem& problem,
                   SpectralRoute route,
                   const SpectralStepOptions& options,
                   std::string* message) {
   const double needed = SpectralStepBytes(route, problem.m(), problem.n());
-  const double allowed =
-      options.memory_limit > 0.0
-          ? options.memory_limit
-          : 0.75 * sysconf(_SC_PHYS_PAGES) * sysconf(_SC_PAGESIZE);
+  const double allowed = AllowedBytes(options);
   if (needed <= allowed) return true;
   std::ostringstream text;
   text << std::fixed << std::setprecision(2) << "route "
@@ -73,7 +75,12 @@ bool TakeRoute(const SpectralProblem& problem,
       return CascadeRoute(
           problem, options.tolerance, false, workspace, d, summary);
     case SpectralRoute::kGolubKahan:
-      return GolubKahanRoute(problem, options.tolerance, workspace, d, summary);
+      return GolubKahanRoute(problem,
+                             options.tolerance,
+                             AllowedBytes(options),
+                             workspace,
+                             d,
+                             summary);
     case SpectralRoute::kGradient:
       return GradientRoute(problem, d, summary);
     case SpectralRoute::kAuto:
@@ -122,22 +129,26 @@ class History {
     memory_[kRoute] = static_cast<double>(cheapest);
     memory_[kRank] = problem.m() + problem.n();
     memory_[kSteps] = 0.0;
+    memory_[kKrylovSteps] = kStepsBetweenTries;
   }
   SpectralRoute route() const {
     return static_cast<SpectralRoute>(memory_[kRoute]);
   }
   double rank() const { return memory_[kRank]; }
   double steps_since_try() const { return memory_[kSteps]; }
+  double steps_since_krylov_failed() const { return memory_[kKrylovSteps]; }
+  void KrylovFailed() { memory_[kKrylovSteps] = 0.0; }
 
   // `tried`: the cheapest route was.
   void Remember(const SpectralStepSummary& summary, bool tried) {
     memory_[kRoute] = static_cast<double>(summary.route);
     memory_[kRank] = summary.rank;
     memory_[kSteps] = tried ? 0.0 : memory_[kSteps] + 1.0;
+    memory_[kKrylovSteps] += 1.0;
   }
 
  private:
-  enum { kRows, kCols, kRoute, kRank, kSteps };
+  enum { kRows, kCols, kRoute, kRank, kSteps, kKrylovSteps };
   static constexpr int kSize = SpectralWorkspace::kHistorySize;
   VectorXd& memory_;
 };
@@ -179,6 +190,11 @@ bool ClimbLadder(const SpectralProblem& problem,
     return true;
   }
   if (first == gram && is_accepted(take(gram))) return true;
+  // A dearer route would only find the same, or not fit into memory.
+  if (first == gram && summary->s_max == 0.0 &&
+      !CheckJacobianFinite(problem.J, &summary->message)) {
+    return false;
+  }
   if (GramIsReduced(problem) && first != SpectralRoute::kSvd) {
     const bool reduced =
         first == gram && summary->s_max > 0.0 &&
@@ -268,14 +284,18 @@ bool GradientRoute(const SpectralProblem& problem,
 
 bool GolubKahanRoute(const SpectralProblem& problem,
                      double tolerance,
+                     double memory_limit,
                      SpectralWorkspace* workspace,
                      VectorXd* d,
                      SpectralStepSummary* summary) {
   summary->route = SpectralRoute::kGolubKahan;
   GolubKahanOptions options;
   options.tolerance = tolerance;
-  options.max_iterations =
-      static_cast<int>(std::min(problem.m(), problem.n())) * 2 / 3 + 50;
+  // The bases hold m + n numbers an iteration, and twice that while they grow.
+  const double affordable =
+      memory_limit / (2.0 * sizeof(double) * (problem.m() + problem.n()));
+  options.max_iterations = static_cast<int>(std::clamp(
+      affordable, 1.0, std::min(problem.m(), problem.n()) * 2.0 / 3.0 + 50.0));
   GolubKahanSummary result;
   const bool computed = GolubKahanStep(problem.J,
                                        problem.g,
@@ -320,7 +340,7 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
   constexpr double kDouble = sizeof(double);
   // A Gram matrix and the buffers of its reduction and function.
   const auto gram = [](double k, Tridiagonalization::Method method) {
-    return kDouble * k * k + 700.0 * k +
+    return kDouble * k * k + 800.0 * k +
            static_cast<double>(
                Tridiagonalization::Bytes(static_cast<int>(k), method));
   };
@@ -354,6 +374,7 @@ bool SpectralStep(const JacobianOperator& J,
   CHECK_EQ(g.size(), J.rows());
   CHECK_GT(J.rows(), 0);
   CHECK_GT(J.cols(), 0);
+  CHECK_GT(options.tolerance, 0.0);
   std::string invalid;
   CHECK(filter.IsValid(&invalid)) << invalid;
   *summary = SpectralStepSummary();

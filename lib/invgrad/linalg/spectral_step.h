@@ -2,7 +2,8 @@
 //
 //   d = V phi(S) U^T g,   J = U S V^T
 //
-// Routes, all of which compute the same d:
+// Routes, all of which compute the same d (kGolubKahan with the largest s that
+// g has a part of as s_max):
 //   kGram           m <= n: J J^T = Q T Q^T with T tridiagonal,
 //                   d = J^T Q f(T) Q^T g,  f(lambda) = phi(s) / s, lambda = s^2
 //   kParameterGram  n < m:  J^T J = Q T Q^T,
@@ -12,8 +13,8 @@
 //                   singular vectors
 //   kGolubKahan     bidiagonalization from products with J alone, for tau that
 //                   keeps few values (golub_kahan.h)
-//   kSvd            the SVD of the dense J, by QR and LAPACK dgesdd. The
-//   oracle. kGradient       phi(s) = s: d = J^T g, no factorization
+//   kSvd            the SVD of the dense J, by QR and LAPACK dgesdd: the oracle
+//   kGradient       phi(s) = s: d = J^T g, no factorization
 //
 // f(T) is applied to one vector by a contour integral: some 70 to 130 solutions
 // of shifted tridiagonal systems in place of T's eigenvectors, the truncation
@@ -27,19 +28,20 @@
 //          for r small values; kGolubKahan 1.5 rank products with J and J^T;
 //          kSvd O(max(m, n) k^2) with J formed.
 // Memory:  SpectralStepBytes; of the workspace, so that a step of the same
-//          shape by the same route allocates nothing (a promise for kGram).
+//          shape by kGram allocates nothing.
 //
 // Accuracy. A factorization is exact for a matrix that differs from J (or from
 // its Gram matrix) by E, whose entries are about 10 epsilon / sqrt(k) times
 // the largest singular value (eigenvalue). summary.estimated_error is the
 // first-order change of d by such an E, relative to |d|: for an SVD or
-// eigenvectors the mean over all E (step_error.h), for a contour integral three
-// times the mean over four random E, for which the same systems are solved
-// again. It holds all that is known to hurt: small values that are kept, a part
-// of g in dropped directions that leaks across the threshold, and values below
-// what the route can tell from zero. With tau_eff = s_min_kept / s_max it grows
-// as epsilon / tau_eff for kSvd and kCascade (but not below 1e-9 or so there)
-// and as epsilon / tau_eff^2 for the Gram routes.
+// eigenvectors the root mean square over all E (step_error.h), for a contour
+// integral three times that over four random E, for which the same systems are
+// solved again. It holds all that is known to hurt: small values that are kept,
+// a part of g in dropped directions that leaks across the threshold, and values
+// below what the route can tell from zero. With tau_eff = s_min_kept / s_max it
+// grows as epsilon / tau_eff for kSvd and kCascade (there not below a quarter
+// of options.tolerance, or 2e-8) and as epsilon / tau_eff^2 for the Gram
+// routes.
 //
 // A value is undecided if it is nearer to where phi jumps (tau s_max; zero for
 // tau = 0 or a clamped filter, unless phi vanishes there) than the route can
@@ -49,7 +51,8 @@
 // Contract: with no value undecided, the relative error of d is at most
 // estimated_error. (An empirical law that the tests hold against long double
 // arithmetic, not a theorem.) With values undecided, d is the step for a
-// threshold within that resolution of tau s_max.
+// threshold within that resolution of tau s_max; by kGolubKahan they are part
+// of estimated_error.
 //
 // kAuto takes kGradient if phi(s) = s. Otherwise it climbs from the Gram route
 // of the smaller side by kCascade to kSvd, until estimated_error is at most
@@ -96,7 +99,8 @@ const char* SpectralRouteName(SpectralRoute route);
 struct SpectralStepOptions {
   SpectralRoute route = SpectralRoute::kAuto;
   // kAuto keeps a route's answer if its estimated relative error is at most
-  // this, and goes on to a more accurate one otherwise.
+  // this, and goes on to a more accurate one otherwise. kCascade and
+  // kGolubKahan work as hard as it asks. > 0.
   double tolerance = 1e-6;
   // kAuto keeps an answer with undecided values only if it is the step for a
   // threshold within this relative distance of tau s_max: 0 insists on the

@@ -1,6 +1,7 @@
 // The memory of spectral steps, kept from one to the next.
 //
-// A step of the same shape by the same route allocates nothing. What the last
+// A step of the same shape by the Gram route, not clamped and of size 64 or
+// more, allocates nothing; the others reuse their large arrays. What the last
 // step learned about the spectrum chooses the next one's route; the numbers
 // never depend on it otherwise.
 //
@@ -22,9 +23,9 @@ namespace invgrad {
 struct SpectralWorkspace {
   // What SpectralStep remembers of the last step: rows, columns, the route that
   // gave the answer, its rank, and the steps since the cheapest route was last
-  // tried. Empty or zero before the first. A checkpoint that holds it resumes
-  // bit for bit.
-  static constexpr int kHistorySize = 5;
+  // tried and since Golub-Kahan failed. Empty or zero before the first. A
+  // checkpoint that holds it resumes bit for bit.
+  static constexpr int kHistorySize = 6;
   Eigen::VectorXd history;
 
   // The rest are buffers of the routes, named by their use.

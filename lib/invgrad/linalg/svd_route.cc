@@ -21,6 +21,14 @@ bool SvdRoute(const SpectralProblem& problem,
   summary->route = SpectralRoute::kSvd;
   const Index m = problem.m();
   const Index n = problem.n();
+  // 3 k^2 + 7 k numbers of workspace, counted by LAPACK in 32 bits.
+  constexpr Index kLargest = 26750;
+  if (std::min(m, n) > kLargest) {
+    summary->message =
+        "J has more than 26750 rows and columns: too many for "
+        "LAPACK's SVD";
+    return false;
+  }
   if (!CheckJacobianFinite(problem.J, &summary->message)) return false;
   const SpectralFilter& filter = problem.filter;
   const bool wide = n > m;

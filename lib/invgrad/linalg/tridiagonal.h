@@ -10,7 +10,7 @@
 //          say): squares of e are taken.
 // Cost:    O(m) a shift, several shifts at a time in the processor's vectors:
 //          about 4 cycles a row and shift for counts and 15 for resolvents on
-//          AVX2. 600 m bytes of workspace.
+//          AVX2. 640 m bytes of workspace.
 // Accuracy: a count is exact for a T whose entries are changed by a few
 //          roundings each [1]. Resolvents are solved with partial pivoting: the
 //          solution is exact for a T changed by a few roundings of

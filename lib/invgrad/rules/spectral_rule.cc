@@ -108,7 +108,7 @@ void SpectralRule::Options::Describe(OptionSet* set) {
   set->Add("tolerance",
            &tolerance,
            {0.0, kInfinity, true},
-           "relative error up to which route=auto takes a Gram matrix");
+           "relative error up to which route=auto keeps an answer");
   set->Add("threshold_tolerance",
            &threshold_tolerance,
            {0.0, kInfinity},
