@@ -31,6 +31,7 @@ rules=(
   levenberg_marquardt:step_size=auto
   layer_half_inverse:step_size=auto
   kfac_half_inverse:step_size=auto
+  krylov:batch_size=256:iterations=100
   ceres_lm
   ceres_lm:linear_solver=cgnr
   ceres_dogleg
