@@ -8,8 +8,8 @@
 // the derivative of y_{s,j} in the layer's z, row (s, j) of J holds the outer
 // products a_{l,s} delta_{l,sj}^T of all layers, and so (layer_jacobian.h)
 //
-//   (J J^T)_{(s,j),(t,k)} = sum_l (a_{l,s} . a_{l,t}) (delta_{l,sj} .
-//   delta_{l,tk})
+//   (J J^T)_{(s,j),(t,k)} =
+//       sum_l (a_{l,s} . a_{l,t}) (delta_{l,sj} . delta_{l,tk})
 //
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
 // Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.

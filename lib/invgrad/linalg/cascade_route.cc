@@ -102,8 +102,8 @@ void LargeStep(const SpectralProblem& problem,
 // With X the eigenvectors of the Gram matrix (of J J^T, say) below the split
 // and P the projector on the others:
 //
-//   d = J^T f(P J J^T P) g + V_W phi(S_W) U_W^T g,   J^T X = V_W S_W (X^T
-//   U_W)^T
+//   d = J^T f(P J J^T P) g + V_W phi(S_W) U_W^T g,
+//   J^T X = V_W S_W (X^T U_W)^T
 //
 // J^T X is computed from J itself: its singular values have lost nothing to
 // squaring. But X is rotated towards the large values' vectors by epsilon

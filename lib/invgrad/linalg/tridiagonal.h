@@ -10,7 +10,8 @@
 //          say): squares of e are taken.
 // Cost:    O(m) a shift, several shifts at a time in the processor's vectors:
 //          about 4 cycles a row and shift for counts and 15 for resolvents on
-//          AVX2. 640 m bytes of workspace.
+//          AVX2; each perturbation as much as half a solution more. 640 m
+//          bytes of workspace.
 // Accuracy: a count is exact for a T whose entries are changed by a few
 //          roundings each [1]. Resolvents are solved with partial pivoting: the
 //          solution is exact for a T changed by a few roundings of
@@ -55,9 +56,10 @@ class Tridiagonal {
   // y = T x.
   void Times(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
 
-  // Perturbations of T by size E_p, E_p = (u_p v_p^T + v_p u_p^T) / sqrt(2), p
-  // = 0 .. 3: column i holds entries i of u_0, v_0, u_1, ... With entries +-1
-  // drawn at random, E_p is a symmetric matrix whose entries have variance one.
+  // Perturbations of T by size E_p, p = 0 .. 3,
+  //   E_p = (u_p v_p^T + v_p u_p^T) / sqrt(2):
+  // column i holds entries i of u_0, v_0, u_1, ... With entries +-1 drawn at
+  // random, E_p is a symmetric matrix whose entries have variance one.
   static constexpr int kNumPerturbations = 4;
   using Perturbations =
       Eigen::Matrix<double, 2 * kNumPerturbations, Eigen::Dynamic>;

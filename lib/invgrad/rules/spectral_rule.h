@@ -64,8 +64,9 @@ class SpectralRule final : public UpdateRule {
     bool kappa_is_a_setting = true;
     bool layerwise = false;
     std::string route = "auto";
-    // Of an estimate that is 40 to several hundred times too high on the
-    // problems' Jacobians. Training cannot tell: see docs/results/speed.md.
+    // Of an estimate that is 20 and more times too high on the problems'
+    // Jacobians (docs/results/accuracy.md). Training cannot tell: see
+    // docs/results/speed.md.
     double tolerance = 1e-2;
     // A value that is within a quarter of the threshold may be on either side
     // of it: nobody chooses tau more sharply than that.
