@@ -191,7 +191,7 @@ int Run() {
   }
   std::vector<std::pair<int, int>> by_rows;
   for (double batch = 2.0; batch <= FLAGS_largest_batch; batch *= 1.4142136) {
-    by_rows.emplace_back(kFixedWidth, static_cast<int>(batch + 0.5));
+    by_rows.emplace_back(kFixedWidth, static_cast<int>(std::lround(batch)));
   }
   std::string csv = "against,route,m,n,seconds\n";
   std::cout << csv;

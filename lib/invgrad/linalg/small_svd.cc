@@ -54,8 +54,9 @@ bool SmallSvd::Compute(std::string* error) {
   workspace_.values.resize(q);
   workspace_.left.resize(rows, q);
   workspace_.right.resize(q, q);
-  if (workspace_.lapack_integers.size() < static_cast<size_t>(8 * q)) {
-    workspace_.lapack_integers.resize(8 * q);
+  const size_t num_integers = 8 * workspace_.right.rows();
+  if (workspace_.lapack_integers.size() < num_integers) {
+    workspace_.lapack_integers.resize(num_integers);
   }
   const auto dgesdd = [&](double* work, int size) {
     return LAPACKE_dgesdd_work(LAPACK_COL_MAJOR,
