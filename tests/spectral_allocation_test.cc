@@ -20,10 +20,13 @@ thread_local long num_allocations = 0;
 #define INVGRAD_COUNTS_MALLOC 1
 // Whatever allocates in a program with glibc ends in one of these.
 extern "C" {
+// glibc's own names.
+// NOLINTBEGIN(bugprone-reserved-identifier)
 void* __libc_malloc(std::size_t size);
 void* __libc_calloc(std::size_t count, std::size_t size);
 void* __libc_realloc(void* memory, std::size_t size);
 void* __libc_memalign(std::size_t alignment, std::size_t size);
+// NOLINTEND(bugprone-reserved-identifier)
 
 void* malloc(std::size_t size) {
   ++num_allocations;

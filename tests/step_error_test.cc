@@ -103,7 +103,7 @@ TEST(StepError, SvdEstimateIsTheMeanChangeOfTheStep) {
       const double measured = std::sqrt(squared / kNumDraws) / kSize;
       const double outside =
           std::sqrt(std::max(0.0, g.squaredNorm() - c.squaredNorm()));
-      const VectorXd s = svd.singularValues();
+      const VectorXd& s = svd.singularValues();
       const double estimated = Sensitivity(
           SvdStepError(filter, s, s[0], c, m > n ? outside : 0.0, n > m), k);
       // For wide J the estimate counts k columns more than rows, as backward

@@ -232,6 +232,7 @@ TEST(Tridiagonal, ResolventsMatchDenseSolutions) {
     for (const int count : {1, 4, 8, 11}) {
       const std::vector<Complex> z = Shifts(matrix, count, &random);
       std::vector<Complex> c;
+      c.reserve(count);
       for (int j = 0; j < count; ++j) {
         c.emplace_back(random.Number(), random.Number());
       }
