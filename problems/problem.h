@@ -17,6 +17,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
 #include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/inverse_simulator.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/rules/option_set.h"
 #include "invgrad/rules/rules.h"
@@ -27,6 +28,7 @@ namespace invgrad {
 struct PointProblem {
   // y = P(x), L(y, y*), y* and the start.
   std::shared_ptr<const Simulator> simulator;
+  std::shared_ptr<const InverseSimulator> inverse;  // null: none is known
   std::shared_ptr<const Loss> loss;
   Eigen::VectorXd target;
   Eigen::VectorXd start;
@@ -39,8 +41,20 @@ struct PointProblem {
   }
 };
 
+// How good a model is, where the loss does not tell: the distance of x from the
+// true one, say. The smaller the better.
+struct Metric {
+  std::string name;  // "x_distance"
+  // `x`: |x| x N, the network's outputs for the N samples of `data`. NaN where
+  // it has no value.
+  std::function<double(const Eigen::MatrixXd& x, const DataSet& data)> evaluate;
+};
+
 struct LearningProblem {
   std::shared_ptr<const Model> model;
+  std::shared_ptr<const InverseSimulator> inverse;  // null: none is known
+  std::optional<Metric>
+      metric;  // of the test data, or, without, the train data
   DataSet train;
   DataSet test;  // may have no samples
   Initialization initialization = Initialization::kGlorotUniform;
