@@ -28,19 +28,6 @@ const double* Context(const DataSet& batch, int sample) {
                                     : batch.contexts.col(sample).data();
 }
 
-bool ForwardNetwork(const DenseNetwork& network,
-                    const VectorXd& weights,
-                    const DataSet& batch,
-                    bool want_curvatures,
-                    DenseNetwork::Activations* activations,
-                    std::string* error) {
-  network.Forward(weights, batch.inputs, want_curvatures, activations);
-  if (activations->outputs.allFinite()) return true;
-  int sample = 0;
-  while (activations->outputs.col(sample).allFinite()) ++sample;
-  return SampleError(sample, kNetworkFailed, error);
-}
-
 bool CheckCost(double cost, std::string* error) {
   if (std::isfinite(cost)) return true;
   *error = "the cost of the batch is not finite";
@@ -110,6 +97,19 @@ double Model::BatchScale(int num_samples) const {
   return reduction_ == Reduction::kMean ? 1.0 / num_samples : 1.0;
 }
 
+bool Model::Forward(const VectorXd& weights,
+                    const DataSet& batch,
+                    bool want_curvatures,
+                    DenseNetwork::Activations* activations,
+                    std::string* error) const {
+  CheckSizes(*this, weights, batch);
+  network_.Forward(weights, batch.inputs, want_curvatures, activations);
+  if (activations->outputs.allFinite()) return true;
+  int sample = 0;
+  while (activations->outputs.col(sample).allFinite()) ++sample;
+  return SampleError(sample, kNetworkFailed, error);
+}
+
 bool Model::Linearize(const VectorXd& weights,
                       const DataSet& batch,
                       const LinearizationParts& parts,
@@ -136,11 +136,10 @@ bool Model::CostAndGradient(const VectorXd& weights,
                             double* cost,
                             VectorXd* gradient,
                             std::string* error) const {
-  CheckSizes(*this, weights, batch);
   CheckTargets(*this, batch);
   const double scale = BatchScale(batch.num_samples());
   DenseNetwork::Activations activations;
-  if (!ForwardNetwork(network_, weights, batch, false, &activations, error)) {
+  if (!Forward(weights, batch, false, &activations, error)) {
     return false;
   }
   VectorXd y(loss_->size());
@@ -178,7 +177,6 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                       const LinearizationParts& parts,
                                       Linearization* linearization,
                                       std::string* error) const {
-  CheckSizes(*this, weights, batch);
   CheckTargets(*this, batch);
   const int batch_size = batch.num_samples();
   const Eigen::Index num_x = network_.num_outputs();
@@ -188,8 +186,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   const bool want_loss_hessians = parts.hessian || !factor.has_value();
 
   DenseNetwork::Activations activations;
-  if (!ForwardNetwork(
-          network_, weights, batch, parts.hessian, &activations, error)) {
+  if (!Forward(weights, batch, parts.hessian, &activations, error)) {
     return false;
   }
   const MatrixXd& x = activations.outputs;
@@ -300,9 +297,8 @@ bool Model::Predict(const VectorXd& weights,
                     const DataSet& batch,
                     MatrixXd* outputs,
                     std::string* error) const {
-  CheckSizes(*this, weights, batch);
   DenseNetwork::Activations activations;
-  if (!ForwardNetwork(network_, weights, batch, false, &activations, error)) {
+  if (!Forward(weights, batch, false, &activations, error)) {
     return false;
   }
   outputs->resize(simulator_->num_outputs(), batch.num_samples());

@@ -64,6 +64,14 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
+  // The network's part of the chain: x is in activations->outputs. False, with
+  // the sample named, if an output is not finite.
+  bool Forward(const Eigen::VectorXd& weights,
+               const DataSet& batch,
+               bool want_curvatures,
+               DenseNetwork::Activations* activations,
+               std::string* error) const;
+
   // Fills cost and the wanted parts; the others are left empty.
   bool Linearize(const Eigen::VectorXd& weights,
                  const DataSet& batch,
