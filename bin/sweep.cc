@@ -261,7 +261,7 @@ int Run() {
   SweepValue value;
   if (!ParseGrid(FLAGS_grid, &grid, &error) ||
       !MakeSweepPlan(FLAGS_problem, grid, FLAGS_batch_size, &plan, &error)) {
-    return Fail("--grid: " + error);
+    return Fail(error);
   }
   if (!FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {
     return Fail(error);

@@ -207,8 +207,8 @@ std::string GridMessage(const std::string& text,
   for (char& c : line) {
     if (std::isspace(static_cast<unsigned char>(c)) != 0) c = ' ';
   }
-  return "column " + std::to_string(position + 1) + ": " + message + "\n  " +
-         line + "\n  " + std::string(position, ' ') + "^";
+  return "--grid: column " + std::to_string(position + 1) + ": " + message +
+         "\n  " + line + "\n  " + std::string(position, ' ') + "^";
 }
 
 std::vector<RuleAlternative> ExpandRule(const std::string& rule) {

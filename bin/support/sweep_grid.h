@@ -40,7 +40,7 @@ struct Grid {
 
 bool ParseGrid(const std::string& text, Grid* grid, std::string* error);
 
-// "column 7: message", the text, and a mark below position 6.
+// "--grid: column 7: message", the text, and a mark below position 6.
 std::string GridMessage(const std::string& text,
                         size_t position,
                         const std::string& message);

@@ -75,7 +75,7 @@ class Planner {
     const GridAxis* rules = plan_->grid.Find("rule");
     if (rules == nullptr) {
       return Refuse(plan_->grid.text.size(),
-                    "the grid has no axis 'rule'; expected rule=method,...");
+                    "expected the axis rule=method,method, found the end");
     }
     plan_->rule_axis = static_cast<int>(rules - axes().data());
     for (const GridValue& value : rules->values) {
@@ -127,11 +127,22 @@ class Planner {
 
   // Finds out what each axis is, and which rules have the options of rules.
   bool SortAxes() {
+    PhysicsProblem problem;
     std::vector<Specification> parsed;
-    if (!ParseSpecifications(problem_, &parsed, error_)) return false;
-    const ProblemRow* row = FindProblem(parsed[0].name);
+    if (!CreateProblem(problem_, nullptr, &problem, error_) ||
+        !ParseSpecifications(problem_, &parsed, error_)) {
+      return false;
+    }
+    if (!problem.learning.has_value()) {
+      *error_ = "--problem=" + problem_ +
+                " has no network to train; compare and trajectories show "
+                "point problems";
+      return false;
+    }
+    problems_[problem_] =
+        std::make_shared<LearningProblem>(*std::move(problem.learning));
     const std::vector<std::string> problem_options =
-        row == nullptr ? std::vector<std::string>() : Names(row->options());
+        Names(FindProblem(parsed[0].name)->options());
     for (const GridAxis& axis : axes()) {
       if (axis.name == "rule") {
         kinds_.push_back(Kind::kRule);
@@ -139,7 +150,7 @@ class Planner {
         kinds_.push_back(Kind::kSeed);
       } else if (axis.name == "batch_size") {
         kinds_.push_back(Kind::kBatchSize);
-      } else if (row == nullptr || Contains(problem_options, axis.name)) {
+      } else if (Contains(problem_options, axis.name)) {
         kinds_.push_back(Kind::kProblem);
       } else if (IsRuleOption(axis)) {
         kinds_.push_back(Kind::kRuleOption);
@@ -204,10 +215,13 @@ class Planner {
 
   // The jobs of all alternatives at one point.
   bool AddPoints(const std::vector<int>& at) {
+    const GridValue& rule_value =
+        axes()[plan_->rule_axis].values[at[plan_->rule_axis]];
     std::string specification = problem_;
     std::string options;    // for the rule
     std::string directory;  // what distinguishes the job
-    size_t position = 0;    // of what the job may be refused for
+    size_t position = 0;    // of the last option of the problem
+    size_t batch_position = rule_value.position;
     LearningComparisonOptions run;
     run.batch_size = batch_size_;
     for (size_t k = 0; k < at.size(); ++k) {
@@ -220,6 +234,7 @@ class Planner {
         position = value.position;
       } else if (kinds_[k] == Kind::kBatchSize) {
         run.batch_size = batch_sizes_[at[k]];
+        batch_position = value.position;
       } else if (kinds_[k] == Kind::kRuleOption &&
                  takers_[axis.name][at[plan_->rule_axis]]) {
         options += setting;
@@ -227,16 +242,16 @@ class Planner {
     }
     std::shared_ptr<const LearningProblem> problem;
     if (!FindOrCreateProblem(specification, position, &problem)) return false;
-    const GridValue& rule_value =
-        axes()[plan_->rule_axis].values[at[plan_->rule_axis]];
     const std::vector<RuleAlternative>& rules =
         plan_->alternatives[at[plan_->rule_axis]];
     for (size_t i = 0; i < rules.size(); ++i) {
       SweepJob job;
       std::string why;
-      if (!ParseMethod(rules[i].specification + options, &job.method, &why) ||
-          !CheckLearningComparison(*problem, {job.method}, run, &why)) {
+      if (!ParseMethod(rules[i].specification + options, &job.method, &why)) {
         return Refuse(rule_value.position, why);
+      }
+      if (!CheckLearningComparison(*problem, {job.method}, run, &why)) {
+        return Refuse(batch_position, why);
       }
       job.problem = problem;
       job.batch_size = BatchSize(*problem, job.method, run);
@@ -258,12 +273,6 @@ class Planner {
       std::string why;
       if (!CreateProblem(specification, nullptr, &created, &why)) {
         return Refuse(position, why);
-      }
-      if (!created.learning.has_value()) {
-        *error_ = "--problem=" + problem_ +
-                  " has no network to train; compare and trajectories show "
-                  "point problems";
-        return false;
       }
       known = std::make_shared<LearningProblem>(*std::move(created.learning));
     }

@@ -1,9 +1,9 @@
 // What a sweep runs: the points of a grid, and the runs that they need.
 //
 // An axis is `rule`, `seed`, `batch_size`, an option of the problem, or an
-// option of rules. The last kind is given to every rule that has the option:
-// one that has not is run once, and its result stands at all of the axis'
-// values.
+// option of rules. The last kind is given to every rule that has the option and
+// does not set it itself: any other is run once, and its result stands at all
+// of the axis' values.
 //
 // Fails:   false, with *error naming the place in the grid, for an axis that
 //          nobody knows (with the nearest names), a value that is not allowed,

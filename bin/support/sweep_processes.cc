@@ -109,9 +109,14 @@ bool HasEnded(const Child& child, ProcessStatus* status) {
     status->state = ProcessStatus::State::kCrashed;
     status->message = "ended by signal " + std::to_string(signal_number) +
                       " (" + ::strsignal(signal_number) + ")";
+  } else if (WEXITSTATUS(how) == 0) {
+    status->state = ProcessStatus::State::kDone;
   } else {
-    status->state = WEXITSTATUS(how) == 0 ? ProcessStatus::State::kDone
-                                          : ProcessStatus::State::kFailed;
+    status->state = ProcessStatus::State::kFailed;
+    if (status->message.empty()) {
+      status->message =
+          "ended with exit code " + std::to_string(WEXITSTATUS(how));
+    }
   }
   return true;
 }
