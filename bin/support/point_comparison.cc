@@ -74,8 +74,13 @@ bool TracePath(const PointProblem& problem,
   minimizer.function_tolerance = 0.0;
   minimizer.parameter_tolerance = 0.0;
   ChainObjective objective = problem.MakeObjective();
-  if (!MinimizeByMethod(
-          method, minimizer, &objective, &path->x, &path->summary, error)) {
+  if (!MinimizeByMethod(method,
+                        minimizer,
+                        problem.inverse,
+                        &objective,
+                        &path->x,
+                        &path->summary,
+                        error)) {
     return false;
   }
   // A failed step is not in the path: the last point is the last good one.

@@ -26,24 +26,6 @@ Map<const MatrixXd> InputsOfSimulator(
 
 }  // namespace
 
-std::string PullBackCounts::Report() const {
-  static constexpr const char* kNames[kNumPullBackSources] = {
-      "",
-      "inverse",
-      "numerical inverse",
-      "inverse gradient",
-      "gradient",
-      "not moved"};
-  std::string text;
-  for (int i = 1; i < kNumPullBackSources; ++i) {
-    if (count[i] == 0) continue;
-    text +=
-        (text.empty() ? "" : ", ") + std::to_string(count[i]) + " " + kNames[i];
-  }
-  if (!first_failure.empty()) text += " (first at " + first_failure + ")";
-  return text;
-}
-
 ChainPullBack::ChainPullBack(const Model* model,
                              std::shared_ptr<const InverseSimulator> inverse,
                              const Options& options)
@@ -93,24 +75,6 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
   d_x_ = wanted_x_ - InputsOfSimulator(model_, activations);
   return LinearizeProxy(
       weights, std::move(activations), d_x_, parts, linearization, error);
-}
-
-VectorXd ChainPullBack::State() const {
-  VectorXd state(kNumPullBackSources + 1);
-  for (int i = 0; i < kNumPullBackSources; ++i) {
-    state[i] = static_cast<double>(counts_.count[i]);
-  }
-  state[kNumPullBackSources] = static_cast<double>(num_evaluations_);
-  return state;
-}
-
-bool ChainPullBack::SetState(const VectorXd& state) {
-  if (state.size() != kNumPullBackSources + 1) return false;
-  for (int i = 0; i < kNumPullBackSources; ++i) {
-    counts_.count[i] = static_cast<long>(state[i]);
-  }
-  num_evaluations_ = static_cast<long>(state[kNumPullBackSources]);
-  return true;
 }
 
 bool ChainPullBack::PullBackSamples(const MatrixXd& x,
@@ -167,7 +131,7 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
     sample.curvature = change.dot(H * change) / length;
   });
 
-  ++num_evaluations_;
+  counts_.BeginStep();
   const double scale = model_.BatchScale(num_samples);
   VectorXd curvatures(num_samples);
   *cost = 0.0;
@@ -179,12 +143,7 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
     }
     *cost += scale * sample.loss;
     curvatures[s] = sample.curvature;
-    ++counts_.count[static_cast<int>(sample.result.source)];
-    if (!sample.result.why.empty() && counts_.first_failure.empty()) {
-      counts_.first_failure = "step " + std::to_string(num_evaluations_) +
-                              ", sample " + std::to_string(s) + ": " +
-                              sample.result.why;
-    }
+    counts_.Add(sample.result, s);
   }
   SetWeights(curvatures);
   if (std::isfinite(*cost)) return true;

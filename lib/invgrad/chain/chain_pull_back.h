@@ -37,32 +37,16 @@
 #ifndef INVGRAD_CHAIN_CHAIN_PULL_BACK_H_
 #define INVGRAD_CHAIN_CHAIN_PULL_BACK_H_
 
-#include <array>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/chain/loss_pull_back.h"
 #include "invgrad/chain/model.h"
+#include "invgrad/chain/pull_back_counts.h"
 #include "invgrad/chain/simulator_pull_back.h"
 
 namespace invgrad {
-
-// How often each source gave a sample its d_x.
-struct PullBackCounts {
-  std::array<long, kNumPullBackSources> count = {};
-  // The first time that a first choice was not taken: "step 3, sample 17: ...".
-  std::string first_failure;
-
-  long of(PullBackSource source) const {
-    return count[static_cast<int>(source)];
-  }
-
-  // "6400 inverse, 12 numerical inverse (first at step 3, sample 17: ...)";
-  // empty if nothing was inverted.
-  std::string Report() const;
-};
 
 class ChainPullBack {
  public:
@@ -101,11 +85,7 @@ class ChainPullBack {
   int updates_per_evaluation() const { return options_.updates_per_evaluation; }
   const PullBackCounts& counts() const { return counts_; }
 
-  // What a checkpoint must hold: the counts and the number of evaluations. The
-  // text of the first failure is not kept.
-  Eigen::VectorXd State() const;
-  // False, and nothing set, if the size does not fit.
-  bool SetState(const Eigen::VectorXd& state);
+  PullBackCounts* mutable_counts() { return &counts_; }
 
  private:
   bool PullBackSamples(const Eigen::MatrixXd& x,
@@ -126,7 +106,6 @@ class ChainPullBack {
   SimulatorPullBack simulator_pull_back_;
 
   PullBackCounts counts_;
-  long num_evaluations_ = 0;
   // Of the last batch.
   Eigen::MatrixXd d_x_;             // |x| x B
   Eigen::MatrixXd wanted_x_;        // |x| x B: x~; only if it is used again

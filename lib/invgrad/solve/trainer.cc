@@ -347,7 +347,7 @@ void TrainingRun::SaveCheckpoint() {
     arrays["rule_" + std::to_string(i)] = *rule_state[i];
   }
   if (options_.pull_back != nullptr) {
-    arrays["pull_back"] = options_.pull_back->State();
+    arrays["pull_back"] = options_.pull_back->counts().State();
   }
   std::vector<double> rows;
   for (const HistoryRow& row : *history_) {
@@ -441,7 +441,8 @@ bool TrainingRun::Restore(std::string* error) {
     if (pull_back == nullptr) return false;
   }
   if (!shuffle_.SetState(*shuffle)) return misfit("shuffle");
-  if (pull_back != nullptr && !options_.pull_back->SetState(*pull_back)) {
+  if (pull_back != nullptr &&
+      !options_.pull_back->mutable_counts()->SetState(*pull_back)) {
     return misfit("pull_back");
   }
 
