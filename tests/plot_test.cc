@@ -158,6 +158,59 @@ TEST_F(DrawnPlotTest, PanelsStandSideBySide) {
   EXPECT_EQ(height, 700);
 }
 
+TEST_F(DrawnPlotTest, ManyPanelsStandInRows) {
+  Plot plot;
+  plot.series = {Line({1, 2, 3}, {1, 2, 3})};
+  const auto size = [&](int num_panels) {
+    return Draw(std::vector<Plot>(num_panels, plot));
+  };
+  constexpr int kWidth = 115 + 480 + 35;
+  EXPECT_EQ(size(3), std::make_pair(3 * (115 + 640 + 35), 700));
+  EXPECT_EQ(size(4), std::make_pair(2 * kWidth, 2 * 540));
+  EXPECT_EQ(size(5), std::make_pair(3 * kWidth, 2 * 540));
+  EXPECT_EQ(size(24), std::make_pair(4 * kWidth, 6 * 540));
+}
+
+TEST_F(DrawnPlotTest, HeatMapsHaveAColorBarAndBlankCells) {
+  Plot plot;
+  HeatMap map;
+  map.x = {1, 2, 4};
+  map.y = {0, 1};
+  map.z = Eigen::MatrixXd::Random(2, 3);
+  plot.heat_map = map;
+  EXPECT_EQ(Draw({plot}, "alone"), std::make_pair(1200, 800));
+  plot.heat_map->z(1, 1) = kNan;
+  Draw({plot}, "blank");
+  EXPECT_NE(Read(folder_ / "alone.png"), Read(folder_ / "blank.png"));
+  // Beside another one, a panel is wider by its bar; alone, its axes shrink.
+  EXPECT_EQ(Draw({plot, plot}, "two"),
+            std::make_pair(2 * (115 + 640 + 122 + 35), 700));
+  plot.heat_map->z.setConstant(kNan);
+  EXPECT_EQ(Draw({plot}, "empty"), std::make_pair(1200, 800));
+  for (const double constant : {0.0, 1e-300, -3.0}) {
+    for (const bool is_log : {false, true}) {
+      plot.heat_map->z.setConstant(constant);
+      plot.heat_map->log_z = is_log;
+      EXPECT_EQ(Draw({plot}, "constant"), std::make_pair(1200, 800));
+    }
+  }
+  plot.heat_map->equal_cells = true;
+  EXPECT_EQ(Draw({plot}, "equal"), std::make_pair(1200, 800));
+}
+
+TEST_F(DrawnPlotTest, SquareFieldsAreSquare) {
+  Plot plot;
+  plot.equal_aspect = true;
+  plot.heat_map = HeatMap();
+  for (int i = 0; i < 64; ++i) {
+    plot.heat_map->x.push_back(i);
+    plot.heat_map->y.push_back(i);
+  }
+  plot.heat_map->z = Eigen::MatrixXd::Random(64, 64);
+  // 800 less the margins of 55 and 75 is the side of the square.
+  EXPECT_EQ(Draw({plot}), std::make_pair(115 + 670 + 122 + 35, 800));
+}
+
 TEST_F(DrawnPlotTest, NothingToDrawIsStillAPicture) {
   for (const bool is_log : {false, true}) {
     Plot plot;
@@ -175,7 +228,7 @@ TEST_F(DrawnPlotTest, NothingToDrawIsStillAPicture) {
       plot.series = {series};
       plots.push_back(plot);
     }
-    EXPECT_EQ(Draw(plots).second, 700);
+    EXPECT_EQ(Draw(plots).second, 3 * 540);
   }
 }
 
@@ -194,7 +247,7 @@ TEST_F(DrawnPlotTest, TextIsOnlyText) {
     plot.series[0].title = text;
     plots.push_back(plot);
   }
-  EXPECT_EQ(Draw(plots, "it's a -\"name\" `x`").second, 700);
+  EXPECT_EQ(Draw(plots, "it's a -\"name\" `x`").second, 2 * 540);
   EXPECT_FALSE(std::filesystem::exists(evil));
 }
 
@@ -419,6 +472,61 @@ TEST_F(PlotTest, AutomaticLevelsAreQuantiles) {
   EXPECT_TRUE(Has(Script(plot), "levels discrete 3.25,4\n"));
 }
 
+TEST_F(PlotTest, CellsMeetMidwayBetweenTheirCenters) {
+  Plot plot;
+  plot.heat_map = HeatMap();
+  plot.heat_map->x = {1, 2, 6};
+  plot.heat_map->y = {10};
+  plot.heat_map->z = Eigen::RowVector3d(5, kNan, 7);
+  std::string script = Script(plot);
+  // The outer edges are as far from their centres as the inner ones.
+  EXPECT_EQ(
+      Data(script, "$panel0_cells"),
+      (std::vector<std::string>{"1 10 0.5 1.5 9.5 10.5 5",  // no cell at 2
+                                "6 10 4 8 9.5 10.5 7"}));
+  EXPECT_TRUE(Has(script, "set xrange [0.5:8]"));
+  EXPECT_TRUE(Has(script, "set yrange [9.5:10.5]"));
+  EXPECT_TRUE(Has(script, "set cbrange [5:7]"));
+
+  plot.log_x = true;
+  plot.heat_map->x = {1, 100, 10000};
+  script = Script(plot);
+  EXPECT_EQ(Data(script, "$panel0_cells").front(), "1 10 0.1 10 9.5 10.5 5");
+  EXPECT_TRUE(Has(script, "set xrange [0.1:100000]"));
+
+  plot.log_x = false;
+  plot.heat_map->equal_cells = true;
+  script = Script(plot);
+  EXPECT_EQ(Data(script, "$panel0_cells").back(), "2 0 1.5 2.5 -0.5 0.5 7");
+  EXPECT_TRUE(Has(script, R"(set xtics ("1" 0, "100" 1, "10000" 2))"));
+  EXPECT_TRUE(Has(script, R"(set ytics ("10" 0))"));
+}
+
+TEST_F(PlotTest, ColorScalesAreKeptOrFitted) {
+  Plot plot;
+  plot.heat_map = HeatMap();
+  plot.heat_map->x = {0, 1};
+  plot.heat_map->y = {0, 1};
+  plot.heat_map->z = Eigen::Matrix2d{{1e-4, 0.0}, {1.0, kInfinity}};
+  plot.heat_map->z_label = "loss";
+  std::string script = Script(plot);
+  EXPECT_TRUE(Has(script, "unset logscale cb"));
+  EXPECT_TRUE(Has(script, "set cbrange [0:1]"));
+  EXPECT_TRUE(Has(script, "set cblabel \"loss\""));
+  EXPECT_EQ(Data(script, "$panel0_cells").size(), 3u);
+  plot.heat_map->log_z = true;
+  script = Script(plot);
+  EXPECT_TRUE(Has(script, "set logscale cb"));
+  EXPECT_TRUE(Has(script, "set cbrange [0.0001:1]"));
+  EXPECT_TRUE(Has(script, "set format cb '10^{%T}'"));
+  EXPECT_EQ(Data(script, "$panel0_cells").size(), 2u);  // not that of 0
+  plot.heat_map->z_range = {1e-6, 10.0};
+  EXPECT_TRUE(Has(Script(plot), "set cbrange [1e-06:10]"));
+  // Nothing of this is in other scripts.
+  plot.heat_map.reset();
+  EXPECT_FALSE(Has(Script(plot), "palette"));
+}
+
 TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
   std::string error;
   Plot plot;
@@ -433,6 +541,21 @@ TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
   plot.contours = ContourField();
   plot.contours->x = {1};
   EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
+  plot.contours.reset();
+  plot.heat_map = HeatMap();
+  plot.heat_map->x = {1};
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
+  plot.heat_map->x = {2, 1};
+  plot.heat_map->y = {1};
+  plot.heat_map->z = Eigen::RowVector2d(1, 2);
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "ascend");
+  plot.heat_map->x = {0, 1};
+  plot.log_x = true;
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error),
+               "0 is the center");
+  plot.heat_map->equal_cells = true;
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error),
+               "0 is the center");
 }
 
 }  // namespace

@@ -270,6 +270,11 @@ std::vector<Plot> NeuronPlots(const std::vector<MethodResults>& all) {
     plot.x_label = "step";
     plot.y_label = "mean activation";
     plot.log_x = true;
+    // One legend is enough, and dozens of neurons have no place in it.
+    constexpr int kMaxInLegend = 20;
+    plot.legend = plots.empty() && run.num_hidden_neurons <= kMaxInLegend
+                      ? Plot::Legend::kOutside
+                      : Plot::Legend::kNone;
     for (size_t j = 0; j < run.neurons.front().size(); ++j) {
       const NeuronStatistics& neuron = run.neurons.front()[j];
       Series series;

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <numeric>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -24,9 +25,12 @@ namespace {
 // Sizes in pixels. One panel alone makes a picture of 1200 x 800.
 constexpr int kHeight = 800;
 constexpr int kWidth = 1200;
-constexpr int kHeightOfPanels = 700;
+constexpr int kHeightOfRow = 700;   // one row of panels
 constexpr int kWidthOfPanel = 640;  // of the area inside the axes
+constexpr int kHeightOfRows = 540;  // each of several
+constexpr int kWidthInRows = 480;
 constexpr int kMinWidthOfPanel = 400;
+constexpr int kMaxColumns = 4;
 constexpr int kMinWidthAlone = 800;
 constexpr int kLeft = 115;
 constexpr int kRight = 35;
@@ -35,6 +39,9 @@ constexpr int kBottom = 75;
 constexpr int kLegendSample = 75;
 constexpr int kLegendCharacter = 9;
 constexpr int kLegendRow = 23;
+constexpr int kColorBarGap = 14;
+constexpr int kColorBar = 18;
+constexpr int kColorBarText = 90;
 
 constexpr int kMaxPoints = 6000;
 constexpr int kMaxLegendInside = 6;
@@ -55,6 +62,12 @@ constexpr const char* kDashes[] = {"solid", "(9,4)", "(2,3)"};
 constexpr int kNumColors = std::size(kColors);
 constexpr int kNumDashes = std::size(kDashes);
 constexpr int kPointTypes[] = {7, 5, 9, 11, 13};  // filled
+// Viridis: equal steps look equally far apart, to colour-blind readers and in
+// grey too.
+constexpr char kPalette[] =
+    "set palette defined (0 '#440154', 1 '#472d7b', 2 '#3b528b', "
+    "3 '#2c728e', 4 '#21918c', 5 '#28ae80', 6 '#5ec962', 7 '#addc30', "
+    "8 '#fde725')\n";
 
 // A string that gnuplot takes as it stands. What means something to gnuplot in
 // double quotes is written as an octal number; single quotes would not do, as
@@ -354,6 +367,81 @@ bool AppendContours(const std::string& name,
   return true;
 }
 
+std::vector<double> CellCenters(const std::vector<double>& values,
+                                bool equal_cells) {
+  std::vector<double> centers = values;
+  if (equal_cells) std::iota(centers.begin(), centers.end(), 0.0);
+  return centers;
+}
+
+// One more than centers. The outer edges are as far from their centers as the
+// next ones.
+std::vector<double> CellEdges(const std::vector<double>& centers, bool is_log) {
+  std::vector<double> edges;
+  if (centers.empty()) return edges;
+  Axis axis;
+  axis.is_log = is_log;
+  std::vector<double> at;
+  for (const double center : centers) {
+    CHECK(axis.CanDraw(center)) << center << " is the center of a cell";
+    at.push_back(axis.ToDisplay(center));
+  }
+  const size_t last = at.size() - 1;
+  edges.push_back(at[0] - (last > 0 ? 0.5 * (at[1] - at[0]) : 0.5));
+  for (size_t i = 0; i < last; ++i) {
+    CHECK_LT(at[i], at[i + 1]) << "a heat map's x and y must ascend";
+    edges.push_back(0.5 * (at[i] + at[i + 1]));
+  }
+  edges.push_back(at[last] + (at[last] - edges.back()));
+  for (double& edge : edges) edge = axis.FromDisplay(edge);
+  return edges;
+}
+
+// Labels equal cells with their values; of many cells, not all.
+std::string CellTicksCommand(const std::string& name,
+                             const std::vector<double>& values) {
+  constexpr size_t kMaxLabels = 16;
+  const size_t stride = (values.size() + kMaxLabels - 1) / kMaxLabels;
+  std::string list;
+  for (size_t i = 0; i < values.size(); i += stride) {
+    list += (i > 0 ? ", " : "") + Quote(Number(values[i])) + ' ' +
+            std::to_string(i);
+  }
+  return "set format " + name + " '%h'\nset " + name + "tics (" + list +
+         ")\nset m" + name + "tics default\n";
+}
+
+// The cells that have a colour, x y z and their edges. False if there are none.
+bool AppendHeatMap(const std::string& name,
+                   const Plot& plot,
+                   const Axis& z_axis,
+                   std::string* script) {
+  const HeatMap& map = *plot.heat_map;
+  const std::vector<double> xs = CellCenters(map.x, map.equal_cells);
+  const std::vector<double> ys = CellCenters(map.y, map.equal_cells);
+  const std::vector<double> x_edges = CellEdges(xs, plot.log_x);
+  const std::vector<double> y_edges = CellEdges(ys, plot.log_y);
+  *script += name + " << EOD\n";
+  bool has_cells = false;
+  for (size_t i = 0; i < map.y.size(); ++i) {
+    for (size_t j = 0; j < map.x.size(); ++j) {
+      if (!z_axis.CanDraw(map.z(i, j))) continue;
+      for (const double value : {xs[j],
+                                 ys[i],
+                                 x_edges[j],
+                                 x_edges[j + 1],
+                                 y_edges[i],
+                                 y_edges[i + 1]}) {
+        *script += Number(value) + ' ';
+      }
+      *script += Number(map.z(i, j)) + '\n';
+      has_cells = true;
+    }
+  }
+  *script += "EOD\n";
+  return has_cells;
+}
+
 int NumCharacters(std::string_view text) {  // of UTF-8
   return std::count_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) & 0xc0) != 0x80;
@@ -381,11 +469,41 @@ struct Layout {
   Axis y_axis;
   int width = 0;  // of the area inside the axes
   int height = 0;
+  Axis z_axis;              // of a heat map
+  int color_bar_width = 0;  // with its text and the gap to the axes, else 0
   Plot::Legend legend = Plot::Legend::kNone;
   int legend_width = 0;  // of a legend right of the axes, else 0
 
-  int TotalWidth() const { return kLeft + width + kRight + legend_width; }
+  int TotalWidth() const {
+    return kLeft + width + color_bar_width + kRight + legend_width;
+  }
 };
+
+// How many panels stand where, and how large they are.
+struct Arrangement {
+  int num_columns = 1;
+  int height = kHeight;  // of a row
+  int width = kWidth - kLeft - kRight;
+};
+
+Arrangement Arrange(int num_panels) {
+  Arrangement arrangement;
+  if (num_panels == 1) return arrangement;
+  constexpr int kMaxInOneRow = 3;
+  if (num_panels <= kMaxInOneRow) {
+    arrangement.num_columns = num_panels;
+    arrangement.height = kHeightOfRow;
+    arrangement.width = kWidthOfPanel;
+    return arrangement;
+  }
+  while (arrangement.num_columns < kMaxColumns &&
+         arrangement.num_columns * arrangement.num_columns < num_panels) {
+    ++arrangement.num_columns;
+  }
+  arrangement.height = kHeightOfRows;
+  arrangement.width = kWidthInRows;
+  return arrangement;
+}
 
 // The corner where the legend hides nothing, if there is one.
 Plot::Legend FreePlace(const Plot& plot, const Layout& layout) {
@@ -443,7 +561,8 @@ Plot::Legend FreePlace(const Plot& plot, const Layout& layout) {
   return is_free[1][0] ? Plot::Legend::kBottomRight : Plot::Legend::kOutside;
 }
 
-Layout MakeLayout(const Plot& plot, bool is_alone) {
+Layout MakeLayout(const Plot& plot, const Arrangement& arrangement) {
+  const bool is_alone = arrangement.num_columns == 1;
   std::vector<const std::vector<double>*> xs;
   std::vector<const std::vector<double>*> ys;
   bool are_curves = true;
@@ -457,24 +576,40 @@ Layout MakeLayout(const Plot& plot, bool is_alone) {
     are_curves = are_curves && series.style != Series::Style::kPoints &&
                  IsAscending(series.x);
   }
-  const bool has_field = plot.contours.has_value();
-  if (has_field) {
+  // A field says which part of the plane is of interest.
+  const bool has_field = plot.contours.has_value() || plot.heat_map.has_value();
+  if (plot.contours) {
     CHECK_EQ(plot.contours->z.rows(), plot.contours->y.size());
     CHECK_EQ(plot.contours->z.cols(), plot.contours->x.size());
-    // The field says which part of the plane is of interest.
     xs = {&plot.contours->x};
     ys = {&plot.contours->y};
   }
+  Layout layout;
+  std::vector<double> x_edges;
+  std::vector<double> y_edges;
+  if (plot.heat_map) {
+    const HeatMap& map = *plot.heat_map;
+    CHECK_EQ(map.z.rows(), map.y.size());
+    CHECK_EQ(map.z.cols(), map.x.size());
+    x_edges = CellEdges(CellCenters(map.x, map.equal_cells), plot.log_x);
+    y_edges = CellEdges(CellCenters(map.y, map.equal_cells), plot.log_y);
+    xs = {&x_edges};
+    ys = {&y_edges};
+    const std::vector<double> z(map.z.reshaped().begin(),
+                                map.z.reshaped().end());
+    layout.z_axis = FitAxis(map.log_z, map.z_range, 0.0, {&z});
+    layout.color_bar_width = kColorBarGap + kColorBar + kColorBarText;
+  }
   // Curves reach from edge to edge; a path keeps away from the edges.
   constexpr double kMargin = 0.04;
-  Layout layout;
   layout.x_axis = FitAxis(
       plot.log_x, plot.x_range, has_field || are_curves ? 0.0 : kMargin, xs);
   layout.y_axis =
       FitAxis(plot.log_y, plot.y_range, has_field ? 0.0 : kMargin, ys);
 
-  layout.height = (is_alone ? kHeight : kHeightOfPanels) - kTop - kBottom;
-  layout.width = is_alone ? kWidth - kLeft - kRight : kWidthOfPanel;
+  layout.height = arrangement.height - kTop - kBottom;
+  layout.width = arrangement.width;
+  if (is_alone) layout.width -= layout.color_bar_width;
   if (plot.equal_aspect) {
     const double wanted = layout.height * std::abs(layout.x_axis.Length()) /
                           std::abs(layout.y_axis.Length());
@@ -495,10 +630,10 @@ Layout MakeLayout(const Plot& plot, bool is_alone) {
   return layout;
 }
 
-std::string LegendCommand(Plot::Legend place) {
+std::string LegendCommand(const Layout& layout) {
   const std::string style = " Left reverse noenhanced samplen 2.5 spacing 1.15";
   const std::string inside = style + " opaque width 1\n";
-  switch (place) {
+  switch (layout.legend) {
     case Plot::Legend::kAuto:
     case Plot::Legend::kTopRight:
       return "set key inside top right" + inside;
@@ -509,8 +644,11 @@ std::string LegendCommand(Plot::Legend place) {
     case Plot::Legend::kBottomLeft:
       return "set key inside bottom left" + inside;
     case Plot::Legend::kOutside:
-      return "set key at graph 1.01, graph 1.0 left top noopaque" + style +
-             '\n';
+      // Behind the colour bar, if there is one.
+      return "set key at graph " +
+             Number(1.01 + static_cast<double>(layout.color_bar_width) /
+                               layout.width) +
+             ", graph 1.0 left top noopaque" + style + '\n';
     case Plot::Legend::kNone:
       break;
   }
@@ -570,7 +708,24 @@ struct Panel {
   double right = 1.0;
   double bottom = 0.0;
   double top = 1.0;
+  double pixel = 0.0;  // the width of one
 };
+
+std::string ColorBarCommand(const Plot& plot,
+                            const Layout& layout,
+                            const Panel& panel) {
+  if (!plot.heat_map) return "";
+  const Axis& z_axis = layout.z_axis;
+  return kPalette + std::string(z_axis.is_log ? "set" : "unset") +
+         " logscale cb\n" + "set cbrange [" + Number(z_axis.low) + ":" +
+         Number(z_axis.high) + "]\n" + TicksCommand("cb", z_axis) +
+         "set cblabel " + Quote(plot.heat_map->z_label) + " noenhanced\n" +
+         "set colorbox user origin screen " +
+         Number(panel.right + kColorBarGap * panel.pixel) + ", screen " +
+         Number(panel.bottom) + " size screen " +
+         Number(kColorBar * panel.pixel) + ", screen " +
+         Number(panel.top - panel.bottom) + "\n";
+}
 
 struct PanelScript {
   std::string data;      // data blocks and tables, outside of multiplot
@@ -586,6 +741,15 @@ PanelScript MakePanel(const Plot& plot,
   PanelScript script;
   PlotCommand command;
   const std::string prefix = "$panel" + std::to_string(index);
+  const bool has_cells =
+      plot.heat_map &&
+      AppendHeatMap(prefix + "_cells", plot, layout.z_axis, &script.data);
+  if (has_cells) {
+    // Without a border of its colour a cell is parted from the next by a line.
+    command.Add(prefix +
+                "_cells using 1:2:3:4:5:6:7 with boxxyerror lc palette "
+                "fs solid 1.0 border notitle");
+  }
   const bool has_contours =
       plot.contours &&
       AppendContours(prefix + "_contours", *plot.contours, &script.data);
@@ -610,7 +774,7 @@ PanelScript MakePanel(const Plot& plot,
   for (const std::string& element : elements) {  // in front of all bands
     command.Add(element);
   }
-  if (elements.empty() && !has_contours) {
+  if (elements.empty() && !has_contours && !has_cells) {
     command.Add("NaN notitle");  // the axes alone
   }
 
@@ -624,13 +788,19 @@ PanelScript MakePanel(const Plot& plot,
       "set xrange [" + Number(x_axis.low) + ":" + Number(x_axis.high) + "]\n";
   out +=
       "set yrange [" + Number(y_axis.low) + ":" + Number(y_axis.high) + "]\n";
-  out += TicksCommand("x", x_axis) + TicksCommand("y", y_axis);
+  if (plot.heat_map && plot.heat_map->equal_cells) {
+    out += CellTicksCommand("x", plot.heat_map->x) +
+           CellTicksCommand("y", plot.heat_map->y);
+  } else {
+    out += TicksCommand("x", x_axis) + TicksCommand("y", y_axis);
+  }
+  out += ColorBarCommand(plot, layout, panel);
   out += plot.equal_aspect ? "set size ratio -1\n" : "set size noratio\n";
   out += "set lmargin at screen " + Number(panel.left) +
          "\nset rmargin at screen " + Number(panel.right) +
          "\nset bmargin at screen " + Number(panel.bottom) +
          "\nset tmargin at screen " + Number(panel.top) + "\n";
-  out += LegendCommand(layout.legend);
+  out += LegendCommand(layout);
   out += command.Text();
   return script;
 }
@@ -638,27 +808,37 @@ PanelScript MakePanel(const Plot& plot,
 std::string MakeScript(const std::string& name_png,
                        const std::string& name_gp,
                        const std::vector<Plot>& plots) {
-  const bool is_alone = plots.size() == 1;
-  const int height = is_alone ? kHeight : kHeightOfPanels;
-  int width = 0;
+  const Arrangement arrangement = Arrange(static_cast<int>(plots.size()));
+  const int num_columns = arrangement.num_columns;
   std::vector<Layout> layouts;
+  std::vector<int> lefts(num_columns + 1, 0);  // of the columns
   for (const Plot& plot : plots) {
-    layouts.push_back(MakeLayout(plot, is_alone));
-    width += layouts.back().TotalWidth();
+    const int column = static_cast<int>(layouts.size()) % num_columns;
+    layouts.push_back(MakeLayout(plot, arrangement));
+    // First the width of the widest panel; the sums come below.
+    lefts[column + 1] =
+        std::max(lefts[column + 1], layouts.back().TotalWidth());
   }
+  std::partial_sum(lefts.begin(), lefts.end(), lefts.begin());
+  const int width = lefts.back();
+  const int num_rows =
+      (static_cast<int>(plots.size()) + num_columns - 1) / num_columns;
+  const int height = num_rows * arrangement.height;
   std::string data;
   std::string commands;
-  int left = 0;
   for (size_t i = 0; i < plots.size(); ++i) {
+    const int left = lefts[i % num_columns] + kLeft;
+    const int top = static_cast<int>(i) / num_columns * arrangement.height;
     Panel panel;
-    panel.left = static_cast<double>(left + kLeft) / width;
-    panel.right = static_cast<double>(left + kLeft + layouts[i].width) / width;
-    panel.bottom = static_cast<double>(kBottom) / height;
-    panel.top = 1.0 - static_cast<double>(kTop) / height;
+    panel.left = static_cast<double>(left) / width;
+    panel.right = static_cast<double>(left + layouts[i].width) / width;
+    panel.top = 1.0 - static_cast<double>(top + kTop) / height;
+    panel.bottom =
+        1.0 - static_cast<double>(top + arrangement.height - kBottom) / height;
+    panel.pixel = 1.0 / width;
     const PanelScript script = MakePanel(plots[i], i, layouts[i], panel);
     data += script.data;
     commands += script.commands;
-    left += layouts[i].TotalWidth();
   }
 
   const std::string size =
@@ -682,8 +862,9 @@ std::string MakeScript(const std::string& name_png,
   script += data;
   // Set after the tables, which would end up in it.
   script += "set output " + Quote(name_png) + "\n";
-  script += is_alone ? commands
-                     : "set multiplot\n" + commands + "\nunset multiplot\n";
+  script += plots.size() == 1
+                ? commands
+                : "set multiplot\n" + commands + "\nunset multiplot\n";
   script += "unset output\n";
   return script;
 }

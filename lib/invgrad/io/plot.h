@@ -1,4 +1,5 @@
-// Pictures of curves, trajectories and contours as PNG, drawn by gnuplot.
+// Pictures of curves, trajectories, contours and heat maps as PNG, drawn by
+// gnuplot.
 //
 // Beside NAME.png lies NAME.gp, the script with all its data: edit it and run
 // `gnuplot NAME.gp` in its folder to restyle the picture.
@@ -55,6 +56,25 @@ struct AxisRange {
   std::optional<double> high;
 };
 
+// A scalar field in colours, with a colour bar: one cell a value, under the
+// contours and the series. The edges of the cells lie midway between
+// neighbours, as the axis shows them: a grid need not be uniform. Values that
+// are not finite, and values <= 0 on a logarithmic scale, are blank.
+struct HeatMap {
+  std::vector<double> x;  // ascending; positive if the plot's axis is log
+  std::vector<double> y;  // the same
+  Eigen::MatrixXd z;      // y.size() x x.size(): z(i, j) is at (x[j], y[i])
+  // Cells of one size, numbered from 0 and labelled with their x and y: for a
+  // grid of settings such as 1, 3, 10. The axes then count cells; they cannot
+  // be logarithmic (CHECKed).
+  bool equal_cells = false;
+  bool log_z = false;
+  std::string z_label;  // of the colour bar
+  // Panels with the same range share their colours. Values beyond it get the
+  // colour of its end.
+  AxisRange z_range;
+};
+
 struct Plot {
   enum class Legend {
     kAuto,  // a corner where it hides nothing; outside for over 6 entries
@@ -75,6 +95,7 @@ struct Plot {
   AxisRange y_range;
   bool equal_aspect = false;  // a circle looks like one
   Legend legend = Legend::kAuto;
+  std::optional<HeatMap> heat_map;
   std::optional<ContourField> contours;
   std::vector<Series> series;
 };
@@ -84,7 +105,8 @@ bool WritePlot(const std::string& path_png,
                const Plot& plot,
                std::string* error);
 
-// The same with several panels, side by side.
+// The same with several panels, row by row: up to three stand side by side,
+// more of them make a picture that is about square, or four panels wide.
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& plots,
                 std::string* error);
