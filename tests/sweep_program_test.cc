@@ -104,6 +104,8 @@ TEST_F(SweepProgram, SaysWhereAGridIsMalformed) {
   expect("lambda=1", {"column 9", "rule=method"});
   expect("lamda=1;rule=adam", {"column 1:", "'lamda'", "lambda"});
   expect("rule=adam;stepsize=1", {"column 11:", "'stepsize'", "step_size"});
+  expect("rule=newton/numerical/adam;y_stepsize=1",
+         {"column 28:", "'y_stepsize'", "y_step_size"});
   expect("rule=adm", {"column 6:", "'adm'", "adam"});
   expect("rule=adam:step_size=1|-2", {"column 6:", "step_size=-2", "allowed"});
   expect("rule=adam;step_size=-1", {"column 21:", "step_size=-1", "allowed"});
