@@ -56,11 +56,15 @@ class SweepProgram : public ProgramRunner {
  protected:
   SweepProgram() : ProgramRunner("sweep") {}
 
+  static std::string SmallGrid() {
+    return "lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|1e200;"
+           "seed=1";
+  }
+
   // Eight runs of some milliseconds.
   std::vector<std::string> SmallSweep(const std::string& output) const {
     return {"--problem=toy_network:num_samples=32",
-            "--grid=lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|"
-            "1e200;seed=1",
+            "--grid=" + SmallGrid(),
             "--steps=6",
             "--plots=false",
             "--output=" + Path(output)};
@@ -204,6 +208,7 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   const std::vector<std::string> jobs = Jobs("run");
   ASSERT_EQ(jobs.size(), 8u);
   std::vector<fs::file_time_type> times;
+  times.reserve(jobs.size());
   for (const std::string& job : jobs) {
     times.push_back(fs::last_write_time(job + "/history.csv"));
   }

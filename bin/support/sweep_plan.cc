@@ -14,6 +14,7 @@ namespace {
 
 std::vector<std::string> Names(const std::vector<OptionSet::Row>& options) {
   std::vector<std::string> names;
+  names.reserve(options.size());
   for (const OptionSet::Row& row : options) names.push_back(row.name);
   return names;
 }
