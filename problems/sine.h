@@ -66,8 +66,8 @@ struct SinePoint {
     double phi = 15.0;
     double target_0 = 0.3;
     double target_1 = -0.5;
-    double start_0 = 0.0;
-    double start_1 = 0.0;
+    double start_0 = 0.22;
+    double start_1 = -0.02;
     void Describe(OptionSet* set) {
       set->Add("xi", &xi, {0.0, 1e6, true}, "conditioning");
       set->Add("phi", &phi, {-360.0, 360.0}, "rotation, degrees");
