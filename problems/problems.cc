@@ -1,5 +1,6 @@
 #include "problems/problems.h"
 
+#include "problems/heat.h"
 #include "problems/linear_scale.h"
 #include "problems/oscillator_chain.h"
 #include "problems/poisson.h"
@@ -95,6 +96,18 @@ const std::vector<ProblemRow>& Problems() {
       Learning<Poisson>("poisson",
                         "y = laplace(x), x = 0 outside, L = 1/2 |y - y*|^2",
                         "HIG release, Poisson_problem"),
+      Learning<Heat1d>(
+          "heat_1d",
+          "dy/dt = nu laplace(y), y(0) = x, periodic, L = 1/2 |y - y*|^2",
+          "SIP release, heat, in one dimension"),
+      Learning<Heat>(
+          "heat",
+          "dy/dt = nu laplace(y), y(0) = x, periodic, L = 1/2 |y - y*|^2",
+          "SIP release, heat; PBDL physgrad-code"),
+      Point<HeatState>(
+          "heat_state",
+          "dy/dt = nu laplace(y), y(0) = x, periodic, L = 1/2 |y - y*|^2",
+          "SIP release, heat, plot_heat_optim"),
   };
   return table;
 }
