@@ -22,13 +22,10 @@ void ExpectSame(const History& found, const History& wanted) {
   ASSERT_EQ(found.size(), wanted.size());
   for (size_t i = 0; i < found.size(); ++i) {
     EXPECT_EQ(found[i].step, wanted[i].step);
-    for (const auto column : {&HistoryRow::epoch,
-                              &HistoryRow::seconds,
-                              &HistoryRow::batch_loss,
-                              &HistoryRow::train_loss,
-                              &HistoryRow::test_loss,
-                              &HistoryRow::step_norm}) {
-      EXPECT_TRUE(IsSame(found[i].*column, wanted[i].*column)) << "row " << i;
+    const auto columns = found[i].Columns();
+    for (size_t k = 0; k < columns.size(); ++k) {
+      EXPECT_TRUE(IsSame(columns[k], wanted[i].Columns()[k]))
+          << "row " << i << " column " << k;
     }
   }
 }
@@ -49,7 +46,8 @@ class HistoryTest : public testing::Test {
   const TemporaryFolder folder_;
   const std::string path_ = folder_ / "history.csv";
   const std::string header_ =
-      "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm\n";
+      "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,"
+      "inverse,numerical_inverse,inverse_gradient,gradient,none\n";
 };
 
 TEST_F(HistoryTest, WritesTheDocumentedText) {
@@ -61,11 +59,16 @@ TEST_F(HistoryTest, WritesTheDocumentedText) {
   history[1].seconds = 0.1;
   history[1].batch_loss = 1.5e-3;
   history[1].step_norm = std::numeric_limits<double>::infinity();
+  history[1].metric = 0.5;
+  history[1].numerical_inverse = 3;
   std::string error;
   std::string text;
   ASSERT_TRUE(WriteHistory(path_, history, &error)) << error;
   ASSERT_TRUE(ReadFile(path_, &text, &error)) << error;
-  EXPECT_EQ(text, header_ + "0,0,0,,0.25,0.26,\n16,0.5,0.1,0.0015,,,inf\n");
+  EXPECT_EQ(text,
+            header_ +
+                "0,0,0,,0.25,0.26,,,,,,,\n"
+                "16,0.5,0.1,0.0015,,,inf,0.5,,3,,,\n");
 }
 
 TEST_F(HistoryTest, RoundTripIsExact) {
@@ -96,25 +99,26 @@ TEST_F(HistoryTest, ErrorsNameFileAndLine) {
   EXPECT_EQ(
       ReadError("step,epoch\n"),
       "line 1: wanted the header " + header_.substr(0, header_.size() - 1));
-  const std::string row = "1,2,3,4,5,6,7\n";
+  const std::string row = "1,2,3,4,5,6,7,8,9,10,11,12,13\n";
   EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6\n"),
-            "line 3: found 6 fields, wanted 7");
-  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8\n"),
-            "line 3: found 8 fields, wanted 7");
+            "line 3: found 6 fields, wanted 13");
+  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14\n"),
+            "line 3: found 14 fields, wanted 13");
   EXPECT_EQ(ReadError(header_ + "\n" + row),
-            "line 2: found 1 fields, wanted 7");
-  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7\n"),
+            "line 2: found 1 fields, wanted 13");
+  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7,8,9,10,11,12,13\n"),
             "line 2: found '1.5', wanted a number");
-  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7\n"),
+  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7,8,9,10,11,12,13\n"),
             "line 2: found '', wanted a number");
-  EXPECT_EQ(ReadError(header_ + row + row + "1,2,3,4,5,6,7e\n"),
-            "line 4: found '7e', wanted a number");
-  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7\n"),
+  EXPECT_EQ(ReadError(header_ + row + row + "1,2,3,4,5,6,7,8,9,10,11,12,13e\n"),
+            "line 4: found '13e', wanted a number");
+  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7,8,9,10,11,12,13\n"),
             "line 2: found ' 4', wanted a number");
 }
 
 TEST_F(HistoryTest, ALineThatDoesNotEndIsTruncated) {
-  EXPECT_EQ(ReadError(header_ + "1,2,3,4,5,6,7\n2,3,4,5,6,7,0.12"),
+  EXPECT_EQ(ReadError(header_ +
+                      "1,2,3,4,5,6,7,8,9,10,11,12,13\n2,3,4,5,6,7,8,9,0.12"),
             "line 3: the line does not end (truncated?)");
   EXPECT_EQ(ReadError(header_.substr(0, header_.size() - 1)),
             "line 1: the line does not end (truncated?)");

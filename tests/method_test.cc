@@ -71,6 +71,7 @@ Result TrainLine(const std::string& method,
   result.is_good_input = TrainByMethod(Parse(method),
                                        options,
                                        line.model,
+                                       nullptr,
                                        line.train,
                                        line.test,
                                        &result.weights,
@@ -316,7 +317,7 @@ TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
   MinimizerSummary summary;
   std::string error;
   ASSERT_TRUE(MinimizeByMethod(
-      Parse(GetParam()), options, &objective, &path, &summary, &error))
+      Parse(GetParam()), options, nullptr, &objective, &path, &summary, &error))
       << error;
   if (GetParam() == "kfac_half_inverse") {
     // A point has no layers.
@@ -344,6 +345,7 @@ TEST_P(EveryMethod, AStartWithoutAFiniteLossIsTheWholePath) {
   std::string error;
   ASSERT_TRUE(MinimizeByMethod(Parse(GetParam()),
                                MinimizerOptions(),
+                               nullptr,
                                &objective,
                                &path,
                                &summary,
@@ -365,7 +367,7 @@ TEST(Method, ALossWithoutResidualsIsMinimizedByRulesAndLineSearches) {
     MinimizerSummary summary;
     std::string error;
     ASSERT_TRUE(MinimizeByMethod(
-        Parse(name), options, &objective, &path, &summary, &error))
+        Parse(name), options, nullptr, &objective, &path, &summary, &error))
         << error;
     EXPECT_LT(std::abs(objective.State()[0] - 1.0), 4.0);
   }
@@ -376,6 +378,7 @@ TEST(Method, ALossWithoutResidualsIsMinimizedByRulesAndLineSearches) {
   std::string error;
   EXPECT_FALSE(MinimizeByMethod(Parse("ceres_lm"),
                                 MinimizerOptions(),
+                                nullptr,
                                 &objective,
                                 &path,
                                 &summary,

@@ -26,8 +26,13 @@ std::vector<Eigen::VectorXd> Path(const std::string& specification,
   ChainObjective objective = problem.point->MakeObjective();
   std::vector<Eigen::VectorXd> path;
   MinimizerSummary summary;
-  EXPECT_TRUE(MinimizeByMethod(
-      methods.at(0), options, &objective, &path, &summary, &error))
+  EXPECT_TRUE(MinimizeByMethod(methods.at(0),
+                               options,
+                               problem.point->inverse,
+                               &objective,
+                               &path,
+                               &summary,
+                               &error))
       << error;
   return path;
 }
@@ -109,6 +114,7 @@ TEST(PhysgradHigCode, HalfInverseOnTheLinearChain) {
     ASSERT_TRUE(TrainByMethod(methods[0],
                               options,
                               *chain.model,
+                              chain.inverse,
                               chain.train,
                               chain.test,
                               &weights,

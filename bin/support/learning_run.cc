@@ -131,6 +131,22 @@ bool WriteRun(const std::string& directory,
           WriteFile(directory + "/result.txt", ResultText(result), error));
 }
 
+// Of the test data, or of the train data where there are none.
+double EvaluateMetric(const LearningProblem& problem,
+                      const Eigen::VectorXd& weights) {
+  const DataSet& data =
+      problem.test.num_samples() > 0 ? problem.test : problem.train;
+  DenseNetwork::Activations activations;
+  std::string error;
+  if (!problem.model->Forward(weights, data, false, &activations, &error)) {
+    return HistoryRow::kNone;
+  }
+  return problem.metric->evaluate(
+      activations.outputs.reshaped(problem.model->simulator().num_inputs(),
+                                   data.num_samples()),
+      data);
+}
+
 }  // namespace
 
 double LearningRunResult::BestTrainLoss() const {
@@ -176,6 +192,11 @@ bool RunLearning(const LearningProblem& problem,
 
   TrainOptions train_options = options.train;
   train_options.checkpoint_path = options.directory + "/checkpoint";
+  if (problem.metric.has_value()) {
+    train_options.metric = [&](const Eigen::VectorXd& weights) {
+      return EvaluateMetric(problem, weights);
+    };
+  }
   train_options.on_evaluation = [&](const History& history) {
     if (tracks_neurons) {
       result->neurons.push_back(
@@ -195,6 +216,7 @@ bool RunLearning(const LearningProblem& problem,
   if (!TrainByMethod(method,
                      train_options,
                      *problem.model,
+                     problem.inverse,
                      problem.train,
                      problem.test,
                      &result->weights,

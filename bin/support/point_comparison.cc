@@ -159,8 +159,13 @@ bool TracePath(const PointProblem& problem,
   minimizer.function_tolerance = 0.0;
   minimizer.parameter_tolerance = 0.0;
   ChainObjective objective = problem.MakeObjective();
-  if (!MinimizeByMethod(
-          method, minimizer, &objective, &path->x, &path->summary, error)) {
+  if (!MinimizeByMethod(method,
+                        minimizer,
+                        problem.inverse,
+                        &objective,
+                        &path->x,
+                        &path->summary,
+                        error)) {
     return false;
   }
   const double nan = std::numeric_limits<double>::quiet_NaN();

@@ -189,6 +189,7 @@ int Run() {
     if (!invgrad::TrainByMethod(method,
                                 options,
                                 model,
+                                nullptr,  // no inverse simulator
                                 train,
                                 test,
                                 &weights,

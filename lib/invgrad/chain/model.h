@@ -47,6 +47,10 @@ class Model {
   const DenseNetwork& network() const { return network_; }
   const Simulator& simulator() const { return *simulator_; }
   const Loss& loss() const { return *loss_; }
+  std::shared_ptr<const Simulator> shared_simulator() const {
+    return simulator_;
+  }
+  std::shared_ptr<const Loss> shared_loss() const { return loss_; }
 
   // The same network and simulator in front of another loss.
   Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {

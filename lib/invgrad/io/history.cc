@@ -14,7 +14,8 @@ namespace invgrad {
 namespace {
 
 constexpr std::string_view kHeader =
-    "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm";
+    "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,"
+    "inverse,numerical_inverse,inverse_gradient,gradient,none";
 
 // The columns after the first, in the header's order.
 constexpr double HistoryRow::*kColumns[] = {&HistoryRow::epoch,
@@ -22,7 +23,14 @@ constexpr double HistoryRow::*kColumns[] = {&HistoryRow::epoch,
                                             &HistoryRow::batch_loss,
                                             &HistoryRow::train_loss,
                                             &HistoryRow::test_loss,
-                                            &HistoryRow::step_norm};
+                                            &HistoryRow::step_norm,
+                                            &HistoryRow::metric,
+                                            &HistoryRow::inverse,
+                                            &HistoryRow::numerical_inverse,
+                                            &HistoryRow::inverse_gradient,
+                                            &HistoryRow::gradient,
+                                            &HistoryRow::none};
+static_assert(std::size(kColumns) == HistoryRow::kNumColumns);
 
 // std::to_chars and std::from_chars know no locale, whose comma would split a
 // number into two fields.
@@ -73,6 +81,16 @@ bool ParseRow(std::string_view line, HistoryRow* row, std::string* problem) {
 }
 
 }  // namespace
+
+std::array<double, HistoryRow::kNumColumns> HistoryRow::Columns() const {
+  std::array<double, kNumColumns> columns;
+  for (int i = 0; i < kNumColumns; ++i) columns[i] = this->*kColumns[i];
+  return columns;
+}
+
+void HistoryRow::SetColumns(const std::array<double, kNumColumns>& columns) {
+  for (int i = 0; i < kNumColumns; ++i) this->*kColumns[i] = columns[i];
+}
 
 bool WriteHistory(const std::string& path,
                   const History& history,

@@ -1,8 +1,12 @@
 // What a run leaves behind: one row each time that it was looked at.
 //
-//   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm
-//   0,0,0,,0.25,0.26,
-//   16,0.5,0.021,0.24,,,1.5e-3
+//   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
+//   0,0,0,,0.25,0.26,,,,,,,
+//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
+//
+// The last columns are inverse, numerical_inverse, inverse_gradient, gradient
+// and none: the samples, from the first step on, whose wanted change was pulled
+// back by each (simulator_pull_back.h), for methods that invert the simulator.
 //
 // CSV with this header line; numbers with the fewest digits that read back as
 // the same value. A value that was not computed is an empty field (NaN in
@@ -13,6 +17,7 @@
 #ifndef INVGRAD_IO_HISTORY_H_
 #define INVGRAD_IO_HISTORY_H_
 
+#include <array>
 #include <limits>
 #include <string>
 #include <vector>
@@ -28,6 +33,17 @@ struct HistoryRow {
   double train_loss = kNone;
   double test_loss = kNone;
   double step_norm = kNone;
+  double metric = kNone;  // of the problem's own, see TrainOptions
+  double inverse = kNone;
+  double numerical_inverse = kNone;
+  double inverse_gradient = kNone;
+  double gradient = kNone;
+  double none = kNone;
+
+  // All but the step, in the order of the file.
+  static constexpr int kNumColumns = 12;
+  std::array<double, kNumColumns> Columns() const;
+  void SetColumns(const std::array<double, kNumColumns>& columns);
 };
 
 using History = std::vector<HistoryRow>;

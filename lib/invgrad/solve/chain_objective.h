@@ -48,6 +48,10 @@ class ChainObjective final : public Objective {
 
   const Simulator& simulator() const { return *simulator_; }
   const Loss& loss() const { return *loss_; }
+  std::shared_ptr<const Simulator> shared_simulator() const {
+    return simulator_;
+  }
+  std::shared_ptr<const Loss> shared_loss() const { return loss_; }
   const Eigen::VectorXd& target() const { return target_; }
 
  private:

@@ -8,6 +8,7 @@
 
 #include "glog/logging.h"
 #include "invgrad/solve/model_cost.h"
+#include "invgrad/solve/pull_back_objective.h"
 #include "invgrad/solve/update_callback.h"
 
 namespace invgrad {
@@ -28,12 +29,47 @@ bool HasOption(const std::vector<OptionSet::Row>& options,
 std::vector<std::string> AllMethodNames() {
   std::vector<std::string> names;
   for (const RuleRow& row : Rules()) names.push_back(row.name);
+  for (const ChainMethodRow& row : ChainMethods()) names.push_back(row.name);
   for (const CeresMethodRow& row : CeresMethods()) names.push_back(row.name);
   return names;
 }
 
-// Finds the rows that "rule", "ceres" or "ceres+rule" names.
+bool FindRuleRow(const std::string& name, Method* method, std::string* error) {
+  method->rule = FindRule(name);
+  if (method->rule != nullptr) return true;
+  std::vector<std::string> names;
+  for (const RuleRow& row : Rules()) names.push_back(row.name);
+  *error = UnknownNameMessage("rule", name, names);
+  return false;
+}
+
+// "loss/simulator/rule"
+bool FindWays(const std::string& name, Method* method, std::string* error) {
+  const size_t first = name.find('/');
+  const size_t second = name.find('/', first + 1);
+  if (second == std::string::npos ||
+      name.find('/', second + 1) != std::string::npos) {
+    *error = "'" + name + "': wanted LOSS/SIMULATOR/RULE";
+    return false;
+  }
+  return method->pull_back.emplace().SetWays(
+             name.substr(0, first),
+             name.substr(first + 1, second - first - 1),
+             error) &&
+         FindRuleRow(name.substr(second + 1), method, error);
+}
+
+// Finds the rows that "rule", "loss/simulator/rule", "ceres" or "ceres+rule"
+// names.
 bool FindRows(const std::string& name, Method* method, std::string* error) {
+  const ChainMethodRow* chain = FindChainMethod(name);
+  if (chain != nullptr) {
+    method->rule_settings = chain->rule_defaults;
+    return method->pull_back.emplace().SetWays(
+               chain->loss, chain->simulator, error) &&
+           FindRuleRow(chain->rule, method, error);
+  }
+  if (name.find('/') != std::string::npos) return FindWays(name, method, error);
   const size_t plus = name.find('+');
   if (plus == std::string::npos) {
     method->rule = FindRule(name);
@@ -47,19 +83,12 @@ bool FindRows(const std::string& name, Method* method, std::string* error) {
   const std::string ceres_name = name.substr(0, plus);
   const std::string rule_name = name.substr(plus + 1);
   method->ceres = FindCeresMethod(ceres_name);
-  method->rule = FindRule(rule_name);
   if (method->ceres == nullptr || !method->ceres->is_trust_region) {
     *error = "'" + name + "': steps can be proposed to ceres_lm and " +
              "ceres_dogleg, not to '" + ceres_name + "'";
     return false;
   }
-  if (method->rule == nullptr) {
-    std::vector<std::string> rule_names;
-    for (const RuleRow& row : Rules()) rule_names.push_back(row.name);
-    *error = UnknownNameMessage("rule", rule_name, rule_names);
-    return false;
-  }
-  return true;
+  return FindRuleRow(rule_name, method, error);
 }
 
 bool ParseBatchSize(const std::string& value,
@@ -76,6 +105,9 @@ bool ParseMethod(const Specification& specification,
                  std::string* error) {
   method->label = specification.text;
   if (!FindRows(specification.name, method, error)) return false;
+  const Settings defaults = std::move(method->rule_settings);
+  method->rule_settings.clear();
+  Settings pull_back_settings;
   std::string why;
   for (const auto& setting : specification.settings) {
     if (setting.first == "batch_size") {
@@ -83,12 +115,30 @@ bool ParseMethod(const Specification& specification,
         *error = specification.name + ": " + why;
         return false;
       }
-    } else if (method->ceres == nullptr ||
-               (method->rule != nullptr &&
-                HasOption(method->rule->options(), setting.first))) {
+    } else if (method->rule != nullptr &&
+               (HasOption(method->rule->options(), setting.first) ||
+                (method->ceres == nullptr && !method->pull_back.has_value()))) {
       method->rule_settings.push_back(setting);
+    } else if (method->pull_back.has_value()) {
+      pull_back_settings.push_back(setting);
     } else {
       method->ceres_settings.push_back(setting);
+    }
+  }
+  for (const auto& setting : defaults) {
+    const auto& given = specification.settings;
+    if (std::none_of(given.begin(), given.end(), [&](const auto& other) {
+          return other.first == setting.first;
+        })) {
+      method->rule_settings.push_back(setting);
+    }
+  }
+  if (method->pull_back.has_value()) {
+    OptionSet set;
+    method->pull_back->Describe(&set);
+    if (!set.SetAll(pull_back_settings, &why)) {
+      *error = specification.name + ": " + why;
+      return false;
     }
   }
   ceres::Solver::Options options;
@@ -270,6 +320,11 @@ std::string ProposalsText(const UpdateCallback::Summary& summary) {
   return text;
 }
 
+void AddReport(const PullBackCounts& counts, std::string* message) {
+  const std::string report = counts.Report();
+  if (!report.empty()) *message += "; " + report;
+}
+
 MinimizerOptions UnboundedOptions() {
   MinimizerOptions options;
   options.max_num_iterations = 1000000000;
@@ -341,6 +396,51 @@ bool TrainWithCeres(const Method& method,
   return true;
 }
 
+bool TrainByPullBack(const Method& method,
+                     const TrainOptions& options,
+                     const Model& model,
+                     std::shared_ptr<const InverseSimulator> inverse,
+                     const DataSet& train,
+                     const DataSet& test,
+                     Eigen::VectorXd* weights,
+                     History* history,
+                     TrainSummary* summary,
+                     std::string* error) {
+  const std::unique_ptr<UpdateRule> rule = method.MakeRule();
+  const PullBackMethod& ways = *method.pull_back;
+  if (ways.is_joint()) {
+    return Train(
+        options,
+        model.WithLoss(ways.MakeLoss(model.shared_loss()), model.reduction()),
+        train,
+        test,
+        rule.get(),
+        weights,
+        history,
+        summary,
+        error);
+  }
+  ChainPullBack pull_back(
+      &model,
+      ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
+      ways.ChainOptions());
+  TrainOptions pulled_back = options;
+  pulled_back.pull_back = &pull_back;
+  if (!Train(pulled_back,
+             model,
+             train,
+             test,
+             rule.get(),
+             weights,
+             history,
+             summary,
+             error)) {
+    return false;
+  }
+  AddReport(pull_back.counts(), &summary->message);
+  return true;
+}
+
 // False, with the summary and the path of the failure, if the cost is not
 // finite at the start. Ceres itself only looks at residuals, whose squares may
 // be infinite although they are not.
@@ -372,6 +472,43 @@ class PathRecorder final : public ceres::IterationCallback {
   std::function<Eigen::VectorXd()> point_;
   std::vector<Eigen::VectorXd>* path_;
 };
+
+void MinimizeByRule(const Method& method,
+                    const MinimizerOptions& options,
+                    std::shared_ptr<const InverseSimulator> inverse,
+                    ChainObjective* objective,
+                    std::vector<Eigen::VectorXd>* path,
+                    MinimizerSummary* summary) {
+  const std::unique_ptr<UpdateRule> rule = method.MakeRule();
+  // What the rule gets to see.
+  Objective* seen = objective;
+  std::optional<ChainObjective> joint;
+  std::optional<PullBackObjective> pulled_back;
+  if (method.pull_back.has_value()) {
+    const PullBackMethod& ways = *method.pull_back;
+    if (ways.is_joint()) {
+      seen = &joint.emplace(objective->shared_simulator(),
+                            ways.MakeLoss(objective->shared_loss()),
+                            objective->target(),
+                            objective->State());
+    } else {
+      seen = &pulled_back.emplace(
+          objective,
+          ways.MakeLossPullBack(objective->shared_loss()),
+          ways.MakeSimulatorPullBack(objective->shared_simulator(),
+                                     std::move(inverse)));
+    }
+  }
+  MinimizerOptions recorded = options;
+  PathRecorder recorder([seen]() { return seen->State(); }, path);
+  recorded.callbacks.insert(recorded.callbacks.begin(), &recorder);
+  Minimize(recorded, rule.get(), seen, summary);
+  if (path->empty()) path->push_back(seen->State());
+  objective->SetState(seen->State());
+  if (pulled_back.has_value()) {
+    AddReport(pulled_back->counts(), &summary->message);
+  }
+}
 
 }  // namespace
 
@@ -406,6 +543,7 @@ bool ParseMethods(const std::string& text,
 bool TrainByMethod(const Method& method,
                    const TrainOptions& options,
                    const Model& model,
+                   std::shared_ptr<const InverseSimulator> inverse,
                    const DataSet& train,
                    const DataSet& test,
                    Eigen::VectorXd* weights,
@@ -415,6 +553,18 @@ bool TrainByMethod(const Method& method,
   if (method.ceres != nullptr) {
     return TrainWithCeres(
         method, options, model, train, test, weights, history, summary, error);
+  }
+  if (method.pull_back.has_value()) {
+    return TrainByPullBack(method,
+                           options,
+                           model,
+                           std::move(inverse),
+                           train,
+                           test,
+                           weights,
+                           history,
+                           summary,
+                           error);
   }
   const std::unique_ptr<UpdateRule> rule = method.MakeRule();
   return Train(options,
@@ -430,22 +580,21 @@ bool TrainByMethod(const Method& method,
 
 bool MinimizeByMethod(const Method& method,
                       const MinimizerOptions& options,
+                      std::shared_ptr<const InverseSimulator> inverse,
                       ChainObjective* objective,
                       std::vector<Eigen::VectorXd>* path,
                       MinimizerSummary* summary,
                       std::string* error) {
   path->clear();
-  Eigen::VectorXd x = objective->State();
-  MinimizerOptions recorded = options;
-  PathRecorder recorder(
-      [&]() { return method.ceres == nullptr ? objective->State() : x; }, path);
-  recorded.callbacks.insert(recorded.callbacks.begin(), &recorder);
   if (method.ceres == nullptr) {
-    const std::unique_ptr<UpdateRule> rule = method.MakeRule();
-    Minimize(recorded, rule.get(), objective, summary);
-    if (path->empty()) path->push_back(objective->State());
+    MinimizeByRule(
+        method, options, std::move(inverse), objective, path, summary);
     return true;
   }
+  Eigen::VectorXd x = objective->State();
+  MinimizerOptions recorded = options;
+  PathRecorder recorder([&x]() { return x; }, path);
+  recorded.callbacks.insert(recorded.callbacks.begin(), &recorder);
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;
   Configure(method, &solver_options, &gradient_options);

@@ -1,6 +1,7 @@
 #include "invgrad/solve/trainer.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -24,6 +25,19 @@ double SecondsSince(Clock::time_point start) {
 
 std::string AtStep(const std::string& what, long step) {
   return what + " at step " + std::to_string(step);
+}
+
+// Nothing, if nothing was inverted.
+void RecordCounts(const PullBackCounts& counts, HistoryRow* row) {
+  if (counts.of(PullBackSource::kDerivative) > 0) return;
+  const auto count = [&](PullBackSource source) {
+    return static_cast<double>(counts.of(source));
+  };
+  row->inverse = count(PullBackSource::kInverse);
+  row->numerical_inverse = count(PullBackSource::kNumericalInverse);
+  row->inverse_gradient = count(PullBackSource::kInverseGradient);
+  row->gradient = count(PullBackSource::kGradient);
+  row->none = count(PullBackSource::kNone);
 }
 
 // One run; the members are what a checkpoint holds.
@@ -65,6 +79,14 @@ class TrainingRun {
   DataSet NextBatch();
   // One step; false if the run ends, with the summary filled.
   bool Step();
+  // Linearizes at the weights what the rule is to see.
+  bool Linearize(const DataSet& batch,
+                 Linearization* at_weights,
+                 std::string* error);
+  // The rule's updates that belong to a step, the first one from *at_weights.
+  bool Update(const DataSet& batch,
+              Linearization* at_weights,
+              std::string* error);
   void Evaluate();
   // Looks at the losses if it is time to; false if the run ends by that, with
   // the summary filled.
@@ -129,27 +151,54 @@ bool TrainingRun::Step() {
   const DataSet batch = NextBatch();
   Linearization at_weights;
   at_weights.progress = Progress();
-  Eigen::VectorXd step;
   std::string error;
-  const bool is_finite =
-      model_.Linearize(*weights_, batch, rule_->Needs(), &at_weights, &error);
-  if (is_finite) last_good_weights_ = *weights_;
-  if (!is_finite || !rule_->ComputeStep(at_weights, &step, &error)) {
+  const bool is_finite = Linearize(batch, &at_weights, &error);
+  if (is_finite) {
+    last_good_weights_ = *weights_;
+    batch_loss_ = at_weights.cost;
+  }
+  if (!is_finite || !Update(batch, &at_weights, &error)) {
     seconds_ += SecondsSince(start);
     *weights_ = last_good_weights_;
     Finish(ceres::FAILURE, AtStep("diverged", step_ + 1) + ": " + error);
     return false;
   }
-  *weights_ += step;
   ++step_;
   seconds_ += SecondsSince(start);
-  batch_loss_ = at_weights.cost;
-  step_norm_ = step.norm();
+  step_norm_ = (*weights_ - last_good_weights_).norm();
   return CallBack(batch_loss_,
                   at_weights.gradient.size() == 0
                       ? 0.0
                       : at_weights.gradient.lpNorm<Eigen::Infinity>(),
                   step_norm_);
+}
+
+bool TrainingRun::Linearize(const DataSet& batch,
+                            Linearization* at_weights,
+                            std::string* error) {
+  return options_.pull_back == nullptr
+             ? model_.Linearize(
+                   *weights_, batch, rule_->Needs(), at_weights, error)
+             : options_.pull_back->Linearize(
+                   *weights_, batch, rule_->Needs(), at_weights, error);
+}
+
+bool TrainingRun::Update(const DataSet& batch,
+                         Linearization* at_weights,
+                         std::string* error) {
+  const int num_updates = options_.pull_back == nullptr
+                              ? 1
+                              : options_.pull_back->updates_per_evaluation();
+  Eigen::VectorXd step;
+  for (int k = 0; k < num_updates; ++k) {
+    if (k > 0 && !options_.pull_back->LinearizeAgain(
+                     *weights_, batch, rule_->Needs(), at_weights, error)) {
+      return false;
+    }
+    if (!rule_->ComputeStep(*at_weights, &step, error)) return false;
+    *weights_ += step;
+  }
+  return true;
 }
 
 bool TrainingRun::CallBack(double batch_loss,
@@ -189,6 +238,10 @@ void TrainingRun::Evaluate() {
     row.test_loss = MeanLoss(model_, *weights_, test_);
   }
   row.step_norm = step_norm_;
+  if (options_.metric) row.metric = options_.metric(*weights_);
+  if (options_.pull_back != nullptr) {
+    RecordCounts(options_.pull_back->counts(), &row);
+  }
   history_->push_back(row);
   const double watched =
       test_.num_samples() > 0 ? row.test_loss : row.train_loss;
@@ -293,14 +346,17 @@ void TrainingRun::SaveCheckpoint() {
   for (size_t i = 0; i < rule_state.size(); ++i) {
     arrays["rule_" + std::to_string(i)] = *rule_state[i];
   }
-  Eigen::VectorXd rows(7 * history_->size());
-  Eigen::Index i = 0;
-  for (const HistoryRow& row : *history_) {
-    rows.segment<7>(i) << static_cast<double>(row.step), row.epoch, row.seconds,
-        row.batch_loss, row.train_loss, row.test_loss, row.step_norm;
-    i += 7;
+  if (options_.pull_back != nullptr) {
+    arrays["pull_back"] = options_.pull_back->counts().State();
   }
-  arrays["history"] = rows;
+  std::vector<double> rows;
+  for (const HistoryRow& row : *history_) {
+    rows.push_back(static_cast<double>(row.step));
+    const auto columns = row.Columns();
+    rows.insert(rows.end(), columns.begin(), columns.end());
+  }
+  arrays["history"] = Eigen::Map<const Eigen::VectorXd>(
+      rows.data(), static_cast<Eigen::Index>(rows.size()));
   std::string error;
   // A checkpoint that cannot be written costs a resume, not the run.
   if (!WriteCheckpoint(options_.checkpoint_path, checkpoint, &error)) {
@@ -366,7 +422,8 @@ bool TrainingRun::Restore(std::string* error) {
   }
   const long step = static_cast<long>(scalars["step"]);
   const bool needs_order = options_.shuffle && step % steps_per_epoch_ != 0;
-  if (rows->size() == 0 || rows->size() % 7 != 0) {
+  constexpr Eigen::Index kRowSize = 1 + HistoryRow::kNumColumns;
+  if (rows->size() == 0 || rows->size() % kRowSize != 0) {
     return misfit("history");
   }
   if (needs_order && order->size() != train_.num_samples()) {
@@ -378,7 +435,16 @@ bool TrainingRun::Restore(std::string* error) {
     found_state.push_back(find("rule_" + std::to_string(i), -1));
     if (found_state.back() == nullptr) return false;
   }
+  const Eigen::VectorXd* pull_back = nullptr;
+  if (options_.pull_back != nullptr) {
+    pull_back = find("pull_back", -1);
+    if (pull_back == nullptr) return false;
+  }
   if (!shuffle_.SetState(*shuffle)) return misfit("shuffle");
+  if (pull_back != nullptr &&
+      !options_.pull_back->mutable_counts()->SetState(*pull_back)) {
+    return misfit("pull_back");
+  }
 
   step_ = step;
   seconds_ = scalars["seconds"];
@@ -393,10 +459,13 @@ bool TrainingRun::Restore(std::string* error) {
   for (size_t i = 0; i < rule_state.size(); ++i) {
     *rule_state[i] = *found_state[i];
   }
-  for (Eigen::Index i = 0; i < rows->size(); i += 7) {
-    const auto v = rows->segment<7>(i);
-    history_->push_back(
-        {static_cast<long>(v[0]), v[1], v[2], v[3], v[4], v[5], v[6]});
+  for (Eigen::Index i = 0; i < rows->size(); i += kRowSize) {
+    HistoryRow row;
+    row.step = static_cast<long>((*rows)[i]);
+    std::array<double, HistoryRow::kNumColumns> columns;
+    std::copy_n(rows->data() + i + 1, columns.size(), columns.begin());
+    row.SetColumns(columns);
+    history_->push_back(row);
   }
   return true;
 }

@@ -31,6 +31,7 @@
 #include "Eigen/Core"
 #include "ceres/iteration_callback.h"
 #include "ceres/types.h"
+#include "invgrad/chain/chain_pull_back.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/io/history.h"
 #include "invgrad/rules/update_rule.h"
@@ -54,6 +55,15 @@ struct TrainOptions {
   // off.
   double target_loss = 0.0;
   int patience = 0;
+
+  // The history's metric of the weights. Null: none.
+  std::function<double(const Eigen::VectorXd& weights)> metric;
+
+  // What the rule gets to see: the proxy of a pull-back through the model's
+  // loss and simulator, or, if null, the model itself. Not owned. A step is one
+  // evaluation of the simulator, with all updates of the rule that belong to
+  // it; how the samples were pulled back is counted in the history.
+  ChainPullBack* pull_back = nullptr;
 
   // Called before the first step and after every step, with the weights up to
   // date; IterationSummary::cost is the batch loss that the step started from.

@@ -1,0 +1,224 @@
+#include "invgrad/chain/chain_pull_back.h"
+
+#include <cmath>
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/chain/network_jacobian.h"
+#include "invgrad/chain/parallel_samples.h"
+#include "invgrad/chain/scratch.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::Map;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The network's outputs, a sample's x a column: a network that is called
+// several times a sample puts out its x in pieces.
+Map<const MatrixXd> InputsOfSimulator(
+    const Model& model, const DenseNetwork::Activations& forward) {
+  const Index size = model.simulator().num_inputs();
+  return {forward.outputs.data(), size, forward.outputs.size() / size};
+}
+
+}  // namespace
+
+ChainPullBack::ChainPullBack(const Model* model,
+                             std::shared_ptr<const InverseSimulator> inverse,
+                             const Options& options)
+    : model_(*model),
+      options_(options),
+      loss_pull_back_(model->shared_loss(), options.loss, options.y_step_size),
+      simulator_pull_back_(
+          model->shared_simulator(), std::move(inverse), options.simulator) {
+  CHECK_GE(options.curvature_weight, 0.0);
+  CHECK_LE(options.curvature_weight, 1.0);
+  CHECK_GE(options.updates_per_evaluation, 1);
+  CHECK_GE(options.num_threads, 1);
+}
+
+bool ChainPullBack::Linearize(const VectorXd& weights,
+                              const DataSet& batch,
+                              const LinearizationParts& parts,
+                              Linearization* linearization,
+                              std::string* error) {
+  DenseNetwork::Activations activations;
+  if (!model_.Forward(weights, batch, parts.hessian, &activations, error)) {
+    return false;
+  }
+  const auto x = InputsOfSimulator(model_, activations);
+  double cost = 0.0;
+  if (!PullBackSamples(x, batch, &cost, error)) return false;
+  if (options_.updates_per_evaluation > 1) wanted_x_ = x + d_x_;
+  if (!LinearizeProxy(
+          weights, std::move(activations), d_x_, parts, linearization, error)) {
+    return false;
+  }
+  linearization->cost = cost;
+  return true;
+}
+
+bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
+                                   const DataSet& batch,
+                                   const LinearizationParts& parts,
+                                   Linearization* linearization,
+                                   std::string* error) {
+  CHECK_EQ(wanted_x_.cols(), batch.num_samples())
+      << "LinearizeAgain follows Linearize with the same batch";
+  DenseNetwork::Activations activations;
+  if (!model_.Forward(weights, batch, parts.hessian, &activations, error)) {
+    return false;
+  }
+  d_x_ = wanted_x_ - InputsOfSimulator(model_, activations);
+  return LinearizeProxy(
+      weights, std::move(activations), d_x_, parts, linearization, error);
+}
+
+bool ChainPullBack::PullBackSamples(const MatrixXd& x,
+                                    const DataSet& batch,
+                                    double* cost,
+                                    std::string* error) {
+  const int num_samples = batch.num_samples();
+  const Index num_y = model_.loss().size();
+  struct Sample {
+    double loss = 0.0;
+    double curvature = 1.0;
+    SimulatorPullBack::Result result;
+    std::string error;
+  };
+  std::vector<Sample> samples(num_samples);
+  d_x_.resize(x.rows(), num_samples);
+  const bool is_weighted = options_.curvature_weight > 0.0;
+  ParallelSamples(num_samples, options_.num_threads, [&](int s) {
+    Sample& sample = samples[s];
+    Scratch<double> y(num_y);
+    Scratch<double> d_y(num_y);
+    const double* target = batch.targets.col(s).data();
+    const auto wanted_change = [&](const double* at, double* change) {
+      if (!loss_pull_back_.Step(
+              at, target, &sample.loss, change, &sample.error)) {
+        return false;
+      }
+      if (is_weighted) std::copy_n(change, num_y, d_y.data());
+      return true;
+    };
+    const Simulator::Covector covector = std::cref(wanted_change);
+    if (!simulator_pull_back_(x.col(s),
+                              batch.contexts.col(s),
+                              covector,
+                              y.data(),
+                              d_x_.col(s),
+                              &sample.result)) {
+      if (sample.error.empty()) {
+        sample.error = "the simulator has no finite value";
+      }
+      return;
+    }
+    const double length = d_x_.col(s).squaredNorm();
+    if (!is_weighted || length == 0.0) return;
+    Scratch<double> hessian(num_y * num_y);
+    double ignored = 0.0;
+    if (!model_.loss().Evaluate(
+            y.data(), target, &ignored, nullptr, hessian.data())) {
+      sample.error = "the Hessian of the loss has no finite value";
+      return;
+    }
+    const Map<const VectorXd> change(d_y.data(), num_y);
+    const Map<const MatrixXd> H(hessian.data(), num_y, num_y);
+    sample.curvature = change.dot(H * change) / length;
+  });
+
+  counts_.BeginStep();
+  const double scale = model_.BatchScale(num_samples);
+  VectorXd curvatures(num_samples);
+  *cost = 0.0;
+  for (int s = 0; s < num_samples; ++s) {
+    const Sample& sample = samples[s];
+    if (!sample.error.empty()) {
+      *error = "sample " + std::to_string(s) + ": " + sample.error;
+      return false;
+    }
+    *cost += scale * sample.loss;
+    curvatures[s] = sample.curvature;
+    counts_.Add(sample.result, s);
+  }
+  SetWeights(curvatures);
+  if (std::isfinite(*cost)) return true;
+  *error = "the cost of the batch is not finite";
+  return false;
+}
+
+void ChainPullBack::SetWeights(const VectorXd& curvatures) {
+  sample_weights_ = VectorXd::Ones(curvatures.size());
+  if (options_.curvature_weight == 0.0) return;
+  const VectorXd powers =
+      curvatures.array().max(0.0).pow(options_.curvature_weight);
+  const double mean = powers.mean();
+  if (mean > 0.0 && std::isfinite(mean)) sample_weights_ = powers / mean;
+}
+
+bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
+                                   DenseNetwork::Activations activations,
+                                   const MatrixXd& d_x,
+                                   const LinearizationParts& parts,
+                                   Linearization* linearization,
+                                   std::string* error) const {
+  const DenseNetwork& network = model_.network();
+  const Index num_x = d_x.rows();
+  const Index num_samples = d_x.cols();
+  const bool is_l2 = options_.proxy == Proxy::kL2;
+  const VectorXd scales = model_.BatchScale(num_samples) * sample_weights_;
+  // The proxy's gradient in x.
+  const MatrixXd change = is_l2 ? d_x : MatrixXd(d_x.array().sign());
+  const MatrixXd g = -change * scales.asDiagonal();
+
+  linearization->cost = is_l2 ? 0.5 * d_x.colwise().squaredNorm().dot(scales)
+                              : d_x.cwiseAbs().colwise().sum().dot(scales);
+  linearization->gradient.resize(0);
+  linearization->loss_gradient.resize(0);
+  linearization->jacobian.reset();
+  linearization->loss_hessian_times = nullptr;
+  linearization->hessian.resize(0, 0);
+  // A column for every call of the network.
+  const MatrixXd covectors =
+      g.reshaped(network.num_outputs(), activations.batch_size());
+  if (parts.gradient) {
+    network.Backward(weights, activations, covectors, &linearization->gradient);
+  }
+  const VectorXd curvature =
+      is_l2 ? VectorXd(scales.transpose().replicate(num_x, 1).reshaped())
+            : VectorXd::Zero(g.size());
+  if (parts.hessian) {
+    std::vector<MatrixXd> x_hessians;
+    const Index width = network.num_outputs();
+    for (Index i = 0; i < curvature.size(); i += width) {
+      x_hessians.emplace_back(curvature.segment(i, width).asDiagonal());
+    }
+    network.Hessian(
+        weights, activations, covectors, x_hessians, &linearization->hessian);
+  }
+  if (!linearization->gradient.allFinite() ||
+      !linearization->hessian.allFinite()) {
+    *error = "a derivative in the weights is not finite";
+    return false;
+  }
+  if (!parts.jacobian) return true;
+  linearization->loss_gradient = g.reshaped();
+  linearization->loss_hessian_times =
+      [curvature](const VectorXd& v) -> VectorXd {
+    return curvature.cwiseProduct(v);
+  };
+  const Index width = network.num_outputs();
+  const Index num_calls = activations.batch_size();
+  linearization->jacobian = std::make_shared<NetworkJacobian>(
+      network,
+      weights,
+      std::move(activations),
+      MatrixXd::Identity(width, width).replicate(1, num_calls));
+  return true;
+}
+
+}  // namespace invgrad

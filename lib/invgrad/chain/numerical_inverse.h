@@ -1,0 +1,56 @@
+// The inverse of a simulator from its forward functor alone.
+//
+//   x = argmin 1/2 |P(x; c) - y|^2,   from x_0, by Ceres' Levenberg-Marquardt
+//
+// The residual is divided by its norm at x_0, so that all tolerances are
+// relative to the wanted change. Started at x_0 the iteration finds the nearest
+// pre-image, if not always the closest: a local inverse. Where there are more
+// unknowns than outputs it moves in the row space of the Jacobians that it
+// meets.
+//
+// Shapes:  x: n = num_inputs;  y: m = num_outputs.
+// Cost:    an iteration: one Jacobian, one P, and m n^2 + n^3 / 3 for the
+// normal
+//          equations.
+// Fails:   returns false, with x the best point found, if |P(x) - y| stays
+// above
+//          tolerance |P(x_0) - y|: y is out of range, or P too crooked for
+//          max_num_iterations. False without x if P has no value at x_0.
+//
+// Source:  Ceres' TinySolver; Madsen, Nielsen, Tingleff. Methods for Non-linear
+//          Least Squares Problems. 2nd edition, DTU 2004, algorithm 3.16.
+#ifndef INVGRAD_CHAIN_NUMERICAL_INVERSE_H_
+#define INVGRAD_CHAIN_NUMERICAL_INVERSE_H_
+
+#include <memory>
+#include <string>
+
+#include "invgrad/chain/inverse_simulator.h"
+#include "invgrad/chain/simulator.h"
+
+namespace invgrad {
+
+class NumericalInverse final : public InverseSimulator {
+ public:
+  struct Options {
+    int max_num_iterations = 50;
+    double tolerance = 1e-6;
+  };
+
+  NumericalInverse(std::shared_ptr<const Simulator> simulator,
+                   const Options& options);
+
+  bool Invert(const ConstVectorRef& y,
+              const ConstVectorRef& x0,
+              const ConstVectorRef& context,
+              Eigen::VectorXd* x,
+              std::string* why) const override;
+
+ private:
+  std::shared_ptr<const Simulator> simulator_;
+  Options options_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_NUMERICAL_INVERSE_H_
