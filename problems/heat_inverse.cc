@@ -43,9 +43,9 @@ bool HeatInverse::Invert(const ConstVectorRef& y,
   grid.Forward(dy.data(), modes.data());
   const double root_of_cells = std::sqrt(grid.num_cells());
   for (int k = 0; k < grid.num_modes(); ++k) {
-    const double exponent = simulator_->exponents()[k];
-    const double expected = root_of_cells * std::exp(-exponent);
-    modes[k] *= std::exp(exponent * Action(std::abs(modes[k]), expected, u));
+    const double expected = root_of_cells * simulator_->decay()[k];
+    const double action = Action(std::abs(modes[k]), expected, u);
+    modes[k] *= std::exp(action * simulator_->exponents()[k]);
   }
   x->resize(grid.num_cells());
   grid.Backward(modes.data(), x->data());

@@ -45,13 +45,15 @@ class SpectralDiffusion final : public Simulator {
   const FourierGrid& grid() const { return *grid_; }
   // nu t |k|^2 of every mode.
   const Eigen::ArrayXd& exponents() const { return exponents_; }
+  // exp(-nu t |k|^2) of every mode.
+  const Eigen::ArrayXd& decay() const { return decay_; }
 
  private:
   bool Diffuse(const double* x, double* y) const;
 
   std::shared_ptr<const FourierGrid> grid_;
   Eigen::ArrayXd exponents_;
-  Eigen::ArrayXd decay_;  // exp(-exponents)
+  Eigen::ArrayXd decay_;
 };
 
 }  // namespace invgrad
