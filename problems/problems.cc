@@ -1,10 +1,13 @@
 #include "problems/problems.h"
 
+#include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
+#include "problems/multimodal.h"
 #include "problems/oscillator_chain.h"
 #include "problems/poisson.h"
 #include "problems/quantum_dipole.h"
+#include "problems/sine.h"
 #include "problems/squared_component.h"
 #include "problems/toy_network.h"
 
@@ -81,6 +84,10 @@ const std::vector<ProblemRow>& Problems() {
       Point<LinearScale>("linear_scale",
                          "y = (u_0 x_0, u_1 x_1), L = c (y_0 + y_1)",
                          "PBDL physgrad, units and sensitivity"),
+      Point<SinePoint>("sine_point",
+                       "y = (sin h_0, h_1), h = diag(10 / xi, 10 xi) R(phi) x, "
+                       "L = 1/2 |y - y*|^2",
+                       "SIP, sin_characterization; PBDL physgrad-nn"),
       Learning<ToyNetwork>(
           "toy_network",
           "y = (f_0, lambda f_1), y* = (sin 6a, cos 9a), L = 1/2 |y - y*|^2",
@@ -96,18 +103,25 @@ const std::vector<ProblemRow>& Problems() {
       Learning<Poisson>("poisson",
                         "y = laplace(x), x = 0 outside, L = 1/2 |y - y*|^2",
                         "HIG release, Poisson_problem"),
-      Learning<Heat1d>(
-          "heat_1d",
-          "dy/dt = nu laplace(y), y(0) = x, periodic, L = 1/2 |y - y*|^2",
-          "SIP release, heat, in one dimension"),
-      Learning<Heat>(
-          "heat",
-          "dy/dt = nu laplace(y), y(0) = x, periodic, L = 1/2 |y - y*|^2",
-          "SIP release, heat; PBDL physgrad-code"),
-      Point<HeatState>(
-          "heat_state",
-          "dy/dt = nu laplace(y), y(0) = x, periodic, L = 1/2 |y - y*|^2",
-          "SIP release, heat, plot_heat_optim"),
+      Learning<Heat1d>("heat_1d",
+                       "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
+                       "SIP release, heat, in one dimension"),
+      Learning<Heat>("heat",
+                     "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
+                     "SIP release, heat; PBDL physgrad-code"),
+      Point<HeatState>("heat_state",
+                       "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
+                       "SIP release, heat, plot_heat_optim"),
+      Learning<Sine>("sine",
+                     "y = (sin h_0, h_1), h = diag(10 / xi, 10 xi) R(phi) x, "
+                     "L = 1/2 |y - y*|^2",
+                     "SIP, sin_characterization"),
+      Learning<Exponential>("exponential",
+                            "y = exp(x), L = 1/2 (y - y*)^2, y* in (e^-12, 1]",
+                            "SIP, exp"),
+      Learning<Multimodal>("multimodal",
+                           "y = x^2, L = 1/2 (y - y*)^2, two pre-images",
+                           "PBDL intro-teaser and physgrad-nn"),
   };
   return table;
 }

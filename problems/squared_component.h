@@ -8,7 +8,8 @@
 // Optimum: x = (0, 0), L = 0; the Hessian is singular there in x_1, so Newton's
 //          method converges only linearly, x_1 <- (1 - eta / 3) x_1, while
 //          x_0 <- (1 - eta) x_0.
-// Inverse: x = (y_0, sign(x0_1) sqrt(y_1)), of the two pre-images the one on x0's
+// Inverse: x = (y_0, sign(x0_1) sqrt(y_1)), of the two pre-images the one on
+// x0's
 //          side.
 // Source:  PBDL, chapter physgrad-comparison, arXiv 2109.05237.
 #ifndef PROBLEMS_SQUARED_COMPONENT_H_

@@ -16,6 +16,7 @@ DataSet FourSamples() {
   data.inputs << 0, 1, 2, 3, 10, 11, 12, 13;
   data.contexts = -data.inputs.topRows(1);
   data.targets = data.inputs.bottomRows(1);
+  data.solutions = 2.0 * data.inputs;
   return data;
 }
 
@@ -25,6 +26,7 @@ TEST(DataSetTest, SelectKeepsTheGivenOrder) {
   EXPECT_EQ(selected.inputs.row(0), Eigen::RowVector3d(3, 1, 3));
   EXPECT_EQ(selected.contexts.row(0), Eigen::RowVector3d(-3, -1, -3));
   EXPECT_EQ(selected.targets.row(0), Eigen::RowVector3d(13, 11, 13));
+  EXPECT_EQ(selected.solutions.row(0), Eigen::RowVector3d(6, 2, 6));
 }
 
 TEST(DataSetTest, RangeIsContiguous) {
@@ -32,6 +34,7 @@ TEST(DataSetTest, RangeIsContiguous) {
   EXPECT_EQ(range.inputs.row(0), Eigen::RowVector2d(1, 2));
   EXPECT_EQ(range.contexts.row(0), Eigen::RowVector2d(-1, -2));
   EXPECT_EQ(range.targets.row(0), Eigen::RowVector2d(11, 12));
+  EXPECT_EQ(range.solutions.row(1), Eigen::RowVector2d(22, 24));
   EXPECT_EQ(FourSamples().Range(4, 0).num_samples(), 0);
 }
 

@@ -41,7 +41,13 @@ class ProgramRunner : public ::testing::Test {
 
   // Starts the program with its output in a file; returns the process.
   pid_t Start(const std::vector<std::string>& arguments) const {
-    std::vector<std::string> words = {INVGRAD_BIN_DIR "/" + program_};
+    return StartProgram(program_, arguments);
+  }
+
+  // Another program in bin/.
+  pid_t StartProgram(const std::string& program,
+                     const std::vector<std::string>& arguments) const {
+    std::vector<std::string> words = {INVGRAD_BIN_DIR "/" + program};
     words.insert(words.end(), arguments.begin(), arguments.end());
     std::vector<char*> argv;
     argv.reserve(words.size() + 1);

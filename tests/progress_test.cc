@@ -102,6 +102,14 @@ TEST_F(ProgressTest, TellsAllThatIsKnown) {
             "elapsed 10.0 s  left 40.0 s\n");
 }
 
+TEST_F(ProgressTest, WhatHasNoStepsShowsNone) {
+  Progress progress(Options(/*is_terminal=*/false));
+  progress.Update(State(ProgressState::kNoStep, 0.0));
+  now_ += 10.0;
+  progress.Update(State(ProgressState::kNoStep, 0.5));
+  EXPECT_EQ(Written(), "adam  elapsed 10.0 s  left 10.0 s\n");
+}
+
 TEST_F(ProgressTest, LinesAreSeldomAwayFromATerminal) {
   Progress progress(Options(/*is_terminal=*/false));
   int num_lines = 0;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <sstream>
 
 #include "bin/support/program.h"
@@ -133,13 +134,15 @@ struct MethodResults {
   std::vector<LearningRunResult> runs;
 };
 
-Table MakeTable(const LearningComparisonOptions& options,
+Table MakeTable(const LearningProblem& problem,
+                const LearningComparisonOptions& options,
                 const std::vector<MethodResults>& all) {
   const bool has_seeds = options.seeds.size() > 1;
   std::vector<Table::Column> header = {{"method", Table::Align::kLeft},
                                        {"train loss"},
                                        {"test loss"},
                                        {"best train"}};
+  if (problem.metric.has_value()) header.push_back({problem.metric->name});
   if (has_seeds) header.push_back({"train loss, all seeds"});
   header.insert(header.end(), {{"steps"}, {"s"}, {"ms/step"}});
   for (const double level : options.levels) {
@@ -162,6 +165,10 @@ Table MakeTable(const LearningComparisonOptions& options,
     row.push_back(NumberOrDash(
         MedianRun(method.runs, &HistoryRow::test_loss).last().test_loss));
     row.push_back(FormatNumber(run.BestTrainLoss()));
+    if (problem.metric.has_value()) {
+      row.push_back(NumberOrDash(
+          MedianRun(method.runs, &HistoryRow::metric).last().metric));
+    }
     if (has_seeds) row.push_back(Spread(method.runs));
     row.push_back(std::to_string(run.summary.num_steps));
     row.push_back(FormatNumber(seconds));
@@ -185,15 +192,15 @@ Table MakeTable(const LearningComparisonOptions& options,
 std::string SummaryCsv(const std::vector<MethodResults>& all) {
   std::ostringstream csv;
   csv.precision(std::numeric_limits<double>::max_digits10);
-  csv << "method,seed,train_loss,test_loss,best_train_loss,steps,seconds,"
-         "saturated,status\n";
+  csv << "method,seed,train_loss,test_loss,best_train_loss,metric,steps,"
+         "seconds,saturated,status\n";
   for (const MethodResults& method : all) {
     for (const LearningRunResult& run : method.runs) {
       csv << '"' << run.label << "\"," << run.seed << ','
           << run.last().train_loss << ',' << run.last().test_loss << ','
-          << run.BestTrainLoss() << ',' << run.summary.num_steps << ','
-          << run.summary.train_time_in_seconds << ',' << run.num_saturated
-          << ",\"" << run.summary.message << "\"\n";
+          << run.BestTrainLoss() << ',' << run.last().metric << ','
+          << run.summary.num_steps << ',' << run.summary.train_time_in_seconds
+          << ',' << run.num_saturated << ",\"" << run.summary.message << "\"\n";
     }
   }
   return csv.str();
@@ -214,29 +221,40 @@ Series LossCurve(const LearningRunResult& run,
   return series;
 }
 
-std::vector<Plot> LossPlots(const std::vector<MethodResults>& all,
-                            bool has_test_data) {
-  std::vector<Plot> plots;
-  for (const bool against_seconds : {false, true}) {
-    Plot plot;
-    // Test loss where there is one: it is what counts.
-    plot.title = has_test_data ? "test loss" : "train loss";
-    plot.x_label = against_seconds ? "seconds of training" : "step";
-    plot.y_label = "loss";
-    plot.log_x = true;
-    plot.log_y = true;
-    // One legend is enough: it stands beside the last panel.
-    plot.legend =
-        against_seconds ? Plot::Legend::kOutside : Plot::Legend::kNone;
-    for (const MethodResults& method : all) {
-      if (method.runs.empty()) continue;
-      plot.series.push_back(LossCurve(
-          MedianRun(method.runs),
-          has_test_data ? &HistoryRow::test_loss : &HistoryRow::train_loss,
-          against_seconds));
-    }
-    plots.push_back(plot);
+Plot CurvePlot(const std::vector<MethodResults>& all,
+               const std::string& title,
+               double HistoryRow::*column,
+               bool against_seconds) {
+  Plot plot;
+  plot.title = title;
+  plot.x_label = against_seconds ? "seconds of training" : "step";
+  plot.y_label = title;
+  plot.log_x = true;
+  plot.log_y = true;
+  plot.legend = Plot::Legend::kNone;
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    plot.series.push_back(
+        LossCurve(MedianRun(method.runs), column, against_seconds));
   }
+  return plot;
+}
+
+std::vector<Plot> LossPlots(const LearningProblem& problem,
+                            const std::vector<MethodResults>& all) {
+  // Test loss where there is one: it is what counts.
+  const bool has_test_data = problem.test.num_samples() > 0;
+  const std::string title = has_test_data ? "test loss" : "train loss";
+  const auto loss =
+      has_test_data ? &HistoryRow::test_loss : &HistoryRow::train_loss;
+  std::vector<Plot> plots = {CurvePlot(all, title, loss, false),
+                             CurvePlot(all, title, loss, true)};
+  if (problem.metric.has_value()) {
+    plots.push_back(
+        CurvePlot(all, problem.metric->name, &HistoryRow::metric, true));
+  }
+  // One legend is enough: it stands beside the last panel.
+  plots.back().legend = Plot::Legend::kOutside;
   return plots;
 }
 
@@ -303,19 +321,66 @@ Plot SamplePathPlot(const LearningProblem& problem,
   return plot;
 }
 
+// What a network of one number learned: x over its input, and the solutions
+// that the data were made from.
+Plot MapPlot(const LearningProblem& problem,
+             const std::vector<MethodResults>& all) {
+  const DataSet& data = problem.train;
+  std::vector<int> order(data.num_samples());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int i, int j) {
+    return data.inputs(0, i) < data.inputs(0, j);
+  });
+  const DataSet sorted = data.Select(order);
+  const auto curve = [&](const std::string& title, const auto& x) {
+    Series series;
+    series.title = title;
+    series.x.assign(sorted.inputs.data(),
+                    sorted.inputs.data() + sorted.num_samples());
+    series.y.assign(x.data(), x.data() + sorted.num_samples());
+    return series;
+  };
+  Plot plot;
+  plot.title = "learned map";
+  plot.x_label = "network input";
+  plot.y_label = "x";
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    DenseNetwork::Activations activations;
+    std::string ignored;
+    if (problem.model->Forward(MedianRun(method.runs).weights,
+                               sorted,
+                               false,
+                               &activations,
+                               &ignored)) {
+      plot.series.push_back(curve(method.label, activations.outputs));
+    }
+  }
+  if (sorted.solutions.rows() == 1) {
+    Series solutions = curve("solutions", sorted.solutions);
+    solutions.style = Series::Style::kPoints;
+    plot.series.push_back(solutions);
+  }
+  return plot;
+}
+
 void DrawPictures(const LearningProblem& problem,
                   const LearningComparisonOptions& options,
                   const std::vector<MethodResults>& all) {
   std::string error;
-  if (!WritePlots(options.output + "/loss.png",
-                  LossPlots(all, problem.test.num_samples() > 0),
-                  &error)) {
+  if (!WritePlots(
+          options.output + "/loss.png", LossPlots(problem, all), &error)) {
     Warn(error);
     return;
   }
   const std::vector<Plot> neurons = NeuronPlots(all);
   if (!neurons.empty() &&
       !WritePlots(options.output + "/neurons.png", neurons, &error)) {
+    Warn(error);
+  }
+  if (problem.train.inputs.rows() == 1 &&
+      problem.model->simulator().num_inputs() == 1 &&
+      !WritePlot(options.output + "/map.png", MapPlot(problem, all), &error)) {
     Warn(error);
   }
   if (options.tracked_sample >= 0 && problem.train.targets.rows() >= 2 &&
@@ -331,7 +396,7 @@ bool WriteResults(const LearningProblem& problem,
                   const std::vector<MethodResults>& all,
                   std::ostream& out,
                   std::string* error) {
-  const Table table = MakeTable(options, all);
+  const Table table = MakeTable(problem, options, all);
   out << table.ToText();
   if (options.plots) DrawPictures(problem, options, all);
   return WriteFile(options.output + "/table.txt", table.ToText(), error) &&

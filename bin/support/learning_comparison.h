@@ -3,8 +3,10 @@
 //   DIR/METHOD-seedK/...   see learning_run.h
 //   DIR/initial_weights-seedK.npy, DIR/data.npy
 //   DIR/table.txt, DIR/table.md, DIR/summary.csv
-//   DIR/loss.png           losses against steps and against seconds
+//   DIR/loss.png           losses against steps and against seconds; the
+//                          problem's metric, if it has one
 //   DIR/neurons.png        mean activations of a small network's neurons
+//   DIR/map.png            x over the input, where both are one number
 //   DIR/sample_path.png    the tracked sample in the plane of y_0 and y_1
 //
 // Of a method's seeds, the table shows the median of each column, and curves

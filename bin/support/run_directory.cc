@@ -21,10 +21,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A resumed run may be longer than the first one, and look at other levels.
+// A resumed run may be longer than the first one, look at other levels or
+// values, and use other numbers of processes.
 const std::set<std::string>& FlagsThatMayChange() {
-  static const auto& flags = *new std::set<std::string>{
-      "output", "epochs", "steps", "seconds", "levels", "progress", "plots"};
+  static const auto& flags = *new std::set<std::string>{"output",
+                                                        "epochs",
+                                                        "steps",
+                                                        "seconds",
+                                                        "levels",
+                                                        "value",
+                                                        "tail",
+                                                        "jobs",
+                                                        "progress",
+                                                        "plots"};
   return flags;
 }
 

@@ -36,6 +36,8 @@ ChainPullBack::ChainPullBack(const Model* model,
           model->shared_simulator(), std::move(inverse), options.simulator) {
   CHECK_GE(options.curvature_weight, 0.0);
   CHECK_LE(options.curvature_weight, 1.0);
+  CHECK_GT(options.max_change, 0.0);
+  CHECK_GE(options.data_weight, 0.0);
   CHECK_GE(options.updates_per_evaluation, 1);
   CHECK_GE(options.num_threads, 1);
 }
@@ -83,6 +85,7 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
                                     std::string* error) {
   const int num_samples = batch.num_samples();
   const Index num_y = model_.loss().size();
+  if (needs_solutions()) CHECK_EQ(batch.solutions.rows(), x.rows());
   struct Sample {
     double loss = 0.0;
     double curvature = 1.0;
@@ -106,12 +109,8 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
       return true;
     };
     const Simulator::Covector covector = std::cref(wanted_change);
-    if (!simulator_pull_back_(x.col(s),
-                              batch.contexts.col(s),
-                              covector,
-                              y.data(),
-                              d_x_.col(s),
-                              &sample.result)) {
+    if (!PullBackSample(
+            x.col(s), batch, s, covector, y.data(), &sample.result)) {
       if (sample.error.empty()) {
         sample.error = "the simulator has no finite value";
       }
@@ -149,6 +148,33 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
   if (std::isfinite(*cost)) return true;
   *error = "the cost of the batch is not finite";
   return false;
+}
+
+bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
+                                   const DataSet& batch,
+                                   int sample,
+                                   const Simulator::Covector& wanted_change,
+                                   double* y,
+                                   SimulatorPullBack::Result* result) {
+  auto d_x = d_x_.col(sample);
+  if (options_.is_supervised) {
+    // Only for the loss; what is wanted does not come from y.
+    Scratch<double> ignored(model_.loss().size());
+    d_x = batch.solutions.col(sample) - x;
+    return model_.simulator().Evaluate(
+               x.data(), batch.contexts.col(sample).data(), y, nullptr) &&
+           wanted_change(y, ignored.data());
+  }
+  if (!simulator_pull_back_(
+          x, batch.contexts.col(sample), wanted_change, y, d_x, result)) {
+    return false;
+  }
+  if (options_.data_weight > 0.0) {
+    d_x += options_.data_weight * (batch.solutions.col(sample) - x);
+  }
+  const double length = d_x.norm();
+  if (length > options_.max_change) d_x *= options_.max_change / length;
+  return true;
 }
 
 void ChainPullBack::SetWeights(const VectorXd& curvatures) {

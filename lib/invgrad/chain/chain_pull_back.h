@@ -20,6 +20,11 @@
 // gamma = 1 makes the L2 proxy follow the loss to second order along every
 // d_x; gamma = 0 (w = 1) is the published method.
 //
+// Besides, |d_x| may be cut to max_change, and the data's own solutions x* may
+// enter: d_x += data_weight (x* - x) is the gradient step of an additional
+// data_weight / 2 |x - x*|^2, the loss called physics-informed; and
+// `supervised` puts x~ = x* in place of any pull-back.
+//
 // Several updates: after Linearize, LinearizeAgain moves towards the same x~
 // without another evaluation of the simulator.
 //
@@ -37,6 +42,7 @@
 #ifndef INVGRAD_CHAIN_CHAIN_PULL_BACK_H_
 #define INVGRAD_CHAIN_CHAIN_PULL_BACK_H_
 
+#include <limits>
 #include <memory>
 #include <string>
 
@@ -58,6 +64,9 @@ class ChainPullBack {
     SimulatorPullBack::Options simulator;
     Proxy proxy = Proxy::kL2;
     double curvature_weight = 0.0;  // gamma in [0, 1]
+    double max_change = std::numeric_limits<double>::infinity();
+    double data_weight = 0.0;
+    bool is_supervised = false;
     int updates_per_evaluation = 1;
     int num_threads = 1;
   };
@@ -82,6 +91,10 @@ class ChainPullBack {
                       Linearization* linearization,
                       std::string* error);
 
+  // Whether the data must have solutions.
+  bool needs_solutions() const {
+    return options_.is_supervised || options_.data_weight > 0.0;
+  }
   int updates_per_evaluation() const { return options_.updates_per_evaluation; }
   const PullBackCounts& counts() const { return counts_; }
 
@@ -92,6 +105,13 @@ class ChainPullBack {
                        const DataSet& batch,
                        double* cost,
                        std::string* error);
+  // Of one sample; the change's source in *result.
+  bool PullBackSample(const InverseSimulator::ConstVectorRef& x,
+                      const DataSet& batch,
+                      int sample,
+                      const Simulator::Covector& wanted_change,
+                      double* y,
+                      SimulatorPullBack::Result* result);
   void SetWeights(const Eigen::VectorXd& curvatures);
   bool LinearizeProxy(const Eigen::VectorXd& weights,
                       DenseNetwork::Activations activations,

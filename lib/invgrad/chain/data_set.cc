@@ -48,30 +48,35 @@ bool IsArrayFinite(const char* name,
 DataSet DataSet::Select(const std::vector<int>& indices) const {
   CheckColumns(contexts, num_samples());
   CheckColumns(targets, num_samples());
+  CheckColumns(solutions, num_samples());
   for (const int index : indices) {
     CHECK_GE(index, 0);
     CHECK_LT(index, num_samples());
   }
   return {SelectColumns(inputs, indices),
           SelectColumns(contexts, indices),
-          SelectColumns(targets, indices)};
+          SelectColumns(targets, indices),
+          SelectColumns(solutions, indices)};
 }
 
 DataSet DataSet::Range(int first, int count) const {
   CheckColumns(contexts, num_samples());
   CheckColumns(targets, num_samples());
+  CheckColumns(solutions, num_samples());
   CHECK_GE(first, 0);
   CHECK_GE(count, 0);
   CHECK_LE(count, num_samples() - first);
   return {ColumnRange(inputs, first, count),
           ColumnRange(contexts, first, count),
-          ColumnRange(targets, first, count)};
+          ColumnRange(targets, first, count),
+          ColumnRange(solutions, first, count)};
 }
 
 bool DataSet::IsFinite(std::string* error) const {
   return IsArrayFinite("inputs", inputs, error) &&
          IsArrayFinite("contexts", contexts, error) &&
-         IsArrayFinite("targets", targets, error);
+         IsArrayFinite("targets", targets, error) &&
+         IsArrayFinite("solutions", solutions, error);
 }
 
 }  // namespace invgrad

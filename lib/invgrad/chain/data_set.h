@@ -15,6 +15,9 @@ struct DataSet {
   Eigen::MatrixXd inputs;    // |a| x N: what the network sees
   Eigen::MatrixXd contexts;  // |c| x N: the simulator's own data; 0 x N if none
   Eigen::MatrixXd targets;   // |y| x N: y*
+  // |x| x N: an x with P(x) = y*, where the data were made from one; 0 x N if
+  // none is known. What supervised training learns.
+  Eigen::MatrixXd solutions;
 
   int num_samples() const { return static_cast<int>(inputs.cols()); }
 

@@ -27,16 +27,17 @@ double GeometricMean(const Vector& lambda) {
 template <typename Lambda, typename Q>
 void Step(const Lambda& lambda,
           const Q& eigenvectors,
-          double max_loss_change,
+          const NewtonInverse::Options& options,
           const Map<const VectorXd>& g,
           Map<VectorXd>* x) {
   const double mean = GeometricMean(lambda);
   for (Index i = 0; i < lambda.size(); ++i) {
     const double slope = eigenvectors.col(i).dot(g);
     if (slope == 0.0) continue;
-    const double newton = std::abs(slope / lambda[i]);
+    const double newton =
+        std::abs(slope) / (std::abs(lambda[i]) + options.damping);
     const double bound =
-        lambda[i] > mean ? newton : max_loss_change / std::abs(slope);
+        lambda[i] > mean ? newton : options.max_loss_change / std::abs(slope);
     *x -= std::copysign(std::min(newton, bound), slope) * eigenvectors.col(i);
   }
 }
@@ -44,7 +45,7 @@ void Step(const Lambda& lambda,
 // Eigenvalue problems of size two are solved by one rotation.
 void SaddleFreeStep(const Map<const MatrixXd>& H,
                     const Map<const VectorXd>& g,
-                    double max_loss_change,
+                    const NewtonInverse::Options& options,
                     Map<VectorXd>* x) {
   if (H.rows() == 2) {
     Eigen::JacobiRotation<double> rotation;
@@ -54,11 +55,11 @@ void SaddleFreeStep(const Map<const MatrixXd>& H,
     D.applyOnTheRight(0, 1, rotation);
     Eigen::Matrix2d Q = Eigen::Matrix2d::Identity();
     Q.applyOnTheRight(0, 1, rotation);
-    Step(Eigen::Vector2d(D.diagonal()), Q, max_loss_change, g, x);
+    Step(Eigen::Vector2d(D.diagonal()), Q, options, g, x);
     return;
   }
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
-  Step(eigen.eigenvalues(), eigen.eigenvectors(), max_loss_change, g, x);
+  Step(eigen.eigenvalues(), eigen.eigenvectors(), options, g, x);
 }
 
 }  // namespace
@@ -69,6 +70,7 @@ NewtonInverse::NewtonInverse(std::shared_ptr<const Simulator> simulator,
   CHECK(simulator_ != nullptr);
   CHECK_GE(options.num_steps, 1);
   CHECK_GT(options.max_loss_change, 0.0);
+  CHECK_GE(options.damping, 0.0);
 }
 
 bool NewtonInverse::Invert(const ConstVectorRef& y,
@@ -112,7 +114,7 @@ bool NewtonInverse::Invert(const ConstVectorRef& y,
     Map<VectorXd> x_map(x->data(), n);
     SaddleFreeStep(Map<const MatrixXd>(H.data(), n, n),
                    Map<const VectorXd>(g.data(), n),
-                   options_.max_loss_change,
+                   options_,
                    &x_map);
   }
   return true;

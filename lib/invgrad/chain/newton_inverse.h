@@ -3,7 +3,7 @@
 //
 //   F(x) = 1/2 |P(x; c) - y|^2,   g = J^T (P - y),
 //   H = J^T J + sum_i (P_i - y_i) d2P_i/dx2 = Q diag(lambda) Q^T
-//   x = x_0 - Q d,   |d_i| = |Q^T g|_i / |lambda_i|
+//   x = x_0 - Q d,   |d_i| = |Q^T g|_i / (|lambda_i| + damping)
 //
 // and, where lambda_i is not above the geometric mean of all |lambda|,
 // |d_i| <= max_loss_change / |Q^T g|_i: along flat and along concave directions
@@ -11,7 +11,7 @@
 // a saddle repels. Repeated num_steps times.
 //
 // Shapes:  x: n = num_inputs;  y: num_outputs;  Q: n x n.
-// Units:   max_loss_change in [y]^2.
+// Units:   max_loss_change in [y]^2; damping in [y]^2 / [x]^2.
 // Cost:    a step: one Jacobian, one WeightedHessian, one symmetric eigenvalue
 //          problem of size n.
 // Fails:   returns false if P or a derivative has no finite value.
@@ -35,6 +35,7 @@ class NewtonInverse final : public InverseSimulator {
   struct Options {
     int num_steps = 1;
     double max_loss_change = 0.2;
+    double damping = 0.0;
   };
 
   NewtonInverse(std::shared_ptr<const Simulator> simulator,

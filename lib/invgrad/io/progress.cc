@@ -138,7 +138,10 @@ void Progress::Clear() {
 
 std::string Progress::Line(const ProgressState& state, double now) const {
   const double elapsed = now - first_time_;
-  std::string line = state.label + "  step " + std::to_string(state.step);
+  std::string line = state.label;
+  if (state.step != ProgressState::kNoStep) {
+    line += "  step " + std::to_string(state.step);
+  }
   if (!std::isnan(state.epoch)) {
     line += "  epoch " + Fixed(state.epoch, 1);
   }

@@ -29,6 +29,7 @@ std::string FormatNumber(double value, int digits = 4);
 
 struct ProgressState {
   static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  static constexpr long kNoStep = -1;  // not shown
   std::string label;
   long step = 0;
   double epoch = kUnknown;

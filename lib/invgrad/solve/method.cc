@@ -64,7 +64,6 @@ bool FindWays(const std::string& name, Method* method, std::string* error) {
 bool FindRows(const std::string& name, Method* method, std::string* error) {
   const ChainMethodRow* chain = FindChainMethod(name);
   if (chain != nullptr) {
-    method->rule_settings = chain->rule_defaults;
     return method->pull_back.emplace().SetWays(
                chain->loss, chain->simulator, error) &&
            FindRuleRow(chain->rule, method, error);
@@ -100,16 +99,29 @@ bool ParseBatchSize(const std::string& value,
   return set.Set("batch_size", value, error);
 }
 
+// Those that are not set.
+void AddDefaults(const Settings& defaults, Settings* settings) {
+  const Settings given = *settings;
+  for (const auto& setting : defaults) {
+    if (std::none_of(given.begin(), given.end(), [&](const auto& other) {
+          return other.first == setting.first;
+        })) {
+      settings->push_back(setting);
+    }
+  }
+}
+
 bool ParseMethod(const Specification& specification,
                  Method* method,
                  std::string* error) {
   method->label = specification.text;
   if (!FindRows(specification.name, method, error)) return false;
-  const Settings defaults = std::move(method->rule_settings);
-  method->rule_settings.clear();
+  const ChainMethodRow* chain = FindChainMethod(specification.name);
+  Settings settings = specification.settings;
+  if (chain != nullptr) AddDefaults(chain->defaults, &settings);
   Settings pull_back_settings;
   std::string why;
-  for (const auto& setting : specification.settings) {
+  for (const auto& setting : settings) {
     if (setting.first == "batch_size") {
       if (!ParseBatchSize(setting.second, &method->batch_size, &why)) {
         *error = specification.name + ": " + why;
@@ -123,14 +135,6 @@ bool ParseMethod(const Specification& specification,
       pull_back_settings.push_back(setting);
     } else {
       method->ceres_settings.push_back(setting);
-    }
-  }
-  for (const auto& setting : defaults) {
-    const auto& given = specification.settings;
-    if (std::none_of(given.begin(), given.end(), [&](const auto& other) {
-          return other.first == setting.first;
-        })) {
-      method->rule_settings.push_back(setting);
     }
   }
   if (method->pull_back.has_value()) {
@@ -420,6 +424,10 @@ bool TrainByPullBack(const Method& method,
         summary,
         error);
   }
+  if (ways.needs_solutions() && train.solutions.rows() == 0) {
+    *error = "its data have no solutions x* to learn from";
+    return false;
+  }
   ChainPullBack pull_back(
       &model,
       ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
@@ -586,6 +594,14 @@ bool MinimizeByMethod(const Method& method,
                       MinimizerSummary* summary,
                       std::string* error) {
   path->clear();
+  if (method.pull_back.has_value() && method.pull_back->needs_solutions()) {
+    *error = "a point has no data to learn from";
+    return false;
+  }
+  if (method.pull_back.has_value() && method.pull_back->needs_batches()) {
+    *error = "proxy, curvature_weight, updates and max_change need a network";
+    return false;
+  }
   if (method.ceres == nullptr) {
     MinimizeByRule(
         method, options, std::move(inverse), objective, path, summary);

@@ -73,7 +73,16 @@ void PullBackMethod::Describe(OptionSet* set) {
            &updates_,
            {1, 1e6},
            "updates of the network per evaluation of the simulator");
+  set->Add("max_change",
+           &max_change_,
+           {0.0, kInfinity},
+           "longest |d_x| of a sample; 0: any");
   set->Add("threads", &threads_, {1, 1024}, "threads, over the samples");
+  if (simulator_ == "data") return;
+  set->Add("data_weight",
+           &data_weight_,
+           {0.0, kInfinity},
+           "weight of 1/2 |x - x*|^2, x* the data's own solution");
   if (simulator_ == "adjoint") return;
   set->Add("pull_back_truncation",
            &pull_back_truncation_,
@@ -97,6 +106,7 @@ void PullBackMethod::Describe(OptionSet* set) {
            &max_loss_change_,
            {0.0, kInfinity, true},
            "bound along flat and concave directions");
+  set->Add("damping", &damping_, {0.0, kInfinity}, "added to |lambda|");
 }
 
 LossWay PullBackMethod::LossWayOf() const {
@@ -139,6 +149,9 @@ ChainPullBack::Options PullBackMethod::ChainOptions() const {
   options.proxy =
       proxy_ == "l2" ? ChainPullBack::Proxy::kL2 : ChainPullBack::Proxy::kL1;
   options.curvature_weight = curvature_weight_;
+  if (max_change_ > 0.0) options.max_change = max_change_;
+  options.data_weight = data_weight_;
+  options.is_supervised = simulator_ == "data";
   options.updates_per_evaluation = updates_;
   options.num_threads = threads_;
   return options;
@@ -152,6 +165,7 @@ std::shared_ptr<const InverseSimulator> PullBackMethod::FirstInverse(
   NewtonInverse::Options options;
   options.num_steps = newton_steps_;
   options.max_loss_change = max_loss_change_;
+  options.damping = damping_;
   return std::make_shared<NewtonInverse>(std::move(simulator), options);
 }
 
@@ -181,6 +195,19 @@ const std::vector<ChainMethodRow>& ChainMethods() {
        "adjoint",
        "adam",
        {}},
+      {"supervised",
+       "newton/data/adam: |f - x*|^2, x* the solution that the data were made "
+       "from",
+       "newton",
+       "data",
+       "adam",
+       {}},
+      {"physics_informed",
+       "gradient/adjoint/adam with data_weight 1: L + 1/2 |f - x*|^2",
+       "gradient",
+       "adjoint",
+       "adam",
+       {{"data_weight", "1"}}},
       {"sip",
        "scale-invariant physics training: newton/inverse/adam, |f - (x + "
        "P^-1(y + d_y; x) - x)|^2",

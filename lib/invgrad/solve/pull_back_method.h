@@ -6,6 +6,7 @@
 //   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
 //              newton                               (simulator_pull_back.h)
 //              joint: not by itself, RULE sees network and simulator as one
+//              data: none, x~ is the solution that the data were made from
 //   RULE       any update rule, of the proxy in x (chain_pull_back.h)
 //
 // `inverse` is the problem's own inverse simulator, or the numerical one where
@@ -39,6 +40,15 @@ class PullBackMethod {
   void Describe(OptionSet* set);
 
   bool is_joint() const { return simulator_ == "joint"; }
+  // Whether a setting is made that means something for batches only.
+  bool needs_batches() const {
+    return proxy_ != "l2" || curvature_weight_ != 0.0 || updates_ != 1 ||
+           max_change_ != 0.0;
+  }
+  // Whether it needs data with solutions.
+  bool needs_solutions() const {
+    return simulator_ == "data" || data_weight_ > 0.0;
+  }
 
   // For ways that are joint: the loss that the rule is to see.
   std::shared_ptr<const Loss> MakeLoss(std::shared_ptr<const Loss> loss) const;
@@ -64,6 +74,8 @@ class PullBackMethod {
   double y_step_size_ = 1.0;
   std::string proxy_ = "l2";
   double curvature_weight_ = 0.0;
+  double max_change_ = 0.0;  // 0: no limit
+  double data_weight_ = 0.0;
   int updates_ = 1;
   int threads_ = 1;
   double pull_back_truncation_ = 1e-5;
@@ -72,6 +84,7 @@ class PullBackMethod {
   int inverse_iterations_ = 50;
   int newton_steps_ = 1;
   double max_loss_change_ = 0.2;
+  double damping_ = 0.0;
 };
 
 // A known combination.
@@ -81,7 +94,7 @@ struct ChainMethodRow {
   std::string loss;
   std::string simulator;
   std::string rule;
-  Settings rule_defaults;  // where they differ from the rule's own
+  Settings defaults;  // where they differ from those of its parts
 
   std::vector<OptionSet::Row> options() const;
 };

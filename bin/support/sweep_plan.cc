@@ -1,0 +1,322 @@
+#include "bin/support/sweep_plan.h"
+
+#include <algorithm>
+#include <map>
+
+#include "bin/support/learning_comparison.h"
+#include "bin/support/parse_list.h"
+#include "bin/support/run_directory.h"
+#include "problems/problems.h"
+
+namespace invgrad {
+
+namespace {
+
+std::vector<std::string> Names(const std::vector<OptionSet::Row>& options) {
+  std::vector<std::string> names;
+  for (const OptionSet::Row& row : options) names.push_back(row.name);
+  return names;
+}
+
+bool Contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool ParseMethod(const std::string& text, Method* method, std::string* error) {
+  std::vector<Method> methods;
+  if (!ParseMethods(text, &methods, error)) return false;
+  *method = methods[0];
+  return true;
+}
+
+std::vector<std::string> OptionsOf(const Method& method) {
+  std::vector<std::string> names;
+  if (method.rule != nullptr) names = Names(method.rule->options());
+  if (method.ceres != nullptr) {
+    const std::vector<std::string> more = Names(method.ceres->options());
+    names.insert(names.end(), more.begin(), more.end());
+  }
+  return names;
+}
+
+class Planner {
+ public:
+  Planner(const std::string& problem,
+          int batch_size,
+          SweepPlan* plan,
+          std::string* error)
+      : problem_(problem),
+        batch_size_(batch_size),
+        plan_(plan),
+        error_(error) {}
+
+  bool Plan() {
+    if (!ReadRules() || !ReadSeeds() || !ReadBatchSizes() || !SortAxes()) {
+      return false;
+    }
+    std::vector<int> at(plan_->grid.axes.size(), 0);
+    do {
+      if (!AddPoints(at)) return false;
+    } while (Advance(&at));
+    return true;
+  }
+
+ private:
+  enum class Kind { kRule, kSeed, kBatchSize, kProblem, kRuleOption };
+
+  const std::vector<GridAxis>& axes() const { return plan_->grid.axes; }
+
+  bool Refuse(size_t position, const std::string& message) {
+    *error_ = GridMessage(plan_->grid.text, position, message);
+    return false;
+  }
+
+  bool ReadRules() {
+    const GridAxis* rules = plan_->grid.Find("rule");
+    if (rules == nullptr) {
+      return Refuse(plan_->grid.text.size(),
+                    "expected the axis rule=method,method, found the end");
+    }
+    plan_->rule_axis = static_cast<int>(rules - axes().data());
+    for (const GridValue& value : rules->values) {
+      plan_->alternatives.push_back(ExpandRule(value.text));
+      for (const RuleAlternative& rule : plan_->alternatives.back()) {
+        Method method;
+        std::string why;
+        if (!ParseMethod(rule.specification, &method, &why)) {
+          return Refuse(value.position, why);
+        }
+      }
+    }
+    return true;
+  }
+
+  bool ReadSeeds() {
+    if (plan_->grid.Find("seed") == nullptr) {
+      plan_->grid.axes.push_back(
+          {"seed", plan_->grid.text.size(), {{"1", plan_->grid.text.size()}}});
+    }
+    const GridAxis* axis = plan_->grid.Find("seed");
+    plan_->seed_axis = static_cast<int>(axis - axes().data());
+    for (const GridValue& value : axis->values) {
+      std::vector<int> seed;
+      std::string why;
+      if (!ParseSeeds(value.text, &seed, &why)) {
+        return Refuse(value.position, why);
+      }
+      seeds_.push_back(seed[0]);
+    }
+    return true;
+  }
+
+  bool ReadBatchSizes() {
+    const GridAxis* axis = plan_->grid.Find("batch_size");
+    if (axis == nullptr) return true;
+    for (const GridValue& value : axis->values) {
+      int batch_size = 0;
+      OptionSet set;
+      set.Add("batch_size", &batch_size, {0, 1e9}, "");
+      std::string why;
+      if (!set.Set("batch_size", value.text, &why)) {
+        return Refuse(value.position, why);
+      }
+      batch_sizes_.push_back(batch_size);
+    }
+    return true;
+  }
+
+  // Finds out what each axis is, and which rules have the options of rules.
+  bool SortAxes() {
+    PhysicsProblem problem;
+    std::vector<Specification> parsed;
+    if (!CreateProblem(problem_, nullptr, &problem, error_) ||
+        !ParseSpecifications(problem_, &parsed, error_)) {
+      return false;
+    }
+    if (!problem.learning.has_value()) {
+      *error_ = "--problem=" + problem_ +
+                " has no network to train; compare and trajectories show "
+                "point problems";
+      return false;
+    }
+    problems_[problem_] =
+        std::make_shared<LearningProblem>(*std::move(problem.learning));
+    const std::vector<std::string> problem_options =
+        Names(FindProblem(parsed[0].name)->options());
+    for (const GridAxis& axis : axes()) {
+      if (axis.name == "rule") {
+        kinds_.push_back(Kind::kRule);
+      } else if (axis.name == "seed") {
+        kinds_.push_back(Kind::kSeed);
+      } else if (axis.name == "batch_size") {
+        kinds_.push_back(Kind::kBatchSize);
+      } else if (Contains(problem_options, axis.name)) {
+        kinds_.push_back(Kind::kProblem);
+      } else if (IsRuleOption(axis)) {
+        kinds_.push_back(Kind::kRuleOption);
+      } else {
+        return RefuseAxis(axis, problem_options);
+      }
+    }
+    return true;
+  }
+
+  // A rule has an option if it takes at least one of the values.
+  bool IsRuleOption(const GridAxis& axis) {
+    std::vector<bool> takers;
+    for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
+      takers.push_back(std::any_of(
+          axis.values.begin(), axis.values.end(), [&](const GridValue& value) {
+            Method method;
+            std::string ignored;
+            return ParseMethod(
+                WithOption(rule[0], axis, value), &method, &ignored);
+          }));
+    }
+    takers_[axis.name] = takers;
+    return std::find(takers.begin(), takers.end(), true) != takers.end();
+  }
+
+  static std::string WithOption(const RuleAlternative& rule,
+                                const GridAxis& axis,
+                                const GridValue& value) {
+    return rule.specification + ":" + axis.name + "=" + value.text;
+  }
+
+  bool RefuseAxis(const GridAxis& axis, std::vector<std::string> names) {
+    names.insert(names.end(), {"rule", "seed", "batch_size"});
+    for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
+      Method method;
+      std::string why;
+      ParseMethod(rule[0].specification, &method, &why);
+      for (const std::string& name : OptionsOf(method)) {
+        if (name == axis.name) {  // it is there: the values are not allowed
+          ParseMethod(WithOption(rule[0], axis, axis.values[0]), &method, &why);
+          return Refuse(axis.values[0].position, why);
+        }
+        if (!Contains(names, name)) names.push_back(name);
+      }
+    }
+    return Refuse(axis.position,
+                  UnknownNameMessage("axis", axis.name, names) +
+                      "; expected rule, seed, batch_size, or an option of the "
+                      "problem or of a rule of the grid");
+  }
+
+  // The next point of the grid, the last axis changing fastest.
+  bool Advance(std::vector<int>* at) const {
+    for (size_t k = at->size(); k-- > 0;) {
+      const auto size = static_cast<int>(axes()[k].values.size());
+      if (++(*at)[k] < size) return true;
+      (*at)[k] = 0;
+    }
+    return false;
+  }
+
+  // The jobs of all alternatives at one point.
+  bool AddPoints(const std::vector<int>& at) {
+    const GridValue& rule_value =
+        axes()[plan_->rule_axis].values[at[plan_->rule_axis]];
+    std::string specification = problem_;
+    std::string options;    // for the rule
+    std::string directory;  // what distinguishes the job
+    size_t position = 0;    // of the last option of the problem
+    size_t batch_position = rule_value.position;
+    LearningComparisonOptions run;
+    run.batch_size = batch_size_;
+    for (size_t k = 0; k < at.size(); ++k) {
+      const GridAxis& axis = axes()[k];
+      const GridValue& value = axis.values[at[k]];
+      const std::string setting = ":" + axis.name + "=" + value.text;
+      if (kinds_[k] == Kind::kProblem) {
+        specification += setting;
+        directory += setting.substr(1) + "-";
+        position = value.position;
+      } else if (kinds_[k] == Kind::kBatchSize) {
+        run.batch_size = batch_sizes_[at[k]];
+        batch_position = value.position;
+      } else if (kinds_[k] == Kind::kRuleOption &&
+                 takers_[axis.name][at[plan_->rule_axis]]) {
+        options += setting;
+      }
+    }
+    std::shared_ptr<const LearningProblem> problem;
+    if (!FindOrCreateProblem(specification, position, &problem)) return false;
+    const std::vector<RuleAlternative>& rules =
+        plan_->alternatives[at[plan_->rule_axis]];
+    for (size_t i = 0; i < rules.size(); ++i) {
+      SweepJob job;
+      std::string why;
+      if (!ParseMethod(rules[i].specification + options, &job.method, &why)) {
+        return Refuse(rule_value.position, why);
+      }
+      if (!CheckLearningComparison(*problem, {job.method}, run, &why)) {
+        return Refuse(batch_position, why);
+      }
+      job.problem = problem;
+      job.batch_size = BatchSize(*problem, job.method, run);
+      job.seed = seeds_[at[plan_->seed_axis]];
+      job.name = directory + job.method.label + "-batch" +
+                 std::to_string(job.batch_size) + "-seed" +
+                 std::to_string(job.seed);
+      plan_->points.push_back({at, static_cast<int>(i), FindOrAddJob(job)});
+    }
+    return true;
+  }
+
+  bool FindOrCreateProblem(const std::string& specification,
+                           size_t position,
+                           std::shared_ptr<const LearningProblem>* problem) {
+    std::shared_ptr<const LearningProblem>& known = problems_[specification];
+    if (known == nullptr) {
+      PhysicsProblem created;
+      std::string why;
+      if (!CreateProblem(specification, nullptr, &created, &why)) {
+        return Refuse(position, why);
+      }
+      known = std::make_shared<LearningProblem>(*std::move(created.learning));
+    }
+    *problem = known;
+    return true;
+  }
+
+  // Two points with the same settings share a job.
+  int FindOrAddJob(SweepJob job) {
+    const auto [it, is_new] =
+        job_numbers_.emplace(job.name, static_cast<int>(plan_->jobs.size()));
+    if (is_new) {
+      // The number keeps apart what special characters or length would not.
+      constexpr size_t kMaxLength = 150;
+      job.name = std::to_string(it->second) + "-" +
+                 FileName(job.name).substr(0, kMaxLength);
+      plan_->jobs.push_back(std::move(job));
+    }
+    return it->second;
+  }
+
+  const std::string problem_;
+  const int batch_size_;
+  SweepPlan* plan_;
+  std::string* error_;
+
+  std::vector<Kind> kinds_;  // of the axes
+  std::vector<int> seeds_;
+  std::vector<int> batch_sizes_;
+  std::map<std::string, std::vector<bool>> takers_;  // of an option, by rule
+  std::map<std::string, std::shared_ptr<const LearningProblem>> problems_;
+  std::map<std::string, int> job_numbers_;
+};
+
+}  // namespace
+
+bool MakeSweepPlan(const std::string& problem,
+                   const Grid& grid,
+                   int batch_size,
+                   SweepPlan* plan,
+                   std::string* error) {
+  *plan = SweepPlan();
+  plan->grid = grid;
+  return Planner(problem, batch_size, plan, error).Plan();
+}
+
+}  // namespace invgrad

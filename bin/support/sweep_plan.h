@@ -1,0 +1,61 @@
+// What a sweep runs: the points of a grid, and the runs that they need.
+//
+// An axis is `rule`, `seed`, `batch_size`, an option of the problem, or an
+// option of rules. The last kind is given to every rule that has the option and
+// does not set it itself: any other is run once, and its result stands at all
+// of the axis' values.
+//
+// Fails:   false, with *error naming the place in the grid, for an axis that
+//          nobody knows (with the nearest names), a value that is not allowed,
+//          a problem without a network, and a batch larger than the data.
+#ifndef BIN_SUPPORT_SWEEP_PLAN_H_
+#define BIN_SUPPORT_SWEEP_PLAN_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bin/support/sweep_grid.h"
+#include "invgrad/solve/method.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+// One training run.
+struct SweepJob {
+  std::string name;  // of its directory
+  std::shared_ptr<const LearningProblem> problem;
+  Method method;
+  int batch_size = 0;  // at least 1
+  int seed = 0;
+};
+
+// One line of the results.
+struct SweepPoint {
+  std::vector<int> at;  // for every axis, which of its values
+  int alternative = 0;  // of the rule there
+  int job = 0;
+};
+
+struct SweepPlan {
+  Grid grid;          // with the axis `seed`, which the user may leave out
+  int rule_axis = 0;  // its number in grid.axes
+  int seed_axis = 0;
+  std::vector<std::vector<RuleAlternative>> alternatives;  // of every rule
+  std::vector<SweepJob> jobs;
+  // In the order of the grid, the last axis changing fastest, alternatives
+  // fastest of all.
+  std::vector<SweepPoint> points;
+};
+
+// `problem` is the specification that the axes add to; `batch_size` -1 is the
+// problem's own.
+bool MakeSweepPlan(const std::string& problem,
+                   const Grid& grid,
+                   int batch_size,
+                   SweepPlan* plan,
+                   std::string* error);
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_SWEEP_PLAN_H_

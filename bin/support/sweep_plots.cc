@@ -1,0 +1,262 @@
+#include "bin/support/sweep_plots.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <set>
+#include <system_error>
+#include <utility>
+
+namespace invgrad {
+
+namespace {
+
+constexpr size_t kMaxPanels = 16;
+
+struct NumericAxis {
+  int number = 0;  // in the grid
+  std::string name;
+  std::vector<double> values;  // as in the grid, not sorted
+};
+
+std::vector<NumericAxis> NumericAxes(const SweepPlan& plan) {
+  std::vector<NumericAxis> numeric;
+  for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
+    const GridAxis& axis = plan.grid.axes[k];
+    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
+      continue;
+    }
+    NumericAxis candidate{k, axis.name, {}};
+    for (const GridValue& value : axis.values) {
+      double number = 0.0;
+      if (ParseFinite(value.text, &number)) candidate.values.push_back(number);
+    }
+    if (candidate.values.size() == axis.values.size()) {
+      numeric.push_back(candidate);
+    }
+  }
+  return numeric;
+}
+
+// More than a decade, and all that is finite is positive.
+bool NeedsLogScale(const std::vector<double>& values) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = 0.0;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  return low > 0.0 && high > 10.0 * low;
+}
+
+// "xi=32, phi=45": where a panel stands, but for the axes that it shows.
+std::string PointText(const SweepPlan& plan,
+                      const std::vector<int>& at,
+                      const std::set<int>& shown) {
+  std::string text;
+  for (int k = 0; k < static_cast<int>(at.size()); ++k) {
+    const GridAxis& axis = plan.grid.axes[k];
+    if (shown.count(k) > 0 || axis.values.size() < 2) continue;
+    text +=
+        (text.empty() ? "" : ", ") + axis.name + "=" + axis.values[at[k]].text;
+  }
+  return text;
+}
+
+// Of the rules: without what they chose between, if that tells them apart.
+std::vector<std::string> RuleTitles(const SweepPlan& plan) {
+  std::vector<std::string> titles;
+  for (const GridValue& rule : plan.grid.axes[plan.rule_axis].values) {
+    titles.push_back(WithoutAlternatives(rule.text));
+  }
+  std::vector<std::string> unique = titles;
+  for (size_t i = 0; i < titles.size(); ++i) {
+    if (std::count(titles.begin(), titles.end(), titles[i]) > 1) {
+      unique[i] = plan.grid.axes[plan.rule_axis].values[i].text;
+    }
+  }
+  return unique;
+}
+
+// The best of the points that agree in all axes but `shown`.
+using Panels = std::map<std::vector<int>, std::vector<const SweepBest*>>;
+
+Panels GroupByPanel(const std::vector<SweepBest>& best,
+                    const std::set<int>& shown) {
+  Panels panels;
+  for (const SweepBest& one : best) {
+    std::vector<int> at = one.at;
+    for (const int k : shown) at[k] = 0;
+    panels[at].push_back(&one);
+  }
+  return panels;
+}
+
+std::vector<double> Medians(const std::vector<SweepBest>& best) {
+  std::vector<double> medians;
+  for (const SweepBest& one : best) medians.push_back(one.cell.median);
+  return medians;
+}
+
+std::vector<double> Sorted(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values;
+}
+
+bool DrawIfAny(const std::string& file,
+               const std::vector<Plot>& plots,
+               std::string* error) {
+  // An earlier picture, of less of the grid, must not pass for this one.
+  std::error_code ignored;
+  std::filesystem::remove(file, ignored);
+  return plots.empty() || WritePlots(file, plots, error);
+}
+
+}  // namespace
+
+std::vector<Plot> SweepLines(const SweepPlan& plan,
+                             const SweepValue& value,
+                             const std::vector<SweepBest>& best) {
+  std::vector<Plot> plots;
+  const std::vector<NumericAxis> numeric = NumericAxes(plan);
+  if (numeric.empty()) return plots;
+  const NumericAxis& x = numeric[0];
+  const std::vector<std::string> titles = RuleTitles(plan);
+  const bool log_y = NeedsLogScale(Medians(best));
+  const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
+  for (const auto& [at, points] : GroupByPanel(best, shown)) {
+    if (plots.size() == kMaxPanels) break;
+    Plot plot;
+    plot.title = PointText(plan, at, shown);
+    plot.x_label = x.name;
+    plot.y_label = value.name;
+    plot.log_x = NeedsLogScale(x.values);
+    plot.log_y = log_y;
+    for (size_t rule = 0; rule < titles.size(); ++rule) {
+      std::vector<std::pair<double, const SweepCell*>> cells;
+      for (const SweepBest* point : points) {
+        if (point->at[plan.rule_axis] == static_cast<int>(rule)) {
+          cells.emplace_back(x.values[point->at[x.number]], &point->cell);
+        }
+      }
+      std::sort(cells.begin(), cells.end());
+      Series series;
+      series.title = titles[rule];
+      series.style = Series::Style::kLinesAndPoints;
+      for (const auto& [at_x, cell] : cells) {
+        series.x.push_back(at_x);
+        series.y.push_back(cell->median);
+        series.y_low.push_back(cell->low);
+        series.y_high.push_back(cell->high);
+      }
+      plot.series.push_back(series);
+    }
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
+                                const SweepValue& value,
+                                const std::vector<SweepBest>& best) {
+  std::vector<Plot> plots;
+  const std::vector<NumericAxis> numeric = NumericAxes(plan);
+  if (numeric.size() < 2) return plots;
+  const NumericAxis& x = numeric[0];
+  const NumericAxis& y = numeric[1];
+  HeatMap map;
+  map.x = Sorted(x.values);
+  map.y = Sorted(y.values);
+  map.equal_cells = true;
+  map.z_label = value.name;
+  const std::vector<double> medians = Medians(best);
+  map.log_z = NeedsLogScale(medians);
+  for (const double median : medians) {
+    if (std::isnan(median)) continue;
+    map.z_range.low = std::min(map.z_range.low.value_or(median), median);
+    map.z_range.high = std::max(map.z_range.high.value_or(median), median);
+  }
+  if (map.z_range.low == map.z_range.high) map.z_range = AxisRange();
+  const auto index = [](const std::vector<double>& sorted, double number) {
+    return std::lower_bound(sorted.begin(), sorted.end(), number) -
+           sorted.begin();
+  };
+  const std::vector<std::string> titles = RuleTitles(plan);
+  const std::set<int> shown = {x.number, y.number, plan.seed_axis};
+  std::set<int> in_title = shown;
+  in_title.insert(plan.rule_axis);
+  for (const auto& [at, points] : GroupByPanel(best, shown)) {
+    if (plots.size() == kMaxPanels) break;
+    Plot plot;
+    const std::string where = PointText(plan, at, in_title);
+    plot.title =
+        titles[at[plan.rule_axis]] + (where.empty() ? "" : ", " + where);
+    plot.x_label = x.name;
+    plot.y_label = y.name;
+    map.z.setConstant(map.y.size(), map.x.size(), HistoryRow::kNone);
+    for (const SweepBest* point : points) {
+      map.z(index(map.y, y.values[point->at[y.number]]),
+            index(map.x, x.values[point->at[x.number]])) = point->cell.median;
+    }
+    plot.heat_map = map;
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+std::vector<Plot> SweepCurves(const SweepPlan& plan,
+                              const std::vector<SweepRun>& runs,
+                              const SweepValue& value,
+                              const std::vector<SweepBest>& best) {
+  std::vector<Plot> plots;
+  const std::set<int> shown = {plan.rule_axis, plan.seed_axis};
+  for (const auto& [at, points] : GroupByPanel(best, shown)) {
+    if (plots.size() == kMaxPanels) break;
+    Plot plot;
+    plot.title = PointText(plan, at, shown);
+    plot.x_label = "seconds of training";
+    plot.y_label = value.name;
+    plot.log_x = true;
+    std::vector<double> values;
+    for (const SweepBest* point : points) {
+      const SweepRun& run = runs[plan.points[point->cell.median_point].job];
+      Series series;
+      series.title = point->alternative->specification;
+      series.color = point->at[plan.rule_axis];
+      if (run.result.has_value()) {
+        for (const HistoryRow& row : run.result->history) {
+          // The start has no place on a logarithmic axis.
+          if (row.step == 0) continue;
+          series.x.push_back(row.seconds);
+          series.y.push_back(row.*value.field);
+        }
+      }
+      values.insert(values.end(), series.y.begin(), series.y.end());
+      plot.series.push_back(series);
+    }
+    plot.log_y = NeedsLogScale(values);
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+bool DrawSweep(const std::string& directory,
+               const SweepPlan& plan,
+               const std::vector<SweepRun>& runs,
+               const SweepValue& value,
+               const std::vector<SweepBest>& best,
+               std::string* error) {
+  return DrawIfAny(
+             directory + "/lines.png", SweepLines(plan, value, best), error) &&
+         DrawIfAny(directory + "/heat_map.png",
+                   SweepHeatMaps(plan, value, best),
+                   error) &&
+         DrawIfAny(directory + "/curves.png",
+                   SweepCurves(plan, runs, value, best),
+                   error);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,47 @@
+// The pictures of a sweep, each of the best alternative of every rule.
+//
+//   DIR/lines.png     the value against the first numeric axis, a line a rule,
+//                     the band from the lowest to the highest seed; a panel for
+//                     each point of the other axes
+//   DIR/heat_map.png  the value over the first two numeric axes, a panel a rule
+//                     and point of the other axes, in the same colours
+//   DIR/curves.png    the value against seconds of training, of the median
+//                     seed; a panel for each point of the grid
+//
+// A numeric axis is one, other than `seed` and `rule`, with two numbers or more
+// and nothing else. What spans more than a decade is drawn on a logarithmic
+// scale. There are at most 16 panels: the first ones.
+#ifndef BIN_SUPPORT_SWEEP_PLOTS_H_
+#define BIN_SUPPORT_SWEEP_PLOTS_H_
+
+#include <string>
+#include <vector>
+
+#include "bin/support/sweep_results.h"
+#include "invgrad/io/plot.h"
+
+namespace invgrad {
+
+// No panels if the grid has too few numeric axes.
+std::vector<Plot> SweepLines(const SweepPlan& plan,
+                             const SweepValue& value,
+                             const std::vector<SweepBest>& best);
+std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
+                                const SweepValue& value,
+                                const std::vector<SweepBest>& best);
+std::vector<Plot> SweepCurves(const SweepPlan& plan,
+                              const std::vector<SweepRun>& runs,
+                              const SweepValue& value,
+                              const std::vector<SweepBest>& best);
+
+// All of them. False with *error set if one cannot be drawn.
+bool DrawSweep(const std::string& directory,
+               const SweepPlan& plan,
+               const std::vector<SweepRun>& runs,
+               const SweepValue& value,
+               const std::vector<SweepBest>& best,
+               std::string* error);
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_SWEEP_PLOTS_H_

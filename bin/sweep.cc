@@ -1,0 +1,307 @@
+// Trains by every rule at every point of a grid of settings, in parallel.
+//
+// Sample runs:
+//
+//   sweep --problem=toy_network --steps=200 --jobs=2
+//       --grid="lambda=1,0.1,0.01;rule=half_inverse,adam:step_size=1e-2|3e-3"
+//   sweep --problem=oscillator_chain --seconds=5
+//       --grid="num_oscillators=2,4;rule=half_inverse,adam:step_size=1e-3|3e-4;
+//       seed=1,2,3"
+//   sweep --problem=toy_network --epochs=100 --tail=0.1
+//       --grid="truncation=1e-3,1e-6,1e-9;batch_size=32,128,0;
+//       rule=half_inverse,gauss_newton:step_size=auto"
+//
+// Axes are separated by ";", values by ",". Every combination is run, each in a
+// process of its own: the option of the problem, of the rules, their names,
+// batch sizes and seeds. A rule may list alternatives of its settings, "|"
+// between them: the best one at each point of the grid is found, tabled and
+// drawn, with a remark if it is the smallest or largest that was tried.
+//
+//   DIR/flags.txt, DIR/versions.txt    see run_directory.h
+//   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
+//   DIR/sweep.csv                      one line a run
+//   DIR/table.txt, DIR/table.md        the best alternatives
+//   DIR/lines.png, heat_map.png, curves.png   see sweep_plots.h
+//
+// Run again, it goes on where it was stopped and skips what is done. Ctrl-C
+// ends it, with the results so far.
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "bin/support/learning_comparison.h"
+#include "bin/support/learning_run.h"
+#include "bin/support/listing.h"
+#include "bin/support/program.h"
+#include "bin/support/run_directory.h"
+#include "bin/support/sweep_grid.h"
+#include "bin/support/sweep_plan.h"
+#include "bin/support/sweep_plots.h"
+#include "bin/support/sweep_processes.h"
+#include "bin/support/sweep_results.h"
+#include "gflags/gflags.h"
+#include "invgrad/io/atomic_file.h"
+#include "invgrad/io/interrupt.h"
+#include "invgrad/io/progress.h"
+#include "invgrad/linalg/blas.h"
+
+DEFINE_bool(list, false, "print the problems and rules with their options");
+DEFINE_string(problem,
+              "oscillator_chain",
+              "name[:key=value...]: what is the same at all points");
+DEFINE_string(grid,
+              "",
+              "axis=value,value;axis=value,...: an axis is rule, seed, "
+              "batch_size, or an option of the problem or of the rules");
+DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
+DEFINE_int64(steps, 0, "budget in steps; 0: none");
+DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
+DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
+DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
+DEFINE_string(value,
+              "auto",
+              "what is compared: train_loss, test_loss, metric; auto: the last "
+              "of these that the problem has");
+DEFINE_double(tail,
+              0.0,
+              "part of the training time over whose end the value is averaged; "
+              "0: the last value alone");
+DEFINE_int32(jobs, 1, "how many runs at a time, each with one core");
+DEFINE_string(output, "runs/sweep", "directory of the results");
+DEFINE_bool(overwrite, false, "replace the directory, do not go on with it");
+DEFINE_bool(progress, true, "show live how far it is");
+DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
+
+namespace invgrad {
+namespace {
+
+// What, value, allowed: for flags whose type alone does not say it.
+bool CheckFlags(std::string* error) {
+  const auto check =
+      [error](const char* name, bool is_allowed, const char* allowed) {
+        if (is_allowed) return true;
+        *error = std::string("--") + name + "=" +
+                 gflags::GetCommandLineFlagInfoOrDie(name).current_value +
+                 " is out of range; allowed: " + allowed;
+        return false;
+      };
+  constexpr int kMaxJobs = 1024;
+  return check("epochs", FLAGS_epochs >= 0, "0 (none) or more") &&
+         check("steps", FLAGS_steps >= 0, "0 (none) or more") &&
+         check("seconds",
+               FLAGS_seconds >= 0.0 && std::isfinite(FLAGS_seconds),
+               "0 (none) or more") &&
+         check("batch_size",
+               FLAGS_batch_size >= -1,
+               "-1 (the problem's own), 0 (all), or more") &&
+         check("tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)") &&
+         check(
+             "jobs", FLAGS_jobs >= 1 && FLAGS_jobs <= kMaxJobs, "1 to 1024") &&
+         check("grid", !FLAGS_grid.empty(), "axis=value,value;...") &&
+         check("output", !FLAGS_output.empty(), "a directory");
+}
+
+std::string Directory(const SweepJob& job) {
+  return FLAGS_output + "/jobs/" + job.name;
+}
+
+TrainOptions TrainOptionsOf(const SweepJob& job) {
+  TrainOptions options;
+  options.batch_size = job.batch_size;
+  options.shuffle = FLAGS_shuffle;
+  options.shuffle_seed = static_cast<std::uint32_t>(job.seed);
+  if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
+  if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
+  if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
+  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
+    options.max_num_epochs = job.problem->num_epochs;
+  }
+  return options;
+}
+
+// Whether a run that ended on its budget could go on with the present one.
+bool HasBudgetLeft(const LearningRunResult& result,
+                   const TrainOptions& options) {
+  return result.has_used_its_budget() &&
+         result.last().epoch < options.max_num_epochs &&
+         result.summary.num_steps < options.max_num_steps &&
+         result.summary.train_time_in_seconds < options.max_time_in_seconds;
+}
+
+// Reads the run of a job if it is done. False if its files are damaged.
+bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
+  LearningRunResult result;
+  if (!LoadLearningRun(Directory(job), *job.problem, &result, error)) {
+    return error->empty();
+  }
+  run->status = result.summary.message;
+  if (!HasBudgetLeft(result, TrainOptionsOf(job))) {
+    run->result = std::move(result);
+  }
+  return true;
+}
+
+// Ends a run when the sweep is to end.
+class StopCallback final : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary&) override {
+    return IsStopRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                             : ceres::SOLVER_CONTINUE;
+  }
+};
+
+bool RunJob(const SweepJob& job, std::string* error) {
+  StopCallback stop;
+  LearningRunOptions options;
+  options.train = TrainOptionsOf(job);
+  options.train.callbacks.push_back(&stop);
+  options.directory = Directory(job);
+  LearningRunResult result;
+  return RunLearning(*job.problem,
+                     job.method,
+                     job.seed,
+                     InitialWeights(*job.problem, job.seed),
+                     options,
+                     &result,
+                     error);
+}
+
+// Shows how many of the jobs have ended.
+class LiveLine {
+ public:
+  explicit LiveLine(int num_skipped) : num_skipped_(num_skipped) {}
+
+  void Update(const std::vector<ProcessStatus>& statuses) {
+    int num_ended = 0;
+    int num_running = 0;
+    double done = 0.0;  // jobs, with parts of those that run
+    for (const ProcessStatus& status : statuses) {
+      if (status.state == ProcessStatus::State::kRunning) {
+        ++num_running;
+        if (FLAGS_seconds > 0.0) {
+          done += std::min(status.seconds / FLAGS_seconds, 1.0);
+        }
+      } else if (status.state != ProcessStatus::State::kWaiting) {
+        ++num_ended;
+        done += 1.0;
+      }
+    }
+    ProgressState state;
+    state.label = std::to_string(num_skipped_ + num_ended) + "/" +
+                  std::to_string(num_skipped_ + statuses.size()) + " done, " +
+                  std::to_string(num_running) + " running";
+    state.step = ProgressState::kNoStep;
+    state.fraction = done / static_cast<double>(statuses.size());
+    progress_.Update(state);
+  }
+
+ private:
+  const int num_skipped_;
+  Progress progress_;
+};
+
+// Runs the jobs that are not done yet, and reads all results.
+bool RunJobs(const SweepPlan& plan,
+             std::vector<SweepRun>* runs,
+             std::string* error) {
+  runs->assign(plan.jobs.size(), {std::nullopt, "interrupted"});
+  std::vector<int> to_run;
+  for (size_t i = 0; i < plan.jobs.size(); ++i) {
+    if (!LoadRun(plan.jobs[i], &(*runs)[i], error)) return false;
+    if (!(*runs)[i].result.has_value()) to_run.push_back(static_cast<int>(i));
+  }
+  const auto num_skipped = static_cast<int>(plan.jobs.size() - to_run.size());
+  if (num_skipped > 0) {
+    std::cout << num_skipped << " of " << plan.jobs.size()
+              << " runs were done before" << std::endl;
+  }
+  std::vector<ProcessStatus> statuses;
+  {
+    LiveLine live(num_skipped);
+    statuses = RunInProcesses(
+        static_cast<int>(to_run.size()),
+        FLAGS_jobs,
+        [&](int i, std::string* why) {
+          return RunJob(plan.jobs[to_run[i]], why);
+        },
+        [&](const std::vector<ProcessStatus>& now) {
+          if (FLAGS_progress) live.Update(now);
+        });
+  }
+  for (size_t i = 0; i < to_run.size(); ++i) {
+    const SweepJob& job = plan.jobs[to_run[i]];
+    SweepRun& run = (*runs)[to_run[i]];
+    if (statuses[i].state == ProcessStatus::State::kFailed ||
+        statuses[i].state == ProcessStatus::State::kCrashed) {
+      run.status = "not run: " + statuses[i].message;
+      Warn(job.name + ": " + statuses[i].message);
+    } else if (!LoadRun(job, &run, error)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+int Run() {
+  if (FLAGS_list) {
+    PrintListing(std::cout);
+    return 0;
+  }
+  // flags.txt has one line a flag.
+  std::replace(FLAGS_grid.begin(), FLAGS_grid.end(), '\n', ' ');
+  std::string error;
+  if (!CheckFlags(&error)) return Fail(error);
+  Grid grid;
+  SweepPlan plan;
+  SweepValue value;
+  if (!ParseGrid(FLAGS_grid, &grid, &error) ||
+      !MakeSweepPlan(FLAGS_problem, grid, FLAGS_batch_size, &plan, &error)) {
+    return Fail(error);
+  }
+  if (!FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {
+    return Fail(error);
+  }
+  SetBlasThreads(1);
+  const ExistingDirectory existing = FLAGS_overwrite
+                                         ? ExistingDirectory::kOverwrite
+                                         : ExistingDirectory::kResume;
+  if (!PrepareRunDirectory(
+          FLAGS_output, existing, FlagFileText(__FILE__), &error)) {
+    return Fail(error);
+  }
+  const Interrupt interrupt;
+  std::vector<SweepRun> runs;
+  if (!RunJobs(plan, &runs, &error)) return Fail(error);
+  const std::vector<SweepBest> best = FindBest(plan, runs, value);
+  const Table table = SweepTable(plan, runs, value, best);
+  std::cout << table.ToText();
+  if (!WriteFile(FLAGS_output + "/sweep.csv",
+                 SweepCsv(plan, runs, value, best),
+                 &error) ||
+      !WriteFile(FLAGS_output + "/table.txt", table.ToText(), &error) ||
+      !WriteFile(FLAGS_output + "/table.md", table.ToMarkdown(), &error)) {
+    return Fail(error);
+  }
+  if (FLAGS_plots &&
+      !DrawSweep(FLAGS_output, plan, runs, value, best, &error)) {
+    Warn(error);
+  }
+  std::cout << "results in " << FLAGS_output << "\n";
+  return 0;
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "trains by every rule at every point of a grid of settings",
+      invgrad::Run);
+}

@@ -1,0 +1,54 @@
+// Inverting the exponential function: a sensitivity that dies off by five
+// orders of magnitude.
+//
+//   y = exp(x),   L = 1/2 (y - y*)^2,   y* = exp(x*),   x* uniform in (-12, 0]
+//
+// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, which sees y*;  x, y:
+//          1.
+// Units:   none.
+// Data:    np.random.seed(data_seed); x* = -12 np.random.rand(2 N), the first N
+//          for training; x* is the data's solution.
+// Inverse: log y, global; y <= 0 has no pre-image.
+// Metric:  mean |x - x*|.
+// Methods: the paper's five are gradient_descent;
+// newton/newton/gradient_descent
+//          with max_loss_change=1e300, with max_change=0.1, with damping; and
+//          newton/inverse/gradient_descent with proxy=l1, whose gradient is
+//          sign(x - x*).
+// Source:  Holl, Koltun, Thuerey, NeurIPS 2022, section 3, arXiv 2109.15048,
+// and
+//          its code, exp/.
+#ifndef PROBLEMS_EXPONENTIAL_H_
+#define PROBLEMS_EXPONENTIAL_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct Exponential {
+  struct Options {
+    double range = 12.0;
+    int num_samples = 10000;
+    int data_seed = 0;
+    void Describe(OptionSet* set) {
+      set->Add("range", &range, {0.0, 700.0, true}, "x* is in (-range, 0]");
+      set->Add("num_samples",
+               &num_samples,
+               {1, 1e7},
+               "training samples; as many again are for testing");
+      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+    }
+  };
+
+  static bool Create(const Options& options,
+                     const Eigen::MatrixXd* data,
+                     LearningProblem* problem,
+                     std::string* error);
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_EXPONENTIAL_H_

@@ -1,0 +1,89 @@
+#include "problems/multimodal.h"
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/sample_data.h"
+
+namespace invgrad {
+namespace {
+
+struct Square {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    y[0] = x[0] * x[0];
+    return true;
+  }
+};
+
+bool Invert(const InverseSimulator::ConstVectorRef& y,
+            const InverseSimulator::ConstVectorRef& x0,
+            const InverseSimulator::ConstVectorRef& /*context*/,
+            Eigen::VectorXd* x,
+            std::string* why) {
+  if (y[0] < 0.0) {
+    *why = "y < 0 has no pre-image";
+    return false;
+  }
+  x->setConstant(1, std::copysign(std::sqrt(y[0]), x0[0]));
+  return true;
+}
+
+// Right for y up to 1/4 only.
+bool InvertWrongly(const InverseSimulator::ConstVectorRef& y,
+                   const InverseSimulator::ConstVectorRef& x0,
+                   const InverseSimulator::ConstVectorRef& context,
+                   Eigen::VectorXd* x,
+                   std::string* why) {
+  if (y[0] > 0.75) throw std::runtime_error("y > 0.75");
+  if (!Invert(y, x0, context, x, why)) return false;
+  if (y[0] > 0.5) {
+    *x *= std::numeric_limits<double>::quiet_NaN();
+  } else if (y[0] > 0.25) {
+    *x *= 0.5;
+  }
+  return true;
+}
+
+}  // namespace
+
+bool Multimodal::Create(const Options& options,
+                        const Eigen::MatrixXd* data,
+                        LearningProblem* problem,
+                        std::string* error) {
+  if (data != nullptr) {
+    if (!CheckDataShape(*data, 1, error)) return false;
+    problem->data = *data;
+  } else {
+    const Eigen::MatrixXd uniform =
+        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
+            .Rand(2 * options.num_samples, 1);
+    problem->data = 1.0 - 2.0 * uniform.array();
+  }
+  DataSet all;
+  all.solutions = problem->data.transpose();
+  all.targets = all.solutions.cwiseAbs2();
+  all.inputs = all.targets;
+  all.contexts.resize(0, all.inputs.cols());
+  SplitSamples(all, 100, problem);
+  problem->model = std::make_shared<Model>(
+      DenseNetwork({1, 32, 32, 1}, Activation::kTanh),
+      std::make_shared<AutoDiffSimulator<Square, 1, 1>>(),
+      std::make_shared<SquaredNormLoss>(1, 0.5),
+      Reduction::kMean);
+  problem->inverse = std::make_shared<FunctionInverse>(
+      options.wrong_inverse ? InvertWrongly : Invert);
+  problem->metric = Metric{
+      "distance", [](const Eigen::MatrixXd& x, const DataSet& samples) {
+        return (x.cwiseAbs() - samples.solutions.cwiseAbs()).cwiseAbs().mean();
+      }};
+  problem->num_epochs = 200;
+  return true;
+}
+
+}  // namespace invgrad

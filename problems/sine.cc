@@ -1,0 +1,166 @@
+#include "problems/sine.h"
+
+#include <cmath>
+
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/sample_data.h"
+
+namespace invgrad {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kBatchSize = 100;
+constexpr int kNumTestSamples = 2000;
+
+class SinePhysics {
+ public:
+  SinePhysics(double xi, double phi_in_degrees)
+      : cos_(std::cos(phi_in_degrees * kPi / 180.0)),
+        sin_(std::sin(phi_in_degrees * kPi / 180.0)),
+        scale_0_(10.0 / xi),
+        scale_1_(10.0 * xi) {}
+
+  // h(x).
+  template <typename T>
+  void Scale(const T* x, T* h) const {
+    h[0] = scale_0_ * (cos_ * x[0] - sin_ * x[1]);
+    h[1] = scale_1_ * (sin_ * x[0] + cos_ * x[1]);
+  }
+
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sin;
+    Scale(x, y);
+    y[0] = sin(y[0]);
+    return true;
+  }
+
+  // The pre-image of y closest to x0.
+  bool Invert(const InverseSimulator::ConstVectorRef& y,
+              const InverseSimulator::ConstVectorRef& x0,
+              Eigen::VectorXd* x,
+              std::string* why) const {
+    if (!(std::abs(y[0]) <= 1.0)) {
+      *why = "|y_0| > 1 has no pre-image";
+      return false;
+    }
+    double h0[2];
+    Scale(x0.data(), h0);
+    const double angle = std::asin(y[0]);
+    const double rising = NearestOfPeriod(angle, h0[0]);
+    const double falling = NearestOfPeriod(kPi - angle, h0[0]);
+    const double h = std::abs(rising - h0[0]) <= std::abs(falling - h0[0])
+                         ? rising
+                         : falling;
+    const double a = h / scale_0_;
+    const double b = y[1] / scale_1_;
+    x->resize(2);
+    *x << cos_ * a + sin_ * b, cos_ * b - sin_ * a;
+    return true;
+  }
+
+ private:
+  // angle + 2 pi k closest to `to`.
+  static double NearestOfPeriod(double angle, double to) {
+    return angle + 2.0 * kPi * std::round((to - angle) / (2.0 * kPi));
+  }
+
+  double cos_;
+  double sin_;
+  double scale_0_;
+  double scale_1_;
+};
+
+std::shared_ptr<const InverseSimulator> MakeInverse(
+    const SinePhysics& physics) {
+  return std::make_shared<FunctionInverse>(
+      [physics](const InverseSimulator::ConstVectorRef& y,
+                const InverseSimulator::ConstVectorRef& x0,
+                const InverseSimulator::ConstVectorRef& /*context*/,
+                Eigen::VectorXd* x,
+                std::string* why) { return physics.Invert(y, x0, x, why); });
+}
+
+// The mean distance of x to the closest solution, times `scale`.
+Metric MakeMetric(const SinePhysics& physics,
+                  const std::string& name,
+                  double scale) {
+  return {name,
+          [physics, scale](const Eigen::MatrixXd& x, const DataSet& data) {
+            double sum = 0.0;
+            Eigen::VectorXd closest;
+            std::string ignored;
+            for (int s = 0; s < data.num_samples(); ++s) {
+              // Targets are in range.
+              physics.Invert(data.targets.col(s), x.col(s), &closest, &ignored);
+              sum += (x.col(s) - closest).norm();
+            }
+            return scale * sum / data.num_samples();
+          }};
+}
+
+using SineSimulator = AutoDiffSimulator<SinePhysics, 2, 2>;
+
+}  // namespace
+
+bool Sine::Create(const Options& options,
+                  const Eigen::MatrixXd* data,
+                  LearningProblem* problem,
+                  std::string* error) {
+  if (data != nullptr) {
+    if (!CheckDataShape(*data, 2, error)) return false;
+    if ((data->col(0).array().abs() > 1.0).any()) {
+      *error = "the first column is y*_0; allowed: [-1, 1]";
+      return false;
+    }
+    problem->data = *data;
+  } else {
+    Eigen::MatrixXd uniform =
+        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
+            .Rand(options.num_samples + kNumTestSamples, 2);
+    problem->data = 2.0 * uniform.array() - 1.0;
+  }
+  DataSet all;
+  all.inputs = problem->data.transpose();
+  all.contexts.resize(0, all.inputs.cols());
+  all.targets = all.inputs;
+  const int num_train =
+      data == nullptr ? options.num_samples : all.num_samples() / 2;
+  problem->train = all.Range(0, num_train);
+  problem->test = all.Range(num_train, all.num_samples() - num_train);
+  const SinePhysics physics(options.xi, options.phi);
+  problem->model = std::make_shared<Model>(
+      DenseNetwork({2, 32, 64, 32, 2}, Activation::kRelu),
+      std::make_shared<SineSimulator>(physics),
+      std::make_shared<SquaredNormLoss>(2, 0.5),
+      Reduction::kMean);
+  problem->inverse = MakeInverse(physics);
+  problem->metric =
+      MakeMetric(physics,
+                 options.metric,
+                 options.metric == "distance" ? 1.0 : 1.0 / options.xi);
+  problem->batch_size = std::min(kBatchSize, num_train);
+  problem->num_epochs = 100;
+  return true;
+}
+
+bool SinePoint::Create(const Options& options,
+                       PointProblem* problem,
+                       std::string* /*error*/) {
+  const SinePhysics physics(options.xi, options.phi);
+  problem->simulator = std::make_shared<SineSimulator>(physics);
+  problem->inverse = MakeInverse(physics);
+  problem->loss = std::make_shared<SquaredNormLoss>(2, 0.5);
+  problem->target = Eigen::Vector2d(options.target_0, options.target_1);
+  problem->start = Eigen::Vector2d(options.start_0, options.start_1);
+  Eigen::VectorXd closest;
+  std::string ignored;
+  physics.Invert(problem->target, problem->start, &closest, &ignored);
+  problem->minimizer = closest;
+  problem->minimum = 0.0;
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,162 @@
+// Grids as text, and what they mean.
+
+#include "bin/support/sweep_grid.h"
+
+#include <string>
+#include <vector>
+
+#include "bin/support/sweep_plan.h"
+#include "gtest/gtest.h"
+
+namespace invgrad {
+namespace {
+
+std::vector<std::string> Texts(const GridAxis& axis) {
+  std::vector<std::string> texts;
+  for (const GridValue& value : axis.values) texts.push_back(value.text);
+  return texts;
+}
+
+using Strings = std::vector<std::string>;
+
+TEST(ParseGrid, ReadsAxesAndValues) {
+  Grid grid;
+  std::string error;
+  ASSERT_TRUE(ParseGrid(
+      " xi = 1, 3 ;rule=sip:a=1|2 , newton/inverse/adam,ceres_lm+adam;\nseed=7",
+      &grid,
+      &error))
+      << error;
+  ASSERT_EQ(grid.axes.size(), 3u);
+  EXPECT_EQ(grid.axes[0].name, "xi");
+  EXPECT_EQ(grid.axes[0].position, 1u);
+  EXPECT_EQ(Texts(grid.axes[0]), Strings({"1", "3"}));
+  EXPECT_EQ(grid.axes[0].values[1].position, 9u);
+  EXPECT_EQ(Texts(grid.axes[1]),
+            Strings({"sip:a=1|2", "newton/inverse/adam", "ceres_lm+adam"}));
+  EXPECT_EQ(Texts(grid.axes[2]), Strings({"7"}));
+  EXPECT_EQ(grid.Find("seed"), &grid.axes[2]);
+  EXPECT_EQ(grid.Find("phi"), nullptr);
+}
+
+TEST(ParseGrid, SaysWhereItIsMalformedAndWhatWasExpected) {
+  struct Case {
+    const char* text;
+    int column;
+    const char* message;
+  };
+  for (const Case& bad : std::vector<Case>{
+           {"", 1, "expected an axis, name=value,value, found the end"},
+           {"a=1;", 5, "expected an axis, name=value,value, found the end"},
+           {"a=1;;b=2", 5, "expected an axis, name=value,value, found ';'"},
+           {"=1", 1, "expected the name of an axis, found '='"},
+           {"a", 2, "expected '=' after the name 'a', found the end"},
+           {"a ;b=1", 3, "expected '=' after the name 'a', found ';'"},
+           {"a b=1", 3, "expected '=' after the name 'a', found 'b'"},
+           {"a=", 3, "expected a value of 'a', found the end"},
+           {"a=1,,2", 5, "expected a value of 'a', found ','"},
+           {"a=1, ;b=2", 6, "expected a value of 'a', found ';'"},
+           {"a=1|2", 4, "expected ',' between values"},
+           {"a=1;a=2", 5, "the axis 'a' is given twice"},
+           {"a=1,2,1", 7, "the value '1' of 'a' is given twice"},
+           {"rule=:a=1", 6, "expected the name of a rule, found ':'"},
+           {"rule=x|y", 7, "expected ',' between values"},
+           {"rule=x:", 8, "expected a setting, key=value, found the end"},
+           {"rule=x:=1", 8, "expected a setting, key=value, found '='"},
+           {"rule=x:a,y", 9, "expected '=' after the setting's key, found ','"},
+           {"rule=x:a=", 10, "expected a value of the setting, found the end"},
+           {"rule=x:a=1||2", 12, "expected a value of the setting, found '|'"},
+           {"rule=x:a=1|:b=2", 12, "expected a value of the setting"}}) {
+    SCOPED_TRACE(bad.text);
+    Grid grid;
+    std::string error;
+    EXPECT_FALSE(ParseGrid(bad.text, &grid, &error));
+    EXPECT_NE(error.find("column " + std::to_string(bad.column) + ": "),
+              std::string::npos)
+        << error;
+    EXPECT_NE(error.find(bad.message), std::string::npos) << error;
+    // The mark stands below that column of the text, which is indented by two.
+    const std::string end = "\n  " + std::string(bad.text) + "\n  " +
+                            std::string(bad.column - 1, ' ') + "^";
+    EXPECT_EQ(error.substr(error.size() - end.size()), end);
+  }
+}
+
+TEST(ExpandRule, CombinesAlternatives) {
+  const std::vector<RuleAlternative> one = ExpandRule("adam:beta=0.9");
+  ASSERT_EQ(one.size(), 1u);
+  EXPECT_EQ(one[0].specification, "adam:beta=0.9");
+  EXPECT_EQ(one[0].chosen, "");
+  EXPECT_TRUE(one[0].at_edge.empty());
+
+  const std::vector<RuleAlternative> six =
+      ExpandRule("a+b : x = 1 | 1e-2|10:y=0:z=auto|3");
+  ASSERT_EQ(six.size(), 6u);
+  const Strings specifications = {"a+b:x=1:y=0:z=auto",
+                                  "a+b:x=1:y=0:z=3",
+                                  "a+b:x=1e-2:y=0:z=auto",
+                                  "a+b:x=1e-2:y=0:z=3",
+                                  "a+b:x=10:y=0:z=auto",
+                                  "a+b:x=10:y=0:z=3"};
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(six[i].specification, specifications[i]);
+    // By size, not by place; what is not a number has no edge.
+    EXPECT_EQ(six[i].at_edge, i < 2 ? Strings() : Strings({"x"}));
+  }
+  EXPECT_EQ(six[3].chosen, "x=1e-2:z=3");
+  EXPECT_EQ(WithoutAlternatives("a+b:x=1|2:y=0"), "a+b:y=0");
+}
+
+// The rest needs problems and rules.
+SweepPlan Plan(const std::string& text) {
+  Grid grid;
+  SweepPlan plan;
+  std::string error;
+  EXPECT_TRUE(ParseGrid(text, &grid, &error)) << error;
+  EXPECT_TRUE(MakeSweepPlan("toy_network", grid, -1, &plan, &error)) << error;
+  return plan;
+}
+
+TEST(SweepPlan, HasAPointForEveryCombination) {
+  const SweepPlan plan =
+      Plan("lambda=1,0.1;rule=adam:step_size=1|2|3,half_inverse;seed=5,6");
+  EXPECT_EQ(plan.points.size(), 2u * (3u + 1u) * 2u);
+  EXPECT_EQ(plan.jobs.size(), plan.points.size());
+  // Alternatives change fastest, then the seed, then the rule.
+  EXPECT_EQ(plan.points[1].alternative, 1);
+  EXPECT_EQ(plan.points[3].at, (std::vector<int>{0, 0, 1}));
+  EXPECT_EQ(plan.points[6].at, (std::vector<int>{0, 1, 0}));
+  EXPECT_EQ(plan.jobs[plan.points[4].job].method.label, "adam:step_size=2");
+  EXPECT_EQ(plan.jobs[plan.points[4].job].seed, 6);
+  // A problem is made once.
+  EXPECT_EQ(plan.jobs[0].problem, plan.jobs[7].problem);
+  EXPECT_NE(plan.jobs[0].problem, plan.jobs[8].problem);
+}
+
+TEST(SweepPlan, OptionsOfRulesGoToThoseThatHaveThem) {
+  const SweepPlan plan = Plan(
+      "truncation=1e-3,1e-6;rule=half_inverse,adam,gauss_newton:truncation=0");
+  ASSERT_EQ(plan.points.size(), 6u);
+  EXPECT_EQ(plan.jobs.size(), 4u);
+  EXPECT_EQ(plan.jobs[plan.points[0].job].method.label,
+            "half_inverse:truncation=1e-3");
+  EXPECT_EQ(plan.jobs[plan.points[3].job].method.label,
+            "half_inverse:truncation=1e-6");
+  EXPECT_EQ(plan.points[1].job, plan.points[4].job);
+  // Its own setting goes first.
+  EXPECT_EQ(plan.points[2].job, plan.points[5].job);
+  EXPECT_EQ(plan.jobs[plan.points[2].job].method.label,
+            "gauss_newton:truncation=0");
+}
+
+TEST(SweepPlan, ARulesOwnBatchSizeGoesFirst) {
+  const SweepPlan plan = Plan("batch_size=8,0;rule=adam,adam:batch_size=4");
+  EXPECT_EQ(plan.jobs.size(), 3u);
+  EXPECT_EQ(plan.jobs[plan.points[0].job].batch_size, 8);
+  EXPECT_EQ(plan.jobs[plan.points[1].job].batch_size, 4);
+  EXPECT_EQ(plan.jobs[plan.points[2].job].batch_size, 256);
+  EXPECT_EQ(plan.points[1].job, plan.points[3].job);
+}
+
+}  // namespace
+}  // namespace invgrad
