@@ -44,7 +44,7 @@ bool HeatInverse::Invert(const ConstVectorRef& y,
   const double root_of_cells = std::sqrt(grid.num_cells());
   for (int k = 0; k < grid.num_modes(); ++k) {
     const double expected = root_of_cells * simulator_->decay()[k];
-    const double action = Action(std::abs(modes[k]), expected, u);
+    const double action = Action(std::sqrt(std::norm(modes[k])), expected, u);
     modes[k] *= std::exp(action * simulator_->exponents()[k]);
   }
   x->resize(grid.num_cells());
@@ -56,10 +56,11 @@ bool HeatInverse::Invert(const ConstVectorRef& y,
 double HeatInverse::Action(double amplitude,
                            double expected,
                            double uncertainty) {
-  if (amplitude == 0.0) return 0.0;  // 0 / 0 where nothing is expected
+  if (amplitude == 0.0) return 0.0;  // 0 inf where nothing is expected
   // log(s_k / n_k)
-  const double log_odds = 0.5 * (std::pow(amplitude / uncertainty, 2) -
-                                 std::pow(amplitude / expected, 2));
+  const double log_odds =
+      0.5 * amplitude * amplitude *
+      (1.0 / (uncertainty * uncertainty) - 1.0 / (expected * expected));
   const double probability = 1.0 / (1.0 + std::exp(-log_odds));
   return probability > 0.5 && probability < 0.68 ? 0.0
                                                  : 2.0 * probability - 1.0;
