@@ -35,6 +35,9 @@ struct PointProblem {
   // Known facts, where there are any.
   std::optional<Eigen::VectorXd> minimizer;
   std::optional<double> minimum;
+  // If x is a field on a grid, row by row, the number of its rows: pictures
+  // then show it. 0: it is not.
+  int field_rows = 0;
 
   ChainObjective MakeObjective() const {
     return ChainObjective(simulator, loss, target, start);

@@ -1,6 +1,7 @@
 #include "problems/problems.h"
 
 #include "problems/exponential.h"
+#include "problems/heat.h"
 #include "problems/linear_scale.h"
 #include "problems/multimodal.h"
 #include "problems/oscillator_chain.h"
@@ -102,6 +103,15 @@ const std::vector<ProblemRow>& Problems() {
       Learning<Poisson>("poisson",
                         "y = laplace(x), x = 0 outside, L = 1/2 |y - y*|^2",
                         "HIG release, Poisson_problem"),
+      Learning<Heat1d>("heat_1d",
+                       "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
+                       "SIP release, heat, in one dimension"),
+      Learning<Heat>("heat",
+                     "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
+                     "SIP release, heat; PBDL physgrad-code"),
+      Point<HeatState>("heat_state",
+                       "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
+                       "SIP release, heat, plot_heat_optim"),
       Learning<Sine>("sine",
                      "y = (sin h_0, h_1), h = diag(10 / xi, 10 xi) R(phi) x, "
                      "L = 1/2 |y - y*|^2",

@@ -6,6 +6,7 @@
 #include "ceres/gradient_checker.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/autodiff_simulator.h"
 
 namespace invgrad {
@@ -114,6 +115,102 @@ TEST(ChainObjective, CostFunctionPassesTheGradientChecker) {
   EXPECT_TRUE(checker.Probe(parameters, 1e-8, &results)) << results.error_log;
 }
 
+// Curved, and counts what it is asked for.
+class CountingSimulator final : public Simulator {
+ public:
+  int num_inputs() const override { return 2; }
+  int num_outputs() const override { return 3; }
+  bool Evaluate(const double* x,
+                const double* context,
+                double* y,
+                double* jacobian) const override {
+    num_jacobians += jacobian != nullptr ? 1 : 0;
+    return simulator_.Evaluate(x, context, y, jacobian);
+  }
+  bool PullBack(const double* x,
+                const double* context,
+                const Covector& covector,
+                double* y,
+                double* x_bar) const override {
+    ++num_pull_backs;
+    return simulator_.PullBack(x, context, covector, y, x_bar);
+  }
+  bool WeightedHessian(const double* x,
+                       const double* context,
+                       const double* w,
+                       double* hessian) const override {
+    return simulator_.WeightedHessian(x, context, w, hessian);
+  }
+
+  mutable int num_jacobians = 0;
+  mutable int num_pull_backs = 0;
+
+ private:
+  AutoDiffSimulator<Curved, 2, 3> simulator_;
+};
+
+TEST(ChainObjective, AGradientAloneNeedsNoJacobian) {
+  const auto simulator = std::make_shared<CountingSimulator>();
+  const ChainObjective objective(simulator,
+                                 std::make_shared<SquaredNormLoss>(3, 0.7),
+                                 Eigen::Vector3d(0.3, -0.2, 1.5),
+                                 Eigen::Vector2d(0.7, -0.4));
+  LinearizationParts parts;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(objective.Linearize(parts, &at_x, &error)) << error;
+  EXPECT_EQ(simulator->num_pull_backs, 0);
+  const double cost = at_x.cost;
+  parts.gradient = true;
+  ASSERT_TRUE(objective.Linearize(parts, &at_x, &error)) << error;
+  EXPECT_EQ(simulator->num_pull_backs, 1);
+  EXPECT_EQ(simulator->num_jacobians, 0);
+  EXPECT_EQ(at_x.cost, cost);
+  parts.jacobian = true;
+  Linearization with_jacobian;
+  ASSERT_TRUE(objective.Linearize(parts, &with_jacobian, &error)) << error;
+  EXPECT_EQ(simulator->num_jacobians, 1);
+  EXPECT_EQ(with_jacobian.cost, cost);
+  EXPECT_LT((with_jacobian.gradient - at_x.gradient).norm(), 1e-15);
+}
+
+// c |y - y*|^2 that does not say so: its Hessian has to be written out.
+class PlainSquaredNorm final : public Loss {
+ public:
+  explicit PlainSquaredNorm(double factor) : loss_(3, factor) {}
+  int size() const override { return 3; }
+  bool Evaluate(const double* y,
+                const double* target,
+                double* loss,
+                double* gradient,
+                double* hessian) const override {
+    return loss_.Evaluate(y, target, loss, gradient, hessian);
+  }
+
+ private:
+  SquaredNormLoss loss_;
+};
+
+TEST(ChainObjective, ASquaredNormNeedsNoHessianOfTheLoss) {
+  const ChainObjective implied = MakeObjective(0.7);
+  const ChainObjective written(
+      std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
+      std::make_shared<PlainSquaredNorm>(0.7),
+      implied.target(),
+      implied.State());
+  LinearizationParts parts;
+  parts.gradient = parts.jacobian = parts.hessian = true;
+  Linearization a, b;
+  std::string error;
+  ASSERT_TRUE(implied.Linearize(parts, &a, &error)) << error;
+  ASSERT_TRUE(written.Linearize(parts, &b, &error)) << error;
+  EXPECT_EQ(a.cost, b.cost);
+  EXPECT_EQ(a.gradient, b.gradient);
+  EXPECT_LT((a.hessian - b.hessian).norm(), 1e-14);
+  const Eigen::VectorXd v = Eigen::Vector3d(1.0, -2.0, 3.0);
+  EXPECT_LT((a.loss_hessian_times(v) - b.loss_hessian_times(v)).norm(), 1e-14);
+}
+
 // P has no value for x0 > 1.
 struct Bounded {
   template <typename T>
@@ -134,8 +231,42 @@ TEST(ChainObjective, ReportsWhereThePhysicsHasNoValue) {
   EXPECT_FALSE(objective.Cost(&cost, &error));
   EXPECT_EQ(error, "the simulator has no finite value at x");
   Linearization at_x;
+  for (const bool jacobian : {false, true}) {
+    LinearizationParts parts;
+    parts.gradient = true;
+    parts.jacobian = jacobian;
+    error.clear();
+    EXPECT_FALSE(objective.Linearize(parts, &at_x, &error));
+    EXPECT_EQ(error, "the simulator has no finite value at x");
+  }
   EXPECT_FALSE(objective.Linearize(LinearizationParts(), &at_x, &error));
   EXPECT_EQ(objective.Outputs().size(), 0);
+}
+
+// No loss below y = 0.
+struct LogLoss {
+  template <typename T>
+  bool operator()(const T* y, const double*, T* loss) const {
+    using std::log;
+    *loss = log(y[0]);
+    return true;
+  }
+};
+
+TEST(ChainObjective, ReportsWhereTheLossHasNoValue) {
+  const ChainObjective objective(std::make_shared<IdentitySimulator>(1),
+                                 std::make_shared<AutoDiffLoss<LogLoss, 1>>(),
+                                 Eigen::VectorXd::Zero(1),
+                                 Eigen::VectorXd::Constant(1, -1.0));
+  for (const bool jacobian : {false, true}) {
+    LinearizationParts parts;
+    parts.gradient = true;
+    parts.jacobian = jacobian;
+    Linearization at_x;
+    std::string error;
+    EXPECT_FALSE(objective.Linearize(parts, &at_x, &error));
+    EXPECT_EQ(error, "the loss has no finite value at y");
+  }
 }
 
 TEST(ChainObjective, RefusesAStepThatIsNotFinite) {

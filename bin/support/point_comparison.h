@@ -3,6 +3,16 @@
 //   DIR/path-METHOD.csv   iteration, L, x, y
 //   DIR/table.txt, DIR/table.md
 //   DIR/loss.png          L against iterations
+//
+// With more than kMaxPrintedSize unknowns the points are not printed:
+//
+//   DIR/path-METHOD.csv   iteration, L, |x|, |x - x*|, seconds
+//   DIR/x-METHOD.npy      the final x
+//   DIR/x-true.npy        x*, if it is known
+//   DIR/fields.png        x* and every final x as a picture, if x is a field
+//
+// |x - x*| is nan if x* is not known. Norms are Euclidean; "mean |x - x*|" in
+// the table is the mean over entries.
 #ifndef BIN_SUPPORT_POINT_COMPARISON_H_
 #define BIN_SUPPORT_POINT_COMPARISON_H_
 
@@ -16,6 +26,8 @@
 #include "problems/problem.h"
 
 namespace invgrad {
+
+constexpr int kMaxPrintedSize = 16;
 
 struct PointComparisonOptions {
   std::string output;
@@ -32,6 +44,8 @@ struct PointPath {
   std::vector<Eigen::VectorXd> x;  // x_0, x_1, ...
   std::vector<Eigen::VectorXd> y;  // P(x_k); empty where P fails
   std::vector<double> loss;        // L at x_k; NaN where it is not finite
+  std::vector<double> distance;    // |x_k - x*|; NaN if x* is not known
+  std::vector<double> seconds;     // since the start; NaN where not recorded
   MinimizerSummary summary;
   std::string status;
 };

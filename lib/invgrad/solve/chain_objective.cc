@@ -1,6 +1,7 @@
 #include "invgrad/solve/chain_objective.h"
 
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "glog/logging.h"
@@ -11,6 +12,9 @@ namespace {
 
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr char kNoOutputs[] = "the simulator has no finite value at x";
+constexpr char kNoLoss[] = "the loss has no finite value at y";
 
 }  // namespace
 
@@ -32,25 +36,63 @@ ChainObjective::ChainObjective(std::shared_ptr<const Simulator> simulator,
 bool ChainObjective::Linearize(const LinearizationParts& parts,
                                Linearization* linearization,
                                std::string* error) const {
+  if (parts.jacobian || parts.hessian) {
+    return LinearizeWithJacobian(parts, linearization, error);
+  }
+  if (parts.gradient) return PullBackGradient(linearization, error);
+  return Cost(&linearization->cost, error);
+}
+
+bool ChainObjective::PullBackGradient(Linearization* linearization,
+                                      std::string* error) const {
+  const int m = simulator_->num_outputs();
+  Eigen::VectorXd y(m);
+  linearization->gradient.resize(simulator_->num_inputs());
+  bool has_loss = true;
+  const auto loss_gradient = [&](const double* outputs, double* w) {
+    if (!AllFinite(outputs, m)) return false;
+    has_loss = loss_->Evaluate(
+                   outputs, target_.data(), &linearization->cost, w, nullptr) &&
+               std::isfinite(linearization->cost) && AllFinite(w, m);
+    return has_loss;
+  };
+  if (simulator_->PullBack(x_.data(),
+                           nullptr,
+                           loss_gradient,
+                           y.data(),
+                           linearization->gradient.data()) &&
+      linearization->gradient.allFinite()) {
+    return true;
+  }
+  *error = has_loss ? kNoOutputs : kNoLoss;
+  return false;
+}
+
+bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
+                                           Linearization* linearization,
+                                           std::string* error) const {
   const int n = simulator_->num_inputs();
   const int m = simulator_->num_outputs();
   Eigen::VectorXd y(m);
   RowMajorMatrix J(m, n);
   if (!simulator_->Evaluate(x_.data(), nullptr, y.data(), J.data()) ||
       !y.allFinite() || !J.allFinite()) {
-    *error = "the simulator has no finite value at x";
+    *error = kNoOutputs;
     return false;
   }
+  // H_L is 2 c I, or written out in `loss_hessian`.
+  const std::optional<double> factor = loss_->SquaredNormFactor();
   Eigen::VectorXd g(m);
-  Eigen::MatrixXd loss_hessian(m, m);
+  Eigen::MatrixXd loss_hessian;
+  if (!factor.has_value()) loss_hessian.resize(m, m);
   if (!loss_->Evaluate(y.data(),
                        target_.data(),
                        &linearization->cost,
                        g.data(),
-                       loss_hessian.data()) ||
+                       factor.has_value() ? nullptr : loss_hessian.data()) ||
       !std::isfinite(linearization->cost) || !g.allFinite() ||
       !loss_hessian.allFinite()) {
-    *error = "the loss has no finite value at y";
+    *error = kNoLoss;
     return false;
   }
   if (parts.gradient) linearization->gradient = J.transpose() * g;
@@ -62,15 +104,26 @@ bool ChainObjective::Linearize(const LinearizationParts& parts,
       *error = "the simulator has no finite second derivative at x";
       return false;
     }
-    linearization->hessian = J.transpose() * loss_hessian * J + curvature;
+    if (factor.has_value()) {
+      linearization->hessian = 2.0 * *factor * J.transpose() * J + curvature;
+    } else {
+      linearization->hessian = J.transpose() * loss_hessian * J + curvature;
+    }
   }
   if (parts.jacobian) {
     linearization->loss_gradient = std::move(g);
     linearization->jacobian = std::make_shared<DenseJacobian>(J);
-    linearization->loss_hessian_times =
-        [H = std::move(loss_hessian)](const Eigen::VectorXd& v) {
-          return Eigen::VectorXd(H * v);
-        };
+    if (factor.has_value()) {
+      linearization->loss_hessian_times =
+          [scale = 2.0 * *factor](const Eigen::VectorXd& v) {
+            return Eigen::VectorXd(scale * v);
+          };
+    } else {
+      linearization->loss_hessian_times =
+          [H = std::move(loss_hessian)](const Eigen::VectorXd& v) {
+            return Eigen::VectorXd(H * v);
+          };
+    }
   }
   return true;
 }
@@ -78,12 +131,12 @@ bool ChainObjective::Linearize(const LinearizationParts& parts,
 bool ChainObjective::Cost(double* cost, std::string* error) const {
   const Eigen::VectorXd y = Outputs();
   if (y.size() == 0) {
-    *error = "the simulator has no finite value at x";
+    *error = kNoOutputs;
     return false;
   }
   if (!loss_->Evaluate(y.data(), target_.data(), cost, nullptr, nullptr) ||
       !std::isfinite(*cost)) {
-    *error = "the loss has no finite value at y";
+    *error = kNoLoss;
     return false;
   }
   return true;

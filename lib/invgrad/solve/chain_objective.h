@@ -6,7 +6,9 @@
 // Shapes:  x: n = |x|;  y: m = |y|.
 // Units:   g and J are those of y, not of a residual: for L = c |y - y*|^2 it
 //          is g = 2 c (y - y*) and H_L = 2 c I.
-// Cost:    one simulator evaluation with Jacobian; the Hessian one more.
+// Cost:    the gradient alone: the simulator's pull-back, without J. Otherwise
+//          one simulator evaluation with Jacobian; the Hessian one more. H_L is
+//          written out only for losses that are no squared norm.
 // Fails:   Linearize and Cost return false if simulator or loss fails or a
 //          value is not finite.
 #ifndef INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_
@@ -53,6 +55,11 @@ class ChainObjective final : public Objective {
   const Eigen::VectorXd& target() const { return target_; }
 
  private:
+  bool PullBackGradient(Linearization* linearization, std::string* error) const;
+  bool LinearizeWithJacobian(const LinearizationParts& parts,
+                             Linearization* linearization,
+                             std::string* error) const;
+
   std::shared_ptr<const Simulator> simulator_;
   std::shared_ptr<const Loss> loss_;
   Eigen::VectorXd target_;

@@ -1,0 +1,77 @@
+// The inverse of diffusion that amplifies a mode only if it is likely to be
+// signal and not noise.
+//
+//   x = x_0 + F^-1(exp(alpha_k nu t |k|^2) D_k),   D = F(y - P(x_0))
+//
+//   p_k = s_k / (s_k + n_k), the probability that D_k is signal:
+//     s_k = exp(-1/2 (|D_k| / e_k)^2),   e_k = sqrt(N) exp(-nu t |k|^2)
+//     n_k = exp(-1/2 (|D_k| / u)^2),     u = |r |y - P(x_0)| + a|_2
+//   alpha_k = 0           for 1/2 < p_k < 0.68 (less than one sigma)
+//             2 p_k - 1   otherwise
+//
+// e_k is what is left in y of white noise of variance one in x, u the
+// uncertainty of a mode if that of a cell is r |dy| + a. alpha = 1 is the exact
+// inverse, alpha = 0 leaves a mode as it is, alpha = -1 diffuses it once more.
+//
+// Shapes:  x, x_0, y: the cells of the grid.
+// Units:   a is one of y's; r is a number.
+// Cost:    four transforms.
+// Facts:   no mode with |D_k| < 1.22 u is amplified, and none by more than
+//          sqrt(N) / u, so that noise in y cannot overwhelm x however small
+//          exp(-nu t |k|^2) is. Where e_k <= u a mode moves by |D_k| at
+//          most. As u shrinks with y - P(x_0), repeating the step from the new
+//          x reaches modes that the first one could not tell from noise, down
+//          to u = a sqrt(N).
+// Fails:   Invert returns false where an input is not finite. Sizes that do not
+//          fit, and a <= 0 or r < 0, are CHECKed.
+//
+// Source: PBDL, chapter physgrad-code, inv_diffuse and apply_damping, and the
+//         code of Holl, Koltun, Thuerey, NeurIPS 2022, heat/inv_diffuse.py.
+//         There p_k = 0 where s_k and n_k both underflow, and the exponent is
+//         cut off at 88. Here their ratio is formed first and does not
+//         underflow, and the bound above makes a cut-off unnecessary. There e_k
+//         has the length of a side for sqrt(N), which in two dimensions is the
+//         same.
+#ifndef PROBLEMS_HEAT_INVERSE_H_
+#define PROBLEMS_HEAT_INVERSE_H_
+
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/inverse_simulator.h"
+#include "problems/spectral_diffusion.h"
+
+namespace invgrad {
+
+// The uncertainty of y in one cell is relative |dy| + absolute.
+struct HeatUncertainty {
+  double relative = 1e-6;
+  double absolute = 1e-8;
+};
+
+class HeatInverse final : public InverseSimulator {
+ public:
+  HeatInverse(std::shared_ptr<const SpectralDiffusion> simulator,
+              const HeatUncertainty& uncertainty);
+
+  bool Invert(const ConstVectorRef& y,
+              const ConstVectorRef& x0,
+              const ConstVectorRef& context,
+              Eigen::VectorXd* x,
+              std::string* why) const override;
+
+  // Damped modes stay where they were.
+  bool reaches_target() const override { return false; }
+
+  // alpha_k for |D_k|, e_k and u.
+  static double Action(double amplitude, double expected, double uncertainty);
+
+ private:
+  std::shared_ptr<const SpectralDiffusion> simulator_;
+  HeatUncertainty uncertainty_;
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_HEAT_INVERSE_H_

@@ -1,0 +1,61 @@
+// The heat equation on a periodic grid, exact in time.
+//
+//   y = P(x) = F^-1(exp(-nu t |k|^2) F(x)),   J = P,   J^T = P
+//
+// Shapes:  x, y: the cells of the grid (fourier_grid.h).
+// Units:   `diffusion` is nu t in cells^2: divide a nu t in units of length by
+//          dx^2.
+// Cost:    two transforms; J one more and N^2 copies: it is a circulant matrix.
+// Facts:   P is linear, symmetric and positive; the mean is conserved, |y| <=
+//          |x|; P of nu t twice is P of 2 nu t. Modes with nu t |k|^2 > 36 do
+//          not reach y in double precision: the inverse is heat_inverse.h.
+// Fails:   returns false if y is not finite. A diffusion that is negative or
+//          not finite is CHECKed.
+#ifndef PROBLEMS_SPECTRAL_DIFFUSION_H_
+#define PROBLEMS_SPECTRAL_DIFFUSION_H_
+
+#include <memory>
+
+#include "Eigen/Core"
+#include "invgrad/chain/simulator.h"
+#include "problems/fourier_grid.h"
+
+namespace invgrad {
+
+class SpectralDiffusion final : public Simulator {
+ public:
+  SpectralDiffusion(std::shared_ptr<const FourierGrid> grid, double diffusion);
+
+  int num_inputs() const override { return grid_->num_cells(); }
+  int num_outputs() const override { return grid_->num_cells(); }
+  bool Evaluate(const double* x,
+                const double* context,
+                double* y,
+                double* jacobian) const override;
+  bool PullBack(const double* x,
+                const double* context,
+                const Covector& covector,
+                double* y,
+                double* x_bar) const override;
+  bool WeightedHessian(const double* x,
+                       const double* context,
+                       const double* w,
+                       double* hessian) const override;
+
+  const FourierGrid& grid() const { return *grid_; }
+  // nu t |k|^2 of every mode.
+  const Eigen::ArrayXd& exponents() const { return exponents_; }
+  // exp(-nu t |k|^2) of every mode.
+  const Eigen::ArrayXd& decay() const { return decay_; }
+
+ private:
+  bool Diffuse(const double* x, double* y) const;
+
+  std::shared_ptr<const FourierGrid> grid_;
+  Eigen::ArrayXd exponents_;
+  Eigen::ArrayXd decay_;
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_SPECTRAL_DIFFUSION_H_
