@@ -154,6 +154,34 @@ void DenseNetwork::Backward(const VectorXd& weights,
   }
 }
 
+void DenseNetwork::InputJacobians(const VectorXd& weights,
+                                  const Activations& activations,
+                                  MatrixXd* jacobians) const {
+  CHECK_EQ(weights.size(), num_weights());
+  const int last = num_layers() - 1;
+  const int batch_size = activations.batch_size();
+  // dx_{s,i}/da_l, from the top: of the last layer's inputs it is the weights.
+  MatrixXd above = Layer(*this, last, weights)
+                       .topRows(widths_[last])
+                       .replicate(1, batch_size);
+  for (int l = last; l > 0; --l) {
+    for (Eigen::Index column = 0; column < above.cols(); ++column) {
+      above.col(column).array() *=
+          activations.slopes[l - 1].col(column / num_outputs()).array();
+    }
+    MatrixXd below(widths_[l - 1], above.cols());
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         Layer(*this, l - 1, weights).topRows(widths_[l - 1]),
+         above,
+         0.0,
+         below);
+    above.swap(below);
+  }
+  jacobians->swap(above);
+}
+
 void DenseNetwork::Tangent(const VectorXd& weights,
                            const Activations& activations,
                            const VectorXd& weight_tangent,

@@ -82,6 +82,12 @@ class DenseNetwork {
                 const Eigen::MatrixXd& output_covectors,
                 Eigen::VectorXd* gradient) const;
 
+  // The Jacobians of the outputs in the inputs: |a| x B |x|, column s |x| + i
+  // is the derivative of x_{s,i} in a_s. Takes 2 n B |x|.
+  void InputJacobians(const Eigen::VectorXd& weights,
+                      const Activations& activations,
+                      Eigen::MatrixXd* jacobians) const;
+
   // Output tangents J_s v (widths[L] x B) of one weight tangent v (n).
   void Tangent(const Eigen::VectorXd& weights,
                const Activations& activations,
