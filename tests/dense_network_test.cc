@@ -115,6 +115,30 @@ TEST_P(DenseNetworkTest, BackwardIsTheFunctorsJet) {
 
 // sum_s F_s(f(a_s)) with F_s(x) = w_s . (x - x_s) + 1/2 (x - x_s) . X_s
 // (x - x_s), x_s = f(a_s) here and now: dF_s/dx = w_s, d2F_s/dx2 = X_s.
+TEST_P(DenseNetworkTest, InputJacobiansAreTheFunctorsJets) {
+  using Jet = ceres::Jet<double, 1>;
+  MatrixXd jacobians;
+  network_.InputJacobians(weights_, activations_, &jacobians);
+  const int num_outputs = network_.num_outputs();
+  ASSERT_EQ(jacobians.rows(), network_.num_inputs());
+  ASSERT_EQ(jacobians.cols(), batch_size_ * num_outputs);
+  const std::vector<Jet> weights(weights_.begin(), weights_.end());
+  for (int s = 0; s < batch_size_; ++s) {
+    for (int k = 0; k < network_.num_inputs(); ++k) {
+      std::vector<Jet> inputs;
+      for (const double a : inputs_.col(s)) inputs.emplace_back(a);
+      inputs[k].v[0] = 1.0;
+      std::vector<Jet> outputs(num_outputs);
+      ASSERT_TRUE(NetworkFunctor(network_)(
+          weights.data(), inputs.data(), outputs.data()));
+      for (int i = 0; i < num_outputs; ++i) {
+        EXPECT_NEAR(
+            jacobians(k, s * num_outputs + i), outputs[i].v[0], kRounding);
+      }
+    }
+  }
+}
+
 TEST_P(DenseNetworkTest, HessianIsTheFunctorsNestedJet) {
   using Jet = NestedJet<1>;
   const int n = network_.num_weights();
