@@ -168,9 +168,8 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
     weights += step;
   }
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &cost, &error));
-  std::printf("bound %g cost %g\n", bound, cost);
   EXPECT_GT(cost, bound);
-  EXPECT_LT(cost, 1.2 * bound);
+  EXPECT_LT(cost, 1.05 * bound);
 }
 
 TEST(OscillatorTracking, DataOfAnotherShapeAreRefused) {
