@@ -2,8 +2,11 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
 
+#include "Eigen/QR"
+#include "glog/logging.h"
 #include "invgrad/chain/trajectory_simulator.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/sample_data.h"
@@ -88,6 +91,43 @@ void SetModel(const OscillatorTracking::Options& options,
       simulator);
 }
 
+// With linear coupling y = y_0(s_0) + J x with the same J for all samples. What
+// is left of y at the best x is perpendicular to the columns of J, so that the
+// rest, |Q^T y|^2 with J = Q R, is what a better x could still gain.
+Metric Regret(const std::shared_ptr<const Model>& model) {
+  const Simulator& simulator = model->simulator();
+  const int num_y = simulator.num_outputs();
+  const int num_x = simulator.num_inputs();
+  const Eigen::VectorXd rest = Eigen::VectorXd::Zero(simulator.num_context());
+  const Eigen::VectorXd no_force = Eigen::VectorXd::Zero(num_x);
+  Eigen::VectorXd y(num_y);
+  Eigen::MatrixXd J_transposed(num_x, num_y);
+  CHECK(simulator.Evaluate(
+      no_force.data(), rest.data(), y.data(), J_transposed.data()));
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(
+      J_transposed.transpose());
+  const Eigen::MatrixXd Q =
+      qr.householderQ() * Eigen::MatrixXd::Identity(num_y, qr.rank());
+  const auto evaluate = [model, Q](const Eigen::MatrixXd& x,
+                                   const DataSet& data) {
+    CHECK_EQ(x.cols(), data.num_samples());
+    CHECK_EQ(x.rows(), Q.rows() / 2);
+    Eigen::VectorXd y(Q.rows());
+    double sum = 0.0;
+    for (int s = 0; s < data.num_samples(); ++s) {
+      if (!model->simulator().Evaluate(x.col(s).data(),
+                                       data.contexts.col(s).data(),
+                                       y.data(),
+                                       nullptr)) {
+        return std::numeric_limits<double>::quiet_NaN();
+      }
+      sum += (Q.transpose() * y).squaredNorm();
+    }
+    return sum / data.num_samples();
+  };
+  return {"regret", evaluate};
+}
+
 }  // namespace
 
 bool OscillatorTracking::Create(const Options& options,
@@ -117,6 +157,7 @@ bool OscillatorTracking::Create(const Options& options,
   } else {
     SetModel<0, 8>(options, problem);
   }
+  if (options.coupling == "linear") problem->metric = Regret(problem->model);
   return true;
 }
 

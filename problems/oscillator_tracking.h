@@ -21,11 +21,16 @@
 // Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
 //          2 num_oscillators + 4)), the states at the start, the first N rows
 //          for training, the others for testing.
-// Facts:   coupling=linear is a linear-quadratic problem: no force whatever has
-//          a smaller L than s_0^T Pi_0 s_0 with Pi of the Riccati recursion
-//            Pi_T = 0,   Pi_t = Q_t + A^T Pi A - K^T (R + B^T Pi B) K,
-//          which a test computes, and the optimal feedback is linear in s but
-//          differs from step to step towards the end of the horizon.
+// Metric:  with coupling=linear, regret: by how much the mean L exceeds the
+//          least that any force could reach. The last mass starts off the
+//          reference, so that L itself has a floor (0.4 by default) which hides
+//          how good a controller is.
+// Facts:   coupling=linear is a linear-quadratic problem. The floor is
+//          s_0^T Pi_0 s_0 with the Riccati recursion
+//            Pi_T = 0,   K_t = (R + B^T W B)^-1 B^T W A,   W = Pi_{t+1} + Q_t,
+//            Pi_t = A^T W A - K_t^T (R + B^T W B) K_t
+//          and the best feedback, u_t = -K_t s_t, is linear in s but differs
+//          from step to step towards the end of the horizon.
 // Source:  our own setting of a standard problem. The chain:
 // oscillator_chain.h.
 //

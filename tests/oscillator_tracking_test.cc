@@ -119,6 +119,10 @@ TEST_P(LinearTracking, OptimalControlsAreThoseOfTheRegulator) {
     EXPECT_NEAR(y.squaredNorm(), state.dot(regulator.Pi * state), 1e-12);
     EXPECT_LT(x_bar.norm(), 1e-12);
     EXPECT_GT(y.squaredNorm(), 1e-3);
+    const DataSet sample = problem.train.Range(s, 1);
+    ASSERT_TRUE(problem.metric.has_value());
+    EXPECT_LT(problem.metric->evaluate(x, sample), 1e-24);
+    EXPECT_GT(problem.metric->evaluate(-x, sample), 1e-3);
   }
 }
 
@@ -170,6 +174,18 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
   ASSERT_TRUE(problem.model->Cost(weights, problem.train, &cost, &error));
   EXPECT_GT(cost, bound);
   EXPECT_LT(cost, 1.05 * bound);
+
+  DenseNetwork::Activations activations;
+  ASSERT_TRUE(problem.model->Forward(
+      weights, problem.train, false, &activations, &error));
+  EXPECT_NEAR(problem.metric->evaluate(
+                  problem.model->SimulatorInputs(activations), problem.train),
+              cost - bound,
+              1e-13);
+}
+
+TEST(OscillatorTracking, NothingIsKnownOfTheBestForceWithCubicCoupling) {
+  EXPECT_FALSE(Create("oscillator_tracking:coupling=cubic").metric.has_value());
 }
 
 TEST(OscillatorTracking, DataOfAnotherShapeAreRefused) {
