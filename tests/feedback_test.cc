@@ -17,6 +17,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/model.h"
+#include "invgrad/chain/nested_jet.h"
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/time_stepping_simulator.h"
@@ -313,15 +314,38 @@ TEST_P(ClosedLoopTest, CovectorsOfXReachTheWeightsThroughTheLoop) {
   EXPECT_LT((gradient - expected).norm(), kRounding * expected.norm());
 }
 
-TEST_P(ClosedLoopTest, HessianIsRefusedUnlessThereIsOneCall) {
+TEST_P(ClosedLoopTest, HessianIsThatOfNestedJetsThroughTheLoop) {
+  using Jet = NestedJet<1>;
+  const int n = model_.num_weights();
+  const double scale = model_.BatchScale(kBatchSize);
+  MatrixXd expected(n, n);
+  for (int k = 0; k < n; ++k) {
+    for (int l = 0; l <= k; ++l) {
+      std::vector<Jet> weights;
+      for (const double weight : weights_) {
+        weights.emplace_back(InnerJet<1>(weight));
+      }
+      weights[k].v[0] = InnerJet<1>(1.0);
+      weights[l].a.v[0] = 1.0;
+      double sum = 0.0;
+      for (int s = 0; s < kBatchSize; ++s) {
+        const std::vector<Jet> y = RollOut<Jet>(weights, s, nullptr);
+        for (std::size_t j = 0; j < y.size(); ++j) {
+          const Jet d = y[j] - data_.targets(j, s);
+          sum += 1.5 * (d * d).v[0].v[0];
+        }
+      }
+      expected(k, l) = expected(l, k) = scale * sum;
+    }
+  }
   LinearizationParts parts;
   parts.hessian = true;
   Linearization at;
   std::string error;
-  const bool one_call = model_.num_calls() == 1;
-  EXPECT_EQ(model_.Linearize(weights_, data_, parts, &at, &error), one_call);
-  EXPECT_EQ(at.hessian.size() > 0, one_call);
-  EXPECT_EQ(error.find("Hessian") != std::string::npos, !one_call) << error;
+  ASSERT_TRUE(model_.Linearize(weights_, data_, parts, &at, &error)) << error;
+  EXPECT_LT((at.hessian - expected).norm(), kRounding * expected.norm());
+  EXPECT_LT((at.hessian - at.hessian.transpose()).norm(),
+            kRounding * expected.norm());
 }
 
 INSTANTIATE_TEST_SUITE_P(Shapes,
@@ -397,10 +421,11 @@ TEST(ClosedLoop, ErrorsNameTheSample) {
     double cost;
     EXPECT_FALSE(model.Cost(theta, data, &cost, &error));
     EXPECT_EQ(error, expected);
-    for (const bool want_jacobian : {false, true}) {
+    for (int mask = 1; mask < 8; ++mask) {
       LinearizationParts parts;
-      parts.gradient = true;
-      parts.jacobian = want_jacobian;
+      parts.gradient = (mask & 1) != 0;
+      parts.jacobian = (mask & 2) != 0;
+      parts.hessian = (mask & 4) != 0;
       Linearization at;
       EXPECT_FALSE(model.Linearize(theta, data, parts, &at, &error));
       EXPECT_EQ(error, expected);

@@ -24,8 +24,8 @@
 //
 // Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;  B_t: ns x
 // nc. Cost:    CloseLoop: one StepJacobians and 2 T (ns + 2 nc) ns a covector.
-// Fails:   Advance, StepJacobians and CloseLoop return false where the physics
-// has
+// Fails:   Advance, StepJacobians, StateHessian and CloseLoop return false
+// where the physics has
 //          no finite value.
 // Implementations are immutable, so that several threads may share one.
 //
@@ -57,6 +57,13 @@ class Feedback {
   virtual bool StepJacobians(const double* x,
                              const double* start,
                              double* M) const = 0;
+
+  // Computes H = sum_t w_t . d2s_t/dx2 (T nc x T nc, symmetric) over the states
+  // s_1 .. s_T of the open roll-out; w: w_1 .. w_T, each ns.
+  virtual bool StateHessian(const double* x,
+                            const double* start,
+                            const double* w,
+                            double* hessian) const = 0;
 };
 
 // Multiplies every column of x_bar (T nc x any number), covectors of one

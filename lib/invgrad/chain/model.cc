@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "glog/logging.h"
+#include "invgrad/chain/closed_loop_hessian.h"
 #include "invgrad/chain/network_jacobian.h"
 
 namespace invgrad {
@@ -23,8 +24,6 @@ constexpr char kNetworkFailed[] = "the network's output is not finite";
 constexpr char kSimulatorFailed[] = "the simulator has no finite value";
 constexpr char kLossFailed[] = "the loss has no finite value";
 constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
-constexpr char kNoHessian[] =
-    "the exact Hessian in the weights is not available with feedback";
 
 const double* Context(const DataSet& batch, int sample) {
   return batch.contexts.rows() == 0 ? nullptr
@@ -225,10 +224,6 @@ bool Model::Linearize(const VectorXd& weights,
   linearization->jacobian.reset();
   linearization->loss_hessian_times = nullptr;
   linearization->hessian.resize(0, 0);
-  if (parts.hessian && num_calls() > 1) {
-    *error = kNoHessian;
-    return false;
-  }
   if (parts.jacobian || parts.hessian) {
     return LinearizeThroughJacobians(
         weights, batch, parts, linearization, error);
@@ -351,8 +346,24 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                  loss_hessians.middleCols(s * num_y, num_y) *
                                  J_transposed.transpose();
     }
-    network_.Hessian(
-        weights, activations, x_bar, x_hessians, &linearization->hessian);
+    if (num_calls() == 1) {
+      network_.Hessian(
+          weights, activations, x_bar, x_hessians, &linearization->hessian);
+    } else {
+      if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
+      int failed = 0;
+      if (!ClosedLoopHessian(network_,
+                             *feedback_,
+                             weights,
+                             activations,
+                             batch.contexts,
+                             x_bar,
+                             x_hessians,
+                             &linearization->hessian,
+                             &failed)) {
+        return SampleError(failed, kLoopFailed, error);
+      }
+    }
   }
 
   if (!CloseLoop(weights, batch, activations, jacobians, error)) return false;

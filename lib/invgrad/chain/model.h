@@ -23,13 +23,11 @@
 //          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian.
 //          Nothing is allocated a sample but by the Hessian. With feedback: T
 //          passes in place of one, an input Jacobian of the network, and one
-//          CloseLoop a sample.
+//          CloseLoop a sample; for the Hessian closed_loop_hessian.h.
 // Fails:   Linearize, Cost and Predict return false with a message naming the
 //          sample (its column in the batch) if a simulator or loss fails or a
-//          value is not finite; Linearize also if the Hessian is wanted and
-//          the network is called more than once a sample: the second
-//          derivatives through the loop are not there. Empty batches and sizes
-//          that do not fit are CHECKed.
+//          value is not finite. Empty batches and sizes that do not fit are
+//          CHECKed.
 // Immutable: threads may share a model whose simulator and loss they may share.
 #ifndef INVGRAD_CHAIN_MODEL_H_
 #define INVGRAD_CHAIN_MODEL_H_

@@ -291,6 +291,22 @@ struct StepMap {
   }
 };
 
+// The map of a step whose output is the next state.
+template <typename Step>
+struct StateMap {
+  Step step;
+  int state_size;
+  template <typename T>
+  bool operator()(Eigen::Index /*t*/,
+                  const T* state,
+                  const T* control,
+                  T* next_state_twice) const {
+    if (!step(state, control, next_state_twice)) return false;
+    std::copy_n(next_state_twice, state_size, next_state_twice + state_size);
+    return true;
+  }
+};
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_CHAIN_ROLL_OUT_H_

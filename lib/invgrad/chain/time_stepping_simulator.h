@@ -70,6 +70,20 @@ class TimeSteppingSimulator final : public Simulator, public Feedback {
     return roll_out_.Linearize(x, start, state.data(), nullptr, nullptr, M);
   }
 
+  bool StateHessian(const double* x,
+                    const double* start,
+                    const double* w,
+                    double* hessian) const override {
+    const RollOut<StateMap<Step>, kStride> states(
+        {roll_out_.map().step, state_size()},
+        state_size(),
+        control_size(),
+        state_size(),
+        num_calls());
+    return states.WeightedHessian(
+        x, start, w, Eigen::VectorXd::Zero(state_size()), hessian);
+  }
+
   bool Evaluate(const double* x,
                 const double* context,
                 double* y,

@@ -94,6 +94,20 @@ class TrajectorySimulator final : public Simulator, public Feedback {
     return states.Linearize(x, start, state.data(), nullptr, nullptr, M);
   }
 
+  bool StateHessian(const double* x,
+                    const double* start,
+                    const double* w,
+                    double* hessian) const override {
+    const RollOut<StateMap<Step>, kStride> states(
+        {roll_out_.map().step, state_size()},
+        state_size(),
+        control_size(),
+        state_size(),
+        num_calls());
+    return states.WeightedHessian(
+        x, start, w, Eigen::VectorXd::Zero(state_size()), hessian);
+  }
+
   bool Evaluate(const double* x,
                 const double* context,
                 double* y,
