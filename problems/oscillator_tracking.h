@@ -1,6 +1,5 @@
-// The last mass of a chain of coupled oscillators must follow a reference,
-// under a force that the network chooses anew at every step: closed-loop
-// control.
+// A chain of coupled oscillators whose last mass must follow a reference, under
+// a force that the network chooses anew at every step: closed-loop control.
 //
 //   q' = v,   v' = the chain of oscillator_chain.h with the force u(t)
 //   p(t) = a_1 + a_2,   a_i' = omega_i b_i,   b_i' = -omega_i a_i
@@ -31,8 +30,7 @@
 //            Pi_t = A^T W A - K_t^T (R + B^T W B) K_t
 //          and the best feedback, u_t = -K_t s_t, is linear in s but differs
 //          from step to step towards the end of the horizon.
-// Source:  our own setting of a standard problem. The chain:
-// oscillator_chain.h.
+// Source:  none for the setting; for the chain that of oscillator_chain.h.
 //
 // [1] Francis. The linear multivariable regulator problem. SIAM Journal on
 //     Control and Optimization 15 (1977).

@@ -16,17 +16,16 @@
 // recursion backwards in time that forms neither K nor S. With
 // A_t = ds_{t+1}/ds_t and B_t = ds_{t+1}/du_t:
 //
-//   p = 0;  for t = T-1 .. 0:  x_bar_t += B_t^T p,   p = A_t^T p + K_t^T
-//   x_bar_t
+//   p = 0;   for t = T-1 .. 0:   x_bar_t += B_t^T p
+//                                p = A_t^T p + K_t^T x_bar_t
 //
 // which is backpropagation through time [1] with the network's part of each
 // step taken by its input Jacobian K_t.
 //
-// Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;  B_t: ns x
-// nc. Cost:    CloseLoop: one StepJacobians and 2 T (ns + 2 nc) ns a covector.
-// Fails:   Advance, StepJacobians, StateHessian and CloseLoop return false
-// where the physics has
-//          no finite value.
+// Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;
+//          B_t: ns x nc.
+// Cost:    CloseLoop: one StepJacobians and 2 T (ns + 2 nc) ns a covector.
+// Fails:   every function returns false where the physics has no finite value.
 // Implementations are immutable, so that several threads may share one.
 //
 // [1] Werbos. Backpropagation through time: what it does and how to do it.
