@@ -5,6 +5,8 @@
 #include "problems/linear_scale.h"
 #include "problems/multimodal.h"
 #include "problems/oscillator_chain.h"
+#include "problems/oscillator_correction.h"
+#include "problems/oscillator_tracking.h"
 #include "problems/poisson.h"
 #include "problems/quantum_dipole.h"
 #include "problems/sine.h"
@@ -96,6 +98,14 @@ const std::vector<ProblemRow>& Problems() {
           "oscillator_chain",
           "q'' = -q + coupling + u(t) on the last mass, L = |y(T) - y(0)|^2",
           "PBDL physgrad-hig-code (linear), HIG release (cubic)"),
+      Learning<OscillatorTracking>(
+          "oscillator_tracking",
+          "u_t = f(s_t), L = dt sum_t |q_last - p|^2 + control_weight u_t^2",
+          "closed-loop control of oscillator_chain"),
+      Learning<OscillatorCorrection>(
+          "oscillator_correction",
+          "s_{t+1} = coarse(s_t) + dt f(s_t), L = 1/T sum_t |s_t - s*_t|^2",
+          "the setting of Um et al., NeurIPS 2020, for oscillator_chain"),
       Learning<QuantumDipole>(
           "quantum_dipole",
           "i psi' = (-d_xx + u(t) x) psi, L = 1 - |<y*|psi(T)>|^2",

@@ -115,6 +115,30 @@ TEST_P(DenseNetworkTest, BackwardIsTheFunctorsJet) {
 
 // sum_s F_s(f(a_s)) with F_s(x) = w_s . (x - x_s) + 1/2 (x - x_s) . X_s
 // (x - x_s), x_s = f(a_s) here and now: dF_s/dx = w_s, d2F_s/dx2 = X_s.
+TEST_P(DenseNetworkTest, InputJacobiansAreTheFunctorsJets) {
+  using Jet = ceres::Jet<double, 1>;
+  MatrixXd jacobians;
+  network_.InputJacobians(weights_, activations_, &jacobians);
+  const int num_outputs = network_.num_outputs();
+  ASSERT_EQ(jacobians.rows(), network_.num_inputs());
+  ASSERT_EQ(jacobians.cols(), batch_size_ * num_outputs);
+  const std::vector<Jet> weights(weights_.begin(), weights_.end());
+  for (int s = 0; s < batch_size_; ++s) {
+    for (int k = 0; k < network_.num_inputs(); ++k) {
+      std::vector<Jet> inputs;
+      for (const double a : inputs_.col(s)) inputs.emplace_back(a);
+      inputs[k].v[0] = 1.0;
+      std::vector<Jet> outputs(num_outputs);
+      ASSERT_TRUE(NetworkFunctor(network_)(
+          weights.data(), inputs.data(), outputs.data()));
+      for (int i = 0; i < num_outputs; ++i) {
+        EXPECT_NEAR(
+            jacobians(k, s * num_outputs + i), outputs[i].v[0], kRounding);
+      }
+    }
+  }
+}
+
 TEST_P(DenseNetworkTest, HessianIsTheFunctorsNestedJet) {
   using Jet = NestedJet<1>;
   const int n = network_.num_weights();
@@ -149,6 +173,47 @@ TEST_P(DenseNetworkTest, HessianIsTheFunctorsNestedJet) {
       }
       EXPECT_NEAR(hessian(row, col), expected, 10 * kRounding)
           << row << ", " << col;
+    }
+  }
+}
+
+// Against tangents of the first derivatives, by nested Jets of one sample.
+TEST_P(DenseNetworkTest, InputSecondDerivativesAreTheFunctorsNestedJets) {
+  using Jet = NestedJet<1>;
+  const int num_inputs = network_.num_inputs();
+  const MatrixXd w = RandomMatrix(network_.num_outputs(), batch_size_, 6);
+  MatrixXd in_inputs;
+  MatrixXd in_weights;
+  for (int i = 0; i < num_inputs; ++i) {
+    network_.InputSecondDerivatives(
+        weights_, activations_, w, i, &in_inputs, &in_weights);
+    ASSERT_EQ(in_inputs.rows(), num_inputs);
+    ASSERT_EQ(in_inputs.cols(), batch_size_);
+    ASSERT_EQ(in_weights.rows(), network_.num_weights());
+    ASSERT_EQ(in_weights.cols(), batch_size_);
+    for (int s = 0; s < batch_size_; ++s) {
+      for (int k = 0; k < num_inputs + network_.num_weights(); ++k) {
+        std::vector<Jet> weights;
+        std::vector<Jet> inputs;
+        for (const double v : weights_) weights.emplace_back(InnerJet<1>(v));
+        for (const double v : inputs_.col(s)) {
+          inputs.emplace_back(InnerJet<1>(v));
+        }
+        Jet& other = k < num_inputs ? inputs[k] : weights[k - num_inputs];
+        other.v[0] = InnerJet<1>(1.0);
+        inputs[i].a.v[0] = 1.0;
+        std::vector<Jet> outputs(network_.num_outputs());
+        ASSERT_TRUE(NetworkFunctor(network_)(
+            weights.data(), inputs.data(), outputs.data()));
+        double expected = 0.0;
+        for (int j = 0; j < network_.num_outputs(); ++j) {
+          expected += w(j, s) * outputs[j].v[0].v[0];
+        }
+        EXPECT_NEAR(
+            k < num_inputs ? in_inputs(k, s) : in_weights(k - num_inputs, s),
+            expected,
+            kRounding);
+      }
     }
   }
 }

@@ -21,31 +21,36 @@ MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
 }
 
 // By the definition, entry by entry.
-MatrixXd Dense(const MatrixXd& inputs, const MatrixXd& deltas) {
+MatrixXd Dense(const MatrixXd& inputs, const MatrixXd& deltas, int num_calls) {
   const Eigen::Index r = deltas.cols() / inputs.cols();
-  MatrixXd J(deltas.cols(), inputs.rows() * deltas.rows());
+  MatrixXd J =
+      MatrixXd::Zero(deltas.cols() / num_calls, inputs.rows() * deltas.rows());
   for (Eigen::Index row = 0; row < J.rows(); ++row) {
     for (Eigen::Index col = 0; col < J.cols(); ++col) {
-      J(row, col) = deltas(col / inputs.rows(), row) *
-                    inputs(col % inputs.rows(), row / r);
+      for (int t = 0; t < num_calls; ++t) {
+        J(row, col) += deltas(col / inputs.rows(), row * num_calls + t) *
+                       inputs(col % inputs.rows(), row / r * num_calls + t);
+      }
     }
   }
   return J;
 }
 
-// fan_in, fan_out, B, r: tiles of the Gram matrix with and without a remainder.
+// fan_in, fan_out, B, r, T: tiles of the Gram matrix with and without a
+// remainder; one call a sample and several.
 class LayerJacobianTest
-    : public testing::TestWithParam<std::tuple<int, int, int, int>> {
+    : public testing::TestWithParam<std::tuple<int, int, int, int, int>> {
  protected:
   LayerJacobianTest()
-      : inputs_(
-            RandomMatrix(std::get<0>(GetParam()), std::get<2>(GetParam()), 1)),
+      : num_columns_(std::get<2>(GetParam()) * std::get<4>(GetParam())),
+        inputs_(RandomMatrix(std::get<0>(GetParam()), num_columns_, 1)),
         deltas_(RandomMatrix(std::get<1>(GetParam()),
-                             std::get<2>(GetParam()) * std::get<3>(GetParam()),
+                             num_columns_ * std::get<3>(GetParam()),
                              2)),
-        layer_(&inputs_, &deltas_),
-        dense_(Dense(inputs_, deltas_)) {}
+        layer_(&inputs_, &deltas_, std::get<4>(GetParam())),
+        dense_(Dense(inputs_, deltas_, std::get<4>(GetParam()))) {}
 
+  const int num_columns_;
   const MatrixXd inputs_;
   const MatrixXd deltas_;
   const LayerJacobian layer_;
@@ -55,7 +60,11 @@ class LayerJacobianTest
 TEST_P(LayerJacobianTest, IsItsDefinition) {
   MatrixXd J = MatrixXd::Constant(2, 3, 5.0);
   layer_.ToDense(&J);
-  EXPECT_EQ(J, dense_);
+  ASSERT_EQ(J.rows(), dense_.rows());
+  ASSERT_EQ(J.cols(), dense_.cols());
+  // A single product is exact; sums over calls may be in any order.
+  EXPECT_LE((J - dense_).norm(),
+            layer_.num_calls() == 1 ? 0.0 : 1e-15 * dense_.norm());
   EXPECT_EQ(layer_.outputs_per_sample(), std::get<3>(GetParam()));
   EXPECT_TRUE(layer_.ColumnBlocks().empty());
 }
@@ -67,9 +76,10 @@ TEST_P(LayerJacobianTest, ProductsAreTheDenseOnes) {
   VectorXd Jtw;
   layer_.Times(v, &Jv);
   layer_.TransposeTimes(w, &Jtw);
-  EXPECT_LE((Jv - dense_ * v).norm(), 1e-15 * dense_.norm() * v.norm());
-  EXPECT_LE((Jtw - dense_.transpose() * w).norm(),
-            1e-15 * dense_.norm() * w.norm());
+  // The terms of a row's sum over its calls may cancel.
+  const double size = inputs_.norm() * deltas_.norm();
+  EXPECT_LE((Jv - dense_ * v).norm(), 1e-15 * size * v.norm());
+  EXPECT_LE((Jtw - dense_.transpose() * w).norm(), 1e-15 * size * w.norm());
 }
 
 TEST_P(LayerJacobianTest, GramMatricesAreTheDenseOnes) {
@@ -86,17 +96,20 @@ TEST_P(LayerJacobianTest, GramMatricesAreTheDenseOnes) {
 
 INSTANTIATE_TEST_SUITE_P(Sizes,
                          LayerJacobianTest,
-                         testing::Values(std::make_tuple(1, 1, 1, 1),
-                                         std::make_tuple(3, 2, 1, 4),
-                                         std::make_tuple(2, 5, 7, 1),
-                                         std::make_tuple(6, 4, 35, 4),
-                                         std::make_tuple(3, 8, 3, 70)));
+                         testing::Values(std::make_tuple(1, 1, 1, 1, 1),
+                                         std::make_tuple(3, 2, 1, 4, 1),
+                                         std::make_tuple(2, 5, 7, 1, 1),
+                                         std::make_tuple(6, 4, 35, 4, 1),
+                                         std::make_tuple(3, 8, 3, 70, 1),
+                                         std::make_tuple(1, 1, 1, 1, 2),
+                                         std::make_tuple(3, 4, 1, 2, 5),
+                                         std::make_tuple(6, 4, 7, 3, 4)));
 
-TEST(GramOfLayers, IsTheSumOfTheirs) {
+void ExpectGramIsTheSum(int num_calls) {
   const MatrixXd inputs[] = {RandomMatrix(3, 9, 1), RandomMatrix(5, 9, 2)};
   const MatrixXd deltas[] = {RandomMatrix(4, 18, 3), RandomMatrix(2, 18, 4)};
-  const std::vector<LayerJacobian> layers = {{&inputs[0], &deltas[0]},
-                                             {&inputs[1], &deltas[1]}};
+  const std::vector<LayerJacobian> layers = {
+      {&inputs[0], &deltas[0], num_calls}, {&inputs[1], &deltas[1], num_calls}};
   MatrixXd gram;
   MatrixXd first;
   MatrixXd second;
@@ -109,6 +122,11 @@ TEST(GramOfLayers, IsTheSumOfTheirs) {
   EXPECT_LE((gram - first - second).norm(), 1e-15 * gram.norm());
 }
 
+TEST(GramOfLayers, IsTheSumOfTheirs) {
+  ExpectGramIsTheSum(1);
+  ExpectGramIsTheSum(3);
+}
+
 TEST(LayerJacobianDeathTest, SizesThatDoNotFitAreChecked) {
   const MatrixXd inputs = RandomMatrix(3, 2, 1);
   const MatrixXd deltas = RandomMatrix(4, 6, 2);
@@ -116,6 +134,7 @@ TEST(LayerJacobianDeathTest, SizesThatDoNotFitAreChecked) {
   const MatrixXd empty(3, 0);
   EXPECT_DEATH(LayerJacobian(&inputs, &uneven), "same number of outputs");
   EXPECT_DEATH(LayerJacobian(&empty, &deltas), "batch is empty");
+  EXPECT_DEATH(LayerJacobian(&inputs, &deltas, 3), "same number of calls");
   const LayerJacobian layer(&inputs, &deltas);
   VectorXd result;
   EXPECT_DEATH(layer.Times(VectorXd::Ones(6), &result), "size");

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <random>
+#include <string>
 #include <tuple>
 #include <vector>
 
@@ -24,10 +25,10 @@ MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
       rows, cols, [&](Eigen::Index) { return uniform(generator); });
 }
 
-// Widths, batch size and outputs per sample: tiles of one sample and of many,
-// with and without a remainder.
-class NetworkJacobianTest
-    : public testing::TestWithParam<std::tuple<std::vector<int>, int, int>> {
+// Widths, batch size, outputs per sample and calls per sample: tiles of one
+// sample and of many, with and without a remainder.
+class NetworkJacobianTest : public testing::TestWithParam<
+                                std::tuple<std::vector<int>, int, int, int>> {
  protected:
   NetworkJacobianTest()
       : network_(std::get<0>(GetParam()), Activation::kTanh),
@@ -37,17 +38,17 @@ class NetworkJacobianTest
   }
 
   NetworkJacobian Make() const {
-    const auto& [widths, batch_size, num_outputs] = GetParam();
+    const auto& [widths, batch_size, num_outputs, num_calls] = GetParam();
     DenseNetwork::Activations activations;
     network_.Forward(weights_,
-                     RandomMatrix(widths.front(), batch_size, 2),
+                     RandomMatrix(widths.front(), batch_size * num_calls, 2),
                      false,
                      &activations);
     return NetworkJacobian(
         network_,
         weights_,
         std::move(activations),
-        RandomMatrix(widths.back(), batch_size * num_outputs, 3));
+        RandomMatrix(widths.back() * num_calls, batch_size * num_outputs, 3));
   }
 
   const DenseNetwork network_;
@@ -89,6 +90,37 @@ TEST_P(NetworkJacobianTest, ProductsAreTheDenseOnes) {
       w.dot(Jv), Jtw.dot(v), 1e-14 * dense_.norm() * v.norm() * w.norm());
 }
 
+// A row of the sum over calls is the sum of the rows of the calls as samples.
+TEST_P(NetworkJacobianTest, RowsAreTheSumsOverTheCalls) {
+  const auto& [widths, batch_size, num_outputs, num_calls] = GetParam();
+  const int num_x = widths.back();
+  const MatrixXd inputs =
+      RandomMatrix(widths.front(), batch_size * num_calls, 2);
+  const MatrixXd simulator_jacobians =
+      RandomMatrix(num_x * num_calls, batch_size * num_outputs, 3);
+  MatrixXd expected = MatrixXd::Zero(dense_.rows(), dense_.cols());
+  for (int t = 0; t < num_calls; ++t) {
+    MatrixXd inputs_of_call(widths.front(), batch_size);
+    for (int s = 0; s < batch_size; ++s) {
+      inputs_of_call.col(s) = inputs.col(s * num_calls + t);
+    }
+    DenseNetwork::Activations activations;
+    network_.Forward(weights_, inputs_of_call, false, &activations);
+    MatrixXd J;
+    NetworkJacobian(network_,
+                    weights_,
+                    std::move(activations),
+                    simulator_jacobians.middleRows(t * num_x, num_x))
+        .ToDense(&J);
+    expected += J;
+  }
+  EXPECT_LT((dense_ - expected).norm(), 1e-14 * expected.norm());
+  EXPECT_EQ(jacobian_.RowName(jacobian_.rows() - 1),
+            "row " + std::to_string(jacobian_.rows() - 1) + " (sample " +
+                std::to_string(batch_size - 1) + ", output " +
+                std::to_string(num_outputs - 1) + ")");
+}
+
 TEST_P(NetworkJacobianTest, ColumnBlocksAreTheLayers) {
   const std::vector<int>& widths = std::get<0>(GetParam());
   const auto blocks = jacobian_.ColumnBlocks();
@@ -107,11 +139,14 @@ TEST_P(NetworkJacobianTest, ColumnBlocksAreTheLayers) {
 INSTANTIATE_TEST_SUITE_P(
     Sizes,
     NetworkJacobianTest,
-    testing::Values(std::make_tuple(std::vector<int>{3, 2}, 1, 1),
-                    std::make_tuple(std::vector<int>{2, 5, 3}, 4, 3),
-                    std::make_tuple(std::vector<int>{4, 20, 20, 20, 24}, 35, 4),
-                    std::make_tuple(std::vector<int>{3, 6, 4, 5}, 11, 7),
-                    std::make_tuple(std::vector<int>{2, 8, 9}, 3, 70)));
+    testing::Values(
+        std::make_tuple(std::vector<int>{3, 2}, 1, 1, 1),
+        std::make_tuple(std::vector<int>{2, 5, 3}, 4, 3, 1),
+        std::make_tuple(std::vector<int>{4, 20, 20, 20, 24}, 35, 4, 1),
+        std::make_tuple(std::vector<int>{3, 6, 4, 5}, 11, 7, 1),
+        std::make_tuple(std::vector<int>{2, 8, 9}, 3, 70, 1),
+        std::make_tuple(std::vector<int>{3, 2}, 1, 1, 2),
+        std::make_tuple(std::vector<int>{3, 6, 4, 2}, 5, 3, 4)));
 
 // P(x) = (x0 x1, sin x2, exp x0).
 struct Curved {

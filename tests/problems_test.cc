@@ -217,6 +217,12 @@ std::vector<std::string> Specifications() {
                          "oscillator_chain:coupling=cubic",
                          "oscillator_chain:num_oscillators=3:num_samples=8",
                          "oscillator_chain:num_oscillators=5:coupling=cubic:"
+                         "num_samples=8",
+                         "oscillator_tracking:coupling=cubic:num_samples=8:"
+                         "end_weight=10",
+                         "oscillator_tracking:num_oscillators=3:horizon=7:"
+                         "num_samples=8",
+                         "oscillator_correction:num_oscillators=3:horizon=6:"
                          "num_samples=8"});
   return specifications;
 }

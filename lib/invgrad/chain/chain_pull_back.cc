@@ -16,14 +16,6 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The network's outputs, a sample's x a column: a network that is called
-// several times a sample puts out its x in pieces.
-Map<const MatrixXd> InputsOfSimulator(
-    const Model& model, const DenseNetwork::Activations& forward) {
-  const Index size = model.simulator().num_inputs();
-  return {forward.outputs.data(), size, forward.outputs.size() / size};
-}
-
 }  // namespace
 
 ChainPullBack::ChainPullBack(const Model* model,
@@ -50,9 +42,13 @@ bool ChainPullBack::Linearize(const VectorXd& weights,
   if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
     return false;
   }
-  const auto x = InputsOfSimulator(model_, activations_);
+  const auto x = model_.SimulatorInputs(activations_);
   double cost = 0.0;
   if (!PullBackSamples(x, batch, &cost, error)) return false;
+  if (options_.simulator.way == SimulatorWay::kAdjoint &&
+      !model_.CloseLoop(weights, batch, activations_, d_x_, error)) {
+    return false;
+  }
   if (options_.updates_per_evaluation > 1) wanted_x_ = x + d_x_;
   if (!LinearizeProxy(weights, parts, linearization, error)) {
     return false;
@@ -71,7 +67,7 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
   if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
     return false;
   }
-  d_x_ = wanted_x_ - InputsOfSimulator(model_, activations_);
+  d_x_ = wanted_x_ - model_.SimulatorInputs(activations_);
   return LinearizeProxy(weights, parts, linearization, error);
 }
 

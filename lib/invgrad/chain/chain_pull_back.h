@@ -25,6 +25,12 @@
 // data_weight / 2 |x - x*|^2, the loss called physics-informed; and
 // `supervised` puts x~ = x* in place of any pull-back.
 //
+// With feedback (model.h) x holds the network's outputs of all calls, and the
+// network's inputs, the states at these calls, count as given: x~ is what the
+// calls should have put out. Only the adjoint sees that an output moves the
+// states, and with them the later outputs: it is the gradient of the closed
+// loop.
+//
 // Several updates: after Linearize, LinearizeAgain moves towards the same x~
 // without another evaluation of the simulator.
 //

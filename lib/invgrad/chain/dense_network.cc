@@ -22,6 +22,115 @@ WeightMap Layer(const DenseNetwork& network, int l, const VectorXd& weights) {
                    network.widths()[l + 1]);
 }
 
+// A backward pass and its tangent, as the second derivatives need them. Entry l
+// of each vector belongs to layer l.
+struct TangentPass {
+  std::vector<MatrixXd> deltas;      // dF/dz
+  std::vector<MatrixXd> pulled;      // dF/da between layers l and l + 1
+  std::vector<MatrixXd> z_dots;      // the tangents of z,
+  std::vector<MatrixXd> a_dots;      // of the layers' inputs
+  std::vector<MatrixXd> delta_dots;  // and of deltas
+};
+
+// Fills deltas and pulled, and gives the tangents their sizes.
+TangentPass StartTangentPass(const DenseNetwork& network,
+                             const VectorXd& weights,
+                             const DenseNetwork::Activations& activations,
+                             const MatrixXd& output_covectors) {
+  const int L = network.num_layers();
+  const int batch_size = activations.batch_size();
+  const std::vector<int>& widths = network.widths();
+  CHECK_EQ(weights.size(), network.num_weights());
+  CHECK_EQ(output_covectors.rows(), network.num_outputs());
+  CHECK_EQ(output_covectors.cols(), batch_size);
+  CHECK_EQ(static_cast<int>(activations.curvatures.size()), L)
+      << "Forward was not asked for curvatures.";
+  TangentPass pass;
+  pass.deltas.resize(L);
+  pass.pulled.resize(L);
+  pass.deltas[L - 1] = output_covectors;
+  for (int l = L - 1; l > 0; --l) {
+    pass.pulled[l - 1].resize(widths[l], batch_size);
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         Layer(network, l, weights).topRows(widths[l]),
+         pass.deltas[l],
+         0.0,
+         pass.pulled[l - 1]);
+    pass.deltas[l - 1] =
+        pass.pulled[l - 1].cwiseProduct(activations.slopes[l - 1]);
+  }
+  pass.z_dots.resize(L);
+  pass.a_dots.resize(L);
+  pass.delta_dots.resize(L);
+  for (int l = 0; l < L; ++l) {
+    pass.z_dots[l].resize(widths[l + 1], batch_size);
+    pass.a_dots[l].resize(widths[l], batch_size);
+    pass.delta_dots[l].resize(widths[l + 1], batch_size);
+  }
+  return pass;
+}
+
+// z_dots and a_dots of the layers above `from`, from its z_dots.
+void TangentForward(const DenseNetwork& network,
+                    const VectorXd& weights,
+                    const DenseNetwork::Activations& activations,
+                    int from,
+                    TangentPass* pass) {
+  for (int l = from + 1; l < network.num_layers(); ++l) {
+    pass->a_dots[l] =
+        pass->z_dots[l - 1].cwiseProduct(activations.slopes[l - 1]);
+    Gemm(Op::kTranspose,
+         Op::kNone,
+         1.0,
+         Layer(network, l, weights).topRows(network.widths()[l]),
+         pass->a_dots[l],
+         0.0,
+         pass->z_dots[l]);
+  }
+}
+
+// delta_dots of the layers from `from` on, from those of the last.
+void TangentBackward(const DenseNetwork& network,
+                     const VectorXd& weights,
+                     const DenseNetwork::Activations& activations,
+                     int from,
+                     TangentPass* pass) {
+  for (int l = network.num_layers() - 1; l > from; --l) {
+    MatrixXd& below = pass->delta_dots[l - 1];
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         Layer(network, l, weights).topRows(network.widths()[l]),
+         pass->delta_dots[l],
+         0.0,
+         below);
+    below.array() = below.array() * activations.slopes[l - 1].array() +
+                    activations.curvatures[l - 1].array() *
+                        pass->z_dots[l - 1].array() *
+                        pass->pulled[l - 1].array();
+  }
+}
+
+// The tangents of the samples' gradients in the weights of layer l, which are
+// inputs_s delta_s^T: layer_size x B.
+void GradientTangents(const DenseNetwork::Activations& activations,
+                      const TangentPass& pass,
+                      int l,
+                      Eigen::Ref<MatrixXd> gradient_dots) {
+  const Eigen::Index width = pass.a_dots[l].rows();
+  const Eigen::Index stride = width + 1;
+  for (int s = 0; s < activations.batch_size(); ++s) {
+    for (Eigen::Index i = 0; i < pass.deltas[l].rows(); ++i) {
+      gradient_dots.col(s).segment(i * stride, stride) =
+          activations.inputs[l].col(s) * pass.delta_dots[l](i, s);
+      gradient_dots.col(s).segment(i * stride, width) +=
+          pass.a_dots[l].col(s) * pass.deltas[l](i, s);
+    }
+  }
+}
+
 }  // namespace
 
 DenseNetwork::DenseNetwork(std::vector<int> widths, Activation hidden)
@@ -154,6 +263,34 @@ void DenseNetwork::Backward(const VectorXd& weights,
   }
 }
 
+void DenseNetwork::InputJacobians(const VectorXd& weights,
+                                  const Activations& activations,
+                                  MatrixXd* jacobians) const {
+  CHECK_EQ(weights.size(), num_weights());
+  const int last = num_layers() - 1;
+  const int batch_size = activations.batch_size();
+  // dx_{s,i}/da_l, from the top: of the last layer's inputs it is the weights.
+  MatrixXd above = Layer(*this, last, weights)
+                       .topRows(widths_[last])
+                       .replicate(1, batch_size);
+  for (int l = last; l > 0; --l) {
+    for (Eigen::Index column = 0; column < above.cols(); ++column) {
+      above.col(column).array() *=
+          activations.slopes[l - 1].col(column / num_outputs()).array();
+    }
+    MatrixXd below(widths_[l - 1], above.cols());
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         Layer(*this, l - 1, weights).topRows(widths_[l - 1]),
+         above,
+         0.0,
+         below);
+    above.swap(below);
+  }
+  jacobians->swap(above);
+}
+
 void DenseNetwork::Tangent(const VectorXd& weights,
                            const Activations& activations,
                            const VectorXd& weight_tangent,
@@ -192,87 +329,29 @@ void DenseNetwork::Hessian(const VectorXd& weights,
                            MatrixXd* hessian) const {
   const int L = num_layers();
   const int batch_size = activations.batch_size();
-  CHECK_EQ(weights.size(), num_weights());
-  CHECK_EQ(output_covectors.rows(), num_outputs());
-  CHECK_EQ(output_covectors.cols(), batch_size);
   CHECK_EQ(static_cast<int>(output_hessians.size()), batch_size);
-  CHECK_EQ(static_cast<int>(activations.curvatures.size()), L)
-      << "Forward was not asked for curvatures.";
+  TangentPass pass =
+      StartTangentPass(*this, weights, activations, output_covectors);
   hessian->resize(num_weights(), num_weights());
-
-  // deltas[l] = dF/dz of layer l; pulled[l] = dF/da between layers l and l + 1.
-  std::vector<MatrixXd> deltas(L);
-  std::vector<MatrixXd> pulled(L);
-  deltas[L - 1] = output_covectors;
-  for (int l = L - 1; l > 0; --l) {
-    pulled[l - 1].resize(widths_[l], batch_size);
-    Gemm(Op::kNone,
-         Op::kNone,
-         1.0,
-         Layer(*this, l, weights).topRows(widths_[l]),
-         deltas[l],
-         0.0,
-         pulled[l - 1]);
-    deltas[l - 1] = pulled[l - 1].cwiseProduct(activations.slopes[l - 1]);
-  }
-
-  // Tangents, for z of unit `unit` of layer `from` moving at rate one in every
-  // sample: z_dots[l], a_dots[l] (of the inputs of layer l) and delta_dots[l].
-  std::vector<MatrixXd> z_dots(L);
-  std::vector<MatrixXd> a_dots(L);
-  std::vector<MatrixXd> delta_dots(L);
-  for (int l = 0; l < L; ++l) {
-    z_dots[l].resize(widths_[l + 1], batch_size);
-    a_dots[l].resize(widths_[l], batch_size);
-    delta_dots[l].resize(widths_[l + 1], batch_size);
-  }
   MatrixXd gradient_dots;  // layer_size x B, a column a sample
   for (int from = 0; from < L; ++from) {
     for (int unit = 0; unit < widths_[from + 1]; ++unit) {
-      z_dots[from].setZero();
-      z_dots[from].row(unit).setOnes();
-      a_dots[from].setZero();
-      for (int l = from + 1; l < L; ++l) {
-        a_dots[l] = z_dots[l - 1].cwiseProduct(activations.slopes[l - 1]);
-        Gemm(Op::kTranspose,
-             Op::kNone,
-             1.0,
-             Layer(*this, l, weights).topRows(widths_[l]),
-             a_dots[l],
-             0.0,
-             z_dots[l]);
-      }
+      // z of the unit moves at rate one in every sample.
+      pass.z_dots[from].setZero();
+      pass.z_dots[from].row(unit).setOnes();
+      pass.a_dots[from].setZero();
+      TangentForward(*this, weights, activations, from, &pass);
       for (int s = 0; s < batch_size; ++s) {
-        delta_dots[L - 1].col(s).noalias() =
-            output_hessians[s] * z_dots[L - 1].col(s);
+        pass.delta_dots[L - 1].col(s).noalias() =
+            output_hessians[s] * pass.z_dots[L - 1].col(s);
       }
-      for (int l = L - 1; l > from; --l) {
-        Gemm(Op::kNone,
-             Op::kNone,
-             1.0,
-             Layer(*this, l, weights).topRows(widths_[l]),
-             delta_dots[l],
-             0.0,
-             delta_dots[l - 1]);
-        delta_dots[l - 1].array() =
-            delta_dots[l - 1].array() * activations.slopes[l - 1].array() +
-            activations.curvatures[l - 1].array() * z_dots[l - 1].array() *
-                pulled[l - 1].array();
-      }
-      // The gradient of layer l is sum_s inputs_s delta_s^T. Only layers from
-      // `from` on: there the weights act on the tangent through z alone.
+      TangentBackward(*this, weights, activations, from, &pass);
+      // Only layers from `from` on: there the weights act on the tangent
+      // through z alone.
       const int first_column = offsets_[from] + unit * (widths_[from] + 1);
       for (int l = from; l < L; ++l) {
-        const Eigen::Index stride = widths_[l] + 1;
         gradient_dots.resize(layer_size(l), batch_size);
-        for (int s = 0; s < batch_size; ++s) {
-          for (int i = 0; i < widths_[l + 1]; ++i) {
-            gradient_dots.col(s).segment(i * stride, stride) =
-                activations.inputs[l].col(s) * delta_dots[l](i, s);
-            gradient_dots.col(s).segment(i * stride, widths_[l]) +=
-                a_dots[l].col(s) * deltas[l](i, s);
-          }
-        }
+        GradientTangents(activations, pass, l, gradient_dots);
         Gemm(Op::kNone,
              Op::kTranspose,
              1.0,
@@ -285,6 +364,41 @@ void DenseNetwork::Hessian(const VectorXd& weights,
     }
   }
   hessian->triangularView<Eigen::StrictlyUpper>() = hessian->transpose();
+}
+
+void DenseNetwork::InputSecondDerivatives(const VectorXd& weights,
+                                          const Activations& activations,
+                                          const MatrixXd& output_covectors,
+                                          int i,
+                                          MatrixXd* in_inputs,
+                                          MatrixXd* in_weights) const {
+  CHECK_GE(i, 0);
+  CHECK_LT(i, num_inputs());
+  const int batch_size = activations.batch_size();
+  TangentPass pass =
+      StartTangentPass(*this, weights, activations, output_covectors);
+  const WeightMap first = Layer(*this, 0, weights);
+  pass.a_dots[0].setZero();
+  pass.a_dots[0].row(i).setOnes();
+  pass.z_dots[0].colwise() = first.row(i).transpose();
+  TangentForward(*this, weights, activations, 0, &pass);
+  pass.delta_dots.back().setZero();  // w stays
+  TangentBackward(*this, weights, activations, 0, &pass);
+  in_inputs->resize(num_inputs(), batch_size);
+  Gemm(Op::kNone,
+       Op::kNone,
+       1.0,
+       first.topRows(num_inputs()),
+       pass.delta_dots[0],
+       0.0,
+       *in_inputs);
+  in_weights->resize(num_weights(), batch_size);
+  for (int l = 0; l < num_layers(); ++l) {
+    GradientTangents(activations,
+                     pass,
+                     l,
+                     in_weights->middleRows(offsets_[l], layer_size(l)));
+  }
 }
 
 std::string DenseNetwork::Name() const {

@@ -82,6 +82,12 @@ class DenseNetwork {
                 const Eigen::MatrixXd& output_covectors,
                 Eigen::VectorXd* gradient) const;
 
+  // The Jacobians of the outputs in the inputs: |a| x B |x|, column s |x| + i
+  // is the derivative of x_{s,i} in a_s. Takes 2 n B |x|.
+  void InputJacobians(const Eigen::VectorXd& weights,
+                      const Activations& activations,
+                      Eigen::MatrixXd* jacobians) const;
+
   // Output tangents J_s v (widths[L] x B) of one weight tangent v (n).
   void Tangent(const Eigen::VectorXd& weights,
                const Activations& activations,
@@ -98,6 +104,17 @@ class DenseNetwork {
                const Eigen::MatrixXd& output_covectors,
                const std::vector<Eigen::MatrixXd>& output_hessians,
                Eigen::MatrixXd* hessian) const;
+
+  // The second derivatives of F_s = w_s . f(a_s; theta) in input i and in all
+  // inputs (|a| x B: column s is d2F_s/da da_i) or all weights (n x B: column s
+  // is d2F_s/dtheta da_i), for output covectors w: widths[L] x B. One
+  // tangent-of-backward pass. Needs curvatures.
+  void InputSecondDerivatives(const Eigen::VectorXd& weights,
+                              const Activations& activations,
+                              const Eigen::MatrixXd& output_covectors,
+                              int i,
+                              Eigen::MatrixXd* in_inputs,
+                              Eigen::MatrixXd* in_weights) const;
 
   // "4-20-20-20-24 tanh"
   std::string Name() const;

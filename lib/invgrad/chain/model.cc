@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "glog/logging.h"
+#include "invgrad/chain/closed_loop_hessian.h"
 #include "invgrad/chain/network_jacobian.h"
 
 namespace invgrad {
@@ -22,6 +23,7 @@ bool SampleError(int sample, const char* what, std::string* error) {
 constexpr char kNetworkFailed[] = "the network's output is not finite";
 constexpr char kSimulatorFailed[] = "the simulator has no finite value";
 constexpr char kLossFailed[] = "the loss has no finite value";
+constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
 
 const double* Context(const DataSet& batch, int sample) {
   return batch.contexts.rows() == 0 ? nullptr
@@ -32,6 +34,37 @@ bool CheckCost(double cost, std::string* error) {
   if (std::isfinite(cost)) return true;
   *error = "the cost of the batch is not finite";
   return false;
+}
+
+bool CheckOutputs(const MatrixXd& outputs, std::string* error) {
+  if (outputs.allFinite()) return true;
+  int sample = 0;
+  while (outputs.col(sample).allFinite()) ++sample;
+  return SampleError(sample, kNetworkFailed, error);
+}
+
+// Writes the activations of call t, a column a sample, among those of all.
+void StoreCall(const DenseNetwork::Activations& call,
+               int t,
+               int num_calls,
+               DenseNetwork::Activations* all) {
+  const auto store = [t, num_calls](const MatrixXd& from, MatrixXd* to) {
+    to->resize(from.rows(), from.cols() * num_calls);  // keeps what fits
+    Eigen::Map<MatrixXd, 0, Eigen::OuterStride<>>(
+        to->data() + t * from.rows(),
+        from.rows(),
+        from.cols(),
+        Eigen::OuterStride<>(num_calls * from.rows())) = from;
+  };
+  const auto store_layers = [&store](const std::vector<MatrixXd>& from,
+                                     std::vector<MatrixXd>* to) {
+    to->resize(from.size());
+    for (std::size_t l = 0; l < from.size(); ++l) store(from[l], &(*to)[l]);
+  };
+  store_layers(call.inputs, &all->inputs);
+  store_layers(call.slopes, &all->slopes);
+  store_layers(call.curvatures, &all->curvatures);
+  store(call.outputs, &all->outputs);
 }
 
 // Backward passes can overflow where the forward one did not.
@@ -79,15 +112,25 @@ std::function<VectorXd(const VectorXd&)> LossHessianTimes(MatrixXd blocks) {
 Model::Model(DenseNetwork network,
              std::shared_ptr<const Simulator> simulator,
              std::shared_ptr<const Loss> loss,
-             Reduction reduction)
+             Reduction reduction,
+             std::shared_ptr<const Feedback> feedback)
     : network_(std::move(network)),
       simulator_(std::move(simulator)),
       loss_(std::move(loss)),
-      reduction_(reduction) {
+      reduction_(reduction),
+      feedback_(std::move(feedback)) {
   CHECK(simulator_ != nullptr);
   CHECK(loss_ != nullptr);
-  CHECK_EQ(network_.num_outputs(), simulator_->num_inputs())
+  CHECK_EQ(num_calls() * network_.num_outputs(), simulator_->num_inputs())
       << "The network's outputs are the simulator's inputs.";
+  if (feedback_ != nullptr) {
+    CHECK_EQ(feedback_->control_size(), network_.num_outputs())
+        << "The network's outputs are the controls of a step.";
+    CHECK_LE(feedback_->state_size(), network_.num_inputs())
+        << "The state is the first part of the network's inputs.";
+    CHECK_EQ(feedback_->state_size(), simulator_->num_context())
+        << "The simulator's context is the state at the start.";
+  }
   CHECK_EQ(simulator_->num_outputs(), loss_->size())
       << "The simulator's outputs are the loss's argument.";
 }
@@ -103,11 +146,72 @@ bool Model::Forward(const VectorXd& weights,
                     DenseNetwork::Activations* activations,
                     std::string* error) const {
   CheckSizes(*this, weights, batch);
+  if (feedback_ != nullptr) {
+    return ForwardInLoop(weights, batch, want_curvatures, activations, error);
+  }
   network_.Forward(weights, batch.inputs, want_curvatures, activations);
-  if (activations->outputs.allFinite()) return true;
-  int sample = 0;
-  while (activations->outputs.col(sample).allFinite()) ++sample;
-  return SampleError(sample, kNetworkFailed, error);
+  return CheckOutputs(activations->outputs, error);
+}
+
+bool Model::ForwardInLoop(const VectorXd& weights,
+                          const DataSet& batch,
+                          bool want_curvatures,
+                          DenseNetwork::Activations* activations,
+                          std::string* error) const {
+  MatrixXd inputs = batch.inputs;
+  MatrixXd states = batch.contexts;
+  VectorXd next(states.rows());
+  DenseNetwork::Activations call;
+  for (int t = 0; t < num_calls(); ++t) {
+    if (t > 0) {
+      for (int s = 0; s < batch.num_samples(); ++s) {
+        if (!feedback_->Advance(states.col(s).data(),
+                                call.outputs.col(s).data(),
+                                next.data())) {
+          return SampleError(s, kSimulatorFailed, error);
+        }
+        states.col(s) = next;
+      }
+      inputs.topRows(states.rows()) = states;
+    }
+    network_.Forward(weights, inputs, want_curvatures, &call);
+    if (!CheckOutputs(call.outputs, error)) return false;
+    StoreCall(call, t, num_calls(), activations);
+  }
+  return true;
+}
+
+Eigen::Map<const MatrixXd> Model::SimulatorInputs(
+    const DenseNetwork::Activations& activations) const {
+  const Eigen::Index num_x = simulator_->num_inputs();
+  return {
+      activations.outputs.data(), num_x, activations.outputs.size() / num_x};
+}
+
+bool Model::CloseLoop(const VectorXd& weights,
+                      const DataSet& batch,
+                      const DenseNetwork::Activations& activations,
+                      Eigen::Ref<MatrixXd> x_bar,
+                      std::string* error) const {
+  if (num_calls() == 1) return true;  // no call comes after another
+  const int batch_size = batch.num_samples();
+  const Eigen::Index num_x = simulator_->num_inputs();
+  CHECK_EQ(x_bar.cols() % batch_size, 0);
+  const Eigen::Index per_sample = x_bar.cols() / batch_size;
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
+  MatrixXd K;
+  network_.InputJacobians(weights, activations, &K);
+  for (int s = 0; s < batch_size; ++s) {
+    if (!invgrad::CloseLoop(
+            *feedback_,
+            x.col(s).data(),
+            Context(batch, s),
+            K.topRows(feedback_->state_size()).middleCols(s * num_x, num_x),
+            x_bar.middleCols(s * per_sample, per_sample))) {
+      return SampleError(s, kLoopFailed, error);
+    }
+  }
+  return true;
 }
 
 bool Model::Linearize(const VectorXd& weights,
@@ -142,8 +246,9 @@ bool Model::CostAndGradient(const VectorXd& weights,
   if (!Forward(weights, batch, false, &activations, error)) {
     return false;
   }
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(loss_->size());
-  MatrixXd x_bar(network_.num_outputs(), batch.num_samples());
+  MatrixXd x_bar(x.rows(), x.cols());
   *cost = 0.0;
   int s = 0;
   bool loss_failed = false;
@@ -158,7 +263,7 @@ bool Model::CostAndGradient(const VectorXd& weights,
   // By reference, which std::function holds without allocating.
   const Simulator::Covector covector = std::cref(loss_gradient);
   for (; s < batch.num_samples(); ++s) {
-    if (!simulator_->PullBack(activations.outputs.col(s).data(),
+    if (!simulator_->PullBack(x.col(s).data(),
                               Context(batch, s),
                               covector,
                               y.data(),
@@ -167,6 +272,8 @@ bool Model::CostAndGradient(const VectorXd& weights,
           s, loss_failed ? kLossFailed : kSimulatorFailed, error);
     }
   }
+  if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
+  x_bar.resize(network_.num_outputs(), activations.batch_size());
   network_.Backward(weights, activations, x_bar, gradient);
   return CheckCost(*cost, error) &&
          CheckDerivatives(*gradient, MatrixXd(), error);
@@ -179,7 +286,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                       std::string* error) const {
   CheckTargets(*this, batch);
   const int batch_size = batch.num_samples();
-  const Eigen::Index num_x = network_.num_outputs();
+  const Eigen::Index num_x = simulator_->num_inputs();
   const Eigen::Index num_y = loss_->size();
   const double scale = BatchScale(batch_size);
   const std::optional<double> factor = loss_->SquaredNormFactor();
@@ -189,7 +296,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   if (!Forward(weights, batch, parts.hessian, &activations, error)) {
     return false;
   }
-  const MatrixXd& x = activations.outputs;
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(num_y);
   MatrixXd jacobians(num_x, num_y * batch_size);
   MatrixXd loss_gradients(num_y, batch_size);
@@ -239,10 +346,27 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                  loss_hessians.middleCols(s * num_y, num_y) *
                                  J_transposed.transpose();
     }
-    network_.Hessian(
-        weights, activations, x_bar, x_hessians, &linearization->hessian);
+    if (num_calls() == 1) {
+      network_.Hessian(
+          weights, activations, x_bar, x_hessians, &linearization->hessian);
+    } else {
+      if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
+      int failed = 0;
+      if (!ClosedLoopHessian(network_,
+                             *feedback_,
+                             weights,
+                             activations,
+                             batch.contexts,
+                             x_bar,
+                             x_hessians,
+                             &linearization->hessian,
+                             &failed)) {
+        return SampleError(failed, kLoopFailed, error);
+      }
+    }
   }
 
+  if (!CloseLoop(weights, batch, activations, jacobians, error)) return false;
   const auto jacobian = std::make_shared<NetworkJacobian>(
       network_, weights, std::move(activations), std::move(jacobians));
   if (parts.gradient) {
@@ -301,9 +425,10 @@ bool Model::Predict(const VectorXd& weights,
   if (!Forward(weights, batch, false, &activations, error)) {
     return false;
   }
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   outputs->resize(simulator_->num_outputs(), batch.num_samples());
   for (int s = 0; s < batch.num_samples(); ++s) {
-    if (!simulator_->Evaluate(activations.outputs.col(s).data(),
+    if (!simulator_->Evaluate(x.col(s).data(),
                               Context(batch, s),
                               outputs->col(s).data(),
                               nullptr)) {

@@ -5,13 +5,25 @@
 // with scale = 1/B (kMean) or 1 (kSum). The choice matters to half-inverse
 // steps: g = dL/dy carries the factor.
 //
+// With feedback (feedback.h) the network is in the simulator's loop over time:
+// it is called T times a sample, x_s is what it put out,
+//
+//   x_s = (u_0, .., u_{T-1}),   u_t = f(a_{s,t}; theta)
+//
+// and a_{s,t} is a_s, from the second call on with the state s_t in place of
+// its first ns entries. What follows them, a set point say, is the same at all
+// calls; a reference signal is part of the state, by what generates it.
+//
 // Shapes:  theta: n;  y: |y| B stacked sample by sample, as g and the rows of
-//          J = dy/dtheta are.
+//          J = dy/dtheta are. Activations: B columns; with feedback B T, a
+//          sample's calls side by side.
 // Cost:    gradient: forward, PullBack of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h).
 //          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian.
-//          Nothing is allocated a sample but by the Hessian.
+//          Nothing is allocated a sample but by the Hessian. With feedback: T
+//          passes in place of one, an input Jacobian of the network, and one
+//          CloseLoop a sample; for the Hessian closed_loop_hessian.h.
 // Fails:   Linearize, Cost and Predict return false with a message naming the
 //          sample (its column in the batch) if a simulator or loss fails or a
 //          value is not finite. Empty batches and sizes that do not fit are
@@ -27,6 +39,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
 #include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/feedback.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/simulator.h"
 #include "invgrad/linalg/linearization.h"
@@ -39,10 +52,15 @@ class Model {
  public:
   // Sizes must fit: network outputs = simulator inputs, simulator outputs =
   // loss size (CHECKed).
+  //
+  // feedback: null, or the loop over time of the same simulator, often the
+  // simulator itself. Then T network outputs = T controls = simulator inputs,
+  // and the simulator's context is the state at the start (CHECKed).
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
-        Reduction reduction);
+        Reduction reduction,
+        std::shared_ptr<const Feedback> feedback = nullptr);
 
   const DenseNetwork& network() const { return network_; }
   const Simulator& simulator() const { return *simulator_; }
@@ -51,15 +69,21 @@ class Model {
     return simulator_;
   }
   std::shared_ptr<const Loss> shared_loss() const { return loss_; }
+  const Feedback* feedback() const { return feedback_.get(); }  // may be null
+
+  // T: how often the network is called a sample.
+  int num_calls() const {
+    return feedback_ == nullptr ? 1 : feedback_->num_calls();
+  }
 
   // The same network and simulator in front of another loss.
   Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {
-    return Model(network_, simulator_, std::move(loss), reduction);
+    return Model(network_, simulator_, std::move(loss), reduction, feedback_);
   }
 
   // Another network in front of the same simulator and loss.
   Model WithNetwork(DenseNetwork network) const {
-    return Model(std::move(network), simulator_, loss_, reduction_);
+    return Model(std::move(network), simulator_, loss_, reduction_, feedback_);
   }
 
   Reduction reduction() const { return reduction_; }
@@ -68,13 +92,28 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
-  // The network's part of the chain: x is in activations->outputs. False, with
-  // the sample named, if an output is not finite.
+  // The network's part of the chain, from which SimulatorInputs reads x. False,
+  // with the sample named, if an output is not finite or, with feedback, a step
+  // fails.
   bool Forward(const Eigen::VectorXd& weights,
                const DataSet& batch,
                bool want_curvatures,
                DenseNetwork::Activations* activations,
                std::string* error) const;
+
+  // x: |x| x B, the memory of activations.outputs.
+  Eigen::Map<const Eigen::MatrixXd> SimulatorInputs(
+      const DenseNetwork::Activations& activations) const;
+
+  // Makes covectors of x with every input of the network held fixed (x_bar: |x|
+  // x B k, k for each sample) those with the loop closed, in place; without
+  // feedback they are the same. False, with the sample named, where the physics
+  // has no finite derivative.
+  bool CloseLoop(const Eigen::VectorXd& weights,
+                 const DataSet& batch,
+                 const DenseNetwork::Activations& activations,
+                 Eigen::Ref<Eigen::MatrixXd> x_bar,
+                 std::string* error) const;
 
   // Fills cost and the wanted parts; the others are left empty.
   bool Linearize(const Eigen::VectorXd& weights,
@@ -108,11 +147,18 @@ class Model {
                                  const LinearizationParts& parts,
                                  Linearization* linearization,
                                  std::string* error) const;
+  // Forward with feedback, call by call.
+  bool ForwardInLoop(const Eigen::VectorXd& weights,
+                     const DataSet& batch,
+                     bool want_curvatures,
+                     DenseNetwork::Activations* activations,
+                     std::string* error) const;
 
   DenseNetwork network_;
   std::shared_ptr<const Simulator> simulator_;
   std::shared_ptr<const Loss> loss_;
   Reduction reduction_;
+  std::shared_ptr<const Feedback> feedback_;
 };
 
 }  // namespace invgrad

@@ -18,50 +18,63 @@ NetworkJacobian::NetworkJacobian(DenseNetwork network,
     : network_(std::move(network)),
       weights_(std::move(weights)),
       activations_(std::move(activations)),
-      simulator_jacobians_(std::move(simulator_jacobians)) {
-  const int batch_size = activations_.batch_size();
-  CHECK_GT(batch_size, 0);
+      last_factor_(std::move(simulator_jacobians)) {
+  const Index num_outputs = network_.num_outputs();
+  CHECK_GT(activations_.batch_size(), 0);
   CHECK_EQ(weights_.size(), network_.num_weights());
-  CHECK_EQ(activations_.outputs.rows(), network_.num_outputs());
-  CHECK_EQ(simulator_jacobians_.rows(), network_.num_outputs());
-  CHECK_EQ(simulator_jacobians_.cols() % batch_size, 0);
-  outputs_per_sample_ =
-      static_cast<int>(simulator_jacobians_.cols() / batch_size);
+  CHECK_EQ(activations_.outputs.rows(), num_outputs);
+  CHECK_EQ(last_factor_.rows() % num_outputs, 0);
+  num_calls_ = static_cast<int>(last_factor_.rows() / num_outputs);
+  CHECK_GT(num_calls_, 0);
+  CHECK_EQ(activations_.batch_size() % num_calls_, 0);
+  const Index batch_size = activations_.batch_size() / num_calls_;
+  CHECK_EQ(last_factor_.cols() % batch_size, 0);
+  outputs_per_sample_ = static_cast<int>(last_factor_.cols() / batch_size);
+  // The same numbers in the same order, a column a call.
+  last_factor_.resize(num_outputs, num_calls_ * last_factor_.cols());
+}
+
+Eigen::Map<const MatrixXd> NetworkJacobian::SimulatorJacobians() const {
+  return {last_factor_.data(), last_factor_.rows() * num_calls_, rows()};
 }
 
 void NetworkJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
   CHECK_EQ(v.size(), cols());
   const Index r = outputs_per_sample_;
-  MatrixXd dx;  // |x| x B
+  MatrixXd dx;
   network_.Tangent(weights_, activations_, v, &dx);
+  // |x| x B: the calls of a sample below each other.
+  dx.resize(dx.rows() * num_calls_, dx.cols() / num_calls_);
   Jv->resize(rows());
-  for (int s = 0; s < activations_.batch_size(); ++s) {
+  for (Index s = 0; s < dx.cols(); ++s) {
     Jv->segment(s * r, r).noalias() =
-        simulator_jacobians_.middleCols(s * r, r).transpose() * dx.col(s);
+        SimulatorJacobians().middleCols(s * r, r).transpose() * dx.col(s);
   }
 }
 
 void NetworkJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
   CHECK_EQ(w.size(), rows());
   const Index r = outputs_per_sample_;
-  MatrixXd x_bar(network_.num_outputs(), activations_.batch_size());
-  for (int s = 0; s < activations_.batch_size(); ++s) {
+  const int num_columns = activations_.batch_size();
+  MatrixXd x_bar(network_.num_outputs() * num_calls_, num_columns / num_calls_);
+  for (Index s = 0; s < x_bar.cols(); ++s) {
     x_bar.col(s).noalias() =
-        simulator_jacobians_.middleCols(s * r, r) * w.segment(s * r, r);
+        SimulatorJacobians().middleCols(s * r, r) * w.segment(s * r, r);
   }
+  x_bar.resize(network_.num_outputs(), num_columns);  // a column a call
   network_.Backward(weights_, activations_, x_bar, Jtw);
 }
 
 const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
   const int last = network_.num_layers() - 1;
-  if (l == last) return simulator_jacobians_;
+  if (l == last) return last_factor_;
   std::call_once(hidden_factors_built_, [this, last] {
     const std::vector<int>& widths = network_.widths();
     hidden_factors_.resize(last);
-    const MatrixXd* above = &simulator_jacobians_;
+    const MatrixXd* above = &last_factor_;
     for (int k = last; k > 0; --k) {
       MatrixXd& delta = hidden_factors_[k - 1];
-      delta.resize(widths[k], rows());
+      delta.resize(widths[k], last_factor_.cols());
       Gemm(Op::kNone,
            Op::kNone,
            1.0,
@@ -73,8 +86,12 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
            0.0,
            delta);
       const MatrixXd& slopes = activations_.slopes[k - 1];
-      for (Index row = 0; row < delta.cols(); ++row) {
-        delta.col(row).array() *= slopes.col(row / outputs_per_sample_).array();
+      for (Index row = 0, column = 0; row < rows(); ++row) {
+        const Index sample = row / outputs_per_sample_;
+        for (Index t = 0; t < num_calls_; ++t, ++column) {
+          delta.col(column).array() *=
+              slopes.col(sample * num_calls_ + t).array();
+        }
       }
       above = &delta;
     }
@@ -83,7 +100,7 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
 }
 
 LayerJacobian NetworkJacobian::Layer(int l) const {
-  return LayerJacobian(&activations_.inputs[l], &LayerFactor(l));
+  return LayerJacobian(&activations_.inputs[l], &LayerFactor(l), num_calls_);
 }
 
 std::vector<std::unique_ptr<const JacobianOperator>>

@@ -11,12 +11,17 @@
 //   (J J^T)_{(s,j),(t,k)} =
 //       sum_l (a_{l,s} . a_{l,t}) (delta_{l,sj} . delta_{l,tk})
 //
+// In a loop over time (feedback.h) x is the outputs of T calls of the network,
+// J_s is that of the closed loop, and a row of J sums the outer products of its
+// sample's calls.
+//
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
 // Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.
 //          Gram: m^2 sum_l widths[l], where a dense J takes m^2 n: it pays from
 //          the first layer on. The delta_l are built on the first use of Gram,
 //          ToDense, Layer or ColumnBlocks (2 m n / B more, once) and kept:
-//          8 m sum_l widths[l] bytes.
+//          8 m sum_l widths[l] bytes. With T > 1 calls, T times of all that but
+//          Gram, which takes m^2 n.
 // Fails:   never by itself. Safe to use from several threads.
 #ifndef INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
 #define INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
@@ -37,14 +42,16 @@ class NetworkJacobian final : public JacobianOperator {
  public:
   // `activations` of a forward pass with `weights`. simulator_jacobians: |x| x
   // m, column s |y| + j is row j of J_s: the row-major Jacobians of the samples
-  // one after the other. Sizes that do not fit are CHECKed.
+  // one after the other. Where |x| is T times the network's outputs, a sample
+  // has T columns of the activations, side by side. Sizes that do not fit are
+  // CHECKed.
   NetworkJacobian(DenseNetwork network,
                   Eigen::VectorXd weights,
                   DenseNetwork::Activations activations,
                   Eigen::MatrixXd simulator_jacobians);
 
   int rows() const override {
-    return static_cast<int>(simulator_jacobians_.cols());
+    return static_cast<int>(last_factor_.cols() / num_calls_);
   }
   int cols() const override { return network_.num_weights(); }
   void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const override;
@@ -62,14 +69,19 @@ class NetworkJacobian final : public JacobianOperator {
   LayerJacobian Layer(int l) const;
 
  private:
-  // delta_l: widths[l + 1] x m. The first call builds those of all layers.
+  // The simulator's Jacobians: |x| x m.
+  Eigen::Map<const Eigen::MatrixXd> SimulatorJacobians() const;
+
+  // delta_l: widths[l + 1] x m T, a row's calls side by side. The first call
+  // builds those of all layers.
   const Eigen::MatrixXd& LayerFactor(int l) const;
 
   DenseNetwork network_;
   Eigen::VectorXd weights_;
   DenseNetwork::Activations activations_;
-  Eigen::MatrixXd simulator_jacobians_;  // |x| x m: delta of the last layer
-  int outputs_per_sample_;               // |y|
+  Eigen::MatrixXd last_factor_;  // delta_{L-1}: the simulator's Jacobians
+  int num_calls_;                // T
+  int outputs_per_sample_;       // |y|
 
   mutable std::once_flag hidden_factors_built_;
   mutable std::vector<Eigen::MatrixXd> hidden_factors_;  // delta_0 .. L - 2

@@ -11,17 +11,26 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-LayerJacobian::LayerJacobian(const MatrixXd* inputs, const MatrixXd* deltas)
-    : inputs_(inputs), deltas_(deltas) {
+LayerJacobian::LayerJacobian(const MatrixXd* inputs,
+                             const MatrixXd* deltas,
+                             int num_calls)
+    : inputs_(inputs), deltas_(deltas), num_calls_(num_calls) {
+  CHECK_GT(num_calls, 0);
   CHECK_GT(inputs->cols(), 0) << "The batch is empty.";
+  CHECK_EQ(inputs->cols() % num_calls, 0)
+      << "Every sample has the same number of calls.";
   CHECK_EQ(deltas->cols() % inputs->cols(), 0)
       << "Every sample has the same number of outputs.";
+}
+
+Eigen::Map<const MatrixXd> LayerJacobian::DeltasOfRows() const {
+  return {deltas_->data(), deltas_->rows() * num_calls_, rows()};
 }
 
 void LayerJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
   CHECK_EQ(v.size(), cols());
   const Index r = outputs_per_sample();
-  // The tangents of z: fan_out x B.
+  // The tangents of z: fan_out x B T.
   MatrixXd dz(deltas_->rows(), inputs_->cols());
   Gemm(Op::kTranspose,
        Op::kNone,
@@ -30,22 +39,24 @@ void LayerJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
        *inputs_,
        0.0,
        dz);
+  dz.resize(dz.rows() * num_calls_, dz.cols() / num_calls_);  // keeps the data
   Jv->resize(rows());
   for (Index s = 0; s < dz.cols(); ++s) {
     Jv->segment(s * r, r).noalias() =
-        deltas_->middleCols(s * r, r).transpose() * dz.col(s);
+        DeltasOfRows().middleCols(s * r, r).transpose() * dz.col(s);
   }
 }
 
 void LayerJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
   CHECK_EQ(w.size(), rows());
   const Index r = outputs_per_sample();
-  // The covectors of z: fan_out x B.
-  MatrixXd z_bar(deltas_->rows(), inputs_->cols());
+  // The covectors of z: a sample's in one column, and then fan_out x B T.
+  MatrixXd z_bar(deltas_->rows() * num_calls_, inputs_->cols() / num_calls_);
   for (Index s = 0; s < z_bar.cols(); ++s) {
     z_bar.col(s).noalias() =
-        deltas_->middleCols(s * r, r) * w.segment(s * r, r);
+        DeltasOfRows().middleCols(s * r, r) * w.segment(s * r, r);
   }
+  z_bar.resize(deltas_->rows(), inputs_->cols());
   Jtw->resize(cols());
   Gemm(Op::kNone,
        Op::kTranspose,
@@ -66,6 +77,10 @@ void LayerJacobian::ToDense(MatrixXd* J) const {
 void LayerJacobian::WriteTo(Eigen::Ref<MatrixXd> J) const {
   CHECK_EQ(J.rows(), rows());
   CHECK_EQ(J.cols(), cols());
+  if (num_calls_ > 1) {
+    J = Transposed().transpose();
+    return;
+  }
   const Index fan_in = inputs_->rows();
   const Index r = outputs_per_sample();
   MatrixXd inputs(rows(), fan_in);  // row (s, j) is a_s
@@ -79,7 +94,35 @@ void LayerJacobian::WriteTo(Eigen::Ref<MatrixXd> J) const {
   }
 }
 
+MatrixXd LayerJacobian::Transposed() const {
+  const Index fan_out = deltas_->rows();
+  const Index r = outputs_per_sample();
+  MatrixXd Jt(cols(), rows());
+  // Column (j, unit): the deltas of row (s, j) of all calls. A product with the
+  // inputs of these calls gives all rows of a sample.
+  MatrixXd deltas(num_calls_, r * fan_out);
+  for (Index s = 0; s < rows() / r; ++s) {
+    for (Index j = 0; j < r; ++j) {
+      deltas.middleCols(j * fan_out, fan_out) =
+          deltas_->middleCols((s * r + j) * num_calls_, num_calls_).transpose();
+    }
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         inputs_->middleCols(s * num_calls_, num_calls_),
+         deltas,
+         0.0,
+         Eigen::Map<MatrixXd>(
+             Jt.col(s * r).data(), inputs_->rows(), deltas.cols()));
+  }
+  return Jt;
+}
+
 void LayerJacobian::ParameterGram(MatrixXd* JtJ) const {
+  if (num_calls_ > 1) {
+    JacobianOperator::ParameterGram(JtJ);
+    return;
+  }
   const Index batch_size = inputs_->cols();
   const Index fan_in = inputs_->rows();
   const Index fan_out = deltas_->rows();
@@ -121,12 +164,25 @@ void GramOfLayers(const std::vector<LayerJacobian>& layers, MatrixXd* JJt) {
   const Index r = layers[0].outputs_per_sample();
   const Index batch_size = layers[0].inputs().cols();
   JJt->resize(rows, rows);
+  if (layers[0].num_calls() > 1) {
+    for (std::size_t l = 0; l < layers.size(); ++l) {
+      CHECK_EQ(layers[l].rows(), rows);
+      CHECK_EQ(layers[l].num_calls(), layers[0].num_calls());
+      Syrk(Op::kTranspose,
+           1.0,
+           layers[l].Transposed(),
+           l == 0 ? 0.0 : 1.0,
+           *JJt);
+    }
+    return;
+  }
 
   // B x B: a_s . a_t, both triangles: tiles on the diagonal read all.
   std::vector<MatrixXd> input_grams;
   for (const LayerJacobian& layer : layers) {
     CHECK_EQ(layer.rows(), rows);
     CHECK_EQ(layer.outputs_per_sample(), r);
+    CHECK_EQ(layer.num_calls(), 1);
     MatrixXd& gram = input_grams.emplace_back(batch_size, batch_size);
     Syrk(Op::kTranspose, 1.0, layer.inputs(), 0.0, gram);
     gram.triangularView<Eigen::StrictlyUpper>() = gram.transpose();

@@ -1,0 +1,79 @@
+// The network in the simulator's loop over time: it is called at every step.
+//
+//   u_t = f(a_t; theta),   a_t = (s_t, r),   s_{t+1} = step(s_t, u_t)
+//   x = (u_0, .., u_{T-1}),   t = 0 .. T-1
+//
+// The simulator itself stays open: y = P(x; s_0) for given controls x. Loss,
+// simulator and every pull-back to x are therefore those of a chain without a
+// loop; only from x on to the weights the loop counts. With K_t = du_t/ds_t,
+// K = diag(K_t), and S = ds/dx of the open simulator, strictly lower block
+// triangular,
+//
+//   dx = df + K S dx = (I - K S)^-1 df
+//
+// where df is the change of the controls with all states held fixed. So a
+// covector of x, and each row of J_y_x, is multiplied by (I - K S)^-1, by a
+// recursion backwards in time that forms neither K nor S. With
+// A_t = ds_{t+1}/ds_t and B_t = ds_{t+1}/du_t:
+//
+//   p = 0;   for t = T-1 .. 0:   x_bar_t += B_t^T p
+//                                p = A_t^T p + K_t^T x_bar_t
+//
+// which is backpropagation through time [1] with the network's part of each
+// step taken by its input Jacobian K_t.
+//
+// Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;
+//          B_t: ns x nc.
+// Cost:    CloseLoop: one StepJacobians and 2 T (ns + 2 nc) ns a covector.
+// Fails:   every function returns false where the physics has no finite value.
+// Implementations are immutable, so that several threads may share one.
+//
+// [1] Werbos. Backpropagation through time: what it does and how to do it.
+//     Proceedings of the IEEE 78 (1990).
+#ifndef INVGRAD_CHAIN_FEEDBACK_H_
+#define INVGRAD_CHAIN_FEEDBACK_H_
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+// What the loop needs of a simulator that steps through time.
+class Feedback {
+ public:
+  virtual ~Feedback() = default;
+
+  virtual int num_calls() const = 0;     // T
+  virtual int state_size() const = 0;    // ns
+  virtual int control_size() const = 0;  // nc
+
+  // Computes s_{t+1} from s_t and u_t.
+  virtual bool Advance(const double* state,
+                       const double* control,
+                       double* next_state) const = 0;
+
+  // Computes M_t = [A_t B_t] along the roll-out of the controls x from the
+  // state `start`: T matrices ns x (ns + nc), row-major, one after the other.
+  virtual bool StepJacobians(const double* x,
+                             const double* start,
+                             double* M) const = 0;
+
+  // Computes H = sum_t w_t . d2s_t/dx2 (T nc x T nc, symmetric) over the states
+  // s_1 .. s_T of the open roll-out; w: w_1 .. w_T, each ns.
+  virtual bool StateHessian(const double* x,
+                            const double* start,
+                            const double* w,
+                            double* hessian) const = 0;
+};
+
+// Multiplies every column of x_bar (T nc x any number), covectors of one
+// sample's x, by (I - K S)^-T. K: ns x T nc, column t nc + i is the derivative
+// of u_{t,i} in s_t. Sizes that do not fit are CHECKed.
+bool CloseLoop(const Feedback& feedback,
+               const double* x,
+               const double* start,
+               const Eigen::Ref<const Eigen::MatrixXd>& K,
+               Eigen::Ref<Eigen::MatrixXd> x_bar);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_FEEDBACK_H_

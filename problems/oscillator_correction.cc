@@ -1,0 +1,139 @@
+#include "problems/oscillator_correction.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+
+#include "invgrad/chain/trajectory_simulator.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/sample_data.h"
+
+namespace invgrad {
+
+namespace {
+
+constexpr int kFineStepsPerStep = 16;
+
+template <int kNumOscillators>
+OscillatorStep<kNumOscillators> CubicChain(int num_oscillators, double dt) {
+  OscillatorStep<kNumOscillators> chain;
+  chain.num_oscillators = num_oscillators;
+  chain.dt = dt;
+  chain.linear = 0.0;
+  chain.cubic = 1.0;
+  chain.control = 0.0;
+  return chain;
+}
+
+template <int kNumOscillators>
+struct CorrectedStep {
+  OscillatorStep<kNumOscillators> chain;
+
+  template <typename T>
+  bool operator()(const T* state, const T* correction, T* next_state) const {
+    const int n = kNumOscillators > 0 ? kNumOscillators : chain.num_oscillators;
+    T rate[2 * (kNumOscillators > 0 ? kNumOscillators : kMaxOscillators)] = {};
+    chain.Derivative(state, T(0.0), rate);
+    for (int i = 0; i < n; ++i) {
+      const T v = state[n + i] + chain.dt * rate[n + i];
+      next_state[i] = state[i] + chain.dt * (v + correction[i]);
+      next_state[n + i] = v + chain.dt * correction[n + i];
+    }
+    return true;
+  }
+};
+
+struct WholeState {
+  int size = 4;
+  template <typename T>
+  bool operator()(int /*t*/,
+                  const T* next_state,
+                  const T* /*correction*/,
+                  T* output) const {
+    std::copy_n(next_state, size, output);
+    return true;
+  }
+};
+
+template <int kNumOscillators, int kStride>
+void SetModel(const OscillatorCorrection::Options& options,
+              LearningProblem* problem) {
+  const int state_size = 2 * options.num_oscillators;
+  const auto simulator = std::make_shared<
+      TrajectorySimulator<CorrectedStep<kNumOscillators>, WholeState, kStride>>(
+      CorrectedStep<kNumOscillators>{
+          CubicChain<kNumOscillators>(options.num_oscillators, options.dt)},
+      WholeState{state_size},
+      state_size,
+      state_size,
+      state_size,
+      options.horizon);
+  problem->model = std::make_shared<Model>(
+      DenseNetwork({state_size, 16, 16, state_size}, Activation::kTanh),
+      simulator,
+      std::make_shared<SquaredNormLoss>(simulator->num_outputs(),
+                                        1.0 / options.horizon),
+      Reduction::kMean,
+      simulator);
+}
+
+// (s_1, .., s_T) of the fine solution, one column a sample.
+Eigen::MatrixXd FineTrajectories(const OscillatorCorrection::Options& options,
+                                 const Eigen::MatrixXd& starts) {
+  const auto step =
+      CubicChain<0>(options.num_oscillators, options.dt / kFineStepsPerStep);
+  const double no_force = 0.0;
+  const Eigen::Index size = starts.rows();
+  Eigen::MatrixXd trajectories(size * options.horizon, starts.cols());
+  Eigen::VectorXd next(size);
+  for (Eigen::Index s = 0; s < starts.cols(); ++s) {
+    Eigen::VectorXd state = starts.col(s);
+    for (int t = 0; t < options.horizon; ++t) {
+      for (int k = 0; k < kFineStepsPerStep; ++k) {
+        step(state.data(), &no_force, next.data());
+        state.swap(next);
+      }
+      trajectories.col(s).segment(t * size, size) = state;
+    }
+  }
+  return trajectories;
+}
+
+}  // namespace
+
+bool OscillatorCorrection::Create(const Options& options,
+                                  const Eigen::MatrixXd* data,
+                                  LearningProblem* problem,
+                                  std::string* error) {
+  const int state_size = 2 * options.num_oscillators;
+  if (data != nullptr) {
+    if (!CheckDataShape(*data, state_size, error)) return false;
+    problem->data = *data;
+  } else {
+    problem->data = NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
+                        .Rand(2 * options.num_samples, state_size);
+    problem->data.array() = -1.0 + 2.0 * problem->data.array();
+  }
+  DataSet all;
+  all.inputs = problem->data.transpose();
+  all.contexts = all.inputs;
+  all.targets = FineTrajectories(options, all.contexts);
+  if (!all.targets.allFinite()) {
+    *error =
+        "the fine solution from one of the states at the start is not "
+        "finite";
+    return false;
+  }
+  SplitSamples(all, 16, problem);
+  problem->num_epochs = 25;
+  problem->initialization = Initialization::kGlorotUniform;
+  // Two oscillators and their corrections are eight variables.
+  if (options.num_oscillators == 2) {
+    SetModel<2, 8>(options, problem);
+  } else {
+    SetModel<0, 8>(options, problem);
+  }
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,97 @@
+// A chain of coupled oscillators whose last mass must follow a reference, under
+// a force that the network chooses anew at every step: closed-loop control.
+//
+//   q' = v,   v' = the chain of oscillator_chain.h with the force u(t)
+//   p(t) = a_1 + a_2,   a_i' = omega_i b_i,   b_i' = -omega_i a_i
+//   s = (q, v, a_1, b_1, a_2, b_2),   u_t = f(s_t; theta),   t = 0 .. T-1
+//   L = dt sum_t [weight_t (q_last(t+1) - p(t+1))^2 + control_weight u_t^2]
+//
+// weight_t is 1, and end_weight at the last step. The reference p is a mixture
+// of two sinusoids, whose amplitudes and phases differ from sample to sample.
+// What generates it is part of the state, so that the network sees where the
+// reference goes: a full-information regulator [1].
+//
+// Discretization: T = horizon steps of dt, u constant in a step; classical
+//          Runge-Kutta (order 4) for the chain, the exact rotation for (a, b).
+// Shapes:  state, network input: 2 num_oscillators + 4;  x = (u_0, ..): T;
+//          y, of which L is the squared norm: 2 T, at each step the weighted
+//          error and force.
+// Units:   none (unit mass and unit spring to the ground).
+// Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
+//          2 num_oscillators + 4)), the states at the start, the first N rows
+//          for training, the others for testing.
+// Metric:  with coupling=linear, regret: by how much the mean L exceeds the
+//          least that any force could reach. The last mass starts off the
+//          reference, so that L itself has a floor (0.4 by default) which hides
+//          how good a controller is.
+// Facts:   coupling=linear is a linear-quadratic problem. The floor is
+//          s_0^T Pi_0 s_0 with the Riccati recursion
+//            Pi_T = 0,   K_t = (R + B^T W B)^-1 B^T W A,   W = Pi_{t+1} + Q_t,
+//            Pi_t = A^T W A - K_t^T (R + B^T W B) K_t
+//          and the best feedback, u_t = -K_t s_t, is linear in s but differs
+//          from step to step towards the end of the horizon.
+// Source:  none for the setting; for the chain that of oscillator_chain.h.
+//
+// [1] Francis. The linear multivariable regulator problem. SIAM Journal on
+//     Control and Optimization 15 (1977).
+#ifndef PROBLEMS_OSCILLATOR_TRACKING_H_
+#define PROBLEMS_OSCILLATOR_TRACKING_H_
+
+#include <string>
+
+#include "problems/oscillator_chain.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+struct OscillatorTracking {
+  struct Options {
+    std::string coupling = "linear";
+    int num_oscillators = 2;
+    int horizon = 24;
+    double dt = 0.25;
+    double control_weight = 0.01;
+    double end_weight = 1.0;
+    int num_samples = 1024;
+    int data_seed = 0;
+    void Describe(OptionSet* set) {
+      set->Add("coupling",
+               &coupling,
+               {"linear", "cubic"},
+               "of neighbours, as in oscillator_chain");
+      set->Add("num_oscillators",
+               &num_oscillators,
+               {2, kMaxOscillators},
+               "length of the chain");
+      set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
+      set->Add("dt", &dt, {1e-9, 1}, "length of a step");
+      set->Add("control_weight",
+               &control_weight,
+               {0, 1e6},
+               "weight of the squared force");
+      set->Add("end_weight",
+               &end_weight,
+               {0, 1e6},
+               "weight of the last squared error; of the others: 1");
+      set->Add("num_samples",
+               &num_samples,
+               {1, 1e7},
+               "training samples; as many again are for testing");
+      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+    }
+  };
+
+  // omega_1 and omega_2: below and above the chain's own frequencies, 1 for the
+  // masses in phase and 1.18 against each other (two linear oscillators).
+  static constexpr double kFrequencies[2] = {0.5, 1.5};
+
+  // `data`: states at the start, one a row.
+  static bool Create(const Options& options,
+                     const Eigen::MatrixXd* data,
+                     LearningProblem* problem,
+                     std::string* error);
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_OSCILLATOR_TRACKING_H_
