@@ -15,10 +15,10 @@
 //       rule=half_inverse,gauss_newton:step_size=auto"
 //
 // Axes are separated by ";", values by ",". Every combination is run, each in a
-// process of its own: options of the problem and of the rules, rules, batch sizes
-// and seeds. A rule may list alternatives of its settings, "|"
-// between them: the best one at each point of the grid is found, tabled and
-// drawn, with a remark if it is the smallest or largest that was tried.
+// process of its own: options of the problem and of the rules, rules, batch
+// sizes and seeds. A rule may list alternatives of its settings, "|" between
+// them: the best one at each point of the grid is found, tabled and drawn, with
+// a remark if it is the smallest or largest that was tried.
 //
 //   DIR/flags.txt, DIR/versions.txt    see run_directory.h
 //   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
