@@ -4,6 +4,9 @@
 //
 //   sweep --problem=toy_network --steps=200 --jobs=2
 //       --grid="lambda=1,0.1,0.01;rule=half_inverse,adam:step_size=1e-2|3e-3"
+//   sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2
+//       --grid="xi=1,8,32,64;phi=0,45;rule=sip:step_size=1e-2|3e-3|1e-3,
+//       adam:step_size=1e-2|3e-3|1e-3"
 //   sweep --problem=oscillator_chain --seconds=5
 //       --grid="num_oscillators=2,4;rule=half_inverse,adam:step_size=1e-3|3e-4;
 //       seed=1,2,3"
@@ -12,10 +15,10 @@
 //       rule=half_inverse,gauss_newton:step_size=auto"
 //
 // Axes are separated by ";", values by ",". Every combination is run, each in a
-// process of its own: the option of the problem, of the rules, their names,
-// batch sizes and seeds. A rule may list alternatives of its settings, "|"
-// between them: the best one at each point of the grid is found, tabled and
-// drawn, with a remark if it is the smallest or largest that was tried.
+// process of its own: options of the problem and of the rules, rules, batch
+// sizes and seeds. A rule may list alternatives of its settings, "|" between
+// them: the best one at each point of the grid is found, tabled and drawn, with
+// a remark if it is the smallest or largest that was tried.
 //
 //   DIR/flags.txt, DIR/versions.txt    see run_directory.h
 //   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
