@@ -65,7 +65,8 @@ Model PendulumModel(std::shared_ptr<const Loss> loss, Reduction reduction) {
 DataSet RandomData(int num_samples) {
   return {RandomMatrix(2, num_samples, 11),
           RandomMatrix(2, num_samples, 12),
-          RandomMatrix(2, num_samples, 13)};
+          RandomMatrix(2, num_samples, 13),
+          Eigen::MatrixXd()};
 }
 
 // The whole chain on one scalar type: the oracle. `general` chooses RobustLoss

@@ -1,5 +1,6 @@
 #include "invgrad/chain/model.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <utility>
@@ -8,6 +9,7 @@
 #include "glog/logging.h"
 #include "invgrad/chain/closed_loop_hessian.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/chain/scratch.h"
 
 namespace invgrad {
 namespace {
@@ -19,6 +21,9 @@ bool SampleError(int sample, const char* what, std::string* error) {
   *error = "sample " + std::to_string(sample) + ": " + what;
   return false;
 }
+
+// Samples that are predicted at a time: their activations stay in the cache.
+constexpr int kPieceSize = 512;
 
 constexpr char kNetworkFailed[] = "the network's output is not finite";
 constexpr char kSimulatorFailed[] = "the simulator has no finite value";
@@ -242,10 +247,9 @@ bool Model::CostAndGradient(const VectorXd& weights,
                             std::string* error) const {
   CheckTargets(*this, batch);
   const double scale = BatchScale(batch.num_samples());
-  DenseNetwork::Activations activations;
-  if (!Forward(weights, batch, false, &activations, error)) {
-    return false;
-  }
+  Scratch<DenseNetwork::Activations> scratch(1);
+  DenseNetwork::Activations& activations = scratch[0];
+  if (!Forward(weights, batch, false, &activations, error)) return false;
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(loss_->size());
   MatrixXd x_bar(x.rows(), x.cols());
@@ -421,16 +425,33 @@ bool Model::Predict(const VectorXd& weights,
                     const DataSet& batch,
                     MatrixXd* outputs,
                     std::string* error) const {
-  DenseNetwork::Activations activations;
-  if (!Forward(weights, batch, false, &activations, error)) {
-    return false;
+  CheckSizes(*this, weights, batch);
+  const int num_samples = batch.num_samples();
+  outputs->resize(simulator_->num_outputs(), num_samples);
+  for (int first = 0; first < num_samples; first += kPieceSize) {
+    const int count = std::min(kPieceSize, num_samples - first);
+    if (!PredictPiece(weights,
+                      batch.Range(first, count),
+                      outputs->middleCols(first, count),
+                      error)) {
+      // Again as a whole, for a message that names the batch's sample.
+      return PredictPiece(weights, batch, *outputs, error);
+    }
   }
-  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
-  outputs->resize(simulator_->num_outputs(), batch.num_samples());
+  return true;
+}
+
+bool Model::PredictPiece(const VectorXd& weights,
+                         const DataSet& batch,
+                         Eigen::Ref<MatrixXd> outputs,
+                         std::string* error) const {
+  Scratch<DenseNetwork::Activations> activations(1);
+  if (!Forward(weights, batch, false, activations.data(), error)) return false;
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations[0]);
   for (int s = 0; s < batch.num_samples(); ++s) {
     if (!simulator_->Evaluate(x.col(s).data(),
                               Context(batch, s),
-                              outputs->col(s).data(),
+                              outputs.col(s).data(),
                               nullptr)) {
       return SampleError(s, kSimulatorFailed, error);
     }

@@ -135,6 +135,11 @@ class Model {
                std::string* error) const;
 
  private:
+  // Predict, all samples at once.
+  bool PredictPiece(const Eigen::VectorXd& weights,
+                    const DataSet& batch,
+                    Eigen::Ref<Eigen::MatrixXd> outputs,
+                    std::string* error) const;
   // Linearize without J, by pull-back.
   bool CostAndGradient(const Eigen::VectorXd& weights,
                        const DataSet& batch,
