@@ -1,0 +1,207 @@
+// From a simulator alone to scale-invariant physics training: which angles
+// bring the tip of a two-link arm to a given place?
+//
+// 02_physical_gradients.md explains this program piece by piece.
+//
+// Sample runs:
+//
+//   02_physical_gradients
+//   02_physical_gradients --seconds=2
+//   02_physical_gradients --rules=sip,sip:curvature_weight=1
+
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "gflags/gflags.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/data_set.h"
+#include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/inverse_simulator.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/chain/model.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/io/progress.h"
+#include "invgrad/io/table.h"
+#include "invgrad/linalg/blas.h"
+#include "invgrad/solve/method.h"
+
+// [rules]
+DEFINE_string(rules,
+              "dp_adam:step_size=3e-3:schedule=cosine,"
+              "newton/numerical/adam:step_size=3e-3:schedule=cosine,"
+              "sip:step_size=3e-3:schedule=cosine",
+              "what to compare; `compare --list` shows all rules and options");
+// [/rules]
+DEFINE_double(seconds, 6.0, "training time of each rule");
+DEFINE_int32(seed, 1, "of the initial weights");
+
+namespace {
+
+using invgrad::DataSet;
+using invgrad::FormatNumber;
+using invgrad::HistoryRow;
+using invgrad::InverseSimulator;
+using invgrad::Method;
+using invgrad::Model;
+using invgrad::NumpyRandom;
+using invgrad::Table;
+using invgrad::TrainOptions;
+using invgrad::TrainSummary;
+
+constexpr double kPi = 3.14159265358979323846;
+
+// [functor]
+// Where the tip of an arm of two links is, given the angle of the first and
+// that between the two.
+struct Arm {
+  static constexpr double kUpper = 1.0;  // [m]
+  static constexpr double kLower = 0.8;  // [m]
+  static constexpr double kRest = 0.5 * kPi;
+
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::cos;
+    using std::sin;
+    y[0] = kUpper * cos(x[0]) + kLower * cos(x[0] + kRest + x[1]);
+    y[1] = kUpper * sin(x[0]) + kLower * sin(x[0] + kRest + x[1]);
+    return true;
+  }
+};
+// [/functor]
+
+// [inverse]
+// angle + 2 pi k closest to `to`.
+double Unwrapped(double angle, double to) {
+  return angle + 2.0 * kPi * std::round((to - angle) / (2.0 * kPi));
+}
+
+// The angles that bring the tip to y, by the law of cosines. Of the two arms,
+// elbow up and elbow down, the one that bends as x0 does.
+bool InvertArm(const InverseSimulator::ConstVectorRef& y,
+               const InverseSimulator::ConstVectorRef& x0,
+               const InverseSimulator::ConstVectorRef& /*context*/,
+               Eigen::VectorXd* x,
+               std::string* why) {
+  const double upper = Arm::kUpper;
+  const double lower = Arm::kLower;
+  const double cosine =
+      (y.squaredNorm() - upper * upper - lower * lower) / (2.0 * upper * lower);
+  if (std::abs(cosine) > 1.0) {
+    *why = "y is out of the arm's reach";
+    return false;
+  }
+  const double elbow =
+      std::copysign(std::acos(cosine), std::sin(Arm::kRest + x0[1]));
+  const double shoulder =
+      std::atan2(y[1], y[0]) -
+      std::atan2(lower * std::sin(elbow), upper + lower * cosine);
+  x->resize(2);
+  *x << Unwrapped(shoulder, x0[0]), Unwrapped(elbow - Arm::kRest, x0[1]);
+  return true;
+}
+// [/inverse]
+
+// [data]
+// Places in the arm's reach. The network sees the target.
+DataSet DrawTargets(int num_samples, NumpyRandom* random) {
+  DataSet data;
+  data.targets.resize(2, num_samples);
+  for (int s = 0; s < num_samples; ++s) {
+    const double distance = random->Uniform(0.3, 1.7);
+    const double direction = random->Uniform(-0.75 * kPi, 0.75 * kPi);
+    data.targets(0, s) = distance * std::cos(direction);
+    data.targets(1, s) = distance * std::sin(direction);
+  }
+  data.inputs = data.targets;
+  data.contexts.resize(0, num_samples);
+  return data;
+}
+// [/data]
+
+int Run() {
+  std::string error;
+  std::vector<Method> methods;
+  if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
+    std::cerr << "--rules: " << error << "\n";
+    return 1;
+  }
+  invgrad::SetBlasThreads(1);
+
+  // [model]
+  const Model model(
+      invgrad::DenseNetwork({2, 32, 32, 2}, invgrad::Activation::kTanh),
+      std::make_shared<invgrad::AutoDiffSimulator<Arm, 2, 2>>(),
+      std::make_shared<invgrad::SquaredNormLoss>(2, 0.5),
+      invgrad::Reduction::kMean);
+  const auto inverse = std::make_shared<invgrad::FunctionInverse>(InvertArm);
+  // [/model]
+  NumpyRandom random(FLAGS_seed);
+  const Eigen::VectorXd initial_weights = model.network().InitialWeights(
+      invgrad::Initialization::kGlorotUniform, &random);
+  NumpyRandom data_random(0);
+  const DataSet train = DrawTargets(1024, &data_random);
+  const DataSet test = DrawTargets(1024, &data_random);
+
+  Table table({{"rule", Table::Align::kLeft},
+               {"test loss"},
+               {"miss [mm]"},
+               {"ms/step"},
+               {"inverse"},
+               {"numerical"},
+               {"others"}});
+  for (const Method& method : methods) {
+    std::cerr << "training: " << method.label << "\n";
+    // [train]
+    TrainOptions options;
+    options.max_time_in_seconds = FLAGS_seconds;
+    options.batch_size = 64;
+    Eigen::VectorXd weights = initial_weights;
+    invgrad::History history;
+    TrainSummary summary;
+    if (!invgrad::TrainByMethod(method,
+                                options,
+                                model,
+                                inverse,
+                                train,
+                                test,
+                                &weights,
+                                &history,
+                                &summary,
+                                &error)) {
+      std::cerr << method.label << ": " << error << "\n";
+      return 1;
+    }
+    // [/train]
+
+    // [row]
+    const HistoryRow& last = history.back();
+    const auto count = [](double value) {
+      return std::isnan(value) ? "-" : FormatNumber(value, 6);
+    };
+    table.AddRow(
+        {method.label,
+         FormatNumber(last.test_loss, 3),
+         FormatNumber(1e3 * std::sqrt(2.0 * last.test_loss), 3),
+         FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
+                      3),
+         count(last.inverse),
+         count(last.numerical_inverse),
+         count(last.inverse_gradient + last.gradient + last.none)});
+    std::cerr << "  " << summary.message << "\n";
+    // [/row]
+  }
+  std::cout << table.ToText();
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("trains a network in front of a two-link arm");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  return Run();
+}
