@@ -7,6 +7,9 @@
 //       --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
 //   trajectories --problem=squared_component:start_0=-2 --output=runs/from_left
 //       --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse
+//   trajectories --problem=sine_point --steps=40
+//       --margin=0.8
+//       --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
 //   trajectories --problem=linear_scale --steps=5
 //       --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
 //
@@ -32,10 +35,12 @@ DEFINE_string(problem,
               "a problem with two unknowns, name[:key=value...]");
 DEFINE_string(rules,
               "gradient_descent:step_size=0.01,newton:step_size=0.3333333333,"
-              "half_inverse:step_size=0.1,ceres_lm,ceres_bfgs",
+              "physical_gradient:y_step_size=0.3,half_inverse:step_size=0.1,"
+              "ceres_lm,ceres_bfgs",
               "rules, name[:key=value...],...; compare --list shows all");
 DEFINE_int32(steps, 10, "iterations of every rule");
 DEFINE_int32(grid, 101, "points of the contours' grid along each axis");
+DEFINE_double(margin, 0.1, "how much wider the picture is than the ways");
 DEFINE_string(output, "runs/trajectories", "directory of the results");
 DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
 
@@ -50,9 +55,9 @@ struct Interval {
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  // A tenth wider at each end, and never empty.
+  // Wider at each end, and never empty.
   Interval Widened() const {
-    const double margin = high > low ? 0.1 * (high - low) : 1.0;
+    const double margin = high > low ? FLAGS_margin * (high - low) : 1.0;
     return {low - margin, high + margin};
   }
 };
@@ -192,6 +197,10 @@ int Run() {
     return Fail("--grid=" + std::to_string(FLAGS_grid) +
                 " is out of range; allowed: 2 to 1000");
   }
+  if (!(FLAGS_margin >= 0.0) || FLAGS_margin > 100.0) {
+    return Fail("--margin=" + std::to_string(FLAGS_margin) +
+                " is out of range; allowed: 0 to 100");
+  }
   PhysicsProblem problem;
   std::vector<Method> methods;
   if (!CreateProblem(FLAGS_problem, nullptr, &problem, &error)) {
@@ -204,7 +213,7 @@ int Run() {
       problem.point->target.size() != 2) {
     return Fail("--problem=" + FLAGS_problem +
                 " does not map two unknowns to two outputs; "
-                "squared_component and linear_scale do");
+                "squared_component, linear_scale and sine_point do");
   }
   PointComparisonOptions options;
   options.max_num_iterations = FLAGS_steps;

@@ -12,7 +12,6 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kBatchSize = 100;
-constexpr int kNumTestSamples = 2000;
 
 class SinePhysics {
  public:
@@ -119,17 +118,14 @@ bool Sine::Create(const Options& options,
   } else {
     Eigen::MatrixXd uniform =
         NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-            .Rand(options.num_samples + kNumTestSamples, 2);
+            .Rand(2 * options.num_samples, 2);
     problem->data = 2.0 * uniform.array() - 1.0;
   }
   DataSet all;
   all.inputs = problem->data.transpose();
   all.contexts.resize(0, all.inputs.cols());
   all.targets = all.inputs;
-  const int num_train =
-      data == nullptr ? options.num_samples : all.num_samples() / 2;
-  problem->train = all.Range(0, num_train);
-  problem->test = all.Range(num_train, all.num_samples() - num_train);
+  SplitSamples(all, kBatchSize, problem);
   const SinePhysics physics(options.xi, options.phi);
   problem->model = std::make_shared<Model>(
       DenseNetwork({2, 32, 64, 32, 2}, Activation::kRelu),
@@ -141,7 +137,6 @@ bool Sine::Create(const Options& options,
       MakeMetric(physics,
                  options.metric,
                  options.metric == "distance" ? 1.0 : 1.0 / options.xi);
-  problem->batch_size = std::min(kBatchSize, num_train);
   problem->num_epochs = 100;
   return true;
 }

@@ -8,8 +8,8 @@
 //          y*.
 // Units:   none. R(phi) = [cos phi, -sin phi; sin phi, cos phi]; the paper's
 //          text has sin(x_0) / xi and no 10: here is what its code does.
-// Data:    np.random.seed(data_seed); 2 np.random.rand(N + 2000, 2) - 1, the
-//          last 2,000 for testing. (The code draws new samples for every step.)
+// Data:    np.random.seed(data_seed); 2 np.random.rand(2 N, 2) - 1, the first N
+//          for training. (The code draws new samples for every step.)
 // Inverse: of the two families h_0 = asin y_0 + 2 pi k and pi - asin y_0 + 2 pi
 //          k the h_0 closest to that of x_0; h_1 = y_1. Local; |y_0| > 1 has no
 //          pre-image.
@@ -34,13 +34,16 @@ struct Sine {
   struct Options {
     double xi = 1.0;
     double phi = 0.0;
-    int num_samples = 20000;
+    int num_samples = 10000;
     int data_seed = 0;
     std::string metric = "distance";
     void Describe(OptionSet* set) {
       set->Add("xi", &xi, {0.0, 1e6, true}, "conditioning");
       set->Add("phi", &phi, {-360.0, 360.0}, "rotation, degrees");
-      set->Add("num_samples", &num_samples, {1, 1e7}, "training samples");
+      set->Add("num_samples",
+               &num_samples,
+               {1, 1e7},
+               "training samples; as many again are for testing");
       set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
       set->Add("metric",
                &metric,
@@ -63,8 +66,8 @@ struct SinePoint {
     double phi = 15.0;
     double target_0 = 0.3;
     double target_1 = -0.5;
-    double start_0 = 0.0;
-    double start_1 = 0.0;
+    double start_0 = 0.22;
+    double start_1 = -0.02;
     void Describe(OptionSet* set) {
       set->Add("xi", &xi, {0.0, 1e6, true}, "conditioning");
       set->Add("phi", &phi, {-360.0, 360.0}, "rotation, degrees");

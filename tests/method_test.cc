@@ -1,5 +1,6 @@
 #include "invgrad/solve/method.h"
 
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -41,6 +42,7 @@ struct Line {
     train.inputs = random.Rand(1, 12);
     train.contexts.resize(0, 12);
     train.targets = 2.0 * train.inputs.array() - 1.0;
+    train.solutions = train.targets;
     test = train.Range(0, 0);
     weights =
         model.network().InitialWeights(Initialization::kGlorotUniform, &random);
@@ -95,10 +97,58 @@ std::vector<std::string> AllMethods() {
     names.push_back("ceres_dogleg+" + row.name);
   }
   for (const CeresMethodRow& row : CeresMethods()) names.push_back(row.name);
+  for (const ChainMethodRow& row : ChainMethods()) names.push_back(row.name);
+  // All ways through the simulator; through the loss and the network some.
+  for (const char* simulator : {"joint",
+                                "adjoint",
+                                "inverse_gradient",
+                                "half_inverse",
+                                "inverse",
+                                "numerical",
+                                "newton"}) {
+    names.push_back(std::string("newton/") + simulator + "/adam");
+    names.push_back(std::string("gradient/") + simulator + "/half_inverse");
+  }
+  names.emplace_back("saddle_free_newton/inverse/newton");
+  names.emplace_back("newton/inverse/gauss_newton:step_size=0.5:updates=3");
+  names.emplace_back("sip:proxy=l1:curvature_weight=0.5:max_change=0.1");
   return names;
 }
 
+// Whether it learns from solutions, which a point has not.
+bool IsSupervised(const std::string& name) {
+  return name == "supervised" || name == "physics_informed";
+}
+
+// Whether it has settings that mean something for batches only.
+bool NeedsBatches(const std::string& name) {
+  return name.find("proxy") != std::string::npos ||
+         name.find("updates") != std::string::npos;
+}
+
 // --- Parsing ---
+
+TEST(Method, SettingsOfAChainGoToTheRuleIfItHasThemAndElseToTheWays) {
+  const Method method = Parse(
+      "newton/inverse/half_inverse:truncation=1e-3:y_step_size=0.5:"
+      "batch_size=4");
+  EXPECT_EQ(method.rule->name, "half_inverse");
+  EXPECT_EQ(method.ceres, nullptr);
+  EXPECT_EQ(method.rule_settings, (Settings{{"truncation", "1e-3"}}));
+  ASSERT_TRUE(method.pull_back.has_value());
+  EXPECT_EQ(method.pull_back->ChainOptions().y_step_size, 0.5);
+  EXPECT_EQ(method.batch_size, 4);
+}
+
+TEST(Method, NamedChainsHaveDefaultsThatSettingsReplace) {
+  EXPECT_EQ(Parse("physical_gradient").rule_settings,
+            (Settings{{"step_size", "1"}}));
+  EXPECT_EQ(Parse("physical_gradient:step_size=0.1").rule_settings,
+            (Settings{{"step_size", "0.1"}}));
+  EXPECT_TRUE(Parse("hig").pull_back->is_joint());
+  EXPECT_EQ(Parse("physics_informed").pull_back->ChainOptions().data_weight,
+            1.0);
+}
 
 TEST(Method, SettingsGoToTheRuleIfItHasThemAndElseToCeres) {
   const Method method = Parse(
@@ -134,6 +184,15 @@ TEST(Method, RefusesWhatItCannotRunAndSaysWhy) {
       {"adam,adam", "twice"},
       {"", "name"},
       {"adam,", "name"},
+      {"newton/inverse", "LOSS/SIMULATOR/RULE"},
+      {"newton/inverse/adam/adam", "LOSS/SIMULATOR/RULE"},
+      {"newton/inverse/adm", "adam"},
+      {"newtn/inverse/adam", "saddle_free_newton"},
+      {"newton/inverted/adam", "numerical"},
+      {"newton/inverse/ceres_lm", "unknown rule 'ceres_lm'"},
+      {"sip:y_step_size=0", "y_step_size=0"},
+      {"hig:proxy=l1", "proxy"},
+      {"sip:newton_steps=2", "newton_steps"},
   };
   for (const auto& [text, word] : cases) {
     SCOPED_TRACE(text);
@@ -250,7 +309,7 @@ INSTANTIATE_TEST_SUITE_P(Method,
                          [](const auto& info) {
                            std::string name = info.param;
                            for (char& c : name) {
-                             if (c == '+') c = '_';
+                             if (std::isalnum(c) == 0) c = '_';
                            }
                            return name;
                          });
@@ -307,6 +366,23 @@ ChainObjective Objective(std::shared_ptr<const Loss> loss) {
 }
 
 TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
+  if (IsSupervised(GetParam()) || NeedsBatches(GetParam())) {
+    ChainObjective point = Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
+    std::vector<Eigen::VectorXd> path;
+    MinimizerSummary summary;
+    std::string error;
+    EXPECT_FALSE(MinimizeByMethod(Parse(GetParam()),
+                                  MinimizerOptions(),
+                                  nullptr,
+                                  &point,
+                                  &path,
+                                  &summary,
+                                  &error));
+    EXPECT_NE(error.find(IsSupervised(GetParam()) ? "no data" : "network"),
+              std::string::npos)
+        << error;
+    return;
+  }
   ChainObjective objective =
       Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
   const Eigen::VectorXd start = objective.State();
@@ -336,6 +412,7 @@ TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
 }
 
 TEST_P(EveryMethod, AStartWithoutAFiniteLossIsTheWholePath) {
+  if (IsSupervised(GetParam()) || NeedsBatches(GetParam())) return;
   ChainObjective objective =
       Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
   const Eigen::VectorXd start = Eigen::Vector2d(1e200, 0.0);

@@ -65,6 +65,40 @@ TEST(PhysgradComparison, GradientDescent) {
   EXPECT_NEAR(DiagonalLength(path), 1.053930, 1e-6);
 }
 
+// The physical gradient, by the inverse that the problem knows and by one that
+// the library finds.
+TEST(PhysgradComparison, PhysicalGradient) {
+  const double printed[10][2] = {{2.1, 2.5099802},
+                                 {1.4699999, 2.1000001},
+                                 {1.0289999, 1.7569861},
+                                 {0.72029996, 1.47},
+                                 {0.50421, 1.2298902},
+                                 {0.352947, 1.029},
+                                 {0.24706289, 0.86092323},
+                                 {0.17294402, 0.7203},
+                                 {0.12106082, 0.60264623},
+                                 {0.08474258, 0.50421}};
+  for (const char* inverse : {"inverse", "numerical"}) {
+    SCOPED_TRACE(inverse);
+    const bool is_analytic = std::string(inverse) == "inverse";
+    const auto path =
+        Path(std::string("newton/") + inverse +
+                 "/gradient_descent:step_size=1:y_step_size=0.3",
+             10);
+    ASSERT_EQ(path.size(), 11u);
+    for (int k = 0; k < 10; ++k) {
+      const double tolerance = is_analytic ? 1e-6 : 1e-5;
+      EXPECT_NEAR(path[k + 1][0], printed[k][0], tolerance) << k;
+      EXPECT_NEAR(path[k + 1][1], printed[k][1], tolerance) << k;
+      // Closed form: 3 (7/10)^k and 3 (7/10)^(k/2), a straight line in y.
+      const double exact = is_analytic ? 1e-14 : 1e-6;
+      EXPECT_NEAR(path[k + 1][0], 3.0 * std::pow(0.7, k + 1), exact);
+      EXPECT_NEAR(path[k + 1][1], 3.0 * std::pow(0.7, 0.5 * (k + 1)), exact);
+    }
+    EXPECT_NEAR(DiagonalLength(path), 1.356443, 1e-6);
+  }
+}
+
 TEST(PhysgradComparison, Newton) {
   const double printed[10][2] = {{2.0, 2.6666667},
                                  {1.3333333, 2.3703704},

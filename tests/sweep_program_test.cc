@@ -56,11 +56,15 @@ class SweepProgram : public ProgramRunner {
  protected:
   SweepProgram() : ProgramRunner("sweep") {}
 
+  static std::string SmallGrid() {
+    return "lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|1e200;"
+           "seed=1";
+  }
+
   // Eight runs of some milliseconds.
   std::vector<std::string> SmallSweep(const std::string& output) const {
     return {"--problem=toy_network:num_samples=32",
-            "--grid=lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|"
-            "1e200;seed=1",
+            "--grid=" + SmallGrid(),
             "--steps=6",
             "--plots=false",
             "--output=" + Path(output)};
@@ -104,6 +108,8 @@ TEST_F(SweepProgram, SaysWhereAGridIsMalformed) {
   expect("lambda=1", {"column 9", "rule=method"});
   expect("lamda=1;rule=adam", {"column 1:", "'lamda'", "lambda"});
   expect("rule=adam;stepsize=1", {"column 11:", "'stepsize'", "step_size"});
+  expect("rule=newton/numerical/adam;y_stepsize=1",
+         {"column 28:", "'y_stepsize'", "y_step_size"});
   expect("rule=adm", {"column 6:", "'adm'", "adam"});
   expect("rule=adam:step_size=1|-2", {"column 6:", "step_size=-2", "allowed"});
   expect("rule=adam;step_size=-1", {"column 21:", "step_size=-1", "allowed"});
@@ -202,6 +208,7 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   const std::vector<std::string> jobs = Jobs("run");
   ASSERT_EQ(jobs.size(), 8u);
   std::vector<fs::file_time_type> times;
+  times.reserve(jobs.size());
   for (const std::string& job : jobs) {
     times.push_back(fs::last_write_time(job + "/history.csv"));
   }

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -69,6 +70,32 @@ TEST(TailMean, AveragesTheRowsOfTheLastPart) {
   EXPECT_EQ(mean(0.0), 16.0);
   history.resize(1);
   EXPECT_EQ(mean(0.5), 0.0);
+}
+
+TEST(FindSweepValue, TakesTheMetricThenTheTestLoss) {
+  SweepPlan plan = Plan("rule=adam");
+  const auto find = [&plan](const std::string& name) {
+    SweepValue value;
+    std::string error;
+    return FindSweepValue(plan, name, 0.1, &value, &error) ? value.name : error;
+  };
+  EXPECT_EQ(find("auto"), "train loss");
+  EXPECT_EQ(find("metric"),
+            "--value=metric is not to be had; allowed: auto, train_loss");
+  LearningProblem problem = *plan.jobs[0].problem;
+  problem.test = problem.train;
+  plan.jobs[0].problem = std::make_shared<LearningProblem>(problem);
+  EXPECT_EQ(find("auto"), "test loss");
+  EXPECT_EQ(find("train_loss"), "train loss");
+  problem.metric = {"x_distance", nullptr};
+  plan.jobs[0].problem = std::make_shared<LearningProblem>(problem);
+  EXPECT_EQ(find("auto"), "x_distance");
+  EXPECT_EQ(find("test_loss"), "test loss");
+  SweepValue value;
+  std::string error;
+  ASSERT_TRUE(FindSweepValue(plan, "metric", 0.1, &value, &error)) << error;
+  EXPECT_EQ(value.field, &HistoryRow::metric);
+  EXPECT_EQ(value.tail, 0.1);
 }
 
 TEST(FindBest, TakesTheLowestMedianOverTheSeeds) {
@@ -175,10 +202,11 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_EQ(maps[1].title, "half_inverse");
   const HeatMap& map = *maps[1].heat_map;
   EXPECT_EQ(map.x, (std::vector<double>{0.01, 1.0}));
-  EXPECT_EQ(map.y, (std::vector<double>{0.0, 4.0, 8.0}));
-  EXPECT_EQ(map.z(0, 0), 12.0);
-  EXPECT_TRUE(std::isnan(map.z(1, 0)));
-  EXPECT_EQ(map.z(2, 1), 4.0);
+  // A batch of 0 is one of all samples.
+  EXPECT_EQ(map.y, (std::vector<double>{4.0, 8.0, 256.0}));
+  EXPECT_EQ(map.z(2, 0), 12.0);
+  EXPECT_TRUE(std::isnan(map.z(0, 0)));
+  EXPECT_EQ(map.z(1, 1), 4.0);
   EXPECT_EQ(map.z_range.low, 1.0);
   EXPECT_EQ(map.z_range.high, 12.0);
 

@@ -40,7 +40,7 @@ class RatioReporter final : public benchmark::ConsoleReporter {
   void PrintRatio(const std::string& slow, const std::string& fast) const {
     const double ratio = Median(slow) / Median(fast);
     if (!std::isnan(ratio)) {
-      std::printf("%-34s / %-28s = %8.1f\n", slow.c_str(), fast.c_str(), ratio);
+      std::printf("%-34s / %-28s = %8.3g\n", slow.c_str(), fast.c_str(), ratio);
     }
   }
 

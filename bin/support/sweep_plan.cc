@@ -14,6 +14,7 @@ namespace {
 
 std::vector<std::string> Names(const std::vector<OptionSet::Row>& options) {
   std::vector<std::string> names;
+  names.reserve(options.size());
   for (const OptionSet::Row& row : options) names.push_back(row.name);
   return names;
 }
@@ -31,10 +32,16 @@ bool ParseMethod(const std::string& text, Method* method, std::string* error) {
 
 std::vector<std::string> OptionsOf(const Method& method) {
   std::vector<std::string> names;
-  if (method.rule != nullptr) names = Names(method.rule->options());
-  if (method.ceres != nullptr) {
-    const std::vector<std::string> more = Names(method.ceres->options());
-    names.insert(names.end(), more.begin(), more.end());
+  const auto add = [&names](const std::vector<OptionSet::Row>& options) {
+    for (const std::string& name : Names(options)) names.push_back(name);
+  };
+  if (method.rule != nullptr) add(method.rule->options());
+  if (method.ceres != nullptr) add(method.ceres->options());
+  if (method.pull_back.has_value()) {
+    PullBackMethod ways = *method.pull_back;
+    OptionSet set;
+    ways.Describe(&set);
+    add(set.rows());
   }
   return names;
 }

@@ -31,7 +31,11 @@ std::vector<NumericAxis> NumericAxes(const SweepPlan& plan) {
     NumericAxis candidate{k, axis.name, {}};
     for (const GridValue& value : axis.values) {
       double number = 0.0;
-      if (ParseFinite(value.text, &number)) candidate.values.push_back(number);
+      if (!ParseFinite(value.text, &number)) break;
+      if (axis.name == "batch_size" && number == 0.0) {  // all samples
+        number = plan.jobs[0].problem->train.num_samples();
+      }
+      candidate.values.push_back(number);
     }
     if (candidate.values.size() == axis.values.size()) {
       numeric.push_back(candidate);
@@ -97,12 +101,15 @@ Panels GroupByPanel(const std::vector<SweepBest>& best,
 
 std::vector<double> Medians(const std::vector<SweepBest>& best) {
   std::vector<double> medians;
+  medians.reserve(best.size());
   for (const SweepBest& one : best) medians.push_back(one.cell.median);
   return medians;
 }
 
+// Ascending, none twice: "1" and "1.0" are one number.
 std::vector<double> Sorted(std::vector<double> values) {
   std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
   return values;
 }
 
@@ -154,8 +161,12 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
       }
       plot.series.push_back(series);
     }
+    plot.legend = Plot::Legend::kNone;
     plots.push_back(plot);
   }
+  // One legend is enough: it stands beside the last panel.
+  plots.back().legend =
+      plots.size() > 1 ? Plot::Legend::kOutside : Plot::Legend::kAuto;
   return plots;
 }
 

@@ -26,6 +26,7 @@ SweepCell MakeCell(const SweepPlan& plan,
                    const SweepValue& value,
                    const std::vector<int>& points) {
   std::vector<std::pair<double, int>> ranked;
+  ranked.reserve(points.size());
   for (const int point : points) {
     ranked.emplace_back(Rank(runs[plan.points[point].job], value), point);
   }
@@ -90,7 +91,7 @@ std::string SpreadText(const SweepCell& cell) {
   if (cell.low < cell.high) text += " - " + FormatNumber(cell.high);
   if (cell.num_failed > 0) {
     text += ", " + std::to_string(cell.num_failed) + " of " +
-            std::to_string(cell.points.size()) + " failed";
+            std::to_string(cell.points.size()) + " failed or not run";
   }
   return text;
 }

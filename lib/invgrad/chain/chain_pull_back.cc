@@ -47,16 +47,14 @@ bool ChainPullBack::Linearize(const VectorXd& weights,
                               const LinearizationParts& parts,
                               Linearization* linearization,
                               std::string* error) {
-  DenseNetwork::Activations activations;
-  if (!model_.Forward(weights, batch, parts.hessian, &activations, error)) {
+  if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
     return false;
   }
-  const auto x = InputsOfSimulator(model_, activations);
+  const auto x = InputsOfSimulator(model_, activations_);
   double cost = 0.0;
   if (!PullBackSamples(x, batch, &cost, error)) return false;
   if (options_.updates_per_evaluation > 1) wanted_x_ = x + d_x_;
-  if (!LinearizeProxy(
-          weights, std::move(activations), d_x_, parts, linearization, error)) {
+  if (!LinearizeProxy(weights, parts, linearization, error)) {
     return false;
   }
   linearization->cost = cost;
@@ -70,13 +68,11 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
                                    std::string* error) {
   CHECK_EQ(wanted_x_.cols(), batch.num_samples())
       << "LinearizeAgain follows Linearize with the same batch";
-  DenseNetwork::Activations activations;
-  if (!model_.Forward(weights, batch, parts.hessian, &activations, error)) {
+  if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
     return false;
   }
-  d_x_ = wanted_x_ - InputsOfSimulator(model_, activations);
-  return LinearizeProxy(
-      weights, std::move(activations), d_x_, parts, linearization, error);
+  d_x_ = wanted_x_ - InputsOfSimulator(model_, activations_);
+  return LinearizeProxy(weights, parts, linearization, error);
 }
 
 bool ChainPullBack::PullBackSamples(const MatrixXd& x,
@@ -187,22 +183,21 @@ void ChainPullBack::SetWeights(const VectorXd& curvatures) {
 }
 
 bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
-                                   DenseNetwork::Activations activations,
-                                   const MatrixXd& d_x,
                                    const LinearizationParts& parts,
                                    Linearization* linearization,
-                                   std::string* error) const {
+                                   std::string* error) {
   const DenseNetwork& network = model_.network();
-  const Index num_x = d_x.rows();
-  const Index num_samples = d_x.cols();
+  const Index num_x = d_x_.rows();
+  const Index num_samples = d_x_.cols();
   const bool is_l2 = options_.proxy == Proxy::kL2;
   const VectorXd scales = model_.BatchScale(num_samples) * sample_weights_;
   // The proxy's gradient in x.
-  const MatrixXd change = is_l2 ? d_x : MatrixXd(d_x.array().sign());
-  const MatrixXd g = -change * scales.asDiagonal();
+  MatrixXd g = -d_x_;
+  if (!is_l2) g = g.array().sign();
+  g *= scales.asDiagonal();
 
-  linearization->cost = is_l2 ? 0.5 * d_x.colwise().squaredNorm().dot(scales)
-                              : d_x.cwiseAbs().colwise().sum().dot(scales);
+  linearization->cost = is_l2 ? 0.5 * d_x_.colwise().squaredNorm().dot(scales)
+                              : d_x_.cwiseAbs().colwise().sum().dot(scales);
   linearization->gradient.resize(0);
   linearization->loss_gradient.resize(0);
   linearization->jacobian.reset();
@@ -210,9 +205,10 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
   linearization->hessian.resize(0, 0);
   // A column for every call of the network.
   const MatrixXd covectors =
-      g.reshaped(network.num_outputs(), activations.batch_size());
+      g.reshaped(network.num_outputs(), activations_.batch_size());
   if (parts.gradient) {
-    network.Backward(weights, activations, covectors, &linearization->gradient);
+    network.Backward(
+        weights, activations_, covectors, &linearization->gradient);
   }
   const VectorXd curvature =
       is_l2 ? VectorXd(scales.transpose().replicate(num_x, 1).reshaped())
@@ -224,7 +220,7 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
       x_hessians.emplace_back(curvature.segment(i, width).asDiagonal());
     }
     network.Hessian(
-        weights, activations, covectors, x_hessians, &linearization->hessian);
+        weights, activations_, covectors, x_hessians, &linearization->hessian);
   }
   if (!linearization->gradient.allFinite() ||
       !linearization->hessian.allFinite()) {
@@ -238,11 +234,11 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
     return curvature.cwiseProduct(v);
   };
   const Index width = network.num_outputs();
-  const Index num_calls = activations.batch_size();
+  const Index num_calls = activations_.batch_size();
   linearization->jacobian = std::make_shared<NetworkJacobian>(
       network,
       weights,
-      std::move(activations),
+      std::move(activations_),
       MatrixXd::Identity(width, width).replicate(1, num_calls));
   return true;
 }

@@ -113,12 +113,11 @@ class ChainPullBack {
                       double* y,
                       SimulatorPullBack::Result* result);
   void SetWeights(const Eigen::VectorXd& curvatures);
+  // At the weights of activations_, which it may take away.
   bool LinearizeProxy(const Eigen::VectorXd& weights,
-                      DenseNetwork::Activations activations,
-                      const Eigen::MatrixXd& d_x,
                       const LinearizationParts& parts,
                       Linearization* linearization,
-                      std::string* error) const;
+                      std::string* error);
 
   const Model& model_;
   Options options_;
@@ -126,7 +125,8 @@ class ChainPullBack {
   SimulatorPullBack simulator_pull_back_;
 
   PullBackCounts counts_;
-  // Of the last batch.
+  // Of the last batch; memory that the next one uses again.
+  DenseNetwork::Activations activations_;
   Eigen::MatrixXd d_x_;             // |x| x B
   Eigen::MatrixXd wanted_x_;        // |x| x B: x~; only if it is used again
   Eigen::VectorXd sample_weights_;  // B: w

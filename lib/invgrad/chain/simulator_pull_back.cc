@@ -18,6 +18,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using ConstVectorRef = InverseSimulator::ConstVectorRef;
 
+// Where J is nearly singular, the minimizer of the linear model is far away.
+constexpr int kMaxNumHalvings = 40;
+
 // V S^(-kappa) U^T d_y, s > tau s_max; zero if J is.
 VectorXd SpectralPullBack(const MatrixXd& J,
                           const ConstVectorRef& d_y,
@@ -125,9 +128,15 @@ class SimulatorPullBack::Attempt {
     const double length = (J * gradient).stableNorm();
     *source = PullBackSource::kGradient;
     if (!(length > 0.0)) return false;
-    const double t = gradient.stableNorm() / length;
-    x_new_ = x_ + t * t * gradient;
-    return IsFinite(x_new_);
+    const double ratio = gradient.stableNorm() / length;
+    double t = ratio * ratio;
+    for (int halving = 0; halving <= kMaxNumHalvings; ++halving, t *= 0.5) {
+      x_new_ = x_ + t * gradient;
+      if (x_new_ != x_ && IsFinite(x_new_) && DistanceLeft() < distance_) {
+        return true;
+      }
+    }
+    return false;
   }
 
   const VectorXd& x_new() const { return x_new_; }

@@ -17,8 +17,11 @@
 //   numerical inverse  held to the same test
 //   inverse gradient   taken if it comes nearer to y + d_y than y is
 //   gradient           d_x = t J^T d_y, t = |J^T d_y|^2 / |J J^T d_y|^2, the
-//                      minimizer of |J d_x - d_y| along it
-//   none               d_x = 0: J^T d_y is zero
+//                      minimizer of |J d_x - d_y| along it, halved until it
+//                      comes nearer
+//   none               d_x = 0: J^T d_y is zero, or nothing comes nearer
+//
+// so that no answer of theirs leads away from y + d_y.
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one PullBack. Gradients: one J and, for the inverse ones,

@@ -510,7 +510,9 @@ Plot::Legend FreePlace(const Plot& plot, const Layout& layout) {
   if (NumLegendEntries(plot) > kMaxLegendInside) {
     return Plot::Legend::kOutside;
   }
-  const double width = static_cast<double>(LegendWidth(plot)) / layout.width;
+  constexpr int kMargins = 2 * kLegendCharacter;
+  const double width =
+      static_cast<double>(LegendWidth(plot) + kMargins) / layout.width;
   const double height =
       static_cast<double>(kLegendRow * (NumLegendEntries(plot) + 1)) /
       layout.height;

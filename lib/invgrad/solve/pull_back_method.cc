@@ -25,7 +25,8 @@ const std::vector<std::string>& SimulatorNames() {
                                                            "half_inverse",
                                                            "inverse",
                                                            "numerical",
-                                                           "newton"};
+                                                           "newton",
+                                                           "data"};
   return names;
 }
 

@@ -1,0 +1,105 @@
+// Times a training step of several methods on one problem, as ratios of one
+// run.
+//
+// Sample runs:
+//
+//   bench_training
+//   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse
+//       --benchmark_repetitions=5
+//
+// One thread. A benchmark's iteration is a whole run of --steps steps from the
+// same weights, batches and linearizations included, evaluations of the loss
+// not; the ratios are to the first method.
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "benchmark/benchmark.h"
+#include "bin/support/learning_comparison.h"
+#include "bin/support/program.h"
+#include "bin/support/ratio_reporter.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/linalg/blas.h"
+#include "problems/problems.h"
+
+DEFINE_string(problem, "sine:xi=32:phi=45", "a problem with a network");
+DEFINE_string(rules,
+              "adam,sip,sip:proxy=l1,newton/newton/adam:proxy=l1,"
+              "newton/numerical/adam",
+              "methods; the first one is the reference");
+DEFINE_int32(steps, 1000, "steps of a run");
+
+namespace invgrad {
+namespace {
+
+void TrainSteps(benchmark::State& state,
+                const LearningProblem& problem,
+                const Method& method) {
+  LearningComparisonOptions comparison;
+  TrainOptions options;
+  options.batch_size = BatchSize(problem, method, comparison);
+  options.max_num_steps = FLAGS_steps;
+  const DataSet none = problem.test.Range(0, 0);
+  for (auto _ : state) {
+    Eigen::VectorXd weights = InitialWeights(problem, 1);
+    History history;
+    TrainSummary summary;
+    std::string error;
+    CHECK(TrainByMethod(method,
+                        options,
+                        *problem.model,
+                        problem.inverse,
+                        problem.train,
+                        none,
+                        &weights,
+                        &history,
+                        &summary,
+                        &error))
+        << error;
+    state.SetIterationTime(summary.train_time_in_seconds);
+  }
+}
+
+int Run() {
+  std::string error;
+  PhysicsProblem problem;
+  std::vector<Method> methods;
+  if (!CreateProblem(FLAGS_problem, nullptr, &problem, &error)) {
+    return Fail(error);
+  }
+  if (!problem.learning.has_value()) {
+    return Fail("--problem=" + FLAGS_problem + " has no network to train");
+  }
+  if (!ParseMethods(FLAGS_rules, &methods, &error)) {
+    return Fail("--rules: " + error);
+  }
+  if (FLAGS_steps < 1) return Fail("--steps: allowed: 1 or more");
+  SetBlasThreads(1);
+  for (const Method& method : methods) {
+    benchmark::RegisterBenchmark(method.label.c_str(),
+                                 [&](benchmark::State& state) {
+                                   TrainSteps(state, *problem.learning, method);
+                                 })
+        ->UseManualTime()
+        ->Unit(benchmark::kMillisecond);
+  }
+  RatioReporter reporter;
+  benchmark::RunSpecifiedBenchmarks(&reporter);
+  std::printf("\nRatios of this run (medians of the repetitions)\n");
+  for (size_t i = 1; i < methods.size(); ++i) {
+    reporter.PrintRatio(methods[i].label, methods[0].label);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  // Google Benchmark takes its flags out of argv.
+  benchmark::Initialize(&argc, argv);
+  return invgrad::RunProgram(
+      argc, argv, "times a training step of several methods", invgrad::Run);
+}

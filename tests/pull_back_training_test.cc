@@ -1,0 +1,220 @@
+// Training through pull-backs: what the history counts, and that the counts,
+// the fall-backs and a resumed run are what they should be.
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/solve/method.h"
+#include "problems/problems.h"
+#include "temporary_folder.h"
+
+namespace invgrad {
+namespace {
+
+LearningProblem Create(const std::string& specification) {
+  PhysicsProblem problem;
+  std::string error;
+  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
+  return *problem.learning;
+}
+
+struct Trained {
+  Eigen::VectorXd weights;
+  History history;
+  TrainSummary summary;
+
+  const HistoryRow& last() const { return history.back(); }
+};
+
+Trained Train(const LearningProblem& problem,
+              const std::string& specification,
+              const TrainOptions& options) {
+  std::vector<Method> methods;
+  std::string error;
+  EXPECT_TRUE(ParseMethods(specification, &methods, &error)) << error;
+  Trained run;
+  NumpyRandom random(1);
+  run.weights =
+      problem.model->network().InitialWeights(problem.initialization, &random);
+  EXPECT_TRUE(TrainByMethod(methods.at(0),
+                            options,
+                            *problem.model,
+                            problem.inverse,
+                            problem.train,
+                            problem.test,
+                            &run.weights,
+                            &run.history,
+                            &run.summary,
+                            &error))
+      << error;
+  return run;
+}
+
+TrainOptions Steps(long num_steps) {
+  TrainOptions options;
+  options.max_num_steps = num_steps;
+  options.batch_size = 100;
+  return options;
+}
+
+// Differentiable physics is the gradient of the chain, whoever computes it.
+TEST(PullBackTraining, DifferentiablePhysicsIsTheRuleAlone) {
+  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=200");
+  const Trained chain = Train(problem, "dp_adam", Steps(20));
+  const Trained alone = Train(problem, "adam", Steps(20));
+  EXPECT_LT((chain.weights - alone.weights).norm(),
+            1e-10 * alone.weights.norm());
+  EXPECT_TRUE(std::isnan(chain.last().inverse)) << "nothing was inverted";
+}
+
+TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
+  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=200");
+  const Trained chain = Train(problem, "hig:step_size=0.01", Steps(3));
+  const Trained alone = Train(problem, "half_inverse:step_size=0.01", Steps(3));
+  EXPECT_EQ(chain.weights, alone.weights);
+}
+
+TEST(PullBackTraining, EverySampleIsCountedOnce) {
+  const LearningProblem problem = Create("sine:xi=4:num_samples=200");
+  const Trained run = Train(problem, "sip", Steps(7));
+  EXPECT_EQ(run.last().inverse, 700.0);
+  EXPECT_EQ(run.last().numerical_inverse, 0.0);
+  EXPECT_EQ(run.last().inverse_gradient, 0.0);
+  EXPECT_EQ(run.last().gradient, 0.0);
+  EXPECT_EQ(run.last().none, 0.0);
+  EXPECT_NE(run.summary.message.find("700 inverse"), std::string::npos)
+      << run.summary.message;
+}
+
+// Wrong, NaN and throwing on three quarters of its domain: numerical answers
+// take over, training goes on as if nothing had happened, and it is told.
+TEST(PullBackTraining, AWrongInverseIsCaughtAndCounted) {
+  const LearningProblem wrong =
+      Create("multimodal:wrong_inverse=true:num_samples=400");
+  const LearningProblem right = Create("multimodal:num_samples=400");
+  const Trained run = Train(wrong, "sip", Steps(400));
+  const Trained reference = Train(right, "sip", Steps(400));
+  EXPECT_LT(run.last().test_loss, 0.05 * run.history.front().test_loss);
+  EXPECT_LT(run.last().test_loss, 2.0 * reference.last().test_loss);
+  // The mean of |x*| > 1/2 is half of the samples: y > 1/4.
+  EXPECT_NEAR(run.last().numerical_inverse / 40000.0, 0.5, 0.1);
+  EXPECT_NEAR(run.last().inverse / 40000.0, 0.5, 0.1);
+  EXPECT_EQ(run.last().inverse + run.last().numerical_inverse +
+                run.last().inverse_gradient + run.last().gradient +
+                run.last().none,
+            40000.0);
+  EXPECT_NE(run.summary.message.find("(first at step 1, sample"),
+            std::string::npos)
+      << run.summary.message;
+}
+
+TEST(PullBackTraining, AResumedRunEndsWithTheSameBitsAndCounts) {
+  const LearningProblem problem =
+      Create("multimodal:wrong_inverse=true:num_samples=400");
+  const std::string method = "sip:updates=2:curvature_weight=0.5";
+  const Trained whole = Train(problem, method, Steps(30));
+  const TemporaryFolder folder;
+  TrainOptions options = Steps(13);
+  options.checkpoint_path = folder / "checkpoint";
+  Train(problem, method, options);
+  options.max_num_steps = 30;
+  const Trained resumed = Train(problem, method, options);
+  EXPECT_EQ(resumed.weights, whole.weights);
+  EXPECT_EQ(resumed.last().inverse, whole.last().inverse);
+  EXPECT_EQ(resumed.last().numerical_inverse, whole.last().numerical_inverse);
+  EXPECT_EQ(resumed.last().inverse + resumed.last().numerical_inverse, 3000.0);
+}
+
+TEST(PullBackTraining, ThreadsDoNotChangeABit) {
+  const LearningProblem problem =
+      Create("multimodal:wrong_inverse=true:num_samples=400");
+  const Trained one = Train(problem, "sip", Steps(20));
+  const Trained three = Train(problem, "sip:threads=3", Steps(20));
+  EXPECT_EQ(one.weights, three.weights);
+  EXPECT_EQ(one.summary.message, three.summary.message);
+}
+
+// One evaluation of the simulator, four of the network.
+TEST(PullBackTraining, SeveralUpdatesPerEvaluationGoFurther) {
+  const LearningProblem problem = Create("exponential:num_samples=400");
+  const Trained one = Train(problem, "sip:step_size=1e-4", Steps(40));
+  const Trained four =
+      Train(problem, "sip:step_size=1e-4:updates=4", Steps(40));
+  EXPECT_EQ(one.last().inverse, four.last().inverse);
+  EXPECT_LT(four.last().test_loss, one.last().test_loss);
+}
+
+// Supervised training averages the two pre-images; an inverse keeps to one.
+TEST(PullBackTraining, SupervisedTrainingAveragesAndInversionDoesNot) {
+  LearningProblem problem = Create("multimodal:num_samples=1000");
+  const auto metric = [&](const Trained& run) {
+    DenseNetwork::Activations forward;
+    std::string error;
+    EXPECT_TRUE(problem.model->Forward(
+        run.weights, problem.test, false, &forward, &error));
+    return problem.metric->evaluate(forward.outputs, problem.test);
+  };
+  // The mean of |x*| is 1/2, that of a fit to its own noise somewhat less.
+  EXPECT_GT(metric(Train(problem, "supervised", Steps(1500))), 0.4);
+  EXPECT_LT(metric(Train(problem, "sip", Steps(1500))), 0.05);
+  EXPECT_LT(metric(Train(problem, "dp_adam", Steps(1500))), 0.05);
+}
+
+// P(x) = x^2 + 1 never reaches y* = 0.
+struct Shifted {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    y[0] = x[0] * x[0] + 1.0;
+    return true;
+  }
+};
+
+TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
+  LearningProblem problem = Create("multimodal:num_samples=100");
+  problem.model = std::make_shared<Model>(
+      problem.model->network(),
+      std::make_shared<AutoDiffSimulator<Shifted, 1, 1>>(),
+      problem.model->shared_loss(),
+      Reduction::kMean);
+  problem.train.targets.setZero();
+  problem.test.targets.setZero();
+  const Trained run = Train(problem, "newton/numerical/adam", Steps(500));
+  EXPECT_EQ(run.last().numerical_inverse, 0.0);
+  EXPECT_GT(run.last().inverse_gradient + run.last().gradient, 0.0);
+  EXPECT_NE(run.summary.message.find("% of the way"), std::string::npos)
+      << run.summary.message;
+  // The best is x = 0, L = 1/2.
+  EXPECT_NEAR(run.last().test_loss, 0.5, 0.01);
+  const Trained nearer =
+      Train(problem, "newton/numerical/adam:accept_nearer=true", Steps(500));
+  EXPECT_GT(nearer.last().numerical_inverse, 0.0);
+  EXPECT_NEAR(nearer.last().test_loss, 0.5, 0.01);
+}
+
+TEST(PullBackTraining, SupervisionNeedsSolutions) {
+  const LearningProblem problem = Create("sine:num_samples=200");
+  std::vector<Method> methods;
+  std::string error;
+  ASSERT_TRUE(ParseMethods("supervised", &methods, &error)) << error;
+  Trained run;
+  run.weights = Eigen::VectorXd::Zero(problem.model->num_weights());
+  EXPECT_FALSE(TrainByMethod(methods[0],
+                             Steps(1),
+                             *problem.model,
+                             problem.inverse,
+                             problem.train,
+                             problem.test,
+                             &run.weights,
+                             &run.history,
+                             &run.summary,
+                             &error));
+  EXPECT_NE(error.find("no solutions"), std::string::npos) << error;
+}
+
+}  // namespace
+}  // namespace invgrad
