@@ -442,6 +442,24 @@ TEST(HeatStates, HaveTheMeanHeatOfTheirDistribution) {
   EXPECT_NEAR(line.mean(), 7 * 0.5 * 10.0 / 64.0, 0.064 * 0.547);
 }
 
+// Every rectangle lies in the box, so that the heat is the sum of strength
+// times area, of the numbers that the header says are drawn.
+TEST(HeatStates, HoldTheHeatOfTheirRectangles) {
+  NumpyRandom random(7);
+  const MatrixXd states = RandomHeatStates(50, 16, 16, 7);
+  for (int s = 0; s < 50; ++s) {
+    const int num_rectangles = static_cast<int>(4.0 + 7.0 * random.Rand());
+    double heat = 0.0;
+    for (int i = 0; i < 10; ++i) {
+      random.Rand(1, 2);  // positions
+      const MatrixXd half_sizes = 10.0 * random.Rand(1, 2);
+      const double strength = random.Rand();
+      if (i < num_rectangles) heat += strength * 4.0 * half_sizes.prod();
+    }
+    EXPECT_NEAR(states.row(s).sum() * 16.0, heat, 1e-11);
+  }
+}
+
 LearningProblem CreateLearning(const std::string& specification,
                                const MatrixXd* data = nullptr) {
   PhysicsProblem problem;
