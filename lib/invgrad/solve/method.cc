@@ -614,14 +614,14 @@ bool MinimizeByMethod(const Method& method,
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;
   Configure(method, &solver_options, &gradient_options);
-  if (!objective->loss().SquaredNormFactor().has_value()) {
-    if (method.ceres->is_trust_region) {
-      *error = kNeedsLeastSquares;
-      return false;
-    }
+  if (!method.ceres->is_trust_region) {
+    // A line search sees the gradient and no Jacobian, which may be large.
     if (!HasStart(*objective, path, summary)) return true;
     MinimizeWithCeres(
         recorded, gradient_options, new ChainFunction(objective), &x, summary);
+  } else if (!objective->loss().SquaredNormFactor().has_value()) {
+    *error = kNeedsLeastSquares;
+    return false;
   } else {
     ceres::Problem problem;
     problem.AddResidualBlock(
