@@ -1,7 +1,10 @@
 #include "invgrad/chain/chain_pull_back.h"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
+#include <vector>
 
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
@@ -15,6 +18,9 @@ using Eigen::Index;
 using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+// Of a sample that does not move.
+constexpr double kNoCurvature = -1.0;
 
 // The network's outputs, a sample's x a column: a network that is called
 // several times a sample puts out its x in pieces.
@@ -88,7 +94,7 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
   if (needs_solutions()) CHECK_EQ(batch.solutions.rows(), x.rows());
   struct Sample {
     double loss = 0.0;
-    double curvature = 1.0;
+    double curvature = kNoCurvature;
     SimulatorPullBack::Result result;
     std::string error;
   };
@@ -116,7 +122,10 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
       }
       return;
     }
-    const double length = d_x_.col(s).squaredNorm();
+    const double length = d_x_.col(s).norm();
+    if (length > options_.max_change && !options_.is_supervised) {
+      d_x_.col(s) *= options_.max_change / length;
+    }
     if (!is_weighted || length == 0.0) return;
     Scratch<double> hessian(num_y * num_y);
     double ignored = 0.0;
@@ -127,7 +136,8 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
     }
     const Map<const VectorXd> change(d_y.data(), num_y);
     const Map<const MatrixXd> H(hessian.data(), num_y, num_y);
-    sample.curvature = change.dot(H * change) / length;
+    sample.curvature =
+        std::max(0.0, change.dot(H * change)) / (length * length);
   });
 
   counts_.BeginStep();
@@ -172,18 +182,18 @@ bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
   if (options_.data_weight > 0.0) {
     d_x += options_.data_weight * (batch.solutions.col(sample) - x);
   }
-  const double length = d_x.norm();
-  if (length > options_.max_change) d_x *= options_.max_change / length;
   return true;
 }
 
 void ChainPullBack::SetWeights(const VectorXd& curvatures) {
   sample_weights_ = VectorXd::Ones(curvatures.size());
   if (options_.curvature_weight == 0.0) return;
+  const auto moves = curvatures.array() != kNoCurvature;
   const VectorXd powers =
-      curvatures.array().max(0.0).pow(options_.curvature_weight);
-  const double mean = powers.mean();
-  if (mean > 0.0 && std::isfinite(mean)) sample_weights_ = powers / mean;
+      moves.select(curvatures.array().pow(options_.curvature_weight), 0.0);
+  const double mean = powers.sum() / static_cast<double>(moves.count());
+  if (!(mean > 0.0) || !std::isfinite(mean)) return;
+  sample_weights_ = moves.select(powers / mean, sample_weights_);
 }
 
 bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
