@@ -1,7 +1,10 @@
 #include "invgrad/chain/chain_pull_back.h"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
+#include <vector>
 
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
@@ -16,6 +19,20 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+<<<<<<< HEAD
+=======
+// Of a sample that does not move.
+constexpr double kNoCurvature = -1.0;
+
+// The network's outputs, a sample's x a column: a network that is called
+// several times a sample puts out its x in pieces.
+Map<const MatrixXd> InputsOfSimulator(
+    const Model& model, const DenseNetwork::Activations& forward) {
+  const Index size = model.simulator().num_inputs();
+  return {forward.outputs.data(), size, forward.outputs.size() / size};
+}
+
+>>>>>>> tests
 }  // namespace
 
 ChainPullBack::ChainPullBack(const Model* model,
@@ -80,7 +97,7 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
   if (needs_solutions()) CHECK_EQ(batch.solutions.rows(), x.rows());
   struct Sample {
     double loss = 0.0;
-    double curvature = 1.0;
+    double curvature = kNoCurvature;
     SimulatorPullBack::Result result;
     std::string error;
   };
@@ -108,7 +125,10 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
       }
       return;
     }
-    const double length = d_x_.col(s).squaredNorm();
+    const double length = d_x_.col(s).norm();
+    if (length > options_.max_change && !options_.is_supervised) {
+      d_x_.col(s) *= options_.max_change / length;
+    }
     if (!is_weighted || length == 0.0) return;
     Scratch<double> hessian(num_y * num_y);
     double ignored = 0.0;
@@ -119,7 +139,8 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
     }
     const Map<const VectorXd> change(d_y.data(), num_y);
     const Map<const MatrixXd> H(hessian.data(), num_y, num_y);
-    sample.curvature = change.dot(H * change) / length;
+    sample.curvature =
+        std::max(0.0, change.dot(H * change)) / (length * length);
   });
 
   counts_.BeginStep();
@@ -164,18 +185,18 @@ bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
   if (options_.data_weight > 0.0) {
     d_x += options_.data_weight * (batch.solutions.col(sample) - x);
   }
-  const double length = d_x.norm();
-  if (length > options_.max_change) d_x *= options_.max_change / length;
   return true;
 }
 
 void ChainPullBack::SetWeights(const VectorXd& curvatures) {
   sample_weights_ = VectorXd::Ones(curvatures.size());
   if (options_.curvature_weight == 0.0) return;
+  const auto moves = curvatures.array() != kNoCurvature;
   const VectorXd powers =
-      curvatures.array().max(0.0).pow(options_.curvature_weight);
-  const double mean = powers.mean();
-  if (mean > 0.0 && std::isfinite(mean)) sample_weights_ = powers / mean;
+      moves.select(curvatures.array().pow(options_.curvature_weight), 0.0);
+  const double mean = powers.sum() / static_cast<double>(moves.count());
+  if (!(mean > 0.0) || !std::isfinite(mean)) return;
+  sample_weights_ = moves.select(powers / mean, sample_weights_);
 }
 
 bool ChainPullBack::LinearizeProxy(const VectorXd& weights,

@@ -17,6 +17,8 @@
 //
 //   w_s = c_s^gamma / mean(c^gamma)
 //
+// where the mean is over the samples that move; the others have weight one. No
+// c_s is taken below zero, and |d_x| is that before any cut.
 // gamma = 1 makes the L2 proxy follow the loss to second order along every
 // d_x; gamma = 0 (w = 1) is the published method.
 //

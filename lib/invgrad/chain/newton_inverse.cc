@@ -17,6 +17,11 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+// What rounding may do to an eigenvalue that is the geometric mean, and to the
+// slope along a direction that P does not depend on.
+constexpr double kRounding = 1e-12;
+constexpr double kFlat = 1e-14;
+
 // exp of the mean of log |lambda|: 0 if one of them is.
 template <typename Vector>
 double GeometricMean(const Vector& lambda) {
@@ -30,14 +35,16 @@ void Step(const Lambda& lambda,
           const NewtonInverse::Options& options,
           const Map<const VectorXd>& g,
           Map<VectorXd>* x) {
-  const double mean = GeometricMean(lambda);
+  const double bounded_below = (1.0 + kRounding) * GeometricMean(lambda);
+  const double flat = kFlat * g.norm();
   for (Index i = 0; i < lambda.size(); ++i) {
     const double slope = eigenvectors.col(i).dot(g);
-    if (slope == 0.0) continue;
+    if (std::abs(slope) <= flat) continue;
     const double newton =
         std::abs(slope) / (std::abs(lambda[i]) + options.damping);
-    const double bound =
-        lambda[i] > mean ? newton : options.max_loss_change / std::abs(slope);
+    const double bound = lambda[i] > bounded_below
+                             ? newton
+                             : options.max_loss_change / std::abs(slope);
     *x -= std::copysign(std::min(newton, bound), slope) * eigenvectors.col(i);
   }
 }

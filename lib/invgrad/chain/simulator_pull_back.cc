@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <exception>
+#include <limits>
 #include <utility>
 
 #include "Eigen/SVD"
@@ -36,6 +37,9 @@ VectorXd SpectralPullBack(const MatrixXd& J,
   }
   return svd.matrixV() * coordinates;
 }
+
+// What an exact inverse may leave of |P(x~) - y~| / |y~|.
+constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
 
 bool IsFinite(const VectorXd& v) { return AllFinite(v.data(), v.size()); }
 
@@ -74,18 +78,18 @@ class SimulatorPullBack::Attempt {
 
   // *x~ from the inverse, or false with *why.
   bool Invert(const InverseSimulator& inverse, std::string* why) {
+    bool is_inverted = false;
     try {
-      if (!inverse.Invert(wanted_, x_, context_, &x_new_, why)) {
-        if (!options_.accept_nearer || x_new_.size() != x_.size() ||
-            !IsFinite(x_new_)) {
-          return false;
-        }
-      }
+      is_inverted = inverse.Invert(wanted_, x_, context_, &x_new_, why);
     } catch (const std::exception& exception) {
       *why = std::string("the inverse threw: ") + exception.what();
       return false;
     } catch (...) {
       *why = "the inverse threw";
+      return false;
+    }
+    if (!is_inverted && !(options_.accept_nearer && ComesNearer())) {
+      if (why->empty()) *why = "the inverse gave up without a reason";
       return false;
     }
     if (x_new_.size() != x_.size()) {
@@ -97,15 +101,13 @@ class SimulatorPullBack::Attempt {
       *why = "the inverse is not finite";
       return false;
     }
-    if (!inverse.reaches_target()) return true;
-    const double left = DistanceLeft();
-    if (options_.accept_nearer ? left < distance_
-                               : left <= options_.round_trip * distance_) {
-      return true;
+    if (inverse.reaches_target() && !ReachesTarget()) {
+      *why = "round trip: |P(x~) - y~| is " +
+             std::to_string(DistanceLeft() / distance_) + " |y~ - y|";
+      return false;
     }
-    *why = "round trip: |P(x~) - y~| is " + std::to_string(left / distance_) +
-           " |y~ - y|";
-    return false;
+    why->clear();
+    return true;
   }
 
   // x~ from J; false if J has no value or nothing comes nearer.
@@ -121,9 +123,7 @@ class SimulatorPullBack::Attempt {
     const MatrixXd J = J_transposed.transpose();
     x_new_ = x_ + SpectralPullBack(J, d_y_, 1.0, options_.truncation);
     *source = PullBackSource::kInverseGradient;
-    if (x_new_ != x_ && IsFinite(x_new_) && DistanceLeft() < distance_) {
-      return true;
-    }
+    if (ComesNearer()) return true;
     const VectorXd gradient = J_transposed * d_y_;
     const double length = (J * gradient).stableNorm();
     *source = PullBackSource::kGradient;
@@ -142,6 +142,20 @@ class SimulatorPullBack::Attempt {
   const VectorXd& x_new() const { return x_new_; }
 
  private:
+  // Of an x~ that may be anything.
+  bool ComesNearer() const {
+    return x_new_.size() == x_.size() && IsFinite(x_new_) && x_new_ != x_ &&
+           DistanceLeft() < distance_;
+  }
+
+  // Of a finite x~. Close to the target the rounding of P exceeds any share of
+  // |d_y|.
+  bool ReachesTarget() const {
+    if (options_.accept_nearer) return ComesNearer();
+    return DistanceLeft() <=
+           options_.round_trip * distance_ + kRounding * wanted_.stableNorm();
+  }
+
   // |P(x~) - y~|, infinite where P has no value.
   double DistanceLeft() const {
     Scratch<double> y(wanted_.size());

@@ -2,14 +2,14 @@
 // output to one of its input, for one sample.
 //
 //   adjoint           d_x = J^T d_y
-//   inverse gradient  d_x = V S^-1 U^T d_y,      s > tau s_max     (J = U S
-//   V^T) half-inverse      d_x = V S^(-1/2) U^T d_y,  s > tau s_max inverse d_x
-//   = P^-1(y + d_y; x) - x, an InverseSimulator
+//   inverse gradient  d_x = V S^-1 U^T d_y,      s > tau s_max,   J = U S V^T
+//   half-inverse      d_x = V S^(-1/2) U^T d_y,  s > tau s_max
+//   inverse           d_x = P^-1(y + d_y; x) - x, by an InverseSimulator
 //
 // An inverse is not trusted. Its answer x~ is taken if it is finite and has the
 // right size and, if the inverse promises to reach the target, if
 //
-//   |P(x~) - (y + d_y)| <= round_trip |d_y|
+//   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
 //
 // (or only nearer to y + d_y than y is, with `accept_nearer`: for targets that
 // no input reaches). If not, these are tried in turn:
