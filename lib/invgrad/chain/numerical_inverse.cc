@@ -12,7 +12,6 @@
 namespace invgrad {
 namespace {
 
-using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
