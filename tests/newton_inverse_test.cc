@@ -136,8 +136,8 @@ VectorXd ExpectedStep(const VectorXd& g,
                       double max_loss_change,
                       double damping) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
-  const VectorXd lambda = eigen.eigenvalues();
-  const MatrixXd Q = eigen.eigenvectors();
+  const VectorXd& lambda = eigen.eigenvalues();
+  const MatrixXd& Q = eigen.eigenvectors();
   const double mean = std::pow(lambda.cwiseAbs().prod(), 1.0 / g.size());
   VectorXd d = Q.transpose() * g;
   for (Eigen::Index i = 0; i < d.size(); ++i) {

@@ -730,7 +730,7 @@ TEST(PhysicalGradientTest, TheStepInYDoesNotDependOnWhatStandsBefore) {
   SimulatorPullBack::Options numerical;
   numerical.round_trip = 1e-8;
 
-  const auto change = [&](std::shared_ptr<const Simulator> simulator,
+  const auto change = [&](const std::shared_ptr<const Simulator>& simulator,
                           std::shared_ptr<const InverseSimulator> inverse,
                           const SimulatorPullBack::Options& options,
                           const Vector2d& from) {
@@ -749,7 +749,7 @@ TEST(PhysicalGradientTest, TheStepInYDoesNotDependOnWhatStandsBefore) {
       0.1 * d_y.norm());
   // Of gradient descent even the direction depends on A, to first order in the
   // step: it is that of J J^T d_y.
-  const auto direction = [&](std::shared_ptr<const Simulator> simulator,
+  const auto direction = [&](const std::shared_ptr<const Simulator>& simulator,
                              const Vector2d& from) {
     const SimulatorPullBack descent(
         simulator, nullptr, Way(SimulatorWay::kAdjoint));

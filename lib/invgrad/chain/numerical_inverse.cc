@@ -5,23 +5,27 @@
 #include <limits>
 #include <utility>
 
-#include "ceres/tiny_solver.h"
+#include "Eigen/SVD"
 #include "glog/logging.h"
 #include "invgrad/chain/scratch.h"
 
 namespace invgrad {
 namespace {
 
-using Eigen::Map;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// r(x) = (P(x) - y) / scale, for TinySolver. Where P has no value r is NaN,
-// which TinySolver takes for a rejected step.
+// Damping at the start and the strongest reduction of an iteration, both as
+// shares: of s_max^2, and of the damping.
+constexpr double kFirstDamping = 1e-4;
+constexpr double kStrongestReduction = 1e-2;
+
+// |r|^2 is flat if it falls by less.
+constexpr double kFlat = 1e-14;
+
+// r = (P(x) - y) / scale.
 class ScaledResidual {
  public:
-  using Scalar = double;
-  enum { NUM_RESIDUALS = Eigen::Dynamic, NUM_PARAMETERS = Eigen::Dynamic };
-
   ScaledResidual(const Simulator* simulator,
                  const double* context,
                  const InverseSimulator::ConstVectorRef& y)
@@ -29,26 +33,22 @@ class ScaledResidual {
 
   void set_scale(double scale) { scale_ = scale; }
 
-  int NumResiduals() const { return simulator_.num_outputs(); }
-  int NumParameters() const { return simulator_.num_inputs(); }
-
-  bool operator()(const double* x, double* residuals, double* jacobian) const {
-    const Eigen::Index m = NumResiduals();
-    const Eigen::Index n = NumParameters();
-    Map<VectorXd> r(residuals, m);
-    Scratch<double> by_rows(jacobian == nullptr ? 0 : m * n);
-    if (!simulator_.Evaluate(x,
-                             context_,
-                             residuals,
-                             jacobian == nullptr ? nullptr : by_rows.data())) {
-      r.setConstant(std::numeric_limits<double>::quiet_NaN());
+  bool Evaluate(const VectorXd& x, VectorXd* r) const {
+    if (!simulator_.Evaluate(x.data(), context_, r->data(), nullptr)) {
       return false;
     }
-    r = (r - y_) / scale_;
-    if (jacobian != nullptr) {
-      Map<Eigen::MatrixXd>(jacobian, m, n) =
-          Map<const Eigen::MatrixXd>(by_rows.data(), n, m).transpose() / scale_;
+    *r = (*r - y_) / scale_;
+    return true;
+  }
+
+  // J^T: n x m.
+  bool EvaluateJacobian(const VectorXd& x, MatrixXd* J_transposed) const {
+    Scratch<double> ignored(y_.size());
+    if (!simulator_.Evaluate(
+            x.data(), context_, ignored.data(), J_transposed->data())) {
+      return false;
     }
+    *J_transposed /= scale_;
     return true;
   }
 
@@ -58,6 +58,56 @@ class ScaledResidual {
   const InverseSimulator::ConstVectorRef y_;
   double scale_ = 1.0;
 };
+
+// Minimizes |r(x)| from *x, where r is *r, down to |r| <= target. Returns the
+// number of iterations.
+int Minimize(const ScaledResidual& residual,
+             double target,
+             int max_num_iterations,
+             VectorXd* x,
+             VectorXd* r) {
+  MatrixXd J_transposed(x->size(), r->size());
+  Eigen::BDCSVD<MatrixXd> svd;
+  VectorXd c;  // U^T r
+  VectorXd r_new(r->size());
+  double damping = 0.0;
+  double growth = 2.0;
+  bool has_moved = true;
+  for (int i = 0; i < max_num_iterations; ++i) {
+    if (has_moved) {
+      if (!residual.EvaluateJacobian(*x, &J_transposed)) return i;
+      svd.compute(J_transposed.transpose(),
+                  Eigen::ComputeThinU | Eigen::ComputeThinV);
+      c = svd.matrixU().transpose() * *r;
+    }
+    const auto s = svd.singularValues().array();
+    if (!(s[0] > 0.0)) return i;
+    if (i == 0) damping = kFirstDamping * s[0] * s[0];
+    // What the linear model leaves of c.
+    const VectorXd left = damping / (s.square() + damping);
+    const VectorXd x_new =
+        *x - svd.matrixV() * (c.array() * s / (s.square() + damping)).matrix();
+    if (x_new == *x) return i;
+    const bool has_value = residual.Evaluate(x_new, &r_new);
+    const double expected =
+        c.squaredNorm() - c.cwiseProduct(left).squaredNorm();
+    const double fall = r->squaredNorm() - r_new.squaredNorm();
+    has_moved = has_value && fall > 0.0;
+    if (!has_moved) {
+      damping *= growth;
+      growth *= 2.0;
+      continue;
+    }
+    const bool is_flat = fall <= kFlat * r->squaredNorm();
+    *x = x_new;
+    r->swap(r_new);
+    if (is_flat || r->norm() <= target) return i + 1;
+    const double gain = 2.0 * fall / expected - 1.0;
+    damping *= std::max(kStrongestReduction, 1.0 - gain * gain * gain);
+    growth = 2.0;
+  }
+  return max_num_iterations;
+}
 
 }  // namespace
 
@@ -78,12 +128,12 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
   CHECK_EQ(x0.size(), simulator_->num_inputs());
   CHECK_EQ(context.size(), simulator_->num_context());
   ScaledResidual residual(simulator_.get(), context.data(), y);
+  *x = x0;
   VectorXd r(y.size());
-  if (!residual(x0.data(), r.data(), nullptr)) {
+  if (!residual.Evaluate(*x, &r)) {
     *why = "the simulator has no finite value at x_0";
     return false;
   }
-  *x = x0;
   const double distance = r.stableNorm();
   if (distance == 0.0) return true;
   if (!std::isfinite(distance)) {
@@ -91,23 +141,16 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
     return false;
   }
   residual.set_scale(distance);
-  ceres::TinySolver<ScaledResidual> solver;
-  solver.options.max_num_iterations = options_.max_num_iterations;
+  r /= distance;
   // Quadratic convergence: what is left beyond the tolerance costs an
   // iteration.
   const double target = std::min(options_.tolerance, 1e-3) * 1e-3;
-  solver.options.cost_threshold = 0.5 * target * target;
-  solver.options.gradient_tolerance = 1e-14;
-  solver.options.parameter_tolerance = 1e-14;
-  solver.options.function_tolerance = 1e-3 * solver.options.cost_threshold;
-  solver.Solve(residual, x);
-  // The summary does not tell of what failed inside.
-  const bool has_value = residual(x->data(), r.data(), nullptr);
-  const double left = has_value ? r.stableNorm() : 1.0;
-  if (has_value && left <= options_.tolerance) return true;
+  const int num_iterations =
+      Minimize(residual, target, options_.max_num_iterations, x, &r);
+  const double left = r.norm();
+  if (left <= options_.tolerance) return true;
   *why = "the numerical inverse came " + std::to_string(100.0 * (1.0 - left)) +
-         " % of the way in " + std::to_string(solver.summary.iterations) +
-         " iterations";
+         " % of the way in " + std::to_string(num_iterations) + " iterations";
   return false;
 }
 

@@ -1,24 +1,26 @@
 // The inverse of a simulator from its forward functor alone.
 //
-//   x = argmin 1/2 |P(x; c) - y|^2,   from x_0, by Ceres' Levenberg-Marquardt
+//   x = argmin 1/2 |P(x; c) - y|^2,   from x_0, by Levenberg-Marquardt
+//   d = -V S (S^2 + mu)^-1 U^T r,     J = U S V^T
 //
-// The residual is divided by its norm at x_0, so that all tolerances are
+// The residual r is divided by its norm at x_0, so that all tolerances are
 // relative to the wanted change. Started at x_0 the iteration finds the nearest
-// pre-image, if not always the closest: a local inverse. Where there are more
-// unknowns than outputs it moves in the row space of the Jacobians that it
-// meets.
+// pre-image, if not always the closest: a local inverse. The damping mu is the
+// same for all directions, so every step is in the row space of its J: where
+// there are more unknowns than outputs, x moves no farther than it must, and of
+// a linear P it is the closest solution. The singular value decomposition also
+// keeps the accuracy of J, which normal equations halve, and serves every mu
+// that is tried at a point.
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
-// Cost:    an iteration: one Jacobian, one P, and m n^2 + n^3 / 3 for the
-// normal
-//          equations.
+// Cost:    an iteration: one P and, unless the last step was rejected, one
+//          Jacobian with its decomposition.
 // Fails:   returns false, with x the best point found, if |P(x) - y| stays
-// above
-//          tolerance |P(x_0) - y|: y is out of range, or P too crooked for
-//          max_num_iterations. False without x if P has no value at x_0.
+//          above tolerance |P(x_0) - y|: y is out of range, or P too crooked
+//          for max_num_iterations. With x = x_0 if P has no value there.
 //
-// Source:  Ceres' TinySolver; Madsen, Nielsen, Tingleff. Methods for Non-linear
-//          Least Squares Problems. 2nd edition, DTU 2004, algorithm 3.16.
+// Source:  Madsen, Nielsen, Tingleff. Methods for Non-linear Least Squares
+//          Problems. 2nd edition, DTU 2004, algorithm 3.16.
 #ifndef INVGRAD_CHAIN_NUMERICAL_INVERSE_H_
 #define INVGRAD_CHAIN_NUMERICAL_INVERSE_H_
 
