@@ -367,8 +367,10 @@ TEST(ClosedLoop, OneCallIsTheChainWithoutFeedback) {
   EXPECT_EQ(open.feedback(), nullptr);
   EXPECT_EQ(closed.feedback(), simulator.get());
   // Other states at the start than the network sees: a noisy measurement.
-  const DataSet data = {
-      RandomMatrix(2, 4, 1), RandomMatrix(2, 4, 2), RandomMatrix(2, 4, 3)};
+  const DataSet data = {RandomMatrix(2, 4, 1),
+                        RandomMatrix(2, 4, 2),
+                        RandomMatrix(2, 4, 3),
+                        MatrixXd()};
   const VectorXd weights = RandomMatrix(network.num_weights(), 1, 4);
   LinearizationParts all;
   all.gradient = all.jacobian = all.hessian = true;
@@ -411,8 +413,10 @@ TEST(ClosedLoop, LossAndNetworkAreExchangedInTheLoop) {
 TEST(ClosedLoop, ErrorsNameTheSample) {
   const Model model = PendulumModel(3);
   const VectorXd weights = RandomMatrix(model.num_weights(), 1, 1);
-  const DataSet good = {
-      RandomMatrix(2, 4, 1), RandomMatrix(2, 4, 2), RandomMatrix(2, 4, 3)};
+  const DataSet good = {RandomMatrix(2, 4, 1),
+                        RandomMatrix(2, 4, 2),
+                        RandomMatrix(2, 4, 3),
+                        MatrixXd()};
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto expect_error = [&](const VectorXd& theta,
                                 const DataSet& data,

@@ -19,20 +19,9 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-<<<<<<< HEAD
-=======
 // Of a sample that does not move.
 constexpr double kNoCurvature = -1.0;
 
-// The network's outputs, a sample's x a column: a network that is called
-// several times a sample puts out its x in pieces.
-Map<const MatrixXd> InputsOfSimulator(
-    const Model& model, const DenseNetwork::Activations& forward) {
-  const Index size = model.simulator().num_inputs();
-  return {forward.outputs.data(), size, forward.outputs.size() / size};
-}
-
->>>>>>> tests
 }  // namespace
 
 ChainPullBack::ChainPullBack(const Model* model,
