@@ -41,18 +41,18 @@ else()
 endif()
 note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
 
-# The FFTs of the problems; the library does without.
-find_library(FFTW_LIBRARY fftw3)
-find_path(FFTW_INCLUDE_DIR fftw3.h)
-mark_as_advanced(FFTW_LIBRARY FFTW_INCLUDE_DIR)
-if(FFTW_LIBRARY AND FFTW_INCLUDE_DIR)
-  set(FFTW_FOUND TRUE)
-else()
-  set(FFTW_FOUND FALSE)
-endif()
-note_if_missing("FFTW 3" libfftw3-dev FFTW_FOUND)
-
 if(INVGRAD_BUILD_PROGRAMS)
+  # The FFTs of the problems; the library does without.
+  find_library(FFTW_LIBRARY fftw3)
+  find_path(FFTW_INCLUDE_DIR fftw3.h)
+  mark_as_advanced(FFTW_LIBRARY FFTW_INCLUDE_DIR)
+  if(FFTW_LIBRARY AND FFTW_INCLUDE_DIR)
+    set(FFTW_FOUND TRUE)
+  else()
+    set(FFTW_FOUND FALSE)
+  endif()
+  note_if_missing("FFTW 3" libfftw3-dev FFTW_FOUND)
+
   find_package(benchmark QUIET)
   note_if_missing("Google Benchmark" libbenchmark-dev benchmark_FOUND)
 
