@@ -47,17 +47,20 @@ void TrainSteps(benchmark::State& state,
     History history;
     TrainSummary summary;
     std::string error;
-    CHECK(TrainByMethod(method,
-                        options,
-                        *problem.model,
-                        problem.inverse,
-                        problem.train,
-                        none,
-                        &weights,
-                        &history,
-                        &summary,
-                        &error))
-        << error;
+    if (!TrainByMethod(method,
+                       options,
+                       *problem.model,
+                       problem.inverse,
+                       problem.train,
+                       none,
+                       &weights,
+                       &history,
+                       &summary,
+                       &error) ||
+        summary.num_steps < FLAGS_steps) {
+      state.SkipWithError((error + summary.message).c_str());
+      return;
+    }
     state.SetIterationTime(summary.train_time_in_seconds);
   }
 }

@@ -47,7 +47,8 @@ class HistoryTest : public testing::Test {
   const std::string path_ = folder_ / "history.csv";
   const std::string header_ =
       "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,"
-      "inverse,numerical_inverse,inverse_gradient,gradient,none\n";
+      "by_inverse,by_numerical_inverse,by_inverse_gradient,by_gradient,"
+      "not_moved\n";
 };
 
 TEST_F(HistoryTest, WritesTheDocumentedText) {
@@ -60,7 +61,7 @@ TEST_F(HistoryTest, WritesTheDocumentedText) {
   history[1].batch_loss = 1.5e-3;
   history[1].step_norm = std::numeric_limits<double>::infinity();
   history[1].metric = 0.5;
-  history[1].numerical_inverse = 3;
+  history[1].by_numerical_inverse = 3;
   std::string error;
   std::string text;
   ASSERT_TRUE(WriteHistory(path_, history, &error)) << error;

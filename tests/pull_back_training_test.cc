@@ -69,7 +69,7 @@ TEST(PullBackTraining, DifferentiablePhysicsIsTheRuleAlone) {
   const Trained alone = Train(problem, "adam", Steps(20));
   EXPECT_LT((chain.weights - alone.weights).norm(),
             1e-10 * alone.weights.norm());
-  EXPECT_TRUE(std::isnan(chain.last().inverse)) << "nothing was inverted";
+  EXPECT_TRUE(std::isnan(chain.last().by_inverse)) << "nothing was inverted";
 }
 
 TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
@@ -82,11 +82,11 @@ TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
 TEST(PullBackTraining, EverySampleIsCountedOnce) {
   const LearningProblem problem = Create("sine:xi=4:num_samples=200");
   const Trained run = Train(problem, "sip", Steps(7));
-  EXPECT_EQ(run.last().inverse, 700.0);
-  EXPECT_EQ(run.last().numerical_inverse, 0.0);
-  EXPECT_EQ(run.last().inverse_gradient, 0.0);
-  EXPECT_EQ(run.last().gradient, 0.0);
-  EXPECT_EQ(run.last().none, 0.0);
+  EXPECT_EQ(run.last().by_inverse, 700.0);
+  EXPECT_EQ(run.last().by_numerical_inverse, 0.0);
+  EXPECT_EQ(run.last().by_inverse_gradient, 0.0);
+  EXPECT_EQ(run.last().by_gradient, 0.0);
+  EXPECT_EQ(run.last().not_moved, 0.0);
   EXPECT_NE(run.summary.message.find("700 inverse"), std::string::npos)
       << run.summary.message;
 }
@@ -102,11 +102,11 @@ TEST(PullBackTraining, AWrongInverseIsCaughtAndCounted) {
   EXPECT_LT(run.last().test_loss, 0.05 * run.history.front().test_loss);
   EXPECT_LT(run.last().test_loss, 2.0 * reference.last().test_loss);
   // The mean of |x*| > 1/2 is half of the samples: y > 1/4.
-  EXPECT_NEAR(run.last().numerical_inverse / 40000.0, 0.5, 0.1);
-  EXPECT_NEAR(run.last().inverse / 40000.0, 0.5, 0.1);
-  EXPECT_EQ(run.last().inverse + run.last().numerical_inverse +
-                run.last().inverse_gradient + run.last().gradient +
-                run.last().none,
+  EXPECT_NEAR(run.last().by_numerical_inverse / 40000.0, 0.5, 0.1);
+  EXPECT_NEAR(run.last().by_inverse / 40000.0, 0.5, 0.1);
+  EXPECT_EQ(run.last().by_inverse + run.last().by_numerical_inverse +
+                run.last().by_inverse_gradient + run.last().by_gradient +
+                run.last().not_moved,
             40000.0);
   EXPECT_NE(run.summary.message.find("(first at step 1, sample"),
             std::string::npos)
@@ -125,9 +125,11 @@ TEST(PullBackTraining, AResumedRunEndsWithTheSameBitsAndCounts) {
   options.max_num_steps = 30;
   const Trained resumed = Train(problem, method, options);
   EXPECT_EQ(resumed.weights, whole.weights);
-  EXPECT_EQ(resumed.last().inverse, whole.last().inverse);
-  EXPECT_EQ(resumed.last().numerical_inverse, whole.last().numerical_inverse);
-  EXPECT_EQ(resumed.last().inverse + resumed.last().numerical_inverse, 3000.0);
+  EXPECT_EQ(resumed.last().by_inverse, whole.last().by_inverse);
+  EXPECT_EQ(resumed.last().by_numerical_inverse,
+            whole.last().by_numerical_inverse);
+  EXPECT_EQ(resumed.last().by_inverse + resumed.last().by_numerical_inverse,
+            3000.0);
 }
 
 TEST(PullBackTraining, ThreadsDoNotChangeABit) {
@@ -145,7 +147,7 @@ TEST(PullBackTraining, SeveralUpdatesPerEvaluationGoFurther) {
   const Trained one = Train(problem, "sip:step_size=1e-4", Steps(40));
   const Trained four =
       Train(problem, "sip:step_size=1e-4:updates=4", Steps(40));
-  EXPECT_EQ(one.last().inverse, four.last().inverse);
+  EXPECT_EQ(one.last().by_inverse, four.last().by_inverse);
   EXPECT_LT(four.last().test_loss, one.last().test_loss);
 }
 
@@ -184,15 +186,15 @@ TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
   problem.train.targets.setZero();
   problem.test.targets.setZero();
   const Trained run = Train(problem, "newton/numerical/adam", Steps(500));
-  EXPECT_EQ(run.last().numerical_inverse, 0.0);
-  EXPECT_GT(run.last().inverse_gradient + run.last().gradient, 0.0);
+  EXPECT_EQ(run.last().by_numerical_inverse, 0.0);
+  EXPECT_GT(run.last().by_inverse_gradient + run.last().by_gradient, 0.0);
   EXPECT_NE(run.summary.message.find("% of the way"), std::string::npos)
       << run.summary.message;
   // The best is x = 0, L = 1/2.
   EXPECT_NEAR(run.last().test_loss, 0.5, 0.01);
   const Trained nearer =
       Train(problem, "newton/numerical/adam:accept_nearer=true", Steps(500));
-  EXPECT_GT(nearer.last().numerical_inverse, 0.0);
+  EXPECT_GT(nearer.last().by_numerical_inverse, 0.0);
   EXPECT_NEAR(nearer.last().test_loss, 0.5, 0.01);
 }
 

@@ -188,9 +188,9 @@ int Run() {
          FormatNumber(1e3 * std::sqrt(2.0 * last.test_loss), 3),
          FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
                       3),
-         count(last.inverse),
-         count(last.numerical_inverse),
-         count(last.inverse_gradient + last.gradient + last.none)});
+         count(last.by_inverse),
+         count(last.by_numerical_inverse),
+         count(last.by_inverse_gradient + last.by_gradient + last.not_moved)});
     std::cerr << "  " << summary.message << "\n";
     // [/row]
   }

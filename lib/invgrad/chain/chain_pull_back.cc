@@ -22,6 +22,12 @@ using Eigen::VectorXd;
 // Of a sample that does not move.
 constexpr double kNoCurvature = -1.0;
 
+// An array without rows may come without columns too.
+Map<const VectorXd> ContextOf(const DataSet& batch, int sample) {
+  const Index size = batch.contexts.rows();
+  return {size == 0 ? nullptr : batch.contexts.col(sample).data(), size};
+}
+
 }  // namespace
 
 ChainPullBack::ChainPullBack(const Model* model,
@@ -38,6 +44,8 @@ ChainPullBack::ChainPullBack(const Model* model,
   CHECK_GE(options.data_weight, 0.0);
   CHECK_GE(options.updates_per_evaluation, 1);
   CHECK_GE(options.num_threads, 1);
+  CHECK(options.updates_per_evaluation == 1 || model->feedback() == nullptr)
+      << "in a closed loop an update moves the inputs of the next one";
 }
 
 bool ChainPullBack::Linearize(const VectorXd& weights,
@@ -68,6 +76,7 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
                                    const LinearizationParts& parts,
                                    Linearization* linearization,
                                    std::string* error) {
+  CHECK_GT(options_.updates_per_evaluation, 1);
   CHECK_EQ(wanted_x_.cols(), batch.num_samples())
       << "LinearizeAgain follows Linearize with the same batch";
   if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
@@ -83,6 +92,8 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
                                     std::string* error) {
   const int num_samples = batch.num_samples();
   const Index num_y = model_.loss().size();
+  CHECK_EQ(batch.targets.rows(), num_y);
+  CHECK_EQ(batch.targets.cols(), num_samples);
   if (needs_solutions()) CHECK_EQ(batch.solutions.rows(), x.rows());
   struct Sample {
     double loss = 0.0;
@@ -164,11 +175,11 @@ bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
     Scratch<double> ignored(model_.loss().size());
     d_x = batch.solutions.col(sample) - x;
     return model_.simulator().Evaluate(
-               x.data(), batch.contexts.col(sample).data(), y, nullptr) &&
+               x.data(), ContextOf(batch, sample).data(), y, nullptr) &&
            wanted_change(y, ignored.data());
   }
   if (!simulator_pull_back_(
-          x, batch.contexts.col(sample), wanted_change, y, d_x, result)) {
+          x, ContextOf(batch, sample), wanted_change, y, d_x, result)) {
     return false;
   }
   if (options_.data_weight > 0.0) {

@@ -78,7 +78,10 @@ bool LossPullBack::Step(const double* y,
     }
     const Map<const MatrixXd> H(hessian.data(), size, size);
     if (!(way_ == LossWay::kNewton ? Solve(H, &d) : SolveSaddleFree(H, &d))) {
-      *why = "the Hessian of the loss is singular; saddle_free_newton takes it";
+      *why = way_ == LossWay::kNewton
+                 ? "the Hessian of the loss is singular; saddle_free_newton "
+                   "takes it"
+                 : "the eigenvalues of the loss's Hessian do not converge";
       return false;
     }
   }

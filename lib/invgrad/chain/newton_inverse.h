@@ -6,10 +6,11 @@
 //   x = x_0 - Q d,   |d_i| = |Q^T g|_i / (|lambda_i| + damping)
 //
 // and, where lambda_i is not above the geometric mean of all |lambda|,
-// |d_i| <= max_loss_change / |Q^T g|_i: along flat and along concave directions
-// F changes by about max_loss_change at most. d_i has the sign of (Q^T g)_i, so
-// a saddle repels. Slopes |Q^T g|_i below 1e-14 |g| are rounding and not
-// followed: P does not depend on these directions. Repeated num_steps times.
+// |d_i| <= max_loss_change / |Q^T g|_i: along directions that curve less than
+// most F changes by about max_loss_change at most. d_i has the sign of (Q^T
+// g)_i, so a saddle repels. Slopes |Q^T g|_i below 1e-14 |g| are rounding and
+// not followed: P does not depend on these directions. Repeated num_steps
+// times.
 //
 // Shapes:  x: n = num_inputs;  y: num_outputs;  Q: n x n.
 // Units:   max_loss_change in [y]^2; damping in [y]^2 / [x]^2.

@@ -20,6 +20,9 @@ using Eigen::VectorXd;
 constexpr double kFirstDamping = 1e-4;
 constexpr double kStrongestReduction = 1e-2;
 
+// Of y, in P(x).
+constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
+
 // |r|^2 is flat if it falls by less.
 constexpr double kFlat = 1e-14;
 
@@ -148,7 +151,9 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
   const int num_iterations =
       Minimize(residual, target, options_.max_num_iterations, x, &r);
   const double left = r.norm();
-  if (left <= options_.tolerance) return true;
+  // y itself is not known better than to rounding.
+  const double rounding = kRounding * y.stableNorm() / distance;
+  if (left <= options_.tolerance + rounding) return true;
   *why = "the numerical inverse came " + std::to_string(100.0 * (1.0 - left)) +
          " % of the way in " + std::to_string(num_iterations) + " iterations";
   return false;

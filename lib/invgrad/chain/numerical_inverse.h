@@ -4,8 +4,8 @@
 //   d = -V S (S^2 + mu)^-1 U^T r,     J = U S V^T
 //
 // The residual r is divided by its norm at x_0, so that all tolerances are
-// relative to the wanted change. Started at x_0 the iteration finds the nearest
-// pre-image, if not always the closest: a local inverse. The damping mu is the
+// relative to the wanted change. Started at x_0 the iteration finds a pre-image
+// nearby, if not always the closest: a local inverse. The damping mu is the
 // same for all directions, so every step is in the row space of its J: where
 // there are more unknowns than outputs, x moves no farther than it must, and of
 // a linear P it is the closest solution. The singular value decomposition also

@@ -1,5 +1,8 @@
 #include "invgrad/chain/pull_back_counts.h"
 
+#include <algorithm>
+#include <cctype>
+
 namespace invgrad {
 namespace {
 
@@ -17,6 +20,12 @@ void PullBackCounts::Add(const SimulatorPullBack::Result& result, int sample) {
   if (result.why.empty() || !first_failure_.empty()) return;
   first_failure_ = "step " + std::to_string(num_steps_) + ", sample " +
                    std::to_string(sample) + ": " + result.why;
+  // A user's words, in a message of one line.
+  std::replace_if(
+      first_failure_.begin(),
+      first_failure_.end(),
+      [](unsigned char c) { return std::iscntrl(c) != 0; },
+      ' ');
 }
 
 std::string PullBackCounts::Report() const {

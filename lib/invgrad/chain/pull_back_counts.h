@@ -25,7 +25,8 @@ class PullBackCounts {
   // empty if nothing was inverted.
   std::string Report() const;
 
-  // What a checkpoint must hold. The text of the first failure is not kept.
+  // What a checkpoint must hold. The text of the first failure is not kept: a
+  // resumed run reports its own first one.
   Eigen::VectorXd State() const;
   // False, and nothing set, if the size does not fit.
   bool SetState(const Eigen::VectorXd& state);

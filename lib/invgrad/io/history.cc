@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::string_view kHeader =
     "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,"
-    "inverse,numerical_inverse,inverse_gradient,gradient,none";
+    "by_inverse,by_numerical_inverse,by_inverse_gradient,by_gradient,"
+    "not_moved";
 
 // The columns after the first, in the header's order.
 constexpr double HistoryRow::*kColumns[] = {&HistoryRow::epoch,
@@ -25,11 +26,11 @@ constexpr double HistoryRow::*kColumns[] = {&HistoryRow::epoch,
                                             &HistoryRow::test_loss,
                                             &HistoryRow::step_norm,
                                             &HistoryRow::metric,
-                                            &HistoryRow::inverse,
-                                            &HistoryRow::numerical_inverse,
-                                            &HistoryRow::inverse_gradient,
-                                            &HistoryRow::gradient,
-                                            &HistoryRow::none};
+                                            &HistoryRow::by_inverse,
+                                            &HistoryRow::by_numerical_inverse,
+                                            &HistoryRow::by_inverse_gradient,
+                                            &HistoryRow::by_gradient,
+                                            &HistoryRow::not_moved};
 static_assert(std::size(kColumns) == HistoryRow::kNumColumns);
 
 // std::to_chars and std::from_chars know no locale, whose comma would split a

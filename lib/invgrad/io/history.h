@@ -4,9 +4,10 @@
 //   0,0,0,,0.25,0.26,,,,,,,
 //   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
 //
-// The last columns are inverse, numerical_inverse, inverse_gradient, gradient
-// and none: the samples, from the first step on, whose wanted change was pulled
-// back by each (simulator_pull_back.h), for methods that invert the simulator.
+// The last columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
+// by_gradient and not_moved: the samples, from the first step on, whose wanted
+// change was pulled back by each (simulator_pull_back.h), for methods that
+// invert the simulator.
 //
 // CSV with this header line; numbers with the fewest digits that read back as
 // the same value. A value that was not computed is an empty field (NaN in
@@ -34,11 +35,11 @@ struct HistoryRow {
   double test_loss = kNone;
   double step_norm = kNone;
   double metric = kNone;  // of the problem's own, see TrainOptions
-  double inverse = kNone;
-  double numerical_inverse = kNone;
-  double inverse_gradient = kNone;
-  double gradient = kNone;
-  double none = kNone;
+  double by_inverse = kNone;
+  double by_numerical_inverse = kNone;
+  double by_inverse_gradient = kNone;
+  double by_gradient = kNone;
+  double not_moved = kNone;
 
   // All but the step, in the order of the file.
   static constexpr int kNumColumns = 12;

@@ -111,6 +111,26 @@ void AddDefaults(const Settings& defaults, Settings* settings) {
   }
 }
 
+// Every setting is an option of the ways; if not, the message suggests the
+// rule's options too.
+bool CheckOptionNames(const Method& method,
+                      const OptionSet& ways,
+                      const Settings& settings,
+                      std::string* error) {
+  std::vector<std::string> names = {"batch_size"};
+  for (const OptionSet::Row& row : ways.rows()) names.push_back(row.name);
+  for (const OptionSet::Row& row : method.rule->options()) {
+    names.push_back(row.name);
+  }
+  for (const auto& setting : settings) {
+    if (std::find(names.begin(), names.end(), setting.first) == names.end()) {
+      *error = UnknownNameMessage("option", setting.first, names);
+      return false;
+    }
+  }
+  return true;
+}
+
 bool ParseMethod(const Specification& specification,
                  Method* method,
                  std::string* error) {
@@ -140,7 +160,8 @@ bool ParseMethod(const Specification& specification,
   if (method->pull_back.has_value()) {
     OptionSet set;
     method->pull_back->Describe(&set);
-    if (!set.SetAll(pull_back_settings, &why)) {
+    if (!CheckOptionNames(*method, set, pull_back_settings, &why) ||
+        !set.SetAll(pull_back_settings, &why)) {
       *error = specification.name + ": " + why;
       return false;
     }
@@ -251,6 +272,7 @@ class TrainingRecorder final : public ceres::IterationCallback {
       row.test_loss = MeanLoss(model_, weights_, test_);
     }
     row.step_norm = step_norm_;
+    if (options_.metric) row.metric = options_.metric(weights_);
     history_->push_back(row);
     const double watched =
         test_.num_samples() > 0 ? row.test_loss : row.train_loss;
@@ -423,6 +445,12 @@ bool TrainByPullBack(const Method& method,
         history,
         summary,
         error);
+  }
+  if (ways.updates() > 1 && model.feedback() != nullptr) {
+    *error =
+        "updates > 1: in a closed loop an update moves the inputs of the "
+        "next one";
+    return false;
   }
   if (ways.needs_solutions() && train.solutions.rows() == 0) {
     *error = "its data have no solutions x* to learn from";

@@ -103,11 +103,13 @@ void PullBackMethod::Describe(OptionSet* set) {
            "at most, of the numerical inverse");
   if (simulator_ != "newton") return;
   set->Add("newton_steps", &newton_steps_, {1, 1e6}, "steps of the inverse");
-  set->Add("max_loss_change",
-           &max_loss_change_,
-           {0.0, kInfinity, true},
-           "bound along flat and concave directions");
-  set->Add("damping", &damping_, {0.0, kInfinity}, "added to |lambda|");
+  set->Add(
+      "max_loss_change",
+      &max_loss_change_,
+      {0.0, kInfinity, true},
+      "bound along directions that curve less than the mean; with one input: "
+      "along all");
+  set->Add("newton_damping", &damping_, {0.0, kInfinity}, "added to |lambda|");
 }
 
 LossWay PullBackMethod::LossWayOf() const {
@@ -184,7 +186,14 @@ std::vector<OptionSet::Row> ChainMethodRow::options() const {
   CHECK(method.SetWays(loss, simulator, &error)) << error;
   OptionSet set;
   method.Describe(&set);
-  return set.rows();
+  std::vector<OptionSet::Row> rows = FindRule(rule)->options();
+  rows.insert(rows.end(), set.rows().begin(), set.rows().end());
+  for (OptionSet::Row& row : rows) {
+    for (const auto& [name, value] : defaults) {
+      if (row.name == name) row.default_value = value;
+    }
+  }
+  return rows;
 }
 
 const std::vector<ChainMethodRow>& ChainMethods() {

@@ -45,6 +45,7 @@ class PullBackMethod {
     return proxy_ != "l2" || curvature_weight_ != 0.0 || updates_ != 1 ||
            max_change_ != 0.0;
   }
+  int updates() const { return updates_; }
   // Whether it needs data with solutions.
   bool needs_solutions() const {
     return simulator_ == "data" || data_weight_ > 0.0;
@@ -96,6 +97,7 @@ struct ChainMethodRow {
   std::string rule;
   Settings defaults;  // where they differ from those of its parts
 
+  // Of the ways and of the rule, with these defaults.
   std::vector<OptionSet::Row> options() const;
 };
 

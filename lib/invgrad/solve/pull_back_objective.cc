@@ -1,6 +1,7 @@
 #include "invgrad/solve/pull_back_objective.h"
 
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <utility>
 

@@ -33,11 +33,11 @@ void RecordCounts(const PullBackCounts& counts, HistoryRow* row) {
   const auto count = [&](PullBackSource source) {
     return static_cast<double>(counts.of(source));
   };
-  row->inverse = count(PullBackSource::kInverse);
-  row->numerical_inverse = count(PullBackSource::kNumericalInverse);
-  row->inverse_gradient = count(PullBackSource::kInverseGradient);
-  row->gradient = count(PullBackSource::kGradient);
-  row->none = count(PullBackSource::kNone);
+  row->by_inverse = count(PullBackSource::kInverse);
+  row->by_numerical_inverse = count(PullBackSource::kNumericalInverse);
+  row->by_inverse_gradient = count(PullBackSource::kInverseGradient);
+  row->by_gradient = count(PullBackSource::kGradient);
+  row->not_moved = count(PullBackSource::kNone);
 }
 
 // One run; the members are what a checkpoint holds.
