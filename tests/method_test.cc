@@ -193,6 +193,8 @@ TEST(Method, RefusesWhatItCannotRunAndSaysWhy) {
       {"sip:y_step_size=0", "y_step_size=0"},
       {"hig:proxy=l1", "proxy"},
       {"sip:newton_steps=2", "newton_steps"},
+      {"sip:stepsize=1e-3", "did you mean step_size"},
+      {"sip:proxi=l1", "did you mean proxy"},
   };
   for (const auto& [text, word] : cases) {
     SCOPED_TRACE(text);
@@ -224,6 +226,19 @@ TEST_P(EveryMethod, TrainsAndRecordsTheLossOfItsWeights) {
               MeanLoss(line.model, result.weights, line.train),
               1e-13);
   EXPECT_LE(result.summary.num_steps, 5);
+}
+
+// Whoever takes the steps.
+TEST_P(EveryMethod, TheMetricIsThatOfTheWeights) {
+  const Line line;
+  TrainOptions options = Epochs(2);
+  options.metric = [](const Eigen::VectorXd& weights) {
+    return weights.squaredNorm();
+  };
+  const Result result = TrainLine(GetParam(), line, options);
+  ASSERT_TRUE(result.is_good_input) << result.error;
+  EXPECT_EQ(result.history.front().metric, line.weights.squaredNorm());
+  EXPECT_EQ(result.history.back().metric, result.weights.squaredNorm());
 }
 
 TEST_P(EveryMethod, NoBudgetIsNoStep) {

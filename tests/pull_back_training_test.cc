@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -196,6 +197,23 @@ TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
       Train(problem, "newton/numerical/adam:accept_nearer=true", Steps(500));
   EXPECT_GT(nearer.last().by_numerical_inverse, 0.0);
   EXPECT_NEAR(nearer.last().test_loss, 0.5, 0.01);
+}
+
+// What an inverse says stands in files of one line a run.
+TEST(PullBackTraining, ReasonsAreOneLine) {
+  LearningProblem problem = Create("multimodal:num_samples=100");
+  problem.inverse = std::make_shared<FunctionInverse>(
+      [](const InverseSimulator::ConstVectorRef&,
+         const InverseSimulator::ConstVectorRef&,
+         const InverseSimulator::ConstVectorRef&,
+         Eigen::VectorXd*,
+         std::string*) -> bool { throw std::runtime_error("two\nlines\r"); });
+  const Trained run = Train(problem, "sip", Steps(2));
+  EXPECT_EQ(run.last().by_inverse, 0.0);
+  EXPECT_NE(run.summary.message.find("the inverse threw: two lines "),
+            std::string::npos)
+      << run.summary.message;
+  EXPECT_EQ(run.summary.message.find('\n'), std::string::npos);
 }
 
 TEST(PullBackTraining, SupervisionNeedsSolutions) {

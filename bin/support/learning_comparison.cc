@@ -344,6 +344,19 @@ Plot MapPlot(const LearningProblem& problem,
   plot.title = "learned map";
   plot.x_label = "network input";
   plot.y_label = "x";
+  if (sorted.solutions.rows() == 1) {
+    // First, so that they hide no map; some are enough.
+    constexpr int kNumPoints = 200;
+    Series solutions;
+    solutions.title = "solutions";
+    solutions.style = Series::Style::kPoints;
+    const int spacing = 1 + sorted.num_samples() / kNumPoints;
+    for (int s = 0; s < sorted.num_samples(); s += spacing) {
+      solutions.x.push_back(sorted.inputs(0, s));
+      solutions.y.push_back(sorted.solutions(0, s));
+    }
+    plot.series.push_back(solutions);
+  }
   for (const MethodResults& method : all) {
     if (method.runs.empty()) continue;
     DenseNetwork::Activations activations;
@@ -355,11 +368,6 @@ Plot MapPlot(const LearningProblem& problem,
                                &ignored)) {
       plot.series.push_back(curve(method.label, activations.outputs));
     }
-  }
-  if (sorted.solutions.rows() == 1) {
-    Series solutions = curve("solutions", sorted.solutions);
-    solutions.style = Series::Style::kPoints;
-    plot.series.push_back(solutions);
   }
   return plot;
 }
