@@ -644,7 +644,9 @@ TEST(ChainPullBackTest, ASampleThatCannotBePulledBackDoesNotMove) {
 TEST(ChainPullBackDeathTest, LaterUpdatesNeedAFirst) {
   testing::FLAGS_gtest_death_test_style = "threadsafe";
   const Model model = MakeModel(QuarticLoss());
-  ChainPullBack chain(&model, BendInverse(), Physical());
+  ChainPullBack::Options options = Physical();
+  options.updates_per_evaluation = 2;
+  ChainPullBack chain(&model, BendInverse(), options);
   Linearization at;
   std::string error;
   EXPECT_DEATH(chain.LinearizeAgain(
