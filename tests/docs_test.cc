@@ -179,11 +179,13 @@ TEST(Docs, LinksLeadToFiles) {
   EXPECT_GT(num_links, 0);
 }
 
-// Runs the tutorial's program with `arguments`; returns its exit code and what
-// it printed.
-std::pair<int, std::string> RunTutorial(const std::string& arguments,
-                                        const std::string& output) {
-  const int status = std::system(("'" INVGRAD_BIN_DIR "/01_new_problem' " +
+// Runs a tutorial's program with `arguments`; returns its exit code and what it
+// printed.
+std::pair<int, std::string> RunTutorial(
+    const std::string& arguments,
+    const std::string& output,
+    const std::string& program = "01_new_problem") {
+  const int status = std::system(("'" INVGRAD_BIN_DIR "/" + program + "' " +
                                   arguments + " > '" + output + "' 2>&1")
                                      .c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Read(output)};
@@ -207,6 +209,17 @@ TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
   EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+}
+
+TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.02", folder / "out", "02_physical_gradients");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word :
+       {"miss [mm]", "dp_adam", "numerical inverse", "sip"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
 }
 
 TEST(NewProblemTutorial, RefusesUnknownRules) {

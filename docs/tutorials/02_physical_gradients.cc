@@ -122,6 +122,11 @@ DataSet DrawTargets(int num_samples, NumpyRandom* random) {
 }
 // [/data]
 
+// "-" for methods that invert nothing.
+std::string CountText(double count) {
+  return std::isnan(count) ? "-" : FormatNumber(count, 7);
+}
+
 int Run() {
   std::string error;
   std::vector<Method> methods;
@@ -179,18 +184,16 @@ int Run() {
 
     // [row]
     const HistoryRow& last = history.back();
-    const auto count = [](double value) {
-      return std::isnan(value) ? "-" : FormatNumber(value, 6);
-    };
     table.AddRow(
         {method.label,
          FormatNumber(last.test_loss, 3),
          FormatNumber(1e3 * std::sqrt(2.0 * last.test_loss), 3),
          FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
                       3),
-         count(last.by_inverse),
-         count(last.by_numerical_inverse),
-         count(last.by_inverse_gradient + last.by_gradient + last.not_moved)});
+         CountText(last.by_inverse),
+         CountText(last.by_numerical_inverse),
+         CountText(last.by_inverse_gradient + last.by_gradient +
+                   last.not_moved)});
     std::cerr << "  " << summary.message << "\n";
     // [/row]
   }
