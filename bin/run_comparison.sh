@@ -13,7 +13,8 @@ install_missing "${required_packages[@]}"
 build_release compare
 # --- The comparison itself ---
 # The best step sizes of small grids for the first-order rules, the published one
-# for half_inverse:truncation=1e-10 and Adam; auto needs none. Ceres' minimizers
+# for half_inverse:truncation=1e-10, Adam and newton/inverse_gradient/adam (the
+# book's scale-invariant training); auto needs none. Ceres' minimizers
 # work on all samples at once.
 rules=(
   gradient_descent:step_size=1e-1:batch_size=256
@@ -32,6 +33,7 @@ rules=(
   layer_half_inverse:step_size=auto
   kfac_half_inverse:step_size=auto
   krylov:batch_size=256:iterations=100
+  newton/inverse_gradient/adam:step_size=1e-3:batch_size=256
   ceres_lm
   ceres_lm:linear_solver=cgnr
   ceres_dogleg
