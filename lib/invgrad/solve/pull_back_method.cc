@@ -173,7 +173,7 @@ std::shared_ptr<const InverseSimulator> PullBackMethod::FirstInverse(
 }
 
 SimulatorPullBack PullBackMethod::MakeSimulatorPullBack(
-    std::shared_ptr<const Simulator> simulator,
+    const std::shared_ptr<const Simulator>& simulator,
     std::shared_ptr<const InverseSimulator> inverse) const {
   return SimulatorPullBack(simulator,
                            FirstInverse(simulator, std::move(inverse)),

@@ -58,7 +58,7 @@ class PullBackMethod {
   ChainPullBack::Options ChainOptions() const;
   LossPullBack MakeLossPullBack(std::shared_ptr<const Loss> loss) const;
   SimulatorPullBack MakeSimulatorPullBack(
-      std::shared_ptr<const Simulator> simulator,
+      const std::shared_ptr<const Simulator>& simulator,
       std::shared_ptr<const InverseSimulator> inverse) const;
 
   // The inverse that is tried first: null for the numerical one.
