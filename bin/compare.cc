@@ -1,4 +1,6 @@
-// Compares update rules on one problem: same start, same data, same budget.
+// Compares methods on one problem: same start, same data, same budget. A method
+// is an update rule, LOSS/SIMULATOR/RULE, which pulls a wanted change back part
+// by part (sip is newton/inverse/adam), or a minimizer of Ceres: method.h.
 //
 // Sample runs:
 //
@@ -8,8 +10,10 @@
 //   compare --problem=oscillator_chain --epochs=5
 //       --rules=half_inverse:truncation=1e-10,adam:step_size=1e-3:batch_size=256
 //   compare --problem=oscillator_chain:coupling=cubic --seconds=20
-//   --seeds=1,2,3
 //       --rules=half_inverse,gauss_newton,adam:step_size=3e-4:batch_size=512
+//       --seeds=1,2,3
+//   compare --problem=sine:xi=32:phi=45 --seconds=10
+//       --rules=sip,dp_adam,newton/numerical/adam,newton/inverse/half_inverse
 //   compare --problem=toy_network:lambda=0.01 --seconds=10
 //       --rules=half_inverse:step_size=auto,adam:step_size=1e-2,ceres_lm
 //   compare --problem=quantum_dipole --seconds=20
@@ -48,8 +52,9 @@ DEFINE_string(problem,
               "name[:key=value...]; --list shows all");
 DEFINE_string(rules,
               "adam:step_size=1e-3:batch_size=256,half_inverse",
-              "rules to compare, name[:key=value...],...; --list shows all. "
-              "batch_size is an option of every rule");
+              "methods to compare, name[:key=value...],...: a rule, "
+              "LOSS/SIMULATOR/RULE or a name for one, as sip, a minimizer of "
+              "Ceres; --list shows all. batch_size is an option of each");
 DEFINE_string(seeds, "1", "seeds of the initial weights and of the shuffling");
 DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
 DEFINE_int64(steps, 0, "budget in steps; 0: none");

@@ -104,7 +104,6 @@ bool CheckFlags(std::string* error) {
          check("tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)") &&
          check(
              "jobs", FLAGS_jobs >= 1 && FLAGS_jobs <= kMaxJobs, "1 to 1024") &&
-         check("grid", !FLAGS_grid.empty(), "axis=value,value;...") &&
          check("output", !FLAGS_output.empty(), "a directory");
 }
 
@@ -259,6 +258,11 @@ int Run() {
   std::replace(FLAGS_grid.begin(), FLAGS_grid.end(), '\n', ' ');
   std::string error;
   if (!CheckFlags(&error)) return Fail(error);
+  if (FLAGS_grid.empty()) {
+    return Fail(
+        "--grid is missing; for example "
+        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1,2,3\"");
+  }
   Grid grid;
   SweepPlan plan;
   SweepValue value;

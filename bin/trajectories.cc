@@ -40,7 +40,9 @@ DEFINE_string(rules,
               "rules, name[:key=value...],...; compare --list shows all");
 DEFINE_int32(steps, 10, "iterations of every rule");
 DEFINE_int32(grid, 101, "points of the contours' grid along each axis");
-DEFINE_double(margin, 0.1, "how much wider the picture is than the ways");
+DEFINE_double(margin,
+              0.1,
+              "margin on each side, as a share of the paths' extent");
 DEFINE_string(output, "runs/trajectories", "directory of the results");
 DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
 

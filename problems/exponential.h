@@ -3,21 +3,19 @@
 //
 //   y = exp(x),   L = 1/2 (y - y*)^2,   y* = exp(x*),   x* uniform in (-12, 0]
 //
-// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, which sees y*;  x, y:
-//          1.
+// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, which sees y*;
+//          x, y: 1.
 // Units:   none.
 // Data:    np.random.seed(data_seed); x* = -12 np.random.rand(2 N), the first N
 //          for training; x* is the data's solution.
 // Inverse: log y, global; y <= 0 has no pre-image.
 // Metric:  mean |x - x*|.
 // Methods: the paper's five are gradient_descent;
-// newton/newton/gradient_descent
-//          with max_loss_change=1e300, with max_change=0.1, with damping; and
-//          newton/inverse/gradient_descent with proxy=l1, whose gradient is
-//          sign(x - x*).
+//          newton/newton/gradient_descent with max_loss_change=1e300, with
+//          max_change=0.1, with damping; and newton/inverse/gradient_descent
+//          with proxy=l1, whose gradient is sign(x - x*).
 // Source:  Holl, Koltun, Thuerey, NeurIPS 2022, section 3, arXiv 2109.15048,
-// and
-//          its code, exp/.
+//          and its code, exp/.
 #ifndef PROBLEMS_EXPONENTIAL_H_
 #define PROBLEMS_EXPONENTIAL_H_
 

@@ -2,7 +2,6 @@
 
 #include <limits>
 #include <memory>
-#include <utility>
 
 #include "invgrad/chain/loss.h"
 #include "problems/heat_states.h"
@@ -53,13 +52,16 @@ bool CreateLearning(const HeatLearningOptions& options,
                                      options.physics.resolution,
                                      options.data_seed);
   }
-  Eigen::MatrixXd states = problem->data.transpose();
   DataSet all;
-  all.targets = Diffuse(*simulator, states);
+  all.solutions = problem->data.transpose();
+  all.targets = Diffuse(*simulator, all.solutions);
   all.inputs = all.targets;
   all.contexts.resize(0, all.num_samples());
   SplitSamples(all, 128, problem);
-  problem->metric = HeatDistanceMetric(std::move(states), all.targets);
+  problem->metric =
+      Metric{"x_l1", [](const Eigen::MatrixXd& x, const DataSet& samples) {
+               return (x - samples.solutions).cwiseAbs().mean();
+             }};
   problem->inverse =
       std::make_shared<HeatInverse>(simulator, options.physics.uncertainty);
   problem->num_epochs = 25;

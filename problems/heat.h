@@ -8,21 +8,22 @@
 //   heat_1d      the same in one
 //   heat_state   two dimensions, no network: one x is sought, from x = 0
 //
-// Discretization: exact in time and in Fourier space (spectral_diffusion.h).
-// The
-//          box has the side 64 whatever the number n of cells a side, dx = 64 /
-//          n, so that nu_t = 8 is as hard at each n: a mode with m waves across
-//          the box decays by exp(-nu_t (2 pi m / 64)^2) = exp(-0.077 m^2). n =
-//          64 is the published problem. What n < 64 leaves out are modes that
-//          decay still more: the weakest one reaches y by 5e-5 at n = 16, by
-//          1e-69 at n = 64.
+// Discretization: exact in time and in Fourier space
+//          (spectral_diffusion.h). The box has the side 64 whatever the number
+//          n of cells a side, dx = 64 / n, so that nu_t = 8 is as hard at each
+//          n: a mode with m waves across the box decays by
+//          exp(-nu_t (2 pi m / 64)^2) = exp(-0.077 m^2). n = 64 is the
+//          published problem. What n < 64 leaves out are modes that decay still
+//          more: the weakest one reaches y by 5e-5 at n = 16, by 1e-69 at
+//          n = 64.
 // Shapes:  network input, x, y: n^2, row by row, or n in one dimension.
 // Inverse: heat_inverse.h, local.
 // Metric:  x_l1 = mean |x - x_gt|: L says little about x, as most modes hardly
 //          reach y.
 // Data:    random rectangles (heat_states.h). The release draws a new batch
 //          every step; here N states are drawn once, and as many again for
-//          testing. heat_state takes the first of them.
+//          testing. x_gt is the data's solution. heat_state takes the first of
+//          the states.
 // Settings: B 128, loss summed over the batch, Adam and SIP with step size 1e-3
 //          for 6000 s. Published is a U-net at n = 64; here dense networks with
 //          ReLU, n^2-128-128-n^2 (heat; 115,328 weights at n = 16) and
@@ -62,7 +63,7 @@ struct HeatPhysics {
              "of the inverse, per |y - P(x)| of a cell");
     set->Add("absolute_uncertainty",
              &uncertainty.absolute,
-             {0.0, 1.0, true},
+             {HeatUncertainty::kMinAbsolute, 1.0},
              "of the inverse, added to that");
   }
 };

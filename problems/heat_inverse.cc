@@ -12,7 +12,7 @@ namespace invgrad {
 HeatInverse::HeatInverse(std::shared_ptr<const SpectralDiffusion> simulator,
                          const HeatUncertainty& uncertainty)
     : simulator_(std::move(simulator)), uncertainty_(uncertainty) {
-  CHECK_GT(uncertainty_.absolute, 0.0);
+  CHECK_GE(uncertainty_.absolute, HeatUncertainty::kMinAbsolute);
   CHECK_GE(uncertainty_.relative, 0.0);
 }
 
@@ -57,10 +57,12 @@ double HeatInverse::Action(double amplitude,
                            double expected,
                            double uncertainty) {
   if (amplitude == 0.0) return 0.0;  // 0 inf where nothing is expected
-  // log(s_k / n_k)
+  // log(s_k / n_k) = 1/2 |D_k|^2 (1 / u^2 - 1 / e_k^2), without any square:
+  // they may underflow, and 0 inf or inf - inf would tell nothing.
+  const double per_u = 1.0 / uncertainty;
+  const double per_e = 1.0 / expected;
   const double log_odds =
-      0.5 * amplitude * amplitude *
-      (1.0 / (uncertainty * uncertainty) - 1.0 / (expected * expected));
+      0.5 * (amplitude * (per_u - per_e)) * (amplitude * (per_u + per_e));
   const double probability = 1.0 / (1.0 + std::exp(-log_odds));
   return probability > 0.5 && probability < 0.68 ? 0.0
                                                  : 2.0 * probability - 1.0;

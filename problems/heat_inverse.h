@@ -23,7 +23,7 @@
 //          x reaches modes that the first one could not tell from noise, down
 //          to u = a sqrt(N).
 // Fails:   Invert returns false where an input is not finite. Sizes that do not
-//          fit, and a <= 0 or r < 0, are CHECKed.
+//          fit, and a < 1e-100 or r < 0, are CHECKed.
 //
 // Source: PBDL, chapter physgrad-code, inv_diffuse and apply_damping, and the
 //         code of Holl, Koltun, Thuerey, NeurIPS 2022, heat/inv_diffuse.py.
@@ -46,6 +46,7 @@ namespace invgrad {
 
 // The uncertainty of y in one cell is relative |dy| + absolute.
 struct HeatUncertainty {
+  static constexpr double kMinAbsolute = 1e-100;  // its square is not zero
   double relative = 1e-6;
   double absolute = 1e-8;
 };

@@ -3,11 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
-#include <memory>
-#include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
@@ -63,36 +59,6 @@ Eigen::MatrixXd RandomHeatStates(int num_states, int rows, int cols, int seed) {
     states.row(n) = state.reshaped<Eigen::RowMajor>().transpose();
   }
   return states;
-}
-
-Metric HeatDistanceMetric(Eigen::MatrixXd states, Eigen::MatrixXd targets) {
-  CHECK_EQ(states.cols(), targets.cols());
-  const auto known_states =
-      std::make_shared<const Eigen::MatrixXd>(std::move(states));
-  const auto known_targets =
-      std::make_shared<const Eigen::MatrixXd>(std::move(targets));
-  const auto distance = [known_states, known_targets](const Eigen::MatrixXd& x,
-                                                      const DataSet& data) {
-    const Eigen::Index num_known = known_targets->cols();
-    double sum = 0.0;
-    Eigen::Index candidate = 0;
-    for (Eigen::Index n = 0; n < x.cols(); ++n) {
-      // Samples mostly stand in the order of the known ones: the search goes on
-      // from the last one found.
-      Eigen::Index num_tried = 0;
-      while (num_tried < num_known &&
-             known_targets->col(candidate) != data.targets.col(n)) {
-        candidate = (candidate + 1) % num_known;
-        ++num_tried;
-      }
-      if (num_tried == num_known) {
-        return std::numeric_limits<double>::quiet_NaN();
-      }
-      sum += (x.col(n) - known_states->col(candidate)).cwiseAbs().mean();
-    }
-    return sum / static_cast<double>(x.cols());
-  };
-  return {"x_l1", distance};
 }
 
 }  // namespace invgrad

@@ -21,7 +21,6 @@
 #define PROBLEMS_HEAT_STATES_H_
 
 #include "Eigen/Core"
-#include "problems/problem.h"
 
 namespace invgrad {
 
@@ -29,11 +28,6 @@ constexpr double kHeatBoxSide = 64.0;
 
 // num_states x (rows cols).
 Eigen::MatrixXd RandomHeatStates(int num_states, int rows, int cols, int seed);
-
-// "x_l1": mean |x - x_gt| over cells and samples. A sample's x_gt is found by
-// its target: the columns of `targets` are those of the columns of `states`.
-// NaN if a sample has none of these targets.
-Metric HeatDistanceMetric(Eigen::MatrixXd states, Eigen::MatrixXd targets);
 
 }  // namespace invgrad
 

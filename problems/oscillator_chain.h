@@ -8,9 +8,8 @@
 // The network sees the state (q, v)(0) and puts out the force of every time
 // step. The ends of the chain are free.
 //
-// Discretization: classical Runge-Kutta (order 4), Nt steps of dt, u constant
-// in
-//          a step.
+// Discretization: classical Runge-Kutta (order 4), Nt steps of dt, u
+//          constant in a step.
 // Shapes:  state, network input and y: 2 num_oscillators;  x: Nt.
 // Units:   none (unit mass and unit spring to the ground).
 // Data:    np.random.seed(data_seed); np.random.rand(2 N, 2 num_oscillators),

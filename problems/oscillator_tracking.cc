@@ -2,10 +2,8 @@
 
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <memory>
 
-#include "Eigen/QR"
 #include "glog/logging.h"
 #include "invgrad/chain/trajectory_simulator.h"
 #include "invgrad/io/numpy_random.h"
@@ -55,10 +53,13 @@ struct TrackingTerms {
   }
 };
 
-template <int kNumOscillators, int kStride>
-void SetModel(const OscillatorTracking::Options& options,
-              LearningProblem* problem) {
-  const int state_size = 2 * options.num_oscillators + 4;
+int StateSize(const OscillatorTracking::Options& options) {
+  return 2 * options.num_oscillators + 4;
+}
+
+template <int kNumOscillators>
+TrackingStep<kNumOscillators> MakeStep(
+    const OscillatorTracking::Options& options) {
   TrackingStep<kNumOscillators> step;
   step.chain.num_oscillators = options.num_oscillators;
   step.chain.dt = options.dt;
@@ -72,17 +73,33 @@ void SetModel(const OscillatorTracking::Options& options,
     step.cosine[i] = std::cos(angle);
     step.sine[i] = std::sin(angle);
   }
+  return step;
+}
+
+TrackingTerms MakeTerms(const OscillatorTracking::Options& options) {
   TrackingTerms terms;
   terms.num_oscillators = options.num_oscillators;
   terms.horizon = options.horizon;
   terms.error_factor = std::sqrt(options.dt);
   terms.end_factor = std::sqrt(options.dt * options.end_weight);
   terms.force_factor = std::sqrt(options.dt * options.control_weight);
+  return terms;
+}
+
+template <int kNumOscillators, int kStride>
+void SetModel(const OscillatorTracking::Options& options,
+              LearningProblem* problem) {
+  const int state_size = StateSize(options);
   const auto simulator =
       std::make_shared<TrajectorySimulator<TrackingStep<kNumOscillators>,
                                            TrackingTerms,
                                            kStride>>(
-          step, terms, state_size, 1, 2, options.horizon);
+          MakeStep<kNumOscillators>(options),
+          MakeTerms(options),
+          state_size,
+          1,
+          2,
+          options.horizon);
   problem->model = std::make_shared<Model>(
       DenseNetwork({state_size, 16, 16, 1}, Activation::kTanh),
       simulator,
@@ -91,37 +108,77 @@ void SetModel(const OscillatorTracking::Options& options,
       simulator);
 }
 
-// With linear coupling y = y_0(s_0) + J x with the same J for all samples. What
-// is left of y at the best x is perpendicular to the columns of J, so that the
-// rest, |Q^T y|^2 with J = Q R, is what a better x could still gain.
-Metric Regret(const std::shared_ptr<const Model>& model) {
-  const Simulator& simulator = model->simulator();
-  const int num_y = simulator.num_outputs();
-  const int num_x = simulator.num_inputs();
-  const Eigen::VectorXd rest = Eigen::VectorXd::Zero(simulator.num_context());
-  const Eigen::VectorXd no_force = Eigen::VectorXd::Zero(num_x);
-  Eigen::VectorXd y(num_y);
-  Eigen::MatrixXd J_transposed(num_x, num_y);
-  CHECK(simulator.Evaluate(
-      no_force.data(), rest.data(), y.data(), J_transposed.data()));
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(
-      J_transposed.transpose());
-  const Eigen::MatrixXd Q =
-      qr.householderQ() * Eigen::MatrixXd::Identity(num_y, qr.rank());
-  const auto evaluate = [model, Q](const Eigen::MatrixXd& x,
-                                   const DataSet& data) {
+// The best feedback of the linear problem, from the end of the horizon to its
+// start (Facts of the header), and what it costs to deviate from it.
+struct Regulator {
+  Eigen::MatrixXd A;          // ns x ns, s_{t+1} = A s_t + B u_t
+  Eigen::VectorXd B;          // ns
+  Eigen::MatrixXd gains;      // ns x T, column t is K_t^T
+  Eigen::VectorXd curvature;  // T, R + B^T W B
+
+  explicit Regulator(const OscillatorTracking::Options& options)
+      : A(StateSize(options), StateSize(options)),
+        B(StateSize(options)),
+        gains(StateSize(options), options.horizon),
+        curvature(options.horizon) {
+    const TrackingStep<0> step = MakeStep<0>(options);
+    const TrackingTerms terms = MakeTerms(options);
+    const Eigen::Index ns = B.size();
+    const Eigen::MatrixXd units = Eigen::MatrixXd::Identity(ns, ns);
+    const Eigen::VectorXd rest = Eigen::VectorXd::Zero(ns);
+    const double no_force = 0.0;
+    const double unit_force = 1.0;
+    for (Eigen::Index i = 0; i < ns; ++i) {
+      step(units.col(i).data(), &no_force, A.col(i).data());
+    }
+    step(rest.data(), &unit_force, B.data());
+    Eigen::MatrixXd Pi = Eigen::MatrixXd::Zero(ns, ns);
+    Eigen::VectorXd error_row(ns);
+    double y[2];
+    for (int t = options.horizon - 1; t >= 0; --t) {
+      for (Eigen::Index i = 0; i < ns; ++i) {
+        terms(t, units.col(i).data(), &no_force, y);
+        error_row[i] = y[0];
+      }
+      terms(t, rest.data(), &unit_force, y);
+      const double R = y[1] * y[1];
+      const Eigen::MatrixXd W = Pi + error_row * error_row.transpose();
+      curvature[t] = R + B.dot(W * B);
+      // No force changes the loss if the curvature is zero: none is as good.
+      gains.col(t).setZero();
+      if (curvature[t] > 0.0) {
+        gains.col(t) = A.transpose() * (W * B) / curvature[t];
+      }
+      // A^T W A - K^T (R + B^T W B) K as a sum of squares (Joseph's form): it
+      // stays symmetric and positive however long the horizon is.
+      const Eigen::MatrixXd closed = A - B * gains.col(t).transpose();
+      Pi = closed.transpose() * W * closed +
+           R * gains.col(t) * gains.col(t).transpose();
+    }
+  }
+
+  // L - s_0^T Pi_0 s_0, as a sum of squares too, so that nothing cancels:
+  // sum_t (R + B^T W B) (u_t + K_t s_t)^2.
+  double Regret(const Eigen::VectorXd& x, Eigen::VectorXd state) const {
+    double sum = 0.0;
+    for (Eigen::Index t = 0; t < x.size(); ++t) {
+      const double deviation = x[t] + gains.col(t).dot(state);
+      sum += curvature[t] * deviation * deviation;
+      state = A * state + B * x[t];
+    }
+    return sum;
+  }
+};
+
+Metric RegretMetric(const OscillatorTracking::Options& options) {
+  const auto regulator = std::make_shared<const Regulator>(options);
+  const auto evaluate = [regulator](const Eigen::MatrixXd& x,
+                                    const DataSet& data) {
     CHECK_EQ(x.cols(), data.num_samples());
-    CHECK_EQ(x.rows(), Q.rows() / 2);
-    Eigen::VectorXd y(Q.rows());
+    CHECK_EQ(x.rows(), regulator->curvature.size());
     double sum = 0.0;
     for (int s = 0; s < data.num_samples(); ++s) {
-      if (!model->simulator().Evaluate(x.col(s).data(),
-                                       data.contexts.col(s).data(),
-                                       y.data(),
-                                       nullptr)) {
-        return std::numeric_limits<double>::quiet_NaN();
-      }
-      sum += (Q.transpose() * y).squaredNorm();
+      sum += regulator->Regret(x.col(s), data.contexts.col(s));
     }
     return sum / data.num_samples();
   };
@@ -134,7 +191,7 @@ bool OscillatorTracking::Create(const Options& options,
                                 const Eigen::MatrixXd* data,
                                 LearningProblem* problem,
                                 std::string* error) {
-  const int state_size = 2 * options.num_oscillators + 4;
+  const int state_size = StateSize(options);
   if (data != nullptr) {
     if (!CheckDataShape(*data, state_size, error)) return false;
     problem->data = *data;
@@ -157,7 +214,7 @@ bool OscillatorTracking::Create(const Options& options,
   } else {
     SetModel<0, 8>(options, problem);
   }
-  if (options.coupling == "linear") problem->metric = Regret(problem->model);
+  if (options.coupling == "linear") problem->metric = RegretMetric(options);
   return true;
 }
 

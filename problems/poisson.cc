@@ -73,7 +73,8 @@ bool Poisson::Create(const Options& options,
   }
   const Eigen::SparseMatrix<double, Eigen::RowMajor> A = Laplacian(n);
   DataSet all;
-  all.inputs = A * problem->data.transpose();
+  all.solutions = problem->data.transpose();
+  all.inputs = A * all.solutions;
   all.targets = all.inputs;
   all.contexts.resize(0, all.num_samples());
   SplitSamples(all, 64, problem);

@@ -17,7 +17,7 @@
 //          data_seed, two normal numbers for each k_1 and each k_2 in it, in
 //          the order 0, 1, .. n - 1 of the discrete Fourier transform. The
 //          release draws a new batch every step; here N fields are drawn once,
-//          and as many again for testing.
+//          and as many again for testing. x_gt is the data's solution.
 // Settings: n 8, network 64-64-128-64-64 tanh (24,896 weights), B 64, loss
 //          summed over the batch; half-inverse: step size 0.01, truncation
 //          1e-5.

@@ -4,19 +4,18 @@
 //   h = diag(10 / xi, 10 xi) R(phi) x,   y = (sin h_0, h_1)
 //   L = 1/2 |y - y*|^2,   y* uniform in [-1, 1]^2
 //
-// Shapes:  network 2-32-64-32-2, ReLU, 4,354 weights;  x, y: 2. Its input is
-//          y*.
+// Shapes:  network 2-32-64-32-2, ReLU, 4,354 weights, which sees y*;
+//          x, y: 2.
 // Units:   none. R(phi) = [cos phi, -sin phi; sin phi, cos phi]; the paper's
 //          text has sin(x_0) / xi and no 10: here is what its code does.
 // Data:    np.random.seed(data_seed); 2 np.random.rand(2 N, 2) - 1, the first N
 //          for training. (The code draws new samples for every step.)
-// Inverse: of the two families h_0 = asin y_0 + 2 pi k and pi - asin y_0 + 2 pi
-//          k the h_0 closest to that of x_0; h_1 = y_1. Local; |y_0| > 1 has no
-//          pre-image.
-// Facts:   distance to the closest solution, |x - P^-1(y*; x)|, after 600 s on
-// a
-//          GPU, read off figures: over xi, xi = 32, phi = 0: SIP 3.9e-4, Adam
-//          4.4e-4; as it is, xi = 32, phi = 45: SIP 1.2e-2, Adam 0.33.
+// Inverse: of the two families h_0 = asin y_0 + 2 pi k and
+//          pi - asin y_0 + 2 pi k the h_0 closest to that of x_0; h_1 = y_1.
+//          Local; |y_0| > 1 has no pre-image.
+// Facts:   distance to the closest solution, |x - P^-1(y*; x)|, after 600 s
+//          on a GPU, read off figures: over xi, xi = 32, phi = 0: SIP 3.9e-4,
+//          Adam 4.4e-4; as it is, xi = 32, phi = 45: SIP 1.2e-2, Adam 0.33.
 // Source:  Holl, Koltun, Thuerey, NeurIPS 2022, section 4.1, arXiv 2109.15048,
 //          and its code, sin_characterization/; PBDL, chapter physgrad-nn.
 #ifndef PROBLEMS_SINE_H_

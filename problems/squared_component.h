@@ -9,8 +9,7 @@
 //          method converges only linearly, x_1 <- (1 - eta / 3) x_1, while
 //          x_0 <- (1 - eta) x_0.
 // Inverse: x = (y_0, sign(x0_1) sqrt(y_1)), of the two pre-images the one on
-// x0's
-//          side.
+//          the side of x0.
 // Source:  PBDL, chapter physgrad-comparison, arXiv 2109.05237.
 #ifndef PROBLEMS_SQUARED_COMPONENT_H_
 #define PROBLEMS_SQUARED_COMPONENT_H_

@@ -261,17 +261,49 @@ TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
   EXPECT_NEAR(y[1], exact, 1e-6);
 }
 
+// What compare --list_markdown prints for docs/rules.md or docs/problems.md.
+std::string PrintedPage(const std::string& page) {
+  const TemporaryFolder folder;
+  const std::string printed = folder / (page + ".md");
+  const std::string command =
+      INVGRAD_BIN_DIR "/compare --list_markdown=" + page + " > " + printed;
+  EXPECT_EQ(std::system(command.c_str()), 0) << command;
+  return Read(printed);
+}
+
 // docs/rules.md and docs/problems.md are printed from the tables.
 TEST(Docs, GeneratedPagesAreCurrent) {
-  TemporaryFolder folder;
   for (const std::string page : {"rules", "problems"}) {
-    const std::string printed = folder / (page + ".md");
-    const std::string command =
-        INVGRAD_BIN_DIR "/compare --list_markdown=" + page + " > " + printed;
-    ASSERT_EQ(std::system(command.c_str()), 0) << command;
-    EXPECT_EQ(Read(printed), Read(kRoot / "docs" / (page + ".md")))
+    EXPECT_EQ(PrintedPage(page), Read(kRoot / "docs" / (page + ".md")))
         << "docs/" << page << ".md is not what compare --list_markdown=" << page
         << " prints";
+  }
+}
+
+// The cells of a row of a Markdown table: "\\|" does not end one.
+int NumCells(const std::string& row) {
+  int num_bars = 0;
+  for (size_t i = 0; i < row.size(); ++i) {
+    if (row[i] == '|' && (i == 0 || row[i - 1] != '\\')) ++num_bars;
+  }
+  return num_bars - 1;
+}
+
+TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
+  EXPECT_EQ(NumCells("| a | \\|b\\| |"), 2);
+  for (const std::string page : {"rules", "problems"}) {
+    int num_cells = 0;  // of the table's header; 0 outside of tables
+    int num_options = 0;
+    for (const std::string& line : SplitLines(PrintedPage(page))) {
+      if (line.empty() || line[0] != '|') {
+        num_cells = 0;
+        continue;
+      }
+      if (num_cells == 0) num_cells = NumCells(line);
+      EXPECT_EQ(NumCells(line), num_cells) << page << ": " << line;
+      if (num_cells == 4) ++num_options;
+    }
+    EXPECT_GT(num_options, 30) << page;
   }
 }
 

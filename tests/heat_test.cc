@@ -9,6 +9,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/solve/method.h"
 #include "problems/fourier_grid.h"
 #include "problems/heat_states.h"
 #include "problems/problems.h"
@@ -266,6 +267,30 @@ TEST(HeatInverse, ActionFollowsTheProbabilityOfSignal) {
   // Both likelihoods underflow; their ratio does not.
   EXPECT_NEAR(HeatInverse::Action(100.0, 1.0, u), 1.0, 1e-15);
   EXPECT_NEAR(HeatInverse::Action(100.0, u, 1.0), -1.0, 1e-15);
+  // So do squares of amplitudes, of what is expected and of 1 / u.
+  EXPECT_EQ(HeatInverse::Action(1e-170, 0.0, 1e-8), -1.0);
+  EXPECT_EQ(HeatInverse::Action(1e-170, 1e-200, 1e-8), -1.0);
+  EXPECT_EQ(HeatInverse::Action(1e-10, 0.0, 1e-100), -1.0);
+  EXPECT_EQ(HeatInverse::Action(1e80, 1e-90, 1e-100), 1.0);
+}
+
+// The smallest uncertainty that is allowed, where the weakest modes reach y by
+// exp(-2000) = 0 and others by less than 1e-154, whose square is 0.
+TEST(HeatInverse, IsFiniteAtTheSmallestUncertainty) {
+  const auto simulator = MakeDiffusion({16, 16}, 100.0);
+  const HeatInverse inverse(simulator, {0.0, HeatUncertainty::kMinAbsolute});
+  const VectorXd y = RandomField(256, 15);
+  const VectorXd zero = VectorXd::Zero(256);
+  const VectorXd x = Inverted(inverse, y, zero);
+  EXPECT_TRUE(x.allFinite());
+  // Modes are amplified as the header says, by sqrt(N) / u = 1 / a at most.
+  EXPECT_LT(x.norm(), 1.01 / HeatUncertainty::kMinAbsolute * y.norm());
+  EXPECT_EQ(Inverted(inverse, zero, zero), zero);
+  PhysicsProblem problem;
+  std::string error;
+  EXPECT_FALSE(CreateProblem(
+      "heat_state:absolute_uncertainty=1e-200", nullptr, &problem, &error));
+  EXPECT_NE(error.find("1e-100"), std::string::npos) << error;
 }
 
 TEST(HeatInverse, NeverAmplifiesAModeBelowTheUncertainty) {
@@ -502,9 +527,47 @@ TEST(Heat, MetricIsTheDistanceFromTheTrueStates) {
     x.col(0) = truth.col(4);
     x.col(1) = truth.col(1).array() - 0.5;
     EXPECT_NEAR(distance(x, part), 0.25, 1e-15);
-    DataSet unknown = part;
-    unknown.targets(0, 0) += 1.0;
-    EXPECT_TRUE(std::isnan(distance(x, unknown)));
+  }
+}
+
+// What learns from the true states finds them in the data.
+TEST(Heat, TakesMethodsThatLearnFromSolutions) {
+  for (const char* name : {"heat", "heat_1d"}) {
+    const LearningProblem problem =
+        CreateLearning(std::string(name) + ":num_samples=8:resolution=4");
+    for (const char* method : {"supervised", "physics_informed"}) {
+      SCOPED_TRACE(std::string(name) + ", " + method);
+      std::vector<Method> methods;
+      std::string error;
+      ASSERT_TRUE(ParseMethods(method, &methods, &error)) << error;
+      NumpyRandom random(1);
+      VectorXd weights = problem.model->network().InitialWeights(
+          problem.initialization, &random);
+      const auto distance = [&] {
+        DenseNetwork::Activations forward;
+        EXPECT_TRUE(problem.model->Forward(
+            weights, problem.train, false, &forward, &error));
+        return problem.metric->evaluate(forward.outputs, problem.train);
+      };
+      const double at_start = distance();
+      TrainOptions options;
+      options.max_num_steps = 200;
+      History history;
+      TrainSummary summary;
+      ASSERT_TRUE(TrainByMethod(methods[0],
+                                options,
+                                *problem.model,
+                                problem.inverse,
+                                problem.train,
+                                problem.test,
+                                &weights,
+                                &history,
+                                &summary,
+                                &error))
+          << error;
+      EXPECT_EQ(summary.num_steps, 200) << summary.message;
+      EXPECT_LT(distance(), 0.5 * at_start);
+    }
   }
 }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "Eigen/LU"
+#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
@@ -126,6 +126,34 @@ TEST_P(LinearTracking, OptimalControlsAreThoseOfTheRegulator) {
   }
 }
 
+// The floor by least squares: y = y_0(s_0) + J x with the same J for all
+// samples.
+TEST_P(LinearTracking, RegretIsTheDistanceFromTheLeastSquares) {
+  LearningProblem problem;
+  std::string error;
+  ASSERT_TRUE(
+      OscillatorTracking::Create(GetParam(), nullptr, &problem, &error));
+  ASSERT_TRUE(problem.metric.has_value());
+  const Simulator& simulator = problem.model->simulator();
+  VectorXd y(simulator.num_outputs());
+  MatrixXd J_transposed(simulator.num_inputs(), simulator.num_outputs());
+  NumpyRandom random(3);
+  for (int s = 0; s < 3; ++s) {
+    const VectorXd state = problem.train.contexts.col(s);
+    const VectorXd x =
+        2.0 * random.Rand(simulator.num_inputs(), 1).array() - 1.0;
+    ASSERT_TRUE(simulator.Evaluate(
+        x.data(), state.data(), y.data(), J_transposed.data()));
+    const MatrixXd J = J_transposed.transpose();
+    const VectorXd best = x - J.colPivHouseholderQr().solve(y);
+    const double gain = (J * (x - best)).squaredNorm();
+    EXPECT_GT(gain, 0.1);
+    const DataSet sample = problem.train.Range(s, 1);
+    EXPECT_NEAR(problem.metric->evaluate(x, sample), gain, 1e-12 * gain);
+    EXPECT_LT(problem.metric->evaluate(best, sample), 1e-24);
+  }
+}
+
 OscillatorTracking::Options WithEndWeight() {
   OscillatorTracking::Options options;
   options.num_oscillators = 4;
@@ -182,6 +210,34 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
                   problem.model->SimulatorInputs(activations), problem.train),
               cost - bound,
               1e-13);
+}
+
+// No array grows faster than the horizon. Without force the regret is the loss
+// but for the floor.
+TEST(OscillatorTracking, RegretIsKnownOverLongHorizons) {
+  OscillatorTracking::Options options;
+  options.horizon = 20000;
+  options.num_samples = 1;
+  LearningProblem problem;
+  std::string error;
+  ASSERT_TRUE(OscillatorTracking::Create(options, nullptr, &problem, &error));
+  const VectorXd x = VectorXd::Zero(options.horizon);
+  VectorXd y(2 * options.horizon);
+  ASSERT_TRUE(problem.model->simulator().Evaluate(
+      x.data(), problem.train.contexts.col(0).data(), y.data(), nullptr));
+  const double regret =
+      y.squaredNorm() - Regulator(options).Bound(problem.train);
+  EXPECT_GT(regret, 1.0);
+  EXPECT_NEAR(
+      problem.metric->evaluate(x, problem.train), regret, 1e-9 * regret);
+}
+
+// Where the last step's force changes nothing, any will do.
+TEST(OscillatorTracking, AForceWithoutWeightCostsNothing) {
+  const LearningProblem problem = Create(
+      "oscillator_tracking:num_samples=2:horizon=1:control_weight=0:"
+      "end_weight=0");
+  EXPECT_EQ(problem.metric->evaluate(MatrixXd::Ones(1, 2), problem.train), 0.0);
 }
 
 TEST(OscillatorTracking, NothingIsKnownOfTheBestForceWithCubicCoupling) {

@@ -99,6 +99,8 @@ TEST(Poisson, NetworkSeesTheLaplacianOfTheFields) {
   EXPECT_LT((problem.test.targets - y.rightCols(30)).norm(), 1e-12);
   EXPECT_EQ(problem.train.inputs, problem.train.targets);
   EXPECT_EQ(problem.test.inputs, problem.test.targets);
+  EXPECT_EQ(problem.train.solutions, problem.data.transpose().leftCols(30));
+  EXPECT_EQ(problem.test.solutions, problem.data.transpose().rightCols(30));
   EXPECT_EQ(problem.batch_size, 30);
 }
 

@@ -88,7 +88,8 @@ TEST(RunDirectory, ResumeWantsTheSameRunWithAnyBudgetAndOutput) {
   EXPECT_FALSE(
       Prepare(run, resume, "--rules=adam:step_size=2\n--epochs=3\n", &error));
   EXPECT_NE(error.find("had --rules=adam:step_size=1, now it is "
-                       "--rules=adam:step_size=2"),
+                       "--rules=adam:step_size=2; give another --output, or "
+                       "--overwrite"),
             std::string::npos)
       << error;
   EXPECT_TRUE(Prepare(run,

@@ -133,6 +133,36 @@ TEST(SweepPlan, HasAPointForEveryCombination) {
   EXPECT_NE(plan.jobs[0].problem, plan.jobs[8].problem);
 }
 
+// Of several axes, whichever of them is to blame.
+TEST(SweepPlan, PointsAtTheValueThatIsNotAllowed) {
+  struct Case {
+    const char* text;
+    int column;
+    const char* message;
+  };
+  for (const Case& bad : std::vector<Case>{
+           {"lambda=1,-3;num_samples=8,9;rule=adam", 10, "lambda=-3"},
+           {"lambda=1,2;num_samples=8,0;rule=adam", 26, "num_samples=0"},
+           {"rule=half_inverse;truncation=1e-3,5", 35, "truncation=5"},
+           {"truncation=1e-3,5;step_size=1,2;rule=half_inverse",
+            17,
+            "truncation=5"},
+           {"truncation=1e-3,0;step_size=1,-2;rule=adam,half_inverse",
+            31,
+            "step_size=-2"}}) {
+    SCOPED_TRACE(bad.text);
+    Grid grid;
+    SweepPlan plan;
+    std::string error;
+    ASSERT_TRUE(ParseGrid(bad.text, &grid, &error)) << error;
+    EXPECT_FALSE(MakeSweepPlan("toy_network", grid, -1, &plan, &error));
+    EXPECT_NE(error.find("column " + std::to_string(bad.column) + ": "),
+              std::string::npos)
+        << error;
+    EXPECT_NE(error.find(bad.message), std::string::npos) << error;
+  }
+}
+
 TEST(SweepPlan, OptionsOfRulesGoToThoseThatHaveThem) {
   const SweepPlan plan = Plan(
       "truncation=1e-3,1e-6;rule=half_inverse,adam,gauss_newton:truncation=0");

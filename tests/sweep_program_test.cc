@@ -100,7 +100,7 @@ TEST_F(SweepProgram, SaysWhereAGridIsMalformed) {
                              const std::vector<std::string>& words) {
     ExpectRefused({"--problem=toy_network", "--grid=" + grid}, words);
   };
-  expect("", {"--grid=", "axis=value"});
+  expect("", {"--grid is missing", "--grid=\"rule=half_inverse,adam"});
   expect("lambda=1,;rule=adam",
          {"--grid: column 10: expected a value of 'lambda', found ';'\n"
           "  lambda=1,;rule=adam\n"
@@ -246,7 +246,7 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   other[1] += ",2";
   const Output refused = Run(other);
   EXPECT_EQ(refused.exit_code, 1);
-  EXPECT_NE(refused.text.find("--grid="), std::string::npos) << refused.text;
+  ExpectSays(refused, {"--grid=", "give another --output, or --overwrite"});
   EXPECT_EQ(Jobs("run"), jobs);
   other.push_back("--overwrite");
   EXPECT_EQ(Run(other).exit_code, 0);
@@ -304,6 +304,7 @@ TEST_F(SweepProgram, DrawsLinesMapsAndCurves) {
   arguments[3] = "--plots";
   const Output output = Run(arguments);
   ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_EQ(output.text.find("panels"), std::string::npos) << output.text;
   for (const char* name : {"lines.png", "heat_map.png", "curves.png"}) {
     EXPECT_TRUE(fs::exists(Path("run") + "/" + name)) << name;
   }

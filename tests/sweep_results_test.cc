@@ -223,5 +223,26 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_EQ(SweepCurves(single, two, TrainLoss(), of_two).size(), 1u);
 }
 
+TEST(SweepPlots, LeaveOutPanelsBeyondTheSixteenthWithAWarning) {
+  for (const int num_panels : {16, 17}) {
+    std::string grid = "rule=adam;batch_size=";
+    for (int i = 1; i <= num_panels; ++i) {
+      grid += (i > 1 ? "," : "") + std::to_string(i);
+    }
+    const SweepPlan plan = Plan(grid);
+    const std::vector<SweepRun> runs =
+        Runs(std::vector<double>(num_panels, 1.0));
+    testing::internal::CaptureStderr();
+    const std::vector<Plot> curves =
+        SweepCurves(plan, runs, TrainLoss(), FindBest(plan, runs, TrainLoss()));
+    const std::string warning = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(curves.size(), 16u);
+    EXPECT_EQ(warning.find("curves.png shows the first 16 of 17 panels") !=
+                  std::string::npos,
+              num_panels == 17)
+        << warning;
+  }
+}
+
 }  // namespace
 }  // namespace invgrad

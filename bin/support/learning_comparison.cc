@@ -7,6 +7,7 @@
 #include <numeric>
 #include <sstream>
 
+#include "bin/support/csv_field.h"
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "invgrad/io/atomic_file.h"
@@ -196,11 +197,12 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
          "seconds,saturated,status\n";
   for (const MethodResults& method : all) {
     for (const LearningRunResult& run : method.runs) {
-      csv << '"' << run.label << "\"," << run.seed << ','
+      csv << CsvField(run.label) << ',' << run.seed << ','
           << run.last().train_loss << ',' << run.last().test_loss << ','
           << run.BestTrainLoss() << ',' << run.last().metric << ','
           << run.summary.num_steps << ',' << run.summary.train_time_in_seconds
-          << ',' << run.num_saturated << ",\"" << run.summary.message << "\"\n";
+          << ',' << run.num_saturated << ',' << CsvField(run.summary.message)
+          << '\n';
     }
   }
   return csv.str();

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "invgrad/io/table.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/solve/ceres_minimizer.h"
 #include "invgrad/solve/pull_back_method.h"
@@ -30,8 +31,9 @@ void PrintOptionsMarkdown(const std::vector<OptionSet::Row>& options,
   }
   out << "| option | default | allowed | meaning |\n|---|---|---|---|\n";
   for (const OptionSet::Row& option : options) {
-    out << "| `" << option.name << "` | " << option.default_value << " | "
-        << option.allowed << " | " << option.help << " |\n";
+    out << "| `" << option.name << "` | " << MarkdownCell(option.default_value)
+        << " | " << MarkdownCell(option.allowed) << " | "
+        << MarkdownCell(option.help) << " |\n";
   }
   out << "\n";
 }

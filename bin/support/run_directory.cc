@@ -85,7 +85,8 @@ bool SameFlags(const std::string& path,
     const std::string old_value = it == before.end() ? "" : it->second;
     if (old_value != value) {
       *error = path + ": the run to resume had --" + name + "=" + old_value +
-               ", now it is --" + name + "=" + value;
+               ", now it is --" + name + "=" + value +
+               "; give another --output, or --overwrite";
       return false;
     }
   }

@@ -6,6 +6,7 @@
 #include "bin/support/learning_comparison.h"
 #include "bin/support/parse_list.h"
 #include "bin/support/run_directory.h"
+#include "glog/logging.h"
 #include "problems/problems.h"
 
 namespace invgrad {
@@ -220,42 +221,75 @@ class Planner {
     return false;
   }
 
+  // A setting that a point makes.
+  struct Setting {
+    std::string text;  // ":name=value"
+    size_t position = 0;
+  };
+
+  // Refuses the first of the settings that is not allowed by itself; or, if
+  // they are not allowed only together, for `why_not_all`, the last one.
+  // `is_allowed`: bool(const std::string& text, std::string* why).
+  template <typename IsAllowed>
+  bool RefuseOneOf(const std::vector<Setting>& settings,
+                   const std::string& why_not_all,
+                   const IsAllowed& is_allowed) {
+    CHECK(!settings.empty());  // without them it was checked before
+    for (const Setting& setting : settings) {
+      std::string why;
+      if (!is_allowed(setting.text, &why)) {
+        return Refuse(setting.position, why);
+      }
+    }
+    return Refuse(settings.back().position, why_not_all);
+  }
+
+  static std::string Joined(const std::vector<Setting>& settings) {
+    std::string text;
+    for (const Setting& setting : settings) text += setting.text;
+    return text;
+  }
+
   // The jobs of all alternatives at one point.
   bool AddPoints(const std::vector<int>& at) {
     const GridValue& rule_value =
         axes()[plan_->rule_axis].values[at[plan_->rule_axis]];
-    std::string specification = problem_;
-    std::string options;    // for the rule
+    std::vector<Setting> of_problem;
+    std::vector<Setting> of_rule;
     std::string directory;  // what distinguishes the job
-    size_t position = 0;    // of the last option of the problem
     size_t batch_position = rule_value.position;
     LearningComparisonOptions run;
     run.batch_size = batch_size_;
     for (size_t k = 0; k < at.size(); ++k) {
       const GridAxis& axis = axes()[k];
       const GridValue& value = axis.values[at[k]];
-      const std::string setting = ":" + axis.name + "=" + value.text;
+      const Setting setting = {":" + axis.name + "=" + value.text,
+                               value.position};
       if (kinds_[k] == Kind::kProblem) {
-        specification += setting;
-        directory += setting.substr(1) + "-";
-        position = value.position;
+        of_problem.push_back(setting);
+        directory += setting.text.substr(1) + "-";
       } else if (kinds_[k] == Kind::kBatchSize) {
         run.batch_size = batch_sizes_[at[k]];
         batch_position = value.position;
       } else if (kinds_[k] == Kind::kRuleOption &&
                  takers_[axis.name][at[plan_->rule_axis]]) {
-        options += setting;
+        of_rule.push_back(setting);
       }
     }
     std::shared_ptr<const LearningProblem> problem;
-    if (!FindOrCreateProblem(specification, position, &problem)) return false;
+    if (!FindOrCreateProblem(of_problem, &problem)) return false;
     const std::vector<RuleAlternative>& rules =
         plan_->alternatives[at[plan_->rule_axis]];
     for (size_t i = 0; i < rules.size(); ++i) {
       SweepJob job;
       std::string why;
-      if (!ParseMethod(rules[i].specification + options, &job.method, &why)) {
-        return Refuse(rule_value.position, why);
+      const std::string& rule = rules[i].specification;
+      if (!ParseMethod(rule + Joined(of_rule), &job.method, &why)) {
+        return RefuseOneOf(
+            of_rule, why, [&rule](const std::string& text, std::string* error) {
+              Method method;
+              return ParseMethod(rule + text, &method, error);
+            });
       }
       if (!CheckLearningComparison(*problem, {job.method}, run, &why)) {
         return Refuse(batch_position, why);
@@ -271,15 +305,19 @@ class Planner {
     return true;
   }
 
-  bool FindOrCreateProblem(const std::string& specification,
-                           size_t position,
+  bool FindOrCreateProblem(const std::vector<Setting>& settings,
                            std::shared_ptr<const LearningProblem>* problem) {
+    const std::string specification = problem_ + Joined(settings);
     std::shared_ptr<const LearningProblem>& known = problems_[specification];
     if (known == nullptr) {
       PhysicsProblem created;
       std::string why;
       if (!CreateProblem(specification, nullptr, &created, &why)) {
-        return Refuse(position, why);
+        return RefuseOneOf(
+            settings, why, [this](const std::string& text, std::string* error) {
+              PhysicsProblem ignored;
+              return CreateProblem(problem_ + text, nullptr, &ignored, error);
+            });
       }
       known = std::make_shared<LearningProblem>(*std::move(created.learning));
     }

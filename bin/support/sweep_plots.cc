@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <set>
 #include <system_error>
 #include <utility>
+
+#include "bin/support/program.h"
 
 namespace invgrad {
 
@@ -88,13 +91,20 @@ std::vector<std::string> RuleTitles(const SweepPlan& plan) {
 // The best of the points that agree in all axes but `shown`.
 using Panels = std::map<std::vector<int>, std::vector<const SweepBest*>>;
 
-Panels GroupByPanel(const std::vector<SweepBest>& best,
+// Warns if `picture` must leave panels out.
+Panels GroupByPanel(const std::string& picture,
+                    const std::vector<SweepBest>& best,
                     const std::set<int>& shown) {
   Panels panels;
   for (const SweepBest& one : best) {
     std::vector<int> at = one.at;
     for (const int k : shown) at[k] = 0;
     panels[at].push_back(&one);
+  }
+  if (panels.size() > kMaxPanels) {
+    Warn(picture + " shows the first " + std::to_string(kMaxPanels) + " of " +
+         std::to_string(panels.size()) + " panels; sweep.csv has all results");
+    panels.erase(std::next(panels.begin(), kMaxPanels), panels.end());
   }
   return panels;
 }
@@ -134,8 +144,7 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
   const std::vector<std::string> titles = RuleTitles(plan);
   const bool log_y = NeedsLogScale(Medians(best));
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
-  for (const auto& [at, points] : GroupByPanel(best, shown)) {
-    if (plots.size() == kMaxPanels) break;
+  for (const auto& [at, points] : GroupByPanel("lines.png", best, shown)) {
     Plot plot;
     plot.title = PointText(plan, at, shown);
     plot.x_label = x.name;
@@ -199,8 +208,7 @@ std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
   const std::set<int> shown = {x.number, y.number, plan.seed_axis};
   std::set<int> in_title = shown;
   in_title.insert(plan.rule_axis);
-  for (const auto& [at, points] : GroupByPanel(best, shown)) {
-    if (plots.size() == kMaxPanels) break;
+  for (const auto& [at, points] : GroupByPanel("heat_map.png", best, shown)) {
     Plot plot;
     const std::string where = PointText(plan, at, in_title);
     plot.title =
@@ -224,8 +232,7 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
                               const std::vector<SweepBest>& best) {
   std::vector<Plot> plots;
   const std::set<int> shown = {plan.rule_axis, plan.seed_axis};
-  for (const auto& [at, points] : GroupByPanel(best, shown)) {
-    if (plots.size() == kMaxPanels) break;
+  for (const auto& [at, points] : GroupByPanel("curves.png", best, shown)) {
     Plot plot;
     plot.title = PointText(plan, at, shown);
     plot.x_label = "seconds of training";

@@ -10,7 +10,8 @@
 //
 // A numeric axis is one, other than `seed` and `rule`, with two numbers or more
 // and nothing else. What spans more than a decade is drawn on a logarithmic
-// scale. There are at most 16 panels: the first ones.
+// scale. There are at most 16 panels, the first ones, with a warning if there
+// would be more.
 #ifndef BIN_SUPPORT_SWEEP_PLOTS_H_
 #define BIN_SUPPORT_SWEEP_PLOTS_H_
 

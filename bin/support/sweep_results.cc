@@ -7,6 +7,7 @@
 #include <sstream>
 #include <utility>
 
+#include "bin/support/csv_field.h"
 #include "invgrad/io/progress.h"
 
 namespace invgrad {
@@ -51,16 +52,8 @@ bool IsBetter(const SweepCell& a, const SweepCell& b) {
   return !std::isnan(a.median) && (std::isnan(b.median) || a.median < b.median);
 }
 
-// As a field of a CSV file.
-std::string Field(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + '"';
-}
-
 // Reads back as the same number.
-std::string Field(double value) {
+std::string NumberField(double value) {
   if (std::isnan(value)) return "";
   std::ostringstream text;
   text.precision(std::numeric_limits<double>::max_digits10);
@@ -191,28 +184,29 @@ std::string SweepCsv(const SweepPlan& plan,
   for (size_t i = 0; i < plan.points.size(); ++i) {
     const SweepPoint& point = plan.points[i];
     for (size_t k = 0; k < point.at.size(); ++k) {
-      csv << Field(plan.grid.axes[k].values[point.at[k]].text) << ',';
+      csv << CsvField(plan.grid.axes[k].values[point.at[k]].text) << ',';
     }
     const int rule = point.at[plan.rule_axis];
-    csv << Field(plan.alternatives[rule][point.alternative].chosen) << ',';
+    csv << CsvField(plan.alternatives[rule][point.alternative].chosen) << ',';
     const SweepRun& run = runs[point.job];
     if (run.result.has_value()) {
       const LearningRunResult& result = *run.result;
       for (const auto field : {&HistoryRow::train_loss,
                                &HistoryRow::test_loss,
                                &HistoryRow::metric}) {
-        csv << Field(TailMean(result.history, field, value.tail)) << ',';
+        csv << NumberField(TailMean(result.history, field, value.tail)) << ',';
       }
-      csv << Field(result.BestTrainLoss()) << ',' << result.summary.num_steps
-          << ',' << Field(result.summary.train_time_in_seconds) << ','
-          << Field(MillisecondsPerStep(result)) << ',';
+      csv << NumberField(result.BestTrainLoss()) << ','
+          << result.summary.num_steps << ','
+          << NumberField(result.summary.train_time_in_seconds) << ','
+          << NumberField(MillisecondsPerStep(result)) << ',';
     } else {
       csv << ",,,,,,,";
     }
     const SweepBest* const chosen = best_of[i];
     csv << (chosen != nullptr ? "1," : "0,")
         << (chosen != nullptr ? Joined(chosen->alternative->at_edge) : "")
-        << ',' << Field(run.status) << '\n';
+        << ',' << CsvField(run.status) << '\n';
   }
   return csv.str();
 }

@@ -31,6 +31,14 @@ void TrimEnd(std::string* line) {
 
 }  // namespace
 
+std::string MarkdownCell(const std::string& text) {
+  std::string cell;
+  for (const char c : text) {
+    cell += c == '|' ? "\\|" : std::string(1, c);
+  }
+  return cell;
+}
+
 Table::Table(std::vector<Column> columns) : columns_(std::move(columns)) {
   CHECK(!columns_.empty());
   for (Column& column : columns_) {
@@ -70,24 +78,17 @@ std::string Table::ToText() const {
 }
 
 std::string Table::ToMarkdown() const {
-  const auto escaped = [](const std::string& text) {
-    std::string result;
-    for (const char c : text) {
-      result += c == '|' ? "\\|" : std::string(1, c);
-    }
-    return result;
-  };
   std::string text = "|";
   std::string rule = "|";
   for (const Column& column : columns_) {
-    text += ' ' + escaped(column.title) + " |";
+    text += ' ' + MarkdownCell(column.title) + " |";
     rule += column.align == Align::kRight ? " ---: |" : " :--- |";
   }
   text += '\n' + rule + '\n';
   for (const auto& row : rows_) {
     text += '|';
     for (const std::string& cell : row) {
-      text += ' ' + escaped(cell) + " |";
+      text += ' ' + MarkdownCell(cell) + " |";
     }
     text += '\n';
   }

@@ -16,6 +16,9 @@
 
 namespace invgrad {
 
+// As a cell of a Markdown table: a "|" in it is not the end of the cell.
+std::string MarkdownCell(const std::string& text);
+
 class Table {
  public:
   enum class Align { kLeft, kRight };

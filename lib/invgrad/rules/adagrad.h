@@ -12,8 +12,7 @@
 // eta 1e-3.
 //
 // [1] Duchi, Hazan, Singer. Adaptive Subgradient Methods for Online Learning
-// and
-//     Stochastic Optimization. JMLR 12, 2011.
+//     and Stochastic Optimization. JMLR 12, 2011.
 #ifndef INVGRAD_RULES_ADAGRAD_H_
 #define INVGRAD_RULES_ADAGRAD_H_
 

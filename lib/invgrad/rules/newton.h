@@ -8,8 +8,7 @@
 //          or L. The saddle-free one changes with those of x.
 // Cost:    Newton O(n^3 / 3); saddle-free one eigen-decomposition, O(n^3).
 // Fails:   returns false if the gradient, H or the step is not finite, or if
-// the
-//          eigen-decomposition does not converge.
+//          the eigen-decomposition does not converge.
 //
 // Newton's method is drawn to any stationary point, saddles and maxima
 // included. Where H, with rows and columns brought to the same size, is not

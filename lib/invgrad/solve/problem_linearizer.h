@@ -16,9 +16,8 @@
 // Cost:    one CostFunction::Evaluate with Jacobians a residual block. Does not
 //          use Problem::Evaluate, which must not be called during a solve.
 // Fails:   Linearize and Cost return false if a cost function does or a value
-// is
-//          not finite (finite residuals can overflow when squared); the message
-//          names the residual block by its index in the problem.
+//          is not finite (finite residuals can overflow when squared); the
+//          message names the residual block by its index in the problem.
 //
 // The exact Hessian, in tangent directions, includes the robust losses:
 //

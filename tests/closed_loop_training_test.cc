@@ -1,0 +1,123 @@
+// Training a network that acts at every step of the simulator, by each way back
+// through loss and simulator.
+#include <cmath>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/solve/method.h"
+#include "problems/problems.h"
+
+namespace invgrad {
+namespace {
+
+constexpr int kBatchSize = 16;
+constexpr long kNumSteps = 24;
+
+struct Trained {
+  Eigen::VectorXd weights;
+  History history;
+  TrainSummary summary;
+};
+
+Trained Train(const std::string& problem_specification,
+              const std::string& method_specification) {
+  PhysicsProblem problem;
+  std::vector<Method> methods;
+  std::string error;
+  EXPECT_TRUE(CreateProblem(problem_specification, nullptr, &problem, &error))
+      << error;
+  EXPECT_TRUE(ParseMethods(method_specification, &methods, &error)) << error;
+  const LearningProblem& learning = *problem.learning;
+  Trained run;
+  NumpyRandom random(1);
+  run.weights = learning.model->network().InitialWeights(
+      learning.initialization, &random);
+  TrainOptions options;
+  options.batch_size = kBatchSize;
+  options.max_num_steps = kNumSteps;
+  EXPECT_TRUE(TrainByMethod(methods.at(0),
+                            options,
+                            *learning.model,
+                            learning.inverse,
+                            learning.train,
+                            learning.test,
+                            &run.weights,
+                            &run.history,
+                            &run.summary,
+                            &error))
+      << error;
+  return run;
+}
+
+// What a method is expected to do beyond staying finite.
+struct Case {
+  const char* method;
+  bool inverts;     // the simulator, sample by sample
+  bool loss_falls;  // its steps are so small that the loss must fall
+};
+
+constexpr Case kCases[] = {
+    {"sip", true, true},
+    {"newton/numerical/adam:accept_nearer=true", true, true},
+    {"hig", false, false},
+    {"half_inverse", false, false},
+    {"dp_adam", false, true},
+    {"gradient/adjoint/half_inverse", false, false},
+};
+
+class ClosedLoopTraining
+    : public testing::TestWithParam<std::tuple<const char*, Case>> {};
+
+TEST_P(ClosedLoopTraining, IsFiniteAndCountsEverySample) {
+  const auto& [problem, method] = GetParam();
+  SCOPED_TRACE(std::string(problem) + ", " + method.method);
+  const Trained run = Train(problem, method.method);
+  ASSERT_NE(run.summary.termination_type, ceres::FAILURE)
+      << run.summary.message;
+  EXPECT_EQ(run.summary.num_steps, kNumSteps) << run.summary.message;
+  EXPECT_TRUE(run.weights.allFinite());
+  for (const HistoryRow& row : run.history) {
+    EXPECT_TRUE(std::isfinite(row.train_loss));
+    EXPECT_TRUE(std::isfinite(row.test_loss));
+  }
+  const HistoryRow& last = run.history.back();
+  if (method.inverts) {
+    EXPECT_EQ(last.inverse + last.numerical_inverse + last.inverse_gradient +
+                  last.gradient + last.none,
+              kNumSteps * kBatchSize)
+        << run.summary.message;
+  } else {
+    EXPECT_TRUE(std::isnan(last.inverse)) << "nothing was inverted";
+  }
+  if (method.loss_falls) {
+    EXPECT_LT(last.train_loss, run.history.front().train_loss);
+    EXPECT_LT(last.test_loss, run.history.front().test_loss);
+  }
+}
+
+constexpr const char* kProblems[] = {
+    "oscillator_tracking:num_samples=32:horizon=8",
+    "oscillator_correction:num_samples=32:horizon=4"};
+
+INSTANTIATE_TEST_SUITE_P(ProblemsAndMethods,
+                         ClosedLoopTraining,
+                         testing::Combine(testing::ValuesIn(kProblems),
+                                          testing::ValuesIn(kCases)));
+
+// Differentiable physics is the gradient of the closed loop, whoever computes
+// it.
+TEST(ClosedLoop, DifferentiablePhysicsIsTheRuleAlone) {
+  for (const char* problem : kProblems) {
+    SCOPED_TRACE(problem);
+    const Trained chain = Train(problem, "dp_adam");
+    const Trained alone = Train(problem, "adam");
+    EXPECT_LT((chain.weights - alone.weights).norm(),
+              1e-9 * alone.weights.norm());
+  }
+}
+
+}  // namespace
+}  // namespace invgrad
