@@ -85,12 +85,12 @@ TEST_P(ClosedLoopTraining, IsFiniteAndCountsEverySample) {
   }
   const HistoryRow& last = run.history.back();
   if (method.inverts) {
-    EXPECT_EQ(last.inverse + last.numerical_inverse + last.inverse_gradient +
-                  last.gradient + last.none,
+    EXPECT_EQ(last.by_inverse + last.by_numerical_inverse +
+                  last.by_inverse_gradient + last.by_gradient + last.not_moved,
               kNumSteps * kBatchSize)
         << run.summary.message;
   } else {
-    EXPECT_TRUE(std::isnan(last.inverse)) << "nothing was inverted";
+    EXPECT_TRUE(std::isnan(last.by_inverse)) << "nothing was inverted";
   }
   if (method.loss_falls) {
     EXPECT_LT(last.train_loss, run.history.front().train_loss);
