@@ -218,12 +218,10 @@ std::vector<std::string> Specifications() {
                          "oscillator_chain:num_oscillators=3:num_samples=8",
                          "oscillator_chain:num_oscillators=5:coupling=cubic:"
                          "num_samples=8",
-                         "oscillator_tracking:coupling=cubic:num_samples=8:"
-                         "end_weight=10",
-                         "oscillator_tracking:num_oscillators=3:horizon=7:"
-                         "num_samples=8",
-                         "oscillator_correction:num_oscillators=3:horizon=6:"
-                         "num_samples=8"});
+                         "oscillator_tracking:coupling=cubic:num_samples=8",
+                         "oscillator_tracking:end_weight=10:num_samples=8",
+                         "oscillator_tracking:num_oscillators=3:horizon=7",
+                         "oscillator_correction:num_oscillators=3:horizon=6"});
   return specifications;
 }
 

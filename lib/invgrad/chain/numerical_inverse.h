@@ -12,10 +12,10 @@
 // keeps the accuracy of J, which normal equations halve, and serves every mu
 // that is tried at a point.
 //
-// Ceres' minimizers damp by diag(J^T J): in one output of three inputs they stall
-// or end far from the closest solution, and a ceres::Problem a sample costs more
-// than the solution of a small one. Called at every training step with the
-// network's last x, the iteration starts warm.
+// Ceres' minimizers damp by diag(J^T J): in one output of three inputs they
+// stall or end far from the closest solution, and a ceres::Problem a sample
+// costs more than the solution of a small one. Called at every training step
+// with the network's last x, the iteration starts warm.
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
 // Cost:    an iteration: one P and, unless the last step was rejected, one
