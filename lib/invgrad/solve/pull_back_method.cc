@@ -140,6 +140,8 @@ LossPullBack PullBackMethod::MakeLossPullBack(
 std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
     std::shared_ptr<const Loss> loss) const {
   CHECK(is_joint());
+  // Its own gradient: nothing is to be pulled back.
+  if (loss_ == "gradient" && y_step_size_ == 1.0) return loss;
   return std::make_shared<PulledBackLoss>(MakeLossPullBack(std::move(loss)));
 }
 
