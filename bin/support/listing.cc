@@ -106,7 +106,7 @@ void PrintRulesMarkdown(std::ostream& out) {
          "RULE is any update rule above, of the proxy 1/2 \\|x - x~\\|^2. A "
          "setting goes to the rule if the rule has it. `numerical` has all "
          "options of `sip`, `newton` also `newton_steps`, `max_loss_change` "
-         "and `damping`. Known combinations:\n\n";
+         "and `newton_damping`. Known combinations:\n\n";
   for (const ChainMethodRow& row : ChainMethods()) PrintSection(row, out);
   out << "# Minimizers of Ceres\n\nThe trust-region ones take proposals from "
          "any rule above: `ceres_lm+half_inverse`.\n\n";
