@@ -12,8 +12,9 @@
 // Metric:  mean |x - x*|.
 // Methods: the paper's five are gradient_descent;
 //          newton/newton/gradient_descent with max_loss_change=1e300, with
-//          max_change=0.1, with newton_damping; and newton/inverse/gradient_descent
-//          with proxy=l1, whose gradient is sign(x - x*).
+//          max_change=0.1, with newton_damping; and
+//          newton/inverse/gradient_descent with proxy=l1, whose gradient is
+//          sign(x - x*).
 // Source:  Holl, Koltun, Thuerey, NeurIPS 2022, section 3, arXiv 2109.15048,
 //          and its code, exp/.
 #ifndef PROBLEMS_EXPONENTIAL_H_
