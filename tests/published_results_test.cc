@@ -81,10 +81,9 @@ TEST(PhysgradComparison, PhysicalGradient) {
   for (const char* inverse : {"inverse", "numerical"}) {
     SCOPED_TRACE(inverse);
     const bool is_analytic = std::string(inverse) == "inverse";
-    const auto path =
-        Path(std::string("newton/") + inverse +
-                 "/gradient_descent:step_size=1:y_step_size=0.3",
-             10);
+    const auto path = Path(std::string("newton/") + inverse +
+                               "/gradient_descent:step_size=1:y_step_size=0.3",
+                           10);
     ASSERT_EQ(path.size(), 11u);
     for (int k = 0; k < 10; ++k) {
       const double tolerance = is_analytic ? 1e-6 : 1e-5;
