@@ -216,8 +216,7 @@ std::vector<std::string> Specifications() {
                         {"toy_network:lambda=0.01",
                          "oscillator_chain:coupling=cubic",
                          "oscillator_chain:num_oscillators=3:num_samples=8",
-                         "oscillator_chain:num_oscillators=5:coupling=cubic:"
-                         "num_samples=8",
+                         "oscillator_chain:num_oscillators=5:coupling=cubic",
                          "oscillator_tracking:coupling=cubic:num_samples=8",
                          "oscillator_tracking:end_weight=10:num_samples=8",
                          "oscillator_tracking:num_oscillators=3:horizon=7",
