@@ -422,30 +422,11 @@ bool TrainWithCeres(const Method& method,
   return true;
 }
 
-bool TrainByPullBack(const Method& method,
-                     const TrainOptions& options,
-                     const Model& model,
-                     std::shared_ptr<const InverseSimulator> inverse,
-                     const DataSet& train,
-                     const DataSet& test,
-                     Eigen::VectorXd* weights,
-                     History* history,
-                     TrainSummary* summary,
-                     std::string* error) {
-  const std::unique_ptr<UpdateRule> rule = method.MakeRule();
-  const PullBackMethod& ways = *method.pull_back;
-  if (ways.is_joint()) {
-    return Train(
-        options,
-        model.WithLoss(ways.MakeLoss(model.shared_loss()), model.reduction()),
-        train,
-        test,
-        rule.get(),
-        weights,
-        history,
-        summary,
-        error);
-  }
+// False if the ways cannot train this model on these data.
+bool CheckWays(const PullBackMethod& ways,
+               const Model& model,
+               const DataSet& train,
+               std::string* error) {
   if (ways.updates() > 1 && model.feedback() != nullptr) {
     *error =
         "updates > 1: in a closed loop an update moves the inputs of the "
@@ -456,24 +437,6 @@ bool TrainByPullBack(const Method& method,
     *error = "its data have no solutions x* to learn from";
     return false;
   }
-  ChainPullBack pull_back(
-      &model,
-      ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
-      ways.ChainOptions());
-  TrainOptions pulled_back = options;
-  pulled_back.pull_back = &pull_back;
-  if (!Train(pulled_back,
-             model,
-             train,
-             test,
-             rule.get(),
-             weights,
-             history,
-             summary,
-             error)) {
-    return false;
-  }
-  AddReport(pull_back.counts(), &summary->message);
   return true;
 }
 
@@ -590,28 +553,38 @@ bool TrainByMethod(const Method& method,
     return TrainWithCeres(
         method, options, model, train, test, weights, history, summary, error);
   }
-  if (method.pull_back.has_value()) {
-    return TrainByPullBack(method,
-                           options,
-                           model,
-                           std::move(inverse),
-                           train,
-                           test,
-                           weights,
-                           history,
-                           summary,
-                           error);
-  }
   const std::unique_ptr<UpdateRule> rule = method.MakeRule();
-  return Train(options,
-               model,
-               train,
-               test,
-               rule.get(),
-               weights,
-               history,
-               summary,
-               error);
+  // What the rule gets to see.
+  TrainOptions seen_options = options;
+  const Model* seen = &model;
+  std::optional<Model> joint;
+  std::optional<ChainPullBack> pull_back;
+  if (method.pull_back.has_value()) {
+    const PullBackMethod& ways = *method.pull_back;
+    if (!CheckWays(ways, model, train, error)) return false;
+    if (ways.is_joint()) {
+      seen = &joint.emplace(model.WithLoss(ways.MakeLoss(model.shared_loss()),
+                                           model.reduction()));
+    } else {
+      seen_options.pull_back = &pull_back.emplace(
+          &model,
+          ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
+          ways.ChainOptions());
+    }
+  }
+  if (!Train(seen_options,
+             *seen,
+             train,
+             test,
+             rule.get(),
+             weights,
+             history,
+             summary,
+             error)) {
+    return false;
+  }
+  if (pull_back.has_value()) AddReport(pull_back->counts(), &summary->message);
+  return true;
 }
 
 bool MinimizeByMethod(const Method& method,
