@@ -307,6 +307,22 @@ struct StateMap {
   }
 };
 
+// Feedback::StateHessian of a simulator that makes this step.
+template <int kStride, typename Step>
+bool RollOutStateHessian(const Step& step,
+                         int state_size,
+                         int control_size,
+                         int num_steps,
+                         const double* x,
+                         const double* start,
+                         const double* w,
+                         double* hessian) {
+  const RollOut<StateMap<Step>, kStride> states(
+      {step, state_size}, state_size, control_size, state_size, num_steps);
+  return states.WeightedHessian(
+      x, start, w, Eigen::VectorXd::Zero(state_size), hessian);
+}
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_CHAIN_ROLL_OUT_H_

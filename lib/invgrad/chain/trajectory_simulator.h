@@ -98,14 +98,14 @@ class TrajectorySimulator final : public Simulator, public Feedback {
                     const double* start,
                     const double* w,
                     double* hessian) const override {
-    const RollOut<StateMap<Step>, kStride> states(
-        {roll_out_.map().step, state_size()},
-        state_size(),
-        control_size(),
-        state_size(),
-        num_calls());
-    return states.WeightedHessian(
-        x, start, w, Eigen::VectorXd::Zero(state_size()), hessian);
+    return RollOutStateHessian<kStride>(roll_out_.map().step,
+                                        state_size(),
+                                        control_size(),
+                                        num_calls(),
+                                        x,
+                                        start,
+                                        w,
+                                        hessian);
   }
 
   bool Evaluate(const double* x,
