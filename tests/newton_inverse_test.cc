@@ -12,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
+#include "without_hessian.h"
 
 namespace invgrad {
 namespace {
@@ -373,28 +374,6 @@ TEST(NewtonInverseTest, OptionsScaleAsTheSquareOfTheOutput) {
     EXPECT_LT((in_units - x).norm(), 1e-13);
   }
 }
-
-// A simulator that has a value and no second derivative.
-class WithoutHessian final : public Simulator {
- public:
-  int num_inputs() const override { return 2; }
-  int num_outputs() const override { return 2; }
-  bool Evaluate(const double* x,
-                const double* context,
-                double* y,
-                double* jacobian) const override {
-    return identity_.Evaluate(x, context, y, jacobian);
-  }
-  bool WeightedHessian(const double* /*x*/,
-                       const double* /*context*/,
-                       const double* /*w*/,
-                       double* /*hessian*/) const override {
-    return false;
-  }
-
- private:
-  IdentitySimulator identity_{2};
-};
 
 TEST(NewtonInverseTest, FailsWithoutDerivatives) {
   const auto why = [](std::shared_ptr<const Simulator> simulator,

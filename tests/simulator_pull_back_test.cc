@@ -16,6 +16,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/newton_inverse.h"
+#include "without_hessian.h"
 
 namespace invgrad {
 namespace {
@@ -583,27 +584,6 @@ TEST(AcceptNearerTest, WhatLeadsAwayIsStillRefused) {
 }
 
 // A Newton inverse promises nothing, but if it fails it has not come nearer.
-class WithoutHessian final : public Simulator {
- public:
-  int num_inputs() const override { return 2; }
-  int num_outputs() const override { return 2; }
-  bool Evaluate(const double* x,
-                const double* context,
-                double* y,
-                double* jacobian) const override {
-    return identity_.Evaluate(x, context, y, jacobian);
-  }
-  bool WeightedHessian(const double* /*x*/,
-                       const double* /*context*/,
-                       const double* /*w*/,
-                       double* /*hessian*/) const override {
-    return false;
-  }
-
- private:
-  IdentitySimulator identity_{2};
-};
-
 TEST(AcceptNearerTest, AFailedNewtonInverseIsRefused) {
   const auto simulator = std::make_shared<WithoutHessian>();
   const auto newton =
