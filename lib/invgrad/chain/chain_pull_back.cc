@@ -63,7 +63,7 @@ bool ChainPullBack::Linearize(const VectorXd& weights,
       !model_.CloseLoop(weights, batch, activations_, d_x_, error)) {
     return false;
   }
-  if (options_.updates_per_evaluation > 1) wanted_x_ = x + d_x_;
+  wanted_x_ = x + d_x_;
   if (!LinearizeProxy(weights, parts, linearization, error)) {
     return false;
   }
@@ -76,7 +76,6 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
                                    const LinearizationParts& parts,
                                    Linearization* linearization,
                                    std::string* error) {
-  CHECK_GT(options_.updates_per_evaluation, 1);
   CHECK_EQ(wanted_x_.cols(), batch.num_samples())
       << "LinearizeAgain follows Linearize with the same batch";
   if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {

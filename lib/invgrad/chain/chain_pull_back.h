@@ -136,7 +136,7 @@ class ChainPullBack {
   // Of the last batch; memory that the next one uses again.
   DenseNetwork::Activations activations_;
   Eigen::MatrixXd d_x_;             // |x| x B
-  Eigen::MatrixXd wanted_x_;        // |x| x B: x~; only if it is used again
+  Eigen::MatrixXd wanted_x_;        // |x| x B: x~
   Eigen::VectorXd sample_weights_;  // B: w
 };
 

@@ -170,9 +170,7 @@ bool ProjectedStep(const Bidiagonal& R,
 
 // True if phi has no jump and no singular slope: damped, not truncated.
 bool IsSmooth(const SpectralFilter& filter) {
-  return filter.kind == SpectralFilter::Kind::kLevenbergMarquardt &&
-         filter.tau == 0.0 &&
-         (filter.damping > 0.0 || filter.relative_damping > 0.0);
+  return filter.IsDamped() && filter.tau == 0.0;
 }
 
 // Where values are dropped or clamped, in units of s_max.
@@ -238,12 +236,18 @@ class ErrorEstimate {
   }
 
  private:
-  // For f(lambda) = 1 / (lambda + mu), whose E is largest at lambda = 0.
+  // For f(lambda) = (lambda + mu)^-p, whose E is largest at lambda = 0.
   double Squared() const {
     const double mu =
         (filter_.damping / s_max_) / s_max_ + filter_.relative_damping;
-    const double E =
-        (s_.cwiseProduct(residual_).cwiseProduct(phi_)).dot(c_) / mu;
+    // phi(s) / s in units of unit_, of s far below sqrt(mu).
+    const double tiny = 1e-8 * std::sqrt(mu);
+    const double f_zero = filter_(tiny * s_max_, s_max_) / unit_ / tiny;
+    double E = 0.0;
+    for (Index i = 0; i < s_.size(); ++i) {
+      // theta_i (f_i - f_0) / theta_i
+      E += residual_[i] * c_[i] * (phi_[i] / s_[i] - f_zero);
+    }
     const double rounding = kBackwardError * kEpsilon /
                             (both_orthonormal_ ? std::sqrt(mu) : mu) *
                             c_.norm();

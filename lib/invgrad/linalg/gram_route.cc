@@ -58,20 +58,21 @@ void FillSigns(Index size, Tridiagonal::Perturbations* signs) {
 class GramFunction {
  public:
   GramFunction(const SpectralFilter& filter, double unit, double lambda_max)
-      : is_power_(filter.kind == SpectralFilter::Kind::kPower),
-        exponent_(0.5 * (filter.kappa + 1.0)),
+      : exponent_(filter.Exponent()),
         damping_(filter.damping / unit + filter.relative_damping * lambda_max) {
   }
   Complex operator()(Complex z) const {
-    return is_power_ ? std::pow(z, -exponent_) : 1.0 / (z + damping_);
+    return exponent_ == 1.0 ? 1.0 / (z + damping_)
+                            : std::pow(z + damping_, -exponent_);
   }
   // It has a pole or a branch point here, and is analytic above.
-  double singularity() const { return is_power_ ? 0.0 : -damping_; }
-  // 1 / (z + damping) everywhere.
-  bool is_resolvent() const { return !is_power_; }
+  double singularity() const { return -damping_; }
+  // 1 / (z + damping), defined at roundings below zero too.
+  bool is_damped_resolvent() const {
+    return exponent_ == 1.0 && damping_ > 0.0;
+  }
 
  private:
-  bool is_power_;
   double exponent_;
   double damping_;
 };
@@ -179,8 +180,12 @@ bool ReducedStep(const SpectralProblem& problem,
       GramResolution(T.size(), parameter_side ? problem.m() : problem.n());
   const GramFunction f(filter, unit, lambda_max);
   Cut cut = FindCut(T, wanted, resolution * lambda_max, f.singularity());
-  // Nothing is cut off where f is defined at roundings below zero, too.
-  if (jump < 0.0 && f.is_resolvent()) cut.num_below = 0;
+  // Nothing is cut off where f is defined at roundings below zero.
+  if (jump < 0.0 && f.singularity() < 0.0) {
+    cut.num_below = 0;
+    cut.below = f.singularity();
+    cut.above = T.Eigenvalue(0);
+  }
   summary->s_max = std::sqrt(lambda_max) * std::sqrt(unit);
   summary->rank = T.size() - cut.num_below;
   if (summary->rank > 0) {
@@ -206,7 +211,7 @@ bool ReducedStep(const SpectralProblem& problem,
                 std::abs(f(cut.above)) / norm_y;
   }
   // Values below the resolution contribute anything up to phi there.
-  if (jump < 0.0 && !f.is_resolvent()) {
+  if (jump < 0.0 && f.singularity() == 0.0) {
     const double smallest = resolution * lambda_max;
     int num_unknown = 0;
     T.CountBelow(&smallest, 1, &num_unknown);
@@ -277,10 +282,7 @@ Cut FindCut(const Tridiagonal& T,
 }
 
 double GramStepScale(const SpectralFilter& filter, double unit) {
-  const double exponent = filter.kind == SpectralFilter::Kind::kPower
-                              ? 0.5 * (filter.kappa + 1.0)
-                              : 1.0;
-  return std::pow(unit, -exponent);
+  return std::pow(unit, -filter.Exponent());
 }
 
 double ApplyCutFunction(const SpectralFilter& filter,
@@ -292,7 +294,7 @@ double ApplyCutFunction(const SpectralFilter& filter,
   const GramFunction f(filter, workspace->unit, lambda_max);
   workspace->shifts.clear();
   workspace->coefficients.clear();
-  if (f.is_resolvent() && cut.num_below == 0 && f.singularity() < 0.0) {
+  if (f.is_damped_resolvent() && cut.num_below == 0) {
     // (T + damping)^-1 h = Im[-i (z - T)^-1 h] with z = -damping.
     workspace->shifts.emplace_back(f.singularity());
     workspace->coefficients.emplace_back(0.0, -1.0);

@@ -31,7 +31,7 @@ SpectralFilter SpectralFilter::Power(double kappa, double tau) {
 SpectralFilter SpectralFilter::LevenbergMarquardt(double damping,
                                                   double relative_damping) {
   SpectralFilter filter;
-  filter.kind = Kind::kLevenbergMarquardt;
+  filter.kappa = 1.0;
   filter.tau = 0.0;
   filter.damping = damping;
   filter.relative_damping = relative_damping;
@@ -51,7 +51,7 @@ bool SpectralFilter::IsValid(std::string* error) const {
 }
 
 bool SpectralFilter::IsGradientDescent() const {
-  return kind == Kind::kPower && kappa == -1.0 && tau == 0.0;
+  return kappa == -1.0 && tau == 0.0;
 }
 
 bool SpectralFilter::Keeps(double s, double s_max) const {
@@ -64,9 +64,12 @@ double SpectralFilter::operator()(double s, double s_max) const {
     if (!clamp) return 0.0;
     s = tau * s_max;
   }
-  if (kind == Kind::kPower) return std::pow(s, -kappa);
-  // Not s / (s^2 + lambda), whose squares over- and underflow.
-  return 1.0 / (s + damping / s + relative_damping * (s_max / s) * s_max);
+  const double undamped = std::pow(s, -kappa);
+  if (!IsDamped()) return undamped;
+  // lambda / s^2, without squares that over- and underflow.
+  const double ratio =
+      damping / s / s + relative_damping * (s_max / s) * (s_max / s);
+  return undamped * std::pow(1.0 + ratio, -Exponent());
 }
 
 }  // namespace invgrad

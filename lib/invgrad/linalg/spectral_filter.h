@@ -2,19 +2,22 @@
 //
 //   step = -eta V phi(S) U^T g,   J = U S V^T
 //
+//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2)   for s > tau s_max, else 0
+//   lambda = damping + relative_damping s_max^2
+//
 //   rule                         phi(s)
-//   gradient descent             s               (kappa = -1, tau = 0)
-//   half-inverse                 s^(-1/2)        for s > tau s_max, else 0
-//   truncated Gauss-Newton       s^-1            for s > tau s_max, else 0
-//   power, kappa in [-1, 1]      s^-kappa        for s > tau s_max, else 0
-//   Levenberg-Marquardt          s / (s^2 + lambda),
-//                                lambda = damping + relative_damping s_max^2
+//   gradient descent             s               kappa = -1, tau = 0
+//   half-inverse                 s^(-1/2)        kappa = 1/2, lambda = 0
+//   truncated Gauss-Newton       s^-1            kappa = 1, lambda = 0
+//   power, kappa in [-1, 1]      s^-kappa        lambda = 0
+//   Levenberg-Marquardt          s / (s^2 + lambda)       kappa = 1, tau = 0
 //   clamped                      phi(max(s, tau s_max))
 //
-// Truncation is relative and strict: a singular value equal to tau s_max is
-// dropped. It applies to Levenberg-Marquardt too, where tau = 0 by default. An
-// exactly zero singular value never contributes, not even clamped: its singular
-// vectors are not unique, so no direction belongs to it.
+// With damping, values well below sqrt(lambda) count as in gradient descent,
+// those well above as in a power. Truncation is relative and strict: a singular
+// value equal to tau s_max is dropped. An exactly zero singular value never
+// contributes, not even clamped: its singular vectors are not unique, so no
+// direction belongs to it.
 //
 // [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
 //     Learning. ICLR 2022, section 2. arXiv 2203.10131.
@@ -26,9 +29,6 @@
 namespace invgrad {
 
 struct SpectralFilter {
-  enum class Kind { kPower, kLevenbergMarquardt };
-
-  Kind kind = Kind::kPower;
   double kappa = 0.5;             // in [-1, 1]
   double tau = 1e-6;              // in [0, 1)
   bool clamp = false;             // raise small values to tau s_max instead
@@ -44,6 +44,12 @@ struct SpectralFilter {
 
   // False if a field is out of its range; then *error says which.
   bool IsValid(std::string* error) const;
+
+  // lambda > 0: phi goes to zero with s, and is smooth there.
+  bool IsDamped() const { return damping > 0.0 || relative_damping > 0.0; }
+
+  // (1 + kappa) / 2: phi(s) = s f(s^2) with f(x) = (x + lambda)^-Exponent().
+  double Exponent() const { return 0.5 * (1.0 + kappa); }
 
   // True if phi(s) = s, which needs no factorization of J.
   bool IsGradientDescent() const;

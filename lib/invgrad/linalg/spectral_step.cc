@@ -220,11 +220,7 @@ bool ClimbLadder(const SpectralProblem& problem,
 
 double JumpOf(const SpectralFilter& filter) {
   if (filter.tau > 0.0) return filter.clamp ? 0.0 : filter.tau;
-  const bool vanishes =
-      filter.kind == SpectralFilter::Kind::kLevenbergMarquardt
-          ? filter.damping > 0.0 || filter.relative_damping > 0.0
-          : filter.kappa < 0.0;
-  return vanishes ? -1.0 : 0.0;
+  return filter.IsDamped() || filter.kappa < 0.0 ? -1.0 : 0.0;
 }
 
 double SvdResolution(Index m, Index n) {

@@ -1,10 +1,13 @@
 #include "invgrad/rules/filter_options.h"
 
+#include <limits>
+
 namespace invgrad {
 
-void DescribePowerFilter(SpectralFilter* filter,
-                         bool kappa_is_a_setting,
-                         OptionSet* set) {
+void DescribeFilter(SpectralFilter* filter,
+                    bool kappa_is_a_setting,
+                    OptionSet* set) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (kappa_is_a_setting) {
     set->Add("kappa",
              &filter->kappa,
@@ -18,6 +21,14 @@ void DescribePowerFilter(SpectralFilter* filter,
   set->Add("clamp",
            &filter->clamp,
            "raise small singular values to tau s_max instead");
+  set->Add("damping",
+           &filter->damping,
+           {0.0, kInfinity},
+           "lambda, added to the squared singular values");
+  set->Add("relative_damping",
+           &filter->relative_damping,
+           {0.0, kInfinity},
+           "the same, in units of s_max^2");
 }
 
 }  // namespace invgrad

@@ -97,30 +97,22 @@ bool FilterGradient(const LayerJacobian& layer,
 
 }  // namespace
 
-KfacRule::Options::Options() : filter(SpectralFilter::HalfInverse(1e-3)) {
+KfacRule::Options::Options() {
+  filter = SpectralFilter::HalfInverse(1e-3);
   filter.clamp = true;
 }
 
-void KfacRule::Options::Describe(OptionSet* set) {
-  step_size.Describe(/*allow_auto=*/true, set);
-  DescribePowerFilter(&filter, /*kappa_is_a_setting=*/true, set);
-}
+void KfacRule::Options::Describe(OptionSet* set) { DescribeJoint(set); }
 
-KfacRule::KfacRule(const Options& options) : options_(options) {
+KfacRule::KfacRule(const Options& options) : JointRule(options) {
   CheckOptions(options);
 }
 
-LinearizationParts KfacRule::Needs() const {
-  LinearizationParts parts;
-  parts.jacobian = true;
-  return parts;
-}
-
-bool KfacRule::ComputeStep(const Linearization& at_x,
-                           VectorXd* step,
-                           std::string* error) {
-  CHECK(at_x.jacobian != nullptr) << "K-FAC needs J.";
-  report_.clear();
+bool KfacRule::ComputeDirection(const Linearization& at_x,
+                                const SpectralFilter& filter,
+                                VectorXd* direction,
+                                std::string* report,
+                                std::string* error) {
   const JacobianOperator& J = *at_x.jacobian;
   const std::vector<std::unique_ptr<const JacobianOperator>> blocks =
       J.ColumnBlocks();
@@ -136,19 +128,17 @@ bool KfacRule::ComputeStep(const Linearization& at_x,
     return false;
   }
   if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
-  VectorXd direction;
-  J.TransposeTimes(at_x.loss_gradient, &direction);
-  if (!CheckFinite("J^T g", direction, error)) return false;
-  std::ostringstream report;
-  report.precision(2);
-  report << layers.size() << " layers";
-  if (!options_.filter.IsGradientDescent()) {
+  J.TransposeTimes(at_x.loss_gradient, direction);
+  if (!CheckFinite("J^T g", *direction, error)) return false;
+  std::ostringstream text;
+  text << layers.size() << " layers";
+  if (!filter.IsGradientDescent()) {
     int rank = 0;
     Index column = 0;
     for (std::size_t l = 0; l < layers.size(); ++l) {
       if (!FilterGradient(*layers[l],
-                          options_.filter,
-                          direction.segment(column, layers[l]->cols()),
+                          filter,
+                          direction->segment(column, layers[l]->cols()),
                           &rank,
                           error)) {
         *error = "layer " + std::to_string(l) + ": " + *error;
@@ -156,15 +146,9 @@ bool KfacRule::ComputeStep(const Linearization& at_x,
       }
       column += layers[l]->cols();
     }
-    report << ", rank " << rank << " of " << column;
+    text << ", rank " << rank << " of " << column;
   }
-  direction = -direction;
-  double eta = 0.0;
-  if (!ScaleToStep(options_.step_size, at_x, direction, &eta, step, error)) {
-    return false;
-  }
-  if (options_.step_size.is_auto()) report << ", step size " << eta;
-  report_ = report.str();
+  *report = text.str();
   return true;
 }
 

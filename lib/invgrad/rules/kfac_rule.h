@@ -43,36 +43,29 @@
 
 #include "Eigen/Core"
 #include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/option_set.h"
-#include "invgrad/rules/step_size.h"
-#include "invgrad/rules/update_rule.h"
 
 namespace invgrad {
 
-class KfacRule final : public UpdateRule {
+class KfacRule final : public JointRule {
  public:
-  struct Options {
+  struct Options : JointRule::Options {
     // Half-inverse; values below 1e-3 s_max are clamped, not dropped, as
     // K-FAC's damping does: docs/results/layerwise.md.
     Options();
-
-    StepSizeOptions step_size{1.0};
-    SpectralFilter filter;
 
     void Describe(OptionSet* set);
   };
 
   explicit KfacRule(const Options& options);
 
-  LinearizationParts Needs() const override;
-  bool ComputeStep(const Linearization& at_x,
-                   Eigen::VectorXd* step,
-                   std::string* error) override;
-  std::string LastStepReport() const override { return report_; }
-
  private:
-  const Options options_;
-  std::string report_;
+  bool ComputeDirection(const Linearization& at_x,
+                        const SpectralFilter& filter,
+                        Eigen::VectorXd* direction,
+                        std::string* report,
+                        std::string* error) override;
 };
 
 }  // namespace invgrad

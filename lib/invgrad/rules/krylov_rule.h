@@ -34,17 +34,16 @@
 #include "Eigen/Core"
 #include "invgrad/linalg/golub_kahan.h"
 #include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/option_set.h"
-#include "invgrad/rules/step_size.h"
-#include "invgrad/rules/update_rule.h"
 
 namespace invgrad {
 
-class KrylovRule final : public UpdateRule {
+class KrylovRule final : public JointRule {
  public:
-  struct Options {
-    StepSizeOptions step_size{std::numeric_limits<double>::quiet_NaN()};
-    SpectralFilter filter = SpectralFilter::HalfInverse(0.0);
+  struct Options : JointRule::Options {
+    Options();
+
     int iterations = 40;
     double tolerance = 1e-2;
 
@@ -53,16 +52,15 @@ class KrylovRule final : public UpdateRule {
 
   explicit KrylovRule(const Options& options);
 
-  LinearizationParts Needs() const override;
-  bool ComputeStep(const Linearization& at_x,
-                   Eigen::VectorXd* step,
-                   std::string* error) override;
-  std::string LastStepReport() const override { return report_; }
-
  private:
+  bool ComputeDirection(const Linearization& at_x,
+                        const SpectralFilter& filter,
+                        Eigen::VectorXd* direction,
+                        std::string* report,
+                        std::string* error) override;
+
   const Options options_;
   GolubKahanWorkspace workspace_;
-  std::string report_;
 };
 
 }  // namespace invgrad

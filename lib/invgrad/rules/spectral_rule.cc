@@ -82,24 +82,13 @@ SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
 SpectralRule::Options SpectralRule::Options::LevenbergMarquardt() {
   Options options;
   options.filter = SpectralFilter::LevenbergMarquardt(0.0, 1e-3);
+  options.kappa_is_a_setting = false;
   return options;
 }
 
 void SpectralRule::Options::Describe(OptionSet* set) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  step_size.Describe(/*allow_auto=*/true, set);
-  if (filter.kind == SpectralFilter::Kind::kLevenbergMarquardt) {
-    set->Add("damping",
-             &filter.damping,
-             {0.0, kInfinity},
-             "added to the squared singular values");
-    set->Add("relative_damping",
-             &filter.relative_damping,
-             {0.0, kInfinity},
-             "the same, in units of s_max^2");
-  } else {
-    DescribePowerFilter(&filter, kappa_is_a_setting, set);
-  }
+  DescribeJoint(set);
   std::vector<std::string> names;
   for (const SpectralRoute candidate : kRoutes) {
     names.emplace_back(SpectralRouteName(candidate));
@@ -115,7 +104,8 @@ void SpectralRule::Options::Describe(OptionSet* set) {
            "relative error of the truncation up to which it does");
 }
 
-SpectralRule::SpectralRule(const Options& options) : options_(options) {
+SpectralRule::SpectralRule(const Options& options)
+    : JointRule(options), options_(options) {
   CheckOptions(options);
   spectral_options_.tolerance = options_.tolerance;
   spectral_options_.threshold_tolerance = options_.threshold_tolerance;
@@ -126,17 +116,17 @@ SpectralRule::SpectralRule(const Options& options) : options_(options) {
   }
 }
 
-LinearizationParts SpectralRule::Needs() const {
-  LinearizationParts parts;
-  parts.jacobian = true;
-  return parts;
+std::vector<Eigen::VectorXd*> SpectralRule::MutableState() {
+  std::vector<Eigen::VectorXd*> state = JointRule::MutableState();
+  state.push_back(&histories_);
+  return state;
 }
 
-bool SpectralRule::ComputeStep(const Linearization& at_x,
-                               Eigen::VectorXd* step,
-                               std::string* error) {
-  CHECK(at_x.jacobian != nullptr) << "A spectral rule needs J.";
-  report_.clear();
+bool SpectralRule::ComputeDirection(const Linearization& at_x,
+                                    const SpectralFilter& filter,
+                                    Eigen::VectorXd* direction,
+                                    std::string* report,
+                                    std::string* error) {
   const JacobianOperator& J = *at_x.jacobian;
   std::vector<std::unique_ptr<const JacobianOperator>> column_blocks;
   if (options_.layerwise) column_blocks = J.ColumnBlocks();
@@ -145,7 +135,7 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
   for (const auto& block : column_blocks) blocks.push_back(block.get());
   if (blocks.empty()) blocks.push_back(&J);
 
-  direction_.resize(J.cols());
+  direction->resize(J.cols());
   Totals totals;
   Eigen::Index column = 0;
   constexpr Eigen::Index kHistory = SpectralWorkspace::kHistorySize;
@@ -162,7 +152,7 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
     SpectralStepSummary summary;
     if (!SpectralStep(*block,
                       at_x.loss_gradient,
-                      options_.filter,
+                      filter,
                       spectral_options_,
                       &workspace_,
                       &d_,
@@ -174,20 +164,12 @@ bool SpectralRule::ComputeStep(const Linearization& at_x,
       return false;
     }
     histories_.segment(kHistory * index, kHistory) = workspace_.history;
-    direction_.segment(column, d_.size()) = -d_;
+    direction->segment(column, d_.size()) = d_;
     column += d_.size();
     totals.Add(*block, summary);
   }
-  double eta = 0.0;
-  if (!ScaleToStep(options_.step_size, at_x, direction_, &eta, step, error)) {
-    return false;
-  }
-  std::ostringstream report;
-  report.precision(2);
-  report << totals.Report();
-  if (options_.step_size.is_auto()) report << ", step size " << eta;
-  if (!totals.message.empty()) report << " (" << totals.message << ")";
-  report_ = report.str();
+  *report = totals.Report();
+  if (!totals.message.empty()) *report += " (" + totals.message + ")";
   return true;
 }
 

@@ -43,15 +43,14 @@
 #include "invgrad/linalg/spectral_filter.h"
 #include "invgrad/linalg/spectral_step.h"
 #include "invgrad/linalg/spectral_workspace.h"
+#include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/option_set.h"
-#include "invgrad/rules/step_size.h"
-#include "invgrad/rules/update_rule.h"
 
 namespace invgrad {
 
-class SpectralRule final : public UpdateRule {
+class SpectralRule final : public JointRule {
  public:
-  struct Options {
+  struct Options : JointRule::Options {
     // Each with the settings of its row.
     static Options Power();
     static Options HalfInverse();
@@ -59,9 +58,6 @@ class SpectralRule final : public UpdateRule {
     static Options LevenbergMarquardt();
     static Options LayerHalfInverse();
 
-    StepSizeOptions step_size{1.0};
-    SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
-    bool kappa_is_a_setting = true;
     bool layerwise = false;
     std::string route = "auto";
     // Of an estimate that is 20 and more times too high on the problems'
@@ -77,24 +73,21 @@ class SpectralRule final : public UpdateRule {
 
   explicit SpectralRule(const Options& options);
 
-  LinearizationParts Needs() const override;
-  bool ComputeStep(const Linearization& at_x,
-                   Eigen::VectorXd* step,
-                   std::string* error) override;
-  // The routes' histories, which choose the next step's routes.
-  std::vector<Eigen::VectorXd*> MutableState() override {
-    return {&histories_};
-  }
-  std::string LastStepReport() const override { return report_; }
+  // And the routes' histories, which choose the next step's routes.
+  std::vector<Eigen::VectorXd*> MutableState() override;
 
  private:
+  bool ComputeDirection(const Linearization& at_x,
+                        const SpectralFilter& filter,
+                        Eigen::VectorXd* direction,
+                        std::string* report,
+                        std::string* error) override;
+
   const Options options_;
   SpectralStepOptions spectral_options_;
   SpectralWorkspace workspace_;
   Eigen::VectorXd histories_;  // one a block, zero before its first step
   Eigen::VectorXd d_;          // of a block
-  Eigen::VectorXd direction_;
-  std::string report_;
 };
 
 }  // namespace invgrad

@@ -52,63 +52,55 @@ double StepSizeOptions::Scheduled(double progress) const {
   return step_size * ScheduleFactor(progress);
 }
 
-bool AutoStepSize(const Linearization& at_x,
-                  const Eigen::VectorXd& direction,
+bool ModelAlong(const Linearization& at_x,
+                const Eigen::VectorXd& direction,
+                AlongDirection* model,
+                std::string* error) {
+  Eigen::VectorXd w;
+  CHECK(at_x.jacobian != nullptr) << "The linear model needs J.";
+  at_x.jacobian->Times(direction, &w);
+  if (!CheckFinite("J d", w, error)) return false;
+  model->unit = w.lpNorm<Eigen::Infinity>();
+  if (model->unit == 0.0) {
+    *error = "J d = 0, so the linear model has no minimizer";
+    return false;
+  }
+  w /= model->unit;
+  model->slope = at_x.loss_gradient.dot(w);
+  model->squared_length = w.squaredNorm();
+  model->curvature = model->squared_length;
+  model->squared_hessian_length = model->squared_length;
+  if (at_x.loss_hessian_times) {
+    const Eigen::VectorXd curved = at_x.loss_hessian_times(w);
+    model->curvature = w.dot(curved);
+    model->squared_hessian_length = curved.squaredNorm();
+  }
+  return true;
+}
+
+bool AutoStepSize(const AlongDirection& model,
                   double rho,
                   double* step_size,
                   std::string* error) {
-  Eigen::VectorXd Jd;
-  CHECK(at_x.jacobian != nullptr) << "An automatic step size needs J.";
-  at_x.jacobian->Times(direction, &Jd);
-  if (!CheckFinite("J d", Jd, error)) return false;
-  const double unit = Jd.lpNorm<Eigen::Infinity>();
-  if (unit == 0.0) {
-    *error = "step_size=auto: J d = 0, so the linear model has no minimizer";
-    return false;
-  }
-  // In units of J d, whose squares could over- or underflow.
-  Jd /= unit;
-  const Eigen::VectorXd curved =
-      at_x.loss_hessian_times ? at_x.loss_hessian_times(Jd) : Jd;
-  const double slope = at_x.loss_gradient.dot(Jd);
-  const double curvature = Jd.dot(curved);
-  const double eta = -rho * slope / curvature / unit;
+  const double eta = -rho * model.slope / model.curvature / model.unit;
   std::ostringstream message;
   message << "step_size=auto: ";
   // Written so that NaN fails.
-  if (!(slope < 0.0)) {
-    message << "not a descent direction, slope " << slope * unit;
-  } else if (!(curvature > 0.0)) {
+  if (!(model.slope < 0.0)) {
+    message << "not a descent direction, slope " << model.slope * model.unit;
+  } else if (!(model.curvature > 0.0)) {
     message << "the loss does not curve upwards along the direction, curvature "
-            << curvature * unit * unit;
+            << model.curvature * model.unit * model.unit
+            << "; control=gain measures it";
   } else if (!std::isfinite(eta)) {
-    message << "not finite: slope " << slope * unit << ", curvature "
-            << curvature * unit * unit;
+    message << "not finite: slope " << model.slope * model.unit
+            << ", curvature " << model.curvature * model.unit * model.unit;
   } else {
     *step_size = eta;
     return true;
   }
   *error = message.str();
   return false;
-}
-
-bool ScaleToStep(const StepSizeOptions& options,
-                 const Linearization& at_x,
-                 const Eigen::VectorXd& direction,
-                 double* eta,
-                 Eigen::VectorXd* step,
-                 std::string* error) {
-  *eta = options.step_size;
-  if (direction.isZero(0.0)) {
-    // Along it there is nothing to minimize; it is a step of any size.
-    *eta = 1.0;
-  } else if (options.is_auto() &&
-             !AutoStepSize(at_x, direction, options.rho, eta, error)) {
-    return false;
-  }
-  *eta *= options.ScheduleFactor(at_x.progress);
-  *step = *eta * direction;
-  return CheckFinite("the step", *step, error);
 }
 
 }  // namespace invgrad

@@ -14,9 +14,9 @@
 // Units:   eta has the units of step / d, so `auto` makes a rule's step
 //          independent of the units of the loss.
 // Cost:    auto: one product with J and one with H_L.
-// Fails:   AutoStepSize returns false if J d = 0, if d is no descent direction,
-//          if the loss does not curve upwards along J d, or if a value is not
-//          finite.
+// Fails:   ModelAlong returns false if J d is zero or not finite. AutoStepSize
+//          returns false if d is no descent direction, if the loss does not
+//          curve upwards along J d, or if a value is not finite.
 #ifndef INVGRAD_RULES_STEP_SIZE_H_
 #define INVGRAD_RULES_STEP_SIZE_H_
 
@@ -47,22 +47,28 @@ struct StepSizeOptions {
   double Scheduled(double progress) const;
 };
 
-// The auto step size for the direction d (n), without its schedule's factor.
-bool AutoStepSize(const Linearization& at_x,
-                  const Eigen::VectorXd& direction,
+// The quadratic model of the loss along a direction d, with w = J d / unit,
+// whose largest entry is one, so that no square over- or underflows:
+//
+//   L(eta d) ~ L + eta unit slope + (eta unit)^2 / 2 curvature
+struct AlongDirection {
+  double unit = 0.0;                    // |J d|_inf
+  double slope = 0.0;                   // g . w
+  double curvature = 0.0;               // w . H_L w
+  double squared_length = 0.0;          // |w|^2
+  double squared_hessian_length = 0.0;  // |H_L w|^2
+};
+
+bool ModelAlong(const Linearization& at_x,
+                const Eigen::VectorXd& direction,
+                AlongDirection* model,
+                std::string* error);
+
+// The auto step size, without its schedule's factor.
+bool AutoStepSize(const AlongDirection& model,
                   double rho,
                   double* step_size,
                   std::string* error);
-
-// *step = *eta direction with the step size of `options`, auto or not, and its
-// schedule. A direction of zero gives a step of zero. False if there is no
-// automatic step size or the step is not finite.
-bool ScaleToStep(const StepSizeOptions& options,
-                 const Linearization& at_x,
-                 const Eigen::VectorXd& direction,
-                 double* eta,
-                 Eigen::VectorXd* step,
-                 std::string* error);
 
 }  // namespace invgrad
 

@@ -38,6 +38,15 @@ class UpdateRule {
   // array must have the effect of never having stopped.
   virtual std::vector<Eigen::VectorXd*> MutableState() { return {}; }
 
+  // Whether the loop is to tell where each step led, by KeepsStep: one
+  // evaluation of the cost a step.
+  virtual bool JudgesSteps() const { return false; }
+
+  // Tells the cost, of what the last step was computed from, where the step
+  // led, or `fraction` of it; NaN if it has no finite value there. False: the
+  // step is to be taken back.
+  virtual bool KeepsStep(double /*cost*/, double /*fraction*/) { return true; }
+
   // What the last step did, in a few words for a progress line or a table
   // ("route gram, rank 97 of 128"); empty if there is nothing to say.
   virtual std::string LastStepReport() const { return ""; }

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+#include <utility>
 
 #include "Eigen/Core"
 #include "glog/logging.h"
@@ -59,6 +61,7 @@ class Run {
     summary_->initial_cost = at_x_.cost;
     ceres::IterationSummary iteration;
     iteration.iteration = 0;
+    iteration.step_is_successful = true;
     return Record(&iteration);
   }
 
@@ -123,12 +126,15 @@ class Run {
     iteration.iteration = summary_->num_steps() + 1;
     iteration.cost_change = cost - at_x_.cost;
     iteration.step_norm = (state_ - previous).norm();
+    iteration.step_is_successful = !was_taken_back_;
     if (!Record(&iteration)) return false;
-    return !FunctionToleranceReached(cost, iteration.cost_change) &&
-           !ParameterToleranceReached(previous.norm(), iteration.step_norm);
+    return was_taken_back_ ||
+           (!FunctionToleranceReached(cost, iteration.cost_change) &&
+            !ParameterToleranceReached(previous.norm(), iteration.step_norm));
   }
 
-  // Takes the step and linearizes where it leads.
+  // Takes the step and linearizes where it leads, or stays if the rule takes it
+  // back.
   bool Move(std::string* error) {
     Eigen::VectorXd step;
     if (!rule_->ComputeStep(at_x_, &step, error)) return false;
@@ -137,18 +143,34 @@ class Run {
       *error = "the step is not finite";
       return false;
     }
-    if (!objective_->Plus(step)) {
-      *error = "the point cannot be moved by the step";
-      return false;
+    was_taken_back_ = false;
+    if (!rule_->JudgesSteps()) {
+      return Plus(step, error) && objective_->Linearize(parts_, &at_x_, error);
     }
-    return objective_->Linearize(parts_, &at_x_, error);
+    Linearization after;
+    const bool is_finite =
+        Plus(step, error) && objective_->Linearize(parts_, &after, error);
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    was_taken_back_ = !rule_->KeepsStep(is_finite ? after.cost : kNone, 1.0);
+    if (was_taken_back_) {
+      objective_->SetState(state_);
+      ++summary_->num_taken_back;
+    } else if (is_finite) {
+      at_x_ = std::move(after);
+    }
+    return is_finite || was_taken_back_;
+  }
+
+  bool Plus(const Eigen::VectorXd& step, std::string* error) {
+    if (objective_->Plus(step)) return true;
+    *error = "the point cannot be moved by the step";
+    return false;
   }
 
   // Completes and appends the summary of an iteration, and asks the callbacks.
   // False if one of them ends the run.
   bool Record(ceres::IterationSummary* iteration) {
     iteration->step_is_valid = true;
-    iteration->step_is_successful = true;
     iteration->step_is_nonmonotonic = iteration->cost_change < 0.0;
     iteration->cost = at_x_.cost;
     iteration->gradient_norm = at_x_.gradient.norm();
@@ -201,6 +223,10 @@ class Run {
   void Terminate(ceres::TerminationType type, const std::string& message) {
     summary_->termination_type = type;
     summary_->message = message;
+    if (summary_->num_taken_back > 0) {
+      summary_->message +=
+          "; " + std::to_string(summary_->num_taken_back) + " steps taken back";
+    }
     summary_->total_time_in_seconds = Seconds(Clock::now() - start_);
   }
 
@@ -210,7 +236,8 @@ class Run {
   MinimizerSummary* summary_;
   LinearizationParts parts_;
   Linearization at_x_;
-  Eigen::VectorXd state_;  // the last that could be linearized
+  Eigen::VectorXd state_;        // the last that could be linearized
+  bool was_taken_back_ = false;  // the last step
   const Clock::time_point start_ = Clock::now();
   Clock::time_point iteration_start_ = start_;
 };

@@ -53,10 +53,11 @@ struct MinimizerSummary {
   double initial_cost = -1.0;
   double final_cost = -1.0;
   // [0] is the start. Minimize fills cost, cost_change, the norms of gradient
-  // (tangent space) and step (ambient), the flags (nonmonotonic: the cost rose)
-  // and the times.
+  // (tangent space) and step (ambient), the flags (nonmonotonic: the cost rose;
+  // successful: the rule did not take the step back) and the times.
   std::vector<ceres::IterationSummary> iterations;
   double total_time_in_seconds = 0.0;
+  int num_taken_back = 0;  // steps, by a rule that judges them
 
   int num_steps() const {
     return iterations.empty() ? 0 : static_cast<int>(iterations.size()) - 1;

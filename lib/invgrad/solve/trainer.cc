@@ -87,6 +87,12 @@ class TrainingRun {
   bool Update(const DataSet& batch,
               Linearization* at_weights,
               std::string* error);
+  // What the rule judges its steps by, the loss or the proxy: NaN if there is
+  // no finite one.
+  double JudgedCost(const DataSet& batch);
+  // Takes the last step back, because this batch has no finite loss after it.
+  // False if there is none, or if the rule does not judge.
+  bool TakeLastStepBack();
   void Evaluate();
   // Looks at the losses if it is time to; false if the run ends by that, with
   // the summary filled.
@@ -121,10 +127,12 @@ class TrainingRun {
   double seconds_ = 0.0;
   double batch_loss_ = HistoryRow::kNone;
   double step_norm_ = HistoryRow::kNone;
+  long num_taken_back_ = 0;
   BestLoss best_;
   std::vector<int> order_;  // of this epoch, if shuffled and under way
   // The weights of the last finite batch loss.
   Eigen::VectorXd last_good_weights_;
+  Eigen::VectorXd weights_before_;  // the update that is under way
   Clock::time_point last_checkpoint_ = Clock::now();
 };
 
@@ -152,7 +160,10 @@ bool TrainingRun::Step() {
   Linearization at_weights;
   at_weights.progress = Progress();
   std::string error;
-  const bool is_finite = Linearize(batch, &at_weights, &error);
+  bool is_finite = Linearize(batch, &at_weights, &error);
+  if (!is_finite && TakeLastStepBack()) {
+    is_finite = Linearize(batch, &at_weights, &error);
+  }
   if (is_finite) {
     last_good_weights_ = *weights_;
     batch_loss_ = at_weights.cost;
@@ -176,6 +187,7 @@ bool TrainingRun::Step() {
 bool TrainingRun::Linearize(const DataSet& batch,
                             Linearization* at_weights,
                             std::string* error) {
+  weights_before_ = *weights_;
   return options_.pull_back == nullptr
              ? model_.Linearize(
                    *weights_, batch, rule_->Needs(), at_weights, error)
@@ -195,9 +207,38 @@ bool TrainingRun::Update(const DataSet& batch,
                      *weights_, batch, rule_->Needs(), at_weights, error)) {
       return false;
     }
+    const bool judges = rule_->JudgesSteps();
+    if (judges && options_.pull_back != nullptr) {
+      at_weights->cost = JudgedCost(batch);
+    }
     if (!rule_->ComputeStep(*at_weights, &step, error)) return false;
     *weights_ += step;
+    if (judges && !rule_->KeepsStep(JudgedCost(batch), 1.0)) {
+      // Not weights - step, which is rounded.
+      *weights_ = weights_before_;
+      ++num_taken_back_;
+    }
+    weights_before_ = *weights_;
   }
+  return true;
+}
+
+double TrainingRun::JudgedCost(const DataSet& batch) {
+  Linearization at_weights;
+  std::string ignored;
+  const bool is_finite =
+      options_.pull_back == nullptr
+          ? model_.Cost(*weights_, batch, &at_weights.cost, &ignored)
+          : options_.pull_back->LinearizeAgain(
+                *weights_, batch, LinearizationParts(), &at_weights, &ignored);
+  return is_finite ? at_weights.cost : HistoryRow::kNone;
+}
+
+bool TrainingRun::TakeLastStepBack() {
+  if (!rule_->JudgesSteps() || *weights_ == last_good_weights_) return false;
+  *weights_ = last_good_weights_;
+  rule_->KeepsStep(HistoryRow::kNone, 1.0);
+  ++num_taken_back_;
   return true;
 }
 
@@ -279,6 +320,10 @@ void TrainingRun::Finish(ceres::TerminationType type,
                          const std::string& message) {
   summary_->termination_type = type;
   summary_->message = message;
+  if (num_taken_back_ > 0) {
+    summary_->message += "; " + std::to_string(num_taken_back_) + " of " +
+                         std::to_string(step_) + " steps taken back";
+  }
 }
 
 bool TrainingRun::EvaluateIfDue() {
@@ -302,9 +347,9 @@ bool TrainingRun::EvaluateIfDue() {
 }
 
 void TrainingRun::Run() {
-  last_good_weights_ = *weights_;
   bool runs = true;
   if (history_->empty()) {
+    last_good_weights_ = *weights_;
     Evaluate();
     runs = CallBack(history_->back().train_loss, 0.0, 0.0);
   }
@@ -320,6 +365,7 @@ void TrainingRun::Run() {
   // The state in which the run ended, wherever that was.
   if (history_->back().step != step_) Evaluate();
   summary_->num_steps = step_;
+  summary_->num_taken_back = num_taken_back_;
   summary_->train_time_in_seconds = seconds_;
 }
 
@@ -334,6 +380,8 @@ void TrainingRun::SaveCheckpoint() {
   arrays["seconds"] = scalar(seconds_);
   arrays["batch_loss"] = scalar(batch_loss_);
   arrays["step_norm"] = scalar(step_norm_);
+  arrays["num_taken_back"] = scalar(static_cast<double>(num_taken_back_));
+  arrays["last_good_weights"] = last_good_weights_;
   arrays["best_loss"] = scalar(best_.loss);
   arrays["evaluations_since_best"] = scalar(best_.evaluations_since);
   arrays["batch_size"] = scalar(batch_size_);
@@ -393,6 +441,7 @@ bool TrainingRun::Restore(std::string* error) {
                            "seconds",
                            "batch_loss",
                            "step_norm",
+                           "num_taken_back",
                            "best_loss",
                            "evaluations_since_best",
                            "batch_size",
@@ -413,11 +462,13 @@ bool TrainingRun::Restore(std::string* error) {
     return false;
   }
   const Eigen::VectorXd* weights = find("weights", weights_->size());
+  const Eigen::VectorXd* last_good_weights =
+      find("last_good_weights", weights_->size());
   const Eigen::VectorXd* rows = find("history", -1);
   const Eigen::VectorXd* order = find("order", -1);
   const Eigen::VectorXd* shuffle = find("shuffle", -1);
-  if (weights == nullptr || rows == nullptr || order == nullptr ||
-      shuffle == nullptr) {
+  if (weights == nullptr || last_good_weights == nullptr || rows == nullptr ||
+      order == nullptr || shuffle == nullptr) {
     return false;
   }
   const long step = static_cast<long>(scalars["step"]);
@@ -450,9 +501,11 @@ bool TrainingRun::Restore(std::string* error) {
   seconds_ = scalars["seconds"];
   batch_loss_ = scalars["batch_loss"];
   step_norm_ = scalars["step_norm"];
+  num_taken_back_ = static_cast<long>(scalars["num_taken_back"]);
   best_.loss = scalars["best_loss"];
   best_.evaluations_since = static_cast<int>(scalars["evaluations_since_best"]);
   *weights_ = *weights;
+  last_good_weights_ = *last_good_weights;
   order_.resize(order->size());
   Eigen::Map<Eigen::VectorXi>(order_.data(), order->size()) =
       order->cast<int>();

@@ -19,6 +19,10 @@
 // Fails:   a numerical failure (no finite loss, no finite step) ends the run as
 //          ceres::FAILURE and "diverged at step k: ..."; the weights are those
 //          of the last step with a finite batch loss.
+//
+// A rule that judges its steps (control=gain) has those that it refuses taken
+// back, and the one before a batch without a finite loss too; the run goes on
+// with the next batch.
 #ifndef INVGRAD_SOLVE_TRAINER_H_
 #define INVGRAD_SOLVE_TRAINER_H_
 
@@ -84,6 +88,7 @@ struct TrainSummary {
   ceres::TerminationType termination_type = ceres::FAILURE;
   std::string message;  // "epochs done", "diverged at step 17: ..."
   long num_steps = 0;
+  long num_taken_back = 0;  // of these, by the rule's own judgement
   double train_time_in_seconds = 0.0;
 };
 

@@ -156,6 +156,10 @@ class UpdateCallback::State {
     // stay.)
     const bool was_passed_over = IsStaged();
     const bool was_proposed = has_proposal_ && !was_passed_over;
+    if (was_proposed && rule_->JudgesSteps()) {
+      // Whatever the rule thinks of it, Ceres has decided.
+      rule_->KeepsStep(iteration.cost, fraction_);
+    }
     for (StagingManifold* manifold : staging_) manifold->Clear();
     has_proposal_ = false;
 
@@ -240,6 +244,7 @@ class UpdateCallback::State {
     }
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
+    fraction_ = scale_;
     if (!IsPromising(at_x)) {
       summary_.message =
           "the linear model promises too small a decrease of the cost";
@@ -272,6 +277,7 @@ class UpdateCallback::State {
     }
     ++num_backoffs_;
     step_ *= 0.5;
+    fraction_ *= 0.5;
     Stage();
   }
 
@@ -303,6 +309,7 @@ class UpdateCallback::State {
   int num_backoffs_ = 0;       // of the last proposal
   double radius_ = 0.0;        // Ceres', when it was first made
   double scale_ = 1.0;         // of proposals: what was accepted lately
+  double fraction_ = 1.0;      // of the rule's step that step_ is
   double lost_radius_ = 0.0;   // Ceres has the turn below it
   Summary summary_;
 };

@@ -1,0 +1,111 @@
+#include "invgrad/rules/gain_control.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace invgrad {
+namespace {
+
+constexpr double kHighGain = 0.95;
+constexpr double kLowGain = 0.7;
+
+constexpr double kExponentUp = 0.02;
+constexpr double kExponentDown = 0.05;
+constexpr double kMinExponent = 0.3;
+constexpr double kMaxExponent = 1.0;
+
+constexpr double kDampingUp = 4.0;
+constexpr double kDampingDown = 0.5;
+constexpr double kFirstDamping = 1e-6;
+constexpr double kMinDamping = 1e-14;
+constexpr double kMaxDamping = 100.0;
+
+constexpr double kMaxCurvatureChange = 4.0;
+
+// Promised decreases that are a smaller part of the cost drown in its rounding.
+constexpr double kRounding = 1e-13;
+
+}  // namespace
+
+void GainControlOptions::Describe(OptionSet* set) {
+  set->Add("control",
+           &control,
+           {"none", "gain"},
+           "gain: a step whose batch gets worse is taken back, and `adapts` "
+           "follows the gain");
+  set->Add("adapts",
+           &adapts,
+           {"nothing", "exponent", "damping", "both"},
+           "what control=gain changes: kappa, relative_damping");
+}
+
+GainControl::GainControl(const GainControlOptions& options,
+                         const SpectralFilter& filter)
+    : options_(options), filter_(filter), state_(4) {
+  const bool has_no_damping =
+      options.adapts_damping() && filter.relative_damping == 0.0;
+  state_ << filter.kappa,
+      has_no_damping ? kFirstDamping : filter.relative_damping, 1.0, 0.0;
+}
+
+SpectralFilter GainControl::filter() const {
+  SpectralFilter adapted = filter_;
+  if (options_.adapts_exponent()) adapted.kappa = state_[0];
+  if (options_.adapts_damping()) adapted.relative_damping = state_[1];
+  return adapted;
+}
+
+void GainControl::CompleteModel(AlongDirection* model) {
+  if (model->curvature > 0.0) return;
+  double& h = state_[3];
+  if (h == 0.0)
+    h = std::sqrt(model->squared_hessian_length / model->squared_length);
+  model->curvature = h * model->squared_length;
+}
+
+void GainControl::Expect(double cost, const AlongDirection& model, double eta) {
+  cost_ = cost;
+  model_ = model;
+  eta_ = eta;
+}
+
+bool GainControl::Judge(double cost, double fraction) {
+  const double eta = fraction * eta_ * model_.unit;
+  const double promised = -eta * (model_.slope + 0.5 * eta * model_.curvature);
+  const bool is_finite = std::isfinite(cost);
+  double& h = state_[3];
+  if (h > 0.0 && eta > 0.0) {
+    const double measured = 2.0 * ((cost - cost_) / eta - model_.slope) / eta /
+                            model_.squared_length;
+    const double highest = kMaxCurvatureChange * h;
+    h = is_finite ? std::clamp(measured, h / kMaxCurvatureChange, highest)
+                  : highest;
+  }
+  if (is_finite && !(promised > kRounding * std::abs(cost_))) {
+    last_gain_ = 1.0;
+    return true;
+  }
+  last_gain_ = is_finite ? (cost_ - cost) / promised
+                         : -std::numeric_limits<double>::infinity();
+  Adapt(last_gain_);
+  return last_gain_ >= 0.0;
+}
+
+void GainControl::Adapt(double gain) {
+  double& kappa = state_[0];
+  double& damping = state_[1];
+  double& step_factor = state_[2];
+  if (gain > kHighGain) {
+    kappa = std::max(kappa, std::min(kappa + kExponentUp, kMaxExponent));
+    damping = std::max(damping * kDampingDown, kMinDamping);
+  } else if (gain < kLowGain) {
+    kappa = std::min(kappa, std::max(kappa - kExponentDown, kMinExponent));
+    damping =
+        std::min(std::max(damping, kMinDamping) * kDampingUp, kMaxDamping);
+  }
+  step_factor =
+      gain < 0.0 ? 0.5 * step_factor : std::min(2.0 * step_factor, 1.0);
+}
+
+}  // namespace invgrad

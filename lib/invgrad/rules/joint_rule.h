@@ -1,0 +1,75 @@
+// What the rules have in common that see the Jacobian of network and simulator
+// together: a filter of its singular values, a step size, and control.
+//
+//   step = -eta d,   d = V phi(S) U^T g or an approximation,   J = U S V^T
+//
+// A rule that derives from this one computes d, for the filter that it is
+// given.
+//
+// Shapes:  g: m;  J: m x n;  step, d: n.
+// Cost:    that of d; with step_size=auto or control=gain products with J and
+//          H_L, with control=gain one evaluation of the cost.
+// Fails:   returns false if d cannot be computed, if the step is not finite, or
+//          if there is no automatic step size.
+#ifndef INVGRAD_RULES_JOINT_RULE_H_
+#define INVGRAD_RULES_JOINT_RULE_H_
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/linalg/linearization.h"
+#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/rules/gain_control.h"
+#include "invgrad/rules/option_set.h"
+#include "invgrad/rules/step_size.h"
+#include "invgrad/rules/update_rule.h"
+
+namespace invgrad {
+
+class JointRule : public UpdateRule {
+ public:
+  struct Options {
+    StepSizeOptions step_size{1.0};
+    SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
+    bool kappa_is_a_setting = true;
+    GainControlOptions control;
+
+    void DescribeJoint(OptionSet* set);
+  };
+
+  LinearizationParts Needs() const final;
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) final;
+  bool JudgesSteps() const final { return options_.control.is_on(); }
+  bool KeepsStep(double cost, double fraction) final;
+  std::vector<Eigen::VectorXd*> MutableState() override {
+    return {control_.mutable_state()};
+  }
+  std::string LastStepReport() const final { return report_; }
+
+ protected:
+  explicit JointRule(const Options& options);
+
+  // Computes d, *direction, and says in *report how. False, with *error, if it
+  // cannot be.
+  virtual bool ComputeDirection(const Linearization& at_x,
+                                const SpectralFilter& filter,
+                                Eigen::VectorXd* direction,
+                                std::string* report,
+                                std::string* error) = 0;
+
+ private:
+  // The step size along -d_.
+  bool FindStepSize(const Linearization& at_x, double* eta, std::string* error);
+
+  const Options options_;
+  GainControl control_;
+  Eigen::VectorXd d_;
+  std::string report_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_JOINT_RULE_H_
