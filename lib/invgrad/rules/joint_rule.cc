@@ -59,8 +59,15 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   AlongDirection model;
   if (!is_zero && (options.is_auto() || JudgesSteps())) {
     if (!ModelAlong(at_x, -d_, &model, error)) return false;
-    if (JudgesSteps()) control_.CompleteModel(&model);
-    if (options.is_auto() && !AutoStepSize(model, options.rho, eta, error)) {
+    if (JudgesSteps()) {
+      control_.CompleteModel(&model);
+      // At a minimum, where only roundings of the slope are left.
+      if (model.slope >= 0.0) {
+        d_.setZero();
+        model = AlongDirection();
+      }
+    }
+    if (!d_.isZero(0.0) && options.is_auto() && !AutoStepSize(model, options.rho, eta, error)) {
       return false;
     }
   }
