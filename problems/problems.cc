@@ -136,11 +136,11 @@ const std::vector<ProblemRow>& Problems() {
                            "PBDL intro-teaser and physgrad-nn"),
       Learning<Regression1d>(
           "regression_1d",
-          "y = f(a), y* = exp(-10 a^2) sin(2 a), standardised, L = |y - y*|^2",
+          "y = f(a), y* = exp(-10 a^2) sin(2 a), standardized, L = |y - y*|^2",
           "Sven benchmark, sambt/sven-experiments; arXiv 2604.01279"),
       Learning<RandomPolynomial>(
           "random_polynomial",
-          "y = f(a), y* a polynomial of degree 4 in a_0 .. a_5, standardised, "
+          "y = f(a), y* a polynomial of degree 4 in a_0 .. a_5, standardized, "
           "L = |y - y*|^2",
           "Sven benchmark, sambt/sven-experiments; arXiv 2604.01279"),
   };

@@ -1,12 +1,12 @@
-// A random polynomial of degree 4 in 6 variables: more to learn than the
-// network can.
+// A random polynomial of degree 4 in 6 variables, of which a small network learns
+// only a part.
 //
 //   t(a) = sum_k c_k m_k(a),   m_k(a) = prod_j a_j^{p_kj} / sqrt(E_k)
 //   E_k = prod_j (2 p_kj - 1)!!,   sum_j p_kj <= 4,   c_k, a_j standard normal
 //
 // E_k is the mean of the monomial's square, so that E[m_k^2] = 1.
 //
-// Network, loss, its scaling and the standardised target: regression.h.
+// Network, loss, its scaling and the standardized target: regression.h.
 //
 // Shapes:  network 6-16-16-16-1, GELU, 673 weights;  x, y: 1;  c, m: 210.
 // Data:    the benchmark's, number for number, but that it rounds a and y* to
@@ -14,7 +14,7 @@
 //          np.random.default_rng(seed("coeffs")).normal(size=210), a from those
 //          of seed("pool") for training and of seed("val") for testing, with
 //          seed(name) = (data_seed ^ zlib.crc32(name)) & 0x7fffffff. t is
-//          standardised with 1 / N.
+//          standardized with 1 / N.
 // Facts:   published losses on the same test samples: half-inverse,
 //          half_inverse:step_size=0.1:truncation=1e-8, 0.084 +- 0.024 (15
 //          seeds), Sven 0.139, Adam 0.238, SGD 0.318.

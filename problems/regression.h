@@ -1,5 +1,5 @@
 // What the regression problems have in common: a network alone, without
-// physics behind it, on standardised targets.
+// physics behind it, on standardized targets.
 //
 //   y = x = f(a),   L = |y - y*|^2,   y* = (t - mean t) / std t
 //

@@ -1,13 +1,13 @@
-// A smooth function of one variable, learned to rounding error: how far a rule
-// gets where nothing is in its way.
+// A smooth function of one variable: how far a rule gets where nothing is in its
+// way.
 //
 //   t(a) = exp(-10 a^2) sin 2a,   a uniform in [-1, 1)
 //
-// Network, loss, its scaling and the standardised target: regression.h.
+// Network, loss, its scaling and the standardized target: regression.h.
 //
 // Shapes:  network 1-16-16-16-1, GELU, 593 weights;  x, y: 1.
 // Data:    np.random.seed(data_seed); a = 2 np.random.rand(2 N) - 1, the first
-//          N for training; t is standardised with 1 / (N - 1). The benchmark's
+//          N for training; t is standardized with 1 / (N - 1). The benchmark's
 //          a come from PyTorch's generator, in single precision: the
 //          distribution is the same, the numbers are not.
 // Facts:   t is odd. Published losses on 10,000 other samples: half-inverse,
@@ -43,7 +43,7 @@ struct Regression1d {
                      LearningProblem* problem,
                      std::string* error);
 
-  // t(a), not standardised.
+  // t(a), not standardized.
   static double Target(double a);
 };
 

@@ -105,7 +105,7 @@ TEST_P(RegressionProblem, SeedsAreReproducibleAndDiffer) {
   EXPECT_NE(a.data, c.data);
 }
 
-TEST_P(RegressionProblem, RefusesDataThatCannotBeStandardised) {
+TEST_P(RegressionProblem, RefusesDataThatCannotBeStandardized) {
   const MatrixXd good = Create(GetParam() + ":num_samples=5").data;
   MatrixXd constant = good;
   constant.rightCols(1).setConstant(0.5);
@@ -151,7 +151,7 @@ TEST(Regression1d, TargetIsThatOfTheHeader) {
   }
 }
 
-TEST(Regression1d, IsStandardisedByTheUnbiasedVariance) {
+TEST(Regression1d, IsStandardizedByTheUnbiasedVariance) {
   const LearningProblem problem = Create("regression_1d:num_samples=50");
   const VectorXd targets = problem.train.targets.transpose();
   EXPECT_NEAR(targets.mean(), 0.0, 1e-14);
@@ -160,7 +160,7 @@ TEST(Regression1d, IsStandardisedByTheUnbiasedVariance) {
   EXPECT_GT(std::abs(problem.test.targets.mean()), 1e-3);
 }
 
-TEST(RandomPolynomial, IsStandardisedByTheBiasedVariance) {
+TEST(RandomPolynomial, IsStandardizedByTheBiasedVariance) {
   const LearningProblem problem = Create("random_polynomial:num_samples=50");
   const VectorXd targets = problem.train.targets.transpose();
   EXPECT_NEAR(targets.mean(), 0.0, 1e-14);
@@ -260,7 +260,7 @@ TEST(RandomPolynomial, DataAreThePublishedOnes) {
   EXPECT_NEAR(problem.test.targets(0, 0), -1.730833546305095, 1e-13);
   EXPECT_NEAR(problem.test.targets(0, 1), -0.3002755454903878, 1e-13);
   EXPECT_NEAR(problem.test.targets(0, 9999), -0.01997566434945696, 1e-13);
-  // Before they are standardised.
+  // Before they are standardized.
   EXPECT_NEAR(problem.data(0, 6), 3.2853842637683965, 1e-12);
   EXPECT_NEAR(problem.data(1, 6), -2.9028474310351093, 1e-12);
 }
