@@ -1,5 +1,5 @@
-// A random polynomial of degree 4 in 6 variables, of which a small network learns
-// only a part.
+// A random polynomial of degree 4 in 6 variables, of which a small network
+// learns only a part.
 //
 //   t(a) = sum_k c_k m_k(a),   m_k(a) = prod_j a_j^{p_kj} / sqrt(E_k)
 //   E_k = prod_j (2 p_kj - 1)!!,   sum_j p_kj <= 4,   c_k, a_j standard normal

@@ -1,5 +1,5 @@
-// A smooth function of one variable: how far a rule gets where nothing is in its
-// way.
+// A smooth function of one variable: how far a rule gets where nothing is in
+// its way.
 //
 //   t(a) = exp(-10 a^2) sin 2a,   a uniform in [-1, 1)
 //
