@@ -260,10 +260,10 @@ TEST(RandomPolynomial, MonomialsHaveMeanSquareOne) {
   constexpr int kVariables = RandomPolynomial::kNumVariables;
   VectorXd nodes, weights;
   GaussHermite(kNodes, &nodes, &weights);
-  const int num_points = static_cast<int>(std::pow(kNodes, kVariables) + 0.5);
-  MatrixXd points(num_points, kVariables);
-  VectorXd weight = VectorXd::Ones(num_points);
-  for (int i = 0; i < num_points; ++i) {
+  constexpr int kNumPoints = 15625;  // kNodes^kVariables
+  MatrixXd points(kNumPoints, kVariables);
+  VectorXd weight = VectorXd::Ones(kNumPoints);
+  for (int i = 0; i < kNumPoints; ++i) {
     for (int j = 0, digits = i; j < kVariables; ++j, digits /= kNodes) {
       points(i, j) = nodes[digits % kNodes];
       weight[i] *= weights[digits % kNodes];

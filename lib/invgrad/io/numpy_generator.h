@@ -40,7 +40,7 @@ class NumpyGenerator {
   Eigen::MatrixXd StandardNormal(int rows, int cols);
 
  private:
-  using Word = unsigned __int128;
+  __extension__ typedef unsigned __int128 Word;  // not ISO C++
 
   void Advance();
   std::uint64_t Next();
