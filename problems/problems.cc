@@ -9,6 +9,8 @@
 #include "problems/oscillator_tracking.h"
 #include "problems/poisson.h"
 #include "problems/quantum_dipole.h"
+#include "problems/random_polynomial.h"
+#include "problems/regression_1d.h"
 #include "problems/sine.h"
 #include "problems/squared_component.h"
 #include "problems/toy_network.h"
@@ -132,6 +134,15 @@ const std::vector<ProblemRow>& Problems() {
       Learning<Multimodal>("multimodal",
                            "y = x^2, L = 1/2 (y - y*)^2, two pre-images",
                            "PBDL intro-teaser and physgrad-nn"),
+      Learning<Regression1d>(
+          "regression_1d",
+          "y = f(a), y* = exp(-10 a^2) sin(2 a), standardized, L = |y - y*|^2",
+          "Sven benchmark, sambt/sven-experiments; arXiv 2604.01279"),
+      Learning<RandomPolynomial>(
+          "random_polynomial",
+          "y = f(a), y* a polynomial of degree 4 in a_0 .. a_5, standardized, "
+          "L = |y - y*|^2",
+          "Sven benchmark, sambt/sven-experiments; arXiv 2604.01279"),
   };
   return table;
 }

@@ -1,0 +1,99 @@
+#include "problems/random_polynomial.h"
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "glog/logging.h"
+#include "invgrad/io/numpy_generator.h"
+#include "problems/regression.h"
+#include "problems/sample_data.h"
+
+namespace invgrad {
+namespace {
+
+// zlib.crc32 of the streams' names.
+constexpr std::uint32_t kCoefficients = 0x9ec960cf;  // b"coeffs"
+constexpr std::uint32_t kTraining = 0xaf91a986;      // b"pool"
+constexpr std::uint32_t kTesting = 0x97dfba65;       // b"val"
+
+NumpyGenerator Stream(int data_seed, std::uint32_t crc) {
+  return NumpyGenerator((static_cast<std::uint32_t>(data_seed) ^ crc) &
+                        0x7fffffffU);
+}
+
+// Appends the exponents of all monomials of `degree` more factors, none of a
+// variable before `first`.
+void AppendExponents(int first,
+                     int degree,
+                     Eigen::RowVectorXi* exponents,
+                     std::vector<Eigen::RowVectorXi>* all) {
+  if (degree == 0) {
+    all->push_back(*exponents);
+    return;
+  }
+  for (int j = first; j < exponents->size(); ++j) {
+    ++(*exponents)[j];
+    AppendExponents(j, degree - 1, exponents, all);
+    --(*exponents)[j];
+  }
+}
+
+}  // namespace
+
+Eigen::MatrixXi RandomPolynomial::Exponents() {
+  std::vector<Eigen::RowVectorXi> rows;
+  Eigen::RowVectorXi exponents = Eigen::RowVectorXi::Zero(kNumVariables);
+  for (int degree = 0; degree <= kDegree; ++degree) {
+    AppendExponents(0, degree, &exponents, &rows);
+  }
+  Eigen::MatrixXi all(rows.size(), kNumVariables);
+  for (size_t k = 0; k < rows.size(); ++k) all.row(k) = rows[k];
+  return all;
+}
+
+Eigen::VectorXd RandomPolynomial::Evaluate(const Eigen::VectorXd& c,
+                                           const Eigen::MatrixXd& inputs) {
+  const Eigen::MatrixXi exponents = Exponents();
+  CHECK_EQ(c.size(), exponents.rows());
+  CHECK_EQ(inputs.cols(), kNumVariables);
+  Eigen::ArrayXd values = Eigen::ArrayXd::Zero(inputs.rows());
+  for (int k = 0; k < exponents.rows(); ++k) {
+    Eigen::ArrayXd product = Eigen::ArrayXd::Ones(inputs.rows());
+    double mean_square = 1.0;
+    for (int j = 0; j < kNumVariables; ++j) {
+      for (int power = 1; power <= exponents(k, j); ++power) {
+        product *= inputs.col(j).array();
+        mean_square *= 2 * power - 1;
+      }
+    }
+    values += c[k] / std::sqrt(mean_square) * product;
+  }
+  return values;
+}
+
+bool RandomPolynomial::Create(const Options& options,
+                              const Eigen::MatrixXd* data,
+                              LearningProblem* problem,
+                              std::string* error) {
+  Eigen::MatrixXd samples(2 * options.num_samples, kNumVariables + 1);
+  if (data != nullptr) {
+    if (!CheckDataShape(*data, kNumVariables + 1, error)) return false;
+    samples = *data;
+  } else {
+    const auto normal = [&options](std::uint32_t crc, int rows, int cols) {
+      return Stream(options.data_seed, crc).StandardNormal(rows, cols);
+    };
+    const int n = options.num_samples;
+    samples.topLeftCorner(n, kNumVariables) =
+        normal(kTraining, n, kNumVariables);
+    samples.bottomLeftCorner(n, kNumVariables) =
+        normal(kTesting, n, kNumVariables);
+    const int num_monomials = static_cast<int>(Exponents().rows());
+    samples.rightCols(1) = Evaluate(normal(kCoefficients, num_monomials, 1),
+                                    samples.leftCols(kNumVariables));
+  }
+  return MakeRegression(samples, Variance::kBiased, problem, error);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,34 @@
+#include "problems/regression_1d.h"
+
+#include <cmath>
+#include <cstdint>
+
+#include "invgrad/io/numpy_random.h"
+#include "problems/regression.h"
+#include "problems/sample_data.h"
+
+namespace invgrad {
+
+double Regression1d::Target(double a) {
+  return std::exp(-10.0 * a * a) * std::sin(2.0 * a);
+}
+
+bool Regression1d::Create(const Options& options,
+                          const Eigen::MatrixXd* data,
+                          LearningProblem* problem,
+                          std::string* error) {
+  Eigen::MatrixXd samples(2 * options.num_samples, 2);
+  if (data != nullptr) {
+    if (!CheckDataShape(*data, 2, error)) return false;
+    samples = *data;
+  } else {
+    NumpyRandom random(static_cast<std::uint32_t>(options.data_seed));
+    for (auto sample : samples.rowwise()) {
+      sample[0] = 2.0 * random.Rand() - 1.0;
+      sample[1] = Target(sample[0]);
+    }
+  }
+  return MakeRegression(samples, Variance::kUnbiased, problem, error);
+}
+
+}  // namespace invgrad
