@@ -40,6 +40,7 @@
 #define INVGRAD_RULES_KFAC_RULE_H_
 
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/linalg/spectral_filter.h"
@@ -68,6 +69,7 @@ class KfacRule final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
   std::string LastStepReport() const override { return report_; }
 
  private:

@@ -1,5 +1,6 @@
 #include "invgrad/rules/krylov_rule.h"
 
+#include <algorithm>
 #include <sstream>
 
 #include "glog/logging.h"
@@ -34,6 +35,14 @@ KrylovRule::KrylovRule(const Options& options) : options_(options) {
 LinearizationParts KrylovRule::Needs() const {
   LinearizationParts parts;
   parts.jacobian = true;
+  return parts;
+}
+
+std::vector<MemoryPart> KrylovRule::StepMemory(const JacobianSizes& J) const {
+  const double size = std::min(J.rows, J.cols);
+  const double num_vectors = std::min<double>(options_.iterations, size);
+  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
+  parts.push_back({"Krylov basis", sizeof(double) * num_vectors * size});
   return parts;
 }
 

@@ -30,6 +30,7 @@
 
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/linalg/golub_kahan.h"
@@ -57,6 +58,7 @@ class KrylovRule final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
   std::string LastStepReport() const override { return report_; }
 
  private:

@@ -81,6 +81,7 @@ class SpectralRule final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
   // The routes' histories, which choose the next step's routes.
   std::vector<Eigen::VectorXd*> MutableState() override {
     return {&histories_};
