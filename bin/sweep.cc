@@ -33,6 +33,7 @@
 #include <cmath>
 #include <filesystem>
 #include <iostream>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -207,6 +208,19 @@ class LiveLine {
   Progress progress_;
 };
 
+// Once for every batch size and number of samples.
+void WarnOfLeftOutSamples(const SweepPlan& plan) {
+  std::set<std::string> warnings;
+  for (const SweepJob& job : plan.jobs) {
+    if (job.method.ceres != nullptr) continue;
+    warnings.insert(
+        LeftOutSamples(job.batch_size, job.problem->train.num_samples()));
+  }
+  for (const std::string& warning : warnings) {
+    if (!warning.empty()) Warn(warning);
+  }
+}
+
 // Runs the jobs that are not done yet, and reads all results.
 bool RunJobs(const SweepPlan& plan,
              std::vector<SweepRun>* runs,
@@ -281,6 +295,7 @@ int Run() {
           FLAGS_output, existing, FlagFileText(__FILE__), &error)) {
     return Fail(error);
   }
+  WarnOfLeftOutSamples(plan);
   const Interrupt interrupt;
   std::vector<SweepRun> runs;
   if (!RunJobs(plan, &runs, &error)) return Fail(error);

@@ -39,6 +39,9 @@ bool Exponential::Create(const Options& options,
                          const Eigen::MatrixXd* data,
                          LearningProblem* problem,
                          std::string* error) {
+  if (!CheckDataMemory(data, options.num_samples, 1, 3, "", error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!CheckDataShape(*data, 1, error)) return false;
     problem->data = *data;

@@ -43,6 +43,15 @@ bool CreateLearning(const HeatLearningOptions& options,
                     std::string* error) {
   const auto simulator = MakeSimulator(options.physics, rows);
   const int size = simulator->num_inputs();
+  if (!CheckDataMemory(
+          data,
+          options.num_samples,
+          size,
+          3.0 * size,
+          ":resolution=" + std::to_string(options.physics.resolution),
+          error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!CheckDataShape(*data, size, error)) return false;
     problem->data = *data;

@@ -49,6 +49,15 @@ bool OscillatorChain::Create(const Options& options,
     batch_size = 128;
   }
   const int state_size = 2 * options.num_oscillators;
+  if (!CheckDataMemory(
+          data,
+          options.num_samples,
+          state_size,
+          3.0 * state_size,
+          ":num_oscillators=" + std::to_string(options.num_oscillators),
+          error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!CheckDataShape(*data, state_size, error)) return false;
     problem->data = *data;

@@ -192,6 +192,16 @@ bool OscillatorTracking::Create(const Options& options,
                                 LearningProblem* problem,
                                 std::string* error) {
   const int state_size = StateSize(options);
+  if (!CheckDataMemory(
+          data,
+          options.num_samples,
+          state_size,
+          2.0 * state_size + 2.0 * options.horizon,
+          ":num_oscillators=" + std::to_string(options.num_oscillators) +
+              ":horizon=" + std::to_string(options.horizon),
+          error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!CheckDataShape(*data, state_size, error)) return false;
     problem->data = *data;

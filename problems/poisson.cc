@@ -65,6 +65,14 @@ bool Poisson::Create(const Options& options,
                      std::string* error) {
   const int n = options.resolution;
   const int size = n * n;
+  if (!CheckDataMemory(data,
+                       options.num_samples,
+                       size,
+                       3.0 * size,
+                       ":resolution=" + std::to_string(n),
+                       error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!CheckDataShape(*data, size, error)) return false;
     problem->data = *data;

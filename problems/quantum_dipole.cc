@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <memory>
 
-#include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/sample_data.h"
 
@@ -41,12 +40,43 @@ bool AreTargets(const Eigen::MatrixXd& data, std::string* error) {
   return true;
 }
 
+std::shared_ptr<const Loss> MakeLoss(bool rescale) {
+  if (rescale) return std::make_shared<RescaledInfidelity>();
+  return std::make_shared<AutoDiffLoss<Infidelity, kStateSize>>();
+}
+
 }  // namespace
+
+bool RescaledInfidelity::Evaluate(const double* y,
+                                  const double* target,
+                                  double* loss,
+                                  double* gradient,
+                                  double* hessian) const {
+  if (!infidelity_.Evaluate(y, target, loss, gradient, hessian)) return false;
+  using State = Eigen::Matrix<double, kStateSize, 1>;
+  // Real and imaginary parts as one real vector: Re <y*|y>.
+  const double overlap =
+      Eigen::Map<const State>(target).dot(Eigen::Map<const State>(y));
+  const double factor = 1.0 / std::abs(overlap);
+  bool is_finite = true;
+  const auto rescale = [&](double* values, int size) {
+    if (values == nullptr) return;
+    Eigen::Map<Eigen::VectorXd>(values, size) *= factor;
+    is_finite &= AllFinite(values, size);
+  };
+  rescale(gradient, kStateSize);
+  rescale(hessian, kStateSize * kStateSize);
+  return is_finite;
+}
 
 bool QuantumDipole::Create(const Options& options,
                            const Eigen::MatrixXd* data,
                            LearningProblem* problem,
                            std::string* error) {
+  if (!CheckDataMemory(
+          data, options.num_samples, kStateSize, 3.0 * kStateSize, "", error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!AreTargets(*data, error)) return false;
     problem->data = *data;
@@ -65,7 +95,7 @@ bool QuantumDipole::Create(const Options& options,
       DenseNetwork({kStateSize, 20, 20, 20, options.num_steps},
                    Activation::kTanh),
       std::make_shared<SchroedingerSimulator>(options.num_steps, options.dt),
-      std::make_shared<AutoDiffLoss<Infidelity, kStateSize>>(),
+      MakeLoss(options.rescale),
       Reduction::kMean);
   return true;
 }

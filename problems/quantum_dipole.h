@@ -24,6 +24,16 @@
 //          y in the ground state, is a stationary point, at L = 1. As the norm
 //          is conserved, y^T J = 0 for every sample, and a batch has B singular
 //          values that are zero.
+// rescale: multiplies the gradient of each sample's L in y, and its Hessian, by
+//          1 / |Re <y*|y>|, a factor that is not differentiated; L is reported
+//          as it is. The gradient's own factor |<y*|y>|, which stops samples
+//          that are far from their targets, is so taken out. But g is then the
+//          derivative of no function: gradient checks fail, and step_size=auto
+//          minimizes the model of another loss than the reported one. As L does
+//          not depend on the phase of y and Re <y*|y> does, the factor grows
+//          without bound where the phase comes near i or -i, however good y is;
+//          where Re <y*|y> = 0 there is no gradient, and the run diverges. The
+//          release has it as an option, off in its runs.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
 //          and its code, Quantum_dipole/.
 #ifndef PROBLEMS_QUANTUM_DIPOLE_H_
@@ -32,6 +42,8 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/chain/loss.h"
 #include "problems/problem.h"
 #include "problems/schroedinger.h"
 
@@ -51,12 +63,29 @@ struct Infidelity {
   }
 };
 
+// The infidelity with its gradient and Hessian multiplied by 1 / |Re <y*|y>|:
+// see `rescale` above. Evaluate returns false if they are wanted and not
+// finite, as where Re <y*|y> = 0.
+class RescaledInfidelity final : public Loss {
+ public:
+  int size() const override { return infidelity_.size(); }
+  bool Evaluate(const double* y,
+                const double* target,
+                double* loss,
+                double* gradient,
+                double* hessian) const override;
+
+ private:
+  AutoDiffLoss<Infidelity, SchroedingerSimulator::kStateSize> infidelity_;
+};
+
 struct QuantumDipole {
   struct Options {
     int num_steps = 384;
     double dt = 0.05;
     int num_samples = 1024;
     int data_seed = 1;
+    bool rescale = false;
     void Describe(OptionSet* set) {
       set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
       set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
@@ -65,6 +94,9 @@ struct QuantumDipole {
                {1, 1e7},
                "training samples; as many again are for testing");
       set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      set->Add("rescale",
+               &rescale,
+               "multiply each sample's gradient by 1 / |Re <y*|y>|");
     }
   };
 

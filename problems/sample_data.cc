@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "invgrad/linalg/memory_limit.h"
+
 namespace invgrad {
 
 bool CheckDataShape(const Eigen::MatrixXd& data,
@@ -13,6 +15,24 @@ bool CheckDataShape(const Eigen::MatrixXd& data,
            std::to_string(data.rows()) + ", " + std::to_string(data.cols()) +
            ")";
   return false;
+}
+
+bool CheckDataMemory(const Eigen::MatrixXd* data,
+                     int num_samples,
+                     double num_columns,
+                     double num_rows,
+                     const std::string& settings,
+                     std::string* error) {
+  const double num_all =
+      data != nullptr ? static_cast<double>(data->rows()) : 2.0 * num_samples;
+  const std::string who =
+      data != nullptr ? "data of " + std::to_string(data->rows()) + " samples"
+                      : "num_samples=" + std::to_string(num_samples);
+  return FitsInMemory(
+      who + settings,
+      {{"its data", sizeof(double) * num_all * (num_columns + 2.0 * num_rows)}},
+      0.0,
+      error);
 }
 
 void SplitSamples(const DataSet& samples,

@@ -190,6 +190,28 @@ bool SchroedingerSimulator::Evaluate(const double* x,
   return AllFinite(jacobian, kStateSize * num_steps_);
 }
 
+std::string SchroedingerSimulator::DescribeFailure(
+    const double* x, const double* context) const {
+  Scratch<Step> steps(num_steps_);
+  Factor(x, steps.data());
+  GridFunction psi = FromState(context), midpoint;
+  // The step of the first source that is not finite, if there is one.
+  int failed_derivative = num_steps_;
+  for (int t = 0; t < num_steps_; ++t) {
+    Solve(steps[t].inverse_pivots, psi, &midpoint);
+    Advance(midpoint, &psi);
+    if (!IsFinite(psi)) {
+      return AtTimeStep("the state is not finite after", t, num_steps_);
+    }
+    if (failed_derivative == num_steps_ && !IsFinite(Source(midpoint))) {
+      failed_derivative = t;
+    }
+  }
+  if (failed_derivative == num_steps_) return "";
+  return AtTimeStep(
+      "its derivative is not finite at", failed_derivative, num_steps_);
+}
+
 template <typename Visit>
 void SchroedingerSimulator::ChainBack(const double* w,
                                       const Step* steps,

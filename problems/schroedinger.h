@@ -36,6 +36,8 @@
 #ifndef PROBLEMS_SCHROEDINGER_H_
 #define PROBLEMS_SCHROEDINGER_H_
 
+#include <string>
+
 #include "Eigen/Core"
 #include "invgrad/chain/simulator.h"
 
@@ -72,6 +74,8 @@ class SchroedingerSimulator final : public Simulator {
                        const double* context,
                        const double* w,
                        double* hessian) const override;
+  std::string DescribeFailure(const double* x,
+                              const double* context) const override;
 
  private:
   // kWidth complex functions on the points, side by side: point k of the j-th
@@ -108,6 +112,9 @@ class SchroedingerSimulator final : public Simulator {
   // -i dt X f.
   GridFunction Source(const GridFunction& f) const;
   static GridFunction FromState(const double* state);
+  static bool IsFinite(const GridFunction& f) {
+    return AllFinite(f.re, kNumPoints) && AllFinite(f.im, kNumPoints);
+  }
   // Computes y, and fills the steps.
   bool RollOut(const double* x,
                const double* context,

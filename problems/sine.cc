@@ -108,6 +108,9 @@ bool Sine::Create(const Options& options,
                   const Eigen::MatrixXd* data,
                   LearningProblem* problem,
                   std::string* error) {
+  if (!CheckDataMemory(data, options.num_samples, 2, 4, "", error)) {
+    return false;
+  }
   if (data != nullptr) {
     if (!CheckDataShape(*data, 2, error)) return false;
     if ((data->col(0).array().abs() > 1.0).any()) {

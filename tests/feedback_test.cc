@@ -440,10 +440,16 @@ TEST(ClosedLoop, ErrorsNameTheSample) {
   expect_error(weights, data, "sample 2: the network's output is not finite");
   data = good;
   data.contexts(0, 2) = nan;
-  expect_error(weights, data, "sample 2: the simulator has no finite value");
+  expect_error(weights,
+               data,
+               "sample 2: the simulator has no finite value: there is no "
+               "finite state after time step 1 of 3");
   VectorXd huge = weights;
   huge[huge.size() - 1] = 100.0;  // the torque's bias: the step refuses it
-  expect_error(huge, good, "sample 0: the simulator has no finite value");
+  expect_error(huge,
+               good,
+               "sample 0: the simulator has no finite value: there is no "
+               "finite state after time step 1 of 3");
 }
 
 TEST(ClosedLoopDeathTest, RefusesPartsThatDoNotFit) {

@@ -297,14 +297,19 @@ TEST(Model, ErrorsNameTheSample) {
   expect_error(weights, data, "sample 2: the network's output is not finite");
   data = RandomData(4);
   data.contexts(0, 2) = nan;
-  expect_error(weights, data, "sample 2: the simulator has no finite value");
+  expect_error(weights,
+               data,
+               "sample 2: the simulator has no finite value: the state is not "
+               "finite after time step 1 of 3");
   data = RandomData(4);
   data.targets(1, 2) = 1e200;
   expect_error(weights, data, "sample 2: the loss has no finite value");
   VectorXd huge = weights;
   huge[huge.size() - 1] = 100.0;  // the last torque's bias: the step refuses it
-  expect_error(
-      huge, RandomData(4), "sample 0: the simulator has no finite value");
+  expect_error(huge,
+               RandomData(4),
+               "sample 0: the simulator has no finite value: the step has no "
+               "value at time step 3 of 3");
   // Three finite losses whose sum is not.
   const Model sum =
       PendulumModel(std::make_shared<SquaredNormLoss>(2, 0.5), Reduction::kSum);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 #include <sstream>
 
 #include "bin/support/csv_field.h"
@@ -455,6 +456,21 @@ bool RunOrLoad(const LearningProblem& problem,
   return RunLearning(problem, method, seed, weights, run, result, error);
 }
 
+// Once for every batch size. Ceres' minimizers take all samples.
+void WarnOfLeftOutSamples(const LearningProblem& problem,
+                          const std::vector<Method>& methods,
+                          const LearningComparisonOptions& options) {
+  std::set<int> batch_sizes;
+  for (const Method& method : methods) {
+    if (method.ceres != nullptr) continue;
+    const int batch_size = BatchSize(problem, method, options);
+    if (!batch_sizes.insert(batch_size).second) continue;
+    const std::string warning =
+        LeftOutSamples(batch_size, problem.train.num_samples());
+    if (!warning.empty()) Warn(warning);
+  }
+}
+
 }  // namespace
 
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
@@ -470,6 +486,19 @@ int BatchSize(const LearningProblem& problem,
   if (options.batch_size >= 0) batch_size = options.batch_size;
   if (method.batch_size >= 0) batch_size = method.batch_size;
   return batch_size == 0 ? problem.train.num_samples() : batch_size;
+}
+
+std::string LeftOutSamples(int batch_size, int num_samples) {
+  const int num_left_out = num_samples % batch_size;
+  if (num_left_out == 0) return "";
+  int below = batch_size;
+  while (num_samples % below != 0) --below;
+  int above = batch_size;
+  while (num_samples % above != 0) ++above;
+  return "batch_size=" + std::to_string(batch_size) + ": " +
+         std::to_string(num_left_out) + " of " + std::to_string(num_samples) +
+         " samples are left out of every epoch; divisors near: " +
+         std::to_string(below) + ", " + std::to_string(above);
 }
 
 bool CheckLearningComparison(const LearningProblem& problem,
@@ -511,6 +540,7 @@ bool CompareLearning(const LearningProblem& problem,
   if (!WriteNpy(options.output + "/data.npy", problem.data, error)) {
     return false;
   }
+  WarnOfLeftOutSamples(problem, methods, options);
   std::vector<MethodResults> all;
   all.reserve(methods.size());
   for (const Method& method : methods) {

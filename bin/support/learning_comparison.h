@@ -53,6 +53,11 @@ int BatchSize(const LearningProblem& problem,
               const Method& method,
               const LearningComparisonOptions& options);
 
+// What a user should know about a batch size that does not divide the number of
+// samples: "batch_size=100: 96 of 4096 samples are left out of every epoch;
+// divisors near: 64, 128". Empty if it does.
+std::string LeftOutSamples(int batch_size, int num_samples);
+
 // Runs everything and prints the table to `out`. `initial_weights`, if not
 // empty, replace those of every seed. False if results cannot be written.
 bool CompareLearning(const LearningProblem& problem,

@@ -120,7 +120,8 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
     if (!PullBackSample(
             x.col(s), batch, s, covector, y.data(), &sample.result)) {
       if (sample.error.empty()) {
-        sample.error = "the simulator has no finite value";
+        sample.error = SimulatorFailure(
+            model_.simulator(), x.col(s).data(), ContextOf(batch, s).data());
       }
       return;
     }

@@ -17,7 +17,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-bool SampleError(int sample, const char* what, std::string* error) {
+bool SampleError(int sample, const std::string& what, std::string* error) {
   *error = "sample " + std::to_string(sample) + ": " + what;
   return false;
 }
@@ -26,13 +26,37 @@ bool SampleError(int sample, const char* what, std::string* error) {
 constexpr int kPieceSize = 512;
 
 constexpr char kNetworkFailed[] = "the network's output is not finite";
-constexpr char kSimulatorFailed[] = "the simulator has no finite value";
 constexpr char kLossFailed[] = "the loss has no finite value";
 constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
+constexpr char kNoNextState[] =
+    "the simulator has no finite value: there is no finite state after";
 
 const double* Context(const DataSet& batch, int sample) {
   return batch.contexts.rows() == 0 ? nullptr
                                     : batch.contexts.col(sample).data();
+}
+
+bool SimulatorError(const Simulator& simulator,
+                    const Eigen::Map<const MatrixXd>& x,
+                    const DataSet& batch,
+                    int sample,
+                    std::string* error) {
+  return SampleError(
+      sample,
+      SimulatorFailure(simulator, x.col(sample).data(), Context(batch, sample)),
+      error);
+}
+
+// As far as the open roll-out knows, which has already succeeded.
+bool LoopError(const Simulator& simulator,
+               const Eigen::Map<const MatrixXd>& x,
+               const DataSet& batch,
+               int sample,
+               std::string* error) {
+  const std::string where =
+      simulator.DescribeFailure(x.col(sample).data(), Context(batch, sample));
+  return SampleError(
+      sample, kLoopFailed + (where.empty() ? "" : ": " + where), error);
 }
 
 bool CheckCost(double cost, std::string* error) {
@@ -173,7 +197,8 @@ bool Model::ForwardInLoop(const VectorXd& weights,
         if (!feedback_->Advance(states.col(s).data(),
                                 call.outputs.col(s).data(),
                                 next.data())) {
-          return SampleError(s, kSimulatorFailed, error);
+          return SampleError(
+              s, AtTimeStep(kNoNextState, t - 1, num_calls()), error);
         }
         states.col(s) = next;
       }
@@ -213,7 +238,7 @@ bool Model::CloseLoop(const VectorXd& weights,
             Context(batch, s),
             K.topRows(feedback_->state_size()).middleCols(s * num_x, num_x),
             x_bar.middleCols(s * per_sample, per_sample))) {
-      return SampleError(s, kLoopFailed, error);
+      return LoopError(*simulator_, x, batch, s, error);
     }
   }
   return true;
@@ -272,8 +297,8 @@ bool Model::CostAndGradient(const VectorXd& weights,
                               covector,
                               y.data(),
                               x_bar.col(s).data())) {
-      return SampleError(
-          s, loss_failed ? kLossFailed : kSimulatorFailed, error);
+      return loss_failed ? SampleError(s, kLossFailed, error)
+                         : SimulatorError(*simulator_, x, batch, s, error);
     }
   }
   if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
@@ -313,7 +338,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                               Context(batch, s),
                               y.data(),
                               jacobians.col(s * num_y).data())) {
-      return SampleError(s, kSimulatorFailed, error);
+      return SimulatorError(*simulator_, x, batch, s, error);
     }
     double value = 0.0;
     if (!loss_->Evaluate(y.data(),
@@ -344,7 +369,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                        Context(batch, s),
                                        loss_gradients.col(s).data(),
                                        x_hessians[s].data())) {
-        return SampleError(s, kSimulatorFailed, error);
+        return SimulatorError(*simulator_, x, batch, s, error);
       }
       x_hessians[s].noalias() += J_transposed *
                                  loss_hessians.middleCols(s * num_y, num_y) *
@@ -365,7 +390,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                              x_hessians,
                              &linearization->hessian,
                              &failed)) {
-        return SampleError(failed, kLoopFailed, error);
+        return LoopError(*simulator_, x, batch, failed, error);
       }
     }
   }
@@ -453,7 +478,7 @@ bool Model::PredictPiece(const VectorXd& weights,
                               Context(batch, s),
                               outputs.col(s).data(),
                               nullptr)) {
-      return SampleError(s, kSimulatorFailed, error);
+      return SimulatorError(*simulator_, x, batch, s, error);
     }
   }
   return true;

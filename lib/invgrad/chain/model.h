@@ -26,8 +26,8 @@
 //          CloseLoop a sample; for the Hessian closed_loop_hessian.h.
 // Fails:   Linearize, Cost and Predict return false with a message naming the
 //          sample (its column in the batch) if a simulator or loss fails or a
-//          value is not finite. Empty batches and sizes that do not fit are
-//          CHECKed.
+//          value is not finite; of a roll-out also the time step. Empty batches
+//          and sizes that do not fit are CHECKed.
 // Immutable: threads may share a model whose simulator and loss they may share.
 #ifndef INVGRAD_CHAIN_MODEL_H_
 #define INVGRAD_CHAIN_MODEL_H_

@@ -33,6 +33,8 @@
 #define INVGRAD_CHAIN_ROLL_OUT_H_
 
 #include <algorithm>
+#include <limits>
+#include <string>
 #include <utility>
 
 #include "Eigen/Core"
@@ -88,6 +90,39 @@ class RollOut {
           next.data() + state_size_, output_size_, outputs + t * output_size_);
     }
     return AllFinite(state, state_size_) && AllFinite(outputs, num_outputs());
+  }
+
+  // Which step is to blame where Run, Linearize or WeightedHessian have failed
+  // or what was chained from G is not finite: Simulator::DescribeFailure.
+  std::string DescribeFailure(const double* x, const double* start) const {
+    Scratch<double> state(state_size_);
+    Scratch<double> next(state_size_ + output_size_);
+    std::copy_n(start, state_size_, state.data());
+    for (Index t = 0; t < num_steps_; ++t) {
+      if (!map_(t, state.data(), x + t * control_size_, next.data())) {
+        return AtTimeStep("the step has no value at", t, num_steps_);
+      }
+      if (!AllFinite(next.data(), state_size_)) {
+        return AtTimeStep("the state is not finite after", t, num_steps_);
+      }
+      if (!AllFinite(next.data() + state_size_, output_size_)) {
+        return AtTimeStep("the output is not finite at", t, num_steps_);
+      }
+      std::copy_n(next.data(), state_size_, state.data());
+    }
+    Scratch<double> outputs(num_outputs());
+    Scratch<double> G(num_steps_ * JacobianSize());
+    std::fill_n(G.data(),
+                num_steps_ * JacobianSize(),
+                std::numeric_limits<double>::quiet_NaN());
+    Linearize(x, start, state.data(), outputs.data(), nullptr, G.data());
+    for (Index t = 0; t < num_steps_; ++t) {
+      if (!AllFinite(G.data() + t * JacobianSize(), JacobianSize())) {
+        return AtTimeStep("its derivative is not finite at", t, num_steps_);
+      }
+    }
+    return "its derivatives are finite at every time step, and not over all " +
+           std::to_string(num_steps_);
   }
 
   // Runs, keeping G_t of every step, row-major, and the states before the steps

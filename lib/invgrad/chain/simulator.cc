@@ -15,6 +15,13 @@ bool AllFinite(const double* values, std::ptrdiff_t size) {
   return all_finite;
 }
 
+std::string AtTimeStep(const std::string& what,
+                       std::ptrdiff_t t,
+                       std::ptrdiff_t num_steps) {
+  return what + " time step " + std::to_string(t + 1) + " of " +
+         std::to_string(num_steps);
+}
+
 bool Simulator::PullBack(const double* x,
                          const double* context,
                          const Covector& covector,
@@ -31,6 +38,14 @@ bool Simulator::PullBack(const double* x,
       Eigen::Map<const Eigen::MatrixXd>(jacobian.data(), cols, rows) *
       Eigen::Map<const Eigen::VectorXd>(w.data(), rows);
   return AllFinite(x_bar, cols);
+}
+
+std::string SimulatorFailure(const Simulator& simulator,
+                             const double* x,
+                             const double* context) {
+  const std::string where = simulator.DescribeFailure(x, context);
+  return "the simulator has no finite value" +
+         (where.empty() ? "" : ": " + where);
 }
 
 bool IdentitySimulator::Evaluate(const double* x,

@@ -17,11 +17,17 @@
 
 #include <cstddef>
 #include <functional>
+#include <string>
 
 namespace invgrad {
 
 // Whether none of `size` values is infinite or NaN.
 bool AllFinite(const double* values, std::ptrdiff_t size);
+
+// "the state is not finite after time step 17 of 96", of the step t = 16.
+std::string AtTimeStep(const std::string& what,
+                       std::ptrdiff_t t,
+                       std::ptrdiff_t num_steps);
 
 class Simulator {
  public:
@@ -55,7 +61,20 @@ class Simulator {
                                const double* context,
                                const double* w,
                                double* hessian) const = 0;
+
+  // After one of the functions above has failed: where, for a message; empty if
+  // there is nothing to say but that it failed. Evaluates once more.
+  virtual std::string DescribeFailure(const double* /*x*/,
+                                      const double* /*context*/) const {
+    return "";
+  }
 };
+
+// What a message says where it has failed: "the simulator has no finite value"
+// and, if known, ": " and where.
+std::string SimulatorFailure(const Simulator& simulator,
+                             const double* x,
+                             const double* context);
 
 // y = x: the chain without physics.
 class IdentitySimulator final : public Simulator {

@@ -20,6 +20,7 @@
 #define INVGRAD_CHAIN_TIME_STEPPING_SIMULATOR_H_
 
 #include <algorithm>
+#include <string>
 #include <utility>
 
 #include "Eigen/Core"
@@ -151,6 +152,11 @@ class TimeSteppingSimulator final : public Simulator, public Feedback {
         nullptr,
         Eigen::Map<const Eigen::VectorXd>(w, state_size()),
         hessian);
+  }
+
+  std::string DescribeFailure(const double* x,
+                              const double* context) const override {
+    return roll_out_.DescribeFailure(x, context);
   }
 
  private:

@@ -31,6 +31,7 @@
 #define INVGRAD_CHAIN_TRAJECTORY_SIMULATOR_H_
 
 #include <algorithm>
+#include <string>
 #include <utility>
 
 #include "Eigen/Core"
@@ -175,6 +176,11 @@ class TrajectorySimulator final : public Simulator, public Feedback {
                        double* hessian) const override {
     return roll_out_.WeightedHessian(
         x, context, w, Eigen::VectorXd::Zero(state_size()), hessian);
+  }
+
+  std::string DescribeFailure(const double* x,
+                              const double* context) const override {
+    return roll_out_.DescribeFailure(x, context);
   }
 
  private:

@@ -1,16 +1,14 @@
 #include "invgrad/linalg/spectral_step.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <iomanip>
 #include <limits>
 #include <sstream>
 
 #include "glog/logging.h"
 #include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/finite.h"
+#include "invgrad/linalg/memory_limit.h"
 #include "invgrad/linalg/spectral_routes.h"
 #include "invgrad/linalg/step_error.h"
 
@@ -31,29 +29,24 @@ constexpr Index kSmallestThreaded = 1000;
 constexpr Index kSmallestKrylov = 1000;
 constexpr double kLargestKrylovShare = 1.0 / 12.0;
 
+// From here on a matrix is larger than any machine, and its size may leave the
+// range of int: for estimates of memory.
+constexpr double kLargestSize = 1 << 24;
+
 // A Gram matrix that was not accurate enough is tried again after this many
 // steps.
 constexpr int kStepsBetweenTries = 20;
 
-double AllowedBytes(const SpectralStepOptions& options) {
-  if (options.memory_limit > 0.0) return options.memory_limit;
-  return 0.75 * sysconf(_SC_PHYS_PAGES) * sysconf(_SC_PAGESIZE);
-}
-
-bool FitsInMemory(const SpectralProblem& problem,
-                  SpectralRoute route,
-                  const SpectralStepOptions& options,
-                  std::string* message) {
-  const double needed = SpectralStepBytes(route, problem.m(), problem.n());
-  const double allowed = AllowedBytes(options);
-  if (needed <= allowed) return true;
-  std::ostringstream text;
-  text << std::fixed << std::setprecision(2) << "route "
-       << SpectralRouteName(route) << " with J " << problem.m() << " x "
-       << problem.n() << " needs " << needed * 1e-9 << " GB, allowed are "
-       << allowed * 1e-9;
-  *message = text.str();
-  return false;
+bool RouteFits(const SpectralProblem& problem,
+               SpectralRoute route,
+               double memory_limit,
+               std::string* message) {
+  const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
+  std::ostringstream who;
+  who << "route " << SpectralRouteName(route) << " with J " << problem.m()
+      << " x " << problem.n();
+  return FitsInMemory(
+      who.str(), {{"its matrices", bytes}}, memory_limit, message);
 }
 
 bool TakeRoute(const SpectralProblem& problem,
@@ -64,7 +57,9 @@ bool TakeRoute(const SpectralProblem& problem,
                SpectralStepSummary* summary) {
   *summary = SpectralStepSummary();
   summary->route = route;
-  if (!FitsInMemory(problem, route, options, &summary->message)) return false;
+  if (!RouteFits(problem, route, options.memory_limit, &summary->message)) {
+    return false;
+  }
   switch (route) {
     case SpectralRoute::kSvd:
       return SvdRoute(problem, workspace, d, summary);
@@ -75,12 +70,13 @@ bool TakeRoute(const SpectralProblem& problem,
       return CascadeRoute(
           problem, options.tolerance, false, workspace, d, summary);
     case SpectralRoute::kGolubKahan:
-      return GolubKahanRoute(problem,
-                             options.tolerance,
-                             AllowedBytes(options),
-                             workspace,
-                             d,
-                             summary);
+      return GolubKahanRoute(
+          problem,
+          options.tolerance,
+          options.memory_limit > 0.0 ? options.memory_limit : MemoryLimit(),
+          workspace,
+          d,
+          summary);
     case SpectralRoute::kGradient:
       return GradientRoute(problem, d, summary);
     case SpectralRoute::kAuto:
@@ -337,8 +333,8 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
   // A Gram matrix and the buffers of its reduction and function.
   const auto gram = [](double k, Tridiagonalization::Method method) {
     return kDouble * k * k + 800.0 * k +
-           static_cast<double>(
-               Tridiagonalization::Bytes(static_cast<int>(k), method));
+           static_cast<double>(Tridiagonalization::Bytes(
+               static_cast<int>(std::min(k, kLargestSize)), method));
   };
   switch (route) {
     case SpectralRoute::kSvd:

@@ -106,7 +106,7 @@ struct SpectralStepOptions {
   // threshold within this relative distance of tau s_max: 0 insists on the
   // sharp threshold.
   double threshold_tolerance = 0.0;
-  // In bytes; 0: three quarters of the machine's memory.
+  // In bytes; 0: that of memory_limit.h.
   double memory_limit = 0.0;
 };
 

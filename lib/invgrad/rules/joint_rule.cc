@@ -67,7 +67,8 @@ bool JointRule::FindStepSize(const Linearization& at_x,
         model = AlongDirection();
       }
     }
-    if (!d_.isZero(0.0) && options.is_auto() && !AutoStepSize(model, options.rho, eta, error)) {
+    if (!d_.isZero(0.0) && options.is_auto() &&
+        !AutoStepSize(model, options.rho, eta, error)) {
       return false;
     }
   }

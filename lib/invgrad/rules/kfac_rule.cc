@@ -2,6 +2,7 @@
 
 #include <lapacke.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -106,6 +107,22 @@ void KfacRule::Options::Describe(OptionSet* set) { DescribeJoint(set); }
 
 KfacRule::KfacRule(const Options& options) : JointRule(options) {
   CheckOptions(options);
+}
+
+std::vector<MemoryPart> KfacRule::StepMemory(const JacobianSizes& J) const {
+  // Of the largest layer: eigenvectors and dsyevd's two matrices. The layer's
+  // deltas, or its inputs, are copied once.
+  double largest = 0.0;
+  for (const JacobianSizes::Layer& layer : J.layers) {
+    const double squares =
+        layer.fan_in * layer.fan_in + layer.fan_out * layer.fan_out;
+    largest = std::max(
+        largest, sizeof(double) * (3.0 * squares + layer.fan_out * J.rows));
+  }
+  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
+  parts.push_back({"factors of J", J.factor_bytes});
+  parts.push_back({"eigenproblems of a layer", largest});
+  return parts;
 }
 
 bool KfacRule::ComputeDirection(const Linearization& at_x,

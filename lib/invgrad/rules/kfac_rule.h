@@ -40,6 +40,7 @@
 #define INVGRAD_RULES_KFAC_RULE_H_
 
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/linalg/spectral_filter.h"
@@ -59,6 +60,8 @@ class KfacRule final : public JointRule {
   };
 
   explicit KfacRule(const Options& options);
+
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
 
  private:
   bool ComputeDirection(const Linearization& at_x,

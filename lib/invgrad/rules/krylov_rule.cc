@@ -1,5 +1,6 @@
 #include "invgrad/rules/krylov_rule.h"
 
+#include <algorithm>
 #include <sstream>
 
 #include "glog/logging.h"
@@ -27,6 +28,14 @@ void KrylovRule::Options::Describe(OptionSet* set) {
 KrylovRule::KrylovRule(const Options& options)
     : JointRule(options), options_(options) {
   CheckOptions(options);
+}
+
+std::vector<MemoryPart> KrylovRule::StepMemory(const JacobianSizes& J) const {
+  const double size = std::min(J.rows, J.cols);
+  const double num_vectors = std::min<double>(options_.iterations, size);
+  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
+  parts.push_back({"Krylov basis", sizeof(double) * num_vectors * size});
+  return parts;
 }
 
 bool KrylovRule::ComputeDirection(const Linearization& at_x,

@@ -30,6 +30,7 @@
 
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/linalg/golub_kahan.h"
@@ -51,6 +52,8 @@ class KrylovRule final : public JointRule {
   };
 
   explicit KrylovRule(const Options& options);
+
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
 
  private:
   bool ComputeDirection(const Linearization& at_x,

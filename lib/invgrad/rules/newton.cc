@@ -61,6 +61,15 @@ LinearizationParts Newton::Needs() const {
   return parts;
 }
 
+std::vector<MemoryPart> Newton::StepMemory(const JacobianSizes& J) const {
+  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
+  // The scaled H and its factor; the eigenvectors and dsyevd's two matrices.
+  const double num_matrices = options_.saddle_free ? 3.0 : 2.0;
+  parts.push_back({"factorization of the Hessian",
+                   num_matrices * sizeof(double) * J.cols * J.cols});
+  return parts;
+}
+
 bool Newton::ComputeStep(const Linearization& at_x,
                          VectorXd* step,
                          std::string* error) {

@@ -28,6 +28,7 @@
 #define INVGRAD_RULES_NEWTON_H_
 
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/rules/option_set.h"
@@ -52,6 +53,7 @@ class Newton final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
   std::string LastStepReport() const override { return report_; }
 
  private:

@@ -122,6 +122,38 @@ std::vector<Eigen::VectorXd*> SpectralRule::MutableState() {
   return state;
 }
 
+std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
+  const auto of_step = [this](double rows, double cols) -> MemoryPart {
+    SpectralRoute route = spectral_options_.route;
+    if (route == SpectralRoute::kAuto) {
+      // It begins with the Gram matrix, and asks again before it takes more.
+      route = options_.filter.IsGradientDescent() ? SpectralRoute::kGradient
+              : rows <= cols                      ? SpectralRoute::kGram
+                             : SpectralRoute::kParameterGram;
+    }
+    return {std::string("route ") + SpectralRouteName(route),
+            SpectralStepBytes(route,
+                              static_cast<Eigen::Index>(rows),
+                              static_cast<Eigen::Index>(cols))};
+  };
+  MemoryPart step;
+  if (options_.layerwise && !J.layers.empty()) {
+    // The layers, one after the other, share the memory of the largest.
+    for (const JacobianSizes::Layer& layer : J.layers) {
+      const MemoryPart part = of_step(J.rows, layer.fan_in * layer.fan_out);
+      if (part.bytes > step.bytes) step = part;
+    }
+  } else {
+    step = of_step(J.rows, J.cols);
+  }
+  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
+  parts.push_back(step);
+  if (spectral_options_.route != SpectralRoute::kGolubKahan) {
+    parts.push_back({"factors of J", J.factor_bytes});
+  }
+  return parts;
+}
+
 bool SpectralRule::ComputeDirection(const Linearization& at_x,
                                     const SpectralFilter& filter,
                                     Eigen::VectorXd* direction,

@@ -75,6 +75,7 @@ class SpectralRule final : public JointRule {
 
   // And the routes' histories, which choose the next step's routes.
   std::vector<Eigen::VectorXd*> MutableState() override;
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
 
  private:
   bool ComputeDirection(const Linearization& at_x,

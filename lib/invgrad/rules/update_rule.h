@@ -15,8 +15,22 @@
 
 #include "Eigen/Core"
 #include "invgrad/linalg/linearization.h"
+#include "invgrad/linalg/memory_limit.h"
 
 namespace invgrad {
+
+// A network's Jacobian before it is computed. Doubles: no product overflows.
+struct JacobianSizes {
+  struct Layer {
+    double fan_in = 0.0;  // with the bias
+    double fan_out = 0.0;
+  };
+  double rows = 0.0;  // m
+  double cols = 0.0;  // n, the sum of the layers' fan_in fan_out
+  std::vector<Layer> layers;
+  // What J keeps once its Gram matrix, its layers or J itself are asked for.
+  double factor_bytes = 0.0;
+};
 
 class UpdateRule {
  public:
@@ -46,6 +60,11 @@ class UpdateRule {
   // led, or `fraction` of it; NaN if it has no finite value there. False: the
   // step is to be taken back.
   virtual bool KeepsStep(double /*cost*/, double /*fraction*/) { return true; }
+
+  // What ComputeStep holds in memory beside the linearization, estimated: for
+  // this J, or, where the rule needs none, its n. By default a few vectors of
+  // weights.
+  virtual std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const;
 
   // What the last step did, in a few words for a progress line or a table
   // ("route gram, rank 97 of 128"); empty if there is nothing to say.

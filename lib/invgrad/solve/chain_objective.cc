@@ -3,8 +3,10 @@
 #include <cmath>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "glog/logging.h"
+#include "invgrad/linalg/memory_limit.h"
 
 namespace invgrad {
 
@@ -64,8 +66,22 @@ bool ChainObjective::PullBackGradient(Linearization* linearization,
       linearization->gradient.allFinite()) {
     return true;
   }
-  *error = has_loss ? kNoOutputs : kNoLoss;
+  *error = has_loss ? OutputsError() : kNoLoss;
   return false;
+}
+
+bool ChainObjective::JacobianFits(const LinearizationParts& parts,
+                                  std::string* error) const {
+  constexpr double kDouble = sizeof(double);
+  const int n = simulator_->num_inputs();
+  const int m = simulator_->num_outputs();
+  std::vector<MemoryPart> memory = {{"J", 2.0 * kDouble * m * n}};
+  if (parts.hessian) memory.push_back({"Hessian", 3.0 * kDouble * n * n});
+  if (!loss_->SquaredNormFactor().has_value()) {
+    memory.push_back({"Hessian of the loss", kDouble * m * m});
+  }
+  return FitsInMemory(
+      "J " + std::to_string(m) + " x " + std::to_string(n), memory, 0.0, error);
 }
 
 bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
@@ -73,11 +89,12 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
                                            std::string* error) const {
   const int n = simulator_->num_inputs();
   const int m = simulator_->num_outputs();
+  if (!JacobianFits(parts, error)) return false;
   Eigen::VectorXd y(m);
   RowMajorMatrix J(m, n);
   if (!simulator_->Evaluate(x_.data(), nullptr, y.data(), J.data()) ||
       !y.allFinite() || !J.allFinite()) {
-    *error = kNoOutputs;
+    *error = OutputsError();
     return false;
   }
   // H_L is 2 c I, or written out in `loss_hessian`.
@@ -131,7 +148,7 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
 bool ChainObjective::Cost(double* cost, std::string* error) const {
   const Eigen::VectorXd y = Outputs();
   if (y.size() == 0) {
-    *error = kNoOutputs;
+    *error = OutputsError();
     return false;
   }
   if (!loss_->Evaluate(y.data(), target_.data(), cost, nullptr, nullptr) ||
@@ -161,6 +178,11 @@ Eigen::VectorXd ChainObjective::Outputs() const {
     return Eigen::VectorXd();
   }
   return y;
+}
+
+std::string ChainObjective::OutputsError() const {
+  const std::string where = simulator_->DescribeFailure(x_.data(), nullptr);
+  return where.empty() ? kNoOutputs : kNoOutputs + (": " + where);
 }
 
 ChainCostFunction::ChainCostFunction(const ChainObjective* objective)

@@ -10,7 +10,8 @@
 //          one simulator evaluation with Jacobian; the Hessian one more. H_L is
 //          written out only for losses that are no squared norm.
 // Fails:   Linearize and Cost return false if simulator or loss fails or a
-//          value is not finite.
+//          value is not finite, and where J and the Hessian, which are dense,
+//          do not fit into memory.
 #ifndef INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_
 #define INVGRAD_SOLVE_CHAIN_OBJECTIVE_H_
 
@@ -56,6 +57,9 @@ class ChainObjective final : public Objective {
 
  private:
   bool PullBackGradient(Linearization* linearization, std::string* error) const;
+  bool JacobianFits(const LinearizationParts& parts, std::string* error) const;
+  // What a message says where the simulator failed.
+  std::string OutputsError() const;
   bool LinearizeWithJacobian(const LinearizationParts& parts,
                              Linearization* linearization,
                              std::string* error) const;

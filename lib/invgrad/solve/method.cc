@@ -9,6 +9,7 @@
 #include "glog/logging.h"
 #include "invgrad/solve/model_cost.h"
 #include "invgrad/solve/pull_back_objective.h"
+#include "invgrad/solve/training_memory.h"
 #include "invgrad/solve/update_callback.h"
 
 namespace invgrad {
@@ -379,14 +380,25 @@ bool TrainWithCeres(const Method& method,
   if (!CheckTrainingInput(options, model, train, test, *weights, error)) {
     return false;
   }
+  ceres::Solver::Options solver_options;
+  ceres::GradientProblemSolver::Options gradient_options;
+  Configure(method, &solver_options, &gradient_options);
+  if (!CeresFits(options,
+                 method.ceres->is_trust_region
+                     ? TrustRegionMemory(solver_options.linear_solver_type,
+                                         model,
+                                         train.num_samples())
+                     : LineSearchMemory(model, train.num_samples()),
+                 train,
+                 test,
+                 error)) {
+    return false;
+  }
   ceres::Problem problem;
   if (method.ceres->is_trust_region) {
     AddModelToProblem(&model, &train, weights, &problem);
     if (!TakesProposals(method, problem, error)) return false;
   }
-  ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options gradient_options;
-  Configure(method, &solver_options, &gradient_options);
   history->clear();
   *summary = TrainSummary();
   TrainingRecorder recorder(
@@ -622,6 +634,14 @@ bool MinimizeByMethod(const Method& method,
         recorded, gradient_options, new ChainFunction(objective), &x, summary);
   } else if (!objective->loss().SquaredNormFactor().has_value()) {
     *error = kNeedsLeastSquares;
+    return false;
+  } else if (!FitsInMemory(
+                 "a trust region",
+                 TrustRegionMemory(solver_options.linear_solver_type,
+                                   objective->simulator().num_outputs(),
+                                   objective->num_parameters()),
+                 /*limit=*/0.0,
+                 error)) {
     return false;
   } else {
     ceres::Problem problem;

@@ -12,6 +12,7 @@
 #include "glog/logging.h"
 #include "invgrad/io/checkpoint.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/solve/training_memory.h"
 
 namespace invgrad {
 
@@ -354,7 +355,11 @@ void TrainingRun::Run() {
     runs = CallBack(history_->back().train_loss, 0.0, 0.0);
   }
   if (runs && !std::isfinite(history_->back().train_loss)) {
-    Finish(ceres::FAILURE, "the loss is not finite at the initial weights");
+    double ignored = 0.0;
+    std::string why;
+    model_.Cost(*weights_, train_, &ignored, &why);
+    Finish(ceres::FAILURE,
+           "the loss is not finite at the initial weights: " + why);
     runs = false;
   }
   // A run that was stopped after a step has its evaluation before it.
@@ -588,7 +593,8 @@ bool Train(const TrainOptions& options,
            std::string* error) {
   CHECK(rule != nullptr && weights != nullptr && history != nullptr &&
         summary != nullptr && error != nullptr);
-  if (!CheckTrainingInput(options, model, train, test, *weights, error)) {
+  if (!CheckTrainingInput(options, model, train, test, *weights, error) ||
+      !TrainingFits(options, model, train, test, *rule, error)) {
     return false;
   }
   history->clear();

@@ -69,6 +69,9 @@ struct TrainOptions {
   // it; how the samples were pulled back is counted in the history.
   ChainPullBack* pull_back = nullptr;
 
+  // Of all that the run holds, in bytes; 0: that of memory_limit.h.
+  double memory_limit = 0.0;
+
   // Called before the first step and after every step, with the weights up to
   // date; IterationSummary::cost is the batch loss that the step started from.
   // Not owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
@@ -94,7 +97,7 @@ struct TrainSummary {
 
 // `test` may have no samples. `weights` holds the initial weights and receives
 // the final ones. Returns false only for bad input (a batch size that does not
-// fit, data that are not finite, a checkpoint of another run): then *error says
+// fit or needs too much memory, data that are not finite, a checkpoint of another run): then *error says
 // what, and nothing was done.
 bool Train(const TrainOptions& options,
            const Model& model,
