@@ -91,6 +91,10 @@ TEST_F(CompareProgram, RefusesValuesOutOfRange) {
   ExpectRefused({"--levels=0"}, {"--levels", "0"});
   ExpectRefused({"--problem=oscillator_chain:num_oscillators=1"},
                 {"num_oscillators=1", "[2, 16]"});
+  ExpectRefused({"--hidden=20-0"}, {"--hidden=20-0", "width=0", "[1, "});
+  ExpectRefused({"--activation=sine"}, {"--activation=sine", "one of linear"});
+  ExpectRefused({"--initialization=xavier"},
+                {"--initialization=xavier", "one of glorot, he, pytorch"});
   ExpectRefused({"stray"}, {"stray"});
 }
 
@@ -103,6 +107,9 @@ TEST_F(CompareProgram, RefusesFilesThatDoNotFit) {
       Path("short.npy"), Eigen::VectorXd(Eigen::VectorXd::Zero(7)), &error));
   ExpectRefused({"--init_weights=" + Path("short.npy")},
                 {"short.npy", "7", "1444"});
+  // 4-3-24 has 4 * 3 + 3 + 3 * 24 + 24 weights.
+  ExpectRefused({"--init_weights=" + Path("short.npy"), "--hidden=3"},
+                {"short.npy", "7", "111"});
   Eigen::MatrixXd data = Eigen::MatrixXd::Constant(64, 4, 0.5);
   data(5, 2) = std::nan("");
   ASSERT_TRUE(WriteNpy(Path("nan.npy"), data, &error));
@@ -174,6 +181,38 @@ TEST_F(CompareProgram, FlagFileRepeatsTheRunBitForBit) {
   ASSERT_TRUE(ReadNpy(
       Path("third") + "/half_inverse-seed5/weights.npy", 1444, &b, &error));
   EXPECT_EQ(a, b);
+}
+
+TEST_F(CompareProgram, AnotherNetworkIsInTheFlagFileAndIsNotResumedByAnother) {
+  std::vector<std::string> arguments = SmallRun("first");
+  arguments.insert(
+      arguments.end(),
+      {"--hidden=6-5", "--activation=relu", "--initialization=pytorch"});
+  Output output = Run(arguments);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  output = Run({"--flagfile=" + Path("first") + "/flags.txt",
+                "--output=" + Path("second")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  // 4-6-5-24.
+  constexpr int kNumWeights = 4 * 6 + 6 + 6 * 5 + 5 + 5 * 24 + 24;
+  Eigen::VectorXd a, b;
+  std::string error;
+  const std::string weights = "/half_inverse-seed1/weights.npy";
+  ASSERT_TRUE(ReadNpy(Path("first") + weights, kNumWeights, &a, &error))
+      << error;
+  ASSERT_TRUE(ReadNpy(Path("second") + weights, kNumWeights, &b, &error))
+      << error;
+  EXPECT_EQ(a, b);
+
+  std::vector<std::string> resume = SmallRun("first");
+  resume.insert(resume.end(),
+                {"--resume",
+                 "--hidden=6-6",
+                 "--activation=relu",
+                 "--initialization=pytorch"});
+  output = Run(resume);
+  EXPECT_EQ(output.exit_code, 1);
+  ExpectSays(output, {"had --hidden=6-5, now it is --hidden=6-6"});
 }
 
 TEST_F(CompareProgram, ADivergingMethodIsARowAndTheOthersGoOn) {
@@ -274,6 +313,7 @@ TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
   const std::string problem = "--problem=squared_component";
   ExpectRefused({problem, "--rules=adam", "--epochs=5"}, {"--epochs=5"});
   ExpectRefused({problem, "--rules=adam", "--shuffle"}, {"--shuffle"});
+  ExpectRefused({problem, "--rules=adam", "--hidden=5"}, {"--hidden=5"});
   ExpectRefused({problem, "--rules=adam", "--dump_step=x"}, {"--dump_step=x"});
   ExpectRefused({problem, "--rules=adam", "--steps=3000000000"},
                 {"--steps=3000000000", "2147483647"});

@@ -502,6 +502,16 @@ TEST_F(PlotTest, CellsMeetMidwayBetweenTheirCenters) {
   EXPECT_TRUE(Has(script, R"(set ytics ("10" 0))"));
 }
 
+TEST_F(PlotTest, NamesStandInTheOrderGivenWithRoomOnBothSides) {
+  Plot plot;
+  plot.x_names = {"glorot", "he \"x\""};
+  plot.x_range = {0.0, 9.0};
+  plot.series = {Line({0, 1}, {2, 3})};
+  const std::string script = Script(plot);
+  EXPECT_TRUE(Has(script, "set xrange [-0.5:1.5]"));
+  EXPECT_TRUE(Has(script, R"(set xtics ("glorot" 0, "he \042x\042" 1))"));
+}
+
 TEST_F(PlotTest, ColorScalesAreKeptOrFitted) {
   Plot plot;
   plot.heat_map = HeatMap();

@@ -22,7 +22,8 @@ SweepPlan Plan(const std::string& text) {
   SweepPlan plan;
   std::string error;
   EXPECT_TRUE(ParseGrid(text, &grid, &error)) << error;
-  EXPECT_TRUE(MakeSweepPlan("toy_network", grid, -1, &plan, &error)) << error;
+  EXPECT_TRUE(MakeSweepPlan({"toy_network", {}, -1}, grid, &plan, &error))
+      << error;
   return plan;
 }
 
@@ -221,6 +222,32 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_TRUE(SweepLines(single, TrainLoss(), of_two).empty());
   EXPECT_TRUE(SweepHeatMaps(single, TrainLoss(), of_two).empty());
   EXPECT_EQ(SweepCurves(single, two, TrainLoss(), of_two).size(), 1u);
+}
+
+TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
+  const SweepPlan plan = Plan(
+      "step_size=0.1,auto;hidden=9-9,9;rule=gauss_newton,half_inverse;seed=1");
+  const std::vector<SweepRun> runs = Runs({1, 2, 3, 4, 5, 6, 7, 8});
+  const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss());
+  const std::vector<Plot> lines = SweepLines(plan, TrainLoss(), best);
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[1].title, "hidden=9");
+  EXPECT_EQ(lines[1].x_names, (std::vector<std::string>{"0.1", "auto"}));
+  EXPECT_FALSE(lines[1].log_x);
+  EXPECT_EQ(lines[1].series[0].x, (std::vector<double>{0.0, 1.0}));
+  EXPECT_EQ(lines[1].series[0].y, (std::vector<double>{3.0, 7.0}));
+  EXPECT_EQ(lines[1].series[1].y, (std::vector<double>{4.0, 8.0}));
+  EXPECT_TRUE(SweepHeatMaps(plan, TrainLoss(), best).empty());
+
+  // Numbers go first, wherever they stand.
+  const SweepPlan mixed = Plan("activation=tanh,relu;batch_size=8,4;rule=adam");
+  const std::vector<SweepRun> four = Runs({1, 2, 3, 4});
+  const std::vector<Plot> of_mixed =
+      SweepLines(mixed, TrainLoss(), FindBest(mixed, four, TrainLoss()));
+  ASSERT_EQ(of_mixed.size(), 2u);
+  EXPECT_EQ(of_mixed[1].title, "activation=relu");
+  EXPECT_TRUE(of_mixed[1].x_names.empty());
+  EXPECT_EQ(of_mixed[1].series[0].x, (std::vector<double>{4.0, 8.0}));
 }
 
 TEST(SweepPlots, LeaveOutPanelsBeyondTheSixteenthWithAWarning) {

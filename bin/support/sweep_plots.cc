@@ -6,6 +6,7 @@
 #include <iterator>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -45,6 +46,35 @@ std::vector<NumericAxis> NumericAxes(const SweepPlan& plan) {
     }
   }
   return numeric;
+}
+
+// What lines are drawn against.
+struct LineAxis {
+  int number = 0;  // in the grid
+  std::string name;
+  std::vector<double> positions;   // as in the grid
+  std::vector<std::string> names;  // of 0, 1, ...; empty: they are numbers
+};
+
+// Nothing if the grid has only rules and seeds.
+std::optional<LineAxis> FindLineAxis(const SweepPlan& plan) {
+  const std::vector<NumericAxis> numeric = NumericAxes(plan);
+  if (!numeric.empty()) {
+    return LineAxis{numeric[0].number, numeric[0].name, numeric[0].values, {}};
+  }
+  for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
+    const GridAxis& axis = plan.grid.axes[k];
+    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
+      continue;
+    }
+    LineAxis line{k, axis.name, {}, {}};
+    for (const GridValue& value : axis.values) {
+      line.positions.push_back(static_cast<double>(line.names.size()));
+      line.names.push_back(value.text);
+    }
+    return line;
+  }
+  return std::nullopt;
 }
 
 // More than a decade, and all that is finite is positive.
@@ -138,9 +168,9 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
                              const SweepValue& value,
                              const std::vector<SweepBest>& best) {
   std::vector<Plot> plots;
-  const std::vector<NumericAxis> numeric = NumericAxes(plan);
-  if (numeric.empty()) return plots;
-  const NumericAxis& x = numeric[0];
+  const std::optional<LineAxis> axis = FindLineAxis(plan);
+  if (!axis.has_value()) return plots;
+  const LineAxis& x = *axis;
   const std::vector<std::string> titles = RuleTitles(plan);
   const bool log_y = NeedsLogScale(Medians(best));
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
@@ -149,13 +179,14 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
     plot.title = PointText(plan, at, shown);
     plot.x_label = x.name;
     plot.y_label = value.name;
-    plot.log_x = NeedsLogScale(x.values);
+    plot.log_x = x.names.empty() && NeedsLogScale(x.positions);
+    plot.x_names = x.names;
     plot.log_y = log_y;
     for (size_t rule = 0; rule < titles.size(); ++rule) {
       std::vector<std::pair<double, const SweepCell*>> cells;
       for (const SweepBest* point : points) {
         if (point->at[plan.rule_axis] == static_cast<int>(rule)) {
-          cells.emplace_back(x.values[point->at[x.number]], &point->cell);
+          cells.emplace_back(x.positions[point->at[x.number]], &point->cell);
         }
       }
       std::sort(cells.begin(), cells.end());

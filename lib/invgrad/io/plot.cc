@@ -397,18 +397,24 @@ std::vector<double> CellEdges(const std::vector<double>& centers, bool is_log) {
   return edges;
 }
 
-// Labels equal cells with their values; of many cells, not all.
-std::string CellTicksCommand(const std::string& name,
-                             const std::vector<double>& values) {
+// Labels 0, 1, ...; of many, not all.
+std::string NamedTicksCommand(const std::string& axis,
+                              const std::vector<std::string>& names) {
   constexpr size_t kMaxLabels = 16;
-  const size_t stride = (values.size() + kMaxLabels - 1) / kMaxLabels;
+  const size_t stride = (names.size() + kMaxLabels - 1) / kMaxLabels;
   std::string list;
-  for (size_t i = 0; i < values.size(); i += stride) {
-    list += (i > 0 ? ", " : "") + Quote(Number(values[i])) + ' ' +
-            std::to_string(i);
+  for (size_t i = 0; i < names.size(); i += stride) {
+    list += (i > 0 ? ", " : "") + Quote(names[i]) + ' ' + std::to_string(i);
   }
-  return "set format " + name + " '%h'\nset " + name + "tics (" + list +
-         ")\nset m" + name + "tics default\n";
+  return "set format " + axis + " '%h'\nset " + axis + "tics (" + list +
+         ")\nset m" + axis + "tics default\n";
+}
+
+std::string CellTicksCommand(const std::string& axis,
+                             const std::vector<double>& values) {
+  std::vector<std::string> names;
+  for (const double value : values) names.push_back(Number(value));
+  return NamedTicksCommand(axis, names);
 }
 
 // The cells that have a colour, x y z and their edges. False if there are none.
@@ -606,6 +612,11 @@ Layout MakeLayout(const Plot& plot, const Arrangement& arrangement) {
   constexpr double kMargin = 0.04;
   layout.x_axis = FitAxis(
       plot.log_x, plot.x_range, has_field || are_curves ? 0.0 : kMargin, xs);
+  if (!plot.x_names.empty()) {
+    CHECK(!plot.log_x) << "an axis of names cannot be logarithmic";
+    layout.x_axis.low = -0.5;
+    layout.x_axis.high = static_cast<double>(plot.x_names.size()) - 0.5;
+  }
   layout.y_axis =
       FitAxis(plot.log_y, plot.y_range, has_field ? 0.0 : kMargin, ys);
 
@@ -794,7 +805,9 @@ PanelScript MakePanel(const Plot& plot,
     out += CellTicksCommand("x", plot.heat_map->x) +
            CellTicksCommand("y", plot.heat_map->y);
   } else {
-    out += TicksCommand("x", x_axis) + TicksCommand("y", y_axis);
+    out += plot.x_names.empty() ? TicksCommand("x", x_axis)
+                                : NamedTicksCommand("x", plot.x_names);
+    out += TicksCommand("y", y_axis);
   }
   out += ColorBarCommand(plot, layout, panel);
   out += plot.equal_aspect ? "set size ratio -1\n" : "set size noratio\n";

@@ -91,6 +91,9 @@ struct Plot {
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
+  // What x = 0, 1, ... stand for, if it is no number: the axis then has a place
+  // for each and x_range is not read; it cannot be logarithmic (CHECKed).
+  std::vector<std::string> x_names;
   AxisRange x_range;
   AxisRange y_range;
   bool equal_aspect = false;  // a circle looks like one
