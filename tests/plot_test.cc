@@ -502,14 +502,15 @@ TEST_F(PlotTest, CellsMeetMidwayBetweenTheirCenters) {
   EXPECT_TRUE(Has(script, R"(set ytics ("10" 0))"));
 }
 
-TEST_F(PlotTest, NamesStandInTheOrderGivenWithRoomOnBothSides) {
+TEST_F(PlotTest, TicksThatAreGivenReplaceRoundNumbers) {
   Plot plot;
-  plot.x_names = {"glorot", "he \"x\""};
-  plot.x_range = {0.0, 9.0};
-  plot.series = {Line({0, 1}, {2, 3})};
+  plot.log_x = true;
+  plot.series = {Line({8, 512}, {2, 3})};
+  plot.x_ticks = {{8, "8"}, {64, "he \"x\""}, {512, "512"}};
   const std::string script = Script(plot);
-  EXPECT_TRUE(Has(script, "set xrange [-0.5:1.5]"));
-  EXPECT_TRUE(Has(script, R"(set xtics ("glorot" 0, "he \042x\042" 1))"));
+  EXPECT_TRUE(
+      Has(script, R"(set xtics ("8" 8, "he \042x\042" 64, "512" 512))"));
+  EXPECT_TRUE(Has(script, "set ytics auto"));
 }
 
 TEST_F(PlotTest, ColorScalesAreKeptOrFitted) {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bin/support/sweep_plots.h"
@@ -192,6 +193,8 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_EQ(lines[1].title, "batch_size=4");
   EXPECT_TRUE(lines[1].log_x);
   EXPECT_TRUE(lines[1].log_y);
+  EXPECT_DOUBLE_EQ(*lines[1].x_range.high, std::pow(100.0, 0.04));
+  EXPECT_DOUBLE_EQ(*lines[1].y_range.low, std::pow(12.0, -0.04));
   ASSERT_EQ(lines[1].series.size(), 2u);
   EXPECT_EQ(lines[1].series[0].title, "adam");
   EXPECT_EQ(lines[1].series[0].x, (std::vector<double>{0.01, 1.0}));
@@ -232,7 +235,11 @@ TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
   const std::vector<Plot> lines = SweepLines(plan, TrainLoss(), best);
   ASSERT_EQ(lines.size(), 2u);
   EXPECT_EQ(lines[1].title, "hidden=9");
-  EXPECT_EQ(lines[1].x_names, (std::vector<std::string>{"0.1", "auto"}));
+  EXPECT_EQ(lines[1].x_ticks,
+            (std::vector<std::pair<double, std::string>>{{0.0, "0.1"},
+                                                         {1.0, "auto"}}));
+  EXPECT_EQ(lines[1].x_range.low, -0.5);
+  EXPECT_EQ(lines[1].x_range.high, 1.5);
   EXPECT_FALSE(lines[1].log_x);
   EXPECT_EQ(lines[1].series[0].x, (std::vector<double>{0.0, 1.0}));
   EXPECT_EQ(lines[1].series[0].y, (std::vector<double>{3.0, 7.0}));
@@ -246,7 +253,14 @@ TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
       SweepLines(mixed, TrainLoss(), FindBest(mixed, four, TrainLoss()));
   ASSERT_EQ(of_mixed.size(), 2u);
   EXPECT_EQ(of_mixed[1].title, "activation=relu");
-  EXPECT_TRUE(of_mixed[1].x_names.empty());
+  EXPECT_EQ(
+      of_mixed[1].x_ticks,
+      (std::vector<std::pair<double, std::string>>{{4.0, "4"}, {8.0, "8"}}));
+  EXPECT_DOUBLE_EQ(*of_mixed[1].x_range.low, 4.0 - 0.04 * 4.0);
+  // The panels compare.
+  EXPECT_DOUBLE_EQ(*of_mixed[0].y_range.low, 1.0 - 0.04 * 3.0);
+  EXPECT_DOUBLE_EQ(*of_mixed[0].y_range.high, 4.0 + 0.04 * 3.0);
+  EXPECT_EQ(of_mixed[1].y_range.low, of_mixed[0].y_range.low);
   EXPECT_EQ(of_mixed[1].series[0].x, (std::vector<double>{4.0, 8.0}));
 }
 

@@ -48,35 +48,6 @@ std::vector<NumericAxis> NumericAxes(const SweepPlan& plan) {
   return numeric;
 }
 
-// What lines are drawn against.
-struct LineAxis {
-  int number = 0;  // in the grid
-  std::string name;
-  std::vector<double> positions;   // as in the grid
-  std::vector<std::string> names;  // of 0, 1, ...; empty: they are numbers
-};
-
-// Nothing if the grid has only rules and seeds.
-std::optional<LineAxis> FindLineAxis(const SweepPlan& plan) {
-  const std::vector<NumericAxis> numeric = NumericAxes(plan);
-  if (!numeric.empty()) {
-    return LineAxis{numeric[0].number, numeric[0].name, numeric[0].values, {}};
-  }
-  for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
-    const GridAxis& axis = plan.grid.axes[k];
-    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
-      continue;
-    }
-    LineAxis line{k, axis.name, {}, {}};
-    for (const GridValue& value : axis.values) {
-      line.positions.push_back(static_cast<double>(line.names.size()));
-      line.names.push_back(value.text);
-    }
-    return line;
-  }
-  return std::nullopt;
-}
-
 // More than a decade, and all that is finite is positive.
 bool NeedsLogScale(const std::vector<double>& values) {
   double low = std::numeric_limits<double>::infinity();
@@ -87,6 +58,80 @@ bool NeedsLogScale(const std::vector<double>& values) {
     high = std::max(high, value);
   }
   return low > 0.0 && high > 10.0 * low;
+}
+
+// What lines are drawn against.
+struct LineAxis {
+  int number = 0;  // in the grid
+  std::string name;
+  bool is_numeric = false;
+  std::vector<double> positions;  // as in the grid; of names 0, 1, ...
+};
+
+// Nothing if the grid has only rules and seeds.
+std::optional<LineAxis> FindLineAxis(const SweepPlan& plan) {
+  const std::vector<NumericAxis> numeric = NumericAxes(plan);
+  if (!numeric.empty()) {
+    return LineAxis{
+        numeric[0].number, numeric[0].name, true, numeric[0].values};
+  }
+  for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
+    const GridAxis& axis = plan.grid.axes[k];
+    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
+      continue;
+    }
+    LineAxis line{k, axis.name, false, {}};
+    for (size_t i = 0; i < axis.values.size(); ++i) {
+      line.positions.push_back(static_cast<double>(i));
+    }
+    return line;
+  }
+  return std::nullopt;
+}
+
+// From the lowest to the highest of the finite values, with a margin that keeps
+// the points off the frame. Nothing if there are no two of them.
+AxisRange RangeWithMargin(const std::vector<double>& values, bool is_log) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    low = std::min(low, is_log ? std::log(value) : value);
+    high = std::max(high, is_log ? std::log(value) : value);
+  }
+  if (low >= high) return AxisRange();
+  constexpr double kMargin = 0.04;
+  const double margin = kMargin * (high - low);
+  AxisRange range{low - margin, high + margin};
+  if (is_log) range = {std::exp(*range.low), std::exp(*range.high)};
+  return range;
+}
+
+// Ticks and range of an axis that shows what was tried.
+void SetLineAxis(const SweepPlan& plan, const LineAxis& x, Plot* plot) {
+  plot->x_label = x.name;
+  plot->log_x = x.is_numeric && NeedsLogScale(x.positions);
+  if (x.is_numeric) {
+    plot->x_range = RangeWithMargin(x.positions, plot->log_x);
+  } else {
+    plot->x_range = {-0.5, static_cast<double>(x.positions.size()) - 0.5};
+  }
+  const std::vector<GridValue>& values = plan.grid.axes[x.number].values;
+  for (size_t i = 0; i < values.size(); ++i) {
+    plot->x_ticks.emplace_back(x.positions[i], values[i].text);
+  }
+  std::sort(plot->x_ticks.begin(), plot->x_ticks.end());
+}
+
+// Of all panels, so that they compare.
+AxisRange RangeOfCells(const std::vector<SweepBest>& best, bool is_log) {
+  std::vector<double> values;
+  for (const SweepBest& one : best) {
+    for (const double value : {one.cell.low, one.cell.median, one.cell.high}) {
+      if (!is_log || value > 0.0) values.push_back(value);
+    }
+  }
+  return RangeWithMargin(values, is_log);
 }
 
 // "xi=32, phi=45": where a panel stands, but for the axes that it shows.
@@ -173,15 +218,15 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
   const LineAxis& x = *axis;
   const std::vector<std::string> titles = RuleTitles(plan);
   const bool log_y = NeedsLogScale(Medians(best));
+  const AxisRange y_range = RangeOfCells(best, log_y);
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
   for (const auto& [at, points] : GroupByPanel("lines.png", best, shown)) {
     Plot plot;
     plot.title = PointText(plan, at, shown);
-    plot.x_label = x.name;
     plot.y_label = value.name;
-    plot.log_x = x.names.empty() && NeedsLogScale(x.positions);
-    plot.x_names = x.names;
+    SetLineAxis(plan, x, &plot);
     plot.log_y = log_y;
+    plot.y_range = y_range;
     for (size_t rule = 0; rule < titles.size(); ++rule) {
       std::vector<std::pair<double, const SweepCell*>> cells;
       for (const SweepBest* point : points) {

@@ -397,24 +397,29 @@ std::vector<double> CellEdges(const std::vector<double>& centers, bool is_log) {
   return edges;
 }
 
-// Labels 0, 1, ...; of many, not all.
-std::string NamedTicksCommand(const std::string& axis,
-                              const std::vector<std::string>& names) {
+// Labels these places; of many, not all.
+std::string NamedTicksCommand(
+    const std::string& axis,
+    const std::vector<std::pair<double, std::string>>& ticks) {
   constexpr size_t kMaxLabels = 16;
-  const size_t stride = (names.size() + kMaxLabels - 1) / kMaxLabels;
+  const size_t stride = (ticks.size() + kMaxLabels - 1) / kMaxLabels;
   std::string list;
-  for (size_t i = 0; i < names.size(); i += stride) {
-    list += (i > 0 ? ", " : "") + Quote(names[i]) + ' ' + std::to_string(i);
+  for (size_t i = 0; i < ticks.size(); i += stride) {
+    list += (i > 0 ? ", " : "") + Quote(ticks[i].second) + ' ' +
+            Number(ticks[i].first);
   }
   return "set format " + axis + " '%h'\nset " + axis + "tics (" + list +
          ")\nset m" + axis + "tics default\n";
 }
 
+// Labels equal cells with their values.
 std::string CellTicksCommand(const std::string& axis,
                              const std::vector<double>& values) {
-  std::vector<std::string> names;
-  for (const double value : values) names.push_back(Number(value));
-  return NamedTicksCommand(axis, names);
+  std::vector<std::pair<double, std::string>> ticks;
+  for (size_t i = 0; i < values.size(); ++i) {
+    ticks.emplace_back(static_cast<double>(i), Number(values[i]));
+  }
+  return NamedTicksCommand(axis, ticks);
 }
 
 // The cells that have a colour, x y z and their edges. False if there are none.
@@ -612,11 +617,6 @@ Layout MakeLayout(const Plot& plot, const Arrangement& arrangement) {
   constexpr double kMargin = 0.04;
   layout.x_axis = FitAxis(
       plot.log_x, plot.x_range, has_field || are_curves ? 0.0 : kMargin, xs);
-  if (!plot.x_names.empty()) {
-    CHECK(!plot.log_x) << "an axis of names cannot be logarithmic";
-    layout.x_axis.low = -0.5;
-    layout.x_axis.high = static_cast<double>(plot.x_names.size()) - 0.5;
-  }
   layout.y_axis =
       FitAxis(plot.log_y, plot.y_range, has_field ? 0.0 : kMargin, ys);
 
@@ -805,8 +805,8 @@ PanelScript MakePanel(const Plot& plot,
     out += CellTicksCommand("x", plot.heat_map->x) +
            CellTicksCommand("y", plot.heat_map->y);
   } else {
-    out += plot.x_names.empty() ? TicksCommand("x", x_axis)
-                                : NamedTicksCommand("x", plot.x_names);
+    out += plot.x_ticks.empty() ? TicksCommand("x", x_axis)
+                                : NamedTicksCommand("x", plot.x_ticks);
     out += TicksCommand("y", y_axis);
   }
   out += ColorBarCommand(plot, layout, panel);
