@@ -290,6 +290,51 @@ TEST_F(CompareProgram, ALargerBudgetGoesOnWithARunThatIsDone) {
   EXPECT_EQ(again.text, resumed.text);
 }
 
+TEST_F(CompareProgram, PhasesAreOneRunThatGoesOn) {
+  const std::string rules =
+      "--rules=adam:step_size=1e-2:batch_size=32:epochs=2>half_inverse";
+  const std::string label =
+      "adam-step_size-1e-2-batch_size-32-epochs-2-half_inverse";
+  const auto arguments = [&](const std::string& output) {
+    std::vector<std::string> words = SmallRun(output);
+    words.push_back(rules);
+    return words;
+  };
+  ASSERT_EQ(Run(arguments("whole")).exit_code, 0);
+  // Stopped within the first phase, and at its end.
+  for (const char* epochs : {"--epochs=1", "--epochs=2", "--epochs=3"}) {
+    std::vector<std::string> words = arguments("run");
+    words.insert(words.end(), {epochs, "--resume"});
+    const Output output = Run(words);
+    ASSERT_EQ(output.exit_code, 0) << output.text;
+    ExpectSays(output, {"epochs done"});
+  }
+  const std::string directory = "/" + label + "-seed1";
+  EXPECT_TRUE(fs::exists(Path("run") + directory + "/checkpoint-phase1"));
+  const std::string weights = directory + "/weights.npy";
+  EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
+  // 2 steps an epoch, then 4 of the command line's batch size.
+  History history;
+  std::string error;
+  ASSERT_TRUE(
+      ReadHistory(Path("run") + directory + "/history.csv", &history, &error))
+      << error;
+  std::vector<long> steps;
+  for (const HistoryRow& row : history) steps.push_back(row.step);
+  EXPECT_EQ(steps, (std::vector<long>{0, 2, 4, 8}));
+  EXPECT_EQ(history.back().epoch, 3.0);
+
+  ExpectRefused({"--rules=adam>half_inverse"}, {"--rules: 'adam' needs"});
+  ExpectRefused({"--rules=adam:batch_size=9999:epochs=1>half_inverse"},
+                {"batch_size=9999", "4096"});
+  // A point has no network to train: a row that says so.
+  const Output point = Run({"--problem=squared_component",
+                            "--rules=newton,adam:steps=1>newton",
+                            "--plots=false",
+                            "--output=" + Path("point")});
+  ExpectSays(point, {"a method in phases needs a network to train"});
+}
+
 TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
   const Output output = Run({"--problem=oscillator_chain:num_samples=64",
                              "--rules=gauss_newton:truncation=1e-6",
@@ -307,6 +352,17 @@ TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
   EXPECT_LT((J.transpose() * g - gradient).norm(), 1e-12 * gradient.norm());
   // J has full row rank, so the Gauss-Newton step with eta = 1 undoes g.
   EXPECT_LT((J * step + g).norm(), 1e-6 * g.norm());
+
+  // Of a method in phases it is the first one's.
+  const Output phases =
+      Run({"--problem=oscillator_chain:num_samples=64",
+           "--rules=gauss_newton:truncation=1e-6:batch_size=8:steps=1>adam",
+           "--dump_step=" + Path("phases")});
+  ASSERT_EQ(phases.exit_code, 0) << phases.text;
+  EXPECT_EQ(ReadAll(Path("phases") +
+                    "/gauss_newton-truncation-1e-6-batch_size-8-steps-1-adam/"
+                    "step.npy"),
+            ReadAll(at + "step.npy"));
 }
 
 TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {

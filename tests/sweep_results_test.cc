@@ -264,6 +264,26 @@ TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
   EXPECT_EQ(of_mixed[1].series[0].x, (std::vector<double>{4.0, 8.0}));
 }
 
+TEST(SweepPlots, ZeroAndDecadesStandSideBySide) {
+  const auto lines = [](const std::string& values) {
+    const SweepPlan plan =
+        Plan("truncation=" + values + ";rule=half_inverse;seed=1");
+    const std::vector<SweepRun> runs = Runs({1, 2, 3});
+    return SweepLines(plan, TrainLoss(), FindBest(plan, runs, TrainLoss()))[0];
+  };
+  const Plot with_zero = lines("1e-3,0,1e-6");
+  EXPECT_FALSE(with_zero.log_x);
+  EXPECT_EQ(with_zero.x_ticks,
+            (std::vector<std::pair<double, std::string>>{
+                {0.0, "0"}, {1.0, "1e-6"}, {2.0, "1e-3"}}));
+  EXPECT_EQ(with_zero.series[0].x, (std::vector<double>{0.0, 1.0, 2.0}));
+  EXPECT_EQ(with_zero.series[0].y, (std::vector<double>{2.0, 3.0, 1.0}));
+  EXPECT_TRUE(lines("1e-3,1e-1,1e-6").log_x);
+  const Plot near = lines("0,0.25,0.5");
+  EXPECT_FALSE(near.log_x);
+  EXPECT_EQ(near.series[0].x, (std::vector<double>{0.0, 0.25, 0.5}));
+}
+
 TEST(SweepPlots, LeaveOutPanelsBeyondTheSixteenthWithAWarning) {
   for (const int num_panels : {16, 17}) {
     std::string grid = "rule=adam;batch_size=";

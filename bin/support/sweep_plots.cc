@@ -60,20 +60,54 @@ bool NeedsLogScale(const std::vector<double>& values) {
   return low > 0.0 && high > 10.0 * low;
 }
 
+// Ascending, none twice: "1" and "1.0" are one number.
+std::vector<double> Sorted(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  return values;
+}
+
 // What lines are drawn against.
 struct LineAxis {
   int number = 0;  // in the grid
   std::string name;
-  bool is_numeric = false;
-  std::vector<double> positions;  // as in the grid; of names 0, 1, ...
+  bool is_numeric = false;        // or the values stand side by side
+  std::vector<double> positions;  // as in the grid
 };
+
+// Whether no scale tells the numbers apart: 0 beside 1e-6 and 1, say.
+bool SpansDecadesAndZero(const std::vector<double>& values) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = 0.0;
+  bool has_zero = false;
+  for (const double value : values) {
+    has_zero = has_zero || value <= 0.0;
+    if (value > 0.0) low = std::min(low, value);
+    high = std::max(high, std::abs(value));
+  }
+  return has_zero && high > 100.0 * low;
+}
+
+// 0 for the lowest, 1 for the next one, ...
+std::vector<double> Ranks(const std::vector<double>& values) {
+  const std::vector<double> sorted = Sorted(values);
+  std::vector<double> ranks;
+  for (const double value : values) {
+    ranks.push_back(static_cast<double>(
+        std::lower_bound(sorted.begin(), sorted.end(), value) -
+        sorted.begin()));
+  }
+  return ranks;
+}
 
 // Nothing if the grid has only rules and seeds.
 std::optional<LineAxis> FindLineAxis(const SweepPlan& plan) {
   const std::vector<NumericAxis> numeric = NumericAxes(plan);
   if (!numeric.empty()) {
-    return LineAxis{
-        numeric[0].number, numeric[0].name, true, numeric[0].values};
+    const NumericAxis& first = numeric[0];
+    return SpansDecadesAndZero(first.values)
+               ? LineAxis{first.number, first.name, false, Ranks(first.values)}
+               : LineAxis{first.number, first.name, true, first.values};
   }
   for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
     const GridAxis& axis = plan.grid.axes[k];
@@ -189,13 +223,6 @@ std::vector<double> Medians(const std::vector<SweepBest>& best) {
   medians.reserve(best.size());
   for (const SweepBest& one : best) medians.push_back(one.cell.median);
   return medians;
-}
-
-// Ascending, none twice: "1" and "1.0" are one number.
-std::vector<double> Sorted(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  values.erase(std::unique(values.begin(), values.end()), values.end());
-  return values;
 }
 
 bool DrawIfAny(const std::string& file,
