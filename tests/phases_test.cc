@@ -386,7 +386,8 @@ TEST(Phases, BadInputOfAnyPhaseIsRefusedBeforeAnythingRuns) {
   const auto expect = [](const std::string& method,
                          const std::vector<std::string>& words) {
     SCOPED_TRACE(method);
-    const Parabola problem;
+    // With neurons of more weights than a rule can propose.
+    const Parabola problem(3000);
     Watcher watcher;
     TrainOptions options = Epochs(5);
     options.callbacks = {&watcher};
@@ -402,6 +403,7 @@ TEST(Phases, BadInputOfAnyPhaseIsRefusedBeforeAnythingRuns) {
   expect("adam:epochs=1>supervised", {"supervised: ", "no solutions"});
   expect("adam:epochs=1>adam:batch_size=13", {"batch_size=13", "12 training"});
   expect("adam:epochs=1:batch_size=13>adam", {"batch_size=13", "12 training"});
+  expect("adam:epochs=1>ceres_lm+adam", {"ceres_lm+adam: ", "block"});
 }
 
 TEST(Phases, ACheckpointOfAnotherNetworkIsRefused) {

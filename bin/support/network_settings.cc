@@ -1,6 +1,7 @@
 #include "bin/support/network_settings.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <utility>
@@ -32,6 +33,7 @@ bool SetChoice(const char* setting,
                std::string* error) {
   if (name.empty()) return true;
   std::vector<std::string> names;
+  names.reserve(std::size(values));
   for (const auto& [known, ignored] : values) names.emplace_back(known);
   std::string chosen = names[0];
   OptionSet set;

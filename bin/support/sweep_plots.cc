@@ -92,6 +92,7 @@ bool SpansDecadesAndZero(const std::vector<double>& values) {
 std::vector<double> Ranks(const std::vector<double>& values) {
   const std::vector<double> sorted = Sorted(values);
   std::vector<double> ranks;
+  ranks.reserve(values.size());
   for (const double value : values) {
     ranks.push_back(static_cast<double>(
         std::lower_bound(sorted.begin(), sorted.end(), value) -

@@ -416,6 +416,7 @@ std::string NamedTicksCommand(
 std::string CellTicksCommand(const std::string& axis,
                              const std::vector<double>& values) {
   std::vector<std::pair<double, std::string>> ticks;
+  ticks.reserve(values.size());
   for (size_t i = 0; i < values.size(); ++i) {
     ticks.emplace_back(static_cast<double>(i), Number(values[i]));
   }

@@ -177,7 +177,14 @@ bool CheckCeresTraining(const Method& method,
     *error = kNeedsLeastSquares;
     return false;
   }
-  return CheckTrainingInput(options, model, train, test, weights, error);
+  if (!CheckTrainingInput(options, model, train, test, weights, error)) {
+    return false;
+  }
+  if (method.rule == nullptr) return true;
+  Eigen::VectorXd any_weights = weights;
+  ceres::Problem problem;
+  AddModelToProblem(&model, &train, &any_weights, &problem);
+  return TakesProposals(method, problem, error);
 }
 
 bool TrainByCeres(const Method& method,
@@ -197,7 +204,6 @@ bool TrainByCeres(const Method& method,
   ceres::Problem problem;
   if (method.ceres->is_trust_region) {
     AddModelToProblem(&model, &train, weights, &problem);
-    if (!TakesProposals(method, problem, error)) return false;
   }
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;

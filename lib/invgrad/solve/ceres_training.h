@@ -3,7 +3,7 @@
 // An iteration counts as a step and as an epoch, a rejected one too; the
 // history, the budget and the callbacks are those of Train (trainer.h). There
 // is no checkpoint: TrainOptions::checkpoint_path, batch_size and the shuffling
-// are not read.
+// are not used.
 //
 // Fails:   false, with *error set and nothing done, for bad input, as Train; if
 //          the loss is no squared norm and the method a trust region; if a rule
