@@ -218,6 +218,11 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   ASSERT_EQ(curves.size(), 6u);
   EXPECT_EQ(curves[5].title, "lambda=0.01, batch_size=0");
   EXPECT_EQ(curves[5].series[1].y, (std::vector<double>{12.0}));
+  // One evaluation is a point, as a line of it would not be seen.
+  EXPECT_EQ(curves[5].series[1].style, Series::Style::kPoints);
+  EXPECT_TRUE(curves[5].log_y);
+  EXPECT_DOUBLE_EQ(*curves[0].y_range.low, std::pow(12.0, -0.04));
+  EXPECT_EQ(curves[5].y_range.high, curves[0].y_range.high);
 
   const SweepPlan single = Plan("rule=adam,half_inverse");
   const std::vector<SweepRun> two = Runs({1, 2});

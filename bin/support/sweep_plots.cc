@@ -335,6 +335,7 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
                               const SweepValue& value,
                               const std::vector<SweepBest>& best) {
   std::vector<Plot> plots;
+  std::vector<double> values;  // of all panels, so that they compare
   const std::set<int> shown = {plan.rule_axis, plan.seed_axis};
   for (const auto& [at, points] : GroupByPanel("curves.png", best, shown)) {
     Plot plot;
@@ -342,7 +343,6 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
     plot.x_label = "seconds of training";
     plot.y_label = value.name;
     plot.log_x = true;
-    std::vector<double> values;
     for (const SweepBest* point : points) {
       const SweepRun& run = runs[plan.points[point->cell.median_point].job];
       Series series;
@@ -356,11 +356,15 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
           series.y.push_back(row.*value.field);
         }
       }
+      if (series.x.size() == 1) series.style = Series::Style::kPoints;
       values.insert(values.end(), series.y.begin(), series.y.end());
       plot.series.push_back(series);
     }
-    plot.log_y = NeedsLogScale(values);
     plots.push_back(plot);
+  }
+  for (Plot& plot : plots) {
+    plot.log_y = NeedsLogScale(values);
+    plot.y_range = RangeWithMargin(values, plot.log_y);
   }
   return plots;
 }

@@ -14,8 +14,8 @@
 // and nothing else. What spans more than a decade is drawn on a logarithmic
 // scale, and numbers that no scale would tell apart, such as 0 beside 1e-6 and
 // 1, side by side. The panels of lines.png have the same axes, with ticks at
-// the grid's values. There are at most 16 panels, the first ones, with a
-// warning if there would be more.
+// the grid's values; those of curves.png the same range of values. There are at
+// most 16 panels, the first ones, with a warning if there would be more.
 #ifndef BIN_SUPPORT_SWEEP_PLOTS_H_
 #define BIN_SUPPORT_SWEEP_PLOTS_H_
 
