@@ -23,8 +23,8 @@
 // left. Steps, epochs and seconds go on counting; the samples that were pulled
 // back by each source (history.h) count from the phase's start. What ends a run
 // otherwise than by its budget (target loss, patience, a callback, divergence)
-// ends it in any phase; its message names the phase and counts from its start. A
-// minimizer of Ceres can only be the last phase.
+// ends it in any phase; its message names the phase and counts from its start.
+// A minimizer of Ceres can only be the last phase.
 #ifndef INVGRAD_SOLVE_METHOD_H_
 #define INVGRAD_SOLVE_METHOD_H_
 
