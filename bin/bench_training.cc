@@ -39,7 +39,7 @@ void TrainSteps(benchmark::State& state,
                 const Method& method) {
   LearningComparisonOptions comparison;
   TrainOptions options;
-  options.batch_size = BatchSize(problem, method, comparison);
+  options.batch_size = BatchSize(problem, comparison);
   options.max_num_steps = FLAGS_steps;
   const DataSet none = problem.test.Range(0, 0);
   for (auto _ : state) {

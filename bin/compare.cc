@@ -1,6 +1,7 @@
 // Compares methods on one problem: same start, same data, same budget. A method
 // is an update rule, LOSS/SIMULATOR/RULE, which pulls a wanted change back part
-// by part (sip is newton/inverse/adam), or a minimizer of Ceres: method.h.
+// by part (sip is newton/inverse/adam), a minimizer of Ceres, or a sequence of
+// them, with ">" between its phases: method.h.
 //
 // Sample runs:
 //
@@ -18,6 +19,10 @@
 //       --rules=half_inverse:step_size=auto,adam:step_size=1e-2,ceres_lm
 //   compare --problem=quantum_dipole --seconds=20
 //       --rules=half_inverse:step_size=0.5:truncation=1e-5,adam:step_size=5e-4
+//   compare --problem=oscillator_chain --hidden=40-40 --activation=gelu
+//       --initialization=he --seconds=5
+//   compare --problem=oscillator_chain --epochs=25
+//       --rules="half_inverse,adam:batch_size=256:epochs=5>half_inverse"
 //   compare --flagfile=runs/compare/flags.txt --output=runs/again
 //
 // The run directory holds the flags that repeat the run, versions, histories
@@ -28,11 +33,13 @@
 #include <iostream>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bin/support/dump_step.h"
 #include "bin/support/learning_comparison.h"
 #include "bin/support/listing.h"
+#include "bin/support/network_settings.h"
 #include "bin/support/parse_list.h"
 #include "bin/support/point_comparison.h"
 #include "bin/support/program.h"
@@ -54,8 +61,20 @@ DEFINE_string(rules,
               "adam:step_size=1e-3:batch_size=256,half_inverse",
               "methods to compare, name[:key=value...],...: a rule, "
               "LOSS/SIMULATOR/RULE or a name for one, as sip, a minimizer of "
-              "Ceres; --list shows all. batch_size is an option of each");
+              "Ceres; --list shows all. batch_size is an option of each. "
+              "In phases: adam:epochs=5>half_inverse");
 DEFINE_string(seeds, "1", "seeds of the initial weights and of the shuffling");
+DEFINE_string(hidden,
+              "",
+              "widths of the network's hidden layers, as 20-20-20; empty: the "
+              "problem's own");
+DEFINE_string(activation,
+              "",
+              "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
+              "the problem's own");
+DEFINE_string(initialization,
+              "",
+              "of the weights: glorot, he, pytorch; empty: the problem's own");
 DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
 DEFINE_int64(steps, 0, "budget in steps; 0: none");
 DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
@@ -163,11 +182,16 @@ LearningComparisonOptions ReadLearningOptions(const LearningProblem& problem,
   return options;
 }
 
-int RunLearning(const LearningProblem& problem,
+int RunLearning(LearningProblem problem,
                 const std::vector<Method>& methods,
                 const std::vector<int>& seeds,
                 const std::vector<double>& levels) {
   std::string error;
+  if (!SetNetwork({FLAGS_hidden, FLAGS_activation, FLAGS_initialization},
+                  &problem,
+                  &error)) {
+    return Fail("--" + error);
+  }
   const LearningComparisonOptions options =
       ReadLearningOptions(problem, seeds, levels);
   Eigen::VectorXd initial_weights;
@@ -205,7 +229,10 @@ int RunLearning(const LearningProblem& problem,
 
 int RunPoint(const PointProblem& problem, const std::vector<Method>& methods) {
   std::string error;
-  for (const char* name : {"epochs",
+  for (const char* name : {"hidden",
+                           "activation",
+                           "initialization",
+                           "epochs",
                            "batch_size",
                            "shuffle",
                            "target_loss",
@@ -286,7 +313,8 @@ int Run() {
   SetBlasThreads(FLAGS_blas_threads);
   return problem.point.has_value()
              ? RunPoint(*problem.point, methods)
-             : RunLearning(*problem.learning, methods, seeds, levels);
+             : RunLearning(
+                   *std::move(problem.learning), methods, seeds, levels);
 }
 
 }  // namespace

@@ -14,11 +14,16 @@
 //       --grid="truncation=1e-3,1e-6,1e-9;batch_size=32,128,0;
 //       rule=half_inverse,gauss_newton:step_size=auto"
 //
+//   sweep --problem=oscillator_chain --epochs=25
+//       --grid="initialization=glorot,he;hidden=20,20-20,20-20-20;
+//       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
+//
 // Axes are separated by ";", values by ",". Every combination is run, each in a
 // process of its own: options of the problem and of the rules, rules, batch
-// sizes and seeds. A rule may list alternatives of its settings, "|" between
-// them: the best one at each point of the grid is found, tabled and drawn, with
-// a remark if it is the smallest or largest that was tried.
+// sizes, seeds, and the network: hidden, activation, initialization
+// (network_settings.h). A rule may list alternatives of its settings, "|"
+// between them: the best one at each point of the grid is found, tabled and
+// drawn, with a remark if it is the smallest or largest that was tried.
 //
 //   DIR/flags.txt, DIR/versions.txt    see run_directory.h
 //   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
@@ -60,7 +65,19 @@ DEFINE_string(problem,
 DEFINE_string(grid,
               "",
               "axis=value,value;axis=value,...: an axis is rule, seed, "
-              "batch_size, or an option of the problem or of the rules");
+              "batch_size, hidden, activation, initialization, or an option "
+              "of the problem or of the rules");
+DEFINE_string(hidden,
+              "",
+              "widths of the network's hidden layers, as 20-20-20; empty: the "
+              "problem's own");
+DEFINE_string(activation,
+              "",
+              "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
+              "the problem's own");
+DEFINE_string(initialization,
+              "",
+              "of the weights: glorot, he, pytorch; empty: the problem's own");
 DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
 DEFINE_int64(steps, 0, "budget in steps; 0: none");
 DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
@@ -280,8 +297,12 @@ int Run() {
   Grid grid;
   SweepPlan plan;
   SweepValue value;
+  SweepBase base;
+  base.problem = FLAGS_problem;
+  base.network = {FLAGS_hidden, FLAGS_activation, FLAGS_initialization};
+  base.batch_size = FLAGS_batch_size;
   if (!ParseGrid(FLAGS_grid, &grid, &error) ||
-      !MakeSweepPlan(FLAGS_problem, grid, FLAGS_batch_size, &plan, &error)) {
+      !MakeSweepPlan(base, grid, &plan, &error)) {
     return Fail(error);
   }
   if (!FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {

@@ -6,14 +6,6 @@ namespace invgrad {
 
 namespace {
 
-Activation HiddenActivation(const OscillatorChain::Options& options) {
-  if (options.activation == "tanh") return Activation::kTanh;
-  if (options.activation == "relu") return Activation::kRelu;
-  if (options.activation == "gelu") return Activation::kGelu;
-  if (options.activation == "sigmoid") return Activation::kSigmoid;
-  return options.coupling == "linear" ? Activation::kTanh : Activation::kRelu;
-}
-
 struct Physics {
   int num_steps = 24;
   double dt = 0.5;
@@ -43,9 +35,11 @@ bool OscillatorChain::Create(const Options& options,
                              LearningProblem* problem,
                              std::string* error) {
   Physics physics;
+  Activation activation = Activation::kTanh;
   int batch_size = 32;
   if (options.coupling == "cubic") {
     physics = {96, 0.125, 0.0, 1.0, 3.0};
+    activation = Activation::kRelu;
     batch_size = 128;
   }
   const int state_size = 2 * options.num_oscillators;
@@ -74,7 +68,7 @@ bool OscillatorChain::Create(const Options& options,
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(
       DenseNetwork({state_size, 20, 20, 20, physics.num_steps},
-                   HiddenActivation(options)),
+                   activation),
       // Two oscillators and their force are five variables: one pass of Jets.
       options.num_oscillators == 2
           ? MakeSimulator<2, 6>(physics, 2)

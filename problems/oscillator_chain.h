@@ -105,7 +105,6 @@ struct OscillatorChain {
     int num_oscillators = 2;
     int num_samples = 4096;
     int data_seed = 0;
-    std::string activation = "published";
     void Describe(OptionSet* set) {
       set->Add("coupling",
                &coupling,
@@ -120,10 +119,6 @@ struct OscillatorChain {
                {1, 1e7},
                "training samples; as many again are for testing");
       set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
-      set->Add("activation",
-               &activation,
-               {"published", "tanh", "relu", "gelu", "sigmoid"},
-               "hidden layers; published: tanh if linear, relu if cubic");
     }
   };
 

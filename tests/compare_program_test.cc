@@ -91,6 +91,10 @@ TEST_F(CompareProgram, RefusesValuesOutOfRange) {
   ExpectRefused({"--levels=0"}, {"--levels", "0"});
   ExpectRefused({"--problem=oscillator_chain:num_oscillators=1"},
                 {"num_oscillators=1", "[2, 16]"});
+  ExpectRefused({"--hidden=20-0"}, {"--hidden=20-0", "width=0", "[1, "});
+  ExpectRefused({"--activation=sine"}, {"--activation=sine", "one of linear"});
+  ExpectRefused({"--initialization=xavier"},
+                {"--initialization=xavier", "one of glorot, he, pytorch"});
   ExpectRefused({"stray"}, {"stray"});
 }
 
@@ -103,6 +107,9 @@ TEST_F(CompareProgram, RefusesFilesThatDoNotFit) {
       Path("short.npy"), Eigen::VectorXd(Eigen::VectorXd::Zero(7)), &error));
   ExpectRefused({"--init_weights=" + Path("short.npy")},
                 {"short.npy", "7", "1444"});
+  // 4-3-24 has 4 * 3 + 3 + 3 * 24 + 24 weights.
+  ExpectRefused({"--init_weights=" + Path("short.npy"), "--hidden=3"},
+                {"short.npy", "7", "111"});
   Eigen::MatrixXd data = Eigen::MatrixXd::Constant(64, 4, 0.5);
   data(5, 2) = std::nan("");
   ASSERT_TRUE(WriteNpy(Path("nan.npy"), data, &error));
@@ -174,6 +181,38 @@ TEST_F(CompareProgram, FlagFileRepeatsTheRunBitForBit) {
   ASSERT_TRUE(ReadNpy(
       Path("third") + "/half_inverse-seed5/weights.npy", 1444, &b, &error));
   EXPECT_EQ(a, b);
+}
+
+TEST_F(CompareProgram, AnotherNetworkIsInTheFlagFileAndIsNotResumedByAnother) {
+  std::vector<std::string> arguments = SmallRun("first");
+  arguments.insert(
+      arguments.end(),
+      {"--hidden=6-5", "--activation=relu", "--initialization=pytorch"});
+  Output output = Run(arguments);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  output = Run({"--flagfile=" + Path("first") + "/flags.txt",
+                "--output=" + Path("second")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  // 4-6-5-24.
+  constexpr int kNumWeights = 4 * 6 + 6 + 6 * 5 + 5 + 5 * 24 + 24;
+  Eigen::VectorXd a, b;
+  std::string error;
+  const std::string weights = "/half_inverse-seed1/weights.npy";
+  ASSERT_TRUE(ReadNpy(Path("first") + weights, kNumWeights, &a, &error))
+      << error;
+  ASSERT_TRUE(ReadNpy(Path("second") + weights, kNumWeights, &b, &error))
+      << error;
+  EXPECT_EQ(a, b);
+
+  std::vector<std::string> resume = SmallRun("first");
+  resume.insert(resume.end(),
+                {"--resume",
+                 "--hidden=6-6",
+                 "--activation=relu",
+                 "--initialization=pytorch"});
+  output = Run(resume);
+  EXPECT_EQ(output.exit_code, 1);
+  ExpectSays(output, {"had --hidden=6-5, now it is --hidden=6-6"});
 }
 
 TEST_F(CompareProgram, ADivergingMethodIsARowAndTheOthersGoOn) {
@@ -251,6 +290,51 @@ TEST_F(CompareProgram, ALargerBudgetGoesOnWithARunThatIsDone) {
   EXPECT_EQ(again.text, resumed.text);
 }
 
+TEST_F(CompareProgram, PhasesAreOneRunThatGoesOn) {
+  const std::string rules =
+      "--rules=adam:step_size=1e-2:batch_size=32:epochs=2>half_inverse";
+  const std::string label =
+      "adam-step_size-1e-2-batch_size-32-epochs-2-half_inverse";
+  const auto arguments = [&](const std::string& output) {
+    std::vector<std::string> words = SmallRun(output);
+    words.push_back(rules);
+    return words;
+  };
+  ASSERT_EQ(Run(arguments("whole")).exit_code, 0);
+  // Stopped within the first phase, and at its end.
+  for (const char* epochs : {"--epochs=1", "--epochs=2", "--epochs=3"}) {
+    std::vector<std::string> words = arguments("run");
+    words.insert(words.end(), {epochs, "--resume"});
+    const Output output = Run(words);
+    ASSERT_EQ(output.exit_code, 0) << output.text;
+    ExpectSays(output, {"epochs done"});
+  }
+  const std::string directory = "/" + label + "-seed1";
+  EXPECT_TRUE(fs::exists(Path("run") + directory + "/checkpoint-phase1"));
+  const std::string weights = directory + "/weights.npy";
+  EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
+  // 2 steps an epoch, then 4 of the command line's batch size.
+  History history;
+  std::string error;
+  ASSERT_TRUE(
+      ReadHistory(Path("run") + directory + "/history.csv", &history, &error))
+      << error;
+  std::vector<long> steps;
+  for (const HistoryRow& row : history) steps.push_back(row.step);
+  EXPECT_EQ(steps, (std::vector<long>{0, 2, 4, 8}));
+  EXPECT_EQ(history.back().epoch, 3.0);
+
+  ExpectRefused({"--rules=adam>half_inverse"}, {"--rules: 'adam' needs"});
+  ExpectRefused({"--rules=adam:batch_size=9999:epochs=1>half_inverse"},
+                {"batch_size=9999", "4096"});
+  // A point has no network to train: a row that says so.
+  const Output point = Run({"--problem=squared_component",
+                            "--rules=newton,adam:steps=1>newton",
+                            "--plots=false",
+                            "--output=" + Path("point")});
+  ExpectSays(point, {"a method in phases needs a network to train"});
+}
+
 TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
   const Output output = Run({"--problem=oscillator_chain:num_samples=64",
                              "--rules=gauss_newton:truncation=1e-6",
@@ -268,12 +352,24 @@ TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
   EXPECT_LT((J.transpose() * g - gradient).norm(), 1e-12 * gradient.norm());
   // J has full row rank, so the Gauss-Newton step with eta = 1 undoes g.
   EXPECT_LT((J * step + g).norm(), 1e-6 * g.norm());
+
+  // Of a method in phases it is the first one's.
+  const Output phases =
+      Run({"--problem=oscillator_chain:num_samples=64",
+           "--rules=gauss_newton:truncation=1e-6:batch_size=8:steps=1>adam",
+           "--dump_step=" + Path("phases")});
+  ASSERT_EQ(phases.exit_code, 0) << phases.text;
+  EXPECT_EQ(ReadAll(Path("phases") +
+                    "/gauss_newton-truncation-1e-6-batch_size-8-steps-1-adam/"
+                    "step.npy"),
+            ReadAll(at + "step.npy"));
 }
 
 TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
   const std::string problem = "--problem=squared_component";
   ExpectRefused({problem, "--rules=adam", "--epochs=5"}, {"--epochs=5"});
   ExpectRefused({problem, "--rules=adam", "--shuffle"}, {"--shuffle"});
+  ExpectRefused({problem, "--rules=adam", "--hidden=5"}, {"--hidden=5"});
   ExpectRefused({problem, "--rules=adam", "--dump_step=x"}, {"--dump_step=x"});
   ExpectRefused({problem, "--rules=adam", "--steps=3000000000"},
                 {"--steps=3000000000", "2147483647"});

@@ -502,6 +502,17 @@ TEST_F(PlotTest, CellsMeetMidwayBetweenTheirCenters) {
   EXPECT_TRUE(Has(script, R"(set ytics ("10" 0))"));
 }
 
+TEST_F(PlotTest, TicksThatAreGivenReplaceRoundNumbers) {
+  Plot plot;
+  plot.log_x = true;
+  plot.series = {Line({8, 512}, {2, 3})};
+  plot.x_ticks = {{8, "8"}, {64, "he \"x\""}, {512, "512"}};
+  const std::string script = Script(plot);
+  EXPECT_TRUE(
+      Has(script, R"(set xtics ("8" 8, "he \042x\042" 64, "512" 512))"));
+  EXPECT_TRUE(Has(script, "set ytics auto"));
+}
+
 TEST_F(PlotTest, ColorScalesAreKeptOrFitted) {
   Plot plot;
   plot.heat_map = HeatMap();

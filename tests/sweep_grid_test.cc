@@ -107,13 +107,30 @@ TEST(ExpandRule, CombinesAlternatives) {
   EXPECT_EQ(WithoutAlternatives("a+b:x=1|2:y=0"), "a+b:y=0");
 }
 
+TEST(ExpandRule, KeepsPhases) {
+  const std::string rule =
+      "adam:step_size=1e-3|1e-2:epochs=5 > half_inverse:kappa=0.5|1:eta=1";
+  const std::vector<RuleAlternative> four = ExpandRule(rule);
+  ASSERT_EQ(four.size(), 4u);
+  EXPECT_EQ(four[1].specification,
+            "adam:step_size=1e-3:epochs=5>half_inverse:kappa=1:eta=1");
+  EXPECT_EQ(four[1].chosen, "step_size=1e-3:kappa=1");
+  EXPECT_EQ(WithoutAlternatives(rule), "adam:epochs=5>half_inverse:eta=1");
+  const std::vector<RuleAlternative> two =
+      ExpandRule("adam:epochs=1|5>half_inverse");
+  ASSERT_EQ(two.size(), 2u);
+  EXPECT_EQ(two[0].specification, "adam:epochs=1>half_inverse");
+  EXPECT_EQ(two[1].specification, "adam:epochs=5>half_inverse");
+}
+
 // The rest needs problems and rules.
 SweepPlan Plan(const std::string& text) {
   Grid grid;
   SweepPlan plan;
   std::string error;
   EXPECT_TRUE(ParseGrid(text, &grid, &error)) << error;
-  EXPECT_TRUE(MakeSweepPlan("toy_network", grid, -1, &plan, &error)) << error;
+  EXPECT_TRUE(MakeSweepPlan({"toy_network", {}, -1}, grid, &plan, &error))
+      << error;
   return plan;
 }
 
@@ -147,6 +164,10 @@ TEST(SweepPlan, PointsAtTheValueThatIsNotAllowed) {
            {"truncation=1e-3,5;step_size=1,2;rule=half_inverse",
             17,
             "truncation=5"},
+           {"hidden=3,4-x;activation=relu;rule=adam", 10, "hidden=4-x"},
+           {"hidden=3,4;activation=relu,sine;rule=adam",
+            28,
+            "activation=sine is no choice"},
            {"truncation=1e-3,0;step_size=1,-2;rule=adam,half_inverse",
             31,
             "step_size=-2"}}) {
@@ -155,7 +176,7 @@ TEST(SweepPlan, PointsAtTheValueThatIsNotAllowed) {
     SweepPlan plan;
     std::string error;
     ASSERT_TRUE(ParseGrid(bad.text, &grid, &error)) << error;
-    EXPECT_FALSE(MakeSweepPlan("toy_network", grid, -1, &plan, &error));
+    EXPECT_FALSE(MakeSweepPlan({"toy_network", {}, -1}, grid, &plan, &error));
     EXPECT_NE(error.find("column " + std::to_string(bad.column) + ": "),
               std::string::npos)
         << error;
@@ -183,9 +204,59 @@ TEST(SweepPlan, ARulesOwnBatchSizeGoesFirst) {
   const SweepPlan plan = Plan("batch_size=8,0;rule=adam,adam:batch_size=4");
   EXPECT_EQ(plan.jobs.size(), 3u);
   EXPECT_EQ(plan.jobs[plan.points[0].job].batch_size, 8);
-  EXPECT_EQ(plan.jobs[plan.points[1].job].batch_size, 4);
+  EXPECT_EQ(plan.jobs[plan.points[1].job].method.batch_size, 4);
   EXPECT_EQ(plan.jobs[plan.points[2].job].batch_size, 256);
+  EXPECT_EQ(plan.jobs[1].name, "1-adam-batch_size-4-batch4-seed1");
   EXPECT_EQ(plan.points[1].job, plan.points[3].job);
+}
+
+TEST(SweepPlan, PhasesWithoutABatchSizeTakeTheAxis) {
+  const SweepPlan plan = Plan(
+      "batch_size=8,16;truncation=1e-3;"
+      "rule=adam:epochs=1>half_inverse:batch_size=4");
+  ASSERT_EQ(plan.jobs.size(), 2u);
+  EXPECT_EQ(plan.jobs[1].method.label,
+            "adam:epochs=1>half_inverse:batch_size=4:truncation=1e-3");
+  EXPECT_EQ(plan.jobs[1].batch_size, 16);
+  EXPECT_EQ(plan.jobs[1].name,
+            "1-adam-epochs-1-half_inverse-batch_size-4-truncation-1e-3-"
+            "batch16+4-seed1");
+}
+
+TEST(SweepPlan, TheNetworkIsAnAxis) {
+  const SweepPlan plan = Plan(
+      "hidden=3,4-5;activation=tanh,relu;initialization=he;"
+      "lambda=1,0.1;rule=adam");
+  ASSERT_EQ(plan.jobs.size(), 8u);
+  const SweepJob& last = plan.jobs[7];
+  EXPECT_EQ(last.name,
+            "7-hidden-4-5-activation-relu-initialization-he-lambda-0.1-adam-"
+            "batch256-seed1");
+  const DenseNetwork& network = last.problem->model->network();
+  EXPECT_EQ(network.widths(), (std::vector<int>{1, 4, 5, 2}));
+  EXPECT_EQ(network.hidden_activation(), Activation::kRelu);
+  EXPECT_EQ(last.problem->initialization, Initialization::kHeUniform);
+  EXPECT_EQ(plan.jobs[0].problem->model->network().widths(),
+            (std::vector<int>{1, 3, 2}));
+  // The physics of a point is made once.
+  EXPECT_EQ(&plan.jobs[5].problem->model->simulator(),
+            &plan.jobs[7].problem->model->simulator());
+}
+
+TEST(SweepPlan, TheCommandLinesNetworkStandsWhereNoAxisSetsIt) {
+  Grid grid;
+  SweepPlan plan;
+  std::string error;
+  ASSERT_TRUE(ParseGrid("activation=relu,gelu;rule=adam", &grid, &error));
+  SweepBase base{"toy_network", {"4-5", "sigmoid", ""}, -1};
+  ASSERT_TRUE(MakeSweepPlan(base, grid, &plan, &error)) << error;
+  ASSERT_EQ(plan.jobs.size(), 2u);
+  const DenseNetwork& network = plan.jobs[1].problem->model->network();
+  EXPECT_EQ(network.widths(), (std::vector<int>{1, 4, 5, 2}));
+  EXPECT_EQ(network.hidden_activation(), Activation::kGelu);
+  base.network.hidden = "4-five";
+  EXPECT_FALSE(MakeSweepPlan(base, grid, &plan, &error));
+  EXPECT_EQ(error.rfind("--hidden=4-five: ", 0), 0u) << error;
 }
 
 }  // namespace

@@ -110,6 +110,11 @@ TEST_F(SweepProgram, SaysWhereAGridIsMalformed) {
   expect("rule=adam;stepsize=1", {"column 11:", "'stepsize'", "step_size"});
   expect("rule=newton/numerical/adam;y_stepsize=1",
          {"column 28:", "'y_stepsize'", "y_step_size"});
+  expect("rule=adam:epochs=1>",
+         {"column 20: expected the name of a rule, found the end"});
+  expect("rule=adam>half_inverse", {"column 6:", "'adam' needs epochs=N"});
+  expect("hidden=9,9-;rule=adam", {"column 10:", "hidden=9-", "20-20-20"});
+  expect("activation=sine;rule=adam", {"column 12:", "activation=sine"});
   expect("rule=adm", {"column 6:", "'adm'", "adam"});
   expect("rule=adam:step_size=1|-2", {"column 6:", "step_size=-2", "allowed"});
   expect("rule=adam;step_size=-1", {"column 21:", "step_size=-1", "allowed"});

@@ -7,6 +7,7 @@
 #include <memory>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bin/support/sweep_plots.h"
@@ -22,7 +23,8 @@ SweepPlan Plan(const std::string& text) {
   SweepPlan plan;
   std::string error;
   EXPECT_TRUE(ParseGrid(text, &grid, &error)) << error;
-  EXPECT_TRUE(MakeSweepPlan("toy_network", grid, -1, &plan, &error)) << error;
+  EXPECT_TRUE(MakeSweepPlan({"toy_network", {}, -1}, grid, &plan, &error))
+      << error;
   return plan;
 }
 
@@ -191,6 +193,8 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_EQ(lines[1].title, "batch_size=4");
   EXPECT_TRUE(lines[1].log_x);
   EXPECT_TRUE(lines[1].log_y);
+  EXPECT_DOUBLE_EQ(*lines[1].x_range.high, std::pow(100.0, 0.04));
+  EXPECT_DOUBLE_EQ(*lines[1].y_range.low, std::pow(12.0, -0.04));
   ASSERT_EQ(lines[1].series.size(), 2u);
   EXPECT_EQ(lines[1].series[0].title, "adam");
   EXPECT_EQ(lines[1].series[0].x, (std::vector<double>{0.01, 1.0}));
@@ -214,6 +218,11 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   ASSERT_EQ(curves.size(), 6u);
   EXPECT_EQ(curves[5].title, "lambda=0.01, batch_size=0");
   EXPECT_EQ(curves[5].series[1].y, (std::vector<double>{12.0}));
+  // One evaluation is a point, as a line of it would not be seen.
+  EXPECT_EQ(curves[5].series[1].style, Series::Style::kPoints);
+  EXPECT_TRUE(curves[5].log_y);
+  EXPECT_DOUBLE_EQ(*curves[0].y_range.low, std::pow(12.0, -0.04));
+  EXPECT_EQ(curves[5].y_range.high, curves[0].y_range.high);
 
   const SweepPlan single = Plan("rule=adam,half_inverse");
   const std::vector<SweepRun> two = Runs({1, 2});
@@ -221,6 +230,63 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_TRUE(SweepLines(single, TrainLoss(), of_two).empty());
   EXPECT_TRUE(SweepHeatMaps(single, TrainLoss(), of_two).empty());
   EXPECT_EQ(SweepCurves(single, two, TrainLoss(), of_two).size(), 1u);
+}
+
+TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
+  const SweepPlan plan = Plan(
+      "step_size=0.1,auto;hidden=9-9,9;rule=gauss_newton,half_inverse;seed=1");
+  const std::vector<SweepRun> runs = Runs({1, 2, 3, 4, 5, 6, 7, 8});
+  const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss());
+  const std::vector<Plot> lines = SweepLines(plan, TrainLoss(), best);
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[1].title, "hidden=9");
+  EXPECT_EQ(lines[1].x_ticks,
+            (std::vector<std::pair<double, std::string>>{{0.0, "0.1"},
+                                                         {1.0, "auto"}}));
+  EXPECT_EQ(lines[1].x_range.low, -0.5);
+  EXPECT_EQ(lines[1].x_range.high, 1.5);
+  EXPECT_FALSE(lines[1].log_x);
+  EXPECT_EQ(lines[1].series[0].x, (std::vector<double>{0.0, 1.0}));
+  EXPECT_EQ(lines[1].series[0].y, (std::vector<double>{3.0, 7.0}));
+  EXPECT_EQ(lines[1].series[1].y, (std::vector<double>{4.0, 8.0}));
+  EXPECT_TRUE(SweepHeatMaps(plan, TrainLoss(), best).empty());
+
+  // Numbers go first, wherever they stand.
+  const SweepPlan mixed = Plan("activation=tanh,relu;batch_size=8,4;rule=adam");
+  const std::vector<SweepRun> four = Runs({1, 2, 3, 4});
+  const std::vector<Plot> of_mixed =
+      SweepLines(mixed, TrainLoss(), FindBest(mixed, four, TrainLoss()));
+  ASSERT_EQ(of_mixed.size(), 2u);
+  EXPECT_EQ(of_mixed[1].title, "activation=relu");
+  EXPECT_EQ(
+      of_mixed[1].x_ticks,
+      (std::vector<std::pair<double, std::string>>{{4.0, "4"}, {8.0, "8"}}));
+  EXPECT_DOUBLE_EQ(*of_mixed[1].x_range.low, 4.0 - 0.04 * 4.0);
+  // The panels compare.
+  EXPECT_DOUBLE_EQ(*of_mixed[0].y_range.low, 1.0 - 0.04 * 3.0);
+  EXPECT_DOUBLE_EQ(*of_mixed[0].y_range.high, 4.0 + 0.04 * 3.0);
+  EXPECT_EQ(of_mixed[1].y_range.low, of_mixed[0].y_range.low);
+  EXPECT_EQ(of_mixed[1].series[0].x, (std::vector<double>{4.0, 8.0}));
+}
+
+TEST(SweepPlots, ZeroAndDecadesStandSideBySide) {
+  const auto lines = [](const std::string& values) {
+    const SweepPlan plan =
+        Plan("truncation=" + values + ";rule=half_inverse;seed=1");
+    const std::vector<SweepRun> runs = Runs({1, 2, 3});
+    return SweepLines(plan, TrainLoss(), FindBest(plan, runs, TrainLoss()))[0];
+  };
+  const Plot with_zero = lines("1e-3,0,1e-6");
+  EXPECT_FALSE(with_zero.log_x);
+  EXPECT_EQ(with_zero.x_ticks,
+            (std::vector<std::pair<double, std::string>>{
+                {0.0, "0"}, {1.0, "1e-6"}, {2.0, "1e-3"}}));
+  EXPECT_EQ(with_zero.series[0].x, (std::vector<double>{0.0, 1.0, 2.0}));
+  EXPECT_EQ(with_zero.series[0].y, (std::vector<double>{2.0, 3.0, 1.0}));
+  EXPECT_TRUE(lines("1e-3,1e-1,1e-6").log_x);
+  const Plot near = lines("0,0.25,0.5");
+  EXPECT_FALSE(near.log_x);
+  EXPECT_EQ(near.series[0].x, (std::vector<double>{0.0, 0.25, 0.5}));
 }
 
 TEST(SweepPlots, LeaveOutPanelsBeyondTheSixteenthWithAWarning) {

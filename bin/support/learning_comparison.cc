@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <numeric>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "bin/support/csv_field.h"
 #include "bin/support/program.h"
@@ -32,25 +34,25 @@ std::string RunDirectory(const LearningComparisonOptions& options,
 
 // The share of the budget that is spent, for the time left.
 double BudgetShare(const TrainOptions& options,
-                   int steps_per_epoch,
+                   double num_epochs,
                    long num_steps,
                    double seconds) {
-  const auto steps = static_cast<double>(num_steps);
-  const double epochs = steps / steps_per_epoch;
-  return std::max({epochs / options.max_num_epochs,
-                   steps / static_cast<double>(options.max_num_steps),
+  return std::max({num_epochs / options.max_num_epochs,
+                   static_cast<double>(num_steps) /
+                       static_cast<double>(options.max_num_steps),
                    seconds / options.max_time_in_seconds});
 }
 
 // Prints where a run is, and ends it on Ctrl-C.
 class LiveCallback final : public ceres::IterationCallback {
  public:
+  // `epochs`: how many so many steps are.
   LiveCallback(const std::string& label,
                const TrainOptions& train,
-               int steps_per_epoch,
+               std::function<double(long num_steps)> epochs,
                bool shows_progress)
       : train_(train),
-        steps_per_epoch_(steps_per_epoch),
+        epochs_(std::move(epochs)),
         shows_progress_(shows_progress) {
     state_.label = label;
   }
@@ -62,9 +64,9 @@ class LiveCallback final : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
     state_.step = iteration.iteration;
-    state_.epoch = static_cast<double>(iteration.iteration) / steps_per_epoch_;
+    state_.epoch = epochs_(iteration.iteration);
     state_.fraction = BudgetShare(train_,
-                                  steps_per_epoch_,
+                                  state_.epoch,
                                   iteration.iteration,
                                   iteration.cumulative_time_in_seconds);
     if (shows_progress_) progress_.Update(state_);
@@ -74,7 +76,7 @@ class LiveCallback final : public ceres::IterationCallback {
 
  private:
   const TrainOptions& train_;
-  const int steps_per_epoch_;
+  const std::function<double(long num_steps)> epochs_;
   const bool shows_progress_;
   ProgressState state_;
   Progress progress_;
@@ -426,19 +428,19 @@ bool RunOrLoad(const LearningProblem& problem,
                std::string* error) {
   LearningRunOptions run;
   run.train = options.train;
-  run.train.batch_size = BatchSize(problem, method, options);
+  run.train.batch_size = BatchSize(problem, options);
   run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
   run.tracked_sample = options.tracked_sample;
   run.directory = RunDirectory(options, method.label, seed);
-  const int steps_per_epoch =
-      method.ceres != nullptr
-          ? 1
-          : problem.train.num_samples() / run.train.batch_size;
+  const auto epochs = [&](long num_steps) {
+    return NumEpochs(
+        method, problem.train.num_samples(), run.train.batch_size, num_steps);
+  };
   if (options.resume) {
     if (LoadLearningRun(run.directory, problem, result, error) &&
         (!result->has_used_its_budget() ||
          BudgetShare(run.train,
-                     steps_per_epoch,
+                     epochs(result->summary.num_steps),
                      result->summary.num_steps,
                      result->summary.train_time_in_seconds) >= 1.0)) {
       return true;
@@ -447,7 +449,7 @@ bool RunOrLoad(const LearningProblem& problem,
   }
   LiveCallback live(method.label + " seed " + std::to_string(seed),
                     run.train,
-                    steps_per_epoch,
+                    epochs,
                     options.shows_progress);
   run.train.callbacks.push_back(&live);
   run.train.on_evaluation = [&live](const History& history) {
@@ -477,6 +479,11 @@ Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
   NumpyRandom random(static_cast<std::uint32_t>(seed));
   return problem.model->network().InitialWeights(problem.initialization,
                                                  &random);
+}
+
+int BatchSize(const LearningProblem& problem,
+              const LearningComparisonOptions& options) {
+  return BatchSize(problem, Method(), options);
 }
 
 int BatchSize(const LearningProblem& problem,
@@ -513,9 +520,10 @@ bool CheckLearningComparison(const LearningProblem& problem,
     return false;
   }
   for (const Method& method : methods) {
-    if (BatchSize(problem, method, options) > num_samples) {
+    for (const Method* phase : method.Phases()) {
+      if (BatchSize(problem, *phase, options) <= num_samples) continue;
       *error = "--rules: " + method.label +
-               ": batch_size=" + std::to_string(method.batch_size) +
+               ": batch_size=" + std::to_string(phase->batch_size) +
                " is out of range; allowed: 1 to the " +
                std::to_string(num_samples) + " training samples, or 0 for all";
       return false;

@@ -48,7 +48,12 @@ bool CheckLearningComparison(const LearningProblem& problem,
 // The weights that every method starts from at `seed`.
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);
 
-// The batch size of a method: its own, the command line's, or the problem's.
+// The batch size of methods without one of their own: the command line's, or
+// the problem's.
+int BatchSize(const LearningProblem& problem,
+              const LearningComparisonOptions& options);
+
+// The batch size of a method, or of one of its phases.
 int BatchSize(const LearningProblem& problem,
               const Method& method,
               const LearningComparisonOptions& options);

@@ -242,7 +242,10 @@ bool RunLearning(const LearningProblem& problem,
   }
   if (!WriteRun(options.directory, *result, final_neurons, error)) return false;
   if (!result->was_interrupted() && !result->has_used_its_budget()) {
-    std::filesystem::remove(train_options.checkpoint_path, failure);
+    for (const std::string& file :
+         CheckpointFiles(method, train_options.checkpoint_path)) {
+      std::filesystem::remove(file, failure);
+    }
   }
   return true;
 }

@@ -6,7 +6,8 @@
 //                     networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
 //   DIR/result.txt    written last: a run that has it is complete
-//   DIR/checkpoint    where the run can go on, unless it converged or failed
+//   DIR/checkpoint    where the run can go on, unless it converged or failed;
+//                     of earlier phases checkpoint-phase1, ...
 #ifndef BIN_SUPPORT_LEARNING_RUN_H_
 #define BIN_SUPPORT_LEARNING_RUN_H_
 

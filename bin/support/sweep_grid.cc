@@ -119,8 +119,16 @@ class GridParser {
                                   bar);
   }
 
-  // name:key=value|value:key=value
+  // phase>phase
   bool CheckRule(const Span& span) {
+    const std::vector<Span> phases = Split(text_, span, '>');
+    return std::all_of(phases.begin(), phases.end(), [this](const Span& phase) {
+      return CheckPhase(phase);
+    });
+  }
+
+  // name:key=value|value:key=value
+  bool CheckPhase(const Span& span) {
     const std::vector<Span> pieces = Split(text_, span, ':');
     if (pieces[0].is_empty()) {
       return Expected("the name of a rule", pieces[0].begin);
@@ -179,12 +187,31 @@ bool IsAtEdge(const std::vector<std::string>& values, size_t choice) {
   return *low < *high && (numbers[choice] == *low || numbers[choice] == *high);
 }
 
-// "step_size=1e-3|3e-4" -> "step_size" and its alternatives.
-std::vector<std::string> Alternatives(const std::string& setting,
-                                      std::string* key) {
-  const size_t equals = setting.find('=');
-  *key = SplitText(setting.substr(0, equals), '=')[0];
-  return SplitText(setting.substr(equals + 1), '|');
+// A part of a method: the name of a phase's rule, or a setting of it.
+struct Piece {
+  std::string mark;  // what stands before it: "", ">" or ":"
+  std::string name;
+  std::vector<std::string> values;  // of a setting; several: alternatives
+
+  std::string text() const {
+    return mark + name + (values.empty() ? "" : "=" + values[0]);
+  }
+};
+
+// Of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
+std::vector<Piece> Pieces(const std::string& method) {
+  std::vector<Piece> pieces;
+  for (const std::string& phase : SplitText(method, '>')) {
+    const std::vector<std::string> parts = SplitText(phase, ':');
+    pieces.push_back({pieces.empty() ? "" : ">", parts[0], {}});
+    for (size_t i = 1; i < parts.size(); ++i) {
+      const size_t equals = parts[i].find('=');
+      pieces.push_back({":",
+                        SplitText(parts[i].substr(0, equals), '=')[0],
+                        SplitText(parts[i].substr(equals + 1), '|')});
+    }
+  }
+  return pieces;
 }
 
 }  // namespace
@@ -212,24 +239,25 @@ std::string GridMessage(const std::string& text,
 }
 
 std::vector<RuleAlternative> ExpandRule(const std::string& rule) {
-  const std::vector<std::string> pieces = SplitText(rule, ':');
-  RuleAlternative first;
-  first.specification = pieces[0];
-  std::vector<RuleAlternative> all = {first};
-  for (size_t i = 1; i < pieces.size(); ++i) {
-    std::string key;
-    const std::vector<std::string> values = Alternatives(pieces[i], &key);
+  std::vector<RuleAlternative> all = {RuleAlternative()};
+  for (const Piece& piece : Pieces(rule)) {
+    if (piece.values.empty()) {
+      for (RuleAlternative& one : all) one.specification += piece.text();
+      continue;
+    }
     std::vector<RuleAlternative> longer;
     for (const RuleAlternative& before : all) {
-      for (size_t k = 0; k < values.size(); ++k) {
+      for (size_t k = 0; k < piece.values.size(); ++k) {
         RuleAlternative alternative = before;
-        const std::string setting = key + "=" + values[k];
-        alternative.specification += ":" + setting;
-        if (values.size() > 1) {
+        const std::string setting = piece.name + "=" + piece.values[k];
+        alternative.specification += piece.mark + setting;
+        if (piece.values.size() > 1) {
           alternative.chosen += (alternative.chosen.empty() ? "" : ":");
           alternative.chosen += setting;
         }
-        if (IsAtEdge(values, k)) alternative.at_edge.push_back(key);
+        if (IsAtEdge(piece.values, k)) {
+          alternative.at_edge.push_back(piece.name);
+        }
         longer.push_back(alternative);
       }
     }
@@ -240,9 +268,8 @@ std::vector<RuleAlternative> ExpandRule(const std::string& rule) {
 
 std::string WithoutAlternatives(const std::string& rule) {
   std::string text;
-  for (const std::string& piece : SplitText(rule, ':')) {
-    if (piece.find('|') != std::string::npos) continue;
-    text += (text.empty() ? "" : ":") + piece;
+  for (const Piece& piece : Pieces(rule)) {
+    if (piece.values.size() < 2) text += piece.text();
   }
   return text;
 }

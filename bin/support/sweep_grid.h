@@ -5,9 +5,9 @@
 //   grid = axis { ";" axis }
 //   axis = name "=" value { "," value }
 //
-// A value of the axis `rule` is a method (method.h) in which a setting may list
-// alternatives between which the sweep chooses, "|" between them. Spaces around
-// names and values do not count.
+// A value of the axis `rule` is a method (method.h), of one phase or of
+// several, in which a setting may list alternatives between which the sweep
+// chooses, "|" between them. Spaces around names and values do not count.
 //
 // Fails:   false, with an *error that names the column, what was expected and
 //          what was found, and shows the text with a mark below that column.

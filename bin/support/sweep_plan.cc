@@ -49,14 +49,8 @@ std::vector<std::string> OptionsOf(const Method& method) {
 
 class Planner {
  public:
-  Planner(const std::string& problem,
-          int batch_size,
-          SweepPlan* plan,
-          std::string* error)
-      : problem_(problem),
-        batch_size_(batch_size),
-        plan_(plan),
-        error_(error) {}
+  Planner(const SweepBase& base, SweepPlan* plan, std::string* error)
+      : base_(base), plan_(plan), error_(error) {}
 
   bool Plan() {
     if (!ReadRules() || !ReadSeeds() || !ReadBatchSizes() || !SortAxes()) {
@@ -70,7 +64,7 @@ class Planner {
   }
 
  private:
-  enum class Kind { kRule, kSeed, kBatchSize, kProblem, kRuleOption };
+  enum class Kind { kRule, kSeed, kBatchSize, kNetwork, kProblem, kRuleOption };
 
   const std::vector<GridAxis>& axes() const { return plan_->grid.axes; }
 
@@ -137,18 +131,23 @@ class Planner {
   bool SortAxes() {
     PhysicsProblem problem;
     std::vector<Specification> parsed;
-    if (!CreateProblem(problem_, nullptr, &problem, error_) ||
-        !ParseSpecifications(problem_, &parsed, error_)) {
+    if (!CreateProblem(base_.problem, nullptr, &problem, error_) ||
+        !ParseSpecifications(base_.problem, &parsed, error_)) {
       return false;
     }
     if (!problem.learning.has_value()) {
-      *error_ = "--problem=" + problem_ +
+      *error_ = "--problem=" + base_.problem +
                 " has no network to train; compare and trajectories show "
                 "point problems";
       return false;
     }
-    problems_[problem_] =
+    problems_[base_.problem] =
         std::make_shared<LearningProblem>(*std::move(problem.learning));
+    LearningProblem with_network = *problems_[base_.problem];
+    if (!SetNetwork(base_.network, &with_network, error_)) {
+      *error_ = "--" + *error_;
+      return false;
+    }
     const std::vector<std::string> problem_options =
         Names(FindProblem(parsed[0].name)->options());
     for (const GridAxis& axis : axes()) {
@@ -158,6 +157,8 @@ class Planner {
         kinds_.push_back(Kind::kSeed);
       } else if (axis.name == "batch_size") {
         kinds_.push_back(Kind::kBatchSize);
+      } else if (Contains(NetworkSettings::Names(), axis.name)) {
+        kinds_.push_back(Kind::kNetwork);
       } else if (Contains(problem_options, axis.name)) {
         kinds_.push_back(Kind::kProblem);
       } else if (IsRuleOption(axis)) {
@@ -193,6 +194,9 @@ class Planner {
 
   bool RefuseAxis(const GridAxis& axis, std::vector<std::string> names) {
     names.insert(names.end(), {"rule", "seed", "batch_size"});
+    for (const std::string& name : NetworkSettings::Names()) {
+      names.push_back(name);
+    }
     for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
       Method method;
       std::string why;
@@ -207,8 +211,9 @@ class Planner {
     }
     return Refuse(axis.position,
                   UnknownNameMessage("axis", axis.name, names) +
-                      "; expected rule, seed, batch_size, or an option of the "
-                      "problem or of a rule of the grid");
+                      "; expected rule, seed, batch_size, hidden, activation, "
+                      "initialization, or an option of the problem or of a "
+                      "rule of the grid");
   }
 
   // The next point of the grid, the last axis changing fastest.
@@ -255,11 +260,12 @@ class Planner {
     const GridValue& rule_value =
         axes()[plan_->rule_axis].values[at[plan_->rule_axis]];
     std::vector<Setting> of_problem;
+    std::vector<Setting> of_network;
     std::vector<Setting> of_rule;
     std::string directory;  // what distinguishes the job
     size_t batch_position = rule_value.position;
     LearningComparisonOptions run;
-    run.batch_size = batch_size_;
+    run.batch_size = base_.batch_size;
     for (size_t k = 0; k < at.size(); ++k) {
       const GridAxis& axis = axes()[k];
       const GridValue& value = axis.values[at[k]];
@@ -267,6 +273,9 @@ class Planner {
                                value.position};
       if (kinds_[k] == Kind::kProblem) {
         of_problem.push_back(setting);
+        directory += setting.text.substr(1) + "-";
+      } else if (kinds_[k] == Kind::kNetwork) {
+        of_network.push_back(setting);
         directory += setting.text.substr(1) + "-";
       } else if (kinds_[k] == Kind::kBatchSize) {
         run.batch_size = batch_sizes_[at[k]];
@@ -277,7 +286,7 @@ class Planner {
       }
     }
     std::shared_ptr<const LearningProblem> problem;
-    if (!FindOrCreateProblem(of_problem, &problem)) return false;
+    if (!FindOrSetNetwork(of_problem, of_network, &problem)) return false;
     const std::vector<RuleAlternative>& rules =
         plan_->alternatives[at[plan_->rule_axis]];
     for (size_t i = 0; i < rules.size(); ++i) {
@@ -295,19 +304,32 @@ class Planner {
         return Refuse(batch_position, why);
       }
       job.problem = problem;
-      job.batch_size = BatchSize(*problem, job.method, run);
+      job.batch_size = BatchSize(*problem, run);
       job.seed = seeds_[at[plan_->seed_axis]];
       job.name = directory + job.method.label + "-batch" +
-                 std::to_string(job.batch_size) + "-seed" +
+                 BatchSizesText(*problem, job.method, run) + "-seed" +
                  std::to_string(job.seed);
       plan_->points.push_back({at, static_cast<int>(i), FindOrAddJob(job)});
     }
     return true;
   }
 
+  // "256+32": of all phases.
+  static std::string BatchSizesText(const LearningProblem& problem,
+                                    const Method& method,
+                                    const LearningComparisonOptions& run) {
+    std::string text;
+    for (const Method* phase : method.Phases()) {
+      text += (text.empty() ? "" : "+") +
+              std::to_string(BatchSize(problem, *phase, run));
+    }
+    return text;
+  }
+
+  // With its own network.
   bool FindOrCreateProblem(const std::vector<Setting>& settings,
                            std::shared_ptr<const LearningProblem>* problem) {
-    const std::string specification = problem_ + Joined(settings);
+    const std::string specification = base_.problem + Joined(settings);
     std::shared_ptr<const LearningProblem>& known = problems_[specification];
     if (known == nullptr) {
       PhysicsProblem created;
@@ -316,13 +338,49 @@ class Planner {
         return RefuseOneOf(
             settings, why, [this](const std::string& text, std::string* error) {
               PhysicsProblem ignored;
-              return CreateProblem(problem_ + text, nullptr, &ignored, error);
+              return CreateProblem(
+                  base_.problem + text, nullptr, &ignored, error);
             });
       }
       known = std::make_shared<LearningProblem>(*std::move(created.learning));
     }
     *problem = known;
     return true;
+  }
+
+  // With the network that the command line and the point make.
+  bool FindOrSetNetwork(const std::vector<Setting>& of_problem,
+                        const std::vector<Setting>& of_network,
+                        std::shared_ptr<const LearningProblem>* problem) {
+    if (!FindOrCreateProblem(of_problem, problem)) return false;
+    std::shared_ptr<const LearningProblem>& known =
+        with_networks_[Joined(of_problem) + Joined(of_network)];
+    if (known == nullptr) {
+      LearningProblem changed = **problem;
+      std::string why;
+      if (!SetNetwork(NetworkOf(of_network), &changed, &why)) {
+        // The command line's network fits no longer, at other options.
+        if (of_network.empty()) return Refuse(of_problem.back().position, why);
+        return RefuseOneOf(
+            of_network, why, [&](const std::string& text, std::string* error) {
+              return SetNetwork(NetworkOf({{text}}), &changed, error);
+            });
+      }
+      known = std::make_shared<LearningProblem>(std::move(changed));
+    }
+    *problem = known;
+    return true;
+  }
+
+  // That of the command line, but for these settings.
+  NetworkSettings NetworkOf(const std::vector<Setting>& settings) const {
+    NetworkSettings network = base_.network;
+    for (const Setting& setting : settings) {
+      const size_t equals = setting.text.find('=');
+      *network.Find(setting.text.substr(1, equals - 1)) =
+          setting.text.substr(equals + 1);
+    }
+    return network;
   }
 
   // Two points with the same settings share a job.
@@ -339,8 +397,7 @@ class Planner {
     return it->second;
   }
 
-  const std::string problem_;
-  const int batch_size_;
+  const SweepBase& base_;
   SweepPlan* plan_;
   std::string* error_;
 
@@ -348,20 +405,21 @@ class Planner {
   std::vector<int> seeds_;
   std::vector<int> batch_sizes_;
   std::map<std::string, std::vector<bool>> takers_;  // of an option, by rule
+  // By their settings; the first ones have their own network.
   std::map<std::string, std::shared_ptr<const LearningProblem>> problems_;
+  std::map<std::string, std::shared_ptr<const LearningProblem>> with_networks_;
   std::map<std::string, int> job_numbers_;
 };
 
 }  // namespace
 
-bool MakeSweepPlan(const std::string& problem,
+bool MakeSweepPlan(const SweepBase& base,
                    const Grid& grid,
-                   int batch_size,
                    SweepPlan* plan,
                    std::string* error) {
   *plan = SweepPlan();
   plan->grid = grid;
-  return Planner(problem, batch_size, plan, error).Plan();
+  return Planner(base, plan, error).Plan();
 }
 
 }  // namespace invgrad

@@ -1,9 +1,10 @@
 // What a sweep runs: the points of a grid, and the runs that they need.
 //
-// An axis is `rule`, `seed`, `batch_size`, an option of the problem, or an
-// option of rules. The last kind is given to every rule that has the option and
-// does not set it itself: any other is run once, and its result stands at all
-// of the axis' values.
+// An axis is `rule`, `seed`, `batch_size`, a setting of the network
+// (network_settings.h), an option of the problem, or an option of rules. The
+// last kind is given to every rule that has the option and does not set it
+// itself, of a method in phases to the last one: any other is run once, and its
+// result stands at all of the axis' values.
 //
 // Fails:   false, with *error naming the place in the grid, for an axis that
 //          nobody knows (with the nearest names), a value that is not allowed,
@@ -15,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "bin/support/network_settings.h"
 #include "bin/support/sweep_grid.h"
 #include "invgrad/solve/method.h"
 #include "problems/problem.h"
@@ -26,7 +28,7 @@ struct SweepJob {
   std::string name;  // of its directory
   std::shared_ptr<const LearningProblem> problem;
   Method method;
-  int batch_size = 0;  // at least 1
+  int batch_size = 0;  // at least 1; of a method that has none of its own
   int seed = 0;
 };
 
@@ -48,11 +50,15 @@ struct SweepPlan {
   std::vector<SweepPoint> points;
 };
 
-// `problem` is the specification that the axes add to; `batch_size` -1 is the
-// problem's own.
-bool MakeSweepPlan(const std::string& problem,
+// What is the same at all points but for the axes.
+struct SweepBase {
+  std::string problem;  // the specification that the axes add to
+  NetworkSettings network;
+  int batch_size = -1;  // -1: the problem's own
+};
+
+bool MakeSweepPlan(const SweepBase& base,
                    const Grid& grid,
-                   int batch_size,
                    SweepPlan* plan,
                    std::string* error);
 

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -57,6 +58,115 @@ bool NeedsLogScale(const std::vector<double>& values) {
     high = std::max(high, value);
   }
   return low > 0.0 && high > 10.0 * low;
+}
+
+// Ascending, none twice: "1" and "1.0" are one number.
+std::vector<double> Sorted(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  return values;
+}
+
+// What lines are drawn against.
+struct LineAxis {
+  int number = 0;  // in the grid
+  std::string name;
+  bool is_numeric = false;        // or the values stand side by side
+  std::vector<double> positions;  // as in the grid
+};
+
+// Whether no scale tells the numbers apart: 0 beside 1e-6 and 1, say.
+bool SpansDecadesAndZero(const std::vector<double>& values) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = 0.0;
+  bool has_zero = false;
+  for (const double value : values) {
+    has_zero = has_zero || value <= 0.0;
+    if (value > 0.0) low = std::min(low, value);
+    high = std::max(high, std::abs(value));
+  }
+  return has_zero && high > 100.0 * low;
+}
+
+// 0 for the lowest, 1 for the next one, ...
+std::vector<double> Ranks(const std::vector<double>& values) {
+  const std::vector<double> sorted = Sorted(values);
+  std::vector<double> ranks;
+  ranks.reserve(values.size());
+  for (const double value : values) {
+    ranks.push_back(static_cast<double>(
+        std::lower_bound(sorted.begin(), sorted.end(), value) -
+        sorted.begin()));
+  }
+  return ranks;
+}
+
+// Nothing if the grid has only rules and seeds.
+std::optional<LineAxis> FindLineAxis(const SweepPlan& plan) {
+  const std::vector<NumericAxis> numeric = NumericAxes(plan);
+  if (!numeric.empty()) {
+    const NumericAxis& first = numeric[0];
+    return SpansDecadesAndZero(first.values)
+               ? LineAxis{first.number, first.name, false, Ranks(first.values)}
+               : LineAxis{first.number, first.name, true, first.values};
+  }
+  for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
+    const GridAxis& axis = plan.grid.axes[k];
+    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
+      continue;
+    }
+    LineAxis line{k, axis.name, false, {}};
+    for (size_t i = 0; i < axis.values.size(); ++i) {
+      line.positions.push_back(static_cast<double>(i));
+    }
+    return line;
+  }
+  return std::nullopt;
+}
+
+// From the lowest to the highest of the finite values, with a margin that keeps
+// the points off the frame. Nothing if there are no two of them.
+AxisRange RangeWithMargin(const std::vector<double>& values, bool is_log) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  for (const double value : values) {
+    if (!std::isfinite(value)) continue;
+    low = std::min(low, is_log ? std::log(value) : value);
+    high = std::max(high, is_log ? std::log(value) : value);
+  }
+  if (low >= high) return AxisRange();
+  constexpr double kMargin = 0.04;
+  const double margin = kMargin * (high - low);
+  AxisRange range{low - margin, high + margin};
+  if (is_log) range = {std::exp(*range.low), std::exp(*range.high)};
+  return range;
+}
+
+// Ticks and range of an axis that shows what was tried.
+void SetLineAxis(const SweepPlan& plan, const LineAxis& x, Plot* plot) {
+  plot->x_label = x.name;
+  plot->log_x = x.is_numeric && NeedsLogScale(x.positions);
+  if (x.is_numeric) {
+    plot->x_range = RangeWithMargin(x.positions, plot->log_x);
+  } else {
+    plot->x_range = {-0.5, static_cast<double>(x.positions.size()) - 0.5};
+  }
+  const std::vector<GridValue>& values = plan.grid.axes[x.number].values;
+  for (size_t i = 0; i < values.size(); ++i) {
+    plot->x_ticks.emplace_back(x.positions[i], values[i].text);
+  }
+  std::sort(plot->x_ticks.begin(), plot->x_ticks.end());
+}
+
+// Of all panels, so that they compare.
+AxisRange RangeOfCells(const std::vector<SweepBest>& best, bool is_log) {
+  std::vector<double> values;
+  for (const SweepBest& one : best) {
+    for (const double value : {one.cell.low, one.cell.median, one.cell.high}) {
+      if (!is_log || value > 0.0) values.push_back(value);
+    }
+  }
+  return RangeWithMargin(values, is_log);
 }
 
 // "xi=32, phi=45": where a panel stands, but for the axes that it shows.
@@ -116,13 +226,6 @@ std::vector<double> Medians(const std::vector<SweepBest>& best) {
   return medians;
 }
 
-// Ascending, none twice: "1" and "1.0" are one number.
-std::vector<double> Sorted(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  values.erase(std::unique(values.begin(), values.end()), values.end());
-  return values;
-}
-
 bool DrawIfAny(const std::string& file,
                const std::vector<Plot>& plots,
                std::string* error) {
@@ -138,24 +241,25 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
                              const SweepValue& value,
                              const std::vector<SweepBest>& best) {
   std::vector<Plot> plots;
-  const std::vector<NumericAxis> numeric = NumericAxes(plan);
-  if (numeric.empty()) return plots;
-  const NumericAxis& x = numeric[0];
+  const std::optional<LineAxis> axis = FindLineAxis(plan);
+  if (!axis.has_value()) return plots;
+  const LineAxis& x = *axis;
   const std::vector<std::string> titles = RuleTitles(plan);
   const bool log_y = NeedsLogScale(Medians(best));
+  const AxisRange y_range = RangeOfCells(best, log_y);
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
   for (const auto& [at, points] : GroupByPanel("lines.png", best, shown)) {
     Plot plot;
     plot.title = PointText(plan, at, shown);
-    plot.x_label = x.name;
     plot.y_label = value.name;
-    plot.log_x = NeedsLogScale(x.values);
+    SetLineAxis(plan, x, &plot);
     plot.log_y = log_y;
+    plot.y_range = y_range;
     for (size_t rule = 0; rule < titles.size(); ++rule) {
       std::vector<std::pair<double, const SweepCell*>> cells;
       for (const SweepBest* point : points) {
         if (point->at[plan.rule_axis] == static_cast<int>(rule)) {
-          cells.emplace_back(x.values[point->at[x.number]], &point->cell);
+          cells.emplace_back(x.positions[point->at[x.number]], &point->cell);
         }
       }
       std::sort(cells.begin(), cells.end());
@@ -231,6 +335,7 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
                               const SweepValue& value,
                               const std::vector<SweepBest>& best) {
   std::vector<Plot> plots;
+  std::vector<double> values;  // of all panels, so that they compare
   const std::set<int> shown = {plan.rule_axis, plan.seed_axis};
   for (const auto& [at, points] : GroupByPanel("curves.png", best, shown)) {
     Plot plot;
@@ -238,7 +343,6 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
     plot.x_label = "seconds of training";
     plot.y_label = value.name;
     plot.log_x = true;
-    std::vector<double> values;
     for (const SweepBest* point : points) {
       const SweepRun& run = runs[plan.points[point->cell.median_point].job];
       Series series;
@@ -252,11 +356,15 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
           series.y.push_back(row.*value.field);
         }
       }
+      if (series.x.size() == 1) series.style = Series::Style::kPoints;
       values.insert(values.end(), series.y.begin(), series.y.end());
       plot.series.push_back(series);
     }
-    plot.log_y = NeedsLogScale(values);
     plots.push_back(plot);
+  }
+  for (Plot& plot : plots) {
+    plot.log_y = NeedsLogScale(values);
+    plot.y_range = RangeWithMargin(values, plot.log_y);
   }
   return plots;
 }

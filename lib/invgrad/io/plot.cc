@@ -397,18 +397,30 @@ std::vector<double> CellEdges(const std::vector<double>& centers, bool is_log) {
   return edges;
 }
 
-// Labels equal cells with their values; of many cells, not all.
-std::string CellTicksCommand(const std::string& name,
-                             const std::vector<double>& values) {
+// Labels these places; of many, not all.
+std::string NamedTicksCommand(
+    const std::string& axis,
+    const std::vector<std::pair<double, std::string>>& ticks) {
   constexpr size_t kMaxLabels = 16;
-  const size_t stride = (values.size() + kMaxLabels - 1) / kMaxLabels;
+  const size_t stride = (ticks.size() + kMaxLabels - 1) / kMaxLabels;
   std::string list;
-  for (size_t i = 0; i < values.size(); i += stride) {
-    list += (i > 0 ? ", " : "") + Quote(Number(values[i])) + ' ' +
-            std::to_string(i);
+  for (size_t i = 0; i < ticks.size(); i += stride) {
+    list += (i > 0 ? ", " : "") + Quote(ticks[i].second) + ' ' +
+            Number(ticks[i].first);
   }
-  return "set format " + name + " '%h'\nset " + name + "tics (" + list +
-         ")\nset m" + name + "tics default\n";
+  return "set format " + axis + " '%h'\nset " + axis + "tics (" + list +
+         ")\nset m" + axis + "tics default\n";
+}
+
+// Labels equal cells with their values.
+std::string CellTicksCommand(const std::string& axis,
+                             const std::vector<double>& values) {
+  std::vector<std::pair<double, std::string>> ticks;
+  ticks.reserve(values.size());
+  for (size_t i = 0; i < values.size(); ++i) {
+    ticks.emplace_back(static_cast<double>(i), Number(values[i]));
+  }
+  return NamedTicksCommand(axis, ticks);
 }
 
 // The cells that have a colour, x y z and their edges. False if there are none.
@@ -794,7 +806,9 @@ PanelScript MakePanel(const Plot& plot,
     out += CellTicksCommand("x", plot.heat_map->x) +
            CellTicksCommand("y", plot.heat_map->y);
   } else {
-    out += TicksCommand("x", x_axis) + TicksCommand("y", y_axis);
+    out += plot.x_ticks.empty() ? TicksCommand("x", x_axis)
+                                : NamedTicksCommand("x", plot.x_ticks);
+    out += TicksCommand("y", y_axis);
   }
   out += ColorBarCommand(plot, layout, panel);
   out += plot.equal_aspect ? "set size ratio -1\n" : "set size noratio\n";

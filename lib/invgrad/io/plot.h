@@ -18,6 +18,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -91,6 +92,9 @@ struct Plot {
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
+  // Places on the x axis that are labelled, where round numbers would not do:
+  // what was tried, or names in place of numbers. Empty: round numbers.
+  std::vector<std::pair<double, std::string>> x_ticks;
   AxisRange x_range;
   AxisRange y_range;
   bool equal_aspect = false;  // a circle looks like one

@@ -1,0 +1,47 @@
+// Trains a model by a minimizer of Ceres, on all samples at once.
+//
+// An iteration counts as a step and as an epoch, a rejected one too; the
+// history, the budget and the callbacks are those of Train (trainer.h). There
+// is no checkpoint: TrainOptions::checkpoint_path, batch_size and the shuffling
+// are not used.
+//
+// Fails:   false, with *error set and nothing done, for bad input, as Train; if
+//          the loss is no squared norm and the method a trust region; if a rule
+//          cannot propose its steps for this network.
+#ifndef INVGRAD_SOLVE_CERES_TRAINING_H_
+#define INVGRAD_SOLVE_CERES_TRAINING_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/model.h"
+#include "invgrad/solve/method.h"
+#include "invgrad/solve/trainer.h"
+
+namespace invgrad {
+
+// `report`: what there is to say of a rule's proposals, to be added to the
+// run's message.
+bool TrainByCeres(const Method& method,
+                  const TrainOptions& options,
+                  const Model& model,
+                  const DataSet& train,
+                  const DataSet& test,
+                  Eigen::VectorXd* weights,
+                  History* history,
+                  TrainSummary* summary,
+                  std::string* report,
+                  std::string* error);
+
+// The part of the above that finds bad input.
+bool CheckCeresTraining(const Method& method,
+                        const TrainOptions& options,
+                        const Model& model,
+                        const DataSet& train,
+                        const DataSet& test,
+                        const Eigen::VectorXd& weights,
+                        std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SOLVE_CERES_TRAINING_H_
