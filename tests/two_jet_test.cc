@@ -270,9 +270,9 @@ TEST_P(JetModelTest, ProductsAreThoseOfTheDenseJacobian) {
     return A.triangularView<Eigen::Lower>();
   };
   EXPECT_LT((lower(gram) - lower(J_ * J_.transpose())).norm(),
-            kRounding * gram.norm());
+            kRounding * J_.squaredNorm());
   EXPECT_LT((lower(parameter_gram) - lower(J_.transpose() * J_)).norm(),
-            kRounding * gram.norm());
+            kRounding * J_.squaredNorm());
 }
 
 TEST_P(JetModelTest, LayersAreTheColumnsOfTheJacobian) {

@@ -391,6 +391,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                  J_transposed.transpose();
     }
     if (num_calls() == 1) {
+      x_bar.resize(network_.num_outputs(), activations.batch_size());
       network_.Hessian(
           weights, activations, x_bar, x_hessians, &linearization->hessian);
     } else {
