@@ -209,7 +209,34 @@ TEST(PoissonPinn, BadSettingsAndDataAreRefused) {
   EXPECT_NE(ErrorOf("poisson_pinn", &data).find("row 3"), std::string::npos);
 }
 
-// Weights, and data sets of both kinds, for every way to train.
+// After 1,000 s the best of Adam's published runs has an error of 9.4e-5, and
+// L-BFGS's 1.6e-4 (source in poisson_pinn.h).
+TEST(PoissonPinn, HalfInverseBeatsPublishedFirstOrderMethodsIn150Steps) {
+  const LearningProblem problem = Create("poisson_pinn");
+  std::vector<Method> methods;
+  std::string error;
+  ASSERT_TRUE(ParseMethods("half_inverse:step_size=auto", &methods, &error))
+      << error;
+  TrainOptions options;
+  options.max_num_steps = 150;
+  VectorXd weights = InitialWeights(problem);
+  History history;
+  TrainSummary summary;
+  ASSERT_TRUE(TrainByMethod(methods[0],
+                            options,
+                            *problem.model,
+                            nullptr,
+                            problem.train,
+                            problem.train.Range(0, 0),
+                            &weights,
+                            &history,
+                            &summary,
+                            &error))
+      << error;
+  EXPECT_LT(MetricOf(problem, weights), 9.4e-5);
+}
+
+// Few points: more weights than residuals.
 class EveryMethod : public testing::TestWithParam<const char*> {};
 
 TEST_P(EveryMethod, LowersTheLoss) {
@@ -218,11 +245,7 @@ TEST_P(EveryMethod, LowersTheLoss) {
   std::vector<Method> methods;
   std::string error;
   ASSERT_TRUE(ParseMethods(GetParam(), &methods, &error)) << error;
-  const Model model =
-      problem.model->WithNetwork(DenseNetwork({2, 8, 1}, Activation::kTanh));
-  NumpyRandom random(0);
-  VectorXd weights =
-      model.network().InitialWeights(problem.initialization, &random);
+  VectorXd weights = InitialWeights(problem);
   const VectorXd start = weights;
   TrainOptions options;
   options.max_num_epochs = 20;
@@ -230,7 +253,7 @@ TEST_P(EveryMethod, LowersTheLoss) {
   TrainSummary summary;
   ASSERT_TRUE(TrainByMethod(methods[0],
                             options,
-                            model,
+                            *problem.model,
                             nullptr,
                             problem.train,
                             problem.train.Range(0, 0),
@@ -258,7 +281,7 @@ INSTANTIATE_TEST_SUITE_P(
                     "layer_half_inverse:step_size=auto",
                     "kfac_half_inverse:step_size=auto",
                     "krylov:step_size=auto",
-                    "saddle_free_newton",
+                    "saddle_free_newton:step_size=1e-4",
                     "newton/adjoint/adam:step_size=1e-2",
                     "newton/numerical/adam:step_size=1e-2",
                     "newton/data/half_inverse:step_size=auto",
