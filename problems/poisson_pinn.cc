@@ -20,9 +20,10 @@ constexpr int kTestGrid = 100;
 // Rows (a_1, a_2, 0): the midpoints of the cells of an n x n grid.
 MatrixXd CellMidpoints(int n) {
   MatrixXd points = MatrixXd::Zero(n * n, 3);
-  for (int i = 0; i < n * n; ++i) {
-    points(i, 0) = (i / n + 0.5) / n;
-    points(i, 1) = (i % n + 0.5) / n;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      points.row(i * n + j).head(2) << (i + 0.5) / n, (j + 0.5) / n;
+    }
   }
   return points;
 }

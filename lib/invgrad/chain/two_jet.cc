@@ -8,7 +8,6 @@ namespace {
 
 using Eigen::ArrayXd;
 using Eigen::Index;
-using Eigen::Map;
 using Eigen::MatrixXd;
 
 // The jets of g(z) for one sample, from g, g', g'' at the values of z. Channel
