@@ -5,9 +5,8 @@
 //
 // Such jets go through functions and products without any other derivative:
 //
-//   phi(z):  phi,   phi' d_i z,             phi' Lap z + phi'' sum_i (d_i z)^2
-//   s z:     s z,   s d_i z + z d_i s,   s Lap z + 2 sum_i d_i s d_i z + z Lap
-//   s
+//   phi(z):  phi,  phi' d_i z,         phi' Lap z + phi'' sum_i (d_i z)^2
+//   s z:     s z,  s d_i z + z d_i s,  s Lap z + 2 sum_i d_i s d_i z + z Lap s
 //
 // A network carries them along in its forward pass [1]. Its derivatives need no
 // further rule: as da = phi'(z) dz, also the jets' tangents are a product, with
@@ -38,7 +37,7 @@ Eigen::MatrixXd JetsOfInputs(const Eigen::MatrixXd& inputs);
 
 // The jets of z in place become those of phi(z); those of phi'(z) and, unless
 // null, of phi''(z) are written. `slopes` and `curvatures`: as z (CHECKed).
-// T > 1 takes two derivatives more of phi than are written.
+// T > 1 takes derivatives of phi up to the third, with curvatures the fourth.
 void ActivateJets(Activation activation,
                   int num_channels,
                   Eigen::Ref<Eigen::MatrixXd> z,
