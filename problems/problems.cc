@@ -8,6 +8,7 @@
 #include "problems/oscillator_correction.h"
 #include "problems/oscillator_tracking.h"
 #include "problems/poisson.h"
+#include "problems/poisson_pinn.h"
 #include "problems/quantum_dipole.h"
 #include "problems/random_polynomial.h"
 #include "problems/regression_1d.h"
@@ -115,6 +116,11 @@ const std::vector<ProblemRow>& Problems() {
       Learning<Poisson>("poisson",
                         "y = laplace(x), x = 0 outside, L = 1/2 |y - y*|^2",
                         "HIG release, Poisson_problem"),
+      Learning<PoissonPinn>(
+          "poisson_pinn",
+          "-Lap u = f, u = 0 at the boundary, u a network of the point, L = "
+          "1/2 mean |r|^2",
+          "KFAC for PINNs, NeurIPS 2024; ENGD, ICML 2023"),
       Learning<Heat1d>("heat_1d",
                        "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
                        "SIP release, heat, in one dimension"),

@@ -115,6 +115,34 @@ TEST(AutoDiffSimulatorTest, IsTheClosedForm) {
   EXPECT_LT((H - expected_hessian).norm(), 1e-14);
 }
 
+// y = c_0 x_0^2 + c_1 x_1.
+struct WithContext {
+  template <typename T>
+  bool operator()(const T* x, const double* c, T* y) const {
+    y[0] = c[0] * x[0] * x[0] + c[1] * x[1];
+    return true;
+  }
+};
+
+TEST(AutoDiffSimulatorTest, GivesTheFunctorItsContext) {
+  const AutoDiffSimulator<WithContext, 2, 1, 2> simulator;
+  EXPECT_EQ(simulator.num_context(), 2);
+  const Vector2d x(3.0, 5.0);
+  for (const Vector2d& c : {Vector2d(2.0, -1.0), Vector2d(0.5, 4.0)}) {
+    double y = 0.0, value = 0.0;
+    Eigen::RowVector2d J;
+    Matrix2d H;
+    const double w = -2.0;
+    ASSERT_TRUE(simulator.Evaluate(x.data(), c.data(), &y, J.data()));
+    ASSERT_TRUE(simulator.Evaluate(x.data(), c.data(), &value, nullptr));
+    ASSERT_TRUE(simulator.WeightedHessian(x.data(), c.data(), &w, H.data()));
+    EXPECT_EQ(y, 9.0 * c[0] + 5.0 * c[1]);
+    EXPECT_EQ(value, y);
+    EXPECT_EQ(J, Eigen::RowVector2d(6.0 * c[0], c[1]));
+    EXPECT_EQ(H, Matrix2d(Vector2d(-4.0 * c[0], 0.0).asDiagonal()));
+  }
+}
+
 TEST(AutoDiffSimulatorTest, FailsWithTheFunctorOrAnInfinity) {
   const AutoDiffSimulator<Curved, 2, 3> simulator;
   Vector3d y;

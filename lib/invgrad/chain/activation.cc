@@ -5,20 +5,38 @@
 namespace invgrad {
 namespace {
 
-// Applies value(z, &slope, &curvature) to every entry. The compiler drops what
-// the null pointers do not ask for.
+struct Derivatives {
+  double slope = 0.0;
+  double curvature = 0.0;
+  double third = 0.0;
+  double fourth = 0.0;
+};
+
+// Applies function(z, &derivatives) to every entry. The compiler drops what the
+// null pointers do not ask for.
 template <typename Function>
-void ForEach(
-    int size, double* z, double* slope, double* curvature, Function function) {
-  double s = 0.0;
-  double c = 0.0;
+void ForEach(int size,
+             double* z,
+             double* slope,
+             double* curvature,
+             double* third,
+             double* fourth,
+             Function function) {
+  Derivatives d;
   if (slope == nullptr) {
-    for (int i = 0; i < size; ++i) z[i] = function(z[i], &s, &c);
+    for (int i = 0; i < size; ++i) z[i] = function(z[i], &d);
   } else if (curvature == nullptr) {
-    for (int i = 0; i < size; ++i) z[i] = function(z[i], &slope[i], &c);
+    for (int i = 0; i < size; ++i) {
+      z[i] = function(z[i], &d);
+      slope[i] = d.slope;
+    }
   } else {
     for (int i = 0; i < size; ++i) {
-      z[i] = function(z[i], &slope[i], &curvature[i]);
+      z[i] = function(z[i], &d);
+      slope[i] = d.slope;
+      curvature[i] = d.curvature;
+      if (third != nullptr) third[i] = d.third;
+      if (fourth != nullptr) fourth[i] = d.fourth;
     }
   }
 }
@@ -45,47 +63,58 @@ void ActivateAll(Activation activation,
                  int size,
                  double* z,
                  double* slope,
-                 double* curvature) {
+                 double* curvature,
+                 double* third,
+                 double* fourth) {
+  const auto apply = [&](const auto& function) {
+    ForEach(size, z, slope, curvature, third, fourth, function);
+  };
   switch (activation) {
     case Activation::kLinear:
-      ForEach(size, z, slope, curvature, [](double z, double* s, double* c) {
-        *s = 1.0;
-        *c = 0.0;
+      apply([](double z, Derivatives* d) {
+        *d = {1.0, 0.0, 0.0, 0.0};
         return z;
       });
       return;
     case Activation::kTanh:
-      ForEach(size, z, slope, curvature, [](double z, double* s, double* c) {
+      apply([](double z, Derivatives* d) {
         const double t = std::tanh(z);
-        *s = 1.0 - t * t;
-        *c = -2.0 * t * *s;
+        const double s = 1.0 - t * t;
+        d->slope = s;
+        d->curvature = -2.0 * t * s;
+        d->third = s * (6.0 * t * t - 2.0);
+        d->fourth = 8.0 * t * s * (2.0 - 3.0 * t * t);
         return t;
       });
       return;
     case Activation::kRelu:
-      ForEach(size, z, slope, curvature, [](double z, double* s, double* c) {
-        *s = z <= 0.0 ? 0.0 : 1.0;
-        *c = 0.0;
+      apply([](double z, Derivatives* d) {
+        *d = {z <= 0.0 ? 0.0 : 1.0, 0.0, 0.0, 0.0};
         return z <= 0.0 ? 0.0 : z;
       });
       return;
     case Activation::kSigmoid:
-      ForEach(size, z, slope, curvature, [](double z, double* s, double* c) {
+      apply([](double z, Derivatives* d) {
         const double e = std::exp(-std::abs(z));
         const double small = e / (1.0 + e);  // 1 - phi(|z|)
         const double large = 1.0 / (1.0 + e);
-        *s = small * large;
-        *c = *s * (z < 0.0 ? large - small : small - large);
+        d->slope = small * large;
+        d->curvature = d->slope * (z < 0.0 ? large - small : small - large);
+        d->third = d->slope * (1.0 - 6.0 * d->slope);
+        d->fourth = d->curvature * (1.0 - 12.0 * d->slope);
         return z < 0.0 ? small : large;
       });
       return;
     case Activation::kGelu:
-      ForEach(size, z, slope, curvature, [](double z, double* s, double* c) {
+      apply([](double z, Derivatives* d) {
         const double distribution = 0.5 * std::erfc(-M_SQRT1_2 * z);
+        const double z2 = z * z;
         const double density =
-            0.5 * M_2_SQRTPI * M_SQRT1_2 * std::exp(-0.5 * z * z);
-        *s = distribution + z * density;
-        *c = density * (2.0 - z * z);
+            0.5 * M_2_SQRTPI * M_SQRT1_2 * std::exp(-0.5 * z2);
+        d->slope = distribution + z * density;
+        d->curvature = density * (2.0 - z2);
+        d->third = density * z * (z2 - 4.0);
+        d->fourth = density * (7.0 * z2 - z2 * z2 - 4.0);
         return z * distribution;
       });
       return;

@@ -49,12 +49,15 @@ T Activate(Activation activation, const T& z) {
   return z;
 }
 
-// phi(z) in place; phi'(z) and phi''(z) of `size` values unless null.
+// phi of `size` values in place; unless null, phi' and phi'', and with both
+// phi''' and phi''''.
 void ActivateAll(Activation activation,
                  int size,
                  double* z,
                  double* slope,
-                 double* curvature);
+                 double* curvature,
+                 double* third = nullptr,
+                 double* fourth = nullptr);
 
 }  // namespace invgrad
 

@@ -1,10 +1,13 @@
-// A simulator without context from a functor on a scalar type, differentiated
-// by Jets over all of its inputs at once.
+// A simulator from a functor on a scalar type, differentiated by Jets over all
+// of its inputs at once.
 //
-//   y = P(x),   J = dP/dx,   H = sum_i w_i d2P_i/dx2
+//   y = P(x; c),   J = dP/dx,   H = sum_i w_i d2P_i/dx2
 //
-// Shapes:  x: kIn;  y: kOut.
+// Shapes:  x: kIn;  y: kOut;  c: kContext.
 //   template <typename T> bool operator()(const T* x, T* y) const;
+// or, with kContext > 0,
+//   template <typename T>
+//   bool operator()(const T* x, const double* context, T* y) const;
 // Cost:    J: one evaluation with Jets of kIn partial derivatives; H: one with
 //          kIn^2. For a few dozen inputs; a simulator that steps through time
 //          is better served by time_stepping_simulator.h.
@@ -22,7 +25,7 @@
 
 namespace invgrad {
 
-template <typename Functor, int kIn, int kOut>
+template <typename Functor, int kIn, int kOut, int kContext = 0>
 class AutoDiffSimulator final : public Simulator {
  public:
   explicit AutoDiffSimulator(Functor functor = Functor())
@@ -30,17 +33,18 @@ class AutoDiffSimulator final : public Simulator {
 
   int num_inputs() const override { return kIn; }
   int num_outputs() const override { return kOut; }
+  int num_context() const override { return kContext; }
 
   bool Evaluate(const double* x,
-                const double* /*context*/,
+                const double* context,
                 double* y,
                 double* jacobian) const override {
-    if (jacobian == nullptr) return functor_(x, y) && AllFinite(y, kOut);
+    if (jacobian == nullptr) return Call(x, context, y) && AllFinite(y, kOut);
     using Jet = ceres::Jet<double, kIn>;
     Scratch<Jet> x_jets(kIn);
     Scratch<Jet> y_jets(kOut);
     for (int i = 0; i < kIn; ++i) x_jets[i] = Jet(x[i], i);
-    if (!functor_(x_jets.data(), y_jets.data())) return false;
+    if (!Call(x_jets.data(), context, y_jets.data())) return false;
     // By columns, a row-major J is J^T.
     Eigen::Map<Eigen::Matrix<double, kIn, kOut>> J_transposed(jacobian);
     for (int i = 0; i < kOut; ++i) {
@@ -51,14 +55,14 @@ class AutoDiffSimulator final : public Simulator {
   }
 
   bool WeightedHessian(const double* x,
-                       const double* /*context*/,
+                       const double* context,
                        const double* w,
                        double* hessian) const override {
     using Jet = NestedJet<kIn>;
     Scratch<Jet> x_jets(kIn);
     Scratch<Jet> y_jets(kOut);
     for (int i = 0; i < kIn; ++i) x_jets[i] = MakeHessianJet<kIn>(x[i], i);
-    if (!functor_(x_jets.data(), y_jets.data())) return false;
+    if (!Call(x_jets.data(), context, y_jets.data())) return false;
     Eigen::Map<Eigen::Matrix<double, kIn, kIn>> H(hessian);
     H.setZero();
     for (int i = 0; i < kOut; ++i) {
@@ -68,6 +72,15 @@ class AutoDiffSimulator final : public Simulator {
   }
 
  private:
+  template <typename T>
+  bool Call(const T* x, [[maybe_unused]] const double* context, T* y) const {
+    if constexpr (kContext > 0) {
+      return functor_(x, context, y);
+    } else {
+      return functor_(x, y);
+    }
+  }
+
   Functor functor_;
 };
 

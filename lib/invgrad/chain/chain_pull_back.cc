@@ -220,7 +220,10 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
   linearization->jacobian.reset();
   linearization->loss_hessian_times = nullptr;
   linearization->hessian.resize(0, 0);
-  // A column for every call of the network.
+  // What one call of the network puts out.
+  const Index width = network.num_outputs() * activations_.num_channels;
+  const Index num_calls = g.size() / width;
+  // A column for every call, or for every channel of its jet.
   const MatrixXd covectors =
       g.reshaped(network.num_outputs(), activations_.batch_size());
   if (parts.gradient) {
@@ -232,7 +235,6 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
             : VectorXd::Zero(g.size());
   if (parts.hessian) {
     std::vector<MatrixXd> x_hessians;
-    const Index width = network.num_outputs();
     for (Index i = 0; i < curvature.size(); i += width) {
       x_hessians.emplace_back(curvature.segment(i, width).asDiagonal());
     }
@@ -250,8 +252,6 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
       [curvature](const VectorXd& v) -> VectorXd {
     return curvature.cwiseProduct(v);
   };
-  const Index width = network.num_outputs();
-  const Index num_calls = activations_.batch_size();
   linearization->jacobian = std::make_shared<NetworkJacobian>(
       network,
       weights,

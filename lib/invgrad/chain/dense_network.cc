@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "glog/logging.h"
+#include "invgrad/chain/two_jet.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/linalg/blas.h"
 
@@ -58,8 +59,10 @@ TangentPass StartTangentPass(const DenseNetwork& network,
          pass.deltas[l],
          0.0,
          pass.pulled[l - 1]);
-    pass.deltas[l - 1] =
-        pass.pulled[l - 1].cwiseProduct(activations.slopes[l - 1]);
+    pass.deltas[l - 1] = pass.pulled[l - 1];
+    MultiplyJetsTransposed(activations.num_channels,
+                           activations.slopes[l - 1],
+                           pass.deltas[l - 1]);
   }
   pass.z_dots.resize(L);
   pass.a_dots.resize(L);
@@ -79,8 +82,9 @@ void TangentForward(const DenseNetwork& network,
                     int from,
                     TangentPass* pass) {
   for (int l = from + 1; l < network.num_layers(); ++l) {
-    pass->a_dots[l] =
-        pass->z_dots[l - 1].cwiseProduct(activations.slopes[l - 1]);
+    pass->a_dots[l] = pass->z_dots[l - 1];
+    MultiplyJets(
+        activations.num_channels, activations.slopes[l - 1], pass->a_dots[l]);
     Gemm(Op::kTranspose,
          Op::kNone,
          1.0,
@@ -97,6 +101,9 @@ void TangentBackward(const DenseNetwork& network,
                      const DenseNetwork::Activations& activations,
                      int from,
                      TangentPass* pass) {
+  const int T = activations.num_channels;
+  MatrixXd slope_dots;
+  MatrixXd turned;  // what the change of the slopes adds
   for (int l = network.num_layers() - 1; l > from; --l) {
     MatrixXd& below = pass->delta_dots[l - 1];
     Gemm(Op::kNone,
@@ -106,10 +113,12 @@ void TangentBackward(const DenseNetwork& network,
          pass->delta_dots[l],
          0.0,
          below);
-    below.array() = below.array() * activations.slopes[l - 1].array() +
-                    activations.curvatures[l - 1].array() *
-                        pass->z_dots[l - 1].array() *
-                        pass->pulled[l - 1].array();
+    MultiplyJetsTransposed(T, activations.slopes[l - 1], below);
+    slope_dots = pass->z_dots[l - 1];
+    MultiplyJets(T, activations.curvatures[l - 1], slope_dots);
+    turned = pass->pulled[l - 1];
+    MultiplyJetsTransposed(T, slope_dots, turned);
+    below += turned;
   }
 }
 
@@ -121,12 +130,14 @@ void GradientTangents(const DenseNetwork::Activations& activations,
                       Eigen::Ref<MatrixXd> gradient_dots) {
   const Eigen::Index width = pass.a_dots[l].rows();
   const Eigen::Index stride = width + 1;
-  for (int s = 0; s < activations.batch_size(); ++s) {
+  gradient_dots.setZero();
+  for (int column = 0; column < activations.batch_size(); ++column) {
+    auto sum = gradient_dots.col(column / activations.num_channels);
     for (Eigen::Index i = 0; i < pass.deltas[l].rows(); ++i) {
-      gradient_dots.col(s).segment(i * stride, stride) =
-          activations.inputs[l].col(s) * pass.delta_dots[l](i, s);
-      gradient_dots.col(s).segment(i * stride, width) +=
-          pass.a_dots[l].col(s) * pass.deltas[l](i, s);
+      sum.segment(i * stride, stride) +=
+          activations.inputs[l].col(column) * pass.delta_dots[l](i, column);
+      sum.segment(i * stride, width) +=
+          pass.a_dots[l].col(column) * pass.deltas[l](i, column);
     }
   }
 }
@@ -182,22 +193,49 @@ void DenseNetwork::Forward(const VectorXd& weights,
                            const MatrixXd& inputs,
                            bool want_curvatures,
                            Activations* activations) const {
-  CHECK_EQ(weights.size(), num_weights());
   CHECK_EQ(inputs.rows(), num_inputs());
-  const int batch_size = static_cast<int>(inputs.cols());
+  activations->num_channels = 1;
   activations->inputs.resize(num_layers());
+  activations->inputs[0].resize(num_inputs() + 1, inputs.cols());
+  activations->inputs[0].topRows(num_inputs()) = inputs;
+  RunLayers(weights, want_curvatures, activations);
+}
+
+void DenseNetwork::ForwardJets(const VectorXd& weights,
+                               const MatrixXd& inputs,
+                               bool want_curvatures,
+                               Activations* activations) const {
+  CHECK_EQ(inputs.rows(), num_inputs());
+  CHECK(hidden_ != Activation::kRelu) << "ReLU has no Laplacian.";
+  const int num_channels = NumTwoJetChannels(num_inputs());
+  activations->num_channels = num_channels;
+  activations->inputs.resize(num_layers());
+  activations->inputs[0].resize(num_inputs() + 1, num_channels * inputs.cols());
+  activations->inputs[0].topRows(num_inputs()) = JetsOfInputs(inputs);
+  RunLayers(weights, want_curvatures, activations);
+}
+
+void DenseNetwork::RunLayers(const VectorXd& weights,
+                             bool want_curvatures,
+                             Activations* activations) const {
+  CHECK_EQ(weights.size(), num_weights());
+  const int batch_size = static_cast<int>(activations->inputs[0].cols());
+  const int num_channels = activations->num_channels;
   activations->slopes.resize(num_layers());
   activations->curvatures.resize(want_curvatures ? num_layers() : 0);
-
-  activations->inputs[0].resize(num_inputs() + 1, batch_size);
-  activations->inputs[0].topRows(num_inputs()) = inputs;
-  activations->inputs[0].bottomRows(1).setOnes();
+  const auto set_ones = [&](MatrixXd* a) {
+    a->bottomRows(1).setZero();
+    for (int s = 0; s < batch_size; s += num_channels) {
+      (*a)(a->rows() - 1, s) = 1.0;
+    }
+  };
+  set_ones(&activations->inputs[0]);
   for (int l = 0; l + 1 < num_layers(); ++l) {
     const int width = widths_[l + 1];
     MatrixXd& above = activations->inputs[l + 1];
     MatrixXd& slopes = activations->slopes[l];
     above.resize(width + 1, batch_size);
-    above.bottomRows(1).setOnes();
+    set_ones(&above);
     slopes.resize(width, batch_size);
     if (want_curvatures) {
       activations->curvatures[l].resize(width, batch_size);
@@ -209,14 +247,11 @@ void DenseNetwork::Forward(const VectorXd& weights,
          activations->inputs[l],
          0.0,
          above.topRows(width));
-    for (int s = 0; s < batch_size; ++s) {
-      ActivateAll(
-          hidden_,
-          width,
-          above.col(s).data(),
-          slopes.col(s).data(),
-          want_curvatures ? activations->curvatures[l].col(s).data() : nullptr);
-    }
+    ActivateJets(hidden_,
+                 num_channels,
+                 above.topRows(width),
+                 &slopes,
+                 want_curvatures ? &activations->curvatures[l] : nullptr);
   }
   activations->outputs.resize(num_outputs(), batch_size);
   Gemm(Op::kTranspose,
@@ -258,7 +293,8 @@ void DenseNetwork::Backward(const VectorXd& weights,
          *delta,
          0.0,
          below);
-    below.array() *= activations.slopes[l - 1].array();
+    MultiplyJetsTransposed(
+        activations.num_channels, activations.slopes[l - 1], below);
     delta = &below;
   }
 }
@@ -267,6 +303,7 @@ void DenseNetwork::InputJacobians(const VectorXd& weights,
                                   const Activations& activations,
                                   MatrixXd* jacobians) const {
   CHECK_EQ(weights.size(), num_weights());
+  CHECK_EQ(activations.num_channels, 1);
   const int last = num_layers() - 1;
   const int batch_size = activations.batch_size();
   // dx_{s,i}/da_l, from the top: of the last layer's inputs it is the weights.
@@ -316,7 +353,9 @@ void DenseNetwork::Tangent(const VectorXd& weights,
            1.0,
            above);
     }
-    if (l + 1 < num_layers()) above.array() *= activations.slopes[l].array();
+    if (l + 1 < num_layers()) {
+      MultiplyJets(activations.num_channels, activations.slopes[l], above);
+    }
     below.swap(above);
   }
   output_tangents->swap(below);
@@ -328,38 +367,56 @@ void DenseNetwork::Hessian(const VectorXd& weights,
                            const std::vector<MatrixXd>& output_hessians,
                            MatrixXd* hessian) const {
   const int L = num_layers();
-  const int batch_size = activations.batch_size();
+  const int T = activations.num_channels;
+  const int batch_size = activations.batch_size() / T;
   CHECK_EQ(static_cast<int>(output_hessians.size()), batch_size);
   TangentPass pass =
       StartTangentPass(*this, weights, activations, output_covectors);
   hessian->resize(num_weights(), num_weights());
   MatrixXd gradient_dots;  // layer_size x B, a column a sample
+  const auto add_pass = [&](int from, int unit, int channel) {
+    // This channel of the unit's z moves at rate one in every sample.
+    pass.z_dots[from].setZero();
+    for (int s = 0; s < batch_size; ++s) {
+      pass.z_dots[from](unit, s * T + channel) = 1.0;
+    }
+    pass.a_dots[from].setZero();
+    TangentForward(*this, weights, activations, from, &pass);
+    const Eigen::Map<const MatrixXd> x_dots(
+        pass.z_dots[L - 1].data(), num_outputs() * T, batch_size);
+    Eigen::Map<MatrixXd> x_bar_dots(
+        pass.delta_dots[L - 1].data(), num_outputs() * T, batch_size);
+    for (int s = 0; s < batch_size; ++s) {
+      x_bar_dots.col(s).noalias() = output_hessians[s] * x_dots.col(s);
+    }
+    TangentBackward(*this, weights, activations, from, &pass);
+    // Only layers from `from` on: there the weights act on the tangent
+    // through z alone.
+    const Eigen::Index num_incoming = widths_[from] + 1;
+    const Eigen::Map<const MatrixXd, 0, Eigen::OuterStride<>> inputs(
+        activations.inputs[from].col(channel).data(),
+        num_incoming,
+        batch_size,
+        Eigen::OuterStride<>(T * num_incoming));
+    for (int l = from; l < L; ++l) {
+      gradient_dots.resize(layer_size(l), batch_size);
+      GradientTangents(activations, pass, l, gradient_dots);
+      Gemm(Op::kNone,
+           Op::kTranspose,
+           1.0,
+           gradient_dots,
+           inputs,
+           channel == 0 ? 0.0 : 1.0,
+           hessian->block(offsets_[l],
+                          offsets_[from] + unit * num_incoming,
+                          layer_size(l),
+                          num_incoming));
+    }
+  };
   for (int from = 0; from < L; ++from) {
     for (int unit = 0; unit < widths_[from + 1]; ++unit) {
-      // z of the unit moves at rate one in every sample.
-      pass.z_dots[from].setZero();
-      pass.z_dots[from].row(unit).setOnes();
-      pass.a_dots[from].setZero();
-      TangentForward(*this, weights, activations, from, &pass);
-      for (int s = 0; s < batch_size; ++s) {
-        pass.delta_dots[L - 1].col(s).noalias() =
-            output_hessians[s] * pass.z_dots[L - 1].col(s);
-      }
-      TangentBackward(*this, weights, activations, from, &pass);
-      // Only layers from `from` on: there the weights act on the tangent
-      // through z alone.
-      const int first_column = offsets_[from] + unit * (widths_[from] + 1);
-      for (int l = from; l < L; ++l) {
-        gradient_dots.resize(layer_size(l), batch_size);
-        GradientTangents(activations, pass, l, gradient_dots);
-        Gemm(Op::kNone,
-             Op::kTranspose,
-             1.0,
-             gradient_dots,
-             activations.inputs[from],
-             0.0,
-             hessian->block(
-                 offsets_[l], first_column, layer_size(l), widths_[from] + 1));
+      for (int channel = 0; channel < T; ++channel) {
+        add_pass(from, unit, channel);
       }
     }
   }
@@ -374,6 +431,7 @@ void DenseNetwork::InputSecondDerivatives(const VectorXd& weights,
                                           MatrixXd* in_weights) const {
   CHECK_GE(i, 0);
   CHECK_LT(i, num_inputs());
+  CHECK_EQ(activations.num_channels, 1);
   const int batch_size = activations.batch_size();
   TangentPass pass =
       StartTangentPass(*this, weights, activations, output_covectors);

@@ -3,13 +3,22 @@
 //
 //   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
 //
+// or, where the physics is a differential equation in a, with its derivatives
+// in the input: every quantity is then a 2-jet (two_jet.h), which has T = |a| +
+// 2 columns a sample in place of one,
+//
+//   x = (f, d_1 f, .., d_|a| f, Lap f)
+//
+// and is differentiated in the weights by the same functions as ever.
+//
 // Shapes:  widths: L + 1 numbers, widths[0] = |a|, widths[L] = |x|;
 //          batches have one column a sample;
 //          weights: n = sum_l widths[l] (widths[l-1] + 1), one vector. Layer
 //          after layer, and in a layer unit after unit: the unit's incoming
 //          weights, then its bias. In numpy: hstack([W, b[:, None]]).ravel()
 //          for each layer.
-// Cost:    forward 2 n B; the backward pass twice that; the Hessian n^2 B.
+// Cost:    forward 2 n B; the backward pass twice that; the Hessian n^2 B. Of
+//          jets T times of all that, and T^2 times the Hessian.
 //          Batches go through BLAS, nothing is allocated a sample.
 // Fails:   never by itself: values that are not finite travel through. Sizes
 //          that do not fit are CHECKed.
@@ -68,6 +77,9 @@ class DenseNetwork {
     // curvatures[l]: phi''(z) likewise; only if asked for.
     std::vector<Eigen::MatrixXd> curvatures;
     Eigen::MatrixXd outputs;  // widths[L] x B: x
+    // T: 1, or of ForwardJets the channels of a jet. Then there are B T columns
+    // in place of B, and the ones of the last row are jets too, (1, 0, .., 0).
+    int num_channels = 1;
 
     int batch_size() const { return static_cast<int>(outputs.cols()); }
   };
@@ -76,14 +88,23 @@ class DenseNetwork {
                bool want_curvatures,
                Activations* activations) const;
 
-  // gradient = sum_s J_s^T w_s (n), for output covectors w: widths[L] x B.
+  // The same with derivatives in the input. Not for ReLU, whose Laplacian is
+  // zero wherever it has one (CHECKed).
+  void ForwardJets(const Eigen::VectorXd& weights,
+                   const Eigen::MatrixXd& inputs,
+                   bool want_curvatures,
+                   Activations* activations) const;
+
+  // gradient = sum_s J_s^T w_s (n), for output covectors w: widths[L] x B (of
+  // jets B T, here and below).
   void Backward(const Eigen::VectorXd& weights,
                 const Activations& activations,
                 const Eigen::MatrixXd& output_covectors,
                 Eigen::VectorXd* gradient) const;
 
   // The Jacobians of the outputs in the inputs: |a| x B |x|, column s |x| + i
-  // is the derivative of x_{s,i} in a_s. Takes 2 n B |x|.
+  // is the derivative of x_{s,i} in a_s. Takes 2 n B |x|. Not of jets
+  // (CHECKed).
   void InputJacobians(const Eigen::VectorXd& weights,
                       const Activations& activations,
                       Eigen::MatrixXd* jacobians) const;
@@ -97,8 +118,9 @@ class DenseNetwork {
   // H = sum_s [J_s^T X_s J_s + sum_i w_{i,s} d2f_i/dtheta2] (n x n, symmetric):
   // the exact Hessian in the weights of sum_s F_s(f(a_s)), given the covectors
   // w_s = dF_s/dx and the Hessians X_s = d2F_s/dx2. One tangent-of-backward
-  // pass a unit, not a weight: a weight moves its unit's z by its own input, so
-  // its tangent is the unit's, scaled sample by sample. Needs curvatures.
+  // pass a unit (and channel), not a weight: a weight moves its unit's z by its
+  // own input, so its tangent is the unit's, scaled sample by sample. Needs
+  // curvatures. X_s is |x| x |x|, of jets widths[L] T of them.
   void Hessian(const Eigen::VectorXd& weights,
                const Activations& activations,
                const Eigen::MatrixXd& output_covectors,
@@ -108,7 +130,7 @@ class DenseNetwork {
   // The second derivatives of F_s = w_s . f(a_s; theta) in input i and in all
   // inputs (|a| x B: column s is d2F_s/da da_i) or all weights (n x B: column s
   // is d2F_s/dtheta da_i), for output covectors w: widths[L] x B. One
-  // tangent-of-backward pass. Needs curvatures.
+  // tangent-of-backward pass. Needs curvatures. Not of jets (CHECKed).
   void InputSecondDerivatives(const Eigen::VectorXd& weights,
                               const Activations& activations,
                               const Eigen::MatrixXd& output_covectors,
@@ -120,6 +142,11 @@ class DenseNetwork {
   std::string Name() const;
 
  private:
+  // From inputs[0] on, but for its ones.
+  void RunLayers(const Eigen::VectorXd& weights,
+                 bool want_curvatures,
+                 Activations* activations) const;
+
   std::vector<int> widths_;
   Activation hidden_;
   std::vector<int> offsets_;  // L + 1

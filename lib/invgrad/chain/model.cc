@@ -10,6 +10,7 @@
 #include "invgrad/chain/closed_loop_hessian.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/scratch.h"
+#include "invgrad/chain/two_jet.h"
 
 namespace invgrad {
 namespace {
@@ -65,11 +66,13 @@ bool CheckCost(double cost, std::string* error) {
   return false;
 }
 
-bool CheckOutputs(const MatrixXd& outputs, std::string* error) {
+bool CheckOutputs(const DenseNetwork::Activations& activations,
+                  std::string* error) {
+  const MatrixXd& outputs = activations.outputs;
   if (outputs.allFinite()) return true;
-  int sample = 0;
-  while (outputs.col(sample).allFinite()) ++sample;
-  return SampleError(sample, kNetworkFailed, error);
+  int column = 0;
+  while (outputs.col(column).allFinite()) ++column;
+  return SampleError(column / activations.num_channels, kNetworkFailed, error);
 }
 
 // Writes the activations of call t, a column a sample, among those of all.
@@ -90,6 +93,7 @@ void StoreCall(const DenseNetwork::Activations& call,
     to->resize(from.size());
     for (std::size_t l = 0; l < from.size(); ++l) store(from[l], &(*to)[l]);
   };
+  all->num_channels = call.num_channels;
   store_layers(call.inputs, &all->inputs);
   store_layers(call.slopes, &all->slopes);
   store_layers(call.curvatures, &all->curvatures);
@@ -143,14 +147,40 @@ Model::Model(DenseNetwork network,
              std::shared_ptr<const Loss> loss,
              Reduction reduction,
              std::shared_ptr<const Feedback> feedback)
+    : Model(std::move(network),
+            std::move(simulator),
+            std::move(loss),
+            reduction,
+            std::move(feedback),
+            NetworkOutput::kValue) {}
+
+Model::Model(DenseNetwork network,
+             std::shared_ptr<const Simulator> simulator,
+             std::shared_ptr<const Loss> loss,
+             Reduction reduction,
+             NetworkOutput output)
+    : Model(std::move(network),
+            std::move(simulator),
+            std::move(loss),
+            reduction,
+            nullptr,
+            output) {}
+
+Model::Model(DenseNetwork network,
+             std::shared_ptr<const Simulator> simulator,
+             std::shared_ptr<const Loss> loss,
+             Reduction reduction,
+             std::shared_ptr<const Feedback> feedback,
+             NetworkOutput output)
     : network_(std::move(network)),
       simulator_(std::move(simulator)),
       loss_(std::move(loss)),
       reduction_(reduction),
-      feedback_(std::move(feedback)) {
+      feedback_(std::move(feedback)),
+      output_(output) {
   CHECK(simulator_ != nullptr);
   CHECK(loss_ != nullptr);
-  CHECK_EQ(num_calls() * network_.num_outputs(), simulator_->num_inputs())
+  CHECK_EQ(num_columns() * network_.num_outputs(), simulator_->num_inputs())
       << "The network's outputs are the simulator's inputs.";
   if (feedback_ != nullptr) {
     CHECK_EQ(feedback_->control_size(), network_.num_outputs())
@@ -162,6 +192,12 @@ Model::Model(DenseNetwork network,
   }
   CHECK_EQ(simulator_->num_outputs(), loss_->size())
       << "The simulator's outputs are the loss's argument.";
+}
+
+int Model::num_columns() const {
+  return output_ == NetworkOutput::kTwoJet
+             ? NumTwoJetChannels(network_.num_inputs())
+             : num_calls();
 }
 
 double Model::BatchScale(int num_samples) const {
@@ -178,8 +214,12 @@ bool Model::Forward(const VectorXd& weights,
   if (feedback_ != nullptr) {
     return ForwardInLoop(weights, batch, want_curvatures, activations, error);
   }
-  network_.Forward(weights, batch.inputs, want_curvatures, activations);
-  return CheckOutputs(activations->outputs, error);
+  if (output_ == NetworkOutput::kTwoJet) {
+    network_.ForwardJets(weights, batch.inputs, want_curvatures, activations);
+  } else {
+    network_.Forward(weights, batch.inputs, want_curvatures, activations);
+  }
+  return CheckOutputs(*activations, error);
 }
 
 bool Model::ForwardInLoop(const VectorXd& weights,
@@ -205,7 +245,7 @@ bool Model::ForwardInLoop(const VectorXd& weights,
       inputs.topRows(states.rows()) = states;
     }
     network_.Forward(weights, inputs, want_curvatures, &call);
-    if (!CheckOutputs(call.outputs, error)) return false;
+    if (!CheckOutputs(call, error)) return false;
     StoreCall(call, t, num_calls(), activations);
   }
   return true;
@@ -376,6 +416,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                                  J_transposed.transpose();
     }
     if (num_calls() == 1) {
+      x_bar.resize(network_.num_outputs(), activations.batch_size());
       network_.Hessian(
           weights, activations, x_bar, x_hessians, &linearization->hessian);
     } else {

@@ -14,16 +14,23 @@
 // its first ns entries. What follows them, a set point say, is the same at all
 // calls; a reference signal is part of the state, by what generates it.
 //
+// With NetworkOutput::kTwoJet the simulator sees the network's derivatives in
+// its input as well: a differential equation's residual is then a simulator, a
+// function of them and of the sample's context (a physics-informed network),
+//
+//   x_s = (f, d_1 f, .., d_|a| f, Lap f)(a_s; theta)
+//
 // Shapes:  theta: n;  y: |y| B stacked sample by sample, as g and the rows of
 //          J = dy/dtheta are. Activations: B columns; with feedback B T, a
-//          sample's calls side by side.
+//          sample's calls side by side; with jets the same, T = |a| + 2.
 // Cost:    gradient: forward, PullBack of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h).
 //          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian.
 //          Nothing is allocated a sample but by the Hessian. With feedback: T
 //          passes in place of one, an input Jacobian of the network, and one
-//          CloseLoop a sample; for the Hessian closed_loop_hessian.h.
+//          CloseLoop a sample; for the Hessian closed_loop_hessian.h. With
+//          jets: T passes, for the Hessian T^2.
 // Fails:   Linearize, Cost and Predict return false with a message naming the
 //          sample (its column in the batch) if a simulator or loss fails or a
 //          value is not finite; of a roll-out also the time step. Empty batches
@@ -48,6 +55,9 @@ namespace invgrad {
 
 enum class Reduction { kMean, kSum };
 
+// What the simulator sees of the network.
+enum class NetworkOutput { kValue, kTwoJet };
+
 class Model {
  public:
   // Sizes must fit: network outputs = simulator inputs, simulator outputs =
@@ -62,6 +72,14 @@ class Model {
         Reduction reduction,
         std::shared_ptr<const Feedback> feedback = nullptr);
 
+  // Without feedback. Simulator inputs = network outputs, times |a| + 2 with
+  // kTwoJet (CHECKed).
+  Model(DenseNetwork network,
+        std::shared_ptr<const Simulator> simulator,
+        std::shared_ptr<const Loss> loss,
+        Reduction reduction,
+        NetworkOutput output);
+
   const DenseNetwork& network() const { return network_; }
   const Simulator& simulator() const { return *simulator_; }
   const Loss& loss() const { return *loss_; }
@@ -70,6 +88,7 @@ class Model {
   }
   std::shared_ptr<const Loss> shared_loss() const { return loss_; }
   const Feedback* feedback() const { return feedback_.get(); }  // may be null
+  NetworkOutput network_output() const { return output_; }
 
   // T: how often the network is called a sample.
   int num_calls() const {
@@ -78,12 +97,14 @@ class Model {
 
   // The same network and simulator in front of another loss.
   Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {
-    return Model(network_, simulator_, std::move(loss), reduction, feedback_);
+    return Model(
+        network_, simulator_, std::move(loss), reduction, feedback_, output_);
   }
 
   // Another network in front of the same simulator and loss.
   Model WithNetwork(DenseNetwork network) const {
-    return Model(std::move(network), simulator_, loss_, reduction_, feedback_);
+    return Model(
+        std::move(network), simulator_, loss_, reduction_, feedback_, output_);
   }
 
   Reduction reduction() const { return reduction_; }
@@ -135,6 +156,17 @@ class Model {
                std::string* error) const;
 
  private:
+  // One of feedback and jets at most.
+  Model(DenseNetwork network,
+        std::shared_ptr<const Simulator> simulator,
+        std::shared_ptr<const Loss> loss,
+        Reduction reduction,
+        std::shared_ptr<const Feedback> feedback,
+        NetworkOutput output);
+
+  // T: the columns of a sample in the activations.
+  int num_columns() const;
+
   // Predict, all samples at once.
   bool PredictPiece(const Eigen::VectorXd& weights,
                     const DataSet& batch,
@@ -164,6 +196,7 @@ class Model {
   std::shared_ptr<const Loss> loss_;
   Reduction reduction_;
   std::shared_ptr<const Feedback> feedback_;
+  NetworkOutput output_;
 };
 
 }  // namespace invgrad

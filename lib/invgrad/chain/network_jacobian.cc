@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "glog/logging.h"
+#include "invgrad/chain/two_jet.h"
 #include "invgrad/linalg/blas.h"
 
 namespace invgrad {
@@ -26,6 +27,7 @@ NetworkJacobian::NetworkJacobian(DenseNetwork network,
   CHECK_EQ(last_factor_.rows() % num_outputs, 0);
   num_calls_ = static_cast<int>(last_factor_.rows() / num_outputs);
   CHECK_GT(num_calls_, 0);
+  CHECK_EQ(num_calls_ % activations_.num_channels, 0);
   CHECK_EQ(activations_.batch_size() % num_calls_, 0);
   const Index batch_size = activations_.batch_size() / num_calls_;
   CHECK_EQ(last_factor_.cols() % batch_size, 0);
@@ -86,12 +88,12 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
            0.0,
            delta);
       const MatrixXd& slopes = activations_.slopes[k - 1];
-      for (Index row = 0, column = 0; row < rows(); ++row) {
+      for (Index row = 0; row < rows(); ++row) {
         const Index sample = row / outputs_per_sample_;
-        for (Index t = 0; t < num_calls_; ++t, ++column) {
-          delta.col(column).array() *=
-              slopes.col(sample * num_calls_ + t).array();
-        }
+        MultiplyJetsTransposed(
+            activations_.num_channels,
+            slopes.middleCols(sample * num_calls_, num_calls_),
+            delta.middleCols(row * num_calls_, num_calls_));
       }
       above = &delta;
     }

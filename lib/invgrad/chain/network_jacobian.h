@@ -13,7 +13,8 @@
 //
 // In a loop over time (feedback.h) x is the outputs of T calls of the network,
 // J_s is that of the closed loop, and a row of J sums the outer products of its
-// sample's calls.
+// sample's calls. Where x holds the network's derivatives in its input as well
+// (two_jet.h), the T channels of the jets take the place of the calls.
 //
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
 // Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.
