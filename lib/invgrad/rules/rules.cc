@@ -87,6 +87,10 @@ std::vector<RuleRow> MakeRules() {
                         "step_l = -eta V_l S_l^(-kappa) U_l^T g, s > tau s_max "
                         "of the layer's columns of J",
                         SpectralRule::Options::LayerHalfInverse()),
+      Row<SpectralRule>("adaptive_power",
+                        "step = -eta V S (S^2 + lambda)^(-(1 + kappa) / 2) U^T "
+                        "g, kappa and lambda follow the gain",
+                        SpectralRule::Options::AdaptivePower()),
       Row<KfacRule>("kfac_half_inverse",
                     "step_l = -eta B^p A^(-p) G_l D^(-p), p = (1 + kappa) / 2, "
                     "J_l^T J_l ~ D (x) A / B",

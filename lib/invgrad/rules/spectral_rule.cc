@@ -79,9 +79,17 @@ SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
   return options;
 }
 
+SpectralRule::Options SpectralRule::Options::AdaptivePower() {
+  Options options;
+  options.step_size.step_size = std::numeric_limits<double>::quiet_NaN();
+  options.control.control = "gain";
+  return options;
+}
+
 SpectralRule::Options SpectralRule::Options::LevenbergMarquardt() {
   Options options;
   options.filter = SpectralFilter::LevenbergMarquardt(0.0, 1e-3);
+  options.control.adapts = "damping";
   options.kappa_is_a_setting = false;
   return options;
 }

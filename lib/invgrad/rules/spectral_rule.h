@@ -11,6 +11,9 @@
 //   levenberg_marquardt   s / (s^2 + damping + relative_damping s_max^2)
 //   layer_half_inverse    layerwise: s^-kappa for s > truncation s_max of J_l,
 //                         else 0; kappa is 1/2 by default
+//   adaptive_power        s (s^2 + lambda)^(-(1 + kappa) / 2), with kappa and
+//                         lambda controlled by the gain (gain_control.h) and
+//                         the automatic step size: the one that needs no tuning
 //
 // The J_l are the ColumnBlocks of J: a network's layers, the parameter blocks
 // of a ceres::Problem that are not constant. What couples them is dropped, so
@@ -57,6 +60,7 @@ class SpectralRule final : public JointRule {
     static Options GaussNewton();
     static Options LevenbergMarquardt();
     static Options LayerHalfInverse();
+    static Options AdaptivePower();
 
     bool layerwise = false;
     std::string route = "auto";
