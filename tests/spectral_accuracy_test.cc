@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <sstream>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -62,20 +63,27 @@ std::vector<SpectralFilter> Filters() {
       filters.push_back(SpectralFilter::Power(kappa, tau));
     }
   }
-  for (const double lambda : {0.0, 1e-3, 1e-6, 1e-14}) {
+  for (const double lambda : {0.0, 1e-3, 1e-6, 1e-14, 1e-18}) {
     filters.push_back(SpectralFilter::LevenbergMarquardt(0.0, lambda));
   }
   filters.push_back(SpectralFilter::LevenbergMarquardt(1e-4, 0.0));
   filters.back().tau = 1e-3;
+  for (const double kappa : {-0.5, 0.0, 0.5, 0.75}) {
+    for (const double lambda : {1e-2, 1e-6, 1e-10, 1e-14, 6e-15, 1e-18}) {
+      for (const double tau : {0.0, 1e-4}) {
+        filters.push_back(SpectralFilter::Power(kappa, tau));
+        filters.back().relative_damping = lambda;
+      }
+    }
+  }
   return filters;
 }
 
 std::string Describe(const SpectralFilter& filter) {
-  return filter.kind == SpectralFilter::Kind::kPower
-             ? "kappa " + std::to_string(filter.kappa) + ", tau " +
-                   std::to_string(filter.tau)
-             : "damping " + std::to_string(filter.damping) + " + " +
-                   std::to_string(filter.relative_damping);
+  std::ostringstream text;
+  text << "kappa " << filter.kappa << ", tau " << filter.tau << ", damping "
+       << filter.damping << " + " << filter.relative_damping << " s_max^2";
+  return text.str();
 }
 
 struct Spectrum {

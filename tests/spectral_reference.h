@@ -111,9 +111,11 @@ class SpectralReference {
     }
     const long double lambda =
         filter.damping + filter.relative_damping * s()[0] * s()[0];
-    return filter.kind == SpectralFilter::Kind::kPower
-               ? std::pow(value, -static_cast<long double>(filter.kappa))
-               : value / (value * value + lambda);
+    const long double exponent =
+        (1.0L + static_cast<long double>(filter.kappa)) / 2.0L;
+    // At zero, and without damping, this is 0 / 0 or a jump.
+    return value > 0.0L ? value * std::pow(value * value + lambda, -exponent)
+                        : 0.0L;
   }
 
   bool wide_;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -61,14 +62,25 @@ std::vector<SpectralFilter> AllFilters(const std::vector<double>& taus) {
   for (const double lambda : {1.0, 1e-3, 1e-6, 1e-10}) {
     filters.push_back(SpectralFilter::LevenbergMarquardt(0.0, lambda));
   }
+  for (const double kappa : {-0.5, 0.0, 0.5, 0.75}) {
+    for (const double lambda : {1e-2, 1e-6, 1e-10, 1e-14, 1e-18}) {
+      filters.push_back(SpectralFilter::Power(kappa, 0.0));
+      filters.back().relative_damping = lambda;
+      filters.push_back(filters.back());
+      filters.back().tau = 1e-4;
+      filters.push_back(filters.back());
+      filters.back().clamp = true;
+    }
+  }
   return filters;
 }
 
 std::string Describe(const SpectralFilter& filter) {
-  return "kappa " + std::to_string(filter.kappa) + ", tau " +
-         std::to_string(filter.tau) +
-         (filter.clamp ? ", clamped" : ", truncated") + ", damping " +
-         std::to_string(filter.relative_damping);
+  std::ostringstream text;
+  text << "kappa " << filter.kappa << ", tau " << filter.tau
+       << (filter.clamp ? ", clamped" : ", truncated") << ", damping "
+       << filter.relative_damping;
+  return text.str();
 }
 
 struct Spectrum {

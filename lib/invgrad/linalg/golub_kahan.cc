@@ -236,17 +236,20 @@ class ErrorEstimate {
   }
 
  private:
-  // For f(lambda) = (lambda + mu)^-p, whose E is largest at lambda = 0.
+  // For f(lambda) = (lambda + mu)^-p, 0 < p <= 1. It is a mean of resolvents 1
+  // / (lambda + t), t >= mu, with weights >= 0, and E a mean of theirs. Theirs
+  // are largest at lambda = 0 and, as functions of t, all of one sign: they are
+  // residuals of the conjugate gradient method. So is E.
   double Squared() const {
     const double mu =
         (filter_.damping / s_max_) / s_max_ + filter_.relative_damping;
-    // phi(s) / s in units of unit_, of s far below sqrt(mu).
-    const double tiny = 1e-8 * std::sqrt(mu);
-    const double f_zero = filter_(tiny * s_max_, s_max_) / unit_ / tiny;
+    const double p = filter_.Exponent();
+    // f(theta) = f(0) (1 + theta / mu)^-p, and s_0 = 1.
+    const double f_zero = phi_[0] * std::pow(1.0 + 1.0 / mu, p);
     double E = 0.0;
     for (Index i = 0; i < s_.size(); ++i) {
-      // theta_i (f_i - f_0) / theta_i
-      E += residual_[i] * c_[i] * (phi_[i] / s_[i] - f_zero);
+      const double change = std::expm1(-p * std::log1p(theta_[i] / mu));
+      E += residual_[i] * c_[i] * f_zero * change;
     }
     const double rounding = kBackwardError * kEpsilon /
                             (both_orthonormal_ ? std::sqrt(mu) : mu) *
@@ -291,7 +294,7 @@ class ErrorEstimate {
 
   // What is missing from the largest value, to which the filter refers.
   double SquaredShift() const {
-    if (!IsSmooth(filter_) && !filter_.clamp) return 0.0;
+    if (filter_.relative_damping == 0.0 && !filter_.clamp) return 0.0;
     return std::pow(2.0 * residual_[0] * norm_, 2);
   }
 

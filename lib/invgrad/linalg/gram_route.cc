@@ -180,8 +180,12 @@ bool ReducedStep(const SpectralProblem& problem,
       GramResolution(T.size(), parameter_side ? problem.m() : problem.n());
   const GramFunction f(filter, unit, lambda_max);
   Cut cut = FindCut(T, wanted, resolution * lambda_max, f.singularity());
-  // Nothing is cut off where f is defined at roundings below zero.
-  if (jump < 0.0 && f.singularity() < 0.0) {
+  // Nothing is cut off where f is defined at roundings below zero: they are as
+  // large as the norm of the backward error.
+  const double lowest = -2.0 * std::sqrt(static_cast<double>(T.size())) *
+                        BackwardError(T.size()) * lambda_max;
+  const bool is_resolved = f.singularity() < lowest;
+  if (jump < 0.0 && is_resolved) {
     cut.num_below = 0;
     cut.below = f.singularity();
     cut.above = T.Eigenvalue(0);
@@ -210,13 +214,17 @@ bool ReducedStep(const SpectralProblem& problem,
     rounding += kEpsilon * std::sqrt(lambda_max) * norm_g *
                 std::abs(f(cut.above)) / norm_y;
   }
-  // Values below the resolution contribute anything up to phi there.
-  if (jump < 0.0 && f.singularity() == 0.0) {
+  // Values below the resolution contribute anything up to phi's peak there.
+  if (jump < 0.0 && !is_resolved) {
     const double smallest = resolution * lambda_max;
     int num_unknown = 0;
     T.CountBelow(&smallest, 1, &num_unknown);
-    rounding += std::sqrt(smallest * num_unknown / T.size()) *
-                std::abs(f(smallest)) * (parameter_side ? norm_g : norm_b) /
+    const double root_unit = std::sqrt(unit);
+    const double peak =
+        filter.PeakBelow(std::sqrt(smallest) * root_unit, summary->s_max) /
+        root_unit;
+    rounding += std::sqrt(1.0 * num_unknown / T.size()) * peak *
+                std::abs(f(peak * peak)) * (parameter_side ? norm_g : norm_b) /
                 norm_y;
   }
   summary->estimated_error = relative_error + rounding;

@@ -58,18 +58,24 @@ bool SpectralFilter::Keeps(double s, double s_max) const {
   return s > 0.0 && s > tau * s_max;
 }
 
+double SpectralFilter::RootOfDamping(double s_max) const {
+  return std::hypot(std::sqrt(damping), std::sqrt(relative_damping) * s_max);
+}
+
+double SpectralFilter::PeakBelow(double highest, double s_max) const {
+  if (!IsDamped() || kappa <= 0.0) return highest;
+  return std::min(highest, RootOfDamping(s_max) / std::sqrt(kappa));
+}
+
 double SpectralFilter::operator()(double s, double s_max) const {
   if (!(s > 0.0)) return 0.0;
   if (!Keeps(s, s_max)) {
     if (!clamp) return 0.0;
     s = tau * s_max;
   }
-  const double undamped = std::pow(s, -kappa);
-  if (!IsDamped()) return undamped;
-  // lambda / s^2, without squares that over- and underflow.
-  const double ratio =
-      damping / s / s + relative_damping * (s_max / s) * (s_max / s);
-  return undamped * std::pow(1.0 + ratio, -Exponent());
+  if (!IsDamped()) return std::pow(s, -kappa);
+  const double root = std::hypot(s, RootOfDamping(s_max));
+  return s / root * std::pow(root, -kappa);
 }
 
 }  // namespace invgrad

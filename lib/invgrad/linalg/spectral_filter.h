@@ -51,6 +51,10 @@ struct SpectralFilter {
   // (1 + kappa) / 2: phi(s) = s f(s^2) with f(x) = (x + lambda)^-Exponent().
   double Exponent() const { return 0.5 * (1.0 + kappa); }
 
+  // Where phi is largest on (0, highest]. (`highest`, too, if it is singular at
+  // zero.)
+  double PeakBelow(double highest, double s_max) const;
+
   // True if phi(s) = s, which needs no factorization of J.
   bool IsGradientDescent() const;
 
@@ -59,6 +63,10 @@ struct SpectralFilter {
 
   // phi(s), 0 <= s <= s_max.
   double operator()(double s, double s_max) const;
+
+ private:
+  // sqrt(lambda), without squares that over- and underflow.
+  double RootOfDamping(double s_max) const;
 };
 
 }  // namespace invgrad

@@ -48,6 +48,9 @@ class ScaledFilter {
   double operator()(double s) const {
     return filter_(s * s_max_, s_max_) / unit_;
   }
+  double PeakBelow(double highest) const {
+    return (*this)(filter_.PeakBelow(highest * s_max_, s_max_) / s_max_);
+  }
 
  private:
   const SpectralFilter& filter_;
@@ -125,10 +128,10 @@ double EitherGramStepError(const SpectralFilter& filter,
         parameter_side ? f.h[i] * f.h[i] * squared_g : h_c * h_c;
     sensitivity += a * a * sum + rounding;
     squared_norm += a * a * h_c * h_c;
-    // A value below the resolution contributes anything up to phi there; on the
-    // parameter side not even its c_i is known, only |g|.
+    // A value below the resolution contributes anything up to phi's peak there;
+    // on the parameter side not even its c_i is known, only |g|.
     if (lambda[i] <= resolution && f.h[i] != 0.0) {
-      const double phi = scaled(std::sqrt(resolution));
+      const double phi = scaled.PeakBelow(std::sqrt(resolution));
       unknown +=
           phi * phi * (parameter_side ? squared_g : std::pow(c[i] / c_max, 2));
     }
