@@ -133,6 +133,7 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "gauss_newton",
                                    "levenberg_marquardt",
                                    "layer_half_inverse",
+                                   "adaptive_power",
                                    "kfac_half_inverse",
                                    "krylov"}));
 }
@@ -166,25 +167,39 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
   const Values spectral = {{"route", "auto"},
                            {"tolerance", "0.01"},
                            {"threshold_tolerance", "0.25"}};
-  const auto with = [&](Values middle) {
-    middle.insert(middle.begin(), step_size.begin(), step_size.end());
-    middle.insert(middle.end(), spectral.begin(), spectral.end());
-    return middle;
+  const Values filter = {{"truncation", "1e-06"},
+                         {"clamp", "false"},
+                         {"damping", "0"},
+                         {"relative_damping", "0"},
+                         {"control", "none"},
+                         {"adapts", "both"}};
+  const auto join = [](const std::vector<Values>& parts) {
+    Values all;
+    for (const Values& part : parts) {
+      all.insert(all.end(), part.begin(), part.end());
+    }
+    return all;
   };
-  EXPECT_EQ(defaults("half_inverse"),
-            with({{"truncation", "1e-06"}, {"clamp", "false"}}));
-  EXPECT_EQ(defaults("gauss_newton"),
-            with({{"truncation", "1e-06"}, {"clamp", "false"}}));
-  EXPECT_EQ(
-      defaults("power"),
-      with({{"kappa", "0.5"}, {"truncation", "1e-06"}, {"clamp", "false"}}));
-  EXPECT_EQ(defaults("levenberg_marquardt"),
-            with({{"damping", "0"}, {"relative_damping", "0.001"}}));
+  EXPECT_EQ(defaults("half_inverse"), join({step_size, filter, spectral}));
+  EXPECT_EQ(defaults("gauss_newton"), join({step_size, filter, spectral}));
+  EXPECT_EQ(defaults("power"),
+            join({step_size, {{"kappa", "0.5"}}, filter, spectral}));
   EXPECT_EQ(defaults("layer_half_inverse"), defaults("power"));
-  Values kfac = step_size;
-  kfac.insert(kfac.end(),
-              {{"kappa", "0.5"}, {"truncation", "0.001"}, {"clamp", "true"}});
-  EXPECT_EQ(defaults("kfac_half_inverse"), kfac);
+  Values levenberg_marquardt = filter;
+  levenberg_marquardt[0].second = "0";
+  levenberg_marquardt[3].second = "0.001";
+  levenberg_marquardt[5].second = "damping";
+  EXPECT_EQ(defaults("levenberg_marquardt"),
+            join({step_size, levenberg_marquardt, spectral}));
+  Values kfac = filter;
+  kfac[0].second = "0.001";
+  kfac[1].second = "true";
+  EXPECT_EQ(defaults("kfac_half_inverse"),
+            join({step_size, {{"kappa", "0.5"}}, kfac}));
+  Values adaptive_power = join({step_size, {{"kappa", "0.5"}}, filter});
+  adaptive_power[0].second = "auto";
+  adaptive_power[9].second = "gain";
+  EXPECT_EQ(defaults("adaptive_power"), join({adaptive_power, spectral}));
 }
 
 TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
@@ -304,7 +319,9 @@ TEST(Rules, StateIsComplete) {
       "gradient_descent:momentum=0.9:nesterov=true:schedule=linear",
       "rmsprop:momentum=0.5",
       "adagrad:initial_sum=0.1",
-      "half_inverse:step_size=auto:schedule=cosine"};
+      "half_inverse:step_size=auto:schedule=cosine",
+      "gauss_newton:step_size=2.5:control=gain",
+      "krylov:control=gain:adapts=exponent"};
   for (const RuleRow& row : Rules()) texts.push_back(row.name);
   const Quadratic problem(6, 4);
   constexpr int kNumSteps = 5;
@@ -314,7 +331,10 @@ TEST(Rules, StateIsComplete) {
     const auto advance = [&](UpdateRule* rule, int k, VectorXd* at) {
       Linearization at_x = problem.At(*at);
       at_x.progress = k / (2.0 * kNumSteps);
-      *at += StepOf(rule, at_x);
+      const VectorXd next = *at + StepOf(rule, at_x);
+      if (!rule->JudgesSteps() || rule->KeepsStep(problem.Cost(next), 1.0)) {
+        *at = next;
+      }
     };
     const std::unique_ptr<UpdateRule> rule = Create(text);
     for (int k = 0; k < kNumSteps; ++k) advance(rule.get(), k, &x);

@@ -77,6 +77,39 @@ Linearization AtPoint(const MatrixXd& J, const VectorXd& g) {
   return at_x;
 }
 
+// The model along d, and its minimizer.
+bool AutoStepSize(const Linearization& at_x,
+                  const VectorXd& d,
+                  double rho,
+                  double* eta,
+                  std::string* error) {
+  AlongDirection model;
+  return ModelAlong(at_x, d, &model, error) &&
+         AutoStepSize(model, rho, eta, error);
+}
+
+TEST(ModelAlong, IsTheQuadraticModelOfTheLoss) {
+  MatrixXd J(2, 3);
+  J << 1.0, 2.0, 0.5, -1.0, 0.5, 3.0;
+  Linearization at_x = AtPoint(J, Vector2d(2.0, -1.0));
+  at_x.loss_hessian_times = [](const VectorXd& v) {
+    return VectorXd(Vector2d(3.0, -5.0).cwiseProduct(v));
+  };
+  const Eigen::Vector3d d(0.5, -1.0, 2.0);
+  const VectorXd Jd = J * d;
+  AlongDirection model;
+  std::string error;
+  ASSERT_TRUE(ModelAlong(at_x, d, &model, &error)) << error;
+  EXPECT_DOUBLE_EQ(model.unit, Jd.lpNorm<Eigen::Infinity>());
+  const double unit = model.unit;
+  EXPECT_DOUBLE_EQ(unit * model.slope, at_x.loss_gradient.dot(Jd));
+  EXPECT_DOUBLE_EQ(unit * unit * model.curvature,
+                   Jd.dot(at_x.loss_hessian_times(Jd)));
+  EXPECT_DOUBLE_EQ(unit * unit * model.squared_length, Jd.squaredNorm());
+  EXPECT_DOUBLE_EQ(unit * unit * model.squared_hessian_length,
+                   at_x.loss_hessian_times(Jd).squaredNorm());
+}
+
 TEST(AutoStepSize, MinimizesTheLinearModelAlongTheDirection) {
   MatrixXd J(2, 3);
   J << 1.0, 2.0, 0.5, -1.0, 0.5, 3.0;
@@ -112,8 +145,7 @@ TEST(AutoStepSize, SaysWhyThereIsNone) {
   double eta = 0.0;
   std::string error;
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(0.0, 0.0), 0.3, &eta, &error));
-  EXPECT_EQ(error,
-            "step_size=auto: J d = 0, so the linear model has no minimizer");
+  EXPECT_EQ(error, "J d = 0, so the linear model has no minimizer");
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(3.0, 0.0), 0.3, &eta, &error));
   EXPECT_EQ(error, "step_size=auto: not a descent direction, slope 6");
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(kNaN, 0.0), 0.3, &eta, &error));
@@ -122,7 +154,7 @@ TEST(AutoStepSize, SaysWhyThereIsNone) {
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(-3.0, 0.0), 0.3, &eta, &error));
   EXPECT_EQ(error,
             "step_size=auto: the loss does not curve upwards along the "
-            "direction, curvature -9");
+            "direction, curvature -9; control=gain measures it");
   at_x.loss_gradient[0] = kNaN;
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(-3.0, 0.0), 0.3, &eta, &error));
   EXPECT_EQ(eta, 0.0) << "written on failure";

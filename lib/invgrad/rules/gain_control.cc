@@ -23,7 +23,7 @@ constexpr double kMaxDamping = 100.0;
 
 constexpr double kMaxCurvatureChange = 4.0;
 
-// Promised decreases that are a smaller part of the cost drown in its rounding.
+// Changes that are a smaller part of the cost drown in its rounding.
 constexpr double kRounding = 1e-13;
 
 }  // namespace
@@ -73,23 +73,30 @@ void GainControl::Expect(double cost, const AlongDirection& model, double eta) {
 bool GainControl::Judge(double cost, double fraction) {
   const double eta = fraction * eta_ * model_.unit;
   const double promised = -eta * (model_.slope + 0.5 * eta * model_.curvature);
-  const bool is_finite = std::isfinite(cost);
-  double& h = state_[3];
-  if (h > 0.0 && eta > 0.0) {
-    const double measured = 2.0 * ((cost - cost_) / eta - model_.slope) / eta /
-                            model_.squared_length;
-    const double highest = kMaxCurvatureChange * h;
-    h = is_finite ? std::clamp(measured, h / kMaxCurvatureChange, highest)
-                  : highest;
+  const double decrease = cost_ - cost;
+  const double rounding = kRounding * std::abs(cost_);
+  constexpr double kWorst = -std::numeric_limits<double>::infinity();
+  if (!std::isfinite(cost)) {
+    last_gain_ = kWorst;
+    state_[3] *= kMaxCurvatureChange;
+  } else if (promised > rounding) {
+    last_gain_ = decrease / promised;
+    MeasureCurvature(decrease, eta);
+  } else {
+    last_gain_ = decrease >= -rounding ? 1.0 : kWorst;
+    // That nothing was lost says nothing about the model.
+    if (last_gain_ == 1.0) return true;
   }
-  if (is_finite && !(promised > kRounding * std::abs(cost_))) {
-    last_gain_ = 1.0;
-    return true;
-  }
-  last_gain_ = is_finite ? (cost_ - cost) / promised
-                         : -std::numeric_limits<double>::infinity();
   Adapt(last_gain_);
   return last_gain_ >= 0.0;
+}
+
+void GainControl::MeasureCurvature(double decrease, double eta) {
+  double& h = state_[3];
+  if (h == 0.0) return;
+  const double measured =
+      -2.0 * (decrease / eta + model_.slope) / eta / model_.squared_length;
+  h = std::clamp(measured, h / kMaxCurvatureChange, h * kMaxCurvatureChange);
 }
 
 void GainControl::Adapt(double gain) {

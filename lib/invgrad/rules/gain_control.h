@@ -4,7 +4,9 @@
 //   gain = (L(x) - L(x + step)) / (L(x) - M(step))
 //   M(step) = L(x) + g . J step + 1/2 J step . H_L J step
 //
-// A step with gain < 0 is taken back. What the gain changes for the next step:
+// A step with gain < 0 is taken back, and so is one of which nothing was
+// promised (because it goes too far already for M) if the cost has risen. What
+// the gain changes for the next step:
 //
 //   exponent   kappa + 0.02 if gain > 0.95, kappa - 0.05 if gain < 0.7,
 //              within [0.3, 1]
@@ -85,6 +87,7 @@ class GainControl {
   Eigen::VectorXd* mutable_state() { return &state_; }
 
  private:
+  void MeasureCurvature(double decrease, double eta);
   void Adapt(double gain);
 
   const GainControlOptions options_;

@@ -1,0 +1,189 @@
+#include "invgrad/rules/joint_rule.h"
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Cholesky"
+#include "Eigen/Geometry"
+#include "gtest/gtest.h"
+#include "invgrad/chain/network_jacobian.h"
+#include "invgrad/rules/rules.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::VectorXd;
+
+std::unique_ptr<UpdateRule> Create(const std::string& text) {
+  std::vector<Specification> specifications;
+  std::string error;
+  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
+  std::unique_ptr<UpdateRule> rule = CreateRule(specifications.at(0), &error);
+  EXPECT_NE(rule, nullptr) << error;
+  return rule;
+}
+
+// An infidelity: y = (cos x, sin x), L = 1 - (e_1 . y)^2 = sin(x)^2, whose H_L
+// is negative. Along the circle it curves like 2 cos(2 x).
+Linearization Infidelity(double x) {
+  Linearization at_x;
+  at_x.cost = std::sin(x) * std::sin(x);
+  at_x.loss_gradient = Vector2d(-2.0 * std::cos(x), 0.0);
+  at_x.jacobian =
+      std::make_shared<DenseJacobian>(Vector2d(-std::sin(x), std::cos(x)));
+  at_x.loss_hessian_times = [](const VectorXd& v) -> VectorXd {
+    return Vector2d(-2.0 * v[0], 0.0);
+  };
+  return at_x;
+}
+
+// Those that need no layers.
+const char* const kRules[] = {
+    "half_inverse", "gauss_newton", "levenberg_marquardt", "krylov"};
+
+TEST(JointRule, AutomaticStepsOnALossThatCurvesDownwards) {
+  for (const std::string name : kRules) {
+    SCOPED_TRACE(name);
+    const auto rule = Create(name + ":step_size=auto:control=gain");
+    double x = 1.2;
+    VectorXd step;
+    std::string error;
+    for (int k = 0; k < 40; ++k) {
+      const Linearization at_x = Infidelity(x);
+      ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+      const double cost = Infidelity(x + step[0]).cost;
+      if (rule->KeepsStep(cost, 1.0)) {
+        EXPECT_LE(cost, at_x.cost);
+        x += step[0];
+      }
+    }
+    // Steps of rho = 0.3 leave 0.7 each of what a step finds.
+    EXPECT_LT(Infidelity(x).cost, 1e-8);
+    EXPECT_NEAR((*rule->MutableState()[0])[3], 2.0, 0.02);
+  }
+}
+
+TEST(JointRule, WithoutControlSuchALossHasNoAutomaticStep) {
+  for (const std::string name : kRules) {
+    const auto rule = Create(name + ":step_size=auto");
+    VectorXd step;
+    std::string error;
+    EXPECT_FALSE(rule->ComputeStep(Infidelity(1.2), &step, &error)) << name;
+    EXPECT_NE(error.find("the loss does not curve upwards"), std::string::npos)
+        << error;
+    EXPECT_NE(error.find("control=gain"), std::string::npos) << error;
+    EXPECT_FALSE(rule->JudgesSteps());
+  }
+}
+
+// J^T g = 0 with g != 0: exactly, and up to roundings of either sign.
+TEST(JointRule, AtAMinimumTheStepIsZero) {
+  MatrixXd rotated(3, 2);
+  rotated << 2.0, -1.0, 0.5, 3.0, -1.5, 0.7;
+  const Eigen::Vector3d a = rotated.col(0);
+  const Eigen::Vector3d b = rotated.col(1);
+  for (const std::string name : kRules) {
+    for (const char* step_size : {"auto", "1"}) {
+      SCOPED_TRACE(name + " " + step_size);
+      const std::string text = name + ":control=gain:step_size=" + step_size;
+      Linearization at_x;
+      at_x.cost = 0.5;
+      at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Identity(3, 2));
+      at_x.loss_gradient = Eigen::Vector3d(0.0, 0.0, 1.0);
+      const auto rule = Create(text);
+      VectorXd step;
+      std::string error;
+      ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+      EXPECT_TRUE(step.isZero(0.0));
+      EXPECT_TRUE(rule->KeepsStep(at_x.cost, 1.0));
+      at_x.jacobian = std::make_shared<DenseJacobian>(rotated);
+      for (const double sign : {-1.0, 1.0}) {
+        at_x.loss_gradient = sign * a.cross(b).normalized();
+        ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+        EXPECT_LT(step.norm(), 1e-14);
+        EXPECT_TRUE(rule->KeepsStep(at_x.cost, 1.0));
+      }
+    }
+  }
+}
+
+// Full Gauss-Newton steps, 2.5 times too long, make a linear problem worse;
+// with control they do not.
+TEST(JointRule, StepsThatAreTooLongAreShortened) {
+  MatrixXd A(3, 2);
+  A << 2.0, -1.0, 0.5, 3.0, -1.5, 0.7;
+  const Eigen::Vector3d b(1.0, -2.0, 0.5);
+  const auto rule =
+      Create("gauss_newton:step_size=2.5:control=gain:adapts=nothing");
+  const VectorXd best = (A.transpose() * A).ldlt().solve(A.transpose() * b);
+  VectorXd x = VectorXd::Zero(2);
+  int num_taken_back = 0;
+  for (int k = 0; k < 60; ++k) {
+    Linearization at_x;
+    at_x.loss_gradient = A * x - b;
+    at_x.cost = 0.5 * at_x.loss_gradient.squaredNorm();
+    at_x.jacobian = std::make_shared<DenseJacobian>(A);
+    VectorXd step;
+    std::string error;
+    ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+    const double cost = 0.5 * (A * (x + step) - b).squaredNorm();
+    if (rule->KeepsStep(cost, 1.0)) {
+      EXPECT_LE(cost, at_x.cost * (1.0 + 1e-13));
+      x += step;
+    } else {
+      ++num_taken_back;
+    }
+  }
+  EXPECT_GT(num_taken_back, 0);
+  EXPECT_LT((x - best).norm(), 1e-6);
+}
+
+// What is adapted is used, by every rule: with the control's state at kappa =
+// -1 and no damping the direction is the gradient's.
+TEST(JointRule, TheFilterIsTheControls) {
+  const DenseNetwork network({2, 1}, Activation::kTanh);
+  const VectorXd weights = VectorXd::Zero(3);
+  DenseNetwork::Activations activations;
+  MatrixXd inputs(2, 4);
+  inputs << 1.0, -0.5, 2.0, 0.3, 0.7, 1.5, -1.0, 0.2;
+  network.Forward(weights, inputs, false, &activations);
+  Linearization at_x;
+  at_x.jacobian = std::make_shared<NetworkJacobian>(
+      network, weights, activations, MatrixXd::Ones(1, 4));
+  at_x.loss_gradient = Eigen::Vector4d(1.0, -2.0, 0.5, 3.0);
+  at_x.cost = 1.0;
+  VectorXd gradient;
+  at_x.jacobian->TransposeTimes(at_x.loss_gradient, &gradient);
+  for (const std::string name : {"power",
+                                 "layer_half_inverse",
+                                 "kfac_half_inverse",
+                                 "krylov",
+                                 "adaptive_power"}) {
+    SCOPED_TRACE(name);
+    const auto rule = Create(name + ":step_size=1:control=gain");
+    VectorXd& state = *rule->MutableState()[0];
+    state[0] = -1.0;
+    state[1] = 0.0;
+    VectorXd step;
+    std::string error;
+    ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
+    const double cosine = -step.dot(gradient) / step.norm() / gradient.norm();
+    EXPECT_NEAR(cosine, 1.0, 1e-12);
+    // And the factor of the step size.
+    state[2] = 0.25;
+    VectorXd shorter;
+    ASSERT_TRUE(rule->ComputeStep(at_x, &shorter, &error)) << error;
+    EXPECT_LT((shorter - 0.25 * step).norm(), 1e-15 * step.norm());
+    EXPECT_NE(rule->LastStepReport().find("kappa -1, damping 0 s_max^2"),
+              std::string::npos)
+        << rule->LastStepReport();
+  }
+}
+
+}  // namespace
+}  // namespace invgrad
