@@ -1,9 +1,12 @@
 #include "invgrad/solve/minimizer.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Cholesky"
@@ -13,7 +16,9 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "ceres/rotation.h"
+#include "ceres/sized_cost_function.h"
 #include "gtest/gtest.h"
+#include "invgrad/rules/rules.h"
 #include "invgrad/solve/second_order_cost_function.h"
 
 namespace invgrad {
@@ -166,6 +171,138 @@ TEST(Minimizer, Rosenbrock) {
       EXPECT_EQ(summary.num_steps(), 2);
     }
   }
+}
+
+// Powell's singular function, whose J is singular at the minimum, 0.
+struct Powell {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] + 10.0 * x[1];
+    r[1] = std::sqrt(5.0) * (x[2] - x[3]);
+    r[2] = (x[1] - 2.0 * x[2]) * (x[1] - 2.0 * x[2]);
+    r[3] = std::sqrt(10.0) * (x[0] - x[3]) * (x[0] - x[3]);
+    return true;
+  }
+};
+
+std::unique_ptr<UpdateRule> Create(const std::string& text) {
+  std::vector<Specification> specifications;
+  std::string error;
+  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
+  std::unique_ptr<UpdateRule> rule = CreateRule(specifications.at(0), &error);
+  EXPECT_NE(rule, nullptr) << error;
+  return rule;
+}
+
+// Steps that are too long for the function, and steps that are not. With a
+// fixed step size a low exponent is slow in Rosenbrock's valley; those that
+// find theirs arrive.
+TEST(Minimizer, WithControlTheCostNeverRises) {
+  int num_taken_back = 0;
+  for (const auto& [text, reduction] :
+       {std::pair("gauss_newton:control=gain", 1e-2),
+        std::pair("gauss_newton:step_size=2.5:control=gain", 1e-2),
+        std::pair("gauss_newton:step_size=auto:control=gain", 1e-6),
+        std::pair("levenberg_marquardt:control=gain", 1e-6),
+        std::pair("half_inverse:control=gain", 1e-2),
+        std::pair("power:kappa=0.75:step_size=4:control=gain", 1e-2),
+        std::pair("adaptive_power", 1e-6),
+        std::pair("adaptive_power:rho=1", 1e-6)}) {
+    for (const bool is_powell : {false, true}) {
+      SCOPED_TRACE(std::string(text) + (is_powell ? ", Powell" : ""));
+      double x[4] = {-1.2, 1.0};
+      ceres::Problem problem;
+      if (is_powell) {
+        const double start[4] = {3.0, -1.0, 0.0, 1.0};
+        std::copy(start, start + 4, x);
+        problem.AddResidualBlock(
+            new ceres::AutoDiffCostFunction<Powell, 4, 4>(new Powell),
+            nullptr,
+            x);
+      } else {
+        problem.AddResidualBlock(
+            new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
+            nullptr,
+            x);
+      }
+      const auto rule = Create(text);
+      MinimizerSummary summary;
+      Minimize(NoTolerances(300), rule.get(), &problem, &summary);
+      EXPECT_NE(summary.termination_type, ceres::FAILURE) << summary.message;
+      int num_unsuccessful = 0;
+      for (size_t k = 1; k < summary.iterations.size(); ++k) {
+        const ceres::IterationSummary& iteration = summary.iterations[k];
+        const double before = summary.iterations[k - 1].cost;
+        EXPECT_LE(iteration.cost, before * (1.0 + 1e-13));
+        if (!iteration.step_is_successful) {
+          ++num_unsuccessful;
+          EXPECT_EQ(iteration.cost, before);
+          EXPECT_EQ(iteration.step_norm, 0.0);
+          EXPECT_EQ(iteration.cost_change, 0.0);
+        }
+      }
+      EXPECT_EQ(num_unsuccessful, summary.num_taken_back);
+      num_taken_back += num_unsuccessful;
+      EXPECT_LT(summary.final_cost, reduction * summary.initial_cost);
+    }
+  }
+  EXPECT_GT(num_taken_back, 20);
+}
+
+// r = x, which counts its evaluations.
+class CountingLine final : public ceres::SizedCostFunction<1, 1> {
+ public:
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    ++num_evaluations;
+    residuals[0] = parameters[0][0];
+    if (jacobians != nullptr && jacobians[0] != nullptr) jacobians[0][0] = 1.0;
+    return true;
+  }
+  mutable int num_evaluations = 0;
+};
+
+// Gradient descent that refuses its first two steps.
+class RefusingRule final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override {
+    return invgrad::Needs(true, false, false);
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    *step = -0.5 * at_x.gradient;
+    return true;
+  }
+  bool JudgesSteps() const override { return true; }
+  bool KeepsStep(double cost, double fraction) override {
+    EXPECT_EQ(fraction, 1.0);
+    costs.push_back(cost);
+    return costs.size() > 2;
+  }
+  std::vector<double> costs;
+};
+
+TEST(Minimizer, ASteppedBackPointIsNotLinearizedAgain) {
+  double x = 4.0;
+  ceres::Problem problem;
+  auto* line = new CountingLine;
+  problem.AddResidualBlock(line, nullptr, &x);
+  RefusingRule rule;
+  MinimizerSummary summary;
+  Minimize(NoTolerances(4), &rule, &problem, &summary);
+  EXPECT_EQ(x, 1.0);
+  EXPECT_EQ(rule.costs, std::vector<double>({2.0, 2.0, 2.0, 0.5}));
+  // The start, and where each step led.
+  EXPECT_EQ(line->num_evaluations, 5);
+  EXPECT_EQ(summary.num_taken_back, 2);
+  EXPECT_FALSE(summary.iterations[1].step_is_successful);
+  EXPECT_FALSE(summary.iterations[2].step_is_successful);
+  EXPECT_TRUE(summary.iterations[3].step_is_successful);
+  EXPECT_EQ(summary.message,
+            "Maximum number of iterations reached. Number of iterations: 4; 2 "
+            "steps taken back");
 }
 
 // Dennis and Schnabel, Numerical Methods (1996): the first Newton iterate from

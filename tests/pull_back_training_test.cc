@@ -80,6 +80,97 @@ TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
   EXPECT_EQ(chain.weights, alone.weights);
 }
 
+// Gradient descent on the proxy that notes the costs that it is told.
+class NotingRule final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override {
+    LinearizationParts parts;
+    parts.gradient = true;
+    return parts;
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    before.push_back(at_x.cost);
+    *step = -1e-3 * at_x.gradient;
+    return true;
+  }
+  bool JudgesSteps() const override { return true; }
+  bool KeepsStep(double cost, double) override {
+    after.push_back(cost);
+    return true;
+  }
+  std::vector<double> before;
+  std::vector<double> after;
+};
+
+// Steps are judged by the proxy that they were computed from, whose targets
+// stay where they are, and not by the loss.
+TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
+  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=100");
+  for (const int num_updates : {1, 3}) {
+    SCOPED_TRACE(num_updates);
+    ChainPullBack::Options options;
+    options.updates_per_evaluation = num_updates;
+    ChainPullBack pull_back(problem.model.get(), problem.inverse, options);
+    TrainOptions train_options = Steps(1);
+    train_options.pull_back = &pull_back;
+    NumpyRandom random(1);
+    const Eigen::VectorXd start = problem.model->network().InitialWeights(
+        problem.initialization, &random);
+    Eigen::VectorXd weights = start;
+    NotingRule rule;
+    History history;
+    TrainSummary summary;
+    std::string error;
+    ASSERT_TRUE(invgrad::Train(train_options,
+                               *problem.model,
+                               problem.train,
+                               problem.test,
+                               &rule,
+                               &weights,
+                               &history,
+                               &summary,
+                               &error))
+        << error;
+    ASSERT_EQ(rule.before.size(), static_cast<size_t>(num_updates));
+    ASSERT_EQ(rule.after.size(), rule.before.size());
+    ChainPullBack again(problem.model.get(), problem.inverse, options);
+    LinearizationParts parts;
+    parts.gradient = true;
+    Linearization proxy;
+    Eigen::VectorXd at = start;
+    ASSERT_TRUE(again.Linearize(at, problem.train, parts, &proxy, &error));
+    for (int k = 0; k < num_updates; ++k) {
+      ASSERT_TRUE(
+          again.LinearizeAgain(at, problem.train, parts, &proxy, &error));
+      EXPECT_EQ(rule.before[k], proxy.cost);
+      at -= 1e-3 * proxy.gradient;
+      ASSERT_TRUE(
+          again.LinearizeAgain(at, problem.train, parts, &proxy, &error));
+      EXPECT_EQ(rule.after[k], proxy.cost);
+      EXPECT_LT(rule.after[k], rule.before[k]);
+    }
+    EXPECT_EQ(at, weights);
+  }
+}
+
+// A proxy whose targets lie too far cannot be seen to by its own judge: with
+// the adjoint the change of y has to be small.
+TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
+  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=200");
+  for (const char* method :
+       {"newton/inverse/half_inverse:control=gain",
+        "newton/inverse/gauss_newton:control=gain",
+        "newton/adjoint/adaptive_power:y_step_size=0.01"}) {
+    SCOPED_TRACE(method);
+    const Trained run = Train(problem, method, Steps(60));
+    EXPECT_EQ(run.summary.num_steps, 60) << run.summary.message;
+    EXPECT_LT(run.summary.num_taken_back, 30);
+    EXPECT_LT(run.last().train_loss, 0.5 * run.history.front().train_loss);
+  }
+}
+
 TEST(PullBackTraining, EverySampleIsCountedOnce) {
   const LearningProblem problem = Create("sine:xi=4:num_samples=200");
   const Trained run = Train(problem, "sip", Steps(7));

@@ -19,6 +19,7 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/rules/rules.h"
 
 namespace invgrad {
 namespace {
@@ -256,6 +257,76 @@ TEST(UpdateCallback, TheScaleRecovers) {
   EXPECT_EQ(x, 11.0);
   EXPECT_EQ(callback.summary().num_accepted, 2);
   EXPECT_EQ(callback.summary().num_rejected, 1);
+}
+
+// Steps of `first`, and then of -4, that remembers what became of them.
+class JudgingRule final : public UpdateRule {
+ public:
+  explicit JudgingRule(double first) : first_(first) {}
+  LinearizationParts Needs() const override {
+    LinearizationParts parts;
+    parts.gradient = true;
+    return parts;
+  }
+  bool ComputeStep(const Linearization&,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    *step = Eigen::VectorXd::Constant(1, num_asked_ == 0 ? first_ : -4.0);
+    return ++num_asked_ <= 2;
+  }
+  bool JudgesSteps() const override { return true; }
+  bool KeepsStep(double cost, double fraction) override {
+    judged.emplace_back(cost, fraction);
+    return false;  // which is not heard
+  }
+  std::vector<std::pair<double, double>> judged;
+
+ private:
+  double first_;
+  int num_asked_ = 0;
+};
+
+// L = 1/2 (x - 10)^2 from 0. The cost of a rejected proposal is the
+// candidate's; and the scale, which the rule remembers itself, is not: after
+// two rejections -4 is proposed whole.
+TEST(UpdateCallback, ARuleThatJudgesIsToldWhatBecameOfItsSteps) {
+  double x = 0.0;
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &x);
+  JudgingRule rule(60.0);
+  Options options;
+  options.min_relative_model_decrease = -1e300;
+  UpdateCallback callback(options, &rule, &problem);
+  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  solver_options.max_num_iterations = 4;
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver_options, &problem, &summary);
+  EXPECT_EQ(rule.judged,
+            (std::vector<std::pair<double, double>>{
+                {1250.0, 1.0}, {200.0, 0.5}, {12.5, 0.25}, {0.5, 1.0}}));
+  EXPECT_EQ(callback.summary().num_accepted, 2);
+  EXPECT_EQ(callback.summary().num_rejected, 2);
+}
+
+TEST(UpdateCallback, RulesWithControlConvergeOnRosenbrock) {
+  for (const char* name :
+       {"half_inverse", "gauss_newton", "levenberg_marquardt"}) {
+    SCOPED_TRACE(name);
+    std::string error;
+    const auto rule = CreateRule(
+        {"", name, {{"control", "gain"}, {"step_size", "auto"}, {"rho", "1"}}},
+        &error);
+    ASSERT_NE(rule, nullptr) << error;
+    TwoBlockRosenbrock p;
+    UpdateCallback callback(Options(), rule.get(), &p.problem);
+    ceres::Solver::Summary summary;
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+    EXPECT_NEAR(p.x, 1.0, 1e-6);
+    EXPECT_NEAR(p.y, 1.0, 1e-6);
+    EXPECT_GT(callback.summary().num_accepted, 0);
+  }
 }
 
 // Rejections shrink Ceres' trust region. A rule that is always wrong must not

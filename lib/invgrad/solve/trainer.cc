@@ -91,8 +91,8 @@ class TrainingRun {
   // What the rule judges its steps by, the loss or the proxy: NaN if there is
   // no finite one.
   double JudgedCost(const DataSet& batch);
-  // Takes the last step back, because this batch has no finite loss after it.
-  // False if there is none, or if the rule does not judge.
+  // Takes the last step back, because some samples have no finite loss after
+  // it. False if there is none, or if the rule does not judge.
   bool TakeLastStepBack();
   void Evaluate();
   // Looks at the losses if it is time to; false if the run ends by that, with
@@ -276,6 +276,9 @@ void TrainingRun::Evaluate() {
   row.seconds = seconds_;
   row.batch_loss = batch_loss_;
   row.train_loss = MeanLoss(model_, *weights_, train_);
+  if (!std::isfinite(row.train_loss) && TakeLastStepBack()) {
+    row.train_loss = MeanLoss(model_, *weights_, train_);
+  }
   if (test_.num_samples() > 0) {
     row.test_loss = MeanLoss(model_, *weights_, test_);
   }

@@ -21,8 +21,8 @@
 //          of the last step with a finite batch loss.
 //
 // A rule that judges its steps (control=gain) has those that it refuses taken
-// back, and the one before a batch without a finite loss too; the run goes on
-// with the next batch.
+// back, and the one before a batch, or an evaluation, without a finite loss
+// too; the run goes on.
 #ifndef INVGRAD_SOLVE_TRAINER_H_
 #define INVGRAD_SOLVE_TRAINER_H_
 
@@ -97,8 +97,8 @@ struct TrainSummary {
 
 // `test` may have no samples. `weights` holds the initial weights and receives
 // the final ones. Returns false only for bad input (a batch size that does not
-// fit or needs too much memory, data that are not finite, a checkpoint of another run): then *error says
-// what, and nothing was done.
+// fit or needs too much memory, data that are not finite, a checkpoint of
+// another run): then *error says what, and nothing was done.
 bool Train(const TrainOptions& options,
            const Model& model,
            const DataSet& train,

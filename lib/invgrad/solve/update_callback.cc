@@ -264,7 +264,8 @@ class UpdateCallback::State {
   }
 
   void BackOff() {
-    scale_ *= 0.5;
+    // A rule that judges its steps remembers it itself.
+    if (!rule_->JudgesSteps()) scale_ *= 0.5;
     if (num_backoffs_ >= options_.max_num_backoffs) {
       // Each rejection has shrunk Ceres' trust region, 64 times after three of
       // them. If proposals went on, Ceres' own steps would become so short that

@@ -18,8 +18,9 @@
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
 // is as large again as before (or Ceres finds it too large itself). Ceres also
 // has the turn if the rule fails or the linear model promises too little. The
-// rule is asked at most once an accepted state; it does not learn that its step
-// was scaled or rejected.
+// rule is asked at most once an accepted state. One that judges its steps
+// (control=gain) is told what cost each proposal led to, and at what scale; the
+// verdict is Ceres', and the scale is not remembered beside the rule's own.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration; the
