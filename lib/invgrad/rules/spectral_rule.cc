@@ -133,13 +133,15 @@ std::vector<Eigen::VectorXd*> SpectralRule::MutableState() {
 std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   const auto of_step = [this](double rows, double cols) -> MemoryPart {
     SpectralRoute route = spectral_options_.route;
+    std::string name = "route ";
     if (route == SpectralRoute::kAuto) {
-      // It begins with the Gram matrix, and asks again before it takes more.
+      // SpectralStep asks again before it takes a dearer one.
+      name = "at least route ";
       route = options_.filter.IsGradientDescent() ? SpectralRoute::kGradient
               : rows <= cols                      ? SpectralRoute::kGram
                              : SpectralRoute::kParameterGram;
     }
-    return {std::string("route ") + SpectralRouteName(route),
+    return {name + SpectralRouteName(route),
             SpectralStepBytes(route,
                               static_cast<Eigen::Index>(rows),
                               static_cast<Eigen::Index>(cols))};

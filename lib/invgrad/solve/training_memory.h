@@ -8,7 +8,10 @@
 //              copies it
 //
 // and the data. Right to a factor of two or so, not counting what every
-// process has; an evaluation of the losses needs less than the data.
+// process has; an evaluation of the losses needs less than the data. A rule
+// that finds its route as it goes (route=auto) is counted with the cheapest,
+// and told so ("at least"): each dearer one is asked for its memory when its
+// turn comes, and is then refused or not.
 #ifndef INVGRAD_SOLVE_TRAINING_MEMORY_H_
 #define INVGRAD_SOLVE_TRAINING_MEMORY_H_
 
