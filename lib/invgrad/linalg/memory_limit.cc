@@ -61,12 +61,16 @@ double TotalBytes(const std::vector<MemoryPart>& parts) {
   return total;
 }
 
+bool FitsInMemory(double bytes, double limit) {
+  return bytes <= (limit > 0.0 ? limit : MemoryLimit());
+}
+
 bool FitsInMemory(const std::string& who,
                   std::vector<MemoryPart> parts,
                   double limit,
                   std::string* error) {
   const double total = TotalBytes(parts);
-  if (total <= (limit > 0.0 ? limit : MemoryLimit())) return true;
+  if (FitsInMemory(total, limit)) return true;
   std::stable_sort(
       parts.begin(), parts.end(), [](const MemoryPart& a, const MemoryPart& b) {
         return a.bytes > b.bytes;

@@ -28,8 +28,11 @@ struct MemoryPart {
 
 double TotalBytes(const std::vector<MemoryPart>& parts);
 
-// Whether the parts fit into `limit`; 0: MemoryLimit(). If not, *error says
-// what `who` needs for which parts, the largest first.
+// Whether that fits into `limit`; 0: MemoryLimit(). Allocates nothing.
+bool FitsInMemory(double bytes, double limit);
+
+// Whether the parts do. If not, *error says what `who` needs for which parts,
+// the largest first.
 bool FitsInMemory(const std::string& who,
                   std::vector<MemoryPart> parts,
                   double limit,

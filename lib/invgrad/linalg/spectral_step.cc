@@ -42,6 +42,8 @@ bool RouteFits(const SpectralProblem& problem,
                double memory_limit,
                std::string* message) {
   const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
+  // Before a message is composed: a step on warm memory allocates nothing.
+  if (FitsInMemory(bytes, memory_limit)) return true;
   std::ostringstream who;
   who << "route " << SpectralRouteName(route) << " with J " << problem.m()
       << " x " << problem.n();

@@ -9,11 +9,9 @@
 #include <sstream>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/finite.h"
 #include "invgrad/linalg/layer_jacobian.h"
-#include "invgrad/rules/filter_options.h"
 
 namespace invgrad {
 namespace {

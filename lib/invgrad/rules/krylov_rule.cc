@@ -1,9 +1,8 @@
 #include "invgrad/rules/krylov_rule.h"
 
 #include <algorithm>
+#include <limits>
 #include <sstream>
-
-#include "glog/logging.h"
 
 namespace invgrad {
 

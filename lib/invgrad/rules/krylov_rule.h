@@ -28,7 +28,6 @@
 #ifndef INVGRAD_RULES_KRYLOV_RULE_H_
 #define INVGRAD_RULES_KRYLOV_RULE_H_
 
-#include <limits>
 #include <string>
 #include <vector>
 

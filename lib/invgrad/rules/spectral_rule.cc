@@ -7,9 +7,6 @@
 #include <sstream>
 #include <vector>
 
-#include "glog/logging.h"
-#include "invgrad/rules/filter_options.h"
-
 namespace invgrad {
 namespace {
 

@@ -110,6 +110,11 @@ class TrainingRun {
   void SaveCheckpoint();
   double Progress() const;
   int epoch() const { return static_cast<int>(step_ / steps_per_epoch_); }
+  int updates_per_step() const {
+    return options_.pull_back == nullptr
+               ? 1
+               : options_.pull_back->updates_per_evaluation();
+  }
 
   const TrainOptions& options_;
   const Model& model_;
@@ -199,11 +204,8 @@ bool TrainingRun::Linearize(const DataSet& batch,
 bool TrainingRun::Update(const DataSet& batch,
                          Linearization* at_weights,
                          std::string* error) {
-  const int num_updates = options_.pull_back == nullptr
-                              ? 1
-                              : options_.pull_back->updates_per_evaluation();
   Eigen::VectorXd step;
-  for (int k = 0; k < num_updates; ++k) {
+  for (int k = 0; k < updates_per_step(); ++k) {
     if (k > 0 && !options_.pull_back->LinearizeAgain(
                      *weights_, batch, rule_->Needs(), at_weights, error)) {
       return false;
@@ -326,7 +328,8 @@ void TrainingRun::Finish(ceres::TerminationType type,
   summary_->message = message;
   if (num_taken_back_ > 0) {
     summary_->message += "; " + std::to_string(num_taken_back_) + " of " +
-                         std::to_string(step_) + " steps taken back";
+                         std::to_string(step_ * updates_per_step()) +
+                         " steps taken back";
   }
 }
 
@@ -470,13 +473,14 @@ bool TrainingRun::Restore(std::string* error) {
     return false;
   }
   const Eigen::VectorXd* weights = find("weights", weights_->size());
+  if (weights == nullptr) return false;
   const Eigen::VectorXd* last_good_weights =
       find("last_good_weights", weights_->size());
   const Eigen::VectorXd* rows = find("history", -1);
   const Eigen::VectorXd* order = find("order", -1);
   const Eigen::VectorXd* shuffle = find("shuffle", -1);
-  if (weights == nullptr || last_good_weights == nullptr || rows == nullptr ||
-      order == nullptr || shuffle == nullptr) {
+  if (last_good_weights == nullptr || rows == nullptr || order == nullptr ||
+      shuffle == nullptr) {
     return false;
   }
   const long step = static_cast<long>(scalars["step"]);
