@@ -81,9 +81,9 @@ TEST(GainControl, TheGainOfLinearLeastSquaresIsOne) {
             control.Judge(cost(x + fraction * part * best * d), fraction));
         ASSERT_NEAR(control.last_gain(), 1.0, 1e-8);
         kappa = std::min(kappa + 0.02, 1.0);
-        damping = std::max(0.5 * damping, 1e-14);
+        damping = std::max(damping / 3.0, 1e-14);
         EXPECT_NEAR(control.filter().kappa, kappa, 1e-14);
-        EXPECT_DOUBLE_EQ(control.filter().relative_damping, damping);
+        EXPECT_NEAR(control.filter().relative_damping / damping, 1.0, 1e-12);
         EXPECT_EQ(control.step_factor(), 1.0);
       }
       EXPECT_EQ(kappa, 1.0);
@@ -92,35 +92,50 @@ TEST(GainControl, TheGainOfLinearLeastSquaresIsOne) {
   }
 }
 
-TEST(GainControl, AGainInBetweenChangesNothing) {
-  GainControl control = MakeControl("both", 0.5, 1e-3);
-  for (const double gain : {0.71, 0.8, 0.94}) {
+TEST(GainControl, AGainInBetweenLeavesTheExponent) {
+  GainControl control = MakeControl("exponent", 0.5, 1e-3);
+  for (const double gain : {0.41, 0.6, 0.84}) {
     EXPECT_TRUE(JudgeGain(&control, gain));
     EXPECT_EQ(control.filter().kappa, 0.5);
-    EXPECT_EQ(control.filter().relative_damping, 1e-3);
     EXPECT_EQ(control.step_factor(), 1.0);
   }
 }
 
+// Nielsen's law: a smooth factor, 1 at a gain of 1/2, between 1/3 and 2.
+TEST(GainControl, TheDampingFollowsTheGainSmoothly) {
+  const auto factor = [](double gain) {
+    GainControl control = MakeControl("damping", 1.0, 1e-3);
+    JudgeGain(&control, gain);
+    return control.filter().relative_damping / 1e-3;
+  };
+  EXPECT_NEAR(factor(0.5), 1.0, 1e-12);
+  EXPECT_NEAR(factor(0.25), 1.125, 1e-12);
+  EXPECT_NEAR(factor(0.75), 0.875, 1e-12);
+  EXPECT_NEAR(factor(1e-9), 2.0, 1e-7);
+  EXPECT_NEAR(factor(1.0), 1.0 / 3.0, 1e-12);
+  EXPECT_NEAR(factor(3.0), 1.0 / 3.0, 1e-12);
+  EXPECT_NEAR(factor(-1e-9), 4.0, 1e-12);
+}
+
 TEST(GainControl, ALowGainLowersTheExponentAndRaisesTheDamping) {
   GainControl control = MakeControl("both", 0.5, 1e-3);
-  EXPECT_TRUE(JudgeGain(&control, 0.6));
+  EXPECT_TRUE(JudgeGain(&control, 0.25));
   EXPECT_DOUBLE_EQ(control.filter().kappa, 0.45);
-  EXPECT_DOUBLE_EQ(control.filter().relative_damping, 4e-3);
+  EXPECT_DOUBLE_EQ(control.filter().relative_damping, 1.125e-3);
   EXPECT_EQ(control.step_factor(), 1.0) << "the step was kept";
-  for (int k = 0; k < 20; ++k) JudgeGain(&control, 0.1);
+  for (int k = 0; k < 40; ++k) JudgeGain(&control, 0.1);
   EXPECT_EQ(control.filter().kappa, 0.3);
   EXPECT_EQ(control.filter().relative_damping, 100.0);
   // And up again.
-  JudgeGain(&control, 0.96);
+  JudgeGain(&control, 1.0);
   EXPECT_DOUBLE_EQ(control.filter().kappa, 0.32);
-  EXPECT_DOUBLE_EQ(control.filter().relative_damping, 50.0);
+  EXPECT_DOUBLE_EQ(control.filter().relative_damping, 100.0 / 3.0);
 }
 
 // A setting outside of the range of control is moved towards it, if at all.
 TEST(GainControl, SettingsOutsideOfItsRange) {
   GainControl low = MakeControl("both", -0.5, 1e-20);
-  JudgeGain(&low, 0.1);
+  JudgeGain(&low, -0.1);
   EXPECT_EQ(low.filter().kappa, -0.5);
   EXPECT_DOUBLE_EQ(low.filter().relative_damping, 4e-14);
   JudgeGain(&low, 1.0);

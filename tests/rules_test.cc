@@ -172,7 +172,7 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
                          {"damping", "0"},
                          {"relative_damping", "0"},
                          {"control", "none"},
-                         {"adapts", "both"}};
+                         {"adapts", "exponent"}};
   const auto join = [](const std::vector<Values>& parts) {
     Values all;
     for (const Values& part : parts) {

@@ -7,8 +7,8 @@
 namespace invgrad {
 namespace {
 
-constexpr double kHighGain = 0.95;
-constexpr double kLowGain = 0.7;
+constexpr double kHighGain = 0.85;
+constexpr double kLowGain = 0.4;
 
 constexpr double kExponentUp = 0.02;
 constexpr double kExponentDown = 0.05;
@@ -16,7 +16,7 @@ constexpr double kMinExponent = 0.3;
 constexpr double kMaxExponent = 1.0;
 
 constexpr double kDampingUp = 4.0;
-constexpr double kDampingDown = 0.5;
+constexpr double kDampingDown = 1.0 / 3.0;
 constexpr double kFirstDamping = 1e-6;
 constexpr double kMinDamping = 1e-14;
 constexpr double kMaxDamping = 100.0;
@@ -105,12 +105,14 @@ void GainControl::Adapt(double gain) {
   double& step_factor = state_[2];
   if (gain > kHighGain) {
     kappa = std::max(kappa, std::min(kappa + kExponentUp, kMaxExponent));
-    damping = std::max(damping * kDampingDown, kMinDamping);
   } else if (gain < kLowGain) {
     kappa = std::min(kappa, std::max(kappa - kExponentDown, kMinExponent));
-    damping =
-        std::min(std::max(damping, kMinDamping) * kDampingUp, kMaxDamping);
   }
+  const double factor =
+      gain > 0.0 ? std::max(kDampingDown, 1.0 - std::pow(2.0 * gain - 1.0, 3))
+                 : kDampingUp;
+  damping = std::clamp(
+      std::max(damping, kMinDamping) * factor, kMinDamping, kMaxDamping);
   step_factor =
       gain < 0.0 ? 0.5 * step_factor : std::min(2.0 * step_factor, 1.0);
 }

@@ -8,10 +8,10 @@
 // promised (because it goes too far already for M) if the cost has risen. What
 // the gain changes for the next step:
 //
-//   exponent   kappa + 0.02 if gain > 0.95, kappa - 0.05 if gain < 0.7,
+//   exponent   kappa + 0.02 if gain > 0.85, kappa - 0.05 if gain < 0.4,
 //              within [0.3, 1]
-//   damping    relative_damping / 2 if gain > 0.95, * 4 if gain < 0.7, within
-//              [1e-14, 100], from 1e-6 if the filter has none
+//   damping    relative_damping * max(1/3, 1 - (2 gain - 1)^3) if gain > 0, * 4
+//              if not, within [1e-14, 100], from 1e-6 if the filter has none
 //   both       the two of them
 //   nothing    neither: steps are accepted or taken back
 //
@@ -31,10 +31,11 @@
 //
 // Cost:    one evaluation of the cost a step, and products with J and H_L.
 // Source:  the gain ratio is that of trust-region methods (Conn, Gould, Toint.
-//          Trust-Region Methods. SIAM 2000, chapter 6); for damping on
+//          Trust-Region Methods. SIAM 2000, chapter 6), the law for the damping
+//          Nielsen's (Damping Parameter in Marquardt's Method. IMM-REP-1999-05,
+//          Technical University of Denmark, section 3), which is Ceres' too; on
 //          mini-batches: Martens. Deep Learning via Hessian-free Optimization.
-//          ICML 2010, section 4.1. Control of the exponent is ours; how it
-//          compares: docs/results/control.md.
+//          ICML 2010, section 4.1. Control of the exponent is ours.
 #ifndef INVGRAD_RULES_GAIN_CONTROL_H_
 #define INVGRAD_RULES_GAIN_CONTROL_H_
 
@@ -49,7 +50,7 @@ namespace invgrad {
 
 struct GainControlOptions {
   std::string control = "none";
-  std::string adapts = "both";
+  std::string adapts = "exponent";
 
   void Describe(OptionSet* set);
 
