@@ -49,10 +49,11 @@ TEST_F(LimitsProgram, ABatchThatDoesNotFitIsNotRun) {
 }
 
 TEST_F(LimitsProgram, SamplesThatFillNoBatchAreReportedOnceABatchSize) {
+  const std::string rules =
+      "adam,gradient_descent,adam:batch_size=48,adam:batch_size=16,ceres_lm";
   const Output output = Run({"--problem=oscillator_chain:num_samples=64",
                              "--batch_size=20",
-                             "--rules=adam,gradient_descent,"
-                             "adam:batch_size=48,adam:batch_size=16,ceres_lm",
+                             "--rules=" + rules,
                              "--seeds=1,2",
                              "--steps=1",
                              "--plots=false",
