@@ -30,7 +30,6 @@ rules=(
   power:kappa=0.75:step_size=auto
   gauss_newton:step_size=auto
   levenberg_marquardt:step_size=auto
-  adaptive_power
   layer_half_inverse:step_size=auto
   kfac_half_inverse:step_size=auto
   krylov:batch_size=256:iterations=100

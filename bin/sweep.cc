@@ -229,13 +229,12 @@ class LiveLine {
 void WarnOfLeftOutSamples(const SweepPlan& plan) {
   std::set<std::string> warnings;
   for (const SweepJob& job : plan.jobs) {
-    if (job.method.ceres != nullptr) continue;
-    warnings.insert(
-        LeftOutSamples(job.batch_size, job.problem->train.num_samples()));
+    AddLeftOutSamples(job.method,
+                      job.batch_size,
+                      job.problem->train.num_samples(),
+                      &warnings);
   }
-  for (const std::string& warning : warnings) {
-    if (!warning.empty()) Warn(warning);
-  }
+  for (const std::string& warning : warnings) Warn(warning);
 }
 
 // Runs the jobs that are not done yet, and reads all results.

@@ -8,6 +8,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/linalg/memory_limit.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {
@@ -73,6 +74,28 @@ MatrixXd RandomPoints(const PoissonPinn::Options& options) {
   return points;
 }
 
+// Whether the points fit, before they are made.
+bool CheckMemory(const PoissonPinn::Options& options,
+                 const MatrixXd* data,
+                 std::string* error) {
+  const double num_points =
+      data != nullptr
+          ? static_cast<double>(data->rows())
+          : static_cast<double>(options.num_interior) + options.num_boundary;
+  const std::string who =
+      data != nullptr
+          ? "data of " + std::to_string(data->rows()) + " points"
+          : "num_interior=" + std::to_string(options.num_interior) +
+                ":num_boundary=" + std::to_string(options.num_boundary);
+  // Of a point: its row, its sample (2 + 3 + 1 + 4), and three temporary pairs
+  // in SolutionJets.
+  return FitsInMemory(
+      who,
+      {{"its data", sizeof(double) * num_points * (3 + 10 + 6)}},
+      0.0,
+      error);
+}
+
 bool CheckKinds(const MatrixXd& points, std::string* error) {
   const auto kinds = points.col(2).array();
   for (Eigen::Index i = 0; i < kinds.size(); ++i) {
@@ -134,6 +157,7 @@ bool PoissonPinn::Create(const Options& options,
                          const MatrixXd* data,
                          LearningProblem* problem,
                          std::string* error) {
+  if (!CheckMemory(options, data, error)) return false;
   if (data != nullptr) {
     if (!CheckDataShape(*data, 3, error) || !CheckKinds(*data, error)) {
       return false;

@@ -2,9 +2,11 @@
 // physics-informed network.
 //
 //   -Lap u = f in (0, 1)^2,   u = 0 on its boundary,   u = network(a; theta)
-//   f = 2 pi^2 sin(pi a_1) sin(pi a_2),   solved by u* = sin(pi a_1) sin(pi
-//   a_2) L = 1 / (2 N_int) sum_int (Lap u + f)^2 + 1 / (2 N_bd) sum_bd (u -
-//   u*)^2
+//   f = 2 pi^2 sin(pi a_1) sin(pi a_2)
+//
+// which u* = sin(pi a_1) sin(pi a_2) solves. The loss is
+//
+//   L = 1 / (2 N_int) sum_int (Lap u + f)^2 + 1 / (2 N_bd) sum_bd (u - u*)^2
 //
 // A sample is a point a. The simulator is the equation: it sees the network's
 // 2-jet x = (u, d_1 u, d_2 u, Lap u) at the point (two_jet.h) and puts out its

@@ -76,11 +76,22 @@ bool RandomPolynomial::Create(const Options& options,
                               const Eigen::MatrixXd* data,
                               LearningProblem* problem,
                               std::string* error) {
-  Eigen::MatrixXd samples(2 * options.num_samples, kNumVariables + 1);
+  constexpr int kNumColumns = kNumVariables + 1;
+  // The array is copied once.
+  if (!CheckDataMemory(data,
+                       options.num_samples,
+                       2.0 * kNumColumns,
+                       kNumColumns,
+                       "",
+                       error)) {
+    return false;
+  }
+  Eigen::MatrixXd samples;
   if (data != nullptr) {
-    if (!CheckDataShape(*data, kNumVariables + 1, error)) return false;
+    if (!CheckDataShape(*data, kNumColumns, error)) return false;
     samples = *data;
   } else {
+    samples.resize(2 * options.num_samples, kNumColumns);
     const auto normal = [&options](std::uint32_t crc, int rows, int cols) {
       return Stream(options.data_seed, crc).StandardNormal(rows, cols);
     };

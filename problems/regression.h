@@ -26,8 +26,8 @@
 
 namespace invgrad {
 
-// The variance of N numbers: with 1 / (N - 1), as PyTorch
-// does, or with 1 / N, as numpy does.
+// The variance of N numbers: with 1 / (N - 1), as PyTorch does, or with 1 / N,
+// as numpy does.
 enum class Variance { kUnbiased, kBiased };
 
 // samples: 2 N x (|a| + 1), a and t; the first N are for training. False, with

@@ -17,11 +17,16 @@ bool Regression1d::Create(const Options& options,
                           const Eigen::MatrixXd* data,
                           LearningProblem* problem,
                           std::string* error) {
-  Eigen::MatrixXd samples(2 * options.num_samples, 2);
+  // The array is copied once.
+  if (!CheckDataMemory(data, options.num_samples, 4, 2, "", error)) {
+    return false;
+  }
+  Eigen::MatrixXd samples;
   if (data != nullptr) {
     if (!CheckDataShape(*data, 2, error)) return false;
     samples = *data;
   } else {
+    samples.resize(2 * options.num_samples, 2);
     NumpyRandom random(static_cast<std::uint32_t>(options.data_seed));
     for (auto sample : samples.rowwise()) {
       sample[0] = 2.0 * random.Rand() - 1.0;

@@ -176,6 +176,19 @@ TEST(GainControl, TakenBackStepsHalveTheStepSize) {
   }
 }
 
+// Many batches that are at their minimum, or a bad start, do not end a run.
+TEST(GainControl, TheStepSizeRecovers) {
+  GainControl control = MakeControl("nothing");
+  for (int k = 0; k < 100; ++k) JudgeGain(&control, -1.0);
+  EXPECT_EQ(control.step_factor(), 1e-12);
+  // Of such short steps nothing is promised beyond rounding.
+  for (int k = 0; k < 40; ++k) {
+    control.Expect(1.0, ModelOf(-1.0, 1.0), 1e-2 * control.step_factor());
+    EXPECT_TRUE(control.Judge(1.0, 1.0));
+  }
+  EXPECT_EQ(control.step_factor(), 1.0);
+}
+
 TEST(GainControl, ACostThatIsNotFiniteIsTakenBack) {
   for (const double cost : {kNaN, kInfinity}) {
     GainControl control = MakeControl("both", 0.5, 1e-3);

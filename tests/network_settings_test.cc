@@ -133,5 +133,14 @@ TEST(NetworkSettings, SaysWhatItRefusesAndChangesNothing) {
   }
 }
 
+TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
+  LearningProblem problem = Create("poisson_pinn");
+  std::string error;
+  EXPECT_FALSE(SetNetwork({"", "relu", ""}, &problem, &error));
+  EXPECT_EQ(error,
+            "activation=relu has no Laplacian, which this problem needs");
+  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kTanh);
+}
+
 }  // namespace
 }  // namespace invgrad

@@ -289,6 +289,30 @@ TEST(Phases, AnEpochBudgetEndsWithTheStepThatReachesIt) {
   EXPECT_EQ(NumEpochs(Parse(method), 12, 0, 8), result.history.back().epoch);
 }
 
+// (2 - 11 / 12) 12 is 13.000000000000002 in floating point.
+TEST(Phases, RoundingAddsNoStepToAnEpochBudget) {
+  for (int first = 1; first < 24; ++first) {
+    const Result result =
+        TrainBy("adam:batch_size=1:steps=" + std::to_string(first) +
+                    ">adam:batch_size=1",
+                Epochs(2));
+    EXPECT_EQ(result.summary.num_steps, 24) << first;
+    EXPECT_EQ(result.summary.message, "epochs done");
+  }
+}
+
+// Steps far too long, which no phase keeps.
+TEST(Phases, StepsTakenBackAreAddedUp) {
+  const Result result = TrainBy(
+      "half_inverse:step_size=1e4:control=gain:epochs=3>"
+      "half_inverse:step_size=1e4:control=gain",
+      Epochs(5));
+  ASSERT_TRUE(result.is_good_input) << result.error;
+  EXPECT_EQ(result.summary.num_updates, 5);
+  EXPECT_EQ(result.summary.num_taken_back, 5);
+  EXPECT_EQ(result.summary.message, "epochs done; 5 of 5 steps taken back");
+}
+
 TEST(Phases, NumEpochsCountsEachPhasesOwn) {
   const Method method =
       Parse("adam:batch_size=4:epochs=2>adam:steps=3>ceres_lm");
@@ -404,6 +428,23 @@ TEST(Phases, BadInputOfAnyPhaseIsRefusedBeforeAnythingRuns) {
   expect("adam:epochs=1>adam:batch_size=13", {"batch_size=13", "12 training"});
   expect("adam:epochs=1:batch_size=13>adam", {"batch_size=13", "12 training"});
   expect("adam:epochs=1>ceres_lm+adam", {"ceres_lm+adam: ", "block"});
+}
+
+TEST(Phases, MemoryIsAskedForBeforeAnythingRuns) {
+  const Parabola problem(300);
+  Watcher watcher;
+  TrainOptions options = Epochs(5);
+  options.callbacks = {&watcher};
+  options.memory_limit = 1e6;  // a Hessian of 901 weights needs 6.5 MB
+  EXPECT_TRUE(TrainBy("adam", options, problem, problem.weights).is_good_input);
+  watcher.steps.clear();
+  const Result result =
+      TrainBy("adam:epochs=1>newton", options, problem, problem.weights);
+  EXPECT_FALSE(result.is_good_input);
+  EXPECT_NE(result.error.find("newton: batch_size=12 needs "),
+            std::string::npos)
+      << result.error;
+  EXPECT_TRUE(watcher.steps.empty());
 }
 
 TEST(Phases, ACheckpointOfAnotherNetworkIsRefused) {

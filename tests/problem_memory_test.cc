@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include <string>
+#include <vector>
 
 #include "gtest/gtest.h"
 #include "problems/problems.h"
@@ -54,19 +55,25 @@ TEST(ProblemMemory, TheMessageSaysWhatIsNeededAndWhatIsAllowed) {
 // little: what allocates first would be thrown out by std::bad_alloc.
 TEST(ProblemMemory, TheLargestSettingsOfAllProblemsAreRefused) {
   const ProcessLimit limit(800'000'000);
-  for (const char* specification :
-       {"oscillator_chain:num_samples=10000000",
-        "oscillator_chain:num_samples=10000000:num_oscillators=8",
-        "oscillator_tracking:num_samples=10000000:horizon=100000",
-        "oscillator_correction:num_samples=100:horizon=100000:num_oscillators="
-        "8",
-        "quantum_dipole:num_samples=10000000:num_steps=100000",
-        "poisson:num_samples=1000000:resolution=32",
-        "heat_1d:num_samples=1000000:resolution=1024",
-        "heat:num_samples=1000000:resolution=64",
-        "sine:num_samples=10000000",
-        "exponential:num_samples=10000000",
-        "multimodal:num_samples=10000000"}) {
+  const std::string correction =
+      "oscillator_correction:num_samples=100:horizon=100000:num_oscillators=8";
+  const std::string pinn =
+      "poisson_pinn:points=random:num_interior=10000000:num_boundary=10000000";
+  for (const std::string& specification : std::vector<std::string>{
+           "oscillator_chain:num_samples=10000000",
+           "oscillator_chain:num_samples=10000000:num_oscillators=8",
+           "oscillator_tracking:num_samples=10000000:horizon=100000",
+           correction,
+           "quantum_dipole:num_samples=10000000:num_steps=100000",
+           "poisson:num_samples=1000000:resolution=32",
+           "heat_1d:num_samples=1000000:resolution=1024",
+           "heat:num_samples=1000000:resolution=64",
+           "sine:num_samples=10000000",
+           "exponential:num_samples=10000000",
+           "multimodal:num_samples=10000000",
+           "regression_1d:num_samples=10000000",
+           "random_polynomial:num_samples=10000000",
+           pinn}) {
     EXPECT_NE(Refusal(specification).find(" for its data; the limit is 600 MB"),
               std::string::npos)
         << Refusal(specification);

@@ -154,7 +154,7 @@ TEST(AutoStepSize, SaysWhyThereIsNone) {
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(-3.0, 0.0), 0.3, &eta, &error));
   EXPECT_EQ(error,
             "step_size=auto: the loss does not curve upwards along the "
-            "direction, curvature -9; control=gain measures it");
+            "direction, curvature -9");
   at_x.loss_gradient[0] = kNaN;
   EXPECT_FALSE(AutoStepSize(at_x, Vector2d(-3.0, 0.0), 0.3, &eta, &error));
   EXPECT_EQ(eta, 0.0) << "written on failure";

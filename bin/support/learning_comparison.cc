@@ -6,7 +6,6 @@
 #include <limits>
 #include <map>
 #include <numeric>
-#include <set>
 #include <sstream>
 #include <utility>
 
@@ -458,19 +457,18 @@ bool RunOrLoad(const LearningProblem& problem,
   return RunLearning(problem, method, seed, weights, run, result, error);
 }
 
-// Once for every batch size. Ceres' minimizers take all samples.
+// Once for every batch size.
 void WarnOfLeftOutSamples(const LearningProblem& problem,
                           const std::vector<Method>& methods,
                           const LearningComparisonOptions& options) {
-  std::set<int> batch_sizes;
+  std::set<std::string> warnings;
   for (const Method& method : methods) {
-    if (method.ceres != nullptr) continue;
-    const int batch_size = BatchSize(problem, method, options);
-    if (!batch_sizes.insert(batch_size).second) continue;
-    const std::string warning =
-        LeftOutSamples(batch_size, problem.train.num_samples());
-    if (!warning.empty()) Warn(warning);
+    AddLeftOutSamples(method,
+                      BatchSize(problem, options),
+                      problem.train.num_samples(),
+                      &warnings);
   }
+  for (const std::string& warning : warnings) Warn(warning);
 }
 
 }  // namespace
@@ -506,6 +504,19 @@ std::string LeftOutSamples(int batch_size, int num_samples) {
          std::to_string(num_left_out) + " of " + std::to_string(num_samples) +
          " samples are left out of every epoch; divisors near: " +
          std::to_string(below) + ", " + std::to_string(above);
+}
+
+void AddLeftOutSamples(const Method& method,
+                       int batch_size,
+                       int num_samples,
+                       std::set<std::string>* warnings) {
+  for (const Method* phase : method.Phases()) {
+    if (phase->ceres != nullptr) continue;
+    int own = phase->batch_size >= 0 ? phase->batch_size : batch_size;
+    if (own == 0) own = num_samples;
+    const std::string warning = LeftOutSamples(own, num_samples);
+    if (!warning.empty()) warnings->insert(warning);
+  }
 }
 
 bool CheckLearningComparison(const LearningProblem& problem,

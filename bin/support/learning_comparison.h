@@ -16,6 +16,7 @@
 #define BIN_SUPPORT_LEARNING_COMPARISON_H_
 
 #include <ostream>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -62,6 +63,14 @@ int BatchSize(const LearningProblem& problem,
 // samples: "batch_size=100: 96 of 4096 samples are left out of every epoch;
 // divisors near: 64, 128". Empty if it does.
 std::string LeftOutSamples(int batch_size, int num_samples);
+
+// Adds what LeftOutSamples says of each phase of the method. `batch_size`, at
+// least 1: of phases without one of their own; Ceres' minimizers take all
+// samples.
+void AddLeftOutSamples(const Method& method,
+                       int batch_size,
+                       int num_samples,
+                       std::set<std::string>* warnings);
 
 // Runs everything and prints the table to `out`. `initial_weights`, if not
 // empty, replace those of every seed. False if results cannot be written.

@@ -124,6 +124,11 @@ bool SetNetwork(const NetworkSettings& settings,
                  error)) {
     return false;
   }
+  if (problem->model->network_output() == NetworkOutput::kTwoJet &&
+      activation == Activation::kRelu) {
+    *error = "activation=relu has no Laplacian, which this problem needs";
+    return false;
+  }
   problem->initialization = initialization;
   problem->model = std::make_shared<Model>(
       problem->model->WithNetwork(DenseNetwork(widths, activation)));

@@ -95,6 +95,10 @@ class Model {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
 
+  // T: the columns of a sample in the activations, num_calls() or with jets
+  // |a| + 2.
+  int num_columns() const;
+
   // The same network and simulator in front of another loss.
   Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {
     return Model(
@@ -163,9 +167,6 @@ class Model {
         Reduction reduction,
         std::shared_ptr<const Feedback> feedback,
         NetworkOutput output);
-
-  // T: the columns of a sample in the activations.
-  int num_columns() const;
 
   // Predict, all samples at once.
   bool PredictPiece(const Eigen::VectorXd& weights,

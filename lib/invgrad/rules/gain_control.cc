@@ -23,6 +23,9 @@ constexpr double kMaxDamping = 100.0;
 
 constexpr double kMaxCurvatureChange = 4.0;
 
+// From here it takes 40 steps to the whole one.
+constexpr double kMinStepFactor = 1e-12;
+
 // Changes that are a smaller part of the cost drown in its rounding.
 constexpr double kRounding = 1e-13;
 
@@ -84,8 +87,12 @@ bool GainControl::Judge(double cost, double fraction) {
     MeasureCurvature(decrease, eta);
   } else {
     last_gain_ = decrease >= -rounding ? 1.0 : kWorst;
-    // That nothing was lost says nothing about the model.
-    if (last_gain_ == 1.0) return true;
+    if (last_gain_ == 1.0) {
+      // That nothing was lost says nothing about the model. But the next batch
+      // may have more to gain.
+      GrowStep();
+      return true;
+    }
   }
   Adapt(last_gain_);
   return last_gain_ >= 0.0;
@@ -113,8 +120,13 @@ void GainControl::Adapt(double gain) {
                  : kDampingUp;
   damping = std::clamp(
       std::max(damping, kMinDamping) * factor, kMinDamping, kMaxDamping);
-  step_factor =
-      gain < 0.0 ? 0.5 * step_factor : std::min(2.0 * step_factor, 1.0);
+  if (gain < 0.0) {
+    step_factor = std::max(0.5 * step_factor, kMinStepFactor);
+  } else {
+    GrowStep();
+  }
 }
+
+void GainControl::GrowStep() { state_[2] = std::min(2.0 * state_[2], 1.0); }
 
 }  // namespace invgrad

@@ -11,13 +11,14 @@
 //   exponent   kappa + 0.02 if gain > 0.85, kappa - 0.05 if gain < 0.4,
 //              within [0.3, 1]
 //   damping    relative_damping * max(1/3, 1 - (2 gain - 1)^3) if gain > 0, * 4
-//              if not, within [1e-14, 100], from 1e-6 if the filter has none
+//              if not, within [1e-14, 100], from 1e-6 if it is 0; `damping`
+//              stays as it is
 //   both       the two of them
 //   nothing    neither: steps are accepted or taken back
 //
-// Whatever it is, a step that is taken back halves the step size, and one that
-// is kept doubles it, up to the rule's own. (The next step may be computed from
-// the same point, where nothing else would change.)
+// Whatever it is, a step that is taken back halves the step size, down to 1e-12
+// of the rule's own, and one that is kept doubles it, up to that. (The next
+// step may be computed from the same point, where nothing else would change.)
 //
 // In training, x and L are those of the mini-batch that the step was computed
 // from: the gain tells whether the linear model holds over the step, not
@@ -90,6 +91,7 @@ class GainControl {
  private:
   void MeasureCurvature(double decrease, double eta);
   void Adapt(double gain);
+  void GrowStep();
 
   const GainControlOptions options_;
   const SpectralFilter filter_;

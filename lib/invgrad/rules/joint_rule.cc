@@ -69,6 +69,9 @@ bool JointRule::FindStepSize(const Linearization& at_x,
     }
     if (!d_.isZero(0.0) && options.is_auto() &&
         !AutoStepSize(model, options.rho, eta, error)) {
+      if (!JudgesSteps() && model.curvature <= 0.0) {
+        *error += "; control=gain measures it";
+      }
       return false;
     }
   }

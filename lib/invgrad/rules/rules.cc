@@ -88,8 +88,8 @@ std::vector<RuleRow> MakeRules() {
                         "of the layer's columns of J",
                         SpectralRule::Options::LayerHalfInverse()),
       Row<SpectralRule>("adaptive_power",
-                        "step = -eta V S (S^2 + lambda)^(-(1 + kappa) / 2) U^T "
-                        "g, kappa and lambda follow the gain",
+                        "step = -eta V S^(-kappa) U^T g, s > tau s_max; kappa "
+                        "follows the gain",
                         SpectralRule::Options::AdaptivePower()),
       Row<KfacRule>("kfac_half_inverse",
                     "step_l = -eta B^p A^(-p) G_l D^(-p), p = (1 + kappa) / 2, "

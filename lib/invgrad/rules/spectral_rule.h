@@ -11,9 +11,14 @@
 //   levenberg_marquardt   s / (s^2 + damping + relative_damping s_max^2)
 //   layer_half_inverse    layerwise: s^-kappa for s > truncation s_max of J_l,
 //                         else 0; kappa is 1/2 by default
-//   adaptive_power        s (s^2 + lambda)^(-(1 + kappa) / 2), with kappa and
-//                         lambda controlled by the gain (gain_control.h) and
-//                         the automatic step size: the one that needs no tuning
+//   adaptive_power        s^-kappa for s > truncation s_max, else 0; kappa
+//                         starts from 1/2 and follows the gain
+//                         (gain_control.h), and the step size is automatic: no
+//                         setting is needed
+//
+// These are the rows' defaults. Each takes truncation and damping, of the
+// filter s (s^2 + lambda)^(-(1 + kappa) / 2) (spectral_filter.h), and with
+// control=gain kappa, lambda or both follow the gain, from the row's own on.
 //
 // The J_l are the ColumnBlocks of J: a network's layers, the parameter blocks
 // of a ceres::Problem that are not constant. What couples them is dropped, so

@@ -91,8 +91,7 @@ bool AutoStepSize(const AlongDirection& model,
     message << "not a descent direction, slope " << model.slope * model.unit;
   } else if (!(model.curvature > 0.0)) {
     message << "the loss does not curve upwards along the direction, curvature "
-            << model.curvature * model.unit * model.unit
-            << "; control=gain measures it";
+            << model.curvature * model.unit * model.unit;
   } else if (!std::isfinite(eta)) {
     message << "not finite: slope " << model.slope * model.unit
             << ", curvature " << model.curvature * model.unit * model.unit;

@@ -108,6 +108,13 @@ bool MinimizeByMethod(const Method& method,
     return false;
   }
   if (method.ceres == nullptr) {
+    if (method.pull_back.has_value() && !method.pull_back->is_joint() &&
+        method.MakeRule()->JudgesSteps()) {
+      *error =
+          "control=gain judges by a cost, and the change that is pulled back "
+          "to a point has none";
+      return false;
+    }
     MinimizeByRule(
         method, options, std::move(inverse), objective, path, summary);
     return true;

@@ -8,6 +8,7 @@
 
 #include "invgrad/solve/ceres_training.h"
 #include "invgrad/solve/method.h"
+#include "invgrad/solve/training_memory.h"
 
 namespace invgrad {
 
@@ -33,10 +34,52 @@ bool CheckWays(const PullBackMethod& ways,
   return true;
 }
 
+// What the rule of a phase gets to see: the model, the model with a joint loss,
+// or a pull-back through the model. A phase without a minimizer of Ceres.
+class PhaseView {
+ public:
+  PhaseView(const Method& phase,
+            const TrainOptions& options,
+            const Model& model,
+            std::shared_ptr<const InverseSimulator> inverse)
+      : model_(&model), options_(options) {
+    if (!phase.pull_back.has_value()) return;
+    const PullBackMethod& ways = *phase.pull_back;
+    if (ways.is_joint()) {
+      model_ = &joint_.emplace(model.WithLoss(
+          ways.MakeLoss(model.shared_loss()), model.reduction()));
+    } else {
+      options_.pull_back = &pull_back_.emplace(
+          &model,
+          ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
+          ways.ChainOptions());
+    }
+  }
+  PhaseView(const PhaseView&) = delete;
+  PhaseView& operator=(const PhaseView&) = delete;
+
+  const Model& model() const { return *model_; }
+  const TrainOptions& options() const { return options_; }
+
+  // What there is to say of the samples that were pulled back.
+  std::string Report() const {
+    if (!pull_back_.has_value()) return "";
+    const std::string counts = pull_back_->counts().Report();
+    return counts.empty() ? "" : "; " + counts;
+  }
+
+ private:
+  const Model* model_;
+  TrainOptions options_;
+  std::optional<Model> joint_;
+  std::optional<ChainPullBack> pull_back_;
+};
+
 // What TrainPhase finds to be bad input before anything runs.
 bool CheckPhase(const Method& phase,
                 const TrainOptions& options,
                 const Model& model,
+                const std::shared_ptr<const InverseSimulator>& inverse,
                 const DataSet& train,
                 const DataSet& test,
                 const Eigen::VectorXd& weights,
@@ -45,9 +88,14 @@ bool CheckPhase(const Method& phase,
     return CheckCeresTraining(
         phase, options, model, train, test, weights, error);
   }
-  return (!phase.pull_back.has_value() ||
-          CheckWays(*phase.pull_back, model, train, error)) &&
-         CheckTrainingInput(options, model, train, test, weights, error);
+  if ((phase.pull_back.has_value() &&
+       !CheckWays(*phase.pull_back, model, train, error)) ||
+      !CheckTrainingInput(options, model, train, test, weights, error)) {
+    return false;
+  }
+  const PhaseView view(phase, options, model, inverse);
+  return TrainingFits(
+      view.options(), view.model(), train, test, *phase.MakeRule(), error);
 }
 
 // By one phase, or by a method that has no others. `report` is to be added to
@@ -75,27 +123,14 @@ bool TrainPhase(const Method& phase,
                         report,
                         error);
   }
-  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  // What the rule gets to see.
-  TrainOptions seen_options = options;
-  const Model* seen = &model;
-  std::optional<Model> joint;
-  std::optional<ChainPullBack> pull_back;
-  if (phase.pull_back.has_value()) {
-    const PullBackMethod& ways = *phase.pull_back;
-    if (!CheckWays(ways, model, train, error)) return false;
-    if (ways.is_joint()) {
-      seen = &joint.emplace(model.WithLoss(ways.MakeLoss(model.shared_loss()),
-                                           model.reduction()));
-    } else {
-      seen_options.pull_back = &pull_back.emplace(
-          &model,
-          ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
-          ways.ChainOptions());
-    }
+  if (phase.pull_back.has_value() &&
+      !CheckWays(*phase.pull_back, model, train, error)) {
+    return false;
   }
-  if (!Train(seen_options,
-             *seen,
+  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+  const PhaseView view(phase, options, model, std::move(inverse));
+  if (!Train(view.options(),
+             view.model(),
              train,
              test,
              rule.get(),
@@ -105,12 +140,15 @@ bool TrainPhase(const Method& phase,
              error)) {
     return false;
   }
-  report->clear();
-  if (pull_back.has_value()) {
-    const std::string counts = pull_back->counts().Report();
-    if (!counts.empty()) *report = "; " + counts;
-  }
+  *report = view.Report();
   return true;
+}
+
+// To be added to the message of a run.
+std::string TakenBackText(const TrainSummary& summary) {
+  if (summary.num_taken_back == 0) return "";
+  return "; " + std::to_string(summary.num_taken_back) + " of " +
+         std::to_string(summary.num_updates) + " steps taken back";
 }
 
 int BatchSize(const Method& phase, int batch_size) {
@@ -138,10 +176,17 @@ struct Position {
   double seconds = 0.0;
 };
 
+// The shares of an epoch that the steps of several phases are do not add up
+// exactly: what rounding leaves is nothing.
+double EpochsLeft(const TrainOptions& options, const Position& position) {
+  constexpr double kRounding = 1e-12;
+  return options.max_num_epochs * (1.0 - kRounding) - position.epoch;
+}
+
 // Empty while something of the budget is left.
 std::string BudgetMessage(const TrainOptions& options,
                           const Position& position) {
-  if (position.epoch >= options.max_num_epochs) return "epochs done";
+  if (EpochsLeft(options, position) <= 0.0) return "epochs done";
   if (position.step >= options.max_num_steps) return "steps done";
   if (position.seconds >= options.max_time_in_seconds) return "time used up";
   return "";
@@ -216,7 +261,7 @@ TrainOptions OptionsOfPhase(const TrainOptions& run,
   if (run.max_num_epochs < kNoEpochs) {
     options.max_num_steps = std::min(
         options.max_num_steps,
-        static_cast<long>(std::ceil((run.max_num_epochs - start.epoch) *
+        static_cast<long>(std::ceil(EpochsLeft(run, start) *
                                     static_cast<double>(steps_per_epoch))));
   }
   if (!is_last) {
@@ -247,7 +292,8 @@ bool TrainInPhases(const Method& method,
   for (const Method* phase : phases) {
     TrainOptions of_phase = options;
     of_phase.batch_size = BatchSize(*phase, options.batch_size);
-    if (!CheckPhase(*phase, of_phase, model, train, test, *weights, error)) {
+    if (!CheckPhase(
+            *phase, of_phase, model, inverse, train, test, *weights, error)) {
       *error = phase->label + ": " + *error;
       return false;
     }
@@ -284,6 +330,7 @@ bool TrainInPhases(const Method& method,
                     &end,
                     &report,
                     error)) {
+      *error = phase.label + ": " + *error;
       *weights = initial_weights;
       history->clear();
       return false;
@@ -293,6 +340,8 @@ bool TrainInPhases(const Method& method,
     position.epoch += static_cast<double>(end.num_steps) /
                       static_cast<double>(steps_per_epoch);
     position.seconds += end.train_time_in_seconds;
+    summary->num_updates += end.num_updates;
+    summary->num_taken_back += end.num_taken_back;
     reports += report;
     summary->termination_type = end.termination_type;
     summary->message = "phase " + std::to_string(k + 1) + ": " + end.message;
@@ -303,7 +352,7 @@ bool TrainInPhases(const Method& method,
       break;
     }
   }
-  summary->message += reports;
+  summary->message += TakenBackText(*summary) + reports;
   summary->num_steps = position.step;
   summary->train_time_in_seconds = position.seconds;
   return true;
@@ -349,7 +398,7 @@ bool TrainByMethod(const Method& method,
                   error)) {
     return false;
   }
-  summary->message += report;
+  summary->message += TakenBackText(*summary) + report;
   return true;
 }
 

@@ -134,6 +134,7 @@ class TrainingRun {
   double batch_loss_ = HistoryRow::kNone;
   double step_norm_ = HistoryRow::kNone;
   long num_taken_back_ = 0;
+  long num_taken_back_before_ = 0;  // at the last callback
   BestLoss best_;
   std::vector<int> order_;  // of this epoch, if shuffled and under way
   // The weights of the last finite batch loss.
@@ -251,7 +252,8 @@ bool TrainingRun::CallBack(double batch_loss,
   ceres::IterationSummary iteration;
   iteration.iteration = static_cast<int>(step_);
   iteration.step_is_valid = true;
-  iteration.step_is_successful = true;
+  iteration.step_is_successful = num_taken_back_ == num_taken_back_before_;
+  num_taken_back_before_ = num_taken_back_;
   iteration.cost = batch_loss;
   iteration.gradient_max_norm = gradient_max_norm;
   iteration.step_norm = step_norm;
@@ -326,11 +328,6 @@ void TrainingRun::Finish(ceres::TerminationType type,
                          const std::string& message) {
   summary_->termination_type = type;
   summary_->message = message;
-  if (num_taken_back_ > 0) {
-    summary_->message += "; " + std::to_string(num_taken_back_) + " of " +
-                         std::to_string(step_ * updates_per_step()) +
-                         " steps taken back";
-  }
 }
 
 bool TrainingRun::EvaluateIfDue() {
@@ -376,6 +373,7 @@ void TrainingRun::Run() {
   // The state in which the run ended, wherever that was.
   if (history_->back().step != step_) Evaluate();
   summary_->num_steps = step_;
+  summary_->num_updates = step_ * updates_per_step();
   summary_->num_taken_back = num_taken_back_;
   summary_->train_time_in_seconds = seconds_;
 }
@@ -497,6 +495,11 @@ bool TrainingRun::Restore(std::string* error) {
   for (size_t i = 0; i < rule_state.size(); ++i) {
     found_state.push_back(find("rule_" + std::to_string(i), -1));
     if (found_state.back() == nullptr) return false;
+    // Those that have a size before the first step keep it.
+    if (rule_state[i]->size() > 0 &&
+        rule_state[i]->size() != found_state.back()->size()) {
+      return misfit("rule_" + std::to_string(i));
+    }
   }
   const Eigen::VectorXd* pull_back = nullptr;
   if (options_.pull_back != nullptr) {
@@ -514,6 +517,7 @@ bool TrainingRun::Restore(std::string* error) {
   batch_loss_ = scalars["batch_loss"];
   step_norm_ = scalars["step_norm"];
   num_taken_back_ = static_cast<long>(scalars["num_taken_back"]);
+  num_taken_back_before_ = num_taken_back_;
   best_.loss = scalars["best_loss"];
   best_.evaluations_since = static_cast<int>(scalars["evaluations_since_best"]);
   *weights_ = *weights;
@@ -600,6 +604,13 @@ bool Train(const TrainOptions& options,
            std::string* error) {
   CHECK(rule != nullptr && weights != nullptr && history != nullptr &&
         summary != nullptr && error != nullptr);
+  if (options.pull_back != nullptr && rule->JudgesSteps() &&
+      model.feedback() != nullptr) {
+    *error =
+        "control=gain: in a closed loop an update moves the inputs of what is "
+        "pulled back";
+    return false;
+  }
   if (!CheckTrainingInput(options, model, train, test, *weights, error) ||
       !TrainingFits(options, model, train, test, *rule, error)) {
     return false;

@@ -91,7 +91,8 @@ struct TrainSummary {
   ceres::TerminationType termination_type = ceres::FAILURE;
   std::string message;  // "epochs done", "diverged at step 17: ..."
   long num_steps = 0;
-  long num_taken_back = 0;  // of the rule's updates, by its own judgement
+  long num_updates = 0;     // of the rule, one or more a step
+  long num_taken_back = 0;  // of these, by the rule's own judgement
   double train_time_in_seconds = 0.0;
 };
 

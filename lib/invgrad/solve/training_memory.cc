@@ -31,11 +31,11 @@ double MaxWidth(const DenseNetwork& network) {
 double PassBytes(const Model& model, double batch_size, bool with_curvatures) {
   const DenseNetwork& network = model.network();
   const double buffers = 2.0 * MaxWidth(network);
-  double of_a_call =
+  double of_a_column =
       network.num_inputs() + 2.0 * network.num_outputs() +
       (with_curvatures ? 3.0 : 2.0) * SumOfHiddenWidths(network) + buffers;
-  if (model.num_calls() > 1) of_a_call += buffers * network.num_outputs();
-  return kDouble * batch_size * model.num_calls() * of_a_call;
+  if (model.num_calls() > 1) of_a_column += buffers * network.num_outputs();
+  return kDouble * batch_size * model.num_columns() * of_a_column;
 }
 
 // `num_outputs`: of what J is taken of, |y|, or |x| of a proxy.
@@ -51,7 +51,7 @@ JacobianSizes SizesOfJacobian(const Model& model,
         {network.widths()[l] + 1.0, 1.0 * network.widths()[l + 1]});
   }
   J.factor_bytes =
-      kDouble * J.rows * model.num_calls() * SumOfHiddenWidths(network);
+      kDouble * J.rows * model.num_columns() * SumOfHiddenWidths(network);
   return J;
 }
 

@@ -1,9 +1,9 @@
 // What training needs to hold in memory, estimated before it starts.
 //
-//   a step     its batch; activations; the simulator's Jacobians, 8 m |x|
-//   bytes;
-//              the Hessian, 8 n^2; what the rule adds (UpdateRule::StepMemory):
-//              the factors of J, 8 m sum_l widths[l], a Gram matrix, 8 m^2, ...
+//   a step     its batch; activations; the simulator's Jacobians (8 m |x|
+//              bytes); the Hessian, 8 n^2; what the rule adds
+//              (UpdateRule::StepMemory): the factors of J, 8 m sum_l widths[l],
+//              a Gram matrix, 8 m^2, ...
 //   Ceres      J for all samples at once, 8 m n, as often as its linear solver
 //              copies it
 //

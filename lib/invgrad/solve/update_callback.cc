@@ -156,7 +156,7 @@ class UpdateCallback::State {
     // stay.)
     const bool was_passed_over = IsStaged();
     const bool was_proposed = has_proposal_ && !was_passed_over;
-    if (was_proposed && rule_->JudgesSteps()) {
+    if (was_proposed && iteration.iteration > 0 && rule_->JudgesSteps()) {
       // Whatever the rule thinks of it, Ceres has decided.
       rule_->KeepsStep(iteration.cost, fraction_);
     }
