@@ -18,20 +18,14 @@ namespace {
 // while losses are looked at; and keeps the budget.
 class TrainingRecorder final : public ceres::IterationCallback {
  public:
-  TrainingRecorder(const TrainOptions& options,
-                   const Model& model,
-                   const DataSet& train,
-                   const DataSet& test,
-                   const Eigen::VectorXd& weights,
-                   History* history,
-                   TrainSummary* summary)
-      : options_(options),
-        model_(model),
-        train_(train),
-        test_(test),
-        weights_(weights),
-        history_(history),
-        summary_(summary) {}
+  TrainingRecorder(const TrainingTask& task, const TrainingResults& results)
+      : options_(task.options),
+        model_(task.model),
+        train_(task.train),
+        test_(task.test),
+        weights_(*results.weights),
+        history_(results.history),
+        summary_(results.summary) {}
 
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
@@ -167,31 +161,26 @@ MinimizerOptions UnboundedOptions() {
 }  // namespace
 
 bool CheckCeresTraining(const Method& method,
-                        const TrainOptions& options,
-                        const Model& model,
-                        const DataSet& train,
-                        const DataSet& test,
+                        const TrainingTask& task,
                         const Eigen::VectorXd& weights,
                         std::string* error) {
+  const Model& model = task.model;
+  const DataSet& train = task.train;
   if (method.ceres->is_trust_region &&
       !model.loss().SquaredNormFactor().has_value()) {
     *error = kNeedsLeastSquares;
     return false;
   }
-  if (!CheckTrainingInput(options, model, train, test, weights, error)) {
-    return false;
-  }
+  if (!CheckTrainingInput(task, weights, error)) return false;
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;
   ConfigureCeres(method, &solver_options, &gradient_options);
-  if (!CeresFits(options,
+  if (!CeresFits(task,
                  method.ceres->is_trust_region
                      ? TrustRegionMemory(solver_options.linear_solver_type,
                                          model,
                                          train.num_samples())
                      : LineSearchMemory(model, train.num_samples()),
-                 train,
-                 test,
                  error)) {
     return false;
   }
@@ -203,30 +192,21 @@ bool CheckCeresTraining(const Method& method,
 }
 
 bool TrainByCeres(const Method& method,
-                  const TrainOptions& options,
-                  const Model& model,
-                  const DataSet& train,
-                  const DataSet& test,
-                  Eigen::VectorXd* weights,
-                  History* history,
-                  TrainSummary* summary,
+                  const TrainingTask& task,
+                  const TrainingResults& results,
                   std::string* report,
                   std::string* error) {
-  if (!CheckCeresTraining(
-          method, options, model, train, test, *weights, error)) {
-    return false;
-  }
+  if (!CheckCeresTraining(method, task, *results.weights, error)) return false;
   ceres::Problem problem;
   if (method.ceres->is_trust_region) {
-    AddModelToProblem(&model, &train, weights, &problem);
+    AddModelToProblem(&task.model, &task.train, results.weights, &problem);
   }
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;
   ConfigureCeres(method, &solver_options, &gradient_options);
-  history->clear();
-  *summary = TrainSummary();
-  TrainingRecorder recorder(
-      options, model, train, test, *weights, history, summary);
+  results.history->clear();
+  *results.summary = TrainSummary();
+  TrainingRecorder recorder(task, results);
   MinimizerOptions minimizer_options = UnboundedOptions();
   minimizer_options.callbacks.push_back(&recorder);
   MinimizerSummary result;
@@ -245,14 +225,14 @@ bool TrainByCeres(const Method& method,
   } else {
     MinimizeWithCeres(minimizer_options,
                       gradient_options,
-                      new ModelFunction(&model, &train),
-                      weights,
+                      new ModelFunction(&task.model, &task.train),
+                      results.weights,
                       &result);
   }
   recorder.RecordEnd();
   if (!recorder.has_stopped()) {
-    summary->termination_type = result.termination_type;
-    summary->message = result.message;
+    results.summary->termination_type = result.termination_type;
+    results.summary->message = result.message;
   }
   return true;
 }

@@ -14,31 +14,22 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/model.h"
 #include "invgrad/solve/method.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/solve/training_task.h"
 
 namespace invgrad {
 
 // `report`: what there is to say of a rule's proposals, to be added to the
 // run's message.
 bool TrainByCeres(const Method& method,
-                  const TrainOptions& options,
-                  const Model& model,
-                  const DataSet& train,
-                  const DataSet& test,
-                  Eigen::VectorXd* weights,
-                  History* history,
-                  TrainSummary* summary,
+                  const TrainingTask& task,
+                  const TrainingResults& results,
                   std::string* report,
                   std::string* error);
 
 // The part of the above that finds bad input.
 bool CheckCeresTraining(const Method& method,
-                        const TrainOptions& options,
-                        const Model& model,
-                        const DataSet& train,
-                        const DataSet& test,
+                        const TrainingTask& task,
                         const Eigen::VectorXd& weights,
                         std::string* error);
 

@@ -34,32 +34,37 @@ bool CheckWays(const PullBackMethod& ways,
   return true;
 }
 
+// The same with options of a phase, which outlive it.
+TrainingTask WithOptions(const TrainOptions& options,
+                         const TrainingTask& task) {
+  return {options, task.model, task.train, task.test, task.inverse};
+}
+
 // What the rule of a phase gets to see: the model, the model with a joint loss,
 // or a pull-back through the model. A phase without a minimizer of Ceres.
 class PhaseView {
  public:
-  PhaseView(const Method& phase,
-            const TrainOptions& options,
-            const Model& model,
-            std::shared_ptr<const InverseSimulator> inverse)
-      : model_(&model), options_(options) {
+  PhaseView(const Method& phase, const TrainingTask& task)
+      : task_(task), model_(&task.model), options_(task.options) {
     if (!phase.pull_back.has_value()) return;
     const PullBackMethod& ways = *phase.pull_back;
     if (ways.is_joint()) {
-      model_ = &joint_.emplace(model.WithLoss(
-          ways.MakeLoss(model.shared_loss()), model.reduction()));
+      model_ = &joint_.emplace(task.model.WithLoss(
+          ways.MakeLoss(task.model.shared_loss()), task.model.reduction()));
     } else {
       options_.pull_back = &pull_back_.emplace(
-          &model,
-          ways.FirstInverse(model.shared_simulator(), std::move(inverse)),
+          &task.model,
+          ways.FirstInverse(task.model.shared_simulator(), task.inverse),
           ways.ChainOptions());
     }
   }
   PhaseView(const PhaseView&) = delete;
   PhaseView& operator=(const PhaseView&) = delete;
 
-  const Model& model() const { return *model_; }
-  const TrainOptions& options() const { return options_; }
+  // Refers to this view.
+  TrainingTask task() const {
+    return {options_, *model_, task_.train, task_.test, task_.inverse};
+  }
 
   // What there is to say of the samples that were pulled back.
   std::string Report() const {
@@ -69,6 +74,7 @@ class PhaseView {
   }
 
  private:
+  const TrainingTask& task_;
   const Model* model_;
   TrainOptions options_;
   std::optional<Model> joint_;
@@ -77,66 +83,46 @@ class PhaseView {
 
 // What TrainPhase finds to be bad input before anything runs.
 bool CheckPhase(const Method& phase,
-                const TrainOptions& options,
-                const Model& model,
-                const std::shared_ptr<const InverseSimulator>& inverse,
-                const DataSet& train,
-                const DataSet& test,
+                const TrainingTask& task,
                 const Eigen::VectorXd& weights,
                 std::string* error) {
   if (phase.ceres != nullptr) {
-    return CheckCeresTraining(
-        phase, options, model, train, test, weights, error);
+    return CheckCeresTraining(phase, task, weights, error);
   }
   if ((phase.pull_back.has_value() &&
-       !CheckWays(*phase.pull_back, model, train, error)) ||
-      !CheckTrainingInput(options, model, train, test, weights, error)) {
+       !CheckWays(*phase.pull_back, task.model, task.train, error)) ||
+      !CheckTrainingInput(task, weights, error)) {
     return false;
   }
-  const PhaseView view(phase, options, model, inverse);
-  return TrainingFits(
-      view.options(), view.model(), train, test, *phase.MakeRule(), error);
+  const PhaseView view(phase, task);
+  return TrainingFits(view.task(), *phase.MakeRule(), error);
 }
 
 // By one phase, or by a method that has no others. `report` is to be added to
 // the run's message.
 bool TrainPhase(const Method& phase,
-                const TrainOptions& options,
-                const Model& model,
-                std::shared_ptr<const InverseSimulator> inverse,
-                const DataSet& train,
-                const DataSet& test,
-                Eigen::VectorXd* weights,
-                History* history,
-                TrainSummary* summary,
+                const TrainingTask& task,
+                const TrainingResults& results,
                 std::string* report,
                 std::string* error) {
   if (phase.ceres != nullptr) {
-    return TrainByCeres(phase,
-                        options,
-                        model,
-                        train,
-                        test,
-                        weights,
-                        history,
-                        summary,
-                        report,
-                        error);
+    return TrainByCeres(phase, task, results, report, error);
   }
   if (phase.pull_back.has_value() &&
-      !CheckWays(*phase.pull_back, model, train, error)) {
+      !CheckWays(*phase.pull_back, task.model, task.train, error)) {
     return false;
   }
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  const PhaseView view(phase, options, model, std::move(inverse));
-  if (!Train(view.options(),
-             view.model(),
-             train,
-             test,
+  const PhaseView view(phase, task);
+  const TrainingTask seen = view.task();
+  if (!Train(seen.options,
+             seen.model,
+             seen.train,
+             seen.test,
              rule.get(),
-             weights,
-             history,
-             summary,
+             results.weights,
+             results.history,
+             results.summary,
              error)) {
     return false;
   }
@@ -279,21 +265,16 @@ TrainOptions OptionsOfPhase(const TrainOptions& run,
 }
 
 bool TrainInPhases(const Method& method,
-                   const TrainOptions& options,
-                   const Model& model,
-                   const std::shared_ptr<const InverseSimulator>& inverse,
-                   const DataSet& train,
-                   const DataSet& test,
-                   Eigen::VectorXd* weights,
-                   History* history,
-                   TrainSummary* summary,
+                   const TrainingTask& task,
+                   const TrainingResults& results,
                    std::string* error) {
+  const TrainOptions& options = task.options;
+  const auto& [weights, history, summary] = results;
   const std::vector<const Method*> phases = method.Phases();
   for (const Method* phase : phases) {
     TrainOptions of_phase = options;
     of_phase.batch_size = BatchSize(*phase, options.batch_size);
-    if (!CheckPhase(
-            *phase, of_phase, model, inverse, train, test, *weights, error)) {
+    if (!CheckPhase(*phase, WithOptions(of_phase, task), *weights, error)) {
       *error = phase->label + ": " + *error;
       return false;
     }
@@ -308,26 +289,21 @@ bool TrainInPhases(const Method& method,
   for (size_t k = 0; k < phases.size(); ++k) {
     const Method& phase = *phases[k];
     const long steps_per_epoch =
-        StepsPerEpoch(phase, train.num_samples(), options.batch_size);
+        StepsPerEpoch(phase, task.train.num_samples(), options.batch_size);
     PhaseRecorder recorder(options, position, k == 0, history);
+    const TrainOptions own = OptionsOfPhase(options,
+                                            phase,
+                                            k + 1 == phases.size(),
+                                            steps_per_epoch,
+                                            position,
+                                            checkpoints[k],
+                                            &recorder);
     History of_phase;
     TrainSummary end;
     std::string report;
     if (!TrainPhase(phase,
-                    OptionsOfPhase(options,
-                                   phase,
-                                   k + 1 == phases.size(),
-                                   steps_per_epoch,
-                                   position,
-                                   checkpoints[k],
-                                   &recorder),
-                    model,
-                    inverse,
-                    train,
-                    test,
-                    weights,
-                    &of_phase,
-                    &end,
+                    WithOptions(own, task),
+                    {weights, &of_phase, &end},
                     &report,
                     error)) {
       *error = phase.label + ": " + *error;
@@ -370,32 +346,15 @@ bool TrainByMethod(const Method& method,
                    History* history,
                    TrainSummary* summary,
                    std::string* error) {
+  const TrainingTask task{options, model, train, test, std::move(inverse)};
+  const TrainingResults results{weights, history, summary};
   if (!method.earlier.empty()) {
-    return TrainInPhases(method,
-                         options,
-                         model,
-                         inverse,
-                         train,
-                         test,
-                         weights,
-                         history,
-                         summary,
-                         error);
+    return TrainInPhases(method, task, results, error);
   }
   TrainOptions own = options;
   own.batch_size = BatchSize(method, options.batch_size);
   std::string report;
-  if (!TrainPhase(method,
-                  own,
-                  model,
-                  std::move(inverse),
-                  train,
-                  test,
-                  weights,
-                  history,
-                  summary,
-                  &report,
-                  error)) {
+  if (!TrainPhase(method, WithOptions(own, task), results, &report, error)) {
     return false;
   }
   summary->message += TakenBackText(*summary) + report;

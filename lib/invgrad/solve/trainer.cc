@@ -13,6 +13,7 @@
 #include "invgrad/io/checkpoint.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/solve/training_memory.h"
+#include "invgrad/solve/training_task.h"
 
 namespace invgrad {
 
@@ -44,26 +45,21 @@ void RecordCounts(const PullBackCounts& counts, HistoryRow* row) {
 // One run; the members are what a checkpoint holds.
 class TrainingRun {
  public:
-  TrainingRun(const TrainOptions& options,
-              const Model& model,
-              const DataSet& train,
-              const DataSet& test,
+  TrainingRun(const TrainingTask& task,
               UpdateRule* rule,
-              Eigen::VectorXd* weights,
-              History* history,
-              TrainSummary* summary)
-      : options_(options),
-        model_(model),
-        train_(train),
-        test_(test),
+              const TrainingResults& results)
+      : options_(task.options),
+        model_(task.model),
+        train_(task.train),
+        test_(task.test),
         rule_(rule),
-        weights_(weights),
-        history_(history),
-        summary_(summary),
-        shuffle_(options.shuffle_seed),
-        batch_size_(options.batch_size == 0 ? train.num_samples()
-                                            : options.batch_size),
-        steps_per_epoch_(train.num_samples() / batch_size_) {}
+        weights_(results.weights),
+        history_(results.history),
+        summary_(results.summary),
+        shuffle_(options_.shuffle_seed),
+        batch_size_(options_.batch_size == 0 ? train_.num_samples()
+                                             : options_.batch_size),
+        steps_per_epoch_(train_.num_samples() / batch_size_) {}
 
   // Continues from options.checkpoint_path. False if the file does not fit.
   bool Restore(std::string* error);
@@ -558,41 +554,6 @@ double MeanLoss(const Model& model,
   return cost / (model.BatchScale(num_samples) * num_samples);
 }
 
-bool CheckTrainingInput(const TrainOptions& options,
-                        const Model& model,
-                        const DataSet& train,
-                        const DataSet& test,
-                        const Eigen::VectorXd& weights,
-                        std::string* error) {
-  CHECK_EQ(weights.size(), model.num_weights());
-  CHECK_GT(train.num_samples(), 0);
-  CHECK(options.max_num_epochs < std::numeric_limits<int>::max() ||
-        options.max_num_steps < std::numeric_limits<long>::max() ||
-        std::isfinite(options.max_time_in_seconds))
-      << "a training run needs a budget in epochs, steps or seconds";
-  if (options.batch_size < 0 || options.batch_size > train.num_samples()) {
-    *error = "batch_size=" + std::to_string(options.batch_size) +
-             " is out of range; allowed: 1 to the " +
-             std::to_string(train.num_samples()) +
-             " training samples, or 0 for all";
-    return false;
-  }
-  std::string where;
-  if (!train.IsFinite(&where)) {
-    *error = "train data: " + where;
-    return false;
-  }
-  if (!test.IsFinite(&where)) {
-    *error = "test data: " + where;
-    return false;
-  }
-  if (!weights.allFinite()) {
-    *error = "the initial weights are not finite";
-    return false;
-  }
-  return true;
-}
-
 bool Train(const TrainOptions& options,
            const Model& model,
            const DataSet& train,
@@ -611,13 +572,14 @@ bool Train(const TrainOptions& options,
         "pulled back";
     return false;
   }
-  if (!CheckTrainingInput(options, model, train, test, *weights, error) ||
-      !TrainingFits(options, model, train, test, *rule, error)) {
+  const TrainingTask task{options, model, train, test, nullptr};
+  if (!CheckTrainingInput(task, *weights, error) ||
+      !TrainingFits(task, *rule, error)) {
     return false;
   }
   history->clear();
   *summary = TrainSummary();
-  TrainingRun run(options, model, train, test, rule, weights, history, summary);
+  TrainingRun run(task, rule, {weights, history, summary});
   if (!options.checkpoint_path.empty() &&
       std::filesystem::exists(options.checkpoint_path) && !run.Restore(error)) {
     return false;

@@ -110,16 +110,6 @@ bool Train(const TrainOptions& options,
            TrainSummary* summary,
            std::string* error);
 
-// The checks of Train and of whoever else trains. CHECKs the sizes of weights
-// and data and that there is a budget; false, with *error saying what, for
-// input that only running shows to be bad.
-bool CheckTrainingInput(const TrainOptions& options,
-                        const Model& model,
-                        const DataSet& train,
-                        const DataSet& test,
-                        const Eigen::VectorXd& weights,
-                        std::string* error);
-
 // The mean loss over the samples; NaN if it cannot be computed.
 double MeanLoss(const Model& model,
                 const Eigen::VectorXd& weights,

@@ -144,35 +144,31 @@ std::vector<MemoryPart> LineSearchMemory(const Model& model, int num_samples) {
   return {{"activations", PassBytes(model, num_samples, false)}};
 }
 
-bool TrainingFits(const TrainOptions& options,
-                  const Model& model,
-                  const DataSet& train,
-                  const DataSet& test,
+bool TrainingFits(const TrainingTask& task,
                   const UpdateRule& rule,
                   std::string* error) {
+  const TrainOptions& options = task.options;
+  const int num_samples = task.train.num_samples();
   const int batch_size =
-      options.batch_size == 0 ? train.num_samples() : options.batch_size;
-  std::vector<MemoryPart> parts =
-      TrainingMemory(model, rule, options.pull_back != nullptr, batch_size);
-  parts.push_back(
-      {"batch", DataBytes(train) * batch_size / train.num_samples()});
-  parts.push_back({"data", DataBytes(train) + DataBytes(test)});
+      options.batch_size == 0 ? num_samples : options.batch_size;
+  std::vector<MemoryPart> parts = TrainingMemory(
+      task.model, rule, options.pull_back != nullptr, batch_size);
+  parts.push_back({"batch", DataBytes(task.train) * batch_size / num_samples});
+  parts.push_back({"data", DataBytes(task.train) + DataBytes(task.test)});
   return FitsInMemory("batch_size=" + std::to_string(batch_size),
                       std::move(parts),
                       options.memory_limit,
                       error);
 }
 
-bool CeresFits(const TrainOptions& options,
+bool CeresFits(const TrainingTask& task,
                std::vector<MemoryPart> parts,
-               const DataSet& train,
-               const DataSet& test,
                std::string* error) {
-  parts.push_back({"data", DataBytes(train) + DataBytes(test)});
+  parts.push_back({"data", DataBytes(task.train) + DataBytes(task.test)});
   return FitsInMemory(
-      "all " + std::to_string(train.num_samples()) + " samples at once",
+      "all " + std::to_string(task.train.num_samples()) + " samples at once",
       std::move(parts),
-      options.memory_limit,
+      task.options.memory_limit,
       error);
 }
 

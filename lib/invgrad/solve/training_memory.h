@@ -22,7 +22,7 @@
 #include "invgrad/chain/model.h"
 #include "invgrad/linalg/memory_limit.h"
 #include "invgrad/rules/update_rule.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/solve/training_task.h"
 
 namespace invgrad {
 
@@ -45,18 +45,13 @@ std::vector<MemoryPart> LineSearchMemory(const Model& model, int num_samples);
 
 // Whether the run of Train, with its data, fits into options.memory_limit;
 // false with *error: "batch_size=100000 needs 35 GB (route gram 32 GB, ...".
-bool TrainingFits(const TrainOptions& options,
-                  const Model& model,
-                  const DataSet& train,
-                  const DataSet& test,
+bool TrainingFits(const TrainingTask& task,
                   const UpdateRule& rule,
                   std::string* error);
 
 // The same of a run by Ceres, whose parts are given.
-bool CeresFits(const TrainOptions& options,
+bool CeresFits(const TrainingTask& task,
                std::vector<MemoryPart> parts,
-               const DataSet& train,
-               const DataSet& test,
                std::string* error);
 
 }  // namespace invgrad

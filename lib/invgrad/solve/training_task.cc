@@ -1,0 +1,43 @@
+#include "invgrad/solve/training_task.h"
+
+#include <cmath>
+#include <limits>
+
+#include "glog/logging.h"
+
+namespace invgrad {
+
+bool CheckTrainingInput(const TrainingTask& task,
+                        const Eigen::VectorXd& weights,
+                        std::string* error) {
+  const TrainOptions& options = task.options;
+  const int num_samples = task.train.num_samples();
+  CHECK_EQ(weights.size(), task.model.num_weights());
+  CHECK_GT(num_samples, 0);
+  CHECK(options.max_num_epochs < std::numeric_limits<int>::max() ||
+        options.max_num_steps < std::numeric_limits<long>::max() ||
+        std::isfinite(options.max_time_in_seconds))
+      << "a training run needs a budget in epochs, steps or seconds";
+  if (options.batch_size < 0 || options.batch_size > num_samples) {
+    *error = "batch_size=" + std::to_string(options.batch_size) +
+             " is out of range; allowed: 1 to the " +
+             std::to_string(num_samples) + " training samples, or 0 for all";
+    return false;
+  }
+  std::string where;
+  if (!task.train.IsFinite(&where)) {
+    *error = "train data: " + where;
+    return false;
+  }
+  if (!task.test.IsFinite(&where)) {
+    *error = "test data: " + where;
+    return false;
+  }
+  if (!weights.allFinite()) {
+    *error = "the initial weights are not finite";
+    return false;
+  }
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,45 @@
+// What a training run reads and what it writes, for those that share the work:
+// Train (trainer.h), TrainByMethod (method.h) and the minimizers of Ceres
+// (ceres_training.h).
+#ifndef INVGRAD_SOLVE_TRAINING_TASK_H_
+#define INVGRAD_SOLVE_TRAINING_TASK_H_
+
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/data_set.h"
+#include "invgrad/chain/inverse_simulator.h"
+#include "invgrad/chain/model.h"
+#include "invgrad/io/history.h"
+#include "invgrad/solve/trainer.h"
+
+namespace invgrad {
+
+// Nothing is owned but the inverse.
+struct TrainingTask {
+  const TrainOptions& options;
+  const Model& model;
+  const DataSet& train;
+  const DataSet& test;  // may have no samples
+  // The simulator's own, or null.
+  std::shared_ptr<const InverseSimulator> inverse;
+};
+
+// None of them null.
+struct TrainingResults {
+  Eigen::VectorXd* weights;  // the initial ones before the run
+  History* history;
+  TrainSummary* summary;
+};
+
+// The checks that are the same whoever trains. CHECKs the sizes of weights and
+// data and that there is a budget; false, with *error saying what, for input
+// that only running shows to be bad.
+bool CheckTrainingInput(const TrainingTask& task,
+                        const Eigen::VectorXd& weights,
+                        std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SOLVE_TRAINING_TASK_H_
