@@ -52,6 +52,8 @@ class JointRule : public UpdateRule {
  protected:
   explicit JointRule(const Options& options);
 
+  const Options& joint_options() const { return options_; }
+
   // Computes d, *direction, and says in *report how. False, with *error, if it
   // cannot be.
   virtual bool ComputeDirection(const Linearization& at_x,

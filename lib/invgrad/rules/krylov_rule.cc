@@ -24,14 +24,17 @@ void KrylovRule::Options::Describe(OptionSet* set) {
            "estimated relative error at which a truncated step is done");
 }
 
-KrylovRule::KrylovRule(const Options& options)
-    : JointRule(options), options_(options) {
+KrylovRule::KrylovRule(const Options& options) : JointRule(options) {
   CheckOptions(options);
+  golub_kahan_options_.tolerance = options.tolerance;
+  golub_kahan_options_.max_iterations = options.iterations;
+  golub_kahan_options_.always_one_basis = true;
 }
 
 std::vector<MemoryPart> KrylovRule::StepMemory(const JacobianSizes& J) const {
   const double size = std::min(J.rows, J.cols);
-  const double num_vectors = std::min<double>(options_.iterations, size);
+  const double num_vectors =
+      std::min<double>(golub_kahan_options_.max_iterations, size);
   std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
   parts.push_back({"Krylov basis", sizeof(double) * num_vectors * size});
   return parts;
@@ -42,15 +45,11 @@ bool KrylovRule::ComputeDirection(const Linearization& at_x,
                                   Eigen::VectorXd* direction,
                                   std::string* report,
                                   std::string* error) {
-  GolubKahanOptions golub_kahan;
-  golub_kahan.tolerance = options_.tolerance;
-  golub_kahan.max_iterations = options_.iterations;
-  golub_kahan.always_one_basis = true;
   GolubKahanSummary summary;
   if (!GolubKahanStep(*at_x.jacobian,
                       at_x.loss_gradient,
                       filter,
-                      golub_kahan,
+                      golub_kahan_options_,
                       &workspace_,
                       direction,
                       &summary)) {

@@ -61,7 +61,7 @@ class KrylovRule final : public JointRule {
                         std::string* report,
                         std::string* error) override;
 
-  const Options options_;
+  GolubKahanOptions golub_kahan_options_;
   GolubKahanWorkspace workspace_;
 };
 

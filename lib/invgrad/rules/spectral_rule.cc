@@ -110,12 +110,12 @@ void SpectralRule::Options::Describe(OptionSet* set) {
 }
 
 SpectralRule::SpectralRule(const Options& options)
-    : JointRule(options), options_(options) {
+    : JointRule(options), layerwise_(options.layerwise) {
   CheckOptions(options);
-  spectral_options_.tolerance = options_.tolerance;
-  spectral_options_.threshold_tolerance = options_.threshold_tolerance;
+  spectral_options_.tolerance = options.tolerance;
+  spectral_options_.threshold_tolerance = options.threshold_tolerance;
   for (const SpectralRoute candidate : kRoutes) {
-    if (options_.route == SpectralRouteName(candidate)) {
+    if (options.route == SpectralRouteName(candidate)) {
       spectral_options_.route = candidate;
     }
   }
@@ -134,8 +134,9 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
     if (route == SpectralRoute::kAuto) {
       // SpectralStep asks again before it takes a dearer one.
       name = "at least route ";
-      route = options_.filter.IsGradientDescent() ? SpectralRoute::kGradient
-              : rows <= cols                      ? SpectralRoute::kGram
+      route = joint_options().filter.IsGradientDescent()
+                  ? SpectralRoute::kGradient
+              : rows <= cols ? SpectralRoute::kGram
                              : SpectralRoute::kParameterGram;
     }
     return {name + SpectralRouteName(route),
@@ -144,7 +145,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
                               static_cast<Eigen::Index>(cols))};
   };
   MemoryPart step;
-  if (options_.layerwise && !J.layers.empty()) {
+  if (layerwise_ && !J.layers.empty()) {
     // The layers, one after the other, share the memory of the largest.
     for (const JacobianSizes::Layer& layer : J.layers) {
       const MemoryPart part = of_step(J.rows, layer.fan_in * layer.fan_out);
@@ -168,7 +169,7 @@ bool SpectralRule::ComputeDirection(const Linearization& at_x,
                                     std::string* error) {
   const JacobianOperator& J = *at_x.jacobian;
   std::vector<std::unique_ptr<const JacobianOperator>> column_blocks;
-  if (options_.layerwise) column_blocks = J.ColumnBlocks();
+  if (layerwise_) column_blocks = J.ColumnBlocks();
   std::vector<const JacobianOperator*> blocks;
   blocks.reserve(column_blocks.size());
   for (const auto& block : column_blocks) blocks.push_back(block.get());

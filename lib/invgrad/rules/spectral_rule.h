@@ -93,7 +93,7 @@ class SpectralRule final : public JointRule {
                         std::string* report,
                         std::string* error) override;
 
-  const Options options_;
+  const bool layerwise_;
   SpectralStepOptions spectral_options_;
   SpectralWorkspace workspace_;
   Eigen::VectorXd histories_;  // one a block, zero before its first step
