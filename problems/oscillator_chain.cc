@@ -64,6 +64,7 @@ bool OscillatorChain::Create(const Options& options,
   all.contexts = all.inputs;
   all.targets = all.inputs;
   SplitSamples(all, batch_size, problem);
+  AddTargetNoise(options.noise, options.data_seed, problem);
   problem->num_epochs = 25;
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(

@@ -35,6 +35,7 @@
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/problem.h"
+#include "problems/target_noise.h"
 
 namespace invgrad {
 
@@ -105,6 +106,7 @@ struct OscillatorChain {
     int num_oscillators = 2;
     int num_samples = 4096;
     int data_seed = 0;
+    double noise = 0.0;
     void Describe(OptionSet* set) {
       set->Add("coupling",
                &coupling,
@@ -119,6 +121,7 @@ struct OscillatorChain {
                {1, 1e7},
                "training samples; as many again are for testing");
       set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeTargetNoise(&noise, set);
     }
   };
 

@@ -86,6 +86,7 @@ bool Poisson::Create(const Options& options,
   all.targets = all.inputs;
   all.contexts.resize(0, all.num_samples());
   SplitSamples(all, 64, problem);
+  AddTargetNoise(options.noise, options.data_seed, problem);
   problem->num_epochs = 25;
   problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(

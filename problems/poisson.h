@@ -35,6 +35,7 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "problems/problem.h"
+#include "problems/target_noise.h"
 
 namespace invgrad {
 
@@ -43,6 +44,7 @@ struct Poisson {
     int resolution = 8;
     int num_samples = 4096;
     int data_seed = 0;
+    double noise = 0.0;
     void Describe(OptionSet* set) {
       set->Add("resolution", &resolution, {2, 32}, "cells a side, n");
       set->Add("num_samples",
@@ -50,6 +52,7 @@ struct Poisson {
                {1, 1e6},
                "training samples; as many again are for testing");
       set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeTargetNoise(&noise, set);
     }
   };
 

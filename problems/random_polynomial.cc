@@ -104,7 +104,9 @@ bool RandomPolynomial::Create(const Options& options,
     samples.rightCols(1) = Evaluate(normal(kCoefficients, num_monomials, 1),
                                     samples.leftCols(kNumVariables));
   }
-  return MakeRegression(samples, Variance::kBiased, problem, error);
+  if (!MakeRegression(samples, Variance::kBiased, problem, error)) return false;
+  AddTargetNoise(options.noise, options.data_seed, problem);
+  return true;
 }
 
 }  // namespace invgrad

@@ -30,6 +30,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/target_noise.h"
 
 namespace invgrad {
 
@@ -40,6 +41,7 @@ struct RandomPolynomial {
   struct Options {
     int num_samples = 10000;
     int data_seed = 57728;
+    double noise = 0.0;
     void Describe(OptionSet* set) {
       set->Add("num_samples",
                &num_samples,
@@ -49,6 +51,7 @@ struct RandomPolynomial {
                &data_seed,
                {0, 2147483647},
                "what the seeds of c and a are made from");
+      DescribeTargetNoise(&noise, set);
     }
   };
 

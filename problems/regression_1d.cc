@@ -33,7 +33,10 @@ bool Regression1d::Create(const Options& options,
       sample[1] = Target(sample[0]);
     }
   }
-  return MakeRegression(samples, Variance::kUnbiased, problem, error);
+  if (!MakeRegression(samples, Variance::kUnbiased, problem, error))
+    return false;
+  AddTargetNoise(options.noise, options.data_seed, problem);
+  return true;
 }
 
 }  // namespace invgrad

@@ -28,6 +28,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/target_noise.h"
 
 namespace invgrad {
 
@@ -35,12 +36,14 @@ struct Regression1d {
   struct Options {
     int num_samples = 10000;
     int data_seed = 0;
+    double noise = 0.0;
     void Describe(OptionSet* set) {
       set->Add("num_samples",
                &num_samples,
                {2, 1e7},
                "training samples; as many again are for testing");
       set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeTargetNoise(&noise, set);
     }
   };
 
