@@ -40,7 +40,7 @@
 #include <utility>
 #include <vector>
 
-#include "Eigen/SVD"
+#include "Eigen/Core"
 #include "benchmark/benchmark.h"
 #include "bin/support/ratio_reporter.h"
 #include "gflags/gflags.h"
@@ -49,6 +49,7 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/spectral_step.h"
+#include "invgrad/linalg/thin_svd.h"
 #include "problems/problems.h"
 
 DEFINE_string(cases,
@@ -242,15 +243,15 @@ Step LapackStep() {
 Step EigenStep() {
   struct Arrays {
     Eigen::MatrixXd J;
-    Eigen::BDCSVD<Eigen::MatrixXd> svd;
+    ThinSvd svd;
   };
   auto arrays = std::make_shared<Arrays>();
   return [arrays](const Case& at) -> std::string {
     if (arrays->J.size() == 0) at.J().ToDense(&arrays->J);
-    arrays->svd.compute(arrays->J, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    const Eigen::MatrixXd Vt = arrays->svd.matrixV().transpose();
-    const Eigen::VectorXd d =
-        Filtered(arrays->svd.matrixU(), arrays->svd.singularValues(), Vt, at);
+    const ThinSvd& svd = arrays->svd;
+    arrays->svd.Compute(arrays->J);
+    const Eigen::MatrixXd Vt = svd.V.transpose();
+    const Eigen::VectorXd d = Filtered(svd.U, svd.s, Vt, at);
     benchmark::DoNotOptimize(d.data());
     return "";
   };

@@ -12,7 +12,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
-#include "without_hessian.h"
+#include "tests/without_hessian.h"
 
 namespace invgrad {
 namespace {

@@ -16,7 +16,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/newton_inverse.h"
-#include "without_hessian.h"
+#include "tests/without_hessian.h"
 
 namespace invgrad {
 namespace {

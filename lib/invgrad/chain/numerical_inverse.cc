@@ -5,9 +5,9 @@
 #include <limits>
 #include <utility>
 
-#include "Eigen/SVD"
 #include "glog/logging.h"
 #include "invgrad/chain/scratch.h"
+#include "invgrad/linalg/thin_svd.h"
 
 namespace invgrad {
 namespace {
@@ -70,7 +70,7 @@ int Minimize(const ScaledResidual& residual,
              VectorXd* x,
              VectorXd* r) {
   MatrixXd J_transposed(x->size(), r->size());
-  Eigen::BDCSVD<MatrixXd> svd;
+  ThinSvd svd;
   VectorXd c;  // U^T r
   VectorXd r_new(r->size());
   double damping = 0.0;
@@ -79,17 +79,16 @@ int Minimize(const ScaledResidual& residual,
   for (int i = 0; i < max_num_iterations; ++i) {
     if (has_moved) {
       if (!residual.EvaluateJacobian(*x, &J_transposed)) return i;
-      svd.compute(J_transposed.transpose(),
-                  Eigen::ComputeThinU | Eigen::ComputeThinV);
-      c = svd.matrixU().transpose() * *r;
+      svd.Compute(J_transposed.transpose());
+      c = svd.U.transpose() * *r;
     }
-    const auto s = svd.singularValues().array();
+    const auto s = svd.s.array();
     if (!(s[0] > 0.0)) return i;
     if (i == 0) damping = kFirstDamping * s[0] * s[0];
     // What the linear model leaves of c.
     const VectorXd left = damping / (s.square() + damping);
     const VectorXd x_new =
-        *x - svd.matrixV() * (c.array() * s / (s.square() + damping)).matrix();
+        *x - svd.V * (c.array() * s / (s.square() + damping)).matrix();
     if (x_new == *x) return i;
     const bool has_value = residual.Evaluate(x_new, &r_new);
     const double expected =

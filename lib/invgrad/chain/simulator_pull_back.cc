@@ -5,10 +5,10 @@
 #include <limits>
 #include <utility>
 
-#include "Eigen/SVD"
 #include "glog/logging.h"
 #include "invgrad/chain/numerical_inverse.h"
 #include "invgrad/chain/scratch.h"
+#include "invgrad/linalg/thin_svd.h"
 
 namespace invgrad {
 namespace {
@@ -27,15 +27,15 @@ VectorXd SpectralPullBack(const MatrixXd& J,
                           const ConstVectorRef& d_y,
                           double kappa,
                           double tau) {
-  const Eigen::BDCSVD<MatrixXd> svd(J,
-                                    Eigen::ComputeThinU | Eigen::ComputeThinV);
-  VectorXd coordinates = svd.matrixU().transpose() * d_y;
-  const VectorXd& s = svd.singularValues();
+  ThinSvd svd;
+  svd.Compute(J);
+  const VectorXd& s = svd.s;
+  VectorXd coordinates = svd.U.transpose() * d_y;
   for (Index i = 0; i < s.size(); ++i) {
     coordinates[i] =
         s[i] > tau * s[0] ? coordinates[i] * std::pow(s[i], -kappa) : 0.0;
   }
-  return svd.matrixV() * coordinates;
+  return svd.V * coordinates;
 }
 
 // What an exact inverse may leave of |P(x~) - y~| / |y~|.
