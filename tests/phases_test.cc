@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/solve/method.h"
+#include "problems/problems.h"
 #include "tests/temporary_folder.h"
 
 namespace invgrad {
@@ -353,6 +354,12 @@ TEST(Phases, WhatEndsARunEndsItInAnyPhase) {
   EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(result.summary.message.rfind("phase 1: diverged", 0), 0u)
       << result.summary.message;
+  // The second phase diverges as a run of its own: at its own step.
+  const std::string diverging = "gradient_descent:step_size=1e200";
+  const std::string alone = TrainBy(diverging, Epochs(5)).summary.message;
+  result = TrainBy("adam:batch_size=4:epochs=2>" + diverging, Epochs(5));
+  EXPECT_EQ(result.summary.message, "phase 2: " + alone);
+  EXPECT_EQ(alone.rfind("diverged at step ", 0), 0u) << alone;
 
   // No step of any size is a new minimum.
   options = Epochs(50);
@@ -428,6 +435,52 @@ TEST(Phases, BadInputOfAnyPhaseIsRefusedBeforeAnythingRuns) {
   expect("adam:epochs=1>adam:batch_size=13", {"batch_size=13", "12 training"});
   expect("adam:epochs=1:batch_size=13>adam", {"batch_size=13", "12 training"});
   expect("adam:epochs=1>ceres_lm+adam", {"ceres_lm+adam: ", "block"});
+}
+
+// A rule judges its steps by the loss on the same inputs, and a pull-back has
+// to be on the same inputs too: in a closed loop the step moves them.
+TEST(Phases, AControlledPullBackInAClosedLoopIsRefusedBeforeAnythingRuns) {
+  PhysicsProblem problem;
+  std::string error;
+  ASSERT_TRUE(CreateProblem("oscillator_tracking:num_samples=16:horizon=2",
+                            nullptr,
+                            &problem,
+                            &error))
+      << error;
+  const LearningProblem& learning = *problem.learning;
+  NumpyRandom random(1);
+  const Eigen::VectorXd initial_weights =
+      learning.model->network().InitialWeights(learning.initialization,
+                                               &random);
+  const std::string phase = "gradient/adjoint/half_inverse:control=gain";
+  for (const std::string& method :
+       {"adam:epochs=1>" + phase, phase + ":epochs=1>adam", phase}) {
+    SCOPED_TRACE(method);
+    Watcher watcher;
+    TrainOptions options = Epochs(2);
+    options.callbacks = {&watcher};
+    Eigen::VectorXd weights = initial_weights;
+    History history;
+    TrainSummary summary;
+    EXPECT_FALSE(TrainByMethod(Parse(method),
+                               options,
+                               *learning.model,
+                               learning.inverse,
+                               learning.train,
+                               learning.test,
+                               &weights,
+                               &history,
+                               &summary,
+                               &error));
+    EXPECT_NE(error.find("control=gain: in a closed loop"), std::string::npos)
+        << error;
+    if (method != phase) {
+      EXPECT_EQ(error.rfind(phase, 0), 0u) << error;
+    }
+    EXPECT_EQ(weights, initial_weights);
+    EXPECT_TRUE(history.empty());
+    EXPECT_TRUE(watcher.steps.empty());
+  }
 }
 
 TEST(Phases, MemoryIsAskedForBeforeAnythingRuns) {

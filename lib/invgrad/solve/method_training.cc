@@ -8,7 +8,6 @@
 
 #include "invgrad/solve/ceres_training.h"
 #include "invgrad/solve/method.h"
-#include "invgrad/solve/training_memory.h"
 
 namespace invgrad {
 
@@ -89,13 +88,12 @@ bool CheckPhase(const Method& phase,
   if (phase.ceres != nullptr) {
     return CheckCeresTraining(phase, task, weights, error);
   }
-  if ((phase.pull_back.has_value() &&
-       !CheckWays(*phase.pull_back, task.model, task.train, error)) ||
-      !CheckTrainingInput(task, weights, error)) {
+  if (phase.pull_back.has_value() &&
+      !CheckWays(*phase.pull_back, task.model, task.train, error)) {
     return false;
   }
   const PhaseView view(phase, task);
-  return TrainingFits(view.task(), *phase.MakeRule(), error);
+  return CheckTraining(view.task(), *phase.MakeRule(), weights, error);
 }
 
 // By one phase, or by a method that has no others. `report` is to be added to
@@ -135,6 +133,13 @@ std::string TakenBackText(const TrainSummary& summary) {
   if (summary.num_taken_back == 0) return "";
   return "; " + std::to_string(summary.num_taken_back) + " of " +
          std::to_string(summary.num_updates) + " steps taken back";
+}
+
+// The last phase's label is that of the whole method.
+std::string OwnLabel(const Method& phase) {
+  size_t begin = phase.label.rfind('>') + 1;  // 0 if there is none
+  while (begin < phase.label.size() && phase.label[begin] == ' ') ++begin;
+  return phase.label.substr(begin);
 }
 
 int BatchSize(const Method& phase, int batch_size) {
@@ -275,7 +280,7 @@ bool TrainInPhases(const Method& method,
     TrainOptions of_phase = options;
     of_phase.batch_size = BatchSize(*phase, options.batch_size);
     if (!CheckPhase(*phase, WithOptions(of_phase, task), *weights, error)) {
-      *error = phase->label + ": " + *error;
+      *error = OwnLabel(*phase) + ": " + *error;
       return false;
     }
   }
@@ -306,7 +311,7 @@ bool TrainInPhases(const Method& method,
                     {weights, &of_phase, &end},
                     &report,
                     error)) {
-      *error = phase.label + ": " + *error;
+      *error = OwnLabel(phase) + ": " + *error;
       *weights = initial_weights;
       history->clear();
       return false;

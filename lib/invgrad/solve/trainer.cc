@@ -12,7 +12,6 @@
 #include "glog/logging.h"
 #include "invgrad/io/checkpoint.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/training_memory.h"
 #include "invgrad/solve/training_task.h"
 
 namespace invgrad {
@@ -565,18 +564,8 @@ bool Train(const TrainOptions& options,
            std::string* error) {
   CHECK(rule != nullptr && weights != nullptr && history != nullptr &&
         summary != nullptr && error != nullptr);
-  if (options.pull_back != nullptr && rule->JudgesSteps() &&
-      model.feedback() != nullptr) {
-    *error =
-        "control=gain: in a closed loop an update moves the inputs of what is "
-        "pulled back";
-    return false;
-  }
   const TrainingTask task{options, model, train, test, nullptr};
-  if (!CheckTrainingInput(task, *weights, error) ||
-      !TrainingFits(task, *rule, error)) {
-    return false;
-  }
+  if (!CheckTraining(task, *rule, *weights, error)) return false;
   history->clear();
   *summary = TrainSummary();
   TrainingRun run(task, rule, {weights, history, summary});

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "glog/logging.h"
+#include "invgrad/solve/training_memory.h"
 
 namespace invgrad {
 
@@ -38,6 +39,21 @@ bool CheckTrainingInput(const TrainingTask& task,
     return false;
   }
   return true;
+}
+
+bool CheckTraining(const TrainingTask& task,
+                   const UpdateRule& rule,
+                   const Eigen::VectorXd& weights,
+                   std::string* error) {
+  if (!CheckTrainingInput(task, weights, error)) return false;
+  if (task.options.pull_back != nullptr && rule.JudgesSteps() &&
+      task.model.feedback() != nullptr) {
+    *error =
+        "control=gain: in a closed loop an update moves the inputs of what is "
+        "pulled back";
+    return false;
+  }
+  return TrainingFits(task, rule, error);
 }
 
 }  // namespace invgrad

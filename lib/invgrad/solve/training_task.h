@@ -12,6 +12,7 @@
 #include "invgrad/chain/inverse_simulator.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/io/history.h"
+#include "invgrad/rules/update_rule.h"
 #include "invgrad/solve/trainer.h"
 
 namespace invgrad {
@@ -39,6 +40,13 @@ struct TrainingResults {
 bool CheckTrainingInput(const TrainingTask& task,
                         const Eigen::VectorXd& weights,
                         std::string* error);
+
+// All that Train refuses, by the above and because of the rule, but for a
+// checkpoint of another run.
+bool CheckTraining(const TrainingTask& task,
+                   const UpdateRule& rule,
+                   const Eigen::VectorXd& weights,
+                   std::string* error);
 
 }  // namespace invgrad
 
