@@ -29,7 +29,6 @@
 // (CSV), weights (.npy), the table and the pictures (PNG). Ctrl-C ends the
 // method that runs, skips the others, and keeps what there is.
 
-#include <cmath>
 #include <iostream>
 #include <limits>
 #include <string>
@@ -39,11 +38,11 @@
 #include "bin/support/dump_step.h"
 #include "bin/support/learning_comparison.h"
 #include "bin/support/listing.h"
-#include "bin/support/network_settings.h"
 #include "bin/support/parse_list.h"
 #include "bin/support/point_comparison.h"
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
+#include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/io/npy.h"
@@ -64,22 +63,6 @@ DEFINE_string(rules,
               "Ceres; --list shows all. batch_size is an option of each. "
               "In phases: adam:epochs=5>half_inverse");
 DEFINE_string(seeds, "1", "seeds of the initial weights and of the shuffling");
-DEFINE_string(hidden,
-              "",
-              "widths of the network's hidden layers, as 20-20-20; empty: the "
-              "problem's own");
-DEFINE_string(activation,
-              "",
-              "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
-              "the problem's own");
-DEFINE_string(initialization,
-              "",
-              "of the weights: glorot, he, pytorch; empty: the problem's own");
-DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
-DEFINE_int64(steps, 0, "budget in steps; 0: none");
-DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
-DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
-DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
 DEFINE_double(target_loss, 0.0, "stop at this train loss; 0: off");
 DEFINE_int32(patience,
              0,
@@ -104,58 +87,30 @@ DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 namespace invgrad {
 namespace {
 
-// What, value, allowed: for flags whose type alone does not say it.
 bool CheckFlags(std::string* error) {
-  const auto check = [error](bool is_allowed,
-                             const char* name,
-                             const std::string& value,
-                             const char* allowed) {
-    if (is_allowed) return true;
-    *error = std::string("--") + name + "=" + value +
-             " is out of range; allowed: " + allowed;
-    return false;
-  };
-  return check(FLAGS_epochs >= 0,
-               "epochs",
-               std::to_string(FLAGS_epochs),
-               "0 (none) or more") &&
-         check(FLAGS_steps >= 0,
-               "steps",
-               std::to_string(FLAGS_steps),
-               "0 (none) or more") &&
-         check(FLAGS_seconds >= 0.0 && std::isfinite(FLAGS_seconds),
-               "seconds",
-               std::to_string(FLAGS_seconds),
-               "0 (none) or more") &&
-         check(FLAGS_batch_size >= -1,
-               "batch_size",
-               std::to_string(FLAGS_batch_size),
-               "-1 (the problem's own), 0 (all), or more") &&
-         check(FLAGS_target_loss >= 0.0,
-               "target_loss",
-               std::to_string(FLAGS_target_loss),
-               "0 (off) or more") &&
-         check(FLAGS_patience >= 0,
-               "patience",
-               std::to_string(FLAGS_patience),
-               "0 (off) or more") &&
-         check(FLAGS_track_sample >= -1,
-               "track_sample",
-               std::to_string(FLAGS_track_sample),
-               "-1 (none), or the number of a sample") &&
-         check(FLAGS_blas_threads >= 1 && FLAGS_blas_threads <= 256,
-               "blas_threads",
-               std::to_string(FLAGS_blas_threads),
-               "1 to 256") &&
-         check(FLAGS_list_markdown.empty(),
-               "list_markdown",
-               FLAGS_list_markdown,
-               "rules, problems") &&
-         check(!FLAGS_output.empty(), "output", "", "a directory") &&
-         check(!(FLAGS_overwrite && FLAGS_resume),
-               "overwrite --resume",
-               "true",
-               "one of the two");
+  return CheckTrainingFlags(error) &&
+         CheckFlag("target_loss",
+                   FLAGS_target_loss >= 0.0,
+                   "0 (off) or more",
+                   error) &&
+         CheckFlag("patience", FLAGS_patience >= 0, "0 (off) or more", error) &&
+         CheckFlag("track_sample",
+                   FLAGS_track_sample >= -1,
+                   "-1 (none), or the number of a sample",
+                   error) &&
+         CheckFlag("blas_threads",
+                   FLAGS_blas_threads >= 1 && FLAGS_blas_threads <= 256,
+                   "1 to 256",
+                   error) &&
+         CheckFlag("list_markdown",
+                   FLAGS_list_markdown.empty(),
+                   "rules, problems",
+                   error) &&
+         CheckFlag("output", !FLAGS_output.empty(), "a directory", error) &&
+         CheckFlag("resume",
+                   !(FLAGS_overwrite && FLAGS_resume),
+                   "false with --overwrite",
+                   error);
 }
 
 LearningComparisonOptions ReadLearningOptions(const LearningProblem& problem,
@@ -170,15 +125,9 @@ LearningComparisonOptions ReadLearningOptions(const LearningProblem& problem,
   options.resume = FLAGS_resume;
   options.plots = FLAGS_plots;
   options.shows_progress = FLAGS_progress;
-  options.train.shuffle = FLAGS_shuffle;
+  SetBudget(problem, &options.train);
   options.train.target_loss = FLAGS_target_loss;
   options.train.patience = FLAGS_patience;
-  if (FLAGS_epochs > 0) options.train.max_num_epochs = FLAGS_epochs;
-  if (FLAGS_steps > 0) options.train.max_num_steps = FLAGS_steps;
-  if (FLAGS_seconds > 0.0) options.train.max_time_in_seconds = FLAGS_seconds;
-  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
-    options.train.max_num_epochs = problem.num_epochs;
-  }
   return options;
 }
 
@@ -187,9 +136,7 @@ int RunLearning(LearningProblem problem,
                 const std::vector<int>& seeds,
                 const std::vector<double>& levels) {
   std::string error;
-  if (!SetNetwork({FLAGS_hidden, FLAGS_activation, FLAGS_initialization},
-                  &problem,
-                  &error)) {
+  if (!SetNetwork(NetworkOfFlags(), &problem, &error)) {
     return Fail("--" + error);
   }
   const LearningComparisonOptions options =
@@ -218,8 +165,7 @@ int RunLearning(LearningProblem problem,
       FLAGS_overwrite ? ExistingDirectory::kOverwrite
       : FLAGS_resume  ? ExistingDirectory::kResume
                       : ExistingDirectory::kRefuse;
-  if (!PrepareRunDirectory(
-          FLAGS_output, existing, FlagFileText(__FILE__), &error) ||
+  if (!PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), &error) ||
       !CompareLearning(
           problem, methods, options, initial_weights, std::cout, &error)) {
     return Fail(error);
@@ -263,8 +209,7 @@ int RunPoint(const PointProblem& problem, const std::vector<Method>& methods) {
   const ExistingDirectory existing = FLAGS_overwrite
                                          ? ExistingDirectory::kOverwrite
                                          : ExistingDirectory::kRefuse;
-  if (!PrepareRunDirectory(
-          FLAGS_output, existing, FlagFileText(__FILE__), &error) ||
+  if (!PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), &error) ||
       !ComparePoint(problem, methods, options, std::cout, &error)) {
     return Fail(error);
   }

@@ -35,7 +35,6 @@
 // ends it, with the results so far.
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <set>
@@ -52,6 +51,7 @@
 #include "bin/support/sweep_plots.h"
 #include "bin/support/sweep_processes.h"
 #include "bin/support/sweep_results.h"
+#include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/interrupt.h"
@@ -67,22 +67,6 @@ DEFINE_string(grid,
               "axis=value,value;axis=value,...: an axis is rule, seed, "
               "batch_size, hidden, activation, initialization, or an option "
               "of the problem or of the rules");
-DEFINE_string(hidden,
-              "",
-              "widths of the network's hidden layers, as 20-20-20; empty: the "
-              "problem's own");
-DEFINE_string(activation,
-              "",
-              "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
-              "the problem's own");
-DEFINE_string(initialization,
-              "",
-              "of the weights: glorot, he, pytorch; empty: the problem's own");
-DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
-DEFINE_int64(steps, 0, "budget in steps; 0: none");
-DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
-DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
-DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
 DEFINE_string(value,
               "auto",
               "what is compared: train_loss, test_loss, metric; auto: the last "
@@ -100,29 +84,15 @@ DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 namespace invgrad {
 namespace {
 
-// What, value, allowed: for flags whose type alone does not say it.
 bool CheckFlags(std::string* error) {
-  const auto check =
-      [error](const char* name, bool is_allowed, const char* allowed) {
-        if (is_allowed) return true;
-        *error = std::string("--") + name + "=" +
-                 gflags::GetCommandLineFlagInfoOrDie(name).current_value +
-                 " is out of range; allowed: " + allowed;
-        return false;
-      };
-  constexpr int kMaxJobs = 1024;
-  return check("epochs", FLAGS_epochs >= 0, "0 (none) or more") &&
-         check("steps", FLAGS_steps >= 0, "0 (none) or more") &&
-         check("seconds",
-               FLAGS_seconds >= 0.0 && std::isfinite(FLAGS_seconds),
-               "0 (none) or more") &&
-         check("batch_size",
-               FLAGS_batch_size >= -1,
-               "-1 (the problem's own), 0 (all), or more") &&
-         check("tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)") &&
-         check(
-             "jobs", FLAGS_jobs >= 1 && FLAGS_jobs <= kMaxJobs, "1 to 1024") &&
-         check("output", !FLAGS_output.empty(), "a directory");
+  return CheckTrainingFlags(error) &&
+         CheckFlag(
+             "tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)", error) &&
+         CheckFlag("jobs",
+                   FLAGS_jobs >= 1 && FLAGS_jobs <= 1024,
+                   "1 to 1024",
+                   error) &&
+         CheckFlag("output", !FLAGS_output.empty(), "a directory", error);
 }
 
 std::string Directory(const SweepJob& job) {
@@ -132,14 +102,8 @@ std::string Directory(const SweepJob& job) {
 TrainOptions TrainOptionsOf(const SweepJob& job) {
   TrainOptions options;
   options.batch_size = job.batch_size;
-  options.shuffle = FLAGS_shuffle;
   options.shuffle_seed = static_cast<std::uint32_t>(job.seed);
-  if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
-  if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
-  if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
-  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
-    options.max_num_epochs = job.problem->num_epochs;
-  }
+  SetBudget(*job.problem, &options);
   return options;
 }
 
@@ -298,7 +262,7 @@ int Run() {
   SweepValue value;
   SweepBase base;
   base.problem = FLAGS_problem;
-  base.network = {FLAGS_hidden, FLAGS_activation, FLAGS_initialization};
+  base.network = NetworkOfFlags();
   base.batch_size = FLAGS_batch_size;
   if (!ParseGrid(FLAGS_grid, &grid, &error) ||
       !MakeSweepPlan(base, grid, &plan, &error)) {
@@ -311,8 +275,7 @@ int Run() {
   const ExistingDirectory existing = FLAGS_overwrite
                                          ? ExistingDirectory::kOverwrite
                                          : ExistingDirectory::kResume;
-  if (!PrepareRunDirectory(
-          FLAGS_output, existing, FlagFileText(__FILE__), &error)) {
+  if (!PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), &error)) {
     return Fail(error);
   }
   WarnOfLeftOutSamples(plan);

@@ -191,17 +191,14 @@ void Print(const PointPath& path) {
 
 int Run() {
   std::string error;
-  if (FLAGS_steps < 1) {
-    return Fail("--steps=" + std::to_string(FLAGS_steps) +
-                " is out of range; allowed: 1 or more");
-  }
-  if (FLAGS_grid < 2 || FLAGS_grid > 1000) {
-    return Fail("--grid=" + std::to_string(FLAGS_grid) +
-                " is out of range; allowed: 2 to 1000");
-  }
-  if (!(FLAGS_margin >= 0.0) || FLAGS_margin > 100.0) {
-    return Fail("--margin=" + std::to_string(FLAGS_margin) +
-                " is out of range; allowed: 0 to 100");
+  if (!CheckFlag("steps", FLAGS_steps >= 1, "1 or more", &error) ||
+      !CheckFlag(
+          "grid", FLAGS_grid >= 2 && FLAGS_grid <= 1000, "2 to 1000", &error) ||
+      !CheckFlag("margin",
+                 FLAGS_margin >= 0.0 && FLAGS_margin <= 100.0,
+                 "0 to 100",
+                 &error)) {
+    return Fail(error);
   }
   PhysicsProblem problem;
   std::vector<Method> methods;
@@ -231,7 +228,7 @@ int Run() {
   if (!PrepareRunDirectory(FLAGS_output,
                            FLAGS_overwrite ? ExistingDirectory::kOverwrite
                                            : ExistingDirectory::kRefuse,
-                           FlagFileText(__FILE__),
+                           FlagFileText(),
                            &error)) {
     return Fail(error);
   }

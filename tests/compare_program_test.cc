@@ -65,6 +65,24 @@ TEST_F(CompareProgram, ListsProblemsRulesAndOptions) {
   }
 }
 
+TEST_F(CompareProgram, ShortHelpShowsAllOfAProgramsOwnFlags) {
+  const std::vector<std::string> shared = {
+      "-hidden ", "-initialization ", "-epochs ", "-seconds ", "-shuffle "};
+  for (const char* program : {"compare", "sweep"}) {
+    SCOPED_TRACE(program);
+    const Output output = Wait(StartProgram(program, {"--helpshort"}));
+    ExpectSays(output, shared);
+    ExpectSays(output, {"-problem ", "-plots "});
+    EXPECT_EQ(output.text.find("-logtostderr "), std::string::npos);
+  }
+  // Nor those of others.
+  const Output output = Wait(StartProgram("trajectories", {"--help"}));
+  ExpectSays(output, {"-margin ", "-logtostderr "});
+  for (const std::string& flag : shared) {
+    EXPECT_EQ(output.text.find("  " + flag), std::string::npos) << flag;
+  }
+}
+
 TEST_F(CompareProgram, RefusesUnknownNamesAndSuggestsTheNearest) {
   ExpectRefused({"--rules=half_invers"}, {"half_invers", "half_inverse"});
   ExpectRefused({"--rules=adam:stepsize=1"}, {"adam", "stepsize", "step_size"});
@@ -82,6 +100,8 @@ TEST_F(CompareProgram, RefusesValuesOutOfRange) {
   ExpectRefused({"--rules=adam,adam"}, {"twice"});
   ExpectRefused({"--rules="}, {"--rules"});
   ExpectRefused({"--epochs=-3"}, {"--epochs=-3", "allowed"});
+  ExpectRefused({"--seconds=inf"}, {"--seconds=inf", "allowed"});
+  ExpectRefused({"--resume", "--overwrite"}, {"--resume=true", "--overwrite"});
   ExpectRefused({"--batch_size=100000"}, {"--batch_size=100000", "4096"});
   ExpectRefused({"--rules=adam:batch_size=100000"},
                 {"batch_size=100000", "4096"});

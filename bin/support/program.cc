@@ -1,12 +1,24 @@
 #include "bin/support/program.h"
 
+#include <filesystem>
 #include <iostream>
 
-#include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/version.h"
 
+DECLARE_bool(helpshort);  // of gflags
+
 namespace invgrad {
+
+namespace {
+
+// With a slash at its end; this is bin/support/program.cc.
+std::string BinDirectory() {
+  return std::filesystem::path(__FILE__).parent_path().parent_path().string() +
+         "/";
+}
+
+}  // namespace
 
 int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
   FLAGS_logtostderr = true;
@@ -14,13 +26,41 @@ int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
   FLAGS_minloglevel = google::GLOG_ERROR;
   gflags::SetUsageMessage(usage);
   gflags::SetVersionString(INVGRAD_VERSION);
-  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  gflags::ParseCommandLineNonHelpFlags(&argc, &argv, true);
+  if (FLAGS_helpshort) {
+    // gflags' own leaves out those of bin/support.
+    gflags::ShowUsageWithFlagsRestrict(argv[0], BinDirectory().c_str());
+    return 1;  // as for gflags' other help
+  }
+  gflags::HandleCommandLineHelpFlags();
   google::InitGoogleLogging(argv[0]);
   if (argc > 1) {
     return Fail(std::string("unexpected argument '") + argv[1] +
                 "'; every argument is a --flag");
   }
   return run();
+}
+
+std::vector<gflags::CommandLineFlagInfo> ProgramFlags() {
+  const std::string directory = BinDirectory();
+  std::vector<gflags::CommandLineFlagInfo> all;
+  gflags::GetAllFlags(&all);
+  std::vector<gflags::CommandLineFlagInfo> flags;
+  for (const gflags::CommandLineFlagInfo& flag : all) {
+    if (flag.filename.rfind(directory, 0) == 0) flags.push_back(flag);
+  }
+  return flags;
+}
+
+bool CheckFlag(const char* name,
+               bool is_allowed,
+               const std::string& allowed,
+               std::string* error) {
+  if (is_allowed) return true;
+  *error = std::string("--") + name + "=" +
+           gflags::GetCommandLineFlagInfoOrDie(name).current_value +
+           " is out of range; allowed: " + allowed;
+  return false;
 }
 
 int Fail(const std::string& message) {

@@ -3,12 +3,27 @@
 #define BIN_SUPPORT_PROGRAM_H_
 
 #include <string>
+#include <vector>
+
+#include "gflags/gflags.h"
 
 namespace invgrad {
 
 // Reads the flags, refuses other arguments, runs `run`, and returns its exit
-// code. `usage` says in a line what the program is for.
+// code. `usage` says in a line what the program is for; --helpshort prints it
+// with the program's flags.
 int RunProgram(int argc, char** argv, const std::string& usage, int (*run)());
+
+// The flags that bin/ defines in this program, its own file and those of
+// bin/support that it links; not those of gflags and glog.
+std::vector<gflags::CommandLineFlagInfo> ProgramFlags();
+
+// False, with *error "--steps=-1 is out of range; allowed: 0 or more", unless
+// the flag's value is allowed.
+bool CheckFlag(const char* name,
+               bool is_allowed,
+               const std::string& allowed,
+               std::string* error);
 
 // Prints "PROGRAM: message" to stderr; returns 1, the exit code of bad input.
 int Fail(const std::string& message);

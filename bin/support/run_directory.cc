@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "bin/support/program.h"
 #include "ceres/version.h"
 #include "gflags/gflags.h"
 #include "invgrad/io/atomic_file.h"
@@ -138,14 +139,10 @@ bool PrepareRunDirectory(const std::string& path,
          WriteFile(path + "/versions.txt", VersionsText(), error);
 }
 
-std::string FlagFileText(const std::string& source_file) {
-  std::vector<gflags::CommandLineFlagInfo> flags;
-  gflags::GetAllFlags(&flags);
+std::string FlagFileText() {
   std::string text;
-  for (const gflags::CommandLineFlagInfo& flag : flags) {
-    // What to do with an existing directory is not part of the run.
-    const bool is_about_run = flag.name != "overwrite" && flag.name != "resume";
-    if (flag.filename == source_file && is_about_run) {
+  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+    if (flag.name != "overwrite" && flag.name != "resume") {
       text += "--" + flag.name + "=" + flag.current_value + "\n";
     }
   }

@@ -21,9 +21,9 @@ bool PrepareRunDirectory(const std::string& path,
                          const std::string& flags,
                          std::string* error);
 
-// The flags of the program whose source file is `source_file` (its __FILE__),
-// one "--name=value" a line.
-std::string FlagFileText(const std::string& source_file);
+// The program's flags (program.h), one "--name=value" a line, but for those
+// that say what to do with an existing directory.
+std::string FlagFileText();
 
 // "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6".
 std::string FileName(const std::string& label);
