@@ -35,6 +35,7 @@
 #include "Eigen/Core"
 #include "bin/support/parse_list.h"
 #include "bin/support/program.h"
+#include "bin/support/spectral_reference.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/io/table.h"
@@ -42,7 +43,6 @@
 #include "invgrad/rules/spectral_rule.h"
 #include "problems/problems.h"
 #include "problems/trained_linearization.h"
-#include "tests/spectral_reference.h"
 
 DEFINE_string(problems,
               "oscillator_chain,oscillator_chain:coupling=cubic,quantum_dipole",

@@ -14,8 +14,8 @@ build_release compare
 # --- The comparison itself ---
 # The best step sizes of small grids for the first-order rules, the published one
 # for half_inverse:truncation=1e-10, Adam and newton/inverse_gradient/adam (the
-# book's scale-invariant training); auto needs none. Ceres' minimizers
-# work on all samples at once.
+# book's scale-invariant training); auto and adaptive_power need none. Ceres'
+# minimizers work on all samples at once.
 rules=(
   gradient_descent:step_size=1e-1:batch_size=256
   gradient_descent:step_size=3e-2:momentum=0.9:batch_size=256
@@ -27,6 +27,7 @@ rules=(
   saddle_free_newton:batch_size=256
   half_inverse:truncation=1e-10
   half_inverse:step_size=auto
+  adaptive_power
   power:kappa=0.75:step_size=auto
   gauss_newton:step_size=auto
   levenberg_marquardt:step_size=auto

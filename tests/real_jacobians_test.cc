@@ -4,11 +4,11 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/linalg/spectral_step.h"
 #include "problems/problems.h"
 #include "problems/trained_linearization.h"
-#include "tests/spectral_reference.h"
 
 namespace invgrad {
 namespace {

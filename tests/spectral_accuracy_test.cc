@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/linalg/spectral_step.h"
-#include "tests/spectral_reference.h"
 
 namespace invgrad {
 namespace {

@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <utility>
 
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/linalg/spectral_step.h"
-#include "tests/spectral_reference.h"
 
 namespace {
 

@@ -7,12 +7,12 @@
 #include <utility>
 #include <vector>
 
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/linearization.h"
 #include "invgrad/linalg/spectral_step.h"
 #include "invgrad/rules/rules.h"
-#include "tests/spectral_reference.h"
 
 namespace invgrad {
 namespace {

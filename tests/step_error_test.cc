@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "Eigen/Eigenvalues"
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "tests/spectral_reference.h"
 
 namespace invgrad {
 namespace {

@@ -1,7 +1,7 @@
 // The filtered step in long double, straight from the definition, and spectra
 // to test against it.
-#ifndef TESTS_SPECTRAL_REFERENCE_H_
-#define TESTS_SPECTRAL_REFERENCE_H_
+#ifndef BIN_SUPPORT_SPECTRAL_REFERENCE_H_
+#define BIN_SUPPORT_SPECTRAL_REFERENCE_H_
 
 #include <memory>
 #include <random>
@@ -59,4 +59,4 @@ class SpectralReference {
 
 }  // namespace invgrad
 
-#endif  // TESTS_SPECTRAL_REFERENCE_H_
+#endif  // BIN_SUPPORT_SPECTRAL_REFERENCE_H_

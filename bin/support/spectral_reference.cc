@@ -1,4 +1,4 @@
-#include "tests/spectral_reference.h"
+#include "bin/support/spectral_reference.h"
 
 #include <algorithm>
 #include <cmath>
