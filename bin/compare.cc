@@ -44,7 +44,6 @@
 #include "bin/support/run_directory.h"
 #include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
-#include "glog/logging.h"
 #include "invgrad/io/npy.h"
 #include "invgrad/linalg/blas.h"
 #include "problems/problems.h"
@@ -125,7 +124,7 @@ LearningComparisonOptions ReadLearningOptions(const LearningProblem& problem,
   options.resume = FLAGS_resume;
   options.plots = FLAGS_plots;
   options.shows_progress = FLAGS_progress;
-  SetBudget(problem, &options.train);
+  ApplyTrainingFlags(problem, &options.train);
   options.train.target_loss = FLAGS_target_loss;
   options.train.patience = FLAGS_patience;
   return options;

@@ -103,7 +103,7 @@ TrainOptions TrainOptionsOf(const SweepJob& job) {
   TrainOptions options;
   options.batch_size = job.batch_size;
   options.shuffle_seed = static_cast<std::uint32_t>(job.seed);
-  SetBudget(*job.problem, &options);
+  ApplyTrainingFlags(*job.problem, &options);
   return options;
 }
 

@@ -40,7 +40,7 @@ NetworkSettings NetworkOfFlags() {
   return {FLAGS_hidden, FLAGS_activation, FLAGS_initialization};
 }
 
-void SetBudget(const LearningProblem& problem, TrainOptions* options) {
+void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options) {
   options->shuffle = FLAGS_shuffle;
   if (FLAGS_epochs > 0) options->max_num_epochs = FLAGS_epochs;
   if (FLAGS_steps > 0) options->max_num_steps = FLAGS_steps;

@@ -28,9 +28,9 @@ bool CheckTrainingFlags(std::string* error);
 
 NetworkSettings NetworkOfFlags();
 
-// Sets the budget, the problem's own if there is no flag, and the shuffling;
-// not the batch size, which a method may have of its own.
-void SetBudget(const LearningProblem& problem, TrainOptions* options);
+// Sets the budget, the problem's own if there is none, and whether to shuffle;
+// not the batch size, of which the problem and a sweep's axis know.
+void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options);
 
 }  // namespace invgrad
 
