@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "Eigen/QR"
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/linalg/spectral_step.h"
