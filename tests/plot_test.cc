@@ -201,7 +201,7 @@ TEST_F(DrawnPlotTest, HeatMapsHaveAColorBarAndBlankCells) {
 TEST_F(DrawnPlotTest, SquareFieldsAreSquare) {
   Plot plot;
   plot.equal_aspect = true;
-  plot.heat_map = HeatMap();
+  plot.heat_map.emplace();
   for (int i = 0; i < 64; ++i) {
     plot.heat_map->x.push_back(i);
     plot.heat_map->y.push_back(i);
@@ -474,7 +474,7 @@ TEST_F(PlotTest, AutomaticLevelsAreQuantiles) {
 
 TEST_F(PlotTest, CellsMeetMidwayBetweenTheirCenters) {
   Plot plot;
-  plot.heat_map = HeatMap();
+  plot.heat_map.emplace();
   plot.heat_map->x = {1, 2, 6};
   plot.heat_map->y = {10};
   plot.heat_map->z = Eigen::RowVector3d(5, kNan, 7);
@@ -515,7 +515,7 @@ TEST_F(PlotTest, TicksThatAreGivenReplaceRoundNumbers) {
 
 TEST_F(PlotTest, ColorScalesAreKeptOrFitted) {
   Plot plot;
-  plot.heat_map = HeatMap();
+  plot.heat_map.emplace();
   plot.heat_map->x = {0, 1};
   plot.heat_map->y = {0, 1};
   plot.heat_map->z = Eigen::Matrix2d{{1e-4, 0.0}, {1.0, kInfinity}};
@@ -553,7 +553,7 @@ TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
   plot.contours->x = {1};
   EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
   plot.contours.reset();
-  plot.heat_map = HeatMap();
+  plot.heat_map.emplace();
   plot.heat_map->x = {1};
   EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
   plot.heat_map->x = {2, 1};
