@@ -14,6 +14,7 @@
 #include "problems/heat_states.h"
 #include "problems/problems.h"
 #include "problems/spectral_diffusion.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
@@ -485,14 +486,6 @@ TEST(HeatStates, HoldTheHeatOfTheirRectangles) {
   }
 }
 
-LearningProblem CreateLearning(const std::string& specification,
-                               const MatrixXd* data = nullptr) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, data, &problem, &error)) << error;
-  return *problem.learning;
-}
-
 TEST(Heat, TargetsAreDiffusedStatesAndDecayIsThatOfTheBox) {
   for (const int n : {16, 32}) {
     // Two waves across a box of 64, at nu t = 8.
@@ -500,7 +493,7 @@ TEST(Heat, TargetsAreDiffusedStatesAndDecayIsThatOfTheBox) {
     MatrixXd data(2, n * n);
     data.row(0) = wave.transpose();
     data.row(1).setOnes();
-    const LearningProblem problem = CreateLearning(
+    const LearningProblem problem = CreateLearningProblem(
         "heat:num_samples=1:resolution=" + std::to_string(n), &data);
     const double decay = std::exp(-8.0 * std::pow(2.0 * M_PI * 2.0 / 64.0, 2));
     EXPECT_LT((problem.train.targets.col(0) - decay * wave).norm(), 1e-13);
@@ -511,8 +504,8 @@ TEST(Heat, TargetsAreDiffusedStatesAndDecayIsThatOfTheBox) {
 
 TEST(Heat, MetricIsTheDistanceFromTheTrueStates) {
   for (const char* name : {"heat", "heat_1d"}) {
-    const LearningProblem problem =
-        CreateLearning(std::string(name) + ":num_samples=5:resolution=8");
+    const LearningProblem problem = CreateLearningProblem(
+        std::string(name) + ":num_samples=5:resolution=8");
     ASSERT_TRUE(problem.metric.has_value());
     EXPECT_EQ(problem.metric->name, "x_l1");
     const MatrixXd truth = problem.data.transpose();
@@ -533,8 +526,8 @@ TEST(Heat, MetricIsTheDistanceFromTheTrueStates) {
 // What learns from the true states finds them in the data.
 TEST(Heat, TakesMethodsThatLearnFromSolutions) {
   for (const char* name : {"heat", "heat_1d"}) {
-    const LearningProblem problem =
-        CreateLearning(std::string(name) + ":num_samples=8:resolution=4");
+    const LearningProblem problem = CreateLearningProblem(
+        std::string(name) + ":num_samples=8:resolution=4");
     for (const char* method : {"supervised", "physics_informed"}) {
       SCOPED_TRACE(std::string(name) + ", " + method);
       std::vector<Method> methods;
@@ -573,7 +566,7 @@ TEST(Heat, TakesMethodsThatLearnFromSolutions) {
 
 // From the network's own x, the problem's inverse goes to the true state.
 TEST(Heat, InverseRestoresTheStatesOfAMildCase) {
-  const LearningProblem problem = CreateLearning(
+  const LearningProblem problem = CreateLearningProblem(
       "heat:num_samples=4:nu_t=1:absolute_uncertainty=1e-12:"
       "relative_uncertainty=0");
   for (int n = 0; n < 4; ++n) {

@@ -10,17 +10,10 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/problems.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
-
-LearningProblem Create(const std::string& specification) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
-  EXPECT_TRUE(problem.learning.has_value());
-  return *std::move(problem.learning);
-}
 
 std::vector<std::string> LearningProblems() {
   std::vector<std::string> names;
@@ -39,7 +32,7 @@ class EveryLearningProblem : public ::testing::TestWithParam<std::string> {};
 
 // Its loss is finite in front of another network too, in a closed loop as well.
 TEST_P(EveryLearningProblem, TakesAnotherNetwork) {
-  LearningProblem problem = Create(GetParam());
+  LearningProblem problem = CreateLearningProblem(GetParam());
   const LearningProblem own = problem;
   std::string error;
   ASSERT_TRUE(SetNetwork({"5-3", "gelu", "pytorch"}, &problem, &error))
@@ -73,7 +66,8 @@ INSTANTIATE_TEST_SUITE_P(NetworkSettings,
                          [](const auto& info) { return info.param; });
 
 TEST(NetworkSettings, WhatIsNotGivenStays) {
-  const LearningProblem own = Create("oscillator_chain:coupling=cubic");
+  const LearningProblem own =
+      CreateLearningProblem("oscillator_chain:coupling=cubic");
   const auto with = [&own](const NetworkSettings& settings) {
     LearningProblem problem = own;
     std::string error;
@@ -122,7 +116,7 @@ TEST(NetworkSettings, SaysWhatItRefusesAndChangesNothing) {
       {{"5", "relu", "xavier"},
        "initialization=xavier is no choice; allowed: one of glorot, he, "
        "pytorch"}};
-  LearningProblem problem = Create("toy_network");
+  LearningProblem problem = CreateLearningProblem("toy_network");
   const Model* const model = problem.model.get();
   for (const auto& [settings, words] : cases) {
     SCOPED_TRACE(words);
@@ -134,7 +128,7 @@ TEST(NetworkSettings, SaysWhatItRefusesAndChangesNothing) {
 }
 
 TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
-  LearningProblem problem = Create("poisson_pinn");
+  LearningProblem problem = CreateLearningProblem("poisson_pinn");
   std::string error;
   EXPECT_FALSE(SetNetwork({"", "relu", ""}, &problem, &error));
   EXPECT_EQ(error,

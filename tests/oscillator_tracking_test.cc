@@ -10,19 +10,13 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-LearningProblem Create(const std::string& specification) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
-  return *problem.learning;
-}
 
 // The linear-quadratic regulator of the linear problem over its horizon, from
 // its equations alone.
@@ -174,7 +168,8 @@ INSTANTIATE_TEST_SUITE_P(Options,
 
 // No network can pass the bound, and a short training comes near it.
 TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
-  const LearningProblem problem = Create("oscillator_tracking:num_samples=64");
+  const LearningProblem problem =
+      CreateLearningProblem("oscillator_tracking:num_samples=64");
   const double bound =
       Regulator(OscillatorTracking::Options()).Bound(problem.train);
   std::string error;
@@ -234,14 +229,15 @@ TEST(OscillatorTracking, RegretIsKnownOverLongHorizons) {
 
 // Where the last step's force changes nothing, any will do.
 TEST(OscillatorTracking, AForceWithoutWeightCostsNothing) {
-  const LearningProblem problem = Create(
+  const LearningProblem problem = CreateLearningProblem(
       "oscillator_tracking:num_samples=2:horizon=1:control_weight=0:"
       "end_weight=0");
   EXPECT_EQ(problem.metric->evaluate(MatrixXd::Ones(1, 2), problem.train), 0.0);
 }
 
 TEST(OscillatorTracking, NothingIsKnownOfTheBestForceWithCubicCoupling) {
-  EXPECT_FALSE(Create("oscillator_tracking:coupling=cubic").metric.has_value());
+  EXPECT_FALSE(CreateLearningProblem("oscillator_tracking:coupling=cubic")
+                   .metric.has_value());
 }
 
 TEST(OscillatorTracking, DataOfAnotherShapeAreRefused) {

@@ -16,20 +16,13 @@
 #include "invgrad/solve/model_cost.h"
 #include "problems/problems.h"
 #include "temporary_folder.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-LearningProblem Create(const std::string& specification,
-                       const MatrixXd* data = nullptr) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, data, &problem, &error)) << error;
-  return *problem.learning;
-}
 
 std::string ErrorOf(const std::string& specification,
                     const MatrixXd* data = nullptr) {
@@ -101,7 +94,7 @@ TrainOptions Steps(long num_steps) {
 
 class PoissonPinnTest : public testing::TestWithParam<const char*> {
  protected:
-  const LearningProblem problem_ = Create(GetParam());
+  const LearningProblem problem_ = CreateLearningProblem(GetParam());
 };
 
 TEST_P(PoissonPinnTest, SolutionHasNoResidual) {
@@ -197,7 +190,7 @@ INSTANTIATE_TEST_SUITE_P(Points,
 
 // Midpoints integrate sin^2 without error: mean f^2 = pi^4.
 TEST(PoissonPinn, ZeroHasTheLossAndTheErrorOfTheIntegrals) {
-  const LearningProblem problem = Create("poisson_pinn");
+  const LearningProblem problem = CreateLearningProblem("poisson_pinn");
   const VectorXd zero = VectorXd::Zero(problem.model->num_weights());
   EXPECT_NEAR(Cost(problem, zero), 0.5 * std::pow(M_PI, 4.0), 1e-11);
   EXPECT_NEAR(MetricOf(problem, zero), 0.5, 1e-14);
@@ -207,9 +200,9 @@ TEST(PoissonPinn, ZeroHasTheLossAndTheErrorOfTheIntegrals) {
 // divides the error by four.
 TEST(PoissonPinn, LossOnAGridIsOfOrderTwo) {
   const auto loss = [](int n) {
-    const LearningProblem problem =
-        Create("poisson_pinn:num_interior=" + std::to_string(n * n) +
-               ":num_boundary=" + std::to_string(4 * n));
+    const LearningProblem problem = CreateLearningProblem(
+        "poisson_pinn:num_interior=" + std::to_string(n * n) +
+        ":num_boundary=" + std::to_string(4 * n));
     return Cost(problem, 3.0 * InitialWeights(problem));
   };
   const double at_16 = loss(16), at_32 = loss(32), at_64 = loss(64);
@@ -218,7 +211,8 @@ TEST(PoissonPinn, LossOnAGridIsOfOrderTwo) {
 
 TEST(PoissonPinn, NetworksHaveThePublishedSizes) {
   const auto num_weights = [](const std::string& network) {
-    return Create("poisson_pinn:num_interior=4:network=" + network)
+    return CreateLearningProblem("poisson_pinn:num_interior=4:network=" +
+                                 network)
         .model->num_weights();
   };
   EXPECT_EQ(num_weights("small"), 257);
@@ -228,7 +222,8 @@ TEST(PoissonPinn, NetworksHaveThePublishedSizes) {
 
 TEST(PoissonPinn, RandomPointsAreNumpys) {
   // import numpy as np; np.random.seed(0); np.random.rand(900, 2)[0]
-  const LearningProblem problem = Create("poisson_pinn:points=random");
+  const LearningProblem problem =
+      CreateLearningProblem("poisson_pinn:points=random");
   EXPECT_EQ(problem.train.inputs(0, 0), 0.5488135039273248);
   EXPECT_EQ(problem.train.inputs(1, 0), 0.7151893663724195);
 }
@@ -249,7 +244,7 @@ TEST(PoissonPinn, BadSettingsAndDataAreRefused) {
 // After 1,000 s the best of Adam's published runs has an error of 9.4e-5, and
 // L-BFGS's 1.6e-4 (source in poisson_pinn.h).
 TEST(PoissonPinn, HalfInverseBeatsPublishedFirstOrderMethodsIn150Steps) {
-  const LearningProblem problem = Create("poisson_pinn");
+  const LearningProblem problem = CreateLearningProblem("poisson_pinn");
   const Trained trained =
       Train(problem, "half_inverse:step_size=auto", Steps(150));
   EXPECT_LT(MetricOf(problem, trained.weights), 9.4e-5);
@@ -257,7 +252,7 @@ TEST(PoissonPinn, HalfInverseBeatsPublishedFirstOrderMethodsIn150Steps) {
 
 // 6.2e-8 after 1,000 s on a GPU is the best published error of this network.
 TEST(PoissonPinn, GaussNewtonReachesThePublishedErrorOfEngd) {
-  const LearningProblem problem = Create("poisson_pinn");
+  const LearningProblem problem = CreateLearningProblem("poisson_pinn");
   const Trained start =
       Train(problem, "power:kappa=0.75:step_size=auto", Steps(150));
   const Trained end = Train(problem,
@@ -271,7 +266,7 @@ TEST(PoissonPinn, GaussNewtonReachesThePublishedErrorOfEngd) {
 constexpr char kFewPoints[] = "poisson_pinn:num_interior=25:num_boundary=8";
 
 TEST(PoissonPinn, ContinuesFromACheckpointToTheSameBits) {
-  const LearningProblem problem = Create(kFewPoints);
+  const LearningProblem problem = CreateLearningProblem(kFewPoints);
   const std::string method = "half_inverse:step_size=auto";
   const TemporaryFolder folder;
   TrainOptions options = Steps(3);
@@ -285,7 +280,7 @@ TEST(PoissonPinn, ContinuesFromACheckpointToTheSameBits) {
 }
 
 TEST(PoissonPinn, ThreadsDoNotChangeAPullBack) {
-  const LearningProblem problem = Create(kFewPoints);
+  const LearningProblem problem = CreateLearningProblem(kFewPoints);
   const std::string method = "newton/numerical/adam:step_size=1e-2";
   EXPECT_EQ(Train(problem, method, Steps(5)).weights,
             Train(problem, method + ":threads=3", Steps(5)).weights);
@@ -294,7 +289,7 @@ TEST(PoissonPinn, ThreadsDoNotChangeAPullBack) {
 class EveryMethod : public testing::TestWithParam<const char*> {};
 
 TEST_P(EveryMethod, LowersTheLoss) {
-  const LearningProblem problem = Create(kFewPoints);
+  const LearningProblem problem = CreateLearningProblem(kFewPoints);
   TrainOptions options;
   options.max_num_epochs = 20;
   const Trained trained = Train(problem, GetParam(), options);

@@ -6,19 +6,13 @@
 
 #include "gtest/gtest.h"
 #include "problems/problems.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-LearningProblem Create(const std::string& specification) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
-  return *problem.learning;
-}
 
 TEST(Poisson, LaplacianHasSinesAsEigenvectors) {
   for (const int n : {2, 5, 8}) {
@@ -84,7 +78,7 @@ TEST(Poisson, FieldsHaveTheSpectrumOfTheHeader) {
 }
 
 TEST(Poisson, HasThePublishedSizes) {
-  const LearningProblem problem = Create("poisson");
+  const LearningProblem problem = CreateLearningProblem("poisson");
   EXPECT_EQ(problem.model->num_weights(), 24896);
   EXPECT_EQ(problem.model->reduction(), Reduction::kSum);
   EXPECT_EQ(problem.model->loss().SquaredNormFactor(), 0.5);
@@ -92,7 +86,8 @@ TEST(Poisson, HasThePublishedSizes) {
 }
 
 TEST(Poisson, NetworkSeesTheLaplacianOfTheFields) {
-  const LearningProblem problem = Create("poisson:num_samples=30:resolution=5");
+  const LearningProblem problem =
+      CreateLearningProblem("poisson:num_samples=30:resolution=5");
   ASSERT_EQ(problem.data.rows(), 60);
   const MatrixXd y = MatrixXd(Poisson::Laplacian(5)) * problem.data.transpose();
   EXPECT_LT((problem.train.targets - y.leftCols(30)).norm(), 1e-12);

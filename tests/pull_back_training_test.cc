@@ -13,16 +13,10 @@
 #include "invgrad/solve/method.h"
 #include "problems/problems.h"
 #include "temporary_folder.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
-
-LearningProblem Create(const std::string& specification) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
-  return *problem.learning;
-}
 
 struct Trained {
   Eigen::VectorXd weights;
@@ -65,7 +59,8 @@ TrainOptions Steps(long num_steps) {
 
 // Differentiable physics is the gradient of the chain, whoever computes it.
 TEST(PullBackTraining, DifferentiablePhysicsIsTheRuleAlone) {
-  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=200");
+  const LearningProblem problem =
+      CreateLearningProblem("sine:xi=2:phi=10:num_samples=200");
   const Trained chain = Train(problem, "dp_adam", Steps(20));
   const Trained alone = Train(problem, "adam", Steps(20));
   EXPECT_LT((chain.weights - alone.weights).norm(),
@@ -74,7 +69,8 @@ TEST(PullBackTraining, DifferentiablePhysicsIsTheRuleAlone) {
 }
 
 TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
-  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=200");
+  const LearningProblem problem =
+      CreateLearningProblem("sine:xi=2:phi=10:num_samples=200");
   const Trained chain = Train(problem, "hig:step_size=0.01", Steps(3));
   const Trained alone = Train(problem, "half_inverse:step_size=0.01", Steps(3));
   EXPECT_EQ(chain.weights, alone.weights);
@@ -107,7 +103,8 @@ class NotingRule final : public UpdateRule {
 // Steps are judged by the proxy that they were computed from, whose targets
 // stay where they are, and not by the loss.
 TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
-  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=100");
+  const LearningProblem problem =
+      CreateLearningProblem("sine:xi=2:phi=10:num_samples=100");
   for (const int num_updates : {1, 3}) {
     SCOPED_TRACE(num_updates);
     ChainPullBack::Options options;
@@ -158,7 +155,8 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
 // A proxy whose targets lie too far cannot be seen to by its own judge: with
 // the adjoint the change of y has to be small.
 TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
-  const LearningProblem problem = Create("sine:xi=2:phi=10:num_samples=200");
+  const LearningProblem problem =
+      CreateLearningProblem("sine:xi=2:phi=10:num_samples=200");
   for (const char* method :
        {"newton/inverse/half_inverse:control=gain",
         "newton/inverse/gauss_newton:control=gain",
@@ -172,7 +170,8 @@ TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
 }
 
 TEST(PullBackTraining, EverySampleIsCountedOnce) {
-  const LearningProblem problem = Create("sine:xi=4:num_samples=200");
+  const LearningProblem problem =
+      CreateLearningProblem("sine:xi=4:num_samples=200");
   const Trained run = Train(problem, "sip", Steps(7));
   EXPECT_EQ(run.last().by_inverse, 700.0);
   EXPECT_EQ(run.last().by_numerical_inverse, 0.0);
@@ -187,8 +186,9 @@ TEST(PullBackTraining, EverySampleIsCountedOnce) {
 // take over, training goes on as if nothing had happened, and it is told.
 TEST(PullBackTraining, AWrongInverseIsCaughtAndCounted) {
   const LearningProblem wrong =
-      Create("multimodal:wrong_inverse=true:num_samples=400");
-  const LearningProblem right = Create("multimodal:num_samples=400");
+      CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
+  const LearningProblem right =
+      CreateLearningProblem("multimodal:num_samples=400");
   const Trained run = Train(wrong, "sip", Steps(400));
   const Trained reference = Train(right, "sip", Steps(400));
   EXPECT_LT(run.last().test_loss, 0.05 * run.history.front().test_loss);
@@ -207,7 +207,7 @@ TEST(PullBackTraining, AWrongInverseIsCaughtAndCounted) {
 
 TEST(PullBackTraining, AResumedRunEndsWithTheSameBitsAndCounts) {
   const LearningProblem problem =
-      Create("multimodal:wrong_inverse=true:num_samples=400");
+      CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
   const std::string method = "sip:updates=2:curvature_weight=0.5";
   const Trained whole = Train(problem, method, Steps(30));
   const TemporaryFolder folder;
@@ -226,7 +226,7 @@ TEST(PullBackTraining, AResumedRunEndsWithTheSameBitsAndCounts) {
 
 TEST(PullBackTraining, ThreadsDoNotChangeABit) {
   const LearningProblem problem =
-      Create("multimodal:wrong_inverse=true:num_samples=400");
+      CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
   const Trained one = Train(problem, "sip", Steps(20));
   const Trained three = Train(problem, "sip:threads=3", Steps(20));
   EXPECT_EQ(one.weights, three.weights);
@@ -235,7 +235,8 @@ TEST(PullBackTraining, ThreadsDoNotChangeABit) {
 
 // One evaluation of the simulator, four of the network.
 TEST(PullBackTraining, SeveralUpdatesPerEvaluationGoFurther) {
-  const LearningProblem problem = Create("exponential:num_samples=400");
+  const LearningProblem problem =
+      CreateLearningProblem("exponential:num_samples=400");
   const Trained one = Train(problem, "sip:step_size=1e-4", Steps(40));
   const Trained four =
       Train(problem, "sip:step_size=1e-4:updates=4", Steps(40));
@@ -245,7 +246,8 @@ TEST(PullBackTraining, SeveralUpdatesPerEvaluationGoFurther) {
 
 // Supervised training averages the two pre-images; an inverse keeps to one.
 TEST(PullBackTraining, SupervisedTrainingAveragesAndInversionDoesNot) {
-  LearningProblem problem = Create("multimodal:num_samples=1000");
+  LearningProblem problem =
+      CreateLearningProblem("multimodal:num_samples=1000");
   const auto metric = [&](const Trained& run) {
     DenseNetwork::Activations forward;
     std::string error;
@@ -269,7 +271,7 @@ struct Shifted {
 };
 
 TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
-  LearningProblem problem = Create("multimodal:num_samples=100");
+  LearningProblem problem = CreateLearningProblem("multimodal:num_samples=100");
   problem.model = std::make_shared<Model>(
       problem.model->network(),
       std::make_shared<AutoDiffSimulator<Shifted, 1, 1>>(),
@@ -292,7 +294,7 @@ TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
 
 // What an inverse says stands in files of one line a run.
 TEST(PullBackTraining, ReasonsAreOneLine) {
-  LearningProblem problem = Create("multimodal:num_samples=100");
+  LearningProblem problem = CreateLearningProblem("multimodal:num_samples=100");
   problem.inverse = std::make_shared<FunctionInverse>(
       [](const InverseSimulator::ConstVectorRef&,
          const InverseSimulator::ConstVectorRef&,
@@ -308,7 +310,7 @@ TEST(PullBackTraining, ReasonsAreOneLine) {
 }
 
 TEST(PullBackTraining, SupervisionNeedsSolutions) {
-  const LearningProblem problem = Create("sine:num_samples=200");
+  const LearningProblem problem = CreateLearningProblem("sine:num_samples=200");
   std::vector<Method> methods;
   std::string error;
   ASSERT_TRUE(ParseMethods("supervised", &methods, &error)) << error;

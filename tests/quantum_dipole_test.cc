@@ -7,6 +7,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "problems/problems.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
@@ -41,13 +42,6 @@ double Loss(const VectorXd& y,
                             gradient != nullptr ? gradient->data() : nullptr,
                             nullptr));
   return value;
-}
-
-LearningProblem Create(const std::string& specification) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
-  return *problem.learning;
 }
 
 TEST(Infidelity, IsZeroForEqualAndOneForOrthogonalStates) {
@@ -143,7 +137,7 @@ TEST(RescaledInfidelity, HasAValueAndNoGradientWithoutOverlap) {
 
 TEST(QuantumDipole, RescalesOnDemandAlone) {
   const auto is_rescaled = [](const std::string& specification) {
-    const LearningProblem problem = Create(specification);
+    const LearningProblem problem = CreateLearningProblem(specification);
     return dynamic_cast<const RescaledInfidelity*>(&problem.model->loss()) !=
            nullptr;
   };
@@ -153,7 +147,7 @@ TEST(QuantumDipole, RescalesOnDemandAlone) {
 }
 
 TEST(QuantumDipole, HasThePublishedSizes) {
-  const LearningProblem problem = Create("quantum_dipole");
+  const LearningProblem problem = CreateLearningProblem("quantum_dipole");
   EXPECT_EQ(problem.model->num_weights(), 9484);
   EXPECT_EQ(problem.model->network().widths(),
             (std::vector<int>{28, 20, 20, 20, 384}));
@@ -170,7 +164,7 @@ TEST(QuantumDipole, TargetsAreDrawnAsTheReleaseDrawsThem) {
   //     np.random.uniform(0, 2 * np.pi), np.random.uniform(0, 2 * np.pi)
   const Eigen::Vector2d c[] = {{1.6243453636632417, -0.6117564136500754},
                                {-0.5281717522634557, -1.0729686221561705}};
-  const LearningProblem problem = Create("quantum_dipole");
+  const LearningProblem problem = CreateLearningProblem("quantum_dipole");
   for (int s = 0; s < 2; ++s) {
     const VectorXd expected = (c[s][0] * Es(2) + c[s][1] * Es(3)) / c[s].norm();
     EXPECT_LT((problem.train.targets.col(s) - expected).norm(), 1e-15) << s;
@@ -178,7 +172,8 @@ TEST(QuantumDipole, TargetsAreDrawnAsTheReleaseDrawsThem) {
 }
 
 TEST(QuantumDipole, StatesAreNormalizedAndGoFromTheGroundStateToTheTargets) {
-  const LearningProblem problem = Create("quantum_dipole:num_samples=50");
+  const LearningProblem problem =
+      CreateLearningProblem("quantum_dipole:num_samples=50");
   for (const DataSet* data : {&problem.train, &problem.test}) {
     EXPECT_EQ(data->inputs, data->targets);
     for (int s = 0; s < 50; ++s) {
@@ -189,7 +184,8 @@ TEST(QuantumDipole, StatesAreNormalizedAndGoFromTheGroundStateToTheTargets) {
     }
   }
   EXPECT_NE(problem.train.targets, problem.test.targets);
-  EXPECT_NE(Create("quantum_dipole:num_samples=50:data_seed=2").train.targets,
+  EXPECT_NE(CreateLearningProblem("quantum_dipole:num_samples=50:data_seed=2")
+                .train.targets,
             problem.train.targets);
 }
 

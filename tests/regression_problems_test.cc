@@ -14,6 +14,7 @@
 #include "problems/problems.h"
 #include "problems/random_polynomial.h"
 #include "problems/regression_1d.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
@@ -21,14 +22,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::MatrixXi;
 using Eigen::VectorXd;
-
-LearningProblem Create(const std::string& specification,
-                       const MatrixXd* data = nullptr) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, data, &problem, &error)) << error;
-  return *problem.learning;
-}
 
 std::string RefusalOf(const std::string& specification, const MatrixXd& data) {
   PhysicsProblem problem;
@@ -40,7 +33,7 @@ std::string RefusalOf(const std::string& specification, const MatrixXd& data) {
 class RegressionProblem : public testing::TestWithParam<std::string> {};
 
 TEST_P(RegressionProblem, HasThePublishedSettings) {
-  const LearningProblem problem = Create(GetParam());
+  const LearningProblem problem = CreateLearningProblem(GetParam());
   EXPECT_EQ(problem.train.num_samples(), 10000);
   EXPECT_EQ(problem.test.num_samples(), 10000);
   EXPECT_EQ(problem.batch_size, 32);
@@ -51,7 +44,8 @@ TEST_P(RegressionProblem, HasThePublishedSettings) {
 
 // g = 2 (y - y*), whatever the batch's size: the benchmark's scaling.
 TEST_P(RegressionProblem, LossGradientIsNotDividedByTheBatchSize) {
-  const LearningProblem problem = Create(GetParam() + ":num_samples=20");
+  const LearningProblem problem =
+      CreateLearningProblem(GetParam() + ":num_samples=20");
   NumpyRandom random(1);
   const VectorXd weights =
       problem.model->network().InitialWeights(problem.initialization, &random);
@@ -74,7 +68,8 @@ TEST_P(RegressionProblem, LossGradientIsNotDividedByTheBatchSize) {
 
 // There is no physics: y is what the network puts out.
 TEST_P(RegressionProblem, PredictionIsTheNetworksOutput) {
-  const LearningProblem problem = Create(GetParam() + ":num_samples=5");
+  const LearningProblem problem =
+      CreateLearningProblem(GetParam() + ":num_samples=5");
   NumpyRandom random(1);
   const DenseNetwork& network = problem.model->network();
   const VectorXd weights =
@@ -89,10 +84,11 @@ TEST_P(RegressionProblem, PredictionIsTheNetworksOutput) {
 }
 
 TEST_P(RegressionProblem, TargetsKnowNeitherUnitNorOrigin) {
-  const LearningProblem problem = Create(GetParam() + ":num_samples=100");
+  const LearningProblem problem =
+      CreateLearningProblem(GetParam() + ":num_samples=100");
   MatrixXd data = problem.data;
   data.rightCols(1) = 7.0 * data.rightCols(1).array() - 3.0;
-  const LearningProblem scaled = Create(GetParam(), &data);
+  const LearningProblem scaled = CreateLearningProblem(GetParam(), &data);
   EXPECT_EQ(scaled.train.inputs, problem.train.inputs);
   // Rounding: some units in the last place of the largest, which is below 10.
   EXPECT_LT((scaled.train.targets - problem.train.targets).norm(), 1e-12);
@@ -100,15 +96,19 @@ TEST_P(RegressionProblem, TargetsKnowNeitherUnitNorOrigin) {
 }
 
 TEST_P(RegressionProblem, SeedsAreReproducibleAndDiffer) {
-  const LearningProblem a = Create(GetParam() + ":num_samples=30");
-  const LearningProblem b = Create(GetParam() + ":num_samples=30");
-  const LearningProblem c = Create(GetParam() + ":num_samples=30:data_seed=7");
+  const LearningProblem a =
+      CreateLearningProblem(GetParam() + ":num_samples=30");
+  const LearningProblem b =
+      CreateLearningProblem(GetParam() + ":num_samples=30");
+  const LearningProblem c =
+      CreateLearningProblem(GetParam() + ":num_samples=30:data_seed=7");
   EXPECT_EQ(a.data, b.data);
   EXPECT_NE(a.data, c.data);
 }
 
 TEST_P(RegressionProblem, RefusesDataThatCannotBeStandardized) {
-  const MatrixXd good = Create(GetParam() + ":num_samples=5").data;
+  const MatrixXd good =
+      CreateLearningProblem(GetParam() + ":num_samples=5").data;
   MatrixXd constant = good;
   constant.rightCols(1).setConstant(0.5);
   EXPECT_NE(RefusalOf(GetParam(), constant).find("standard deviation"),
@@ -136,7 +136,7 @@ TEST(Regression1d, TargetIsThatOfTheHeader) {
   EXPECT_DOUBLE_EQ(Regression1d::Target(1.0), 4.1282039311094163e-05);
   EXPECT_EQ(Regression1d::Target(-0.3), -Regression1d::Target(0.3));
 
-  const LearningProblem problem = Create("regression_1d");
+  const LearningProblem problem = CreateLearningProblem("regression_1d");
   EXPECT_EQ(problem.model->num_weights(), 593);
   // np.random.seed(0); 2 * np.random.rand() - 1
   EXPECT_EQ(problem.train.inputs(0, 0), 0.09762700785464951);
@@ -154,7 +154,8 @@ TEST(Regression1d, TargetIsThatOfTheHeader) {
 }
 
 TEST(Regression1d, IsStandardizedByTheUnbiasedVariance) {
-  const LearningProblem problem = Create("regression_1d:num_samples=50");
+  const LearningProblem problem =
+      CreateLearningProblem("regression_1d:num_samples=50");
   const VectorXd targets = problem.train.targets.transpose();
   EXPECT_NEAR(targets.mean(), 0.0, 1e-14);
   EXPECT_NEAR(targets.squaredNorm(), 49.0, 1e-12);
@@ -195,7 +196,7 @@ double TestLossOf(const LearningProblem& problem,
 // over 15 seeds, its Adam after 13.9. With a factor 1 / B in g, the
 // half-inverse would be at 0.5 after three.
 TEST(Regression1d, HalfInverseIsAsFastAsPublished) {
-  const LearningProblem problem = Create("regression_1d");
+  const LearningProblem problem = CreateLearningProblem("regression_1d");
   EXPECT_LT(TestLossOf(problem,
                        {"",
                         "half_inverse",
@@ -207,7 +208,8 @@ TEST(Regression1d, HalfInverseIsAsFastAsPublished) {
 }
 
 TEST(RandomPolynomial, IsStandardizedByTheBiasedVariance) {
-  const LearningProblem problem = Create("random_polynomial:num_samples=50");
+  const LearningProblem problem =
+      CreateLearningProblem("random_polynomial:num_samples=50");
   const VectorXd targets = problem.train.targets.transpose();
   EXPECT_NEAR(targets.mean(), 0.0, 1e-14);
   EXPECT_NEAR(targets.squaredNorm(), 50.0, 1e-12);
@@ -287,7 +289,7 @@ TEST(RandomPolynomial, MonomialsHaveMeanSquareOne) {
 TEST(RandomPolynomial, DataAreThePublishedOnes) {
   // numpy 2.4.6 and the benchmark's class, without its rounding to single
   // precision. Sums in another order: 1e-14 of a target's size, which is one.
-  const LearningProblem problem = Create("random_polynomial");
+  const LearningProblem problem = CreateLearningProblem("random_polynomial");
   EXPECT_EQ(problem.model->num_weights(), 673);
   VectorXd first(6), last(6), first_test(6);
   first << -1.6414534262148879, -0.09488944643970736, 1.4935256468461893,

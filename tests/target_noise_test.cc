@@ -5,22 +5,17 @@
 
 #include "gtest/gtest.h"
 #include "problems/problems.h"
+#include "tests/create_problem.h"
 
 namespace invgrad {
 namespace {
 
-LearningProblem Create(const std::string& specification) {
-  PhysicsProblem problem;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
-  return *problem.learning;
-}
-
 class TargetNoise : public testing::TestWithParam<std::string> {};
 
 TEST_P(TargetNoise, IsInTheTrainingTargetsAlone) {
-  const LearningProblem clean = Create(GetParam());
-  const LearningProblem noisy = Create(GetParam() + ":noise=0.5");
+  const LearningProblem clean = CreateLearningProblem(GetParam());
+  const LearningProblem noisy =
+      CreateLearningProblem(GetParam() + ":noise=0.5");
   EXPECT_EQ(noisy.train.inputs, clean.train.inputs);
   EXPECT_EQ(noisy.train.contexts, clean.train.contexts);
   EXPECT_EQ(noisy.train.solutions, clean.train.solutions);
@@ -33,8 +28,9 @@ TEST_P(TargetNoise, IsInTheTrainingTargetsAlone) {
 // sqrt(2 / N), the mean by 1 / sqrt(N), and so does the mean product with what
 // they are added to; N is at least 1000, the bound five deviations.
 TEST_P(TargetNoise, HasItsSizeAndIsIndependentOfTheTargets) {
-  const Eigen::MatrixXd clean = Create(GetParam()).train.targets;
-  const Eigen::MatrixXd noisy = Create(GetParam() + ":noise=0.5").train.targets;
+  const Eigen::MatrixXd clean = CreateLearningProblem(GetParam()).train.targets;
+  const Eigen::MatrixXd noisy =
+      CreateLearningProblem(GetParam() + ":noise=0.5").train.targets;
   const double count = static_cast<double>(clean.size());
   ASSERT_GE(count, 1000.0);
   const double rms = std::sqrt(clean.squaredNorm() / count);
@@ -46,11 +42,13 @@ TEST_P(TargetNoise, HasItsSizeAndIsIndependentOfTheTargets) {
 }
 
 TEST_P(TargetNoise, IsProportionalToItsSettingAndRepeats) {
-  const Eigen::MatrixXd clean = Create(GetParam()).train.targets;
-  const Eigen::MatrixXd once = Create(GetParam() + ":noise=0.01").train.targets;
+  const Eigen::MatrixXd clean = CreateLearningProblem(GetParam()).train.targets;
+  const Eigen::MatrixXd once =
+      CreateLearningProblem(GetParam() + ":noise=0.01").train.targets;
   const Eigen::MatrixXd twice =
-      Create(GetParam() + ":noise=0.02").train.targets;
-  EXPECT_EQ(once, Create(GetParam() + ":noise=0.01").train.targets);
+      CreateLearningProblem(GetParam() + ":noise=0.02").train.targets;
+  EXPECT_EQ(once,
+            CreateLearningProblem(GetParam() + ":noise=0.01").train.targets);
   EXPECT_LT((twice - clean - 2.0 * (once - clean)).cwiseAbs().maxCoeff(),
             1e-14 * clean.cwiseAbs().maxCoeff());
 }
