@@ -1,0 +1,57 @@
+// Reads and writes the bundle adjustment problems of "Bundle Adjustment in the
+// Large", as text or compressed by bzip2.
+//
+//   cameras points observations
+//   camera point x y            one line an observation
+//   ...
+//   value                       9 lines a camera: rotation (angle axis),
+//   ...                         translation, focal length, k1, k2
+//   value                       3 lines a point
+//
+// Cost:    linear in the size of the text; memory is bounded by it, whatever
+//          counts it claims.
+// Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
+//          text is empty, cut off, goes on behind its end, names a camera or a
+//          point that it does not have, or holds a number that is not finite;
+//          for .bz2 also if it cannot be decompressed. *data is then unchanged.
+//
+// [1] Agarwal, Snavely, Seitz, Szeliski. Bundle Adjustment in the Large. ECCV
+//     2010. https://grail.cs.washington.edu/projects/bal
+#ifndef PROBLEMS_ESTIMATION_BAL_FILE_H_
+#define PROBLEMS_ESTIMATION_BAL_FILE_H_
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+struct BalData {
+  struct Observation {
+    int camera;
+    int point;
+    double x;  // pixels from the image's centre
+    double y;
+  };
+
+  std::vector<Observation> observations;
+  Eigen::Matrix<double, 9, Eigen::Dynamic> cameras;  // one a column
+  Eigen::Matrix<double, 3, Eigen::Dynamic> points;   // one a column
+};
+
+// `file` is what messages call the text.
+bool ParseBal(const std::string& text,
+              const std::string& file,
+              BalData* data,
+              std::string* error);
+
+// Decompresses and compresses if the path ends in ".bz2".
+bool ReadBalFile(const std::string& path, BalData* data, std::string* error);
+bool WriteBalFile(const std::string& path,
+                  const BalData& data,
+                  std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_ESTIMATION_BAL_FILE_H_
