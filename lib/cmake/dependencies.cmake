@@ -41,6 +41,17 @@ else()
 endif()
 note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
 
+# Ceres' own sparse Cholesky factorization.
+find_library(CHOLMOD_LIBRARY cholmod)
+find_path(CHOLMOD_INCLUDE_DIR cholmod.h PATH_SUFFIXES suitesparse)
+mark_as_advanced(CHOLMOD_LIBRARY CHOLMOD_INCLUDE_DIR)
+if(CHOLMOD_LIBRARY AND CHOLMOD_INCLUDE_DIR)
+  set(CHOLMOD_FOUND TRUE)
+else()
+  set(CHOLMOD_FOUND FALSE)
+endif()
+note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_FOUND)
+
 if(INVGRAD_BUILD_PROGRAMS)
   # The FFTs of the problems; the library does without.
   find_library(FFTW_LIBRARY fftw3)
@@ -80,6 +91,6 @@ endif()
 # dsyevd_ serves all of them.
 add_library(invgrad_lapack INTERFACE)
 target_include_directories(invgrad_lapack SYSTEM INTERFACE
-  ${OpenBLAS_INCLUDE_DIRS} ${LAPACKE_INCLUDE_DIR})
+  ${OpenBLAS_INCLUDE_DIRS} ${LAPACKE_INCLUDE_DIR} ${CHOLMOD_INCLUDE_DIR})
 target_link_libraries(invgrad_lapack INTERFACE
-  ${OpenBLAS_LIBRARIES} ${LAPACKE_LIBRARY})
+  ${OpenBLAS_LIBRARIES} ${LAPACKE_LIBRARY} ${CHOLMOD_LIBRARY})

@@ -102,13 +102,48 @@ struct OwnManifold {
 bool IsBounded(const ceres::Problem& problem, const double* values) {
   // "If the parameter is not bounded by the user" (ceres/problem.h).
   constexpr double kUnbounded = std::numeric_limits<double>::max();
-  for (int i = 0; i < problem.ParameterBlockSize(values); ++i) {
+  const int size = problem.ParameterBlockSize(values);
+  for (int i = 0; i < size; ++i) {
     if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
         problem.GetParameterUpperBound(values, i) < kUnbounded) {
       return true;
     }
   }
   return false;
+}
+
+// Whether a proposal can be staged for all of the linearizer's blocks.
+bool AreSupported(const UpdateCallback::Options& options,
+                  const ceres::Problem& problem,
+                  const ProblemLinearizer& linearizer,
+                  std::string* error) {
+  const std::vector<double*>& blocks = linearizer.parameter_blocks();
+  const auto name = [](std::size_t i) {
+    return "parameter block " + std::to_string(i) + " (of those not constant)";
+  };
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const int size = problem.ParameterBlockTangentSize(blocks[i]);
+    if (size > options.max_block_size) {
+      *error = name(i) + " has size " + std::to_string(size) + " > " +
+               std::to_string(options.max_block_size) +
+               " = max_block_size; split it into smaller blocks, or use "
+               "Minimize";
+      return false;
+    }
+    if (IsBounded(problem, blocks[i])) {
+      *error = name(i) +
+               " has bounds, with which proposals do not work; remove the "
+               "bounds (a change of variables can take their place), or solve "
+               "without UpdateCallback";
+      return false;
+    }
+  }
+  return true;
+}
+
+UpdateCallback::Options WithSharedManifolds(UpdateCallback::Options options) {
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
 }
 
 }  // namespace
@@ -122,6 +157,8 @@ class UpdateCallback::State {
         // Before wrapping: it moves by the blocks' own manifolds.
         linearizer_(problem, {}),
         parts_(rule->Needs()) {
+    std::string error;
+    CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
     parts_.jacobian = true;  // for the linear model
     for (double* values : linearizer_.parameter_blocks()) {
       own_.emplace_back(*problem, values);
@@ -166,6 +203,8 @@ class UpdateCallback::State {
     if (iteration.iteration == 0) {
       scale_ = 1.0;
       lost_radius_ = 0.0;
+      num_turns_left_ = 0;
+      turns_after_failure_ = 1;
       return Propose(iteration);
     }
     if (iteration.step_is_successful) {
@@ -223,6 +262,11 @@ class UpdateCallback::State {
       return ceres::SOLVER_CONTINUE;
     }
     lost_radius_ = 0.0;
+    if (num_turns_left_ > 0) {
+      // The message stays that of the failure.
+      --num_turns_left_;
+      return ceres::SOLVER_CONTINUE;
+    }
     Linearization at_x;
     if (!linearizer_.Linearize(parts_, &at_x, &summary_.message)) {
       return ceres::SOLVER_CONTINUE;
@@ -240,8 +284,11 @@ class UpdateCallback::State {
     num_backoffs_ = 0;
     radius_ = iteration.trust_region_radius;
     if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
+      num_turns_left_ = turns_after_failure_;
+      turns_after_failure_ = std::min(2 * turns_after_failure_, kMaxTurns);
       return ceres::SOLVER_CONTINUE;
     }
+    turns_after_failure_ = 1;
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
     fraction_ = scale_;
@@ -296,6 +343,9 @@ class UpdateCallback::State {
     return ceres::SOLVER_ABORT;
   }
 
+  // A rule that fails time after time is asked after so many turns at last.
+  static constexpr int kMaxTurns = 16;
+
   const Options options_;
   UpdateRule* rule_;
   ceres::Problem* problem_;
@@ -312,34 +362,15 @@ class UpdateCallback::State {
   double scale_ = 1.0;         // of proposals: what was accepted lately
   double fraction_ = 1.0;      // of the rule's step that step_ is
   double lost_radius_ = 0.0;   // Ceres has the turn below it
+  int num_turns_left_ = 0;     // of Ceres', before the rule is asked again
+  int turns_after_failure_ = 1;
   Summary summary_;
 };
 
 bool UpdateCallback::IsSupported(const Options& options,
                                  const ceres::Problem& problem,
                                  std::string* error) {
-  const ProblemLinearizer linearizer(&problem, {});
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    const std::string block =
-        "parameter block " + std::to_string(i) + " (of those not constant)";
-    const int size = problem.ParameterBlockTangentSize(blocks[i]);
-    if (size > options.max_block_size) {
-      *error = block + " has size " + std::to_string(size) + " > " +
-               std::to_string(options.max_block_size) +
-               " = max_block_size; split it into smaller blocks, or use "
-               "Minimize";
-      return false;
-    }
-    if (IsBounded(problem, blocks[i])) {
-      *error = block +
-               " has bounds, with which proposals do not work; remove the "
-               "bounds (a change of variables can take their place), or solve "
-               "without UpdateCallback";
-      return false;
-    }
-  }
-  return true;
+  return AreSupported(options, problem, ProblemLinearizer(&problem, {}), error);
 }
 
 UpdateCallback::UpdateCallback(const Options& options,
@@ -347,10 +378,13 @@ UpdateCallback::UpdateCallback(const Options& options,
                                ceres::Problem* problem) {
   CHECK(rule != nullptr);
   CHECK(problem != nullptr);
-  std::string error;
-  CHECK(IsSupported(options, *problem, &error)) << error;
   state_ = std::make_unique<State>(options, rule, problem);
 }
+
+UpdateCallback::UpdateCallback(const Options& options,
+                               UpdateRule* rule,
+                               CachedProblem* problem)
+    : UpdateCallback(WithSharedManifolds(options), rule, problem->problem()) {}
 
 UpdateCallback::~UpdateCallback() = default;
 

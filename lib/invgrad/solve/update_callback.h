@@ -17,8 +17,9 @@
 // doubles with every proposal that is accepted, up to 1. If max_num_backoffs do
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
 // is as large again as before (or Ceres finds it too large itself). Ceres also
-// has the turn if the rule fails or the linear model promises too little. The
-// rule is asked at most once an accepted state. One that judges its steps
+// has the turn if the rule fails or the linear model promises too little; a
+// rule that fails time after time is asked after 1, 2, 4, up to 16 more accepted
+// steps, because each question costs a linearization. The rule is asked at most once an accepted state. One that judges its steps
 // (control=gain) is told what cost each proposal led to, and at what scale; the
 // verdict is Ceres', and the scale is not remembered beside the rule's own.
 //
@@ -41,6 +42,7 @@
 #include "ceres/problem.h"
 #include "ceres/types.h"
 #include "invgrad/rules/update_rule.h"
+#include "invgrad/solve/cached_problem.h"
 
 namespace invgrad {
 
@@ -87,6 +89,11 @@ class UpdateCallback final : public ceres::IterationCallback {
   UpdateCallback(const Options& options,
                  UpdateRule* rule,
                  ceres::Problem* problem);
+  // The same for a problem that spares the callback an evaluation; its
+  // manifolds are its own, and options.manifold_ownership is not read.
+  UpdateCallback(const Options& options,
+                 UpdateRule* rule,
+                 CachedProblem* problem);
   ~UpdateCallback() override;
 
   ceres::CallbackReturnType operator()(
