@@ -358,10 +358,10 @@ void ProblemLinearizer::BuildSparsity() {
   }
   CHECK_LE(num_entries, std::numeric_limits<int>::max())
       << "J has more entries than a sparse matrix can count.";
-  sparsity_.resize(num_residuals_, num_parameters_);
-  sparsity_.resizeNonZeros(static_cast<int>(num_entries));
-  int* row_start = sparsity_.outerIndexPtr();
-  int* column = sparsity_.innerIndexPtr();
+  SparseJacobian::Matrix J(num_residuals_, num_parameters_);
+  J.resizeNonZeros(static_cast<int>(num_entries));
+  int* row_start = J.outerIndexPtr();
+  int* column = J.innerIndexPtr();
   *row_start = 0;
   std::vector<int> order;
   for (const ResidualBlock& block : residual_blocks_) {
@@ -387,7 +387,8 @@ void ProblemLinearizer::BuildSparsity() {
       ++row_start;
     }
   }
-  std::fill_n(sparsity_.valuePtr(), num_entries, 0.0);
+  last_jacobian_ =
+      std::make_shared<SparseJacobian>(std::move(J), tangent_sizes_);
 }
 
 void ProblemLinearizer::Prepare(bool evaluate_jacobians) const {
@@ -415,8 +416,7 @@ bool ProblemLinearizer::PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
 
 std::shared_ptr<SparseJacobian> ProblemLinearizer::NewJacobian() const {
   if (last_jacobian_.use_count() != 1) {
-    last_jacobian_ =
-        std::make_shared<SparseJacobian>(sparsity_, tangent_sizes_);
+    last_jacobian_ = std::make_shared<SparseJacobian>(*last_jacobian_);
   }
   return last_jacobian_;
 }

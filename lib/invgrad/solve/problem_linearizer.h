@@ -148,8 +148,8 @@ class ProblemLinearizer final : public Objective {
   std::vector<double*> values_;      // of all residual blocks' arguments
   std::vector<Argument> arguments_;  // the same
   std::vector<int> tangent_sizes_;   // of blocks_
-  SparseJacobian::Matrix sparsity_;  // the pattern of J; its values are zero
-  // The last J, whose memory the next one takes over if nobody holds it.
+  // The last J, whose memory the next one takes over if nobody else holds it,
+  // and whose pattern it has in any case.
   mutable std::shared_ptr<SparseJacobian> last_jacobian_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -16,58 +17,79 @@ namespace invgrad {
 namespace {
 
 // A block's own manifold, or the Euclidean one, which takes a staged step in
-// the place of the next that it is given.
+// the place of the next that it is given. Ceres asks it for sizes and Jacobians
+// once a residual block and evaluation, so it is small, and does the Euclidean
+// case itself.
 class StagingManifold final : public ceres::Manifold {
  public:
-  // `own` may be null; not owned.
-  StagingManifold(int size, const ceres::Manifold* own)
-      : euclidean_(size), own_(own != nullptr ? *own : euclidean_) {}
+  // `own` is null for a Euclidean block; not owned.
+  StagingManifold(int ambient_size, const ceres::Manifold* own)
+      : ambient_size_(ambient_size),
+        tangent_size_(own != nullptr ? own->TangentSize() : ambient_size),
+        own_(own) {}
 
-  void Stage(const Eigen::VectorXd& step) {
-    CHECK_EQ(step.size(), TangentSize());
-    step_ = step;
-    is_staged_ = true;
-  }
-  void Clear() { is_staged_ = false; }
-  bool is_staged() const { return is_staged_; }
+  // `step` must stay until it is taken or cleared.
+  void Stage(const double* step) { staged_ = step; }
+  void Clear() { staged_ = nullptr; }
+  bool is_staged() const { return staged_ != nullptr; }
 
-  int AmbientSize() const override { return own_.AmbientSize(); }
-  int TangentSize() const override { return own_.TangentSize(); }
+  int AmbientSize() const override { return ambient_size_; }
+  int TangentSize() const override { return tangent_size_; }
 
   bool Plus(const double* x,
             const double* delta,
             double* x_plus_delta) const override {
     // Written only if something is staged: then Ceres forms its candidate, and
     // calls Plus once. Inner iterations call it from several threads.
-    if (!is_staged_) return own_.Plus(x, delta, x_plus_delta);
-    is_staged_ = false;
-    return own_.Plus(x, step_.data(), x_plus_delta);
+    if (staged_ != nullptr) {
+      delta = staged_;
+      staged_ = nullptr;
+    }
+    if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
+    std::transform(
+        x, x + ambient_size_, delta, x_plus_delta, std::plus<double>());
+    return true;
   }
 
   bool PlusJacobian(const double* x, double* jacobian) const override {
-    return own_.PlusJacobian(x, jacobian);
+    if (own_ != nullptr) return own_->PlusJacobian(x, jacobian);
+    SetIdentity(jacobian);
+    return true;
   }
   bool RightMultiplyByPlusJacobian(const double* x,
                                    const int num_rows,
                                    const double* ambient_matrix,
                                    double* tangent_matrix) const override {
-    return own_.RightMultiplyByPlusJacobian(
-        x, num_rows, ambient_matrix, tangent_matrix);
+    if (own_ != nullptr) {
+      return own_->RightMultiplyByPlusJacobian(
+          x, num_rows, ambient_matrix, tangent_matrix);
+    }
+    std::copy_n(ambient_matrix, num_rows * ambient_size_, tangent_matrix);
+    return true;
   }
   bool Minus(const double* y,
              const double* x,
              double* y_minus_x) const override {
-    return own_.Minus(y, x, y_minus_x);
+    if (own_ != nullptr) return own_->Minus(y, x, y_minus_x);
+    std::transform(y, y + ambient_size_, x, y_minus_x, std::minus<double>());
+    return true;
   }
   bool MinusJacobian(const double* x, double* jacobian) const override {
-    return own_.MinusJacobian(x, jacobian);
+    if (own_ != nullptr) return own_->MinusJacobian(x, jacobian);
+    SetIdentity(jacobian);
+    return true;
   }
 
  private:
-  const ceres::EuclideanManifold<ceres::DYNAMIC> euclidean_;
-  const ceres::Manifold& own_;
-  Eigen::VectorXd step_;
-  mutable bool is_staged_ = false;
+  void SetIdentity(double* matrix) const {
+    std::fill_n(matrix, ambient_size_ * ambient_size_, 0.0);
+    for (int i = 0; i < ambient_size_; ++i) matrix[i * ambient_size_ + i] = 1.0;
+  }
+
+  const int ambient_size_;
+  const int tangent_size_;
+  const ceres::Manifold* const own_;
+  mutable const double* staged_ = nullptr;
 };
 
 // Ceres 2.1 still has local parameterizations, and so has code that uses it.
@@ -204,7 +226,7 @@ class UpdateCallback::State {
       scale_ = 1.0;
       lost_radius_ = 0.0;
       num_turns_left_ = 0;
-      turns_after_failure_ = 1;
+      turns_after_failure_ = kMinTurns;
       return Propose(iteration);
     }
     if (iteration.step_is_successful) {
@@ -288,7 +310,7 @@ class UpdateCallback::State {
       turns_after_failure_ = std::min(2 * turns_after_failure_, kMaxTurns);
       return ceres::SOLVER_CONTINUE;
     }
-    turns_after_failure_ = 1;
+    turns_after_failure_ = kMinTurns;
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
     fraction_ = scale_;
@@ -331,8 +353,8 @@ class UpdateCallback::State {
 
   void Stage() {
     for (std::size_t i = 0; i < staging_.size(); ++i) {
-      staging_[i]->Stage(step_.segment(linearizer_.column(static_cast<int>(i)),
-                                       staging_[i]->TangentSize()));
+      staging_[i]->Stage(step_.data() +
+                         linearizer_.column(static_cast<int>(i)));
     }
     has_proposal_ = true;
   }
@@ -343,7 +365,9 @@ class UpdateCallback::State {
     return ceres::SOLVER_ABORT;
   }
 
-  // A rule that fails time after time is asked after so many turns at last.
+  // A rule that fails is asked again after so many turns of Ceres', and twice
+  // as many each time that it fails again.
+  static constexpr int kMinTurns = 2;
   static constexpr int kMaxTurns = 16;
 
   const Options options_;
@@ -363,7 +387,7 @@ class UpdateCallback::State {
   double fraction_ = 1.0;      // of the rule's step that step_ is
   double lost_radius_ = 0.0;   // Ceres has the turn below it
   int num_turns_left_ = 0;     // of Ceres', before the rule is asked again
-  int turns_after_failure_ = 1;
+  int turns_after_failure_ = kMinTurns;
   Summary summary_;
 };
 

@@ -18,8 +18,9 @@
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
 // is as large again as before (or Ceres finds it too large itself). Ceres also
 // has the turn if the rule fails or the linear model promises too little; a
-// rule that fails time after time is asked after 1, 2, 4, up to 16 more accepted
-// steps, because each question costs a linearization. The rule is asked at most once an accepted state. One that judges its steps
+// rule that fails time after time is asked after 2, 4, 8 and then 16 more
+// accepted steps, because each question costs a linearization. The rule is
+// asked at most once an accepted state. One that judges its steps
 // (control=gain) is told what cost each proposal led to, and at what scale; the
 // verdict is Ceres', and the scale is not remembered beside the rule's own.
 //
