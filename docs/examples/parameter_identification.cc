@@ -20,7 +20,7 @@
 //             the functor: Ceres' Jets go through it.
 // Expect:     two starts in five lead to the truth, by Levenberg-Marquardt with
 //             Ceres' defaults as well as with half-inverse steps proposed, but
-//             not the same ones: one in four of them only by one of the two.
+//             not the same ones: one in three of them only by one of the two.
 //             (2,000 starts: 47 % and 50 %, 60 % by one or the other.) What
 //             helps more, from three starts in five, is a first step that is
 //             not too long: initial_trust_region_radius = 1 in place of 1e4.
@@ -196,7 +196,7 @@ Outcome Identify(const CountError& count_error,
 Outcome Report(const std::string& solver,
                const std::vector<Outcome>& outcomes,
                Table* table) {
-  const Outcome best = *std::min_element(
+  Outcome best = *std::min_element(
       outcomes.begin(), outcomes.end(), [](const auto& a, const auto& b) {
         return a.cost < b.cost;
       });
