@@ -5,7 +5,7 @@
 //
 // Estimated:  60 poses: positions p_i and rotations q_i (Eigen's quaternions).
 // Truth:      three turns of a helix with radius 4 and pitch 1.5, 20 poses a
-//             turn, each looking along its path and up.
+//             turn; the robot looks outwards and is tilted by 0.06 rad.
 // Data:       odometry p_ij, q_ij between successive poses, and 40 loop
 //             closures, each from a pose to the one a turn above it. Normal
 //             noise in every direction: 0.05 in positions and 0.02 rad.
