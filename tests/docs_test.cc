@@ -222,6 +222,59 @@ TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
   }
 }
 
+TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--starts=3", folder / "out", "04_ceres_solve");
+  EXPECT_EQ(exit_code, 0) << text;
+  // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
+  for (const char* word : {"length 1.50",
+                           " proposed, ",
+                           "nobody",
+                           "initial_trust_region_radius = 1",
+                           "control=gain",
+                           " of 3"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+}
+
+TEST(CeresSolveTutorial, RefusesUnknownRules) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--rules=half_invers", folder / "out", "04_ceres_solve");
+  EXPECT_EQ(exit_code, 1);
+  EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
+}
+
+// "20 lines with everything": the page's promise.
+TEST(CeresSolveTutorial, AddsTwentyLines) {
+  const std::string source = Read(kRoot / "docs/tutorials/04_ceres_solve.cc");
+  size_t num_lines = 0;
+  for (const char* marker : {"includes", "rule", "added", "report"}) {
+    num_lines += SplitLines(MarkedRegion(source, marker)).size();
+  }
+  EXPECT_LE(num_lines, 20u);
+}
+
+TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
+  const TemporaryFolder folder;
+  const std::string picture = folder / "picture.png";
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.01 --picture='" + picture + "'",
+                  folder / "out",
+                  "05_robot_simulator");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word : {"calibrated: wheels 0.10",
+                           "finite differences",
+                           "real miss [mm]",
+                           "adam",
+                           "half_inverse",
+                           "ceres_lm"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+}
+
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
