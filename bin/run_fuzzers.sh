@@ -50,7 +50,7 @@ fuzz() {
   mkdir -p "$fuzz_dir/corpus/$1"
   if "$fuzz_dir/$1" -max_total_time="$seconds" -max_len=4096 -timeout=10 \
     -rss_limit_mb=1024 -malloc_limit_mb=64 -print_final_stats=1 \
-    -artifact_prefix="$fuzz_dir/$1-" \
+    -artifact_prefix="$fuzz_dir/$1-" -dict="$root/tests/fuzz/numbers.dict" \
     "$fuzz_dir/corpus/$1" "$root/tests/fuzz/corpus/$1" >"$log" 2>&1
   then
     echo "$1: nothing found in $(awk '/executed_units/ {print $2}' "$log") inputs"

@@ -253,8 +253,8 @@ class NistParser {
       } else if (word == "Number" && !has_observations) {
         long count = num_observations_.first;
         is_read = SkipWords({"of", "Observations:"}) &&
-                  cursor_.ReadInteger("the number of observations", count,
-                                      count, &count);
+                  cursor_.ReadInteger(
+                      "the number of observations", count, count, &count);
         has_observations = true;
       } else {
         return cursor_.FailAtToken(
