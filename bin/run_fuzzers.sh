@@ -29,8 +29,9 @@ install_missing clang libclang-rt-dev libeigen3-dev libgoogle-glog-dev libbz2-de
 fuzz_dir="$root/build/fuzz"
 mkdir -p "$fuzz_dir"
 readonly fuzz_dir seconds
-# What a reader consists of: no Ceres, hence a few seconds to compile.
+# What the readers share: no Ceres, hence a few seconds to compile.
 readonly sources=(
+  "$root/tests/fuzz/token_mutator.cc"
   "$root"/problems/estimation/{bzip2,text_cursor}.cc
   "$root/lib/invgrad/io/atomic_file.cc"
 )
@@ -50,7 +51,7 @@ fuzz() {
   mkdir -p "$fuzz_dir/corpus/$1"
   if "$fuzz_dir/$1" -max_total_time="$seconds" -max_len=4096 -timeout=10 \
     -rss_limit_mb=1024 -malloc_limit_mb=64 -print_final_stats=1 \
-    -artifact_prefix="$fuzz_dir/$1-" -dict="$root/tests/fuzz/numbers.dict" \
+    -artifact_prefix="$fuzz_dir/$1-" \
     "$fuzz_dir/corpus/$1" "$root/tests/fuzz/corpus/$1" >"$log" 2>&1
   then
     echo "$1: nothing found in $(awk '/executed_units/ {print $2}' "$log") inputs"
