@@ -17,12 +17,12 @@
 // doubles with every proposal that is accepted, up to 1. If max_num_backoffs do
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
 // is as large again as before (or Ceres finds it too large itself). Ceres also
-// has the turn if the rule fails or the linear model promises too little; a
-// rule that fails time after time is asked after 2, 4, 8 and then 16 more
-// accepted steps, because each question costs a linearization. The rule is
-// asked at most once an accepted state. One that judges its steps
-// (control=gain) is told what cost each proposal led to, and at what scale; the
-// verdict is Ceres', and the scale is not remembered beside the rule's own.
+// has the turn if the rule fails or the linear model promises too little. The
+// rule is asked at most once an accepted state, and after it failed not before
+// 2 more steps were accepted, then 4, 8 and 16 if it fails again: each question
+// costs a linearization. One that judges its steps (control=gain) is told what
+// cost each proposal led to, and at what scale; the verdict is Ceres', and the
+// scale is not remembered beside the rule's own.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration; the
@@ -30,8 +30,9 @@
 //          either is missing. No bounds on blocks that are not constant,
 //          because Ceres' projected line search calls Plus repeatedly.
 // Cost:    one linearization and one step of the rule per accepted step, on top
-//          of Ceres' own; k^2 numbers and a product with J for a block of size
-//          k that had no manifold.
+//          of Ceres' own (a linearization evaluates all residual blocks, unless
+//          the problem is a CachedProblem); k^2 numbers and a product with J
+//          for a block of size k that had no manifold.
 // Fails:   numerical failures of the rule are Ceres' turn, never errors.
 #ifndef INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 #define INVGRAD_SOLVE_UPDATE_CALLBACK_H_
