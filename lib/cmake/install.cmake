@@ -40,6 +40,7 @@ install(FILES
   DESTINATION ${config_dir})
 
 file(RELATIVE_PATH to_prefix /${pkgconfig_dir} /)
+string(REGEX REPLACE "/$" "" to_prefix ${to_prefix})
 configure_file(lib/cmake/invgrad.pc.in
   ${PROJECT_BINARY_DIR}/install/invgrad.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/install/invgrad.pc
