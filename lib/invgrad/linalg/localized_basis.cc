@@ -73,8 +73,7 @@ MatrixXd OrthogonalRest(const Eigen::Ref<const MatrixXd>& V,
   if (rest <= 0) return MatrixXd(V.rows(), 0);
   // The last columns of the Q of V^T U are orthogonal to it.
   const Eigen::HouseholderQR<MatrixXd> qr(V.transpose() * U);
-  const MatrixXd Q =
-      qr.householderQ() * MatrixXd::Identity(V.cols(), V.cols());
+  const MatrixXd Q = qr.householderQ() * MatrixXd::Identity(V.cols(), V.cols());
   return V * Q.rightCols(rest);
 }
 

@@ -4,8 +4,8 @@
 //   span(W) = span(V)
 //
 // A null space comes out of an SVD as any rotation of itself. Directions within
-// one block are found exactly: c with |V_b c| = |c| is one of block b alone. The
-// others are those of the reduced echelon form on pivot rows that a QR
+// one block are found exactly: c with |V_b c| = |c| is one of block b alone.
+// The others are those of the reduced echelon form on pivot rows that a QR
 // decomposition of V^T with column pivoting chooses: parts of the space with
 // disjoint support come apart.
 //

@@ -17,11 +17,10 @@ using Eigen::VectorXd;
 // The singular values of a block's rows, descending. The squares are good to
 // 1e-16 of the largest, so what is far below 1e-7 of it may be noise.
 VectorXd SingularValues(const MatrixXd& A) {
-  const MatrixXd gram =
-      A.rows() < A.cols() ? MatrixXd(A * A.transpose())
-                          : MatrixXd(A.transpose() * A);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(
-      gram, Eigen::EigenvaluesOnly);
+  const MatrixXd gram = A.rows() < A.cols() ? MatrixXd(A * A.transpose())
+                                            : MatrixXd(A.transpose() * A);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(gram,
+                                                      Eigen::EigenvaluesOnly);
   return eigen.eigenvalues().reverse().cwiseMax(0.0).cwiseSqrt();
 }
 
@@ -40,7 +39,8 @@ std::vector<Anchor> ChooseAnchors(MatrixXd N,
     double largest = 0.0;
     for (int b = 0; b < num_blocks; ++b) {
       largest = std::max(
-          largest, N.middleRows(offsets[b], offsets[b + 1] - offsets[b]).norm());
+          largest,
+          N.middleRows(offsets[b], offsets[b + 1] - offsets[b]).norm());
     }
     int best = -1;
     int best_rank = 0;

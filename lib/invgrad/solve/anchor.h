@@ -25,8 +25,8 @@ struct Anchor {
   int num_removed = 0;    // directions
 };
 
-// can_hold_rows[b]: rows of block b can be held one by one. At most max_anchors;
-// the sum of their num_removed tells whether they are enough.
+// can_hold_rows[b]: rows of block b can be held one by one. At most
+// max_anchors; the sum of their num_removed tells whether they are enough.
 std::vector<Anchor> ChooseAnchors(Eigen::MatrixXd N,
                                   const std::vector<int>& offsets,
                                   const std::vector<bool>& can_hold_rows,

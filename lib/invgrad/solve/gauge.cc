@@ -25,8 +25,8 @@ Matrix3d Cross(const Vector3d& v) {
   return result;
 }
 
-// d(phi) for R(phi) -> exp(delta) R(phi), per delta: the inverse of SO(3)'s left
-// Jacobian.
+// d(phi) for R(phi) -> exp(delta) R(phi), per delta: the inverse of SO(3)'s
+// left Jacobian.
 Matrix3d InverseLeftJacobian(const Vector3d& phi) {
   const double angle = phi.norm();
   constexpr double kSmall = 1e-4;  // beyond it, 1 - cos(angle) has 8 digits
@@ -266,10 +266,8 @@ bool PlanarMotions(const GaugeComponent& component,
   } else {
     for (const GaugeBlock& block : component.blocks) {
       if (block.size == 2 || block.size == 3) {
-        points.push_back({block.values,
-                          block.values + 1,
-                          block.offset,
-                          block.offset + 1});
+        points.push_back(
+            {block.values, block.values + 1, block.offset, block.offset + 1});
       }
       if (block.size == 3) angles.push_back(block.offset + 2);
       if (block.size == 1 && layout.blocks_of_one_are_angles) {
@@ -302,12 +300,12 @@ bool PlanarMotions(const GaugeComponent& component,
 
 Gauge Translation(int size) {
   Gauge gauge;
-  gauge.name = "common translation of the blocks of size " +
-               std::to_string(size);
+  gauge.name =
+      "common translation of the blocks of size " + std::to_string(size);
   for (int i = 0; i < size; ++i) {
-    gauge.generators.push_back(
-        size == 1 ? "translation"
-                  : "translation of component " + std::to_string(i));
+    gauge.generators.push_back(size == 1 ? "translation"
+                                         : "translation of component " +
+                                               std::to_string(i));
   }
   gauge.motions = [size](const GaugeComponent& component, MatrixXd* motions) {
     int num_blocks = 0;

@@ -14,14 +14,15 @@
 //                              blocks of size 3, or of sizes 2 (a position) and
 //                              1 (an angle), or of three blocks of size 1 that
 //                              follow each other in the cost functions
-//   position, rotation         in space, the body's pose in the world: blocks of
+//   position, rotation         in space, the body's pose in the world: blocks
+//   of
 //                              sizes 3 and 4, or one of size 7 (6 with an angle
 //                              axis), in either order
 //   rotation, translation      in space, from the world to the camera, with
 //                              world points of size 3: blocks of size 4 and 3
 //                              next to each other in the cost functions, or one
-//                              of size 7, or of size 6 and more that begins with
-//                              an angle axis and a translation (BAL: 9)
+//                              of size 7, or of size 6 and more that begins
+//                              with an angle axis and a translation (BAL: 9)
 //   a b                        the common factor of a group of blocks, and the
 //                              factor that a product leaves open between first
 //                              and second arguments

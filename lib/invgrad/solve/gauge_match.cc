@@ -77,9 +77,8 @@ GaugeMatcher::GaugeMatcher(const GaugeComponent& component,
     : A_(A) {
   const std::vector<MatrixXd> inverses = PseudoInverses(component);
   for (const Gauge& gauge : gauges) {
-    MatrixXd ambient =
-        MatrixXd::Zero(component.ambient_size,
-                       static_cast<Index>(gauge.generators.size()));
+    MatrixXd ambient = MatrixXd::Zero(
+        component.ambient_size, static_cast<Index>(gauge.generators.size()));
     if (!gauge.motions(component, &ambient) || !ambient.allFinite()) continue;
     MatrixXd motions = MatrixXd::Zero(A.cols(), ambient.cols());
     Index row = 0;
@@ -142,12 +141,13 @@ GaugeMatch GaugeMatcher::Best(double limit, int num_directions) const {
   return best;
 }
 
-std::string GaugeMatcher::NameOf(const VectorXd& v) const {
+std::string GaugeMatcher::NameOf(const MatrixXd& V) const {
   constexpr double kOutside = 0.05;
   for (const Candidate& candidate : candidates_) {
-    const VectorXd inside =
-        candidate.basis * (candidate.basis.transpose() * v);
-    if ((v - inside).norm() <= kOutside) return candidate.name;
+    const MatrixXd inside = candidate.basis * (candidate.basis.transpose() * V);
+    if (((V - inside).colwise().norm().array() <= kOutside).all()) {
+      return candidate.name;
+    }
   }
   return "";
 }

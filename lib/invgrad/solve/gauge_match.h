@@ -45,9 +45,9 @@ class GaugeMatcher {
   // first. Stops at `num_directions` of them.
   GaugeMatch Best(double limit, int num_directions) const;
 
-  // The first gauge whose motions span v (length one) but for 5 %; empty if
-  // none does.
-  std::string NameOf(const Eigen::VectorXd& v) const;
+  // The first gauge whose motions span the columns of V (length one) but for
+  // 5 %; empty if none does.
+  std::string NameOf(const Eigen::MatrixXd& V) const;
 
  private:
   struct Candidate {

@@ -75,12 +75,12 @@ class UnionFind {
 // their part of J.
 struct Group {
   std::vector<int> blocks;
-  std::vector<int> columns;      // of J, without unused ones
-  std::vector<int> offsets;      // where each block's columns begin; one more
+  std::vector<int> columns;  // of J, without unused ones
+  std::vector<int> offsets;  // where each block's columns begin; one more
   SparseMatrix J;
-  SparseMatrix A;                // J D^-1
+  SparseMatrix A;  // J D^-1
   std::vector<int> residual_blocks;
-  SmallestSingular small;        // of A
+  SmallestSingular small;  // of A
   bool is_dense = false;
 };
 
@@ -324,13 +324,13 @@ class Analysis {
                                        &group.small,
                                        error);
       if (!ok) {
-        *error = "the group of " +
-                 report_.blocks[group.blocks.front()].name + ": " + *error;
+        *error = "the group of " + report_.blocks[group.blocks.front()].name +
+                 ": " + *error;
         return false;
       }
       if (group.is_dense && group.small.s.size() > 0) {
-        report_.s_max = std::max(report_.s_max,
-                                 group.small.s[group.small.s.size() - 1]);
+        report_.s_max =
+            std::max(report_.s_max, group.small.s[group.small.s.size() - 1]);
       }
     }
     return true;
@@ -358,8 +358,8 @@ class Analysis {
 
   bool UnscaledSpectrum(std::string* error) {
     if (!report_.has_all_singular_values) return true;
-    std::vector<double> all(
-        static_cast<std::size_t>(report_.num_parameters), 0.0);
+    std::vector<double> all(static_cast<std::size_t>(report_.num_parameters),
+                            0.0);
     std::size_t next = 0;
     for (const Group& group : groups_) {
       VectorXd s;
@@ -434,11 +434,14 @@ class Analysis {
     if (num_null + num_weak == 0) return;
     if (num_null > 0) DescribeNullSpace(g, group.small.V.leftCols(num_null));
     if (num_weak == 0) return;
+    // A gauge that a weak prior holds is named if it explains all of them, or
+    // this one.
     const GaugeMatcher matcher = MakeMatcher(group);
+    const MatrixXd weak = group.small.V.middleCols(num_null, num_weak);
+    const std::string name = matcher.NameOf(weak);
     for (int i = 0; i < num_weak; ++i) {
-      const VectorXd v = group.small.V.col(num_null + i);
-      RankReport::Direction direction = MakeDirection(g, v);
-      direction.gauge = matcher.NameOf(v);
+      RankReport::Direction direction = MakeDirection(g, weak.col(i));
+      direction.gauge = name.empty() ? matcher.NameOf(weak.col(i)) : name;
       report_.weak.push_back(std::move(direction));
     }
   }
@@ -516,8 +519,8 @@ class Analysis {
     std::vector<bool> can_hold;
     for (const int b : group.blocks) {
       const std::vector<int>& components = report_.blocks[b].components;
-      can_hold.push_back(
-          std::count(components.begin(), components.end(), -1) == 0);
+      can_hold.push_back(std::count(components.begin(), components.end(), -1) ==
+                         0);
     }
     for (const Anchor& anchor :
          ChooseAnchors(basis.rest, group.offsets, can_hold, kMaxAnchors)) {

@@ -1,8 +1,9 @@
 // Which parameters, or combinations of them, the residuals do not determine.
 //
 //   A = J D^-1,   D = diag(|J e_i|),   A = U diag(s) V^T:
-//   undetermined   s <= threshold s_max       the motions D^-1 v leave r as it is
-//   weak           s <= weak_threshold s_max  they change it by s / s_max only
+//   undetermined   s <= threshold s_max       the motions D^-1 v leave r as it
+//   is weak           s <= weak_threshold s_max  they change it by s / s_max
+//   only
 //
 // J is that of ProblemLinearizer: tangent directions of the blocks that are not
 // constant, at the current values, robust losses applied or not. The columns
@@ -87,7 +88,7 @@ struct RankReport {
 
   struct Direction {
     double singular_value = 0.0;  // |A v| / s_max for |v| = 1
-    std::vector<Part> parts;  // the largest share first
+    std::vector<Part> parts;      // the largest share first
     int group = 0;
     std::string gauge;      // a gauge freedom's name, or empty
     std::string generator;  // "translation x"; empty: a combination of them
@@ -97,8 +98,8 @@ struct RankReport {
   struct Unused {
     int block = 0;
     bool whole_block = false;
-    bool in_no_residual = false;   // no residual block names the block
-    std::vector<int> tangent;      // directions of the block
+    bool in_no_residual = false;  // no residual block names the block
+    std::vector<int> tangent;     // directions of the block
   };
 
   // A gauge freedom of a group.

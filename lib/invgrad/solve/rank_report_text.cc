@@ -58,8 +58,9 @@ class Text {
              " more held constant; " +
              Count(report_.num_residuals, "residual") + ")\n";
     if (!report_.is_complete) {
-      text_ += "  at most: more directions may be undetermined than were "
-               "looked for (max_directions)\n";
+      text_ +=
+          "  at most: more directions may be undetermined than were "
+          "looked for (max_directions)\n";
     }
     if (report_.num_groups > 1) {
       text_ += "  in " + std::to_string(report_.num_groups) +
@@ -68,11 +69,10 @@ class Text {
   }
 
   static std::string FirstNumbers(const VectorXd& s, int max_items) {
-    return List(static_cast<std::size_t>(s.size()),
-                max_items,
-                [&s](std::size_t i) {
-                  return FormatNumber(s[static_cast<Index>(i)], 2);
-                });
+    return List(
+        static_cast<std::size_t>(s.size()), max_items, [&s](std::size_t i) {
+          return FormatNumber(s[static_cast<Index>(i)], 2);
+        });
   }
 
   void Spectrum() {
@@ -147,14 +147,13 @@ class Text {
                         report_.ComponentName(part.block, static_cast<int>(i)));
       }
     }
-    const std::size_t shown =
-        std::min(terms.size(),
-                 static_cast<std::size_t>(std::max(1, max_items_)));
+    const std::size_t shown = std::min(
+        terms.size(), static_cast<std::size_t>(std::max(1, max_items_)));
     std::string text;
     for (std::size_t i = 0; i < shown; ++i) text += " " + terms[i];
     if (terms.size() > shown) {
-      text += " ... (" + Count(static_cast<int>(direction.parts.size()),
-                               "block") + ")";
+      text += " ... (" +
+              Count(static_cast<int>(direction.parts.size()), "block") + ")";
     }
     return text;
   }
@@ -195,13 +194,14 @@ class Text {
 
   void Weak() {
     if (report_.weak.empty()) return;
-    text_ += "\nweakly determined (s / s_max; errors of the residuals come out "
-             "s_max / s larger):\n";
+    text_ +=
+        "\nweakly determined (s / s_max; errors of the residuals come out "
+        "s_max / s larger):\n";
     AddLines(report_.weak.size(), [this](std::size_t i) {
       const RankReport::Direction& direction = report_.weak[i];
       return "  " + FormatNumber(direction.singular_value, 2) + ": " +
-             (direction.gauge.empty() ? "" : "part of " + direction.gauge +
-                                                 ":") +
+             (direction.gauge.empty() ? ""
+                                      : "part of " + direction.gauge + ":") +
              Motion(direction);
     });
   }
@@ -218,12 +218,10 @@ class Text {
     AddLines(report_.suggestions.size(), [this](std::size_t i) {
       const RankReport::Suggestion& suggestion = report_.suggestions[i];
       return "  hold " +
-             Parameters(suggestion.block,
-                        suggestion.whole_block,
-                        suggestion.tangent) +
-             " constant: takes away " +
-             std::to_string(suggestion.num_removed) + " of " +
-             std::to_string(NumOfGroup(suggestion.group));
+             Parameters(
+                 suggestion.block, suggestion.whole_block, suggestion.tangent) +
+             " constant: takes away " + std::to_string(suggestion.num_removed) +
+             " of " + std::to_string(NumOfGroup(suggestion.group));
     });
   }
 
