@@ -835,7 +835,6 @@ TEST(RankReport, RotationAndTranslationInTheirOwnBlocks) {
 TEST(RankReport, PointOfOneImageIsOpenAlongItsRay) {
   Scene scene(4, 25);
   scene.points.push_back({0.3, -0.4, 0.5});
-  Scene other = scene;
   ceres::Problem problem;
   for (int c = 0; c < 4; ++c) {
     for (int p = 0; p < 25; ++p) scene.AddImages(c, p, &problem);
@@ -883,7 +882,6 @@ TEST(RankReport, SparseAndDenseWaysAgree) {
     } else {
       scene = std::make_unique<Scene>(5, 40);
       scene->AddAllImages(&problem);
-      scene->points.push_back({0.3, -0.4, 0.5});
     }
     const RankReport a = Report(problem);
     const RankReport b = Report(problem, sparse);

@@ -31,27 +31,30 @@ std::vector<Anchor> ChooseAnchors(MatrixXd N,
                                   const std::vector<bool>& can_hold_rows,
                                   int max_anchors) {
   constexpr double kRank = 1e-5;  // relative to the block's largest
-  // A block that hardly moves would be a bad anchor.
+  // A block that does not move is no anchor, and one that hardly does is a bad
+  // one if there are others.
+  constexpr double kFixed = 1e-6;
   constexpr double kFirm = 0.1;
   std::vector<Anchor> anchors;
   const int num_blocks = static_cast<int>(offsets.size()) - 1;
   while (N.cols() > 0 && static_cast<int>(anchors.size()) < max_anchors) {
-    double largest = 0.0;
+    std::vector<double> norms(num_blocks);
     for (int b = 0; b < num_blocks; ++b) {
-      largest = std::max(
-          largest,
-          N.middleRows(offsets[b], offsets[b + 1] - offsets[b]).norm());
+      norms[b] = N.middleRows(offsets[b], offsets[b + 1] - offsets[b]).norm();
     }
+    const double largest = *std::max_element(norms.begin(), norms.end());
     int best = -1;
     int best_rank = 0;
     for (int b = 0; b < num_blocks; ++b) {
       const auto N_b = N.middleRows(offsets[b], offsets[b + 1] - offsets[b]);
-      if (N_b.rows() <= best_rank || !(N_b.norm() >= kFirm * largest)) continue;
+      if (N_b.rows() < best_rank || !(norms[b] > kFixed * largest)) continue;
       const VectorXd s = SingularValues(N_b);
       const int rank = static_cast<int>((s.array() > kRank * s[0]).count());
-      if (rank <= best_rank) continue;
-      best = b;
-      best_rank = rank;
+      if (rank < best_rank) continue;
+      if (rank > best_rank || kFirm * norms[b] > norms[best]) {
+        best = b;
+        best_rank = rank;
+      }
     }
     if (best < 0) break;
     Anchor anchor;

@@ -3,7 +3,8 @@
 //   null directions left after holding the rows R:  { N c : N_R c = 0 },
 //   so R takes rank(N_R) of them away
 //
-// Chosen greedily: the block that takes the most away, and of those the first.
+// Chosen greedily: the block that takes the most away, and of those the first
+// unless another moves ten times as much.
 // Held is no more than its rank, so that nothing is held that the residuals do
 // determine, wherever components of the block can be held one by one.
 //

@@ -119,13 +119,20 @@ Rotation QuaternionOrder(const GaugeBlock& block, Rotation otherwise) {
   return otherwise;
 }
 
-// Reads the blocks as `pose` stored by `kind`, rotations before positions or
-// after. False if they cannot be that.
+// How poses are stored.
+struct SpatialLayout {
+  Pose pose;
+  Rotation kind;
+  bool rotation_first;  // before the position
+  // Otherwise they are calibrations, which do not move.
+  bool blocks_of_three_are_points;
+};
+
+// Reads the blocks by a layout. False if they cannot be that.
 bool ReadScene(const GaugeComponent& component,
-               Pose pose,
-               Rotation kind,
-               bool rotation_first,
+               const SpatialLayout& layout,
                SpatialScene* scene) {
+  const auto [pose, kind, rotation_first, has_points] = layout;
   const bool is_camera = pose == Pose::kWorldInCamera;
   std::set<int> translations;  // blocks that follow a camera's rotation
   const auto add_pose = [&](const RotationView& rotation,
@@ -158,7 +165,7 @@ bool ReadScene(const GaugeComponent& component,
     const GaugeBlock& block = component.blocks[b];
     const double* x = block.values;
     if (block.size == 3) {
-      if (translations.count(static_cast<int>(b)) == 0) {
+      if (has_points && translations.count(static_cast<int>(b)) == 0) {
         scene->points.push_back({x, block.offset});
       }
     } else if (kind == Rotation::kAngleAxis && block.size >= 6) {
@@ -178,6 +185,12 @@ bool ReadScene(const GaugeComponent& component,
       scene->turns.push_back({{QuaternionOrder(block, kind), x}, block.offset});
     }
   }
+  // One of the layouts stands for points alone.
+  const bool has_rotations = !scene->turns.empty() || !scene->cameras.empty();
+  if (!has_rotations &&
+      (is_camera || kind != Rotation::kAngleAxis || !rotation_first)) {
+    return false;
+  }
   return !scene->points.empty() || !scene->cameras.empty();
 }
 
@@ -185,12 +198,10 @@ bool ReadScene(const GaugeComponent& component,
 //   X -> X + a + delta x (X - c) + e (X - c)
 // and, for X_camera = R X + t,  t -> t - R a + R (delta x c) + e (t + R c).
 bool SpatialMotions(const GaugeComponent& component,
-                    Pose pose,
-                    Rotation kind,
-                    bool rotation_first,
+                    const SpatialLayout& layout,
                     MatrixXd* motions) {
   SpatialScene scene;
-  if (!ReadScene(component, pose, kind, rotation_first, &scene)) return false;
+  if (!ReadScene(component, layout, &scene)) return false;
   Vector3d center = Vector3d::Zero();
   for (const auto& point : scene.points) {
     center += Eigen::Map<const Vector3d>(point.values);
@@ -215,7 +226,7 @@ bool SpatialMotions(const GaugeComponent& component,
       const Vector3d p = Eigen::Map<const Vector3d>(point.values) - center;
       Put(a + delta.cross(p) + e * p, motion + point.offset);
     }
-    const bool left = pose == Pose::kBodyInWorld;
+    const bool left = layout.pose == Pose::kBodyInWorld;
     for (const auto& turn : scene.turns) {
       turn.rotation.Move(
           left ? delta : Vector3d(-delta), left, motion + turn.offset);
@@ -230,8 +241,25 @@ bool SpatialMotions(const GaugeComponent& component,
   return true;
 }
 
+std::vector<SpatialLayout> SpatialLayouts() {
+  std::vector<SpatialLayout> layouts;
+  for (const bool has_points : {true, false}) {
+    for (const Pose pose : {Pose::kBodyInWorld, Pose::kWorldInCamera}) {
+      for (const Rotation kind :
+           {Rotation::kWxyz, Rotation::kXyzw, Rotation::kAngleAxis}) {
+        for (const bool rotation_first : {true, false}) {
+          layouts.push_back({pose, kind, rotation_first, has_points});
+        }
+      }
+    }
+  }
+  return layouts;
+}
+
+// Blocks of sizes 1 and 2 may also be calibrations, which do not move.
 struct PlanarLayout {
   bool blocks_of_one_are_angles;
+  bool blocks_of_two_are_points;
   bool split;  // x, y and angle are blocks of their own
 };
 
@@ -265,7 +293,8 @@ bool PlanarMotions(const GaugeComponent& component,
     }
   } else {
     for (const GaugeBlock& block : component.blocks) {
-      if (block.size == 2 || block.size == 3) {
+      if (block.size == 3 ||
+          (block.size == 2 && layout.blocks_of_two_are_points)) {
         points.push_back(
             {block.values, block.values + 1, block.offset, block.offset + 1});
       }
@@ -381,9 +410,11 @@ std::vector<Gauge> BuiltInGauges() {
                                              "scale"};
   for (const bool with_scale : {false, true}) {
     const std::string name = with_scale ? "similarity" : "rigid motion";
-    for (const PlanarLayout layout : {PlanarLayout{false, false},
-                                      PlanarLayout{true, false},
-                                      PlanarLayout{false, true}}) {
+    for (const PlanarLayout layout : {PlanarLayout{false, true, false},
+                                      PlanarLayout{true, true, false},
+                                      PlanarLayout{false, false, false},
+                                      PlanarLayout{true, false, false},
+                                      PlanarLayout{false, false, true}}) {
       gauges.push_back(
           {name + " in the plane",
            {in_plane.begin(), in_plane.begin() + (with_scale ? 4 : 3)},
@@ -391,20 +422,13 @@ std::vector<Gauge> BuiltInGauges() {
              return PlanarMotions(component, layout, motions);
            }});
     }
-    for (const Pose pose : {Pose::kBodyInWorld, Pose::kWorldInCamera}) {
-      for (const Rotation kind :
-           {Rotation::kWxyz, Rotation::kXyzw, Rotation::kAngleAxis}) {
-        for (const bool rotation_first : {true, false}) {
-          gauges.push_back(
-              {name + " in space",
-               {in_space.begin(), in_space.begin() + (with_scale ? 7 : 6)},
-               [pose, kind, rotation_first](const GaugeComponent& component,
-                                            MatrixXd* motions) {
-                 return SpatialMotions(
-                     component, pose, kind, rotation_first, motions);
-               }});
-        }
-      }
+    for (const SpatialLayout& layout : SpatialLayouts()) {
+      gauges.push_back(
+          {name + " in space",
+           {in_space.begin(), in_space.begin() + (with_scale ? 7 : 6)},
+           [layout](const GaugeComponent& component, MatrixXd* motions) {
+             return SpatialMotions(component, layout, motions);
+           }});
     }
   }
   return gauges;

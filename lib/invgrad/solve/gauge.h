@@ -26,6 +26,8 @@
 //   a b                        the common factor of a group of blocks, and the
 //                              factor that a product leaves open between first
 //                              and second arguments
+// Blocks of sizes that are left over do not move; those of sizes 1 to 3 beside
+// poses are tried both ways, as positions and as calibrations.
 // Quaternions are (w, x, y, z) or (x, y, z, w): by their ceres::Manifold if
 // that is a block's own, otherwise both are tried.
 //

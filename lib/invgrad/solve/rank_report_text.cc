@@ -68,10 +68,16 @@ class Text {
     }
   }
 
+  // Digits of rounding errors say nothing.
+  static std::string FormatSingularValue(double s) {
+    constexpr double kResolved = 1e-12;
+    return s < kResolved ? "0" : FormatNumber(s, 2);
+  }
+
   static std::string FirstNumbers(const VectorXd& s, int max_items) {
     return List(
         static_cast<std::size_t>(s.size()), max_items, [&s](std::size_t i) {
-          return FormatNumber(s[static_cast<Index>(i)], 2);
+          return FormatSingularValue(s[static_cast<Index>(i)]);
         });
   }
 
@@ -86,7 +92,8 @@ class Text {
         FormatNumber(report_.weak_threshold, 2) + "\n";
     const VectorXd& unscaled = report_.unscaled_singular_values;
     if (unscaled.size() > 0) {
-      text_ += "  the smallest of J as it is: " + FormatNumber(unscaled[0], 2);
+      text_ +=
+          "  the smallest of J as it is: " + FormatSingularValue(unscaled[0]);
       const auto refused = (unscaled.array() <= kCovarianceLimit).count();
       text_ += refused > 0 ? " (ceres::Covariance: rank deficient)\n"
                            : " (ceres::Covariance: full rank)\n";
@@ -179,9 +186,9 @@ class Text {
     const auto count = static_cast<int>(gauge.directions.size());
     const RankReport::Direction& first =
         report_.undetermined[gauge.directions.front()];
-    text_ += "  gauge freedom: " + gauge.name + ", " + std::to_string(count) +
-             " of its " + Count(gauge.num_generators, "direction") + ", of " +
-             Count(static_cast<int>(first.parts.size()), "block") + "\n";
+    text_ += "  gauge freedom: " + gauge.name + " (" + std::to_string(count) +
+             " of " + Count(gauge.num_generators, "direction") + "; " +
+             Count(static_cast<int>(first.parts.size()), "block") + ")\n";
     for (const int d : gauge.directions) {
       const RankReport::Direction& direction = report_.undetermined[d];
       if (direction.generator.empty()) {
