@@ -222,6 +222,25 @@ TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
   }
 }
 
+// Line for line, but for motions: which of several that are as good is told
+// may depend on rounding.
+TEST(RankReportTutorial, PrintsWhatThePageShows) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "03_rank_report");
+  EXPECT_EQ(exit_code, 0) << text;
+  const std::vector<std::string> page =
+      SplitLines(Read(kRoot / "docs/tutorials/03_rank_report.md"));
+  int num_lines = 0;
+  for (const std::string& line : SplitLines(text)) {
+    const std::string start = line.substr(0, 3);
+    if (start == "===" || start == "  +" || start == "  -") continue;
+    EXPECT_GT(std::count(page.begin(), page.end(), line), 0) << line;
+    ++num_lines;
+  }
+  EXPECT_GT(num_lines, 30);
+}
+
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =

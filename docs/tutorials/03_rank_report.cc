@@ -119,6 +119,7 @@ Gauge WheelAndWay(const Robot& robot) {
 }
 // [/gauge]
 
+// [print]
 bool Print(const RankReport::Options& options, const ceres::Problem& problem) {
   RankReport report;
   std::string error;
@@ -129,6 +130,7 @@ bool Print(const RankReport::Options& options, const ceres::Problem& problem) {
   std::cout << report.ToText() << "\n";
   return true;
 }
+// [/print]
 
 int Run() {
   Robot robot;
@@ -143,13 +145,8 @@ int Run() {
     }
     return "calibration";
   };
-  RankReport report;
-  std::string error;
-  if (!ComputeRankReport(options, problem, &report, &error)) {
-    std::cerr << error << "\n";
-    return 1;
-  }
-  std::cout << "=== as it is\n" << report.ToText() << "\n";
+  std::cout << "=== as it is\n";
+  if (!Print(options, problem)) return 1;
   // [/report]
 
   // [own]
