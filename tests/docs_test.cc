@@ -118,8 +118,23 @@ std::vector<Quotation> Quotations(const std::string& page) {
   return quotations;
 }
 
+// The page without what stands between lines of ```: C++'s [a](b) is no link.
+std::string WithoutCode(const std::string& page) {
+  std::string text;
+  bool is_code = false;
+  for (const std::string& line : SplitLines(page)) {
+    if (line.rfind("```", 0) == 0) {
+      is_code = !is_code;
+    } else if (!is_code) {
+      text += line + "\n";
+    }
+  }
+  return text;
+}
+
 // The targets of [text](target) and ![text](target) that are files.
-std::vector<std::string> RelativeLinks(const std::string& page) {
+std::vector<std::string> RelativeLinks(const std::string& whole_page) {
+  const std::string page = WithoutCode(whole_page);
   std::vector<std::string> links;
   for (size_t at = page.find("]("); at != std::string::npos;
        at = page.find("](", at + 2)) {
@@ -143,13 +158,13 @@ TEST(Docs, MarkedRegionIsUnindentedAndLeavesOutMarkers) {
 TEST(Docs, QuotationsAndLinksAreFound) {
   const std::string page =
       "[a](b.md#c) ![d](e.png) [f](http://g) [h](#i)\n"
-      "<!-- quoted from j.cc: k -->\n```cpp\nl\n\nm\n```\nn\n";
+      "<!-- quoted from j.cc: k -->\n```cpp\nl\n\n[m](o)\n```\nn\n";
   EXPECT_EQ(RelativeLinks(page), (std::vector<std::string>{"b.md", "e.png"}));
   const std::vector<Quotation> quotations = Quotations(page);
   ASSERT_EQ(quotations.size(), 1u);
   EXPECT_EQ(quotations[0].file, "j.cc");
   EXPECT_EQ(quotations[0].marker, "k");
-  EXPECT_EQ(quotations[0].text, "l\n\nm\n");
+  EXPECT_EQ(quotations[0].text, "l\n\n[m](o)\n");
 }
 
 TEST(Docs, QuotationsAreCurrent) {
