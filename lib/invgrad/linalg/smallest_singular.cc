@@ -205,12 +205,7 @@ bool SparseSmallestSingular(const SparseMatrix& A,
       RandomMatrix(n, std::min(kFirstBlock, largest_block), &generator));
   VectorXd s;
   VectorXd last;
-  for (int iteration = 0;; ++iteration) {
-    if (iteration == kMaxIterations) {
-      *error = "subspace iteration did not settle in " +
-               std::to_string(kMaxIterations) + " iterations";
-      return false;
-    }
+  for (int iteration = 1;; ++iteration) {
     V = Orthonormalized(cholesky.solve(V));
     RayleighRitz(A, &V, &s);
     if (!s.allFinite()) {
@@ -223,11 +218,12 @@ bool SparseSmallestSingular(const SparseMatrix& A,
     for (Index i = 0; settled && i < s.size() && s[i] <= 2.0 * limit; ++i) {
       settled = std::abs(s[i] - last[i]) <= 1e-3 * s[i] + 1e-9 * s_max;
     }
-    if (settled) {
+    const bool is_last = iteration == kMaxIterations;
+    if (settled || is_last) {
       const bool is_all = V.cols() == n;
-      if (is_all || num_small + kGuard / 2 <= V.cols() ||
+      if (is_last || is_all || num_small + kGuard / 2 <= V.cols() ||
           V.cols() == largest_block) {
-        result->complete = is_all || num_small < V.cols();
+        result->complete = settled && (is_all || num_small < V.cols());
         result->s = s;
         result->V = V.leftCols(num_small);
         return true;

@@ -13,8 +13,9 @@
 // Shapes:  A: m x n;  s: ascending;  V: n x k, orthonormal columns.
 // Cost:    dense: 2 m n^2 + 22 n^3 and m n numbers. Sparse: one decomposition
 //          of A^T A with AMD's ordering, then about ten times k + 8 solutions.
-// Fails:   returns false with a message if A is not finite, the decomposition
-//          fails, or the iteration does not settle.
+// Fails:   returns false with a message if A is not finite or the decomposition
+//          fails. An iteration that does not settle, as among a hundred close
+//          values, gives what it has and is not complete.
 #ifndef INVGRAD_LINALG_SMALLEST_SINGULAR_H_
 #define INVGRAD_LINALG_SMALLEST_SINGULAR_H_
 
@@ -31,7 +32,7 @@ struct SmallestSingular {
   Eigen::VectorXd s;
   // The vectors of those with s <= limit.
   Eigen::MatrixXd V;
-  // False if there may be more than max_vectors with s <= limit.
+  // False if there may be more with s <= limit than were found.
   bool complete = true;
 };
 

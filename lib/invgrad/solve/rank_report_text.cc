@@ -60,7 +60,7 @@ class Text {
     if (!report_.is_complete) {
       text_ +=
           "  at most: more directions may be undetermined than were "
-          "looked for (max_directions)\n";
+          "found (raise max_directions)\n";
     }
     if (report_.num_groups > 1) {
       text_ += "  in " + std::to_string(report_.num_groups) +
