@@ -53,6 +53,9 @@ if(INVGRAD_BUILD_PROGRAMS)
   endif()
   note_if_missing("FFTW 3" libfftw3-dev FFTW_FOUND)
 
+  find_package(BZip2 QUIET)
+  note_if_missing("libbz2" libbz2-dev BZIP2_FOUND)
+
   find_package(benchmark QUIET)
   note_if_missing("Google Benchmark" libbenchmark-dev benchmark_FOUND)
 

@@ -4,16 +4,20 @@
 //   cameras points observations
 //   camera point x y            one line an observation
 //   ...
-//   value                       9 lines a camera: rotation (angle axis),
+//   value                       9 values a camera: rotation (angle axis),
 //   ...                         translation, focal length, k1, k2
-//   value                       3 lines a point
+//   value                       3 values a point
+//
+// The values are one a line in the published files; any space separates them.
 //
 // Cost:    linear in the size of the text; memory is bounded by it, whatever
 //          counts it claims.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
 //          text is empty, cut off, goes on behind its end, names a camera or a
 //          point that it does not have, or holds a number that is not finite;
-//          for .bz2 also if it cannot be decompressed. *data is then unchanged.
+//          for .bz2 also if it cannot be decompressed, or becomes longer than
+//          2 GiB, or than 64 MiB and a hundred times its compressed size.
+//          *data is then unchanged.
 //
 // [1] Agarwal, Snavely, Seitz, Szeliski. Bundle Adjustment in the Large. ECCV
 //     2010. https://grail.cs.washington.edu/projects/bal
@@ -45,6 +49,14 @@ bool ParseBal(const std::string& text,
               const std::string& file,
               BalData* data,
               std::string* error);
+
+// The text that ParseBal reads back as `data`, bit for bit.
+std::string BalText(const BalData& data);
+
+// True if there is a camera, a point and an observation, all indices are of
+// cameras and points, and all numbers are finite: what ParseBal promises and
+// what can be written. Otherwise *error says what is not.
+bool CheckBal(const BalData& data, std::string* error);
 
 // Decompresses and compresses if the path ends in ".bz2".
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error);

@@ -4,16 +4,19 @@
 //   VERTEX_SE3:QUAT id x y z qx qy qz qw
 //   EDGE_SE2 from to x y theta  I11 I12 I13 I22 I23 I33
 //   EDGE_SE3:QUAT from to x y z qx qy qz qw  I11 I12 ... I66
-//   FIX id
+//   FIX id ...
 //
-// One file is of one dimension. Other tags are refused by name.
+// An information matrix is given by its upper triangle, row by row. Lines may
+// be in any order; blank ones and those that start with # are skipped. One file
+// is of one dimension. Other tags are refused by name.
 //
 // Cost:    linear in the size of the text; memory is bounded by it.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
 //          text has no vertex, a line has other than its count of numbers, an
-//          id is used twice or not known, dimensions are mixed, a number is not
-//          finite, a quaternion is zero, or an information matrix is not
-//          positive definite. *graph is then unchanged.
+//          id is used twice or not known, an edge joins a pose with itself,
+//          dimensions are mixed, a number is not finite, a quaternion is zero,
+//          or an information matrix is not positive definite. *graph is then
+//          unchanged.
 //
 // [1] Kuemmerle, Grisetti, Strasdat, Konolige, Burgard. g2o: A General
 //     Framework for Graph Optimization. ICRA 2011.
@@ -51,6 +54,16 @@ bool ParseG2o(const std::string& text,
               const std::string& file,
               PoseGraph* graph,
               std::string* error);
+
+// The text that ParseG2o reads back as `graph`, bit for bit.
+std::string G2oText(const PoseGraph& graph);
+
+// True if `graph` is what ParseG2o promises and what can be written: columns
+// are in range, ids differ, sizes are those of the dimension, numbers are
+// finite, quaternions have length one, information matrices are symmetric and
+// positive definite. Otherwise *error says what is not.
+bool CheckG2o(const PoseGraph& graph, std::string* error);
+
 bool ReadG2oFile(const std::string& path, PoseGraph* graph, std::string* error);
 bool WriteG2oFile(const std::string& path,
                   const PoseGraph& graph,

@@ -8,7 +8,8 @@
 //           start 1     start 2      certified         standard deviation
 //
 // and a row of data is a response followed by its predictors (one, or two in
-// Nelson.dat).
+// Nelson.dat). The counts of parameters, predictors and observations, which the
+// text states as well, must agree with the rows.
 //
 // Cost:    linear in the size of the text; memory is bounded by it, whatever
 //          the numbers in it claim.
@@ -43,6 +44,16 @@ bool ParseNist(const std::string& text,
                const std::string& file,
                NistData* data,
                std::string* error);
+
+// The text that ParseNist reads back as `data`, bit for bit.
+std::string NistText(const NistData& data);
+
+// True if `data` is what ParseNist promises and what can be written: sizes
+// agree, there are a parameter, a predictor and no fewer observations than
+// parameters, numbers are finite, and the name is one word. Otherwise *error
+// says what is not.
+bool CheckNist(const NistData& data, std::string* error);
+
 bool ReadNistFile(const std::string& path, NistData* data, std::string* error);
 
 // Writes `data` in the same format, such that ParseNist reads it back.

@@ -1,0 +1,150 @@
+#include "problems/estimation/text_cursor.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <system_error>
+
+namespace invgrad {
+namespace {
+
+constexpr std::string_view kSpace = " \t\r\v\f";
+
+// A token of a damaged file may be long and hold any bytes.
+std::string Quote(std::string_view token) {
+  constexpr size_t kMaxSize = 40;
+  std::string quoted = "'";
+  for (const char c : token.substr(0, kMaxSize)) {
+    quoted += c >= ' ' && c <= '~' ? c : '?';
+  }
+  return quoted + (token.size() > kMaxSize ? "...'" : "'");
+}
+
+template <typename T>
+bool ParseAll(std::string_view token, T* value) {
+  const char* end = token.data() + token.size();
+  const auto result = std::from_chars(token.data(), end, *value);
+  return result.ec == std::errc() && result.ptr == end;
+}
+
+template <typename T>
+void Append(T value, std::string* text) {
+  char buffer[32];  // the longest double has 24 characters
+  const auto result = std::to_chars(buffer, buffer + sizeof(buffer), value);
+  text->append(buffer, result.ptr);
+}
+
+}  // namespace
+
+TextCursor::TextCursor(std::string_view text,
+                       std::string_view file,
+                       std::string* error)
+    : rest_(text),
+      file_(file),
+      error_(error),
+      num_lines_(std::count(text.begin(), text.end(), '\n') +
+                 (!text.empty() && text.back() != '\n' ? 1 : 0)) {}
+
+bool TextCursor::NextLine() {
+  if (rest_.empty()) {
+    line_ = {};
+    return false;
+  }
+  const size_t size = std::min(rest_.find('\n'), rest_.size());
+  line_ = rest_.substr(0, size);
+  rest_.remove_prefix(std::min(size + 1, rest_.size()));
+  ++line_number_;
+  return true;
+}
+
+std::string_view TextCursor::NextToken() {
+  const std::string_view token = PeekToken();
+  if (token.empty()) {
+    line_ = {};
+  } else {
+    line_.remove_prefix(token.data() + token.size() - line_.data());
+  }
+  return token;
+}
+
+std::string_view TextCursor::PeekToken() const {
+  const size_t begin = std::min(line_.find_first_not_of(kSpace), line_.size());
+  const size_t end = std::min(line_.find_first_of(kSpace, begin), line_.size());
+  return line_.substr(begin, end - begin);
+}
+
+bool TextCursor::ReadNumber(std::string_view expected, double* value) {
+  const std::string_view token = NextToken();
+  // std::from_chars takes no plus sign.
+  const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
+  if (!ParseAll(token.substr(has_plus ? 1 : 0), value) ||
+      !std::isfinite(*value)) {
+    return FailAtToken(token, std::string(expected) + ": a finite double");
+  }
+  return true;
+}
+
+bool TextCursor::ReadInteger(std::string_view expected,
+                             long min,
+                             long max,
+                             long* value) {
+  const std::string_view token = NextToken();
+  if (!ParseAll(token, value) || *value < min || *value > max) {
+    const std::string range = min == max
+                                  ? std::to_string(min)
+                                  : "an integer from " + std::to_string(min) +
+                                        " to " + std::to_string(max);
+    return FailAtToken(token, std::string(expected) + ": " + range);
+  }
+  return true;
+}
+
+bool TextCursor::ReadWord(std::string_view word) {
+  const std::string_view token = NextToken();
+  return token == word || FailAtToken(token, Quote(word));
+}
+
+bool TextCursor::ReadLineEnd() {
+  const std::string_view token = NextToken();
+  return token.empty() || FailAtToken(token, "the line's end");
+}
+
+bool TextCursor::ReadTextEnd() {
+  do {
+    const std::string_view token = NextToken();
+    if (!token.empty()) {
+      return FailAtToken(token, "the text's end");
+    }
+  } while (NextLine());
+  return true;
+}
+
+bool TextCursor::Fail(std::string_view what, std::string_view expected) const {
+  return FailOnLine(line_number_, what, expected);
+}
+
+bool TextCursor::FailOnLine(long line_number,
+                            std::string_view what,
+                            std::string_view expected) const {
+  *error_ = std::string(file_) + ":" +
+            std::to_string(std::max(line_number, 1L)) + ": " +
+            std::string(what) + "; expected " + std::string(expected);
+  return false;
+}
+
+bool TextCursor::FailAtToken(std::string_view token,
+                             std::string_view expected) const {
+  if (!token.empty()) {
+    return Fail("found " + Quote(token), expected);
+  }
+  if (num_lines_ == 0) {
+    return Fail("the text is empty", expected);
+  }
+  return Fail(rest_.empty() ? "the text ends" : "the line ends", expected);
+}
+
+void AppendNumber(double value, std::string* text) { Append(value, text); }
+
+void AppendNumber(long value, std::string* text) { Append(value, text); }
+
+}  // namespace invgrad
