@@ -44,6 +44,11 @@ DEFINE_string(input,
               "files, or folders of them, comma-separated: .dat (NIST), .txt "
               "or .txt.bz2 (BAL), .g2o");
 DEFINE_string(format, "", "nist, bal or g2o, whatever the files' names end in");
+DEFINE_string(
+    information_root,
+    "lower",
+    "which Cholesky factor of an edge's information weights it "
+    "(g2o): lower, as Ceres' examples; upper, as the format means it");
 DEFINE_string(start, "both", "of a NIST file: 1, 2, both");
 DEFINE_string(
     methods,
@@ -92,6 +97,11 @@ bool CheckFlags(std::string* error) {
              FLAGS_start == "1" || FLAGS_start == "2" || FLAGS_start == "both",
              "1, 2, both",
              error) &&
+         CheckFlag("information_root",
+                   FLAGS_information_root == "lower" ||
+                       FLAGS_information_root == "upper",
+                   "lower, upper",
+                   error) &&
          CheckFlag("perturb",
                    std::isfinite(FLAGS_perturb) && FLAGS_perturb >= 0.0,
                    "0 (off) or more",
@@ -150,6 +160,11 @@ std::string InputName(const std::string& file) {
 
 // Reads all files, so that nothing runs if one of them is bad.
 bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
+  ReadEstimationOptions options;
+  options.kind = FLAGS_format;
+  options.information_root = FLAGS_information_root == "lower"
+                                 ? InformationRoot::kLower
+                                 : InformationRoot::kUpper;
   std::vector<std::string> files;
   if (!FindFiles(&files, error)) return false;
   for (const std::string& file : files) {
@@ -162,7 +177,7 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
         return false;
       }
     }
-    input.estimation = ReadEstimation(file, FLAGS_format, error);
+    input.estimation = ReadEstimation(file, options, error);
     if (input.estimation == nullptr) return false;
     if (FLAGS_start == "2" && input.estimation->num_starts() < 2) {
       *error = "--start=2: " + file + " has one start";

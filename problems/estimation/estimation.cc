@@ -14,14 +14,33 @@ struct Kind {
   std::string name;
   std::vector<std::string> extensions;
   std::unique_ptr<Estimation> (*read)(const std::string& path,
+                                      const ReadEstimationOptions& options,
                                       std::string* error);
 };
 
+std::unique_ptr<Estimation> ReadNist(const std::string& path,
+                                     const ReadEstimationOptions& /*options*/,
+                                     std::string* error) {
+  return ReadNistEstimation(path, error);
+}
+
+std::unique_ptr<Estimation> ReadBal(const std::string& path,
+                                    const ReadEstimationOptions& /*options*/,
+                                    std::string* error) {
+  return ReadBalEstimation(path, error);
+}
+
+std::unique_ptr<Estimation> ReadG2o(const std::string& path,
+                                    const ReadEstimationOptions& options,
+                                    std::string* error) {
+  return ReadPoseGraphEstimation(path, options.information_root, error);
+}
+
 const std::vector<Kind>& Kinds() {
   static const auto* const kinds = new std::vector<Kind>{
-      {"nist", {".dat"}, ReadNistEstimation},
-      {"bal", {".txt", ".txt.bz2"}, ReadBalEstimation},
-      {"g2o", {".g2o"}, ReadPoseGraphEstimation},
+      {"nist", {".dat"}, ReadNist},
+      {"bal", {".txt", ".txt.bz2"}, ReadBal},
+      {"g2o", {".g2o"}, ReadG2o},
   };
   return *kinds;
 }
@@ -50,12 +69,12 @@ const std::vector<std::string>& EstimationKinds() {
 }
 
 std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
-                                           const std::string& kind,
+                                           const ReadEstimationOptions& options,
                                            std::string* error) {
   std::string known;
   for (const Kind& row : Kinds()) {
-    if (kind.empty() ? IsOf(row, path) : kind == row.name) {
-      return row.read(path, error);
+    if (options.kind.empty() ? IsOf(row, path) : options.kind == row.name) {
+      return row.read(path, options, error);
     }
     for (const std::string& end : row.extensions) {
       known += (known.empty() ? "" : ", ") + end + " (" + row.name + ")";

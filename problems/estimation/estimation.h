@@ -22,6 +22,7 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/io/plot.h"
 #include "invgrad/solve/minimizer.h"
+#include "problems/estimation/pose_graph.h"
 #include "problems/estimation/robust_loss.h"
 
 namespace invgrad {
@@ -68,10 +69,14 @@ class Estimation {
 // What --format may be.
 const std::vector<std::string>& EstimationKinds();
 
-// Reads a file of that kind; of the kind that its extension says if `kind` is
-// empty. Null, with *error set, if it cannot.
+struct ReadEstimationOptions {
+  std::string kind;  // empty: what the extension says
+  InformationRoot information_root = InformationRoot::kLower;  // of g2o
+};
+
+// Null, with *error set, if the file cannot be read.
 std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
-                                           const std::string& kind,
+                                           const ReadEstimationOptions& options,
                                            std::string* error);
 
 }  // namespace invgrad

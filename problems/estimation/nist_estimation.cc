@@ -144,18 +144,9 @@ std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
   NistData data;
   if (!ReadNistFile(path, &data, error)) return nullptr;
   std::string why;
-  const NistModel* model = FindNistModel(data.name, &why);
+  const NistModel* model = FindNistModel(data, &why);
   if (model == nullptr) {
     *error = path + ": " + why;
-    return nullptr;
-  }
-  if (data.num_parameters() != model->num_parameters ||
-      data.predictors.cols() != model->num_predictors) {
-    *error = path + ": has " + std::to_string(data.num_parameters()) +
-             " parameters and " + std::to_string(data.predictors.cols()) +
-             " predictors; expected " + std::to_string(model->num_parameters) +
-             " and " + std::to_string(model->num_predictors) + " for " +
-             model->formula;
     return nullptr;
   }
   if (model->log_response && data.responses.minCoeff() <= 0.0) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "ceres/autodiff_cost_function.h"
 #include "glog/logging.h"
@@ -142,6 +143,7 @@ struct ConstantAndTwoExps {
   }
 };
 
+// arctan in (-pi/2, pi/2) for b3 > 0, x < b4
 struct LineAndArctan {
   static constexpr int kNumParameters = 4;
   static constexpr int kNumPredictors = 1;
@@ -149,6 +151,17 @@ struct LineAndArctan {
   static T Value(const double* x, const T* b) {
     using std::atan2;
     return b[0] - b[1] * x[0] + atan2(b[2], b[3] - x[0]) / kPi;
+  }
+};
+
+// arctan in (0, pi) for b3 > 0
+struct LineAndPositiveArctan {
+  static constexpr int kNumParameters = 4;
+  static constexpr int kNumPredictors = 1;
+  template <typename T>
+  static T Value(const double* x, const T* b) {
+    using std::atan2;
+    return b[0] - b[1] * x[0] - atan2(b[2], x[0] - b[3]) / kPi;
   }
 };
 
@@ -300,6 +313,8 @@ const std::vector<NistModel>& NistModels() {
       Row<Hyperbola>("Misra1d", "y = b1 b2 x / (1 + b2 x)"),
       Row<LineAndArctan>("Roszman1",
                          "y = b1 - b2 x - arctan(b3 / (x - b4)) / pi"),
+      Row<LineAndPositiveArctan>("Roszman1",
+                                 "y = b1 - b2 x - atan2(b3, x - b4) / pi"),
       Row<ThreeWaves>("ENSO",
                       "y = b1 + b2 cos(2 pi x / 12) + b3 sin(2 pi x / 12) + b5 "
                       "cos(2 pi x / b4) + b6 sin(2 pi x / b4) + b8 cos(2 pi x "
@@ -319,15 +334,57 @@ const std::vector<NistModel>& NistModels() {
   return *models;
 }
 
-const NistModel* FindNistModel(const std::string& name, std::string* error) {
+const NistModel* FindNistModel(const NistData& data, std::string* error) {
+  const NistModel* nearest = nullptr;
+  const NistModel* of_other_size = nullptr;
+  double least = std::numeric_limits<double>::infinity();
   std::vector<std::string> names;
   for (const NistModel& model : NistModels()) {
-    if (model.name == name) return &model;
-    names.push_back(model.name);
+    if (names.empty() || names.back() != model.name) {
+      names.push_back(model.name);
+    }
+    if (model.name != data.name) continue;
+    if (data.num_parameters() != model.num_parameters ||
+        data.predictors.cols() != model.num_predictors) {
+      of_other_size = &model;
+      continue;
+    }
+    const double difference =
+        std::abs(SumOfSquares(model, data, data.certified) -
+                 data.certified_sum_of_squares);
+    if (nearest == nullptr || difference < least) {
+      nearest = &model;
+      least = difference;
+    }
   }
-  *error = UnknownNameMessage("NIST model", name, names) + "; there are";
+  if (nearest != nullptr) return nearest;
+  if (of_other_size != nullptr) {
+    *error = data.name + " has " + std::to_string(data.num_parameters()) +
+             " parameters and " + std::to_string(data.predictors.cols()) +
+             " predictors; expected " +
+             std::to_string(of_other_size->num_parameters) + " and " +
+             std::to_string(of_other_size->num_predictors) + " for " +
+             of_other_size->formula;
+    return nullptr;
+  }
+  *error = UnknownNameMessage("NIST model", data.name, names) + "; there are";
   for (const std::string& known : names) *error += " " + known;
   return nullptr;
+}
+
+double SumOfSquares(const NistModel& model,
+                    const NistData& data,
+                    const Eigen::VectorXd& b) {
+  CHECK_EQ(b.size(), model.num_parameters);
+  CHECK_EQ(data.predictors.cols(), model.num_predictors);
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < data.responses.size(); ++i) {
+    const Eigen::VectorXd x = data.predictors.row(i);
+    const double y = data.responses[i];
+    sum += Square((model.log_response ? std::log(y) : y) -
+                  model.value(x.data(), b.data()));
+  }
+  return sum;
 }
 
 Eigen::VectorXd LogRelativeErrors(const Eigen::VectorXd& estimates,

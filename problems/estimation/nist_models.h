@@ -1,5 +1,4 @@
-// The 27 nonlinear regression models of NIST's StRD, by the name of the data
-// set.
+// The nonlinear regression models of NIST's StRD, 27 data sets, by name.
 //
 //   residual_i = y_i - f(x_i; b),   log y_i in place of y_i for Nelson
 //
@@ -7,9 +6,10 @@
 // Fails:   residuals are not finite where f is not, for instance a power of a
 //          negative number; Ceres then rejects the step.
 //
-// Roszman1's arctan[b3 / (x - b4)] is -atan2(b3, b4 - x): the same for b3 > 0
-// and x < b4, where the data and the certified values are, and smooth where x
-// passes b4.
+// Roszman1 has two rows, as the files that go round do not agree on the branch
+// of arctan[b3 / (x - b4)]. NIST's own b1 = 0.2020 is that of (-pi/2, pi/2),
+// -atan2(b3, b4 - x) where the data are; the copy in Ceres has b1 = 1.2020,
+// that of (0, pi), atan2(b3, x - b4). Both are smooth where x passes b4.
 //
 // [1] https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml
 #ifndef PROBLEMS_ESTIMATION_NIST_MODELS_H_
@@ -21,6 +21,7 @@
 
 #include "Eigen/Core"
 #include "ceres/cost_function.h"
+#include "problems/estimation/nist_file.h"
 
 namespace invgrad {
 
@@ -38,8 +39,15 @@ struct NistModel {
 
 const std::vector<NistModel>& NistModels();
 
-// Null, with *error suggesting names, if there is no such model.
-const NistModel* FindNistModel(const std::string& name, std::string* error);
+// The model of the file; of several with its name, the one whose sum of squares
+// at the certified values is nearest to the certified one. Null, with *error
+// saying what there is, if no model has the name and the sizes.
+const NistModel* FindNistModel(const NistData& data, std::string* error);
+
+// sum_i residual_i^2 at b.
+double SumOfSquares(const NistModel& model,
+                    const NistData& data,
+                    const Eigen::VectorXd& b);
 
 // Digits that agree with the certified values, one a parameter:
 //

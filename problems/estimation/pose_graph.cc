@@ -26,19 +26,21 @@ T NormalizeAngle(const T& angle) {
 }
 
 template <int kSize>
-Eigen::Matrix<double, kSize, kSize> SquareRoot(const PoseGraph::Edge& edge) {
+Eigen::Matrix<double, kSize, kSize> Weights(InformationRoot root,
+                                            const PoseGraph::Edge& edge) {
   CHECK_EQ(edge.information.rows(), kSize);
   const Eigen::Matrix<double, kSize, kSize> information = edge.information;
   const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> cholesky(information);
   CHECK(cholesky.info() == Eigen::Success)
       << "the information of an edge is not positive definite";
+  if (root == InformationRoot::kLower) return cholesky.matrixL();
   return cholesky.matrixU();
 }
 
 struct PoseError2d {
   EIGEN_MAKE_ALIGNED_OPERATOR_NEW
   Eigen::Vector3d measurement;
-  Eigen::Matrix3d root;
+  Eigen::Matrix3d weights;
 
   template <typename T>
   bool operator()(const T* a, const T* b, T* residual) const {
@@ -53,7 +55,7 @@ struct PoseError2d {
         c * dy - s * dx - measurement[1],
         NormalizeAngle(T(b[2] - a[2] - measurement[2])));
     Eigen::Map<Eigen::Matrix<T, 3, 1>> weighted(residual);
-    weighted = root.lazyProduct(error);
+    weighted = weights.lazyProduct(error);
     return true;
   }
 };
@@ -62,7 +64,7 @@ struct PoseError3d {
   EIGEN_MAKE_ALIGNED_OPERATOR_NEW
   Eigen::Vector3d position;
   Eigen::Quaterniond rotation;
-  Eigen::Matrix<double, 6, 6> root;
+  Eigen::Matrix<double, 6, 6> weights;
 
   template <typename T>
   bool operator()(const T* p_a,
@@ -81,7 +83,7 @@ struct PoseError3d {
     error.template tail<3>() =
         2.0 * (rotation.cast<T>() * q_ab.conjugate()).vec();
     Eigen::Map<Eigen::Matrix<T, 6, 1>> weighted(residual);
-    weighted = root.lazyProduct(error);
+    weighted = weights.lazyProduct(error);
     return true;
   }
 };
@@ -105,18 +107,20 @@ std::vector<int> ConstantPoses(const PoseGraph& graph) {
 
 }  // namespace
 
-ceres::CostFunction* MakePoseError2d(const PoseGraph::Edge& edge) {
+ceres::CostFunction* MakePoseError2d(InformationRoot root,
+                                     const PoseGraph::Edge& edge) {
   auto* error = new PoseError2d;
   error->measurement = edge.measurement;
-  error->root = SquareRoot<3>(edge);
+  error->weights = Weights<3>(root, edge);
   return new ceres::AutoDiffCostFunction<PoseError2d, 3, 3, 3>(error);
 }
 
-ceres::CostFunction* MakePoseError3d(const PoseGraph::Edge& edge) {
+ceres::CostFunction* MakePoseError3d(InformationRoot root,
+                                     const PoseGraph::Edge& edge) {
   auto* error = new PoseError3d;
   error->position = edge.measurement.head<3>();
   error->rotation.coeffs() = edge.measurement.tail<4>();
-  error->root = SquareRoot<6>(edge);
+  error->weights = Weights<6>(root, edge);
   return new ceres::AutoDiffCostFunction<PoseError3d, 6, 3, 4, 3, 4>(error);
 }
 
@@ -125,7 +129,8 @@ ceres::Manifold* MakePoseManifold2d() {
   return new ceres::ProductManifold<ceres::EuclideanManifold<2>, Angle>;
 }
 
-void AddPoseGraph(const MakeLossFunction& make_loss,
+void AddPoseGraph(InformationRoot root,
+                  const MakeLossFunction& make_loss,
                   PoseGraph* graph,
                   ceres::Problem* problem) {
   CHECK(graph->dimension == 2 || graph->dimension == 3) << graph->dimension;
@@ -143,10 +148,10 @@ void AddPoseGraph(const MakeLossFunction& make_loss,
     double* a = graph->poses.col(edge.from).data();
     double* b = graph->poses.col(edge.to).data();
     if (graph->dimension == 2) {
-      problem->AddResidualBlock(MakePoseError2d(edge), make_loss(), a, b);
+      problem->AddResidualBlock(MakePoseError2d(root, edge), make_loss(), a, b);
     } else {
       problem->AddResidualBlock(
-          MakePoseError3d(edge), make_loss(), a, a + 3, b, b + 3);
+          MakePoseError3d(root, edge), make_loss(), a, a + 3, b, b + 3);
     }
   }
   for (const int j : ConstantPoses(*graph)) {

@@ -1,8 +1,13 @@
 // The optimization of a pose graph as a ceres::Problem.
 //
-//   2D   residual = U [R_a^T (p_b - p_a) - p_ab; angle(theta_b - theta_a -
-//   t_ab)] 3D   residual = U [R_a^T (p_b - p_a) - p_ab; 2 vec(q_ab (q_a^-1
-//   q_b)^-1)] U^T U = information, U by Cholesky;   angle() in [-pi, pi)
+//   residual = W [R_a^T (p_b - p_a) - p_ab; e]
+//   2D   e = theta_b - theta_a - theta_ab, in [-pi, pi)
+//   3D   e = 2 vec(q_ab (q_a^-1 q_b)^-1)
+//
+// W is a Cholesky factor of the information, L L^T: kUpper, W = L^T, weights as
+// the format means it, |residual|^2 = e^T information e; kLower, W = L, is what
+// Ceres' examples [1] do, which is another cost unless the information is
+// diagonal. The costs that are published for Ceres are those of kLower.
 //
 // Parameter blocks are in the columns of graph->poses, which must outlive the
 // problem and not move: in 2D one of 3 (x, y, theta), whose angle stays in
@@ -11,9 +16,7 @@
 // Cost:    one Jet of 6 or 14 derivatives an edge.
 // Fails:   CHECKs that the information is positive definite, as files promise.
 //
-// [1] Ceres Solver 2.1, examples/slam/pose_graph_2d and pose_graph_3d. (These
-//     have L in place of U = L^T, which is another cost unless the information
-//     is diagonal.)
+// [1] Ceres Solver 2.1, examples/slam/pose_graph_2d and pose_graph_3d.
 #ifndef PROBLEMS_ESTIMATION_POSE_GRAPH_H_
 #define PROBLEMS_ESTIMATION_POSE_GRAPH_H_
 
@@ -26,16 +29,21 @@
 
 namespace invgrad {
 
+enum class InformationRoot { kLower, kUpper };
+
 // Parameter blocks: pose a, pose b. The caller owns it.
-ceres::CostFunction* MakePoseError2d(const PoseGraph::Edge& edge);
+ceres::CostFunction* MakePoseError2d(InformationRoot root,
+                                     const PoseGraph::Edge& edge);
 // Parameter blocks: p_a, q_a, p_b, q_b. The caller owns it.
-ceres::CostFunction* MakePoseError3d(const PoseGraph::Edge& edge);
+ceres::CostFunction* MakePoseError3d(InformationRoot root,
+                                     const PoseGraph::Edge& edge);
 
 // Of (x, y, theta). The caller owns it.
 ceres::Manifold* MakePoseManifold2d();
 
 // One loss function an edge, owned by the problem.
-void AddPoseGraph(const MakeLossFunction& make_loss,
+void AddPoseGraph(InformationRoot root,
+                  const MakeLossFunction& make_loss,
                   PoseGraph* graph,
                   ceres::Problem* problem);
 

@@ -16,8 +16,8 @@ constexpr size_t kMaxPointsOfSeries = 6000;
 
 class PoseGraphEstimation final : public Estimation {
  public:
-  explicit PoseGraphEstimation(PoseGraph graph)
-      : start_(std::move(graph)), graph_(start_) {}
+  PoseGraphEstimation(PoseGraph graph, InformationRoot root)
+      : start_(std::move(graph)), graph_(start_), root_(root) {}
 
   std::string Description() const override {
     return std::to_string(graph_.poses.cols()) + " poses, " +
@@ -34,7 +34,7 @@ class PoseGraphEstimation final : public Estimation {
   std::unique_ptr<ceres::Problem> MakeProblem(
       const MakeLossFunction& make_loss) override {
     auto problem = std::make_unique<ceres::Problem>();
-    AddPoseGraph(make_loss, &graph_, problem.get());
+    AddPoseGraph(root_, make_loss, &graph_, problem.get());
     return problem;
   }
 
@@ -98,15 +98,17 @@ class PoseGraphEstimation final : public Estimation {
 
   const PoseGraph start_;
   PoseGraph graph_;
+  const InformationRoot root_;
 };
 
 }  // namespace
 
 std::unique_ptr<Estimation> ReadPoseGraphEstimation(const std::string& path,
+                                                    InformationRoot root,
                                                     std::string* error) {
   PoseGraph graph;
   if (!ReadG2oFile(path, &graph, error)) return nullptr;
-  return std::make_unique<PoseGraphEstimation>(std::move(graph));
+  return std::make_unique<PoseGraphEstimation>(std::move(graph), root);
 }
 
 }  // namespace invgrad

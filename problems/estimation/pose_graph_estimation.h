@@ -6,11 +6,13 @@
 #include <string>
 
 #include "problems/estimation/estimation.h"
+#include "problems/estimation/pose_graph.h"
 
 namespace invgrad {
 
 // Null, with *error set, if the file cannot be read.
 std::unique_ptr<Estimation> ReadPoseGraphEstimation(const std::string& path,
+                                                    InformationRoot root,
                                                     std::string* error);
 
 }  // namespace invgrad
