@@ -57,7 +57,7 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
       return "failed: " + summary.message;
   }
   // How many steps the rule proposed.
-  const size_t proposals = summary.message.rfind("; ");
+  const size_t proposals = summary.message.find("; ");
   if (method.ceres != nullptr && method.rule != nullptr &&
       proposals != std::string::npos) {
     status += summary.message.substr(proposals);
