@@ -251,9 +251,10 @@ class NistParser {
                       "the degrees of freedom", 0, kMaxCount, &degrees);
         has_degrees = true;
       } else if (word == "Number" && !has_observations) {
-        is_read =
-            SkipWords({"of", "Observations:"}) &&
-            ReadStated("the number of observations", num_observations_.first);
+        long count = num_observations_.first;
+        is_read = SkipWords({"of", "Observations:"}) &&
+                  cursor_.ReadInteger(
+                      "the number of observations", count, count, &count);
         has_observations = true;
       } else {
         return cursor_.FailAtToken(
@@ -277,11 +278,6 @@ class NistParser {
         words.begin(), words.end(), [this](std::string_view word) {
           return cursor_.ReadWord(word);
         });
-  }
-
-  bool ReadStated(std::string_view expected, long count) {
-    long read = 0;
-    return cursor_.ReadInteger(expected, count, count, &read);
   }
 
   bool ParseData() {
