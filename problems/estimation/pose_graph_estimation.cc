@@ -58,9 +58,8 @@ class PoseGraphEstimation final : public Estimation {
     plot.x_label = graph_.dimension == 2 ? "x" : "(x - y) / sqrt 2";
     plot.y_label = graph_.dimension == 2 ? "y" : "(2 z - x - y) / sqrt 6";
     plot.equal_aspect = true;
-    plot.legend = Plot::Legend::kNone;
-    AddEdges(/*consecutive=*/false, /*color=*/1, &plot);
-    AddEdges(/*consecutive=*/true, /*color=*/0, &plot);
+    AddEdges("other edges", /*consecutive=*/false, /*color=*/1, &plot);
+    AddEdges("to the next pose", /*consecutive=*/true, /*color=*/0, &plot);
     panels->push_back(std::move(plot));
   }
 
@@ -74,11 +73,16 @@ class PoseGraphEstimation final : public Estimation {
   }
 
   // Those from a pose to the next one, or the others.
-  void AddEdges(bool consecutive, int color, Plot* plot) const {
+  void AddEdges(const std::string& title,
+                bool consecutive,
+                int color,
+                Plot* plot) const {
     Series lines;
+    lines.title = title;
     lines.color = color;
     const auto flush = [&lines, plot]() {
       if (!lines.x.empty()) plot->series.push_back(lines);
+      lines.title.clear();  // once in the legend
       lines.x.clear();
       lines.y.clear();
     };
