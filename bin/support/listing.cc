@@ -56,10 +56,7 @@ void PrintListing(std::ostream& out) {
   }
   out << "\nRules (--rules=name:key=value:...,...); batch_size is an option of "
          "every rule\n";
-  for (const RuleRow& row : Rules()) {
-    out << "  " << row.name << "\n    " << row.formula << "\n";
-    PrintOptions(row.options(), out);
-  }
+  PrintRuleListing(out);
   out << "\nMethods that pull a wanted change back, part by part: "
          "LOSS/SIMULATOR/RULE with\n  LOSS gradient, newton, "
          "saddle_free_newton; SIMULATOR joint, adjoint, inverse_gradient,\n  "
@@ -73,6 +70,17 @@ void PrintListing(std::ostream& out) {
          "the last has\n  epochs= or steps=, its share of the run\n";
   out << "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
          "ceres_dogleg+RULE let a rule propose steps\n";
+  PrintCeresListing(out);
+}
+
+void PrintRuleListing(std::ostream& out) {
+  for (const RuleRow& row : Rules()) {
+    out << "  " << row.name << "\n    " << row.formula << "\n";
+    PrintOptions(row.options(), out);
+  }
+}
+
+void PrintCeresListing(std::ostream& out) {
   for (const CeresMethodRow& row : CeresMethods()) {
     out << "  " << row.name << "\n    " << row.formula << "\n";
     PrintOptions(row.options(), out);

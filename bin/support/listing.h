@@ -9,6 +9,10 @@ namespace invgrad {
 
 void PrintListing(std::ostream& out);
 
+// Its parts that problems without a chain have too.
+void PrintRuleListing(std::ostream& out);
+void PrintCeresListing(std::ostream& out);
+
 void PrintRulesMarkdown(std::ostream& out);
 void PrintProblemsMarkdown(std::ostream& out);
 

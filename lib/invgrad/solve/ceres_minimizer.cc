@@ -32,7 +32,7 @@ struct TrustRegionOptions {
              &linear_solver,
              linear_solvers,
              "how the step is computed; a Cholesky solver is faster and less "
-             "accurate than dense_qr");
+             "accurate than dense_qr; schur is for bundle adjustment");
     set->Add("num_threads",
              &num_threads,
              {1, 1024},
@@ -57,9 +57,14 @@ struct LevenbergMarquardtOptions {
   TrustRegionOptions trust_region;
 
   void Describe(OptionSet* set) {
-    trust_region.Describe(
-        {"dense_qr", "dense_normal_cholesky", "sparse_normal_cholesky", "cgnr"},
-        set);
+    trust_region.Describe({"dense_qr",
+                           "dense_normal_cholesky",
+                           "sparse_normal_cholesky",
+                           "dense_schur",
+                           "sparse_schur",
+                           "iterative_schur",
+                           "cgnr"},
+                          set);
   }
 
   void Apply(
@@ -80,8 +85,12 @@ struct DoglegOptions {
              {"traditional_dogleg", "subspace_dogleg"},
              "the path, or the best step in the plane of both directions");
     // Ceres' dogleg wants an exact solver.
-    trust_region.Describe(
-        {"dense_qr", "dense_normal_cholesky", "sparse_normal_cholesky"}, set);
+    trust_region.Describe({"dense_qr",
+                           "dense_normal_cholesky",
+                           "sparse_normal_cholesky",
+                           "dense_schur",
+                           "sparse_schur"},
+                          set);
   }
 
   void Apply(

@@ -236,6 +236,15 @@ bool ParseMethod(const std::string& text, Method* method, std::string* error) {
 
 }  // namespace
 
+void Method::AddCeresDefaults(const Settings& defaults) {
+  if (ceres == nullptr) return;
+  for (const auto& setting : defaults) {
+    if (HasOption(ceres->options(), setting.first)) {
+      AddDefaults({setting}, &ceres_settings);
+    }
+  }
+}
+
 std::unique_ptr<UpdateRule> Method::MakeRule() const {
   if (rule == nullptr) return nullptr;
   std::string error;

@@ -57,6 +57,10 @@ struct Method {
   int num_epochs = 0;
   int num_steps = 0;
 
+  // Settings for Ceres that the specification leaves open; those that its
+  // minimizer does not have are left out.
+  void AddCeresDefaults(const Settings& defaults);
+
   // A new rule object; null if the method has none.
   std::unique_ptr<UpdateRule> MakeRule() const;
   // The earlier phases and the method itself.

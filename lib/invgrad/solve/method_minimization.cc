@@ -7,9 +7,9 @@
 
 #include "invgrad/solve/ceres_method.h"
 #include "invgrad/solve/method.h"
+#include "invgrad/solve/problem_minimization.h"
 #include "invgrad/solve/pull_back_objective.h"
 #include "invgrad/solve/training_memory.h"
-#include "invgrad/solve/update_callback.h"
 
 namespace invgrad {
 
@@ -146,18 +146,14 @@ bool MinimizeByMethod(const Method& method,
     ceres::Problem problem;
     problem.AddResidualBlock(
         new ChainCostFunction(objective), nullptr, x.data());
-    if (!TakesProposals(method, problem, error)) return false;
     if (!HasStart(*objective, path, summary)) return true;
-    const std::unique_ptr<UpdateRule> rule = method.MakeRule();
-    std::unique_ptr<UpdateCallback> callback;
-    if (rule != nullptr) {
-      callback = std::make_unique<UpdateCallback>(
-          UpdateCallback::Options(), rule.get(), &problem);
-      recorded.callbacks.push_back(callback.get());
-    }
-    MinimizeWithCeres(recorded, solver_options, &problem, summary);
-    if (callback != nullptr) {
-      summary->message += ProposalsText(callback->summary());
+    if (!MinimizeProblem(method,
+                         recorded,
+                         /*elimination_order=*/nullptr,
+                         &problem,
+                         summary,
+                         error)) {
+      return false;
     }
   }
   objective->SetState(x);

@@ -1,0 +1,263 @@
+// Estimates the parameters of public test problems: nonlinear regression (NIST
+// StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
+// minimizers, and rules that propose steps to them, side by side from the same
+// starts.
+//
+// Sample runs:
+//
+//   estimate --list
+//   estimate --input=nist/BoxBOD.dat
+//       --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
+//   estimate --input=nist --plots=false --methods=ceres_lm,ceres_bfgs
+//   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2
+//   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1,2,3
+//   estimate --input=M3500.g2o --loss=huber:1
+//       --methods=ceres_lm,ceres_lm:linear_solver=cgnr
+//
+// The run directory holds the flags that repeat the run, versions, tables,
+// results in the input's own format, iterations (CSV) and pictures (PNG).
+// Ctrl-C ends the method that runs, skips the others, and keeps what there is.
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bin/support/estimation_comparison.h"
+#include "bin/support/listing.h"
+#include "bin/support/parse_list.h"
+#include "bin/support/program.h"
+#include "bin/support/run_directory.h"
+#include "gflags/gflags.h"
+#include "invgrad/linalg/blas.h"
+#include "problems/estimation/nist_models.h"
+
+DEFINE_bool(list,
+            false,
+            "print formats, models and methods with their options");
+DEFINE_string(input,
+              "",
+              "files, or folders of them, comma-separated: .dat (NIST), .txt "
+              "or .txt.bz2 (BAL), .g2o");
+DEFINE_string(format, "", "nist, bal or g2o, whatever the files' names end in");
+DEFINE_string(
+    information_root,
+    "lower",
+    "which Cholesky factor of an edge's information weights it "
+    "(g2o): lower, as Ceres' examples; upper, as the format means it");
+DEFINE_string(start, "both", "of a NIST file: 1, 2, both");
+DEFINE_string(
+    methods,
+    "ceres_lm,ceres_dogleg",
+    "methods to compare, name[:key=value...],...: a rule, a minimizer "
+    "of Ceres, or one with a rule that proposes steps, as "
+    "ceres_lm+half_inverse; --list shows all");
+DEFINE_string(loss,
+              "none",
+              "robust loss: none, huber[:scale], soft_l_one, cauchy, arctan, "
+              "tukey");
+DEFINE_double(perturb,
+              0.0,
+              "standard deviation of noise on the starts: relative (NIST), in "
+              "sizes of the scene and radians (BAL), in units of the graph and "
+              "radians (g2o)");
+DEFINE_string(seeds, "1", "seeds of the noise");
+DEFINE_int32(max_iterations, 0, "of a run; 0: 10000, 50, 200 (nist, bal, g2o)");
+DEFINE_double(seconds, 0.0, "of a run at most; 0: no limit");
+DEFINE_double(function_tolerance,
+              -1.0,
+              "a relative change of the cost that ends a run; -1: 2.2e-16 "
+              "(nist), 1e-6 (bal, g2o)");
+DEFINE_int32(threads, 1, "of Ceres and of the linear algebra");
+DEFINE_string(output, "runs/estimate", "directory of the results");
+DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
+DEFINE_bool(progress, true, "show live how the runs are doing");
+DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
+
+namespace invgrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool CheckFlags(std::string* error) {
+  const std::vector<std::string>& kinds = EstimationKinds();
+  return CheckFlag("input", !FLAGS_input.empty(), "files", error) &&
+         CheckFlag("format",
+                   FLAGS_format.empty() ||
+                       std::find(kinds.begin(), kinds.end(), FLAGS_format) !=
+                           kinds.end(),
+                   "nist, bal, g2o",
+                   error) &&
+         CheckFlag(
+             "start",
+             FLAGS_start == "1" || FLAGS_start == "2" || FLAGS_start == "both",
+             "1, 2, both",
+             error) &&
+         CheckFlag("information_root",
+                   FLAGS_information_root == "lower" ||
+                       FLAGS_information_root == "upper",
+                   "lower, upper",
+                   error) &&
+         CheckFlag("perturb",
+                   std::isfinite(FLAGS_perturb) && FLAGS_perturb >= 0.0,
+                   "0 (off) or more",
+                   error) &&
+         CheckFlag("max_iterations",
+                   FLAGS_max_iterations >= 0,
+                   "0 (usual) or more",
+                   error) &&
+         CheckFlag("seconds",
+                   std::isfinite(FLAGS_seconds) && FLAGS_seconds >= 0.0,
+                   "0 (no limit) or more",
+                   error) &&
+         CheckFlag("function_tolerance",
+                   FLAGS_function_tolerance == -1.0 ||
+                       (FLAGS_function_tolerance >= 0.0 &&
+                        FLAGS_function_tolerance < 1.0),
+                   "-1 (usual), or from 0 to less than 1",
+                   error) &&
+         CheckFlag("threads",
+                   FLAGS_threads >= 1 && FLAGS_threads <= 256,
+                   "1 to 256",
+                   error) &&
+         CheckFlag("output", !FLAGS_output.empty(), "a directory", error);
+}
+
+// The files that --input names, those of folders in alphabetical order.
+bool FindFiles(std::vector<std::string>* files, std::string* error) {
+  std::istringstream items(FLAGS_input);
+  for (std::string item; std::getline(items, item, ',');) {
+    std::error_code failure;
+    if (!fs::is_directory(item, failure)) {
+      files->push_back(item);
+      continue;
+    }
+    std::vector<std::string> found;
+    for (const fs::directory_entry& entry :
+         fs::directory_iterator(item, failure)) {
+      if (entry.is_regular_file()) found.push_back(entry.path().string());
+    }
+    if (found.empty()) {
+      *error = "--input: no files in " + item;
+      return false;
+    }
+    std::sort(found.begin(), found.end());
+    files->insert(files->end(), found.begin(), found.end());
+  }
+  return true;
+}
+
+// "data/problem-16-22106-pre.txt.bz2" -> "problem-16-22106-pre"
+std::string InputName(const std::string& file) {
+  fs::path name = fs::path(file).filename();
+  if (name.extension() == ".bz2") name = name.stem();
+  return FileName(name.stem().string());
+}
+
+// Reads all files, so that nothing runs if one of them is bad.
+bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
+  ReadEstimationOptions options;
+  options.kind = FLAGS_format;
+  options.information_root = FLAGS_information_root == "lower"
+                                 ? InformationRoot::kLower
+                                 : InformationRoot::kUpper;
+  std::vector<std::string> files;
+  if (!FindFiles(&files, error)) return false;
+  for (const std::string& file : files) {
+    EstimationInput input;
+    input.name = InputName(file);
+    for (const EstimationInput& other : *inputs) {
+      if (other.name == input.name) {
+        *error = "--input: two files are called " + input.name +
+                 ", which names the results; run them one by one";
+        return false;
+      }
+    }
+    input.estimation = ReadEstimation(file, options, error);
+    if (input.estimation == nullptr) return false;
+    if (FLAGS_start == "2" && input.estimation->num_starts() < 2) {
+      *error = "--start=2: " + file + " has one start";
+      return false;
+    }
+    inputs->push_back(std::move(input));
+  }
+  return true;
+}
+
+void PrintEstimateListing(std::ostream& out) {
+  out << "Formats (--input)\n"
+         "  .dat            NIST StRD, nonlinear regression (nist)\n"
+         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal)\n"
+         "  .g2o            pose graphs in 2D and 3D (g2o)\n"
+         "\nModels of NIST's files\n";
+  for (const NistModel& model : NistModels()) {
+    out << "  " << model.name << "\n    " << model.formula << "\n";
+  }
+  out << "\nRules (--methods=name:key=value:...,...)\n";
+  PrintRuleListing(out);
+  out << "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
+         "rule "
+         "propose steps.\nlinear_solver is, where nothing is said, dense_qr "
+         "for "
+         "NIST, a Schur complement for BAL,\nsparse_normal_cholesky for g2o\n";
+  PrintCeresListing(out);
+}
+
+int Run() {
+  if (FLAGS_list) {
+    PrintEstimateListing(std::cout);
+    return 0;
+  }
+  std::string error;
+  if (!CheckFlags(&error)) return Fail(error);
+  EstimationComparisonOptions options;
+  if (!ParseSeeds(FLAGS_seeds, &options.seeds, &error)) {
+    return Fail("--seeds: " + error);
+  }
+  if (!ParseRobustLoss(FLAGS_loss, &options.make_loss, &error)) {
+    return Fail("--loss: " + error);
+  }
+  std::vector<Method> methods;
+  if (!ParseMethods(FLAGS_methods, &methods, &error)) {
+    return Fail("--methods: " + error);
+  }
+  std::vector<EstimationInput> inputs;
+  if (!ReadInputs(&inputs, &error)) return Fail(error);
+  options.output = FLAGS_output;
+  if (FLAGS_start != "2") options.starts.push_back(0);
+  if (FLAGS_start != "1") options.starts.push_back(1);
+  options.perturbation = FLAGS_perturb;
+  options.max_num_iterations = FLAGS_max_iterations;
+  options.max_time_in_seconds = FLAGS_seconds;
+  options.function_tolerance = FLAGS_function_tolerance;
+  options.num_threads = FLAGS_threads;
+  options.plots = FLAGS_plots;
+  options.shows_progress = FLAGS_progress;
+  SetBlasThreads(FLAGS_threads);
+  for (const EstimationInput& input : inputs) {
+    std::cout << input.name << ": " << input.estimation->Description() << "\n";
+  }
+  std::cout << "\n";
+  const ExistingDirectory existing = FLAGS_overwrite
+                                         ? ExistingDirectory::kOverwrite
+                                         : ExistingDirectory::kRefuse;
+  return PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), &error) &&
+                 CompareEstimations(inputs, methods, options, std::cout, &error)
+             ? 0
+             : Fail(error);
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "estimates the parameters of NIST, BAL and g2o files by several methods",
+      invgrad::Run);
+}

@@ -1,0 +1,134 @@
+#include "problems/estimation/bal_estimation.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "problems/estimation/bal_file.h"
+#include "problems/estimation/bundle_adjustment.h"
+
+namespace invgrad {
+
+namespace {
+
+constexpr int kMaxPointsDrawn = 6000;
+// The reduced camera matrix is filled with a few cameras.
+constexpr int kMaxDenseCameras = 500;
+
+// Without the fraction `tail` at either end, and with some room.
+AxisRange QuantileRange(std::vector<double> values, double tail) {
+  std::sort(values.begin(), values.end());
+  const size_t cut = static_cast<size_t>(tail * values.size());
+  const double low = values[cut];
+  const double high = values[values.size() - 1 - cut];
+  const double margin = 0.1 * (high - low);
+  return margin > 0.0 ? AxisRange{low - margin, high + margin} : AxisRange{};
+}
+
+AxisRange Union(const AxisRange& a, const AxisRange& b) {
+  if (!a.low.has_value()) return b;
+  if (!b.low.has_value()) return a;
+  return {std::min(*a.low, *b.low), std::max(*a.high, *b.high)};
+}
+
+class BalEstimation final : public Estimation {
+ public:
+  BalEstimation(BalData data, bool is_compressed)
+      : start_(std::move(data)), data_(start_), is_compressed_(is_compressed) {}
+
+  std::string Description() const override {
+    return std::to_string(data_.cameras.cols()) + " cameras, " +
+           std::to_string(data_.points.cols()) + " points, " +
+           std::to_string(data_.observations.size()) + " observations";
+  }
+
+  void SetStart(int /*start*/) override { data_ = start_; }
+
+  void Perturb(double sigma, NumpyRandom* random) override {
+    PerturbBundleAdjustment(sigma, random, &data_);
+  }
+
+  std::unique_ptr<ceres::Problem> MakeProblem(
+      const MakeLossFunction& make_loss) override {
+    auto problem = std::make_unique<ceres::Problem>();
+    AddBundleAdjustment(make_loss, &data_, problem.get());
+    return problem;
+  }
+
+  void SetBudget(MinimizerOptions* options) const override {
+    *options = MinimizerOptions();
+  }
+
+  std::string LinearSolver() const override {
+    return data_.cameras.cols() <= kMaxDenseCameras ? "dense_schur"
+                                                    : "sparse_schur";
+  }
+
+  std::shared_ptr<ceres::ParameterBlockOrdering> MakeOrdering() override {
+    return PointsFirst(&data_);
+  }
+
+  std::string Extension() const override {
+    return is_compressed_ ? ".txt.bz2" : ".txt";
+  }
+
+  bool Write(const std::string& path, std::string* error) const override {
+    return WriteBalFile(path, data_, error);
+  }
+
+  // From above: the cameras of these data sets look along a horizontal axis.
+  void Draw(const std::string& label,
+            std::vector<Plot>* panels) const override {
+    Plot plot;
+    plot.title = label;
+    plot.x_label = "x";
+    plot.y_label = "z";
+    plot.equal_aspect = true;
+    Series points;
+    points.title = "points";
+    points.style = Series::Style::kPoints;
+    const Eigen::Index stride = data_.points.cols() / kMaxPointsDrawn + 1;
+    for (Eigen::Index j = 0; j < data_.points.cols(); j += stride) {
+      points.x.push_back(data_.points(0, j));
+      points.y.push_back(data_.points(2, j));
+    }
+    Series cameras;
+    cameras.title = "cameras";
+    cameras.style = Series::Style::kPoints;
+    for (Eigen::Index j = 0; j < data_.cameras.cols(); ++j) {
+      const Eigen::Vector3d center = CameraCenter(data_.cameras.col(j));
+      cameras.x.push_back(center[0]);
+      cameras.y.push_back(center[2]);
+    }
+    // Some points are far away. Panels are alike, to be compared.
+    if (panels->empty()) {
+      plot.x_range =
+          Union(QuantileRange(points.x, 0.02), QuantileRange(cameras.x, 0.0));
+      plot.y_range =
+          Union(QuantileRange(points.y, 0.02), QuantileRange(cameras.y, 0.0));
+    } else {
+      plot.x_range = panels->front().x_range;
+      plot.y_range = panels->front().y_range;
+    }
+    plot.series.push_back(std::move(points));
+    plot.series.push_back(std::move(cameras));
+    panels->push_back(std::move(plot));
+  }
+
+ private:
+  const BalData start_;
+  BalData data_;
+  const bool is_compressed_;
+};
+
+}  // namespace
+
+std::unique_ptr<Estimation> ReadBalEstimation(const std::string& path,
+                                              std::string* error) {
+  BalData data;
+  if (!ReadBalFile(path, &data, error)) return nullptr;
+  const bool is_compressed =
+      path.size() > 4 && path.compare(path.size() - 4, 4, ".bz2") == 0;
+  return std::make_unique<BalEstimation>(std::move(data), is_compressed);
+}
+
+}  // namespace invgrad

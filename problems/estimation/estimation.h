@@ -1,0 +1,84 @@
+// An estimation problem that is read from a file: parameters with a start, a
+// ceres::Problem on them, a result file in the input's own format, pictures.
+//
+//   kind   file                        parameters           module
+//   nist   .dat                        b                    nist_models.h
+//   bal    .txt, .txt.bz2              cameras and points   bundle_adjustment.h
+//   g2o    .g2o                        poses                pose_graph.h
+//
+// The kinds differ in what is usual for them: tolerances, the linear solver of
+// a trust region, and its order of elimination.
+#ifndef PROBLEMS_ESTIMATION_ESTIMATION_H_
+#define PROBLEMS_ESTIMATION_ESTIMATION_H_
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/ordered_groups.h"
+#include "ceres/problem.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/io/plot.h"
+#include "invgrad/solve/minimizer.h"
+#include "problems/estimation/pose_graph.h"
+#include "problems/estimation/robust_loss.h"
+
+namespace invgrad {
+
+class Estimation {
+ public:
+  virtual ~Estimation() = default;
+
+  // A line for those who read the table: sizes.
+  virtual std::string Description() const = 0;
+  virtual int num_starts() const { return 1; }
+  // Puts the parameters to a start, counted from 0.
+  virtual void SetStart(int start) = 0;
+  // Normal noise on the parameters that are estimated.
+  virtual void Perturb(double sigma, NumpyRandom* random) = 0;
+
+  // A new problem, whose parameter blocks lie in this object.
+  virtual std::unique_ptr<ceres::Problem> MakeProblem(
+      const MakeLossFunction& make_loss) = 0;
+  // Iterations and tolerances that are usual.
+  virtual void SetBudget(MinimizerOptions* options) const = 0;
+  // A value of the option linear_solver of Ceres' trust regions.
+  virtual std::string LinearSolver() const = 0;
+  // Null: Ceres finds one.
+  virtual std::shared_ptr<ceres::ParameterBlockOrdering> MakeOrdering() {
+    return nullptr;
+  }
+
+  // The digits of every parameter that agree with certified values, if the file
+  // has them.
+  virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
+
+  // Of the input: ".dat".
+  virtual std::string Extension() const = 0;
+  // The current parameters, in the input's format.
+  virtual bool Write(const std::string& path, std::string* error) const = 0;
+
+  // Adds the current parameters to a picture of several panels, which is empty
+  // at first: curves to one panel, or a panel.
+  virtual void Draw(const std::string& label,
+                    std::vector<Plot>* panels) const = 0;
+};
+
+// What --format may be.
+const std::vector<std::string>& EstimationKinds();
+
+struct ReadEstimationOptions {
+  std::string kind;  // empty: what the extension says
+  InformationRoot information_root = InformationRoot::kLower;  // of g2o
+};
+
+// Null, with *error set, if the file cannot be read.
+std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
+                                           const ReadEstimationOptions& options,
+                                           std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_ESTIMATION_ESTIMATION_H_

@@ -1,0 +1,18 @@
+// NIST's nonlinear regression (nist_models.h) as an Estimation.
+#ifndef PROBLEMS_ESTIMATION_NIST_ESTIMATION_H_
+#define PROBLEMS_ESTIMATION_NIST_ESTIMATION_H_
+
+#include <memory>
+#include <string>
+
+#include "problems/estimation/estimation.h"
+
+namespace invgrad {
+
+// Null, with *error set, if the file cannot be read.
+std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
+                                               std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_ESTIMATION_NIST_ESTIMATION_H_

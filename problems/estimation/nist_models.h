@@ -1,0 +1,67 @@
+// The nonlinear regression models of NIST's StRD, 27 data sets, by name.
+//
+//   residual_i = y_i - f(x_i; b),   log y_i in place of y_i for Nelson
+//
+// Cost:    one evaluation of f with a Jet of n derivatives an observation.
+// Fails:   residuals are not finite where f is not, for instance a power of a
+//          negative number; Ceres then rejects the step.
+//
+// Roszman1 has two rows, as the files that go round do not agree on the branch
+// of arctan[b3 / (x - b4)]. NIST's own b1 = 0.2020 is that of (-pi/2, pi/2),
+// -atan2(b3, b4 - x) where the data are; the copy in Ceres has b1 = 1.2020,
+// that of (0, pi), atan2(b3, x - b4). Both are smooth where x passes b4.
+//
+// [1] https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml
+#ifndef PROBLEMS_ESTIMATION_NIST_MODELS_H_
+#define PROBLEMS_ESTIMATION_NIST_MODELS_H_
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/cost_function.h"
+#include "problems/estimation/nist_file.h"
+
+namespace invgrad {
+
+struct NistModel {
+  std::string name;     // of the data set: "Misra1a"
+  std::string formula;  // one line
+  int num_parameters;   // n, one parameter block
+  int num_predictors;
+  bool log_response;  // f is log y
+  // f(x; b), with num_predictors and num_parameters entries.
+  std::function<double(const double* x, const double* b)> value;
+  // The residual of one observation; the caller owns it.
+  std::function<ceres::CostFunction*(const double* x, double y)> make_cost;
+};
+
+const std::vector<NistModel>& NistModels();
+
+// The model of the file; of several with its name, the one whose sum of squares
+// at the certified values is nearest to the certified one. Null, with *error
+// saying what there is, if no model has the name and the sizes.
+const NistModel* FindNistModel(const NistData& data, std::string* error);
+
+// sum_i residual_i^2 at b.
+double SumOfSquares(const NistModel& model,
+                    const NistData& data,
+                    const Eigen::VectorXd& b);
+
+// Digits that agree with the certified values, one a parameter:
+//
+//   -log10(|estimate - certified| / |certified|), in [0, kMaxNistDigits]
+//
+// 0 where the estimate is not finite. The certified values have 11 digits.
+constexpr double kMaxNistDigits = 11.0;
+Eigen::VectorXd LogRelativeErrors(const Eigen::VectorXd& estimates,
+                                  const Eigen::VectorXd& certified);
+
+// More than kNistDigitsOfSolution digits in every parameter.
+constexpr double kNistDigitsOfSolution = 4.0;
+bool IsNistSolution(const Eigen::VectorXd& log_relative_errors);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_ESTIMATION_NIST_MODELS_H_

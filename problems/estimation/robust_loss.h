@@ -1,0 +1,27 @@
+// Robust loss functions of Ceres by name.
+//
+//   none, huber[:scale], soft_l_one[:scale], cauchy[:scale], arctan[:scale],
+//   tukey[:scale]
+//
+// Units:   the scale is in those of the residual's norm; 1 if it is left out.
+#ifndef PROBLEMS_ESTIMATION_ROBUST_LOSS_H_
+#define PROBLEMS_ESTIMATION_ROBUST_LOSS_H_
+
+#include <functional>
+#include <string>
+
+#include "ceres/loss_function.h"
+
+namespace invgrad {
+
+// Makes a loss function, which the caller owns; null for "none".
+using MakeLossFunction = std::function<ceres::LossFunction*()>;
+
+// False, with *error set, if the name is unknown or the scale out of range.
+bool ParseRobustLoss(const std::string& text,
+                     MakeLossFunction* make_loss,
+                     std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_ESTIMATION_ROBUST_LOSS_H_

@@ -1,0 +1,116 @@
+#include "invgrad/solve/problem_minimization.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "ceres/autodiff_cost_function.h"
+#include "gtest/gtest.h"
+
+namespace invgrad {
+namespace {
+
+// Rosenbrock's function as residuals: the minimum is 0 at (1, 1).
+struct Rosenbrock {
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    residual[0] = 1.0 - x[0];
+    residual[1] = 10.0 * (x[1] - x[0] * x[0]);
+    return true;
+  }
+};
+
+class ProblemMinimization : public testing::Test {
+ protected:
+  ProblemMinimization() {
+    problem_.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
+        nullptr,
+        x_);
+  }
+
+  static Method Parse(const std::string& text) {
+    std::vector<Method> methods;
+    std::string error;
+    EXPECT_TRUE(ParseMethods(text, &methods, &error)) << error;
+    return methods.at(0);
+  }
+
+  bool Run(const Method& method) {
+    x_[0] = -1.2;
+    x_[1] = 1.0;
+    MinimizerOptions options;
+    options.max_num_iterations = 500;
+    options.function_tolerance = 1e-12;
+    return MinimizeProblem(
+        method, options, nullptr, &problem_, &summary_, &error_);
+  }
+
+  double x_[2] = {-1.2, 1.0};
+  ceres::Problem problem_;
+  MinimizerSummary summary_;
+  std::string error_;
+};
+
+TEST_F(ProblemMinimization, TakesRulesCeresAndBoth) {
+  for (const char* text : {"gauss_newton",
+                           "ceres_lm",
+                           "ceres_lm:linear_solver=dense_schur",
+                           "ceres_dogleg",
+                           "ceres_bfgs",
+                           "ceres_lm+half_inverse:step_size=auto:rho=1"}) {
+    SCOPED_TRACE(text);
+    ASSERT_TRUE(Run(Parse(text))) << error_;
+    EXPECT_NEAR(summary_.initial_cost, 0.5 * (2.2 * 2.2 + 4.4 * 4.4), 1e-12);
+    EXPECT_LT(summary_.final_cost, 1e-12);
+    EXPECT_NEAR(x_[0], 1.0, 1e-5);
+    EXPECT_NEAR(x_[1], 1.0, 1e-5);
+  }
+  EXPECT_NE(summary_.message.find("proposed"), std::string::npos)
+      << summary_.message;
+}
+
+TEST_F(ProblemMinimization, RefusesWhatNeedsAChain) {
+  for (const char* text : {"adam:steps=5>gauss_newton",
+                           "newton/inverse/adam",
+                           "adam:batch_size=1"}) {
+    EXPECT_FALSE(Run(Parse(text))) << text;
+    EXPECT_FALSE(error_.empty()) << text;
+    EXPECT_EQ(x_[0], -1.2);
+  }
+}
+
+// 200,000 unknowns: 320 GB a dense matrix.
+TEST_F(ProblemMinimization, RefusesMatricesThatDoNotFit) {
+  std::vector<double> many(200000, 0.0);
+  for (size_t i = 0; i < many.size(); i += 2) {
+    problem_.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
+        nullptr,
+        &many[i]);
+  }
+  for (const char* text :
+       {"ceres_bfgs",
+        "ceres_lm:linear_solver=dense_qr",
+        "ceres_dogleg:linear_solver=dense_normal_cholesky"}) {
+    EXPECT_FALSE(Run(Parse(text))) << text;
+    EXPECT_NE(error_.find("GB"), std::string::npos) << error_;
+  }
+}
+
+TEST_F(ProblemMinimization, DefaultsOfAProblemGiveWayToSettings) {
+  Method method = Parse("ceres_lm:linear_solver=cgnr");
+  method.AddCeresDefaults(
+      {{"linear_solver", "dense_schur"}, {"num_threads", "2"}});
+  const Settings expected = {{"linear_solver", "cgnr"}, {"num_threads", "2"}};
+  EXPECT_EQ(method.ceres_settings, expected);
+  // A line search has no linear solver, and a rule is not of Ceres.
+  for (const char* text : {"ceres_bfgs", "gauss_newton"}) {
+    method = Parse(text);
+    method.AddCeresDefaults({{"linear_solver", "dense_schur"}});
+    EXPECT_TRUE(method.ceres_settings.empty()) << text;
+  }
+}
+
+}  // namespace
+}  // namespace invgrad
