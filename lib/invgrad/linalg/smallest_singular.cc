@@ -7,6 +7,7 @@
 
 #include "Eigen/QR"
 #include "Eigen/SparseCholesky"
+#include "invgrad/linalg/blas.h"
 #include "invgrad/linalg/thin_svd.h"
 #include "lapacke.h"
 
@@ -17,6 +18,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using SparseMatrix = Eigen::SparseMatrix<double>;
+
+// Matrices with fewer columns are decomposed faster by one thread (blas.h).
+constexpr Index kThreads = 1000;
 
 // Entries in [-1, 1], the same on every machine.
 MatrixXd RandomMatrix(Index rows, Index cols, std::mt19937* generator) {
@@ -138,6 +142,7 @@ bool DenseSmallestSingular(const SparseMatrix& A,
   const Index n = A.cols();
   *result = SmallestSingular();
   if (n == 0) return true;
+  const SingleBlasThread single_thread(n < kThreads);
   MatrixXd R;
   MatrixXd VT;
   VectorXd s;
@@ -156,6 +161,7 @@ bool DenseSingularValues(const SparseMatrix& A,
                          std::string* error) {
   s->resize(0);
   if (A.rows() == 0 || A.cols() == 0) return true;
+  const SingleBlasThread single_thread(A.cols() < kThreads);
   MatrixXd R;
   if (!IsFinite(A, error) || !Triangle(A, &R, error) ||
       !Svd(false, &R, s, nullptr, error)) {

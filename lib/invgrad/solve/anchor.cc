@@ -34,7 +34,7 @@ std::vector<Anchor> ChooseAnchors(MatrixXd N,
   // A block that does not move is no anchor, and one that hardly does is a bad
   // one if there are others.
   constexpr double kFixed = 1e-6;
-  constexpr double kFirm = 0.1;
+  constexpr double kFirm = 0.01;
   std::vector<Anchor> anchors;
   const int num_blocks = static_cast<int>(offsets.size()) - 1;
   while (N.cols() > 0 && static_cast<int>(anchors.size()) < max_anchors) {

@@ -4,7 +4,7 @@
 //   so R takes rank(N_R) of them away
 //
 // Chosen greedily: the block that takes the most away, and of those the first
-// unless another moves ten times as much.
+// unless another moves a hundred times as much.
 // Held is no more than its rank, so that nothing is held that the residuals do
 // determine, wherever components of the block can be held one by one.
 //
