@@ -187,7 +187,7 @@ TEST(SparseCholesky, SolvesForEveryShiftAndAnotherJ) {
       ASSERT_TRUE(cholesky.Factorize(shift, &error)) << error;
       const VectorXd expected = VectorXd::LinSpaced(50, -1.0, 1.0);
       VectorXd x = A.transpose() * (A * expected) + shift * expected;
-      cholesky.Solve(&x);
+      cholesky.Solve(x);
       // A condition number of at most 1e4 times some roundings.
       EXPECT_LE((x - expected).norm(), 1e-11 * expected.norm());
     }

@@ -96,7 +96,7 @@ bool CholeskyRoute(const SpectralProblem& problem,
   if (p == 1.0) {
     if (!cholesky.Factorize(lambda, &summary->message)) return false;
     *d = b;
-    cholesky.Solve(d);
+    cholesky.Solve(*d);
   } else {
     const FractionalPower power =
         FractionalPower::Make(p, lambda, largest, 0.25 * tolerance);
@@ -113,7 +113,7 @@ bool CholeskyRoute(const SpectralProblem& problem,
     if (!cholesky.Factorize(lambda, &summary->message)) return false;
     x = b;
     for (const double term : power.lower_terms) {
-      cholesky.Solve(&x);
+      cholesky.Solve(x);
       *d += term * x;
     }
     for (const FractionalPower::Node& node : power.nodes) {
@@ -121,7 +121,7 @@ bool CholeskyRoute(const SpectralProblem& problem,
         return false;
       }
       x = b;
-      cholesky.Solve(&x);
+      cholesky.Solve(x);
       *d += node.weight * x;
     }
   }

@@ -6,8 +6,9 @@
 #include <utility>
 
 #include "Eigen/QR"
-#include "Eigen/SparseCholesky"
 #include "invgrad/linalg/blas.h"
+#include "invgrad/linalg/jacobian_operator.h"
+#include "invgrad/linalg/sparse_cholesky.h"
 #include "invgrad/linalg/thin_svd.h"
 #include "lapacke.h"
 
@@ -118,23 +119,6 @@ void RayleighRitz(const SparseMatrix& A, MatrixXd* V, VectorXd* s) {
 
 }  // namespace
 
-double LargestSingularEstimate(const SparseMatrix& A) {
-  if (A.rows() == 0 || A.cols() == 0) return 0.0;
-  constexpr int kIterations = 60;
-  std::mt19937 generator(1);
-  VectorXd v = RandomMatrix(A.cols(), 1, &generator).cwiseAbs();
-  double s = 0.0;
-  for (int i = 0; i < kIterations; ++i) {
-    const double norm = v.norm();
-    if (norm == 0.0) break;
-    v /= norm;
-    const VectorXd Av = A * v;
-    s = Av.norm();
-    v = A.transpose() * Av;
-  }
-  return s;
-}
-
 bool DenseSmallestSingular(const SparseMatrix& A,
                            double limit,
                            SmallestSingular* result,
@@ -184,20 +168,14 @@ bool SparseSmallestSingular(const SparseMatrix& A,
 
   // The decomposition rounds by a few 1e-16 s_max^2 a pivot; the shift keeps
   // the pivots of undetermined directions positive.
-  const SparseMatrix normal = A.transpose() * A;
-  Eigen::SimplicialLLT<SparseMatrix> cholesky;
-  cholesky.analyzePattern(normal);
+  const SparseJacobian rows{SparseJacobian::Matrix(A)};
+  SparseCholesky cholesky;
+  if (!cholesky.Analyze(rows, /*memory_limit=*/0.0, error)) return false;
   double shift = 1e-12 * s_max * s_max;
   constexpr double kLargestShift = 1e-8;
-  for (;;) {
-    cholesky.setShift(shift);
-    cholesky.factorize(normal);
-    if (cholesky.info() == Eigen::Success) break;
+  while (!cholesky.Factorize(shift, error)) {
     shift *= 100.0;
-    if (shift > kLargestShift * s_max * s_max) {
-      *error = "the Cholesky decomposition of J^T J + shift I failed";
-      return false;
-    }
+    if (shift > kLargestShift * s_max * s_max) return false;
   }
 
   // More columns than wanted vectors, so that the wanted ones converge fast,
@@ -212,7 +190,8 @@ bool SparseSmallestSingular(const SparseMatrix& A,
   VectorXd s;
   VectorXd last;
   for (int iteration = 1;; ++iteration) {
-    V = Orthonormalized(cholesky.solve(V));
+    cholesky.Solve(V);
+    V = Orthonormalized(V);
     RayleighRitz(A, &V, &s);
     if (!s.allFinite()) {
       *error = "subspace iteration is not finite";

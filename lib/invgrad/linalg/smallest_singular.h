@@ -36,16 +36,12 @@ struct SmallestSingular {
   bool complete = true;
 };
 
-// The largest singular value by power iteration: from below, usually to a
-// percent.
-double LargestSingularEstimate(const Eigen::SparseMatrix<double>& A);
-
 bool DenseSmallestSingular(const Eigen::SparseMatrix<double>& A,
                            double limit,
                            SmallestSingular* result,
                            std::string* error);
 
-// s_max: LargestSingularEstimate(A) or better.
+// s_max: that of A, to a percent (largest_singular_value.h).
 bool SparseSmallestSingular(const Eigen::SparseMatrix<double>& A,
                             double s_max,
                             double limit,

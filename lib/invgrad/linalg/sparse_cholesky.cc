@@ -92,21 +92,23 @@ class SparseCholesky::Factors {
     return false;
   }
 
-  void Solve(Eigen::VectorXd* x) {
+  void Solve(Eigen::Ref<Eigen::MatrixXd> x) {
     CHECK(factor_ != nullptr);
-    CHECK_EQ(x->size(), static_cast<Eigen::Index>(factor_->n));
+    CHECK_EQ(x.rows(), static_cast<Eigen::Index>(factor_->n));
     cholmod_dense right = {};
-    right.nrow = factor_->n;
-    right.ncol = 1;
-    right.nzmax = factor_->n;
-    right.d = factor_->n;
-    right.x = x->data();
+    right.nrow = x.rows();
+    right.ncol = x.cols();
+    right.nzmax = x.outerStride() * x.cols();
+    right.d = x.outerStride();
+    right.x = x.data();
     right.xtype = CHOLMOD_REAL;
     right.dtype = CHOLMOD_DOUBLE;
     cholmod_dense* solution =
         cholmod_solve(CHOLMOD_A, factor_, &right, &common_);
-    CHECK(solution != nullptr) << "There is no memory for a vector.";
-    std::copy_n(static_cast<const double*>(solution->x), factor_->n, x->data());
+    CHECK(solution != nullptr) << "There is no memory for the solution.";
+    CHECK_EQ(solution->d, solution->nrow);
+    x = Eigen::Map<const Eigen::MatrixXd>(
+        static_cast<const double*>(solution->x), x.rows(), x.cols());
     cholmod_free_dense(&solution, &common_);
   }
 
@@ -139,7 +141,7 @@ bool SparseCholesky::Factorize(double shift, std::string* error) {
   return factors_->Factorize(shift, error);
 }
 
-void SparseCholesky::Solve(Eigen::VectorXd* x) const {
+void SparseCholesky::Solve(Eigen::Ref<Eigen::MatrixXd> x) const {
   CHECK(factors_ != nullptr) << "Analyze comes first.";
   factors_->Solve(x);
 }

@@ -41,8 +41,8 @@ class SparseCholesky {
   // CHECKs that J was analyzed, and shift >= 0.
   bool Factorize(double shift, std::string* error);
 
-  // *x = (J^T J + shift I)^-1 *x, of the last Factorize.
-  void Solve(Eigen::VectorXd* x) const;
+  // x = (J^T J + shift I)^-1 x for each column of x, of the last Factorize.
+  void Solve(Eigen::Ref<Eigen::MatrixXd> x) const;
 
   // Entries of L.
   double num_entries() const;

@@ -9,6 +9,8 @@
 
 #include "Eigen/SparseCore"
 #include "glog/logging.h"
+#include "invgrad/linalg/jacobian_operator.h"
+#include "invgrad/linalg/largest_singular_value.h"
 #include "invgrad/linalg/localized_basis.h"
 #include "invgrad/linalg/memory_limit.h"
 #include "invgrad/linalg/smallest_singular.h"
@@ -297,10 +299,12 @@ class Analysis {
 
   // The small end of every group's spectrum, and the large end of all.
   bool Decompose(std::string* error) {
+    constexpr double kNormTolerance = 1e-3;
     double estimate = 0.0;
     std::vector<double> estimates;
     for (const Group& group : groups_) {
-      estimates.push_back(LargestSingularEstimate(group.A));
+      estimates.push_back(LargestSingularValue(
+          SparseJacobian(SparseJacobian::Matrix(group.A)), kNormTolerance));
       estimate = std::max(estimate, estimates.back());
     }
     report_.s_max = estimate;
