@@ -248,6 +248,7 @@ TEST(UpdateCallback, TheScaleRecovers) {
     return ++num_asked <= 2;
   });
   Options options;
+  options.by_merit = false;
   options.min_relative_model_decrease = -1e300;
   UpdateCallback callback(options, &rule, &problem);
   ceres::Solver::Options solver_options = SolverOptions(&callback);
@@ -296,6 +297,7 @@ TEST(UpdateCallback, ARuleThatJudgesIsToldWhatBecameOfItsSteps) {
       new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &x);
   JudgingRule rule(60.0);
   Options options;
+  options.by_merit = false;
   options.min_relative_model_decrease = -1e300;
   UpdateCallback callback(options, &rule, &problem);
   ceres::Solver::Options solver_options = SolverOptions(&callback);

@@ -12,6 +12,7 @@
 #include "glog/logging.h"
 #include "invgrad/linalg/linearization.h"
 #include "invgrad/solve/problem_linearizer.h"
+#include "invgrad/solve/turn_taking.h"
 
 namespace invgrad {
 namespace {
@@ -178,7 +179,8 @@ class UpdateCallback::State {
         problem_(problem),
         // Before wrapping: it moves by the blocks' own manifolds.
         linearizer_(problem, {}),
-        parts_(rule->Needs()) {
+        parts_(rule->Needs()),
+        turns_(options.by_merit) {
     std::string error;
     CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
     parts_.jacobian = true;  // for the linear model
@@ -225,11 +227,19 @@ class UpdateCallback::State {
     if (iteration.iteration == 0) {
       scale_ = 1.0;
       lost_radius_ = 0.0;
-      num_turns_left_ = 0;
-      turns_after_failure_ = kMinTurns;
+      turns_.Start();
+      cost_ = iteration.cost;
       return Propose(iteration);
     }
+    const double gain =
+        iteration.step_is_successful ? std::log(cost_ / iteration.cost) : 0.0;
+    if (was_proposed) {
+      turns_.RuleStepped(gain);
+    } else if (!was_passed_over) {
+      turns_.CeresStepped(gain);
+    }
     if (iteration.step_is_successful) {
+      cost_ = iteration.cost;
       if (was_proposed) scale_ = std::min(2.0 * scale_, 1.0);
       return Propose(iteration);
     }
@@ -284,11 +294,7 @@ class UpdateCallback::State {
       return ceres::SOLVER_CONTINUE;
     }
     lost_radius_ = 0.0;
-    if (num_turns_left_ > 0) {
-      // The message stays that of the failure.
-      --num_turns_left_;
-      return ceres::SOLVER_CONTINUE;
-    }
+    if (!turns_.IsTheRules()) return ceres::SOLVER_CONTINUE;
     Linearization at_x;
     if (!linearizer_.Linearize(parts_, &at_x, &summary_.message)) {
       return ceres::SOLVER_CONTINUE;
@@ -306,11 +312,9 @@ class UpdateCallback::State {
     num_backoffs_ = 0;
     radius_ = iteration.trust_region_radius;
     if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
-      num_turns_left_ = turns_after_failure_;
-      turns_after_failure_ = std::min(2 * turns_after_failure_, kMaxTurns);
+      turns_.RuleHadNoStep();
       return ceres::SOLVER_CONTINUE;
     }
-    turns_after_failure_ = kMinTurns;
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
     fraction_ = scale_;
@@ -365,11 +369,6 @@ class UpdateCallback::State {
     return ceres::SOLVER_ABORT;
   }
 
-  // A rule that fails is asked again after so many turns of Ceres', and twice
-  // as many each time that it fails again.
-  static constexpr int kMinTurns = 2;
-  static constexpr int kMaxTurns = 16;
-
   const Options options_;
   UpdateRule* rule_;
   ceres::Problem* problem_;
@@ -386,8 +385,8 @@ class UpdateCallback::State {
   double scale_ = 1.0;         // of proposals: what was accepted lately
   double fraction_ = 1.0;      // of the rule's step that step_ is
   double lost_radius_ = 0.0;   // Ceres has the turn below it
-  int num_turns_left_ = 0;     // of Ceres', before the rule is asked again
-  int turns_after_failure_ = kMinTurns;
+  double cost_ = 0.0;          // at the last accepted state
+  TurnTaking turns_;
   Summary summary_;
 };
 

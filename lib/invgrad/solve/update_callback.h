@@ -55,6 +55,9 @@ class UpdateCallback final : public ceres::IterationCallback {
     // not let anyone ask for. It must be the problem's: wrongly told, a
     // manifold is deleted twice or not at all.
     ceres::Ownership manifold_ownership = ceres::TAKE_OWNERSHIP;
+    // The rule has its turns only while its steps gain more than Ceres' own
+    // (turn_taking.h). False: at every accepted state.
+    bool by_merit = true;
     // A rejected proposal is halved and proposed again at most so many times.
     int max_num_backoffs = 2;
     // Blocks with a larger tangent space are refused: Ceres multiplies J by a
