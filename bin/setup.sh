@@ -15,8 +15,8 @@ readonly root build_dir
 readonly required_packages=(
   cmake ninja-build g++
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev
-  libopenblas-dev liblapacke-dev libfftw3-dev libbz2-dev
-  libgtest-dev libbenchmark-dev
+  libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
+  libgtest-dev libbenchmark-dev pkg-config
   gnuplot-nox
 )
 

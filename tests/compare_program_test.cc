@@ -153,6 +153,7 @@ TEST_F(CompareProgram, WritesARunDirectoryAndRefusesToReplaceIt) {
                            "initial_weights-seed1.npy",
                            "half_inverse-seed1/history.csv",
                            "half_inverse-seed1/weights.npy",
+                           "half_inverse-seed1/network.txt",
                            "half_inverse-seed1/neurons.csv",
                            "half_inverse-seed1/sample_path.csv",
                            "adam-step_size-1e-2-seed1/weights.npy"}) {

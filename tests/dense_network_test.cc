@@ -18,12 +18,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Activation kActivations[] = {Activation::kLinear,
-                                       Activation::kTanh,
-                                       Activation::kRelu,
-                                       Activation::kSigmoid,
-                                       Activation::kGelu};
-
 // Networks of up to four layers and about fifty weights: sums of that many
 // terms of order one differ by some 1e-15 between two orders of summation.
 constexpr double kRounding = 1e-13;

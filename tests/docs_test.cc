@@ -118,8 +118,23 @@ std::vector<Quotation> Quotations(const std::string& page) {
   return quotations;
 }
 
+// The page without what stands between lines of ```: C++'s [a](b) is no link.
+std::string WithoutCode(const std::string& page) {
+  std::string text;
+  bool is_code = false;
+  for (const std::string& line : SplitLines(page)) {
+    if (line.rfind("```", 0) == 0) {
+      is_code = !is_code;
+    } else if (!is_code) {
+      text += line + "\n";
+    }
+  }
+  return text;
+}
+
 // The targets of [text](target) and ![text](target) that are files.
-std::vector<std::string> RelativeLinks(const std::string& page) {
+std::vector<std::string> RelativeLinks(const std::string& whole_page) {
+  const std::string page = WithoutCode(whole_page);
   std::vector<std::string> links;
   for (size_t at = page.find("]("); at != std::string::npos;
        at = page.find("](", at + 2)) {
@@ -143,13 +158,13 @@ TEST(Docs, MarkedRegionIsUnindentedAndLeavesOutMarkers) {
 TEST(Docs, QuotationsAndLinksAreFound) {
   const std::string page =
       "[a](b.md#c) ![d](e.png) [f](http://g) [h](#i)\n"
-      "<!-- quoted from j.cc: k -->\n```cpp\nl\n\nm\n```\nn\n";
+      "<!-- quoted from j.cc: k -->\n```cpp\nl\n\n[m](o)\n```\nn\n";
   EXPECT_EQ(RelativeLinks(page), (std::vector<std::string>{"b.md", "e.png"}));
   const std::vector<Quotation> quotations = Quotations(page);
   ASSERT_EQ(quotations.size(), 1u);
   EXPECT_EQ(quotations[0].file, "j.cc");
   EXPECT_EQ(quotations[0].marker, "k");
-  EXPECT_EQ(quotations[0].text, "l\n\nm\n");
+  EXPECT_EQ(quotations[0].text, "l\n\n[m](o)\n");
 }
 
 TEST(Docs, QuotationsAreCurrent) {
@@ -220,6 +235,78 @@ TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
        {"miss [mm]", "dp_adam", "numerical inverse", "sip"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
+}
+
+TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--starts=3", folder / "out", "04_ceres_solve");
+  EXPECT_EQ(exit_code, 0) << text;
+  // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
+  for (const char* word : {"length 1.50",
+                           " proposed, ",
+                           "nobody",
+                           "initial_trust_region_radius = 1",
+                           "control=gain",
+                           " of 3"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+}
+
+TEST(CeresSolveTutorial, RefusesUnknownRules) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--rules=half_invers", folder / "out", "04_ceres_solve");
+  EXPECT_EQ(exit_code, 1);
+  EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
+}
+
+// "20 lines with everything": the page's promise.
+TEST(CeresSolveTutorial, AddsTwentyLines) {
+  const std::string source = Read(kRoot / "docs/tutorials/04_ceres_solve.cc");
+  size_t num_lines = 0;
+  for (const char* marker : {"includes", "rule", "added", "report"}) {
+    num_lines += SplitLines(MarkedRegion(source, marker)).size();
+  }
+  EXPECT_LE(num_lines, 20u);
+}
+
+TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
+  const TemporaryFolder folder;
+  const std::string picture = folder / "picture.png";
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.01 --picture='" + picture + "'",
+                  folder / "out",
+                  "05_robot_simulator");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word : {"calibrated: wheels 0.10",
+                           "finite differences",
+                           "real miss [mm]",
+                           "adam",
+                           "half_inverse",
+                           "ceres_lm"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+}
+
+// Line for line, but for motions: which of several that are as good is told
+// may depend on rounding.
+TEST(RankReportTutorial, PrintsWhatThePageShows) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "03_rank_report");
+  EXPECT_EQ(exit_code, 0) << text;
+  const std::vector<std::string> page =
+      SplitLines(Read(kRoot / "docs/tutorials/03_rank_report.md"));
+  int num_lines = 0;
+  for (const std::string& line : SplitLines(text)) {
+    const std::string start = line.substr(0, 3);
+    if (start == "===" || start == "  +" || start == "  -") continue;
+    EXPECT_GT(std::count(page.begin(), page.end(), line), 0) << line;
+    ++num_lines;
+  }
+  EXPECT_GT(num_lines, 30);
 }
 
 TEST(NewProblemTutorial, RefusesUnknownRules) {

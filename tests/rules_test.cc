@@ -219,7 +219,7 @@ TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
             "half_inverse: unknown option 'kappa' (--list shows all)");
   EXPECT_EQ(CreationError("power:route=gradient"),
             "power: route=gradient is no choice; allowed: one of auto, svd, "
-            "gram, parameter_gram, cascade, golub_kahan");
+            "gram, parameter_gram, cascade, golub_kahan, cholesky");
 }
 
 TEST(Rules, ASmallFirstStepDecreasesTheCost) {

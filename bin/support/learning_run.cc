@@ -7,6 +7,7 @@
 #include <limits>
 #include <sstream>
 
+#include "invgrad/chain/network_file.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/npy.h"
 
@@ -109,6 +110,7 @@ bool ParseResultText(const std::string& text, LearningRunResult* result) {
 }
 
 bool WriteRun(const std::string& directory,
+              const DenseNetwork& network,
               const LearningRunResult& result,
               const std::vector<NeuronStatistics>& final_neurons,
               std::string* error) {
@@ -121,6 +123,8 @@ bool WriteRun(const std::string& directory,
   }
   return WriteHistory(directory + "/history.csv", result.history, error) &&
          WriteNpy(directory + "/weights.npy", result.weights, error) &&
+         WriteNetwork(
+             directory + "/network.txt", network, result.weights, error) &&
          WriteFile(
              directory + "/neurons.csv", NeuronsCsv(steps, neurons), error) &&
          (result.sample_path.empty() ||
@@ -240,7 +244,9 @@ bool RunLearning(const LearningProblem& problem,
   if (result->sample_path.size() != result->history.size()) {
     result->sample_path.clear();
   }
-  if (!WriteRun(options.directory, *result, final_neurons, error)) return false;
+  if (!WriteRun(options.directory, network, *result, final_neurons, error)) {
+    return false;
+  }
   if (!result->was_interrupted() && !result->has_used_its_budget()) {
     for (const std::string& file :
          CheckpointFiles(method, train_options.checkpoint_path)) {

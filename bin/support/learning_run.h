@@ -2,6 +2,8 @@
 //
 //   DIR/history.csv   losses against steps, epochs and seconds
 //   DIR/weights.npy   the final weights
+//   DIR/network.txt   the network with these weights, for programs to load
+//                     (network_file.h)
 //   DIR/neurons.csv   statistics of the hidden neurons at the end; for small
 //                     networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation

@@ -12,12 +12,6 @@ namespace invgrad {
 
 namespace {
 
-constexpr Activation kActivations[] = {Activation::kLinear,
-                                       Activation::kTanh,
-                                       Activation::kRelu,
-                                       Activation::kSigmoid,
-                                       Activation::kGelu};
-
 constexpr std::pair<const char*, Initialization> kInitializations[] = {
     {"glorot", Initialization::kGlorotUniform},
     {"he", Initialization::kHeUniform},
@@ -70,11 +64,7 @@ bool ParseWidths(const std::string& text,
 // A network's weights are numbered by an int.
 bool CheckNumWeights(const std::vector<int>& widths, std::string* error) {
   constexpr int kMaxNumWeights = std::numeric_limits<int>::max();
-  double num_weights = 0.0;
-  for (size_t l = 1; l < widths.size(); ++l) {
-    num_weights += (widths[l - 1] + 1.0) * widths[l];
-  }
-  if (num_weights <= kMaxNumWeights) return true;
+  if (DenseNetwork::CountWeights(widths) <= kMaxNumWeights) return true;
   *error = "the network would have more than the " +
            std::to_string(kMaxNumWeights) + " weights that are allowed";
   return false;

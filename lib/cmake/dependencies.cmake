@@ -2,13 +2,12 @@
 # names all that is missing and the one command that installs it.
 #
 # Included, not called: the imported targets and what find_package sets belong
-# to the including file. Reads INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS;
-# adds the target invgrad_lapack.
+# to the including file. Reads INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS.
 
 set(missing_names "")
 set(missing_packages "")
 
-macro(note_if_missing name debian_package found)
+macro(invgrad_note_if_missing name debian_package found)
   if(NOT ${found})
     list(APPEND missing_names "${name}")
     list(APPEND missing_packages ${debian_package})
@@ -16,32 +15,25 @@ macro(note_if_missing name debian_package found)
 endmacro()
 
 find_package(Eigen3 3.4 QUIET NO_MODULE)
-note_if_missing("Eigen 3.4" libeigen3-dev Eigen3_FOUND)
-
-find_package(gflags QUIET)
-note_if_missing("gflags" libgflags-dev gflags_FOUND)
+invgrad_note_if_missing("Eigen 3.4" libeigen3-dev Eigen3_FOUND)
 
 find_package(glog QUIET)
-note_if_missing("glog" libgoogle-glog-dev glog_FOUND)
+invgrad_note_if_missing("glog" libgoogle-glog-dev glog_FOUND)
 
 # 2.1 is the first version with ceres::Manifold.
 find_package(Ceres 2.1 QUIET)
-note_if_missing("Ceres Solver 2.1" libceres-dev Ceres_FOUND)
+invgrad_note_if_missing("Ceres Solver 2.1" libceres-dev Ceres_FOUND)
 
-find_package(OpenBLAS QUIET)
-note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
-
-find_library(LAPACKE_LIBRARY lapacke)
-find_path(LAPACKE_INCLUDE_DIR lapacke.h)
-mark_as_advanced(LAPACKE_LIBRARY LAPACKE_INCLUDE_DIR)
-if(LAPACKE_LIBRARY AND LAPACKE_INCLUDE_DIR)
-  set(LAPACKE_FOUND TRUE)
-else()
-  set(LAPACKE_FOUND FALSE)
-endif()
-note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
+include(${CMAKE_CURRENT_LIST_DIR}/invgradLapack.cmake)
+invgrad_note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
+invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
+invgrad_note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_FOUND)
 
 if(INVGRAD_BUILD_PROGRAMS)
+  # Their flags; the library has none.
+  find_package(gflags QUIET)
+  invgrad_note_if_missing("gflags" libgflags-dev gflags_FOUND)
+
   # The FFTs of the problems; the library does without.
   find_library(FFTW_LIBRARY fftw3)
   find_path(FFTW_INCLUDE_DIR fftw3.h)
@@ -51,23 +43,28 @@ if(INVGRAD_BUILD_PROGRAMS)
   else()
     set(FFTW_FOUND FALSE)
   endif()
-  note_if_missing("FFTW 3" libfftw3-dev FFTW_FOUND)
+  invgrad_note_if_missing("FFTW 3" libfftw3-dev FFTW_FOUND)
 
   find_package(BZip2 QUIET)
-  note_if_missing("libbz2" libbz2-dev BZIP2_FOUND)
+  invgrad_note_if_missing("libbz2" libbz2-dev BZIP2_FOUND)
 
   find_package(benchmark QUIET)
-  note_if_missing("Google Benchmark" libbenchmark-dev benchmark_FOUND)
+  invgrad_note_if_missing("Google Benchmark" libbenchmark-dev benchmark_FOUND)
 
   # A program that ours run to draw pictures, not a library.
   find_program(GNUPLOT_EXECUTABLE gnuplot)
   mark_as_advanced(GNUPLOT_EXECUTABLE)
-  note_if_missing("gnuplot" gnuplot-nox GNUPLOT_EXECUTABLE)
+  invgrad_note_if_missing("gnuplot" gnuplot-nox GNUPLOT_EXECUTABLE)
 endif()
 
 if(INVGRAD_BUILD_TESTS)
   find_package(GTest QUIET)
-  note_if_missing("GoogleTest" libgtest-dev GTest_FOUND)
+  invgrad_note_if_missing("GoogleTest" libgtest-dev GTest_FOUND)
+
+  # A program that a test runs.
+  find_program(PKG_CONFIG_EXECUTABLE pkg-config)
+  mark_as_advanced(PKG_CONFIG_EXECUTABLE)
+  invgrad_note_if_missing("pkg-config" pkg-config PKG_CONFIG_EXECUTABLE)
 endif()
 
 if(missing_names)
@@ -76,13 +73,3 @@ if(missing_names)
   message(FATAL_ERROR "Missing: ${missing_names}.\nOn Debian, install with\n"
     "  sudo apt-get install ${missing_packages}\n")
 endif()
-
-# OpenBLAS stands before every other library on the link line, because LAPACKE
-# and Ceres bring in liblapack.so.3 and libblas.so.3, which may be any BLAS that
-# the machine's alternatives name: the first library that defines dgemm_ or
-# dsyevd_ serves all of them.
-add_library(invgrad_lapack INTERFACE)
-target_include_directories(invgrad_lapack SYSTEM INTERFACE
-  ${OpenBLAS_INCLUDE_DIRS} ${LAPACKE_INCLUDE_DIR})
-target_link_libraries(invgrad_lapack INTERFACE
-  ${OpenBLAS_LIBRARIES} ${LAPACKE_LIBRARY})

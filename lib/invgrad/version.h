@@ -1,7 +1,22 @@
-// The version of invgrad. CMakeLists.txt reads it from here.
+// The version of invgrad, written nowhere else: CMakeLists.txt reads it from
+// here.
+//
+// Versions 0.x with the same x are compatible; from 1.0 on those with the same
+// major version.
 #ifndef INVGRAD_VERSION_H_
 #define INVGRAD_VERSION_H_
 
-#define INVGRAD_VERSION "0.1.0"
+#define INVGRAD_VERSION_MAJOR 0
+#define INVGRAD_VERSION_MINOR 1
+#define INVGRAD_VERSION_PATCH 0
+
+// Two macros, so that the arguments are replaced by their numbers first.
+#define INVGRAD_JOIN_AS_THEY_ARE(a, b, c) #a "." #b "." #c
+#define INVGRAD_JOIN(a, b, c) INVGRAD_JOIN_AS_THEY_ARE(a, b, c)
+
+// "0.1.0"
+#define INVGRAD_VERSION \
+  INVGRAD_JOIN(         \
+      INVGRAD_VERSION_MAJOR, INVGRAD_VERSION_MINOR, INVGRAD_VERSION_PATCH)
 
 #endif  // INVGRAD_VERSION_H_

@@ -18,6 +18,11 @@
 namespace invgrad {
 
 enum class Activation { kLinear, kTanh, kRelu, kSigmoid, kGelu };
+inline constexpr Activation kActivations[] = {Activation::kLinear,
+                                              Activation::kTanh,
+                                              Activation::kRelu,
+                                              Activation::kSigmoid,
+                                              Activation::kGelu};
 
 // "linear", "tanh", "relu", "sigmoid", "gelu"
 const char* ActivationName(Activation activation);

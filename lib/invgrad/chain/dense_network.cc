@@ -1,6 +1,7 @@
 #include "invgrad/chain/dense_network.h"
 
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "glog/logging.h"
@@ -148,10 +149,19 @@ DenseNetwork::DenseNetwork(std::vector<int> widths, Activation hidden)
     : widths_(std::move(widths)), hidden_(hidden) {
   CHECK_GE(widths_.size(), 2u) << "A network has inputs and outputs.";
   for (const int width : widths_) CHECK_GT(width, 0);
+  CHECK_LE(CountWeights(widths_), std::numeric_limits<int>::max());
   offsets_.push_back(0);
   for (std::size_t l = 0; l + 1 < widths_.size(); ++l) {
     offsets_.push_back(offsets_.back() + (widths_[l] + 1) * widths_[l + 1]);
   }
+}
+
+double DenseNetwork::CountWeights(const std::vector<int>& widths) {
+  double count = 0.0;
+  for (std::size_t l = 1; l < widths.size(); ++l) {
+    count += (widths[l - 1] + 1.0) * widths[l];
+  }
+  return count;
 }
 
 VectorXd DenseNetwork::InitialWeights(Initialization initialization,

@@ -46,9 +46,13 @@ enum class Initialization { kGlorotUniform, kHeUniform, kPytorch };
 
 class DenseNetwork {
  public:
-  // At least two widths, all positive (CHECKed). `hidden` acts on every layer
-  // but the last, which is linear.
+  // At least two widths, all positive, and no more weights than an int can
+  // number (CHECKed). `hidden` acts on every layer but the last, which is
+  // linear.
   DenseNetwork(std::vector<int> widths, Activation hidden);
+
+  // n. A double: no widths overflow it.
+  static double CountWeights(const std::vector<int>& widths);
 
   int num_inputs() const { return widths_.front(); }
   int num_outputs() const { return widths_.back(); }

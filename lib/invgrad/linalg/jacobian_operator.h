@@ -98,6 +98,8 @@ class SparseJacobian final : public JacobianOperator {
       const override;
 
   const Matrix& matrix() const { return J_; }
+  // The entries, in the order of the compressed rows.
+  double* mutable_values() { return J_.valuePtr(); }
 
  private:
   Matrix J_;

@@ -74,6 +74,16 @@ bool GolubKahanRoute(const SpectralProblem& problem,
                      Eigen::VectorXd* d,
                      SpectralStepSummary* summary);
 
+// True if the filter is damped and not truncated, and J is stored in rows.
+bool IsForCholesky(const SpectralProblem& problem);
+
+bool CholeskyRoute(const SpectralProblem& problem,
+                   double tolerance,
+                   double memory_limit,
+                   SpectralWorkspace* workspace,
+                   Eigen::VectorXd* d,
+                   SpectralStepSummary* summary);
+
 // Values below a split, chosen so that the large ones' error is well below
 // `tolerance`, are left to an SVD.
 // `reduced`: GramRoute has just left its reduction in *workspace, in one stage.

@@ -29,6 +29,9 @@ constexpr Index kSmallestThreaded = 1000;
 constexpr Index kSmallestKrylov = 1000;
 constexpr double kLargestKrylovShare = 1.0 / 12.0;
 
+// Smaller Gram matrices are reduced sooner than some sparse factorizations.
+constexpr Index kSmallestSparse = 500;
+
 // From here on a matrix is larger than any machine, and its size may leave the
 // range of int: for estimates of memory.
 constexpr double kLargestSize = 1 << 24;
@@ -79,6 +82,13 @@ bool TakeRoute(const SpectralProblem& problem,
           workspace,
           d,
           summary);
+    case SpectralRoute::kCholesky:
+      return CholeskyRoute(problem,
+                           options.tolerance,
+                           options.memory_limit,
+                           workspace,
+                           d,
+                           summary);
     case SpectralRoute::kGradient:
       return GradientRoute(problem, d, summary);
     case SpectralRoute::kAuto:
@@ -163,6 +173,7 @@ bool ClimbLadder(const SpectralProblem& problem,
   History history(problem, gram, &workspace->history);
   SpectralRoute first = history.route();
   if (first == SpectralRoute::kGolubKahan ||
+      first == SpectralRoute::kCholesky ||
       history.steps_since_try() >= kStepsBetweenTries) {
     first = gram;
   }
@@ -182,6 +193,10 @@ bool ClimbLadder(const SpectralProblem& problem,
   };
 
   const Index size = std::min(problem.m(), problem.n());
+  if (size >= kSmallestSparse && IsForCholesky(problem) &&
+      is_accepted(take(SpectralRoute::kCholesky))) {
+    return true;
+  }
   if (size >= kSmallestKrylov && history.rank() <= kLargestKrylovShare * size &&
       JumpOf(problem.filter) > 0.0 &&
       is_accepted(take(SpectralRoute::kGolubKahan))) {
@@ -321,6 +336,8 @@ const char* SpectralRouteName(SpectralRoute route) {
       return "cascade";
     case SpectralRoute::kGolubKahan:
       return "golub_kahan";
+    case SpectralRoute::kCholesky:
+      return "cholesky";
     case SpectralRoute::kGradient:
       return "gradient";
   }
@@ -351,6 +368,7 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
       return gram(size, Tridiagonalization::Method::kOneStage) +
              (cols < rows ? kDouble * rows * cols : 0.0);
     case SpectralRoute::kGolubKahan:
+    case SpectralRoute::kCholesky:
     case SpectralRoute::kGradient:
     case SpectralRoute::kAuto:
       break;

@@ -13,6 +13,9 @@
 //                   singular vectors
 //   kGolubKahan     bidiagonalization from products with J alone, for tau that
 //                   keeps few values (golub_kahan.h)
+//   kCholesky       sparse J, damping and no truncation: Cholesky factors of
+//                   J^T J + (lambda + t) I for a few t (fractional_power.h),
+//                   where n may be far too large for a Gram matrix
 //   kSvd            the SVD of the dense J, by QR and LAPACK dgesdd: the oracle
 //   kGradient       phi(s) = s: d = J^T g, no factorization
 //
@@ -25,8 +28,9 @@
 // Cost:    with k = min(m, n): the Gram routes one Gram matrix (m^2 sum of the
 //          layer widths for a network, never formed; k^2 max(m, n) for a dense
 //          J), 4/3 k^3, and O(100 k); kCascade 2 k^2 r + 2 max(m, n) r^2 more
-//          for r small values; kGolubKahan 1.5 rank products with J and J^T;
-//          kSvd O(max(m, n) k^2) with J formed.
+//          for r small values; kCholesky 8 to 30 sparse factorizations
+//          (tolerance 1e-2 to 1e-6); kGolubKahan 1.5 rank products with J and
+//          J^T; kSvd O(max(m, n) k^2) with J formed.
 // Memory:  SpectralStepBytes; of the workspace, so that a step of the same
 //          shape by kGram allocates nothing.
 //
@@ -54,7 +58,8 @@
 // threshold within that resolution of tau s_max; by kGolubKahan they are part
 // of estimated_error.
 //
-// kAuto takes kGradient if phi(s) = s. Otherwise it climbs from the Gram route
+// kAuto takes kGradient if phi(s) = s, and kCholesky where that is possible and
+// min(m, n) is 500 or more. Otherwise it climbs from the Gram route
 // of the smaller side by kCascade to kSvd, until estimated_error is at most
 // options.tolerance, and no value is undecided or the threshold is resolved to
 // options.threshold_tolerance; summary.message says what was not enough. The
@@ -69,6 +74,8 @@
 //          Gram routes also if the squares of J's entries over- or underflow;
 //          kCascade below size 64, for clamped filters, and if more than 70 %
 //          of the values are small.
+//          kCholesky for other J and filters, and if lambda is below about
+//          2e-15 / tolerance s_max^2, which normal equations do not resolve;
 //          kGolubKahan if it has not converged after 2 min(m, n) / 3 + 50
 //          iterations. Every route ends after a number of operations known
 //          beforehand, or with LAPACK's word that it did not converge. J = 0 or
@@ -92,6 +99,7 @@ enum class SpectralRoute {
   kParameterGram,
   kCascade,
   kGolubKahan,
+  kCholesky,
   kGradient
 };
 const char* SpectralRouteName(SpectralRoute route);
@@ -99,8 +107,8 @@ const char* SpectralRouteName(SpectralRoute route);
 struct SpectralStepOptions {
   SpectralRoute route = SpectralRoute::kAuto;
   // kAuto keeps a route's answer if its estimated relative error is at most
-  // this, and goes on to a more accurate one otherwise. kCascade and
-  // kGolubKahan work as hard as it asks. > 0.
+  // this, and goes on to a more accurate one otherwise. kCascade, kGolubKahan
+  // and kCholesky work as hard as it asks. > 0.
   double tolerance = 1e-6;
   // kAuto keeps an answer with undecided values only if it is the step for a
   // threshold within this relative distance of tau s_max: 0 insists on the
@@ -112,7 +120,8 @@ struct SpectralStepOptions {
 
 struct SpectralStepSummary {
   SpectralRoute route = SpectralRoute::kAuto;  // the one that gave the answer
-  // Of the singular values; zero by kGradient, which does not compute them.
+  // Of the singular values; zero by kGradient, which does not compute them, as
+  // s_min_kept by kCholesky, whose rank is min(m, n).
   int rank = 0;                  // how many the filter keeps
   double s_max = 0.0;            // the largest
   double s_min_kept = 0.0;       // the smallest that is kept
@@ -126,7 +135,7 @@ struct SpectralStepSummary {
 
 // What a route keeps in the workspace, in bytes, for J m x n that is a
 // network's or compressed rows; kCascade keeps 8 max(m, n) r more for r small
-// values.
+// values, kCholesky the factor, whose size is known when it is analyzed.
 double SpectralStepBytes(SpectralRoute route, Eigen::Index m, Eigen::Index n);
 
 // CHECKs the sizes, that the filter is valid, and that kGradient is only asked

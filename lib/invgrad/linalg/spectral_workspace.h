@@ -15,6 +15,7 @@
 #include "Eigen/Core"
 #include "invgrad/linalg/contour_quadrature.h"
 #include "invgrad/linalg/golub_kahan.h"
+#include "invgrad/linalg/sparse_cholesky.h"
 #include "invgrad/linalg/tridiagonal.h"
 #include "invgrad/linalg/tridiagonalization.h"
 
@@ -44,6 +45,7 @@ struct SpectralWorkspace {
   Eigen::VectorXd change;
   Eigen::VectorXd product;
   GolubKahanWorkspace golub_kahan;
+  SparseCholesky cholesky;
   // Of the SVDs.
   Eigen::MatrixXd dense;
   Eigen::MatrixXd triangle;

@@ -3,16 +3,16 @@
 //   struct Options {
 //     double decay = 0.9;
 //     void Describe(OptionSet* set) {
-//       set->Add("decay", &decay, {0.0, 1.0}, "memory of the squared
-//       gradient");
+//       set->Add("decay", &decay, {0.0, 1.0}, "memory");
 //     }
 //   };
 //
 // The default of an option is the value that its field has when it is added;
 // it is written nowhere else. Command lines, listings and documentation are
 // made from the set. Numbers are read as in C, whatever the locale: all of the
-// text must belong to the number, and it must be finite. Fails:   Set and
-// SetAll return false with a message that names the option,
+// text must belong to the number, and it must be finite.
+//
+// Fails:   Set and SetAll return false with a message that names the option,
 //          the value, and what is allowed (the nearest names for an unknown
 //          option): "step_size=-1 is out of range; allowed: (0, inf) or auto".
 //          The field is then unchanged. Adding a name twice, or a default that

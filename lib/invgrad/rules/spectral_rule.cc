@@ -16,7 +16,8 @@ constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kGram,
                                      SpectralRoute::kParameterGram,
                                      SpectralRoute::kCascade,
-                                     SpectralRoute::kGolubKahan};
+                                     SpectralRoute::kGolubKahan,
+                                     SpectralRoute::kCholesky};
 
 // What the steps of all blocks were like.
 struct Totals {
@@ -156,7 +157,8 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   }
   std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
   parts.push_back(step);
-  if (spectral_options_.route != SpectralRoute::kGolubKahan) {
+  if (spectral_options_.route != SpectralRoute::kGolubKahan &&
+      spectral_options_.route != SpectralRoute::kCholesky) {
     parts.push_back({"factors of J", J.factor_bytes});
   }
   return parts;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <numeric>
@@ -14,9 +15,6 @@
 
 namespace invgrad {
 namespace {
-
-using RowMajorMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 std::string BlockMessage(int index, const std::string& what) {
   return "residual block " + std::to_string(index) + ": " + what;
@@ -103,27 +101,16 @@ class ProblemLinearizer::BlockEvaluation {
  public:
   // `plus_jacobians` is null if no Jacobians are wanted.
   BlockEvaluation(const ProblemLinearizer& linearizer,
-                  const std::vector<Eigen::MatrixXd>* plus_jacobians)
+                  const std::vector<RowMajorMatrix>* plus_jacobians)
       : linearizer_(linearizer), plus_jacobians_(plus_jacobians) {}
 
   // Computes r, the tangent-space Jacobians (both uncorrected) and rho.
   bool Evaluate(const ResidualBlock& block, std::string* error) {
     r_.resize(block.size);
-    const int num_blocks = static_cast<int>(block.blocks.size());
-    ambient_.resize(num_blocks);
-    jacobian_pointers_.assign(num_blocks, nullptr);
-    bool any_jacobian = false;
-    for (int b = 0; b < num_blocks; ++b) {
-      if (plus_jacobians_ == nullptr || block.blocks[b] < 0) continue;
-      const ParameterBlock& parameters = linearizer_.blocks_[block.blocks[b]];
-      ambient_[b].resize(block.size, parameters.ambient_size);
-      jacobian_pointers_[b] = ambient_[b].data();
-      any_jacobian = true;
-    }
+    const bool any_jacobian = plus_jacobians_ != nullptr && Reserve(block);
+    double* const* values = linearizer_.values_.data() + block.first_argument;
     if (!block.cost_function->Evaluate(
-            block.parameters.data(),
-            r_.data(),
-            any_jacobian ? jacobian_pointers_.data() : nullptr)) {
+            values, r_.data(), any_jacobian ? ambient_.data() : nullptr)) {
       *error = BlockMessage(block.index, "the cost function returned false");
       return false;
     }
@@ -131,7 +118,7 @@ class ProblemLinearizer::BlockEvaluation {
       *error = BlockMessage(block.index, "a residual is not finite");
       return false;
     }
-    if (any_jacobian && !ToTangent(block, error)) return false;
+    if (any_jacobian) ToTangent(block);
     correction_ = Correction();
     const ceres::LossFunction* loss_function =
         linearizer_.options_.apply_loss_function ? block.loss_function
@@ -151,17 +138,34 @@ class ProblemLinearizer::BlockEvaluation {
 
   double cost() const { return 0.5 * correction_.rho[0]; }
 
-  Eigen::VectorXd CorrectedResiduals() const {
-    return correction_.residual_scale * r_;
+  // sqrt(rho') / (1 - alpha) r
+  void WriteResiduals(double* corrected) const {
+    Eigen::Map<Eigen::VectorXd>(corrected, r_.size()) =
+        correction_.residual_scale * r_;
   }
 
-  // sqrt(rho') (J - alpha / s r r^T J), block b of the residual block.
-  RowMajorMatrix CorrectedJacobian(int b) const {
-    RowMajorMatrix J = correction_.jacobian_scale * tangent_[b];
-    if (correction_.alpha_by_s != 0.0) {
-      J -= correction_.alpha_by_s * r_ * (r_.transpose() * J).eval();
+  // sqrt(rho') (J - alpha / s r r^T J), into the residual block's rows of
+  // compressed values.
+  void WriteJacobian(const ResidualBlock& block, double* values) const {
+    for (int b = 0; b < block.num_arguments; ++b) {
+      const Argument& argument = ArgumentOf(block, b);
+      if (argument.block < 0) continue;
+      const Eigen::Map<const RowMajorMatrix> J = Tangent(block, b);
+      Eigen::Map<RowMajorMatrix, 0, Eigen::OuterStride<>> corrected(
+          values + argument.entry,
+          J.rows(),
+          J.cols(),
+          Eigen::OuterStride<>(block.row_length));
+      if (correction_.jacobian_scale == 1.0) {
+        corrected = J;
+      } else {
+        corrected = correction_.jacobian_scale * J;
+      }
+      if (correction_.alpha_by_s != 0.0) {
+        const Eigen::RowVectorXd r_J = r_.transpose() * corrected;
+        corrected -= correction_.alpha_by_s * r_ * r_J;
+      }
     }
-    return J;
   }
 
   // Adds the residual block's part of d2L/dx2.
@@ -175,25 +179,28 @@ class ProblemLinearizer::BlockEvaluation {
     Eigen::MatrixXd second(n, n);  // sum_i rho' r_i d2r_i/dx2, ambient
     const Eigen::VectorXd w = correction_.rho[1] * r_;
     if (!cost_function->WeightedHessian(
-            block.parameters.data(), w.data(), second.data())) {
+            linearizer_.values_.data() + block.first_argument,
+            w.data(),
+            second.data())) {
       *error = BlockMessage(block.index, "WeightedHessian returned false");
       return false;
     }
     int row = 0;
-    for (std::size_t a = 0; a < sizes.size(); row += sizes[a++]) {
-      if (block.blocks[a] < 0) continue;
+    for (int a = 0; a < block.num_arguments; row += sizes[a++]) {
+      const int block_a = ArgumentOf(block, a).block;
+      if (block_a < 0) continue;
       int col = 0;
-      for (std::size_t b = 0; b < sizes.size(); col += sizes[b++]) {
-        if (block.blocks[b] < 0) continue;
-        const RowMajorMatrix& J_a = tangent_[a];
-        const RowMajorMatrix& J_b = tangent_[b];
-        hessian->block(linearizer_.blocks_[block.blocks[a]].column,
-                       linearizer_.blocks_[block.blocks[b]].column,
+      for (int b = 0; b < block.num_arguments; col += sizes[b++]) {
+        const int block_b = ArgumentOf(block, b).block;
+        if (block_b < 0) continue;
+        const Eigen::Map<const RowMajorMatrix> J_a = Tangent(block, a);
+        const Eigen::Map<const RowMajorMatrix> J_b = Tangent(block, b);
+        hessian->block(linearizer_.blocks_[block_a].column,
+                       linearizer_.blocks_[block_b].column,
                        J_a.cols(),
                        J_b.cols()) +=
-            PullBack(block.blocks[a],
-                     block.blocks[b],
-                     second.block(row, col, sizes[a], sizes[b])) +
+            PullBack(
+                block_a, block_b, second.block(row, col, sizes[a], sizes[b])) +
             correction_.rho[1] * J_a.transpose() * J_b +
             2.0 * correction_.rho[2] * (J_a.transpose() * r_) *
                 (J_b.transpose() * r_).transpose();
@@ -203,30 +210,61 @@ class ProblemLinearizer::BlockEvaluation {
   }
 
  private:
-  bool ToTangent(const ResidualBlock& block, std::string* error) {
-    tangent_.resize(block.blocks.size());
-    for (std::size_t b = 0; b < block.blocks.size(); ++b) {
-      if (block.blocks[b] < 0) continue;
-      const Eigen::MatrixXd& P = (*plus_jacobians_)[block.blocks[b]];
-      if (P.size() > 0) {
-        tangent_[b].noalias() = ambient_[b] * P;
-      } else {
-        tangent_[b] = ambient_[b];
-      }
-      if (!tangent_[b].allFinite()) {
-        *error = BlockMessage(block.index,
-                              "its Jacobian by parameter block " +
-                                  std::to_string(b) + " is not finite");
-        return false;
-      }
+  const Argument& ArgumentOf(const ResidualBlock& block, int b) const {
+    return linearizer_.arguments_[block.first_argument + b];
+  }
+
+  // dr/d(tangent of argument b), uncorrected.
+  Eigen::Map<const RowMajorMatrix> Tangent(const ResidualBlock& block,
+                                           int b) const {
+    return {tangent_[b],
+            block.size,
+            linearizer_.blocks_[ArgumentOf(block, b).block].tangent_size};
+  }
+
+  // Memory for the Jacobians by the arguments that are not constant; false if
+  // there are none.
+  bool Reserve(const ResidualBlock& block) {
+    std::size_t size = 0;
+    for (int b = 0; b < block.num_arguments; ++b) {
+      const int index = ArgumentOf(block, b).block;
+      if (index < 0) continue;
+      const ParameterBlock& parameters = linearizer_.blocks_[index];
+      size += std::size_t{1} * block.size *
+              (parameters.ambient_size + parameters.tangent_size);
     }
-    return true;
+    if (memory_.size() < size) memory_.resize(size);
+    ambient_.assign(block.num_arguments, nullptr);
+    tangent_.assign(block.num_arguments, nullptr);
+    double* memory = memory_.data();
+    for (int b = 0; b < block.num_arguments; ++b) {
+      const int index = ArgumentOf(block, b).block;
+      if (index < 0) continue;
+      const ParameterBlock& parameters = linearizer_.blocks_[index];
+      ambient_[b] = memory;
+      tangent_[b] = memory;
+      memory += std::ptrdiff_t{block.size} * parameters.ambient_size;
+      if ((*plus_jacobians_)[index].size() == 0) continue;
+      tangent_[b] = memory;
+      memory += std::ptrdiff_t{block.size} * parameters.tangent_size;
+    }
+    return size > 0;
+  }
+
+  void ToTangent(const ResidualBlock& block) {
+    for (int b = 0; b < block.num_arguments; ++b) {
+      if (tangent_[b] == ambient_[b]) continue;
+      const RowMajorMatrix& P = (*plus_jacobians_)[ArgumentOf(block, b).block];
+      Eigen::Map<RowMajorMatrix>(tangent_[b], block.size, P.cols()).noalias() =
+          Eigen::Map<const RowMajorMatrix>(ambient_[b], block.size, P.rows())
+              .lazyProduct(P);
+    }
   }
 
   // P_a^T H P_b.
   Eigen::MatrixXd PullBack(int a, int b, const Eigen::MatrixXd& H) const {
-    const Eigen::MatrixXd& P_a = (*plus_jacobians_)[a];
-    const Eigen::MatrixXd& P_b = (*plus_jacobians_)[b];
+    const RowMajorMatrix& P_a = (*plus_jacobians_)[a];
+    const RowMajorMatrix& P_b = (*plus_jacobians_)[b];
     Eigen::MatrixXd result = P_a.size() > 0 ? P_a.transpose() * H : H;
     if (P_b.size() > 0) result = result * P_b;
     return result;
@@ -234,11 +272,13 @@ class ProblemLinearizer::BlockEvaluation {
 
   const ProblemLinearizer& linearizer_;
   // One a parameter block; empty where it has no manifold.
-  const std::vector<Eigen::MatrixXd>* plus_jacobians_;
+  const std::vector<RowMajorMatrix>* plus_jacobians_;
   Eigen::VectorXd r_;
-  std::vector<RowMajorMatrix> ambient_;  // dr/d(parameters), one a block
-  std::vector<double*> jacobian_pointers_;
-  std::vector<RowMajorMatrix> tangent_;  // the same times P
+  std::vector<double> memory_;
+  // dr/d(argument), one an argument, null if it is constant; and the same times
+  // P, which is the same memory where there is no manifold.
+  std::vector<double*> ambient_;
+  std::vector<double*> tangent_;
   Correction correction_;
 };
 
@@ -262,6 +302,7 @@ void ProblemLinearizer::AddParameterBlocks(const ceres::Problem& problem) {
                                   problem.GetManifold(values)};
     parameter_blocks_.push_back(values);
     blocks_.push_back(block);
+    tangent_sizes_.push_back(block.tangent_size);
     num_parameters_ += block.tangent_size;
     num_ambient_ += block.ambient_size;
   }
@@ -269,66 +310,85 @@ void ProblemLinearizer::AddParameterBlocks(const ceres::Problem& problem) {
 
 void ProblemLinearizer::AddResidualBlocks(const ceres::Problem& problem) {
   std::unordered_map<const double*, int> block_of;
+  block_of.reserve(blocks_.size());
   for (std::size_t i = 0; i < blocks_.size(); ++i) {
     block_of[blocks_[i].values] = static_cast<int>(i);
   }
   std::vector<ceres::ResidualBlockId> all;
   problem.GetResidualBlocks(&all);
+  const bool is_batch = !options_.residual_blocks.empty();
   std::unordered_map<ceres::ResidualBlockId, int> index_of;
-  for (std::size_t i = 0; i < all.size(); ++i) {
+  for (std::size_t i = 0; is_batch && i < all.size(); ++i) {
     index_of[all[i]] = static_cast<int>(i);
   }
   const std::vector<ceres::ResidualBlockId>& chosen =
-      options_.residual_blocks.empty() ? all : options_.residual_blocks;
+      is_batch ? options_.residual_blocks : all;
+  residual_blocks_.reserve(chosen.size());
+  std::vector<double*> values;
   for (const ceres::ResidualBlockId id : chosen) {
-    CHECK(index_of.count(id) > 0)
+    CHECK(!is_batch || index_of.count(id) > 0)
         << "A residual block of the mini-batch is not part of the problem.";
     ResidualBlock block;
     block.cost_function = problem.GetCostFunctionForResidualBlock(id);
     block.loss_function = problem.GetLossFunctionForResidualBlock(id);
-    block.index = index_of[id];
+    block.index =
+        is_batch ? index_of[id] : static_cast<int>(residual_blocks_.size());
     block.row = num_residuals_;
     block.size = block.cost_function->num_residuals();
-    problem.GetParameterBlocksForResidualBlock(id, &block.parameters);
-    for (const double* values : block.parameters) {
-      const auto it = block_of.find(values);
-      block.blocks.push_back(it == block_of.end() ? -1 : it->second);
+    problem.GetParameterBlocksForResidualBlock(id, &values);
+    block.first_argument = static_cast<int>(arguments_.size());
+    block.num_arguments = static_cast<int>(values.size());
+    block.row_length = 0;
+    for (double* argument : values) {
+      const auto it = block_of.find(argument);
+      const int index = it == block_of.end() ? -1 : it->second;
+      values_.push_back(argument);
+      arguments_.push_back({index, 0});
+      if (index >= 0) block.row_length += blocks_[index].tangent_size;
     }
     num_residuals_ += block.size;
-    residual_blocks_.push_back(std::move(block));
+    residual_blocks_.push_back(block);
   }
 }
 
 void ProblemLinearizer::BuildSparsity() {
-  std::vector<int> row_starts = {0};
-  std::vector<int> columns;
-  for (ResidualBlock& block : residual_blocks_) {
-    block.entry.assign(block.blocks.size(), 0);
-    std::vector<int> order;
-    for (std::size_t b = 0; b < block.blocks.size(); ++b) {
-      if (block.blocks[b] >= 0) order.push_back(static_cast<int>(b));
+  std::int64_t num_entries = 0;
+  for (const ResidualBlock& block : residual_blocks_) {
+    num_entries += std::int64_t{block.size} * block.row_length;
+  }
+  CHECK_LE(num_entries, std::numeric_limits<int>::max())
+      << "J has more entries than a sparse matrix can count.";
+  SparseJacobian::Matrix J(num_residuals_, num_parameters_);
+  J.resizeNonZeros(static_cast<int>(num_entries));
+  int* row_start = J.outerIndexPtr();
+  int* column = J.innerIndexPtr();
+  *row_start = 0;
+  std::vector<int> order;
+  for (const ResidualBlock& block : residual_blocks_) {
+    Argument* arguments = arguments_.data() + block.first_argument;
+    order.clear();
+    for (int b = 0; b < block.num_arguments; ++b) {
+      if (arguments[b].block >= 0) order.push_back(b);
     }
-    std::sort(order.begin(), order.end(), [&block](int a, int b) {
-      return block.blocks[a] < block.blocks[b];
+    std::sort(order.begin(), order.end(), [arguments](int a, int b) {
+      return arguments[a].block < arguments[b].block;
     });
-    std::vector<int> row;
+    const int* const first_row = column;
     for (const int b : order) {
-      const ParameterBlock& parameters = blocks_[block.blocks[b]];
-      block.entry[b] = static_cast<int>(row.size());
+      const ParameterBlock& parameters = blocks_[arguments[b].block];
+      arguments[b].entry = static_cast<int>(column - first_row);
       for (int i = 0; i < parameters.tangent_size; ++i) {
-        row.push_back(parameters.column + i);
+        *column++ = parameters.column + i;
       }
     }
     for (int i = 0; i < block.size; ++i) {
-      columns.insert(columns.end(), row.begin(), row.end());
-      row_starts.push_back(static_cast<int>(columns.size()));
+      if (i > 0) column = std::copy_n(first_row, block.row_length, column);
+      row_start[1] = row_start[0] + block.row_length;
+      ++row_start;
     }
   }
-  sparsity_.resize(num_residuals_, num_parameters_);
-  sparsity_.resizeNonZeros(static_cast<int>(columns.size()));
-  std::copy(row_starts.begin(), row_starts.end(), sparsity_.outerIndexPtr());
-  std::copy(columns.begin(), columns.end(), sparsity_.innerIndexPtr());
-  std::fill_n(sparsity_.valuePtr(), columns.size(), 0.0);
+  last_jacobian_ =
+      std::make_shared<SparseJacobian>(std::move(J), tangent_sizes_);
 }
 
 void ProblemLinearizer::Prepare(bool evaluate_jacobians) const {
@@ -338,24 +398,53 @@ void ProblemLinearizer::Prepare(bool evaluate_jacobians) const {
   }
 }
 
-bool ProblemLinearizer::PlusJacobians(std::vector<Eigen::MatrixXd>* jacobians,
+bool ProblemLinearizer::PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                                       std::string* error) const {
-  jacobians->assign(blocks_.size(), Eigen::MatrixXd());
+  jacobians->assign(blocks_.size(), RowMajorMatrix());
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     if (blocks_[b].manifold == nullptr) continue;
-    RowMajorMatrix P(blocks_[b].ambient_size, blocks_[b].tangent_size);
+    RowMajorMatrix& P = (*jacobians)[b];
+    P.resize(blocks_[b].ambient_size, blocks_[b].tangent_size);
     if (!blocks_[b].manifold->PlusJacobian(blocks_[b].values, P.data())) {
       *error = "the PlusJacobian of parameter block " + std::to_string(b) +
                " (of those that are not constant) failed";
       return false;
     }
-    (*jacobians)[b] = P;
   }
   return true;
 }
 
+std::shared_ptr<SparseJacobian> ProblemLinearizer::NewJacobian() const {
+  if (last_jacobian_.use_count() != 1) {
+    last_jacobian_ = std::make_shared<SparseJacobian>(*last_jacobian_);
+  }
+  return last_jacobian_;
+}
+
+// Which of the Jacobians that were written into J is to blame.
+std::string ProblemLinearizer::NotFinite(
+    const SparseJacobian::Matrix& J) const {
+  for (const ResidualBlock& block : residual_blocks_) {
+    for (int b = 0; b < block.num_arguments; ++b) {
+      const Argument& argument = arguments_[block.first_argument + b];
+      if (argument.block < 0) continue;
+      for (int row = block.row; row < block.row + block.size; ++row) {
+        if (!J.coeffs()
+                 .segment(J.outerIndexPtr()[row] + argument.entry,
+                          tangent_sizes_[argument.block])
+                 .allFinite()) {
+          return BlockMessage(block.index,
+                              "its Jacobian by parameter block " +
+                                  std::to_string(b) + " is not finite");
+        }
+      }
+    }
+  }
+  return "";
+}
+
 bool ProblemLinearizer::CanComputeHessian(std::string* error) const {
-  std::vector<Eigen::MatrixXd> P;
+  std::vector<RowMajorMatrix> P;
   if (!PlusJacobians(&P, error)) return false;
   std::vector<bool> is_linear(blocks_.size(), true);
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
@@ -366,10 +455,11 @@ bool ProblemLinearizer::CanComputeHessian(std::string* error) const {
   }
   for (const ResidualBlock& block : residual_blocks_) {
     bool is_constant = true;
-    for (std::size_t b = 0; b < block.blocks.size(); ++b) {
-      if (block.blocks[b] < 0) continue;
+    for (int b = 0; b < block.num_arguments; ++b) {
+      const int index = arguments_[block.first_argument + b].block;
+      if (index < 0) continue;
       is_constant = false;
-      if (!is_linear[block.blocks[b]]) {
+      if (!is_linear[index]) {
         *error = BlockMessage(
             block.index,
             "no exact Hessian, because the manifold of its parameter block " +
@@ -405,9 +495,10 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     if (!CanComputeHessian(error)) return false;
     linearization->hessian.setZero(num_parameters_, num_parameters_);
   }
-  std::vector<Eigen::MatrixXd> plus_jacobians;
+  std::vector<RowMajorMatrix> plus_jacobians;
   if (!PlusJacobians(&plus_jacobians, error)) return false;
-  SparseJacobian::Matrix J = sparsity_;
+  const std::shared_ptr<SparseJacobian> jacobian = NewJacobian();
+  const SparseJacobian::Matrix& J = jacobian->matrix();
   Eigen::VectorXd r(num_residuals_);
   double cost = 0.0;
   Prepare(/*evaluate_jacobians=*/true);
@@ -415,24 +506,17 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   for (const ResidualBlock& block : residual_blocks_) {
     if (!evaluation.Evaluate(block, error)) return false;
     cost += evaluation.cost();
-    r.segment(block.row, block.size) = evaluation.CorrectedResiduals();
-    bool is_constant = true;
-    for (std::size_t b = 0; b < block.blocks.size(); ++b) {
-      if (block.blocks[b] < 0) continue;
-      is_constant = false;
-      const RowMajorMatrix J_b =
-          evaluation.CorrectedJacobian(static_cast<int>(b));
-      for (int i = 0; i < block.size; ++i) {
-        const int row_start = J.outerIndexPtr()[block.row + i];
-        std::copy_n(J_b.row(i).data(),
-                    J_b.cols(),
-                    J.valuePtr() + row_start + block.entry[b]);
-      }
-    }
-    if (parts.hessian && !is_constant &&
+    evaluation.WriteResiduals(r.data() + block.row);
+    evaluation.WriteJacobian(
+        block, jacobian->mutable_values() + J.outerIndexPtr()[block.row]);
+    if (parts.hessian && block.row_length > 0 &&
         !evaluation.AddHessian(block, &linearization->hessian, error)) {
       return false;
     }
+  }
+  if (!J.coeffs().allFinite()) {
+    *error = NotFinite(J);
+    return false;
   }
   if (!std::isfinite(cost)) {
     *error = "the sum of the residual blocks' costs is not finite";
@@ -454,18 +538,13 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     linearization->loss_gradient = std::move(r);
     // Products with a matrix that is mostly full are BLAS' work.
     constexpr double kDense = 0.5;
-    std::vector<int> block_sizes;
-    for (const ParameterBlock& block : blocks_) {
-      block_sizes.push_back(block.tangent_size);
-    }
     if (static_cast<double>(J.nonZeros()) >=
         kDense * static_cast<double>(J.rows()) *
             static_cast<double>(J.cols())) {
       linearization->jacobian =
-          std::make_shared<DenseJacobian>(Eigen::MatrixXd(J), block_sizes);
+          std::make_shared<DenseJacobian>(Eigen::MatrixXd(J), tangent_sizes_);
     } else {
-      linearization->jacobian =
-          std::make_shared<SparseJacobian>(std::move(J), block_sizes);
+      linearization->jacobian = jacobian;
     }
     linearization->loss_hessian_times = nullptr;  // the identity
   }

@@ -36,6 +36,7 @@
 #ifndef INVGRAD_SOLVE_PROBLEM_LINEARIZER_H_
 #define INVGRAD_SOLVE_PROBLEM_LINEARIZER_H_
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -108,12 +109,21 @@ class ProblemLinearizer final : public Objective {
     int index;                                 // in the problem
     int row;
     int size;
-    std::vector<double*> parameters;  // one a parameter block
-    std::vector<int> blocks;  // the same as indices of blocks_; -1: constant
-    // Where a parameter block's entries begin in a compressed row of this
-    // residual block; entries are sorted by column.
-    std::vector<int> entry;
+    int first_argument;  // its parameter blocks, in values_ and arguments_
+    int num_arguments;
+    int row_length;  // of its rows in compressed form
   };
+
+  // A parameter block of a residual block.
+  struct Argument {
+    int block;  // of blocks_; -1: constant
+    // Where its entries begin in a compressed row of the residual block;
+    // entries are sorted by column.
+    int entry;
+  };
+
+  using RowMajorMatrix =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
   // One residual block's part of a linearization.
   class BlockEvaluation;
@@ -121,8 +131,10 @@ class ProblemLinearizer final : public Objective {
   void AddParameterBlocks(const ceres::Problem& problem);
   void AddResidualBlocks(const ceres::Problem& problem);
   void BuildSparsity();
+  std::shared_ptr<SparseJacobian> NewJacobian() const;
+  std::string NotFinite(const SparseJacobian::Matrix& J) const;
   void Prepare(bool evaluate_jacobians) const;
-  bool PlusJacobians(std::vector<Eigen::MatrixXd>* jacobians,
+  bool PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                      std::string* error) const;
   bool CanComputeHessian(std::string* error) const;
 
@@ -133,7 +145,12 @@ class ProblemLinearizer final : public Objective {
   std::vector<double*> parameter_blocks_;
   std::vector<ParameterBlock> blocks_;
   std::vector<ResidualBlock> residual_blocks_;
-  SparseJacobian::Matrix sparsity_;  // the pattern of J; its values are zero
+  std::vector<double*> values_;      // of all residual blocks' arguments
+  std::vector<Argument> arguments_;  // the same
+  std::vector<int> tangent_sizes_;   // of blocks_
+  // The last J, whose memory the next one takes over if nobody else holds it,
+  // and whose pattern it has in any case.
+  mutable std::shared_ptr<SparseJacobian> last_jacobian_;
 };
 
 }  // namespace invgrad

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -16,58 +17,79 @@ namespace invgrad {
 namespace {
 
 // A block's own manifold, or the Euclidean one, which takes a staged step in
-// the place of the next that it is given.
+// the place of the next that it is given. Ceres asks it for sizes and Jacobians
+// once a residual block and evaluation, so it is small, and does the Euclidean
+// case itself.
 class StagingManifold final : public ceres::Manifold {
  public:
-  // `own` may be null; not owned.
-  StagingManifold(int size, const ceres::Manifold* own)
-      : euclidean_(size), own_(own != nullptr ? *own : euclidean_) {}
+  // `own` is null for a Euclidean block; not owned.
+  StagingManifold(int ambient_size, const ceres::Manifold* own)
+      : ambient_size_(ambient_size),
+        tangent_size_(own != nullptr ? own->TangentSize() : ambient_size),
+        own_(own) {}
 
-  void Stage(const Eigen::VectorXd& step) {
-    CHECK_EQ(step.size(), TangentSize());
-    step_ = step;
-    is_staged_ = true;
-  }
-  void Clear() { is_staged_ = false; }
-  bool is_staged() const { return is_staged_; }
+  // `step` must stay until it is taken or cleared.
+  void Stage(const double* step) { staged_ = step; }
+  void Clear() { staged_ = nullptr; }
+  bool is_staged() const { return staged_ != nullptr; }
 
-  int AmbientSize() const override { return own_.AmbientSize(); }
-  int TangentSize() const override { return own_.TangentSize(); }
+  int AmbientSize() const override { return ambient_size_; }
+  int TangentSize() const override { return tangent_size_; }
 
   bool Plus(const double* x,
             const double* delta,
             double* x_plus_delta) const override {
     // Written only if something is staged: then Ceres forms its candidate, and
     // calls Plus once. Inner iterations call it from several threads.
-    if (!is_staged_) return own_.Plus(x, delta, x_plus_delta);
-    is_staged_ = false;
-    return own_.Plus(x, step_.data(), x_plus_delta);
+    if (staged_ != nullptr) {
+      delta = staged_;
+      staged_ = nullptr;
+    }
+    if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
+    std::transform(
+        x, x + ambient_size_, delta, x_plus_delta, std::plus<double>());
+    return true;
   }
 
   bool PlusJacobian(const double* x, double* jacobian) const override {
-    return own_.PlusJacobian(x, jacobian);
+    if (own_ != nullptr) return own_->PlusJacobian(x, jacobian);
+    SetIdentity(jacobian);
+    return true;
   }
   bool RightMultiplyByPlusJacobian(const double* x,
                                    const int num_rows,
                                    const double* ambient_matrix,
                                    double* tangent_matrix) const override {
-    return own_.RightMultiplyByPlusJacobian(
-        x, num_rows, ambient_matrix, tangent_matrix);
+    if (own_ != nullptr) {
+      return own_->RightMultiplyByPlusJacobian(
+          x, num_rows, ambient_matrix, tangent_matrix);
+    }
+    std::copy_n(ambient_matrix, num_rows * ambient_size_, tangent_matrix);
+    return true;
   }
   bool Minus(const double* y,
              const double* x,
              double* y_minus_x) const override {
-    return own_.Minus(y, x, y_minus_x);
+    if (own_ != nullptr) return own_->Minus(y, x, y_minus_x);
+    std::transform(y, y + ambient_size_, x, y_minus_x, std::minus<double>());
+    return true;
   }
   bool MinusJacobian(const double* x, double* jacobian) const override {
-    return own_.MinusJacobian(x, jacobian);
+    if (own_ != nullptr) return own_->MinusJacobian(x, jacobian);
+    SetIdentity(jacobian);
+    return true;
   }
 
  private:
-  const ceres::EuclideanManifold<ceres::DYNAMIC> euclidean_;
-  const ceres::Manifold& own_;
-  Eigen::VectorXd step_;
-  mutable bool is_staged_ = false;
+  void SetIdentity(double* matrix) const {
+    std::fill_n(matrix, ambient_size_ * ambient_size_, 0.0);
+    for (int i = 0; i < ambient_size_; ++i) matrix[i * ambient_size_ + i] = 1.0;
+  }
+
+  const int ambient_size_;
+  const int tangent_size_;
+  const ceres::Manifold* const own_;
+  mutable const double* staged_ = nullptr;
 };
 
 // Ceres 2.1 still has local parameterizations, and so has code that uses it.
@@ -102,13 +124,48 @@ struct OwnManifold {
 bool IsBounded(const ceres::Problem& problem, const double* values) {
   // "If the parameter is not bounded by the user" (ceres/problem.h).
   constexpr double kUnbounded = std::numeric_limits<double>::max();
-  for (int i = 0; i < problem.ParameterBlockSize(values); ++i) {
+  const int size = problem.ParameterBlockSize(values);
+  for (int i = 0; i < size; ++i) {
     if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
         problem.GetParameterUpperBound(values, i) < kUnbounded) {
       return true;
     }
   }
   return false;
+}
+
+// Whether a proposal can be staged for all of the linearizer's blocks.
+bool AreSupported(const UpdateCallback::Options& options,
+                  const ceres::Problem& problem,
+                  const ProblemLinearizer& linearizer,
+                  std::string* error) {
+  const std::vector<double*>& blocks = linearizer.parameter_blocks();
+  const auto name = [](std::size_t i) {
+    return "parameter block " + std::to_string(i) + " (of those not constant)";
+  };
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const int size = problem.ParameterBlockTangentSize(blocks[i]);
+    if (size > options.max_block_size) {
+      *error = name(i) + " has size " + std::to_string(size) + " > " +
+               std::to_string(options.max_block_size) +
+               " = max_block_size; split it into smaller blocks, or use "
+               "Minimize";
+      return false;
+    }
+    if (IsBounded(problem, blocks[i])) {
+      *error = name(i) +
+               " has bounds, with which proposals do not work; remove the "
+               "bounds (a change of variables can take their place), or solve "
+               "without UpdateCallback";
+      return false;
+    }
+  }
+  return true;
+}
+
+UpdateCallback::Options WithSharedManifolds(UpdateCallback::Options options) {
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
 }
 
 }  // namespace
@@ -122,6 +179,8 @@ class UpdateCallback::State {
         // Before wrapping: it moves by the blocks' own manifolds.
         linearizer_(problem, {}),
         parts_(rule->Needs()) {
+    std::string error;
+    CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
     parts_.jacobian = true;  // for the linear model
     for (double* values : linearizer_.parameter_blocks()) {
       own_.emplace_back(*problem, values);
@@ -166,6 +225,8 @@ class UpdateCallback::State {
     if (iteration.iteration == 0) {
       scale_ = 1.0;
       lost_radius_ = 0.0;
+      num_turns_left_ = 0;
+      turns_after_failure_ = kMinTurns;
       return Propose(iteration);
     }
     if (iteration.step_is_successful) {
@@ -223,6 +284,11 @@ class UpdateCallback::State {
       return ceres::SOLVER_CONTINUE;
     }
     lost_radius_ = 0.0;
+    if (num_turns_left_ > 0) {
+      // The message stays that of the failure.
+      --num_turns_left_;
+      return ceres::SOLVER_CONTINUE;
+    }
     Linearization at_x;
     if (!linearizer_.Linearize(parts_, &at_x, &summary_.message)) {
       return ceres::SOLVER_CONTINUE;
@@ -240,8 +306,11 @@ class UpdateCallback::State {
     num_backoffs_ = 0;
     radius_ = iteration.trust_region_radius;
     if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
+      num_turns_left_ = turns_after_failure_;
+      turns_after_failure_ = std::min(2 * turns_after_failure_, kMaxTurns);
       return ceres::SOLVER_CONTINUE;
     }
+    turns_after_failure_ = kMinTurns;
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
     fraction_ = scale_;
@@ -284,8 +353,8 @@ class UpdateCallback::State {
 
   void Stage() {
     for (std::size_t i = 0; i < staging_.size(); ++i) {
-      staging_[i]->Stage(step_.segment(linearizer_.column(static_cast<int>(i)),
-                                       staging_[i]->TangentSize()));
+      staging_[i]->Stage(step_.data() +
+                         linearizer_.column(static_cast<int>(i)));
     }
     has_proposal_ = true;
   }
@@ -295,6 +364,11 @@ class UpdateCallback::State {
     summary_.message = message;
     return ceres::SOLVER_ABORT;
   }
+
+  // A rule that fails is asked again after so many turns of Ceres', and twice
+  // as many each time that it fails again.
+  static constexpr int kMinTurns = 2;
+  static constexpr int kMaxTurns = 16;
 
   const Options options_;
   UpdateRule* rule_;
@@ -312,34 +386,15 @@ class UpdateCallback::State {
   double scale_ = 1.0;         // of proposals: what was accepted lately
   double fraction_ = 1.0;      // of the rule's step that step_ is
   double lost_radius_ = 0.0;   // Ceres has the turn below it
+  int num_turns_left_ = 0;     // of Ceres', before the rule is asked again
+  int turns_after_failure_ = kMinTurns;
   Summary summary_;
 };
 
 bool UpdateCallback::IsSupported(const Options& options,
                                  const ceres::Problem& problem,
                                  std::string* error) {
-  const ProblemLinearizer linearizer(&problem, {});
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    const std::string block =
-        "parameter block " + std::to_string(i) + " (of those not constant)";
-    const int size = problem.ParameterBlockTangentSize(blocks[i]);
-    if (size > options.max_block_size) {
-      *error = block + " has size " + std::to_string(size) + " > " +
-               std::to_string(options.max_block_size) +
-               " = max_block_size; split it into smaller blocks, or use "
-               "Minimize";
-      return false;
-    }
-    if (IsBounded(problem, blocks[i])) {
-      *error = block +
-               " has bounds, with which proposals do not work; remove the "
-               "bounds (a change of variables can take their place), or solve "
-               "without UpdateCallback";
-      return false;
-    }
-  }
-  return true;
+  return AreSupported(options, problem, ProblemLinearizer(&problem, {}), error);
 }
 
 UpdateCallback::UpdateCallback(const Options& options,
@@ -347,10 +402,13 @@ UpdateCallback::UpdateCallback(const Options& options,
                                ceres::Problem* problem) {
   CHECK(rule != nullptr);
   CHECK(problem != nullptr);
-  std::string error;
-  CHECK(IsSupported(options, *problem, &error)) << error;
   state_ = std::make_unique<State>(options, rule, problem);
 }
+
+UpdateCallback::UpdateCallback(const Options& options,
+                               UpdateRule* rule,
+                               CachedProblem* problem)
+    : UpdateCallback(WithSharedManifolds(options), rule, problem->problem()) {}
 
 UpdateCallback::~UpdateCallback() = default;
 

@@ -18,9 +18,11 @@
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
 // is as large again as before (or Ceres finds it too large itself). Ceres also
 // has the turn if the rule fails or the linear model promises too little. The
-// rule is asked at most once an accepted state. One that judges its steps
-// (control=gain) is told what cost each proposal led to, and at what scale; the
-// verdict is Ceres', and the scale is not remembered beside the rule's own.
+// rule is asked at most once an accepted state, and after it failed not before
+// 2 more steps were accepted, then 4, 8 and 16 if it fails again: each question
+// costs a linearization. One that judges its steps (control=gain) is told what
+// cost each proposal led to, and at what scale; the verdict is Ceres', and the
+// scale is not remembered beside the rule's own.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration; the
@@ -28,8 +30,9 @@
 //          either is missing. No bounds on blocks that are not constant,
 //          because Ceres' projected line search calls Plus repeatedly.
 // Cost:    one linearization and one step of the rule per accepted step, on top
-//          of Ceres' own; k^2 numbers and a product with J for a block of size
-//          k that had no manifold.
+//          of Ceres' own (a linearization evaluates all residual blocks, unless
+//          the problem is a CachedProblem); k^2 numbers and a product with J
+//          for a block of size k that had no manifold.
 // Fails:   numerical failures of the rule are Ceres' turn, never errors.
 #ifndef INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 #define INVGRAD_SOLVE_UPDATE_CALLBACK_H_
@@ -41,6 +44,7 @@
 #include "ceres/problem.h"
 #include "ceres/types.h"
 #include "invgrad/rules/update_rule.h"
+#include "invgrad/solve/cached_problem.h"
 
 namespace invgrad {
 
@@ -87,6 +91,11 @@ class UpdateCallback final : public ceres::IterationCallback {
   UpdateCallback(const Options& options,
                  UpdateRule* rule,
                  ceres::Problem* problem);
+  // The same for a problem that spares the callback an evaluation; its
+  // manifolds are its own, and options.manifold_ownership is not read.
+  UpdateCallback(const Options& options,
+                 UpdateRule* rule,
+                 CachedProblem* problem);
   ~UpdateCallback() override;
 
   ceres::CallbackReturnType operator()(

@@ -1,0 +1,223 @@
+// Times ceres::Solve with an UpdateCallback beside ceres::Solve alone, as
+// ratios of one run.
+//
+// Sample runs:
+//
+//   bench_callback --input=problem-16-22106-pre.txt.bz2
+//       --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
+//   bench_callback --steps=300     # without a file: an expensive functor
+//
+//   plain       ceres::Solve
+//   declining   an UpdateCallback whose rule asks for the Jacobian and then
+//               always declines: all that proposals cost when none is made
+//   cached      the same on a CachedProblem, which is made anew each time
+//   linearize   one linearization at the start, by evaluations
+//   remembered  the same from what a CachedProblem remembers
+//
+// One thread, so that times are those of the work. The problem is the bundle
+// adjustment of --input, or else the identification of a pendulum from samples,
+// each of which is a roll-out of up to --steps time steps.
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "benchmark/benchmark.h"
+#include "bin/support/program.h"
+#include "bin/support/ratio_reporter.h"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/problem.h"
+#include "ceres/solver.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/linalg/blas.h"
+#include "invgrad/solve/cached_problem.h"
+#include "invgrad/solve/problem_linearizer.h"
+#include "invgrad/solve/update_callback.h"
+#include "problems/estimation/bal_file.h"
+#include "problems/estimation/bundle_adjustment.h"
+
+DEFINE_string(input, "", "a bundle adjustment file; empty: the pendulum");
+DEFINE_int32(steps, 300, "time steps of the pendulum's longest roll-out");
+DEFINE_int32(samples, 1000, "samples of the pendulum");
+
+namespace invgrad {
+namespace {
+
+class DecliningRule final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override {
+    LinearizationParts parts;
+    parts.jacobian = true;
+    return parts;
+  }
+  bool ComputeStep(const Linearization& /*at_x*/,
+                   Eigen::VectorXd* /*step*/,
+                   std::string* error) override {
+    *error = "declined";
+    return false;
+  }
+};
+
+// The angle of a damped pendulum after `num_steps` steps of the symplectic
+// Euler method; x holds damping, stiffness and the angle at the start.
+struct PendulumSample {
+  int num_steps;
+  double measured;
+
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    constexpr double kTimeStep = 0.01;
+    T angle = x[2];
+    T velocity(0.0);
+    for (int i = 0; i < num_steps; ++i) {
+      velocity -= kTimeStep * (x[0] * velocity + x[1] * sin(angle));
+      angle += kTimeStep * velocity;
+    }
+    r[0] = angle - measured;
+    return true;
+  }
+};
+
+// A problem that starts from the same values whenever it is made.
+struct Instance {
+  BalData bal;
+  double pendulum[3] = {0.05, 3.0, 0.5};
+  ceres::Problem problem;
+  ceres::Solver::Options options;
+};
+
+std::unique_ptr<Instance> MakePendulum() {
+  auto instance = std::make_unique<Instance>();
+  const double truth[] = {0.2, 4.0, 1.0};
+  for (int i = 0; i < FLAGS_samples; ++i) {
+    auto* sample = new PendulumSample{FLAGS_steps * (i + 1) / FLAGS_samples, 0};
+    (*sample)(truth, &sample->measured);
+    instance->problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<PendulumSample, 1, 3>(sample),
+        nullptr,
+        instance->pendulum);
+  }
+  instance->options.linear_solver_type = ceres::DENSE_QR;
+  return instance;
+}
+
+std::unique_ptr<Instance> MakeBundle(const BalData& data) {
+  auto instance = std::make_unique<Instance>();
+  instance->bal = data;
+  AddBundleAdjustment([] { return nullptr; }, &instance->bal, &instance->problem);
+  instance->options.linear_solver_type = ceres::DENSE_SCHUR;
+  instance->options.linear_solver_ordering = PointsFirst(&instance->bal);
+  return instance;
+}
+
+using MakeInstance = std::function<std::unique_ptr<Instance>()>;
+
+void Run(benchmark::State& state,
+         const MakeInstance& make,
+         const std::function<void(Instance*, ceres::Solver::Summary*)>& solve) {
+  for (auto _ : state) {
+    state.PauseTiming();
+    std::unique_ptr<Instance> instance = make();
+    instance->options.logging_type = ceres::SILENT;
+    instance->options.num_threads = 1;
+    instance->options.max_num_iterations = 20;
+    ceres::Solver::Summary summary;
+    state.ResumeTiming();
+    solve(instance.get(), &summary);
+    state.PauseTiming();
+    if (!summary.IsSolutionUsable()) {
+      state.SkipWithError(summary.BriefReport().c_str());
+    }
+    state.counters["iterations"] =
+        static_cast<double>(summary.iterations.size());
+    instance.reset();
+    state.ResumeTiming();
+  }
+}
+
+void SolvePlain(Instance* instance, ceres::Solver::Summary* summary) {
+  ceres::Solve(instance->options, &instance->problem, summary);
+}
+
+void SolveDeclining(Instance* instance, ceres::Solver::Summary* summary) {
+  DecliningRule rule;
+  UpdateCallback callback({}, &rule, &instance->problem);
+  instance->options.callbacks.push_back(&callback);
+  instance->options.update_state_every_iteration = true;
+  ceres::Solve(instance->options, &instance->problem, summary);
+}
+
+void SolveCached(Instance* instance, ceres::Solver::Summary* summary) {
+  DecliningRule rule;
+  CachedProblem cached({}, &instance->problem);
+  UpdateCallback callback({}, &rule, &cached);
+  instance->options.callbacks.push_back(&callback);
+  instance->options.update_state_every_iteration = true;
+  ceres::Solve(instance->options, cached.problem(), summary);
+}
+
+void Linearize(benchmark::State& state, ceres::Problem* problem) {
+  const ProblemLinearizer linearizer(problem, {});
+  LinearizationParts parts;
+  parts.jacobian = true;
+  std::string error;
+  for (auto _ : state) {
+    Linearization at_x;
+    CHECK(linearizer.Linearize(parts, &at_x, &error)) << error;
+    benchmark::DoNotOptimize(at_x.cost);
+  }
+}
+
+int Benchmark() {
+  std::string error;
+  if (!CheckFlag("steps", FLAGS_steps > 0, "1 or more", &error) ||
+      !CheckFlag("samples", FLAGS_samples > 2, "3 or more", &error)) {
+    return Fail(error);
+  }
+  BalData data;
+  MakeInstance make = MakePendulum;
+  if (!FLAGS_input.empty()) {
+    if (!ReadBalFile(FLAGS_input, &data, &error)) return Fail(error);
+    make = [&data] { return MakeBundle(data); };
+  }
+  const SingleBlasThread single(true);
+  const auto add = [&](const char* name, auto solve) {
+    benchmark::RegisterBenchmark(name, [&make, solve](benchmark::State& state) {
+      Run(state, make, solve);
+    })->Unit(benchmark::kMillisecond);
+  };
+  add("plain", SolvePlain);
+  add("declining", SolveDeclining);
+  add("cached", SolveCached);
+  benchmark::RegisterBenchmark("linearize", [&](benchmark::State& state) {
+    Linearize(state, &make()->problem);
+  })->Unit(benchmark::kMillisecond);
+  benchmark::RegisterBenchmark("remembered", [&](benchmark::State& state) {
+    const std::unique_ptr<Instance> instance = make();
+    CachedProblem cached({}, &instance->problem);
+    Linearize(state, cached.problem());
+  })->Unit(benchmark::kMillisecond);
+
+  RatioReporter reporter;
+  benchmark::RunSpecifiedBenchmarks(&reporter);
+  reporter.PrintRatio("declining", "plain");
+  reporter.PrintRatio("cached", "plain");
+  reporter.PrintRatio("remembered", "linearize");
+  return 0;
+}
+
+}  // namespace
+}  // namespace invgrad
+
+int main(int argc, char** argv) {
+  // Google Benchmark takes its flags out of argv.
+  benchmark::Initialize(&argc, argv);
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "times ceres::Solve with an UpdateCallback beside ceres::Solve alone",
+      invgrad::Benchmark);
+}

@@ -1,0 +1,275 @@
+// Half-inverse steps in code that calls ceres::Solve: the length and the
+// damping of a pendulum, from noisy angles.
+//
+//   q'' = -(g / l) sin q - c q',   angle_i = q(t_i) + noise
+//   L = 1/2 sum_i (q(t_i) - angle_i)^2 / noise^2
+//
+// Estimated:  log l, log c, q(0), q'(0).
+// Truth:      l = 1.5 m, c = 0.2 / s, q(0) = 1, released from rest.
+// Data:       30 angles in 6 s, with normal noise of 0.05.
+// Starts:     the first angle, at rest; l and c off by random factors,
+//             lognormal with a standard deviation of e.
+//
+// 04_ceres_solve.md explains this program piece by piece.
+//
+// Sample runs:
+//
+//   04_ceres_solve
+//   04_ceres_solve --rules=half_inverse:step_size=auto:rho=0.5 --starts=2000
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/problem.h"
+#include "ceres/solver.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/io/numpy_generator.h"
+#include "invgrad/io/progress.h"
+#include "invgrad/io/table.h"
+// [includes]
+#include "invgrad/rules/rules.h"
+#include "invgrad/solve/update_callback.h"
+// [/includes]
+
+DEFINE_string(rules,
+              "half_inverse:step_size=auto:rho=1,"
+              "half_inverse:step_size=auto:rho=1:truncation=1e-2,"
+              "half_inverse:step_size=auto:rho=1:relative_damping=1e-2,"
+              "half_inverse:step_size=auto:rho=1:control=gain,"
+              "half_inverse,"
+              "power:kappa=0.75:step_size=auto:rho=1,"
+              "gauss_newton:step_size=auto:rho=1",
+              "what proposes; `compare --list` shows all rules and options");
+DEFINE_int32(starts, 500, "starts of each solver");
+
+namespace {
+
+using Eigen::Vector4d;
+using invgrad::FormatNumber;
+using invgrad::Specification;
+using invgrad::Table;
+
+constexpr int kNumAngles = 30;
+constexpr double kNoise = 0.05;       // [rad]
+constexpr double kCeresRadius = 1e4;  // Ceres' default
+
+// [functor]
+// The angles of a pendulum every 0.2 s, against measured ones; parameters are
+// log l, log c, q(0) and q'(0).
+struct Swing {
+  std::vector<double> angles;
+
+  template <typename T>
+  bool operator()(const T* parameters, T* residuals) const {
+    using std::exp;
+    const T stiffness = 9.81 / exp(parameters[0]);
+    const T damping = exp(parameters[1]);
+    T s[2] = {parameters[2], parameters[3]};
+    for (int i = 0; i < kNumAngles; ++i) {
+      residuals[i] = (s[0] - angles[i]) / kNoise;
+      for (int k = 0; k < 10; ++k) RungeKuttaStep(stiffness, damping, 0.02, s);
+    }
+    return true;
+  }
+
+  template <typename T>
+  static void Derivative(const T& stiffness,
+                         const T& damping,
+                         const T* s,
+                         T* derivative) {
+    using std::sin;
+    derivative[0] = s[1];
+    derivative[1] = -stiffness * sin(s[0]) - damping * s[1];
+  }
+
+  template <typename T>
+  static void RungeKuttaStep(const T& stiffness,
+                             const T& damping,
+                             double h,
+                             T* s) {
+    T k1[2], k2[2], k3[2], k4[2], stage[2];
+    Derivative(stiffness, damping, s, k1);
+    for (int i = 0; i < 2; ++i) stage[i] = s[i] + (0.5 * h) * k1[i];
+    Derivative(stiffness, damping, stage, k2);
+    for (int i = 0; i < 2; ++i) stage[i] = s[i] + (0.5 * h) * k2[i];
+    Derivative(stiffness, damping, stage, k3);
+    for (int i = 0; i < 2; ++i) stage[i] = s[i] + h * k3[i];
+    Derivative(stiffness, damping, stage, k4);
+    for (int i = 0; i < 2; ++i) {
+      s[i] += (h / 6.0) * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+    }
+  }
+};
+// [/functor]
+
+Vector4d Truth() { return Vector4d(std::log(1.5), std::log(0.2), 1.0, 0.0); }
+
+Swing Measure() {
+  invgrad::NumpyGenerator random(7);
+  // Without angles the residuals are what has been simulated.
+  Swing swing{std::vector<double>(kNumAngles, 0.0)};
+  std::vector<double> simulated(kNumAngles);
+  CHECK(swing(Truth().data(), simulated.data()));
+  for (int i = 0; i < kNumAngles; ++i) {
+    swing.angles[i] = kNoise * (simulated[i] + random.StandardNormal());
+  }
+  return swing;
+}
+
+struct Outcome {
+  Vector4d parameters;
+  ceres::Solver::Summary solver;
+  invgrad::UpdateCallback::Summary proposals;
+
+  // Three standard deviations of log l and log c, by (J^T J)^-1 at the truth.
+  bool IsTruth() const {
+    return std::abs(parameters[0] - Truth()[0]) < 3 * 0.009 &&
+           std::abs(parameters[1] - Truth()[1]) < 3 * 0.1;
+  }
+};
+
+// By Ceres alone if `proposals` is null.
+Outcome Solve(const Swing& swing,
+              const Vector4d& start,
+              double radius,
+              const Specification* proposals) {
+  // [solve]
+  Vector4d parameters = start;
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Swing, kNumAngles, 4>(new Swing(swing)),
+      nullptr,
+      parameters.data());
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 500;
+  options.initial_trust_region_radius = radius;
+  options.logging_type = ceres::SILENT;
+  // [/solve]
+
+  // [added]
+  std::unique_ptr<invgrad::UpdateRule> rule;
+  std::unique_ptr<invgrad::UpdateCallback> callback;
+  if (proposals != nullptr) {
+    std::string error;
+    rule = invgrad::CreateRule(*proposals, &error);
+    CHECK(rule != nullptr) << error;
+    CHECK(invgrad::UpdateCallback::IsSupported({}, problem, &error)) << error;
+    callback = std::make_unique<invgrad::UpdateCallback>(
+        invgrad::UpdateCallback::Options{}, rule.get(), &problem);
+    options.callbacks.push_back(callback.get());
+    options.update_state_every_iteration = true;
+  }
+  // [/added]
+
+  // [report]
+  Outcome outcome;
+  ceres::Solve(options, &problem, &outcome.solver);
+  outcome.parameters = parameters;
+  if (callback != nullptr) outcome.proposals = callback->summary();
+  // [/report]
+  return outcome;
+}
+
+// One solve, as it would be reported.
+void ReportOne(const Swing& swing, const Specification& half_inverse) {
+  const Vector4d start(std::log(0.5), std::log(0.5), swing.angles.front(), 0.0);
+  for (const Specification* proposals :
+       {static_cast<const Specification*>(nullptr), &half_inverse}) {
+    const Outcome outcome = Solve(swing, start, kCeresRadius, proposals);
+    std::cout << outcome.solver.BriefReport() << "\n  length "
+              << FormatNumber(std::exp(outcome.parameters[0])) << " m, damping "
+              << FormatNumber(std::exp(outcome.parameters[1])) << " / s\n";
+    if (proposals != nullptr) {
+      std::cout << "  " << outcome.proposals.BriefReport() << "\n";
+    }
+  }
+}
+
+// A row about the solves from all starts.
+void AddRow(const std::string& label,
+            const Swing& swing,
+            double radius,
+            const Specification* proposals,
+            Table* table) {
+  invgrad::NumpyGenerator random(1);
+  std::vector<int> num_iterations;  // of the solves that have found the truth
+  double seconds = 0.0;
+  for (int i = 0; i < FLAGS_starts; ++i) {
+    Vector4d start(Truth()[0], Truth()[1], swing.angles.front(), 0.0);
+    start.head<2>() += random.StandardNormal(2, 1);
+    const Outcome outcome = Solve(swing, start, radius, proposals);
+    seconds += outcome.solver.total_time_in_seconds;
+    if (outcome.IsTruth()) {
+      num_iterations.push_back(
+          static_cast<int>(outcome.solver.iterations.size()) - 1);
+    }
+  }
+  std::sort(num_iterations.begin(), num_iterations.end());
+  table->AddRow(
+      {label,
+       std::to_string(num_iterations.size()) + " of " +
+           std::to_string(FLAGS_starts),
+       num_iterations.empty()
+           ? "-"
+           : std::to_string(num_iterations[num_iterations.size() / 2]),
+       FormatNumber(1e3 * seconds / FLAGS_starts, 2)});
+}
+
+int Run() {
+  std::string error;
+  std::vector<Specification> rules;
+  if (!invgrad::ParseSpecifications(FLAGS_rules, &rules, &error)) {
+    std::cerr << "--rules: " << error << "\n";
+    return 1;
+  }
+  for (const Specification& rule : rules) {
+    if (invgrad::CreateRule(rule, &error) == nullptr) {
+      std::cerr << "--rules: " << error << "\n";
+      return 1;
+    }
+  }
+  if (FLAGS_starts < 1) {
+    std::cerr << "--starts: must be at least 1\n";
+    return 1;
+  }
+  const Swing swing = Measure();
+
+  // [rule]
+  const Specification half_inverse = {
+      "", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}};
+  // [/rule]
+  ReportOne(swing, half_inverse);
+
+  Table table({{"proposed by", Table::Align::kLeft},
+               {"truth found"},
+               {"iterations (median)"},
+               {"ms a solve"}});
+  AddRow("nobody", swing, kCeresRadius, nullptr, &table);
+  AddRow(
+      "nobody; initial_trust_region_radius = 1", swing, 1.0, nullptr, &table);
+  for (const Specification& rule : rules) {
+    AddRow(rule.text, swing, kCeresRadius, &rule, &table);
+  }
+  std::cout << "\n" << table.ToText();
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("proposes half-inverse steps to ceres::Solve");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  google::InitGoogleLogging(argv[0]);
+  // A start that cannot be simulated is a failure in the table; Ceres would
+  // also log it as an error.
+  FLAGS_minloglevel = google::GLOG_FATAL;
+  return Run();
+}

@@ -1,0 +1,374 @@
+// A simulator for a robot on two wheels: calibrated by Ceres, then put behind a
+// network that learns to park it.
+//
+// 05_robot_simulator.md explains this program piece by piece.
+//
+// Sample runs:
+//
+//   05_robot_simulator
+//   05_robot_simulator --seconds=2 --picture=/tmp/robot.png
+//   05_robot_simulator --nocalibrate --rules=half_inverse:step_size=auto
+
+#include <array>
+#include <cmath>
+#include <iostream>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/problem.h"
+#include "ceres/solver.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/chain/data_set.h"
+#include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/chain/model.h"
+#include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/io/numpy_generator.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/io/plot.h"
+#include "invgrad/io/progress.h"
+#include "invgrad/io/table.h"
+#include "invgrad/linalg/blas.h"
+#include "invgrad/solve/method.h"
+#include "invgrad/solve/trainer.h"
+
+DEFINE_string(rules,
+              "adam:step_size=3e-2:schedule=cosine,"
+              "half_inverse,"
+              "half_inverse:step_size=auto,"
+              "adaptive_power,"
+              "ceres_lm:initial_trust_region_radius=1",
+              "what to compare; `compare --list` shows all rules and options");
+DEFINE_bool(calibrate, true, "train with the geometry found by Ceres");
+DEFINE_double(seconds, 6.0, "training time of each rule");
+DEFINE_int32(seed, 1, "of the initial weights");
+DEFINE_string(picture, "05_robot_simulator.png", "where the picture goes");
+
+namespace {
+
+using Eigen::Vector3d;
+using invgrad::DataSet;
+using invgrad::FormatNumber;
+using invgrad::HistoryRow;
+using invgrad::Method;
+using invgrad::Model;
+using invgrad::NumpyRandom;
+using invgrad::Plot;
+using invgrad::Series;
+using invgrad::Table;
+using invgrad::TrainOptions;
+using invgrad::TrainSummary;
+
+constexpr int kNumSteps = 16;
+constexpr double kTimeStep = 0.25;  // [s]
+
+// [drive]
+// One time step of a robot on two wheels. Geometry: radius of the left and of
+// the right wheel, and their distance [m]. Wheel speeds: left, right [rad/s].
+// Pose: x, y [m], heading [rad]. The heading halfway stands for that of the
+// whole step (midpoint rule, order 2).
+template <typename G, typename W, typename T>
+void Drive(const G* geometry, const W* wheel_speeds, const T* pose, T* next) {
+  using std::cos;
+  using std::sin;
+  const T left = kTimeStep * geometry[0] * wheel_speeds[0];
+  const T right = kTimeStep * geometry[1] * wheel_speeds[1];
+  const T turn = (right - left) / geometry[2];
+  const T way = 0.5 * (left + right);
+  const T heading = pose[2] + 0.5 * turn;
+  next[0] = pose[0] + way * cos(heading);
+  next[1] = pose[1] + way * sin(heading);
+  next[2] = pose[2] + turn;
+}
+// [/drive]
+
+using Geometry = std::array<double, 3>;
+const Geometry kDrawn = {0.1, 0.1, 0.4};      // what the drawings say
+const Geometry kTrue = {0.102, 0.099, 0.43};  // what was built
+
+// [calibration]
+// A drive with known wheel speeds, after which the pose was measured.
+struct MeasuredDrive {
+  static constexpr double kNoise = 0.005;  // [m] and [rad]
+
+  std::array<double, 2 * kNumSteps> wheel_speeds;
+  std::array<double, 3> pose;  // it begins at (0, 0, 0)
+
+  template <typename T>
+  bool operator()(const T* geometry, T* residuals) const {
+    T at[3] = {T(0.0), T(0.0), T(0.0)};
+    T next[3];
+    for (int t = 0; t < kNumSteps; ++t) {
+      Drive(geometry, &wheel_speeds[2 * t], at, next);
+      for (int i = 0; i < 3; ++i) at[i] = next[i];
+    }
+    for (int i = 0; i < 3; ++i) residuals[i] = (at[i] - pose[i]) / kNoise;
+    return true;
+  }
+};
+
+Geometry Calibrate(const std::vector<MeasuredDrive>& drives) {
+  Geometry geometry = kDrawn;
+  ceres::Problem problem;
+  for (const MeasuredDrive& drive : drives) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<MeasuredDrive, 3, 3>(
+            new MeasuredDrive(drive)),
+        nullptr,
+        geometry.data());
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  std::cout << summary.BriefReport() << "\n";
+  return geometry;
+}
+// [/calibration]
+
+std::vector<MeasuredDrive> MeasureDrives(int num_drives) {
+  invgrad::NumpyGenerator random(1);
+  std::vector<MeasuredDrive> drives(num_drives);
+  for (MeasuredDrive& drive : drives) {
+    for (double& speed : drive.wheel_speeds) speed = 10.0 * random.Random();
+    drive.pose.fill(0.0);
+    Vector3d simulated;  // in units of the noise
+    CHECK(drive(kTrue.data(), simulated.data()));
+    for (int i = 0; i < 3; ++i) {
+      drive.pose[i] =
+          MeasuredDrive::kNoise * (simulated[i] + random.StandardNormal());
+    }
+  }
+  return drives;
+}
+
+// [step]
+// The same with wheels that the network controls: u = 1 asks for three quarters
+// of the top speed.
+struct RobotStep {
+  static constexpr double kTopSpeed = 10.0;  // [rad/s]
+  Geometry geometry;
+
+  template <typename T>
+  bool operator()(const T* pose, const T* u, T* next_pose) const {
+    using std::tanh;
+    const T wheel_speeds[2] = {kTopSpeed * tanh(u[0]), kTopSpeed * tanh(u[1])};
+    Drive(geometry.data(), wheel_speeds, pose, next_pose);
+    return true;
+  }
+};
+using Robot = invgrad::TimeSteppingSimulator<RobotStep>;
+// [/step]
+
+// [check]
+// The largest difference between the Jacobian by Jets, step by step, and
+// central differences, in units of the largest entry.
+double JacobianError(const Robot& robot) {
+  invgrad::NumpyGenerator random(2);
+  const Eigen::VectorXd u = random.StandardNormal(2 * kNumSteps, 1);
+  const Vector3d start(-2.0, 0.5, 0.3);
+  Vector3d y, y_plus, y_minus;
+  Eigen::Matrix<double, 3, 2 * kNumSteps, Eigen::RowMajor> J, differences;
+  CHECK(robot.Evaluate(u.data(), start.data(), y.data(), J.data()));
+  const double h = 1e-5;  // errors h^2 and epsilon / h balance
+  for (int i = 0; i < u.size(); ++i) {
+    const Eigen::VectorXd step = h * Eigen::VectorXd::Unit(u.size(), i);
+    const Eigen::VectorXd u_plus = u + step;
+    const Eigen::VectorXd u_minus = u - step;
+    CHECK(robot.Evaluate(u_plus.data(), start.data(), y_plus.data(), nullptr));
+    CHECK(
+        robot.Evaluate(u_minus.data(), start.data(), y_minus.data(), nullptr));
+    differences.col(i) = (y_plus - y_minus) / (2.0 * h);
+  }
+  return (J - differences).cwiseAbs().maxCoeff() / J.cwiseAbs().maxCoeff();
+}
+// [/check]
+
+// [model]
+// The network is called at every step: from the pose to the wheels' controls.
+// It is to be at (0, 0), with heading 0, after the last one.
+Model ParkingModel(const Geometry& geometry) {
+  const auto robot =
+      std::make_shared<Robot>(RobotStep{geometry}, 3, 2, kNumSteps);
+  return Model(
+      invgrad::DenseNetwork({3, 16, 16, 2}, invgrad::Activation::kTanh),
+      robot,
+      std::make_shared<invgrad::SquaredNormLoss>(3, 0.5),
+      invgrad::Reduction::kMean,
+      robot);  // the feedback: it is in the robot's loop over time
+}
+// [/model]
+
+// [data]
+// Poses to start from: the network's first input and the robot's context.
+DataSet DrawStarts(int num_samples, NumpyRandom* random) {
+  DataSet data;
+  data.inputs.resize(3, num_samples);
+  for (int s = 0; s < num_samples; ++s) {
+    data.inputs(0, s) = random->Uniform(-3.0, -1.5);
+    data.inputs(1, s) = random->Uniform(-1.0, 1.0);
+    data.inputs(2, s) = random->Uniform(-0.8, 0.8);
+  }
+  data.contexts = data.inputs;
+  data.targets.setZero(3, num_samples);
+  return data;
+}
+// [/data]
+
+// [paths]
+// Where the robot drives: one series a start.
+void AddPaths(const Model& model,
+              const Eigen::VectorXd& weights,
+              const DataSet& starts,
+              Plot* plot) {
+  std::string error;
+  invgrad::DenseNetwork::Activations activations;
+  CHECK(model.Forward(weights, starts, false, &activations, &error)) << error;
+  const Eigen::MatrixXd controls = model.SimulatorInputs(activations);
+  for (int s = 0; s < starts.num_samples(); ++s) {
+    Vector3d pose = starts.contexts.col(s);
+    Series path;
+    path.style = Series::Style::kLinesAndPoints;
+    for (int t = 0; t <= kNumSteps; ++t) {
+      path.x.push_back(pose[0]);
+      path.y.push_back(pose[1]);
+      if (t == kNumSteps) break;
+      Vector3d next;
+      CHECK(model.feedback()->Advance(
+          pose.data(), controls.col(s).data() + 2 * t, next.data()));
+      pose = next;
+    }
+    plot->series.push_back(path);
+  }
+}
+// [/paths]
+
+int Run() {
+  std::string error;
+  std::vector<Method> methods;
+  if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
+    std::cerr << "--rules: " << error << "\n";
+    return 1;
+  }
+  invgrad::SetBlasThreads(1);
+
+  const Geometry calibrated = Calibrate(MeasureDrives(20));
+  std::cout << "calibrated: wheels " << FormatNumber(calibrated[0], 5)
+            << " and " << FormatNumber(calibrated[1], 5) << " m, distance "
+            << FormatNumber(calibrated[2], 5) << " m\n";
+  std::cout << "Jacobian against finite differences: "
+            << FormatNumber(
+                   JacobianError(Robot(RobotStep{calibrated}, 3, 2, kNumSteps)),
+                   1)
+            << "\n\n";
+
+  // [models]
+  const Model model = ParkingModel(FLAGS_calibrate ? calibrated : kDrawn);
+  const Model reality = ParkingModel(kTrue);
+  // [/models]
+  NumpyRandom random(FLAGS_seed);
+  const Eigen::VectorXd initial_weights = model.network().InitialWeights(
+      invgrad::Initialization::kGlorotUniform, &random);
+  NumpyRandom data_random(0);
+  const DataSet train = DrawStarts(256, &data_random);
+  const DataSet test = DrawStarts(256, &data_random);
+
+  Table table({{"rule", Table::Align::kLeft},
+               {"train loss"},
+               {"test loss"},
+               {"miss [mm]"},
+               {"real miss [mm]"},
+               {"steps"},
+               {"ms/step"},
+               {"status", Table::Align::kLeft}});
+  // The root of the mean of |y|^2, in which 1 mrad counts as 1 mm.
+  const auto miss = [](double loss) {
+    return FormatNumber(1e3 * std::sqrt(2.0 * loss), 3);
+  };
+  Plot losses;
+  Plot paths;  // by the rule with the least test loss
+  double least_loss = std::numeric_limits<double>::infinity();
+  for (const Method& method : methods) {
+    // [train]
+    TrainOptions options;
+    options.max_time_in_seconds = FLAGS_seconds;
+    options.batch_size = 64;
+    std::cerr << "training: " << method.label << "\n";
+    Eigen::VectorXd weights = initial_weights;
+    invgrad::History history;
+    TrainSummary summary;
+    if (!invgrad::TrainByMethod(method,
+                                options,
+                                model,
+                                nullptr,  // no inverse simulator
+                                train,
+                                test,
+                                &weights,
+                                &history,
+                                &summary,
+                                &error)) {
+      std::cerr << method.label << ": " << error << "\n";
+      return 1;
+    }
+    const double real_loss = invgrad::MeanLoss(reality, weights, test);
+    // [/train]
+    const HistoryRow& last = history.back();
+    table.AddRow(
+        {method.label,
+         FormatNumber(last.train_loss, 3),
+         FormatNumber(last.test_loss, 3),
+         miss(last.test_loss),
+         miss(real_loss),
+         std::to_string(summary.num_steps),
+         FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
+                      3),
+         summary.message});
+    Series curve;
+    curve.title = method.label;
+    for (const HistoryRow& row : history) {
+      if (row.step == 0) continue;  // has no place on a logarithmic axis
+      curve.x.push_back(row.seconds);
+      curve.y.push_back(row.test_loss);
+    }
+    losses.series.push_back(curve);
+    if (last.test_loss < least_loss) {
+      least_loss = last.test_loss;
+      paths.title = method.label;
+      paths.series.clear();
+      AddPaths(model, weights, test.Range(0, 12), &paths);
+    }
+  }
+  std::cout << table.ToText();
+
+  losses.title = "parking";
+  losses.x_label = "seconds of training";
+  losses.y_label = "test loss";
+  losses.log_x = true;
+  losses.log_y = true;
+  losses.y_range.low = 1e-17;  // leaves room for the legend
+  losses.legend = Plot::Legend::kBottomLeft;
+  paths.x_label = "x [m]";
+  paths.y_label = "y [m]";
+  paths.equal_aspect = true;
+  paths.legend = Plot::Legend::kNone;
+  if (!invgrad::WritePlots(FLAGS_picture, {losses, paths}, &error)) {
+    std::cerr << error << "\n";
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("calibrates a robot and trains a network to park it");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  google::InitGoogleLogging(argv[0]);
+  return Run();
+}

@@ -1,0 +1,67 @@
+# cmake --install, and the Debian package libinvgrad-dev by `cpack -G DEB`.
+#
+#   include/invgrad/              the headers, and no header elsewhere
+#   lib/libinvgrad.a
+#   lib/cmake/invgrad/            find_package(invgrad)
+#   lib/pkgconfig/invgrad.pc
+#   share/doc/libinvgrad-dev/     copyright
+#
+# The programs stay in the build tree: they are experiments, and no two
+# libraries should fight for names such as `compare`. The installed tree may be
+# moved.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/invgrad)
+set(pkgconfig_dir ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
+install(TARGETS invgrad EXPORT invgradTargets
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+install(DIRECTORY lib/invgrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+  FILES_MATCHING PATTERN "*.h")
+
+install(EXPORT invgradTargets NAMESPACE invgrad:: DESTINATION ${config_dir})
+configure_package_config_file(lib/cmake/invgradConfig.cmake.in
+  ${PROJECT_BINARY_DIR}/install/invgradConfig.cmake
+  INSTALL_DESTINATION ${config_dir})
+if(PROJECT_VERSION_MAJOR EQUAL 0)
+  set(compatibility SameMinorVersion)
+else()
+  set(compatibility SameMajorVersion)
+endif()
+write_basic_package_version_file(
+  ${PROJECT_BINARY_DIR}/install/invgradConfigVersion.cmake
+  COMPATIBILITY ${compatibility})
+install(FILES
+  lib/cmake/invgradLapack.cmake
+  ${PROJECT_BINARY_DIR}/install/invgradConfig.cmake
+  ${PROJECT_BINARY_DIR}/install/invgradConfigVersion.cmake
+  DESTINATION ${config_dir})
+
+file(RELATIVE_PATH to_prefix /${pkgconfig_dir} /)
+string(REGEX REPLACE "/$" "" to_prefix ${to_prefix})
+configure_file(lib/cmake/invgrad.pc.in
+  ${PROJECT_BINARY_DIR}/install/invgrad.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/install/invgrad.pc
+  DESTINATION ${pkgconfig_dir})
+
+# Where Debian wants it.
+install(FILES LICENSE
+  DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/libinvgrad-dev
+  RENAME copyright)
+
+if(PROJECT_IS_TOP_LEVEL)
+  set(CPACK_GENERATOR DEB)
+  set(CPACK_PACKAGE_NAME libinvgrad-dev)
+  set(CPACK_PACKAGE_VENDOR "the invgrad authors")
+  set(CPACK_PACKAGE_CONTACT "the invgrad authors")
+  set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR})
+  set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+  set(CPACK_STRIP_FILES OFF)  # a static library keeps its symbols
+  set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+  set(CPACK_DEBIAN_PACKAGE_SECTION libdevel)
+  set(CPACK_DEBIAN_PACKAGE_DEPENDS
+    "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev")
+  include(CPack)
+endif()

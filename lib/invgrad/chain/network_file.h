@@ -1,0 +1,60 @@
+// A trained network in one file, as a program that ships one loads it:
+// architecture and weights. compare writes it as network.txt beside each run's
+// weights.
+//
+//   std::string error;
+//   Eigen::VectorXd weights;
+//   const std::optional<DenseNetwork> network =
+//       ReadNetwork("network.txt", &weights, &error);
+//   if (!network) ...  // error says why
+//   DenseNetwork::Activations activations;
+//   network->Forward(weights, inputs, false, &activations);
+//   // activations.outputs: a column for each column of inputs
+//
+// It is a text file:
+//
+//   invgrad network 1
+//   widths 4 20 20 20 24
+//   activation tanh
+//   weights 1444
+//   -0.26128751     one a line, in the order of dense_network.h, each with as
+//   ...             many digits as give back the same double
+//
+// In numpy: np.loadtxt("network.txt", skiprows=4).
+//
+// Nothing else belongs to a network: its inputs and outputs are in the units of
+// the problem that it was trained on.
+//
+// Cost:    20 bytes a weight.
+// Fails:   returns false (nothing), with a message that names the file and
+//          what is wrong with it; *weights is then unchanged. A file that ends
+//          early, numbers that do not fit each other and weights that are not
+//          finite, as diverged training leaves them, are refused by
+//          ReadNetwork; no file makes it allocate more than a few times the
+//          file's own size. Weights that do not fit the network are CHECKed by
+//          WriteNetwork.
+#ifndef INVGRAD_CHAIN_NETWORK_FILE_H_
+#define INVGRAD_CHAIN_NETWORK_FILE_H_
+
+#include <optional>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/dense_network.h"
+
+namespace invgrad {
+
+// Atomically (atomic_file.h). Takes weights that are not finite: what training
+// left is kept as it is.
+bool WriteNetwork(const std::string& path,
+                  const DenseNetwork& network,
+                  const Eigen::VectorXd& weights,
+                  std::string* error);
+
+std::optional<DenseNetwork> ReadNetwork(const std::string& path,
+                                        Eigen::VectorXd* weights,
+                                        std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_NETWORK_FILE_H_

@@ -1,0 +1,273 @@
+// The copy of a problem, and how often it asks the user's cost functions.
+#include "invgrad/solve/cached_problem.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/evaluation_callback.h"
+#include "ceres/loss_function.h"
+#include "ceres/manifold.h"
+#include "ceres/sized_cost_function.h"
+#include "ceres/solver.h"
+#include "gtest/gtest.h"
+#include "invgrad/rules/rules.h"
+#include "invgrad/solve/problem_linearizer.h"
+#include "invgrad/solve/second_order_cost_function.h"
+#include "invgrad/solve/update_callback.h"
+
+namespace invgrad {
+namespace {
+
+struct Counts {
+  int with_jacobians = 0;
+  int without = 0;
+};
+
+// r = (x_0^2 - y_0, 10 (y_1 - x_1^2)), x and y of size 2.
+class CountingCost final : public ceres::SizedCostFunction<2, 2, 2> {
+ public:
+  explicit CountingCost(Counts* counts) : counts_(*counts) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    ++(jacobians == nullptr ? counts_.without : counts_.with_jacobians);
+    const double* x = parameters[0];
+    const double* y = parameters[1];
+    residuals[0] = x[0] * x[0] - y[0];
+    residuals[1] = 10.0 * (y[1] - x[1] * x[1]);
+    if (jacobians == nullptr) return true;
+    if (jacobians[0] != nullptr) {
+      const double J[] = {2.0 * x[0], 0.0, 0.0, -20.0 * x[1]};
+      std::copy_n(J, 4, jacobians[0]);
+    }
+    if (jacobians[1] != nullptr) {
+      const double J[] = {-1.0, 0.0, 0.0, 10.0};
+      std::copy_n(J, 4, jacobians[1]);
+    }
+    return true;
+  }
+
+ private:
+  Counts& counts_;
+};
+
+struct Fixture {
+  double x[2] = {1.5, -1.2};
+  double y[2] = {1.0, 2.0};
+  Counts counts;
+  ceres::Problem problem;
+
+  Fixture() {
+    problem.AddResidualBlock(
+        new CountingCost(&counts), new ceres::HuberLoss(0.5), x, y);
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Anchor, 2, 2>(new Anchor), nullptr, x);
+  }
+
+  struct Anchor {
+    template <typename T>
+    bool operator()(const T* x, T* r) const {
+      r[0] = 0.1 * (x[0] - 1.0);
+      r[1] = 0.1 * (x[1] - 1.0);
+      return true;
+    }
+  };
+};
+
+TEST(CachedProblem, SolvesAsTheProblemItself) {
+  std::vector<double> costs[2];
+  for (const bool is_cached : {false, true}) {
+    Fixture f;
+    CachedProblem cached({}, &f.problem);
+    ceres::Solver::Summary summary;
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    ceres::Solve(options, is_cached ? cached.problem() : &f.problem, &summary);
+    for (const auto& iteration : summary.iterations) {
+      costs[is_cached ? 1 : 0].push_back(iteration.cost);
+    }
+  }
+  // Bit for bit: every evaluation is the user's.
+  EXPECT_EQ(costs[0], costs[1]);
+  EXPECT_GT(costs[0].size(), 3u);
+}
+
+// What Ceres asks for is evaluated; what the callback asks for is not.
+TEST(CachedProblem, LinearizesWithoutEvaluations) {
+  Counts counts[3];
+  int num_states[3];
+  for (const int mode : {0, 1, 2}) {  // Ceres alone, callback, cached callback
+    Fixture f;
+    CachedProblem cached({}, &f.problem);
+    std::string error;
+    const auto rule =
+        CreateRule({"", "half_inverse", {{"step_size", "auto"}}}, &error);
+    std::unique_ptr<UpdateCallback> callback;
+    if (mode == 1) {
+      callback = std::make_unique<UpdateCallback>(
+          UpdateCallback::Options(), rule.get(), &f.problem);
+    } else if (mode == 2) {
+      callback = std::make_unique<UpdateCallback>(
+          UpdateCallback::Options(), rule.get(), &cached);
+    }
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    options.update_state_every_iteration = true;
+    if (callback != nullptr) options.callbacks.push_back(callback.get());
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, mode == 2 ? cached.problem() : &f.problem, &summary);
+    counts[mode] = f.counts;
+    num_states[mode] = summary.num_successful_steps;  // the start is one
+    if (mode > 0) {
+      EXPECT_GT(callback->summary().num_accepted, 0);
+    }
+  }
+  // Ceres: one a state. The callback: one more. From the cache: none.
+  EXPECT_EQ(counts[0].with_jacobians, num_states[0]);
+  EXPECT_GT(counts[1].with_jacobians, num_states[1]);
+  EXPECT_EQ(counts[2].with_jacobians, num_states[2]);
+  EXPECT_EQ(num_states[1], num_states[2]) << "the same steps";
+}
+
+TEST(CachedProblem, KeepsManifoldsBoundsAndConstness) {
+  Fixture f;
+  f.problem.SetManifold(f.y, new ceres::SubsetManifold(2, {0}));
+  f.problem.SetParameterBlockConstant(f.x);
+  f.problem.SetParameterLowerBound(f.y, 1, -3.0);
+  CachedProblem cached({}, &f.problem);
+  const ceres::Problem& copy = *cached.problem();
+  EXPECT_EQ(copy.NumResidualBlocks(), 2);
+  EXPECT_EQ(copy.NumParameterBlocks(), 2);
+  EXPECT_EQ(copy.GetManifold(f.y), f.problem.GetManifold(f.y));
+  EXPECT_EQ(copy.GetManifold(f.x), nullptr);
+  EXPECT_TRUE(copy.IsParameterBlockConstant(f.x));
+  EXPECT_FALSE(copy.IsParameterBlockConstant(f.y));
+  EXPECT_EQ(copy.GetParameterLowerBound(f.y, 1), -3.0);
+  EXPECT_EQ(copy.GetParameterUpperBound(f.y, 1),
+            f.problem.GetParameterUpperBound(f.y, 1));
+  EXPECT_EQ(copy.GetParameterLowerBound(f.x, 0),
+            f.problem.GetParameterLowerBound(f.x, 0));
+  std::string error;
+  EXPECT_FALSE(UpdateCallback::IsSupported({}, copy, &error));
+  EXPECT_NE(error.find("bounds"), std::string::npos) << error;
+}
+
+// A block that becomes variable asks for a Jacobian that is not remembered.
+TEST(CachedProblem, EvaluatesWhatItDoesNotRemember) {
+  Fixture f;
+  CachedProblem cached({}, &f.problem);
+  LinearizationParts parts;
+  parts.jacobian = true;
+  std::string error;
+  const auto linearize = [&] {
+    Linearization at_x;
+    ProblemLinearizer linearizer(cached.problem(), {});
+    EXPECT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
+    Linearization expected;
+    ProblemLinearizer own(&f.problem, {});
+    EXPECT_TRUE(own.Linearize(parts, &expected, &error)) << error;
+    EXPECT_EQ(at_x.loss_gradient, expected.loss_gradient);
+  };
+  cached.problem()->SetParameterBlockConstant(f.x);
+  f.problem.SetParameterBlockConstant(f.x);
+  linearize();
+  EXPECT_EQ(f.counts.with_jacobians, 2);
+  linearize();
+  EXPECT_EQ(f.counts.with_jacobians, 3) << "only the problem's own";
+  cached.problem()->SetParameterBlockVariable(f.x);
+  f.problem.SetParameterBlockVariable(f.x);
+  linearize();
+  EXPECT_EQ(f.counts.with_jacobians, 5);
+  f.x[0] = -0.0;
+  linearize();
+  f.x[0] = 0.0;
+  linearize();
+  EXPECT_EQ(f.counts.with_jacobians, 9) << "+0 is not -0";
+}
+
+struct Quadratic {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] * x[0] - 2.0;
+    return true;
+  }
+};
+
+TEST(CachedProblem, KeepsSecondDerivatives) {
+  double x = 3.0;
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new AutoDiffSecondOrderCostFunction<Quadratic, 1, 1>(new Quadratic),
+      nullptr,
+      &x);
+  CachedProblem cached({}, &problem);
+  LinearizationParts parts;
+  parts.hessian = true;
+  Linearization at_x;
+  std::string error;
+  ProblemLinearizer linearizer(cached.problem(), {});
+  ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
+  // (2 x)^2 + 2 r
+  EXPECT_DOUBLE_EQ(at_x.hessian(0, 0), 36.0 + 14.0);
+}
+
+// The state that the cost function reads is prepared by a callback.
+class Prepares final : public ceres::EvaluationCallback {
+ public:
+  explicit Prepares(const double* x) : x_(x) {}
+  void PrepareForEvaluation(bool, bool) override { square = *x_ * *x_; }
+  double square = std::numeric_limits<double>::quiet_NaN();
+
+ private:
+  const double* x_;
+};
+
+class ReadsPrepared final : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit ReadsPrepared(const Prepares* prepared) : prepared_(*prepared) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    residuals[0] = prepared_.square - 2.0;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = 2.0 * parameters[0][0];
+    }
+    return true;
+  }
+
+ private:
+  const Prepares& prepared_;
+};
+
+TEST(CachedProblem, CallsTheEvaluationCallback) {
+  double x = 3.0;
+  Prepares prepares(&x);
+  ceres::Problem::Options problem_options;
+  problem_options.evaluation_callback = &prepares;
+  ceres::Problem problem(problem_options);
+  problem.AddResidualBlock(new ReadsPrepared(&prepares), nullptr, &x);
+  CachedProblem::Options cached_options;
+  cached_options.evaluation_callback = &prepares;
+  CachedProblem cached(cached_options, &problem);
+  std::string error;
+  const auto rule = CreateRule({"", "gauss_newton", {}}, &error);
+  UpdateCallback callback({}, rule.get(), &cached);
+  ceres::Solver::Options options;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = true;
+  options.callbacks.push_back(&callback);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, cached.problem(), &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
+  EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
+  EXPECT_GT(callback.summary().num_accepted, 0);
+}
+
+}  // namespace
+}  // namespace invgrad

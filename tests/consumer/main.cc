@@ -1,0 +1,130 @@
+// An application with flags and logging of its own that uses invgrad: a rule
+// inside ceres::Solve, as in README.md, and a network that `compare` trained.
+//
+//   consumer --network=runs/compare/adam-seed1/network.txt --input=0.1,0.2
+//
+// Ends with status 0 if all is as it should be, and prints the network's
+// outputs, one a line.
+#include <dlfcn.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/problem.h"
+#include "ceres/solver.h"
+#include "gflags/gflags.h"
+#include "glog/logging.h"
+#include "invgrad/chain/network_file.h"
+#include "invgrad/rules/rules.h"
+#include "invgrad/solve/update_callback.h"
+#include "invgrad/version.h"
+
+// Names that a library might take as well.
+DEFINE_string(network, "", "network.txt of a run of compare");
+DEFINE_string(input, "", "the network's input, separated by commas");
+DEFINE_int32(seed, 1, "not used");
+
+namespace {
+
+struct Rosenbrock {
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    residual[0] = 10.0 * (x[1] - x[0] * x[0]);
+    residual[1] = 1.0 - x[0];
+    return true;
+  }
+};
+
+void Minimize() {
+  double x[] = {-1.2, 1.0};
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
+      nullptr,
+      x);
+  std::string error;
+  auto rule = invgrad::CreateRule(
+      {"", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}}, &error);
+  CHECK(rule != nullptr) << error;
+  ceres::Solver::Options options;
+  ceres::Solver::Summary summary;
+  invgrad::UpdateCallback callback({}, rule.get(), &problem);
+  options.callbacks.push_back(&callback);
+  options.update_state_every_iteration = true;
+  options.max_num_iterations = 200;
+  ceres::Solve(options, &problem, &summary);
+  LOG(INFO) << callback.summary().BriefReport();
+  CHECK_GT(callback.summary().num_accepted, 0) << summary.FullReport();
+  CHECK_LT(std::hypot(x[0] - 1.0, x[1] - 1.0), 1e-3) << summary.FullReport();
+}
+
+// [network]
+void EvaluateNetwork(const std::string& path, const Eigen::MatrixXd& inputs) {
+  std::string error;
+  Eigen::VectorXd weights;
+  const std::optional<invgrad::DenseNetwork> network =
+      invgrad::ReadNetwork(path, &weights, &error);
+  if (!network) LOG(FATAL) << error;
+  CHECK_EQ(inputs.rows(), network->num_inputs());
+  invgrad::DenseNetwork::Activations activations;
+  network->Forward(weights, inputs, false, &activations);
+  for (const double x : activations.outputs.reshaped()) {
+    std::printf("%.17g\n", x);
+  }
+}
+// [/network]
+
+Eigen::VectorXd ParseNumbers(const std::string& text) {
+  std::vector<double> numbers;
+  std::istringstream words(text);
+  for (std::string word; std::getline(words, word, ',');) {
+    numbers.push_back(std::stod(word));
+  }
+  return Eigen::Map<Eigen::VectorXd>(numbers.data(), numbers.size());
+}
+
+// Flags, logging and signals are the application's, BLAS is OpenBLAS.
+void CheckProcess(bool is_logging_initialized) {
+  std::vector<gflags::CommandLineFlagInfo> flags;
+  gflags::GetAllFlags(&flags);
+  for (const gflags::CommandLineFlagInfo& flag : flags) {
+    CHECK(flag.filename.find("lib/invgrad/") == std::string::npos)
+        << flag.name << " of " << flag.filename;
+  }
+  CHECK_EQ(google::IsGoogleLoggingInitialized(), is_logging_initialized);
+  for (const int signal_number : {SIGINT, SIGTERM, SIGSEGV, SIGABRT, SIGFPE}) {
+    struct sigaction action;
+    CHECK_EQ(sigaction(signal_number, nullptr, &action), 0);
+    CHECK(action.sa_handler == SIG_DFL) << "signal " << signal_number;
+  }
+  for (const char* symbol : {"dgemm_", "dsyevd_"}) {
+    Dl_info info;
+    CHECK_NE(dladdr(dlsym(RTLD_DEFAULT, symbol), &info), 0) << symbol;
+    CHECK(std::strstr(info.dli_fname, "libopenblas") != nullptr)
+        << symbol << " is in " << info.dli_fname;
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  static_assert(INVGRAD_VERSION_MAJOR == 0, "what CMakeLists.txt asks for");
+  CheckProcess(false);
+  Minimize();
+  CheckProcess(false);
+  // The library works before and after.
+  google::InitGoogleLogging(argv[0]);
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  Minimize();
+  EvaluateNetwork(FLAGS_network, ParseNumbers(FLAGS_input));
+  CheckProcess(true);
+  return 0;
+}
