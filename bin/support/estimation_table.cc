@@ -1,6 +1,7 @@
 #include "bin/support/estimation_table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <sstream>
