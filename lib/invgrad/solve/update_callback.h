@@ -5,34 +5,37 @@
 //   ceres_options.update_state_every_iteration = true;
 //   ceres::Solve(ceres_options, &problem, &summary);
 //
-// After every accepted step the callback linearizes the problem, asks the rule
-// for a step and stages it. A manifold wrapped around each parameter block's
-// own puts the staged step in the place of Ceres' own at the next Plus, which
-// is where the trust-region minimizer forms its candidate. Ceres then accepts
-// or rejects the candidate by its gain ratio, as ever: the cost never rises,
-// and progress table, summary, tolerances, robust losses, constant blocks,
-// manifolds and threads are those of the user.
+// At an accepted state, if it is the rule's turn, the callback linearizes the
+// problem, asks the rule for a step and stages it. A manifold wrapped around
+// each parameter block's own puts the staged step in the place of Ceres' own at
+// the next Plus, which is where the trust-region minimizer forms its candidate.
+// Ceres then accepts or rejects the candidate by its gain ratio, as ever: the
+// cost never rises, and progress table, summary, tolerances, robust losses,
+// constant blocks, manifolds and threads are those of the user.
+//
+// Rule and Ceres take turns, which go to the one whose steps decrease the cost
+// more (turn_taking.h): a rule that is slow near the minimum leaves that part
+// of the way to Ceres, and one that has no step is asked less and less, because
+// each question costs a linearization.
 //
 // A rejected proposal is halved and proposed again; the scale is remembered and
 // doubles with every proposal that is accepted, up to 1. If max_num_backoffs do
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
 // is as large again as before (or Ceres finds it too large itself). Ceres also
-// has the turn if the rule fails or the linear model promises too little. The
-// rule is asked at most once an accepted state, and after it failed not before
-// 2 more steps were accepted, then 4, 8 and 16 if it fails again: each question
-// costs a linearization. One that judges its steps (control=gain) is told what
-// cost each proposal led to, and at what scale; the verdict is Ceres', and the
-// scale is not remembered beside the rule's own.
+// has the turn if the linear model promises too little. A rule that judges its
+// steps (control=gain) is told what cost each proposal led to, and at what
+// scale; the verdict is Ceres', and the scale is not remembered beside the
+// rule's own.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration; the
 //          callback aborts the solve, and says why in summary().message, if
 //          either is missing. No bounds on blocks that are not constant,
 //          because Ceres' projected line search calls Plus repeatedly.
-// Cost:    one linearization and one step of the rule per accepted step, on top
-//          of Ceres' own (a linearization evaluates all residual blocks, unless
-//          the problem is a CachedProblem); k^2 numbers and a product with J
-//          for a block of size k that had no manifold.
+// Cost:    one linearization and one step of the rule at each of its turns, on
+//          top of Ceres' own (a linearization evaluates all residual blocks,
+//          unless the problem is a CachedProblem); k^2 numbers and a product
+//          with J for a block of size k that had no manifold.
 // Fails:   numerical failures of the rule are Ceres' turn, never errors.
 #ifndef INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 #define INVGRAD_SOLVE_UPDATE_CALLBACK_H_
@@ -66,7 +69,7 @@ class UpdateCallback final : public ceres::IterationCallback {
     // A proposal for which the linear model promises a smaller relative
     // decrease of the cost is left to Ceres, so that the run does not end by
     // Ceres' function tolerance on a step that was not Ceres' own.
-    double min_relative_model_decrease = 1e-5;
+    double min_relative_model_decrease = 1e-3;
   };
 
   // Of the last solve. num_proposed = num_accepted + num_rejected, and one more
