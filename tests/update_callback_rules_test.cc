@@ -71,7 +71,11 @@ TEST(UpdateCallbackRules, EveryRuleOfTheTable) {
         nullptr,
         &x,
         &y);
-    const std::unique_ptr<UpdateRule> rule = MakeRule(row.name);
+    // The whole steps of both blocks, each as if the other stood still, are too
+    // long together, and the linear model knows it.
+    const std::unique_ptr<UpdateRule> rule =
+        MakeRule(row.name == "layer_half_inverse" ? row.name + ":step_size=auto"
+                                                  : row.name);
     UpdateCallback callback({}, rule.get(), &problem);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), &problem, &summary);
@@ -105,7 +109,8 @@ TEST(UpdateCallbackRules, PullBacksOfAModel) {
       problem.model.get(), &problem.train, &weights, &ceres_problem);
   UpdateCallback callback({}, &sip, &ceres_problem);
   ceres::Solver::Options options = SolverOptions(&callback);
-  options.max_num_iterations = 20;
+  options.linear_solver_type = ceres::CGNR;
+  options.max_num_iterations = 3;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &ceres_problem, &summary);
   EXPECT_LT(summary.final_cost, summary.initial_cost);

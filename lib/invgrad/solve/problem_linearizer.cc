@@ -23,6 +23,7 @@ std::string BlockMessage(int index, const std::string& what) {
 std::vector<double*> BlocksInOrderOfUse(const ceres::Problem& problem) {
   std::vector<double*> blocks;
   std::unordered_set<const double*> seen;
+  seen.reserve(problem.NumParameterBlocks());
   const auto add_new = [&](const std::vector<double*>& candidates) {
     for (double* values : candidates) {
       if (seen.insert(values).second) blocks.push_back(values);
@@ -324,6 +325,8 @@ void ProblemLinearizer::AddResidualBlocks(const ceres::Problem& problem) {
   const std::vector<ceres::ResidualBlockId>& chosen =
       is_batch ? options_.residual_blocks : all;
   residual_blocks_.reserve(chosen.size());
+  arguments_.reserve(2 * chosen.size());
+  values_.reserve(2 * chosen.size());
   std::vector<double*> values;
   for (const ceres::ResidualBlockId id : chosen) {
     CHECK(!is_batch || index_of.count(id) > 0)
