@@ -16,8 +16,8 @@
 // Gauge:      camera 0 is constant, and |t_1| is, by a SphereManifold. Nothing
 //             else fixes where the world is and how large.
 // Expect:     points within a hundredth of the truth, by either solver, and
-//             half-inverse steps in five times as many iterations: where
-//             Gauss-Newton's linear model holds, nothing is faster.
+//             no gain from half-inverse steps: where Gauss-Newton's linear
+//             model holds, nothing is faster.
 //
 // Solved by Ceres' Levenberg-Marquardt, and by the same with half-inverse steps
 // proposed. Exits with 0 if both find the points within kTolerance of the truth

@@ -19,11 +19,10 @@
 // Simulation: classical Runge-Kutta (order 4) in steps of 0.05 years, inside
 //             the functor: Ceres' Jets go through it.
 // Expect:     two starts in five lead to the truth, by Levenberg-Marquardt with
-//             Ceres' defaults as well as with half-inverse steps proposed, but
-//             not the same ones: one in three of them only by one of the two.
-//             (2,000 starts: 47 % and 50 %, 60 % by one or the other.) What
-//             helps more, from three starts in five, is a first step that is
-//             not too long: initial_trust_region_radius = 1 in place of 1e4.
+//             Ceres' defaults, and a few more with half-inverse steps proposed,
+//             but not the same ones. What helps more, from three starts in
+//             five, is a first step that is not too long:
+//             initial_trust_region_radius = 1 in place of 1e4.
 //
 // Exits with 0 if each solver's estimate of least cost is within a factor of
 // 1 + kTolerance of the truth in every parameter.
