@@ -107,7 +107,8 @@ std::unique_ptr<Instance> MakePendulum() {
 std::unique_ptr<Instance> MakeBundle(const BalData& data) {
   auto instance = std::make_unique<Instance>();
   instance->bal = data;
-  AddBundleAdjustment([] { return nullptr; }, &instance->bal, &instance->problem);
+  AddBundleAdjustment(
+      [] { return nullptr; }, &instance->bal, &instance->problem);
   instance->options.linear_solver_type = ceres::DENSE_SCHUR;
   instance->options.linear_solver_ordering = PointsFirst(&instance->bal);
   return instance;

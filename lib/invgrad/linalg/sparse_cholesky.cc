@@ -92,23 +92,23 @@ class SparseCholesky::Factors {
     return false;
   }
 
-  void Solve(Eigen::Ref<Eigen::MatrixXd> x) {
+  void Solve(Eigen::Ref<Eigen::MatrixXd>* x) {
     CHECK(factor_ != nullptr);
-    CHECK_EQ(x.rows(), static_cast<Eigen::Index>(factor_->n));
+    CHECK_EQ(x->rows(), static_cast<Eigen::Index>(factor_->n));
     cholmod_dense right = {};
-    right.nrow = x.rows();
-    right.ncol = x.cols();
-    right.nzmax = x.outerStride() * x.cols();
-    right.d = x.outerStride();
-    right.x = x.data();
+    right.nrow = x->rows();
+    right.ncol = x->cols();
+    right.nzmax = x->outerStride() * x->cols();
+    right.d = x->outerStride();
+    right.x = x->data();
     right.xtype = CHOLMOD_REAL;
     right.dtype = CHOLMOD_DOUBLE;
     cholmod_dense* solution =
         cholmod_solve(CHOLMOD_A, factor_, &right, &common_);
     CHECK(solution != nullptr) << "There is no memory for the solution.";
     CHECK_EQ(solution->d, solution->nrow);
-    x = Eigen::Map<const Eigen::MatrixXd>(
-        static_cast<const double*>(solution->x), x.rows(), x.cols());
+    *x = Eigen::Map<const Eigen::MatrixXd>(
+        static_cast<const double*>(solution->x), x->rows(), x->cols());
     cholmod_free_dense(&solution, &common_);
   }
 
@@ -143,7 +143,7 @@ bool SparseCholesky::Factorize(double shift, std::string* error) {
 
 void SparseCholesky::Solve(Eigen::Ref<Eigen::MatrixXd> x) const {
   CHECK(factors_ != nullptr) << "Analyze comes first.";
-  factors_->Solve(x);
+  factors_->Solve(&x);
 }
 
 double SparseCholesky::num_entries() const {

@@ -41,9 +41,7 @@ bool TurnTaking::IsTheRules() {
 
 void TurnTaking::RuleStepped(double gain) {
   Average(gain, &rule_merit_);
-  if (!by_merit_ || std::isnan(ceres_merit_)) {
-    next_wait_ = kFirstWait;
-  } else if (rule_merit_ >= ceres_merit_) {
+  if (!by_merit_ || std::isnan(ceres_merit_) || rule_merit_ >= ceres_merit_) {
     next_wait_ = kFirstWait;
   } else {
     Wait();
