@@ -51,7 +51,7 @@ constexpr int kNumInputs = kNumSteps * kNumControls;
 
 // The whole roll-out on one scalar type: the oracle.
 template <typename T>
-std::vector<T> RollOut(const std::vector<T>& controls, const VectorXd& start) {
+std::vector<T> StepAll(const std::vector<T>& controls, const VectorXd& start) {
   std::vector<T> state{T(start[0]), T(start[1])};
   std::vector<T> next(2);
   for (int t = 0; t < kNumSteps; ++t) {
@@ -98,7 +98,7 @@ TYPED_TEST(TimeSteppingSimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
   for (int i = 0; i < kNumInputs; ++i) {
     jets[i] = Jet(this->controls_[i], i);
   }
-  const std::vector<Jet> expected = RollOut(jets, this->start_);
+  const std::vector<Jet> expected = StepAll(jets, this->start_);
 
   VectorXd y(2);
   RowMajorMatrix J = RowMajorMatrix::Constant(2, kNumInputs, 9.0);
@@ -143,7 +143,7 @@ TYPED_TEST(TimeSteppingSimulatorTest,
   for (int i = 0; i < kNumInputs; ++i) {
     jets[i] = MakeHessianJet<kNumInputs>(this->controls_[i], i);
   }
-  const std::vector<Jet> y = RollOut(jets, this->start_);
+  const std::vector<Jet> y = StepAll(jets, this->start_);
   const Eigen::Vector2d w(1.3, -0.7);
   MatrixXd expected(kNumInputs, kNumInputs);
   for (int i = 0; i < kNumInputs; ++i) {
