@@ -8,8 +8,9 @@
 //   bench_callback --steps=300     # without a file: an expensive functor
 //
 //   plain       ceres::Solve
-//   declining   an UpdateCallback whose rule asks for the Jacobian and then
-//               always declines: all that proposals cost when none is made
+//   declining   an UpdateCallback whose rule always declines
+//   asking      the same, of a rule that asks for the Jacobian first: all that
+//               proposals cost when none is made
 //   cached      the same on a CachedProblem, which is made anew each time
 //   linearize   one linearization at the start, by evaluations
 //   remembered  the same from what a CachedProblem remembers
@@ -48,9 +49,12 @@ namespace {
 
 class DecliningRule final : public UpdateRule {
  public:
+  explicit DecliningRule(bool needs_jacobian)
+      : needs_jacobian_(needs_jacobian) {}
+
   LinearizationParts Needs() const override {
     LinearizationParts parts;
-    parts.jacobian = true;
+    parts.jacobian = needs_jacobian_;
     return parts;
   }
   bool ComputeStep(const Linearization& /*at_x*/,
@@ -59,6 +63,9 @@ class DecliningRule final : public UpdateRule {
     *error = "declined";
     return false;
   }
+
+ private:
+  const bool needs_jacobian_;
 };
 
 // The angle of a damped pendulum after `num_steps` steps of the symplectic
@@ -143,8 +150,10 @@ void SolvePlain(Instance* instance, ceres::Solver::Summary* summary) {
   ceres::Solve(instance->options, &instance->problem, summary);
 }
 
-void SolveDeclining(Instance* instance, ceres::Solver::Summary* summary) {
-  DecliningRule rule;
+void SolveDeclining(bool needs_jacobian,
+                    Instance* instance,
+                    ceres::Solver::Summary* summary) {
+  DecliningRule rule(needs_jacobian);
   UpdateCallback callback({}, &rule, &instance->problem);
   instance->options.callbacks.push_back(&callback);
   instance->options.update_state_every_iteration = true;
@@ -152,7 +161,7 @@ void SolveDeclining(Instance* instance, ceres::Solver::Summary* summary) {
 }
 
 void SolveCached(Instance* instance, ceres::Solver::Summary* summary) {
-  DecliningRule rule;
+  DecliningRule rule(/*needs_jacobian=*/true);
   CachedProblem cached({}, &instance->problem);
   UpdateCallback callback({}, &rule, &cached);
   instance->options.callbacks.push_back(&callback);
@@ -191,7 +200,12 @@ int Benchmark() {
     })->Unit(benchmark::kMillisecond);
   };
   add("plain", SolvePlain);
-  add("declining", SolveDeclining);
+  add("declining", [](Instance* instance, ceres::Solver::Summary* summary) {
+    SolveDeclining(/*needs_jacobian=*/false, instance, summary);
+  });
+  add("asking", [](Instance* instance, ceres::Solver::Summary* summary) {
+    SolveDeclining(/*needs_jacobian=*/true, instance, summary);
+  });
   add("cached", SolveCached);
   benchmark::RegisterBenchmark("linearize", [&](benchmark::State& state) {
     Linearize(state, &make()->problem);
@@ -205,6 +219,7 @@ int Benchmark() {
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
   reporter.PrintRatio("declining", "plain");
+  reporter.PrintRatio("asking", "plain");
   reporter.PrintRatio("cached", "plain");
   reporter.PrintRatio("remembered", "linearize");
   return 0;

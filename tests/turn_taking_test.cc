@@ -24,25 +24,22 @@ std::string Turns(TurnTaking* turns, int num_turns, double rule, double ceres) {
 }
 
 TEST(TurnTaking, TheBetterOneGoesOn) {
-  TurnTaking turns(true);
-  turns.Start();
-  EXPECT_EQ(Turns(&turns, 20, 2.0, 1.0), "rcrrrrrrrrcrrrrrrrrc");
-  turns.Start();
-  EXPECT_EQ(Turns(&turns, 42, 1.0, 2.0),
+  TurnTaking better(true);
+  EXPECT_EQ(Turns(&better, 20, 2.0, 1.0), "rcrrrrrrrrcrrrrrrrrc");
+  TurnTaking worse(true);
+  EXPECT_EQ(Turns(&worse, 42, 1.0, 2.0),
             "rcrccrccccrccccccccrccccccccccccccccrccccc");
 }
 
 // As good as Ceres is good enough: at equal gains the rule goes on.
 TEST(TurnTaking, EqualGains) {
   TurnTaking turns(true);
-  turns.Start();
   EXPECT_EQ(Turns(&turns, 5, 0.0, 0.0), "rcrrr");
 }
 
 // The waits begin anew with a turn that was better.
 TEST(TurnTaking, ARuleThatBecomesBetter) {
   TurnTaking turns(true);
-  turns.Start();
   EXPECT_EQ(Turns(&turns, 10, 1.0, 2.0), "rcrccrcccc");
   EXPECT_EQ(Turns(&turns, 3, 5.0, 2.0), "rrr");
   EXPECT_EQ(Turns(&turns, 6, -9.0, 2.0), "rccrcc");
@@ -50,14 +47,12 @@ TEST(TurnTaking, ARuleThatBecomesBetter) {
 
 TEST(TurnTaking, WithoutMeritTheRuleHasAllTurns) {
   TurnTaking turns(false);
-  turns.Start();
   EXPECT_EQ(Turns(&turns, 12, -1.0, 2.0), "rrrrrrrrrrrr");
 }
 
 TEST(TurnTaking, ARuleWithoutAStepWaitsLongerAndLonger) {
   for (const bool by_merit : {false, true}) {
     TurnTaking turns(by_merit);
-    turns.Start();
     std::string order;
     for (int i = 0; i < 55; ++i) {
       if (turns.IsTheRules()) {

@@ -1,5 +1,6 @@
 #include "invgrad/solve/update_callback.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -494,6 +495,132 @@ TEST(UpdateCallback, WithoutProposalsItIsPlainCeres) {
   EXPECT_EQ(counts.num_ceres_steps,
             static_cast<int>(summary.iterations.size()) - 1);
   EXPECT_EQ(counts.message, "no step today");
+}
+
+TEST(UpdateCallback, ARuleThatNeedsNothingIsAskedFirst) {
+  // One evaluation a step of the rule, none where it has no step.
+  struct Counting final : public ceres::SizedCostFunction<1, 1> {
+    explicit Counting(int* count) : count(*count) {}
+    bool Evaluate(double const* const* x,
+                  double* r,
+                  double** jacobians) const override {
+      ++count;
+      r[0] = std::exp(x[0][0]) - 2.0;
+      if (jacobians != nullptr) jacobians[0][0] = std::exp(x[0][0]);
+      return true;
+    }
+    int& count;
+  };
+  class Newton final : public UpdateRule {
+   public:
+    explicit Newton(const double* x) : x_(*x) {}
+    LinearizationParts Needs() const override { return {}; }
+    bool ComputeStep(const Linearization& at_x,
+                     Eigen::VectorXd* step,
+                     std::string* error) override {
+      EXPECT_EQ(at_x.jacobian, nullptr);
+      const double r = std::exp(x_) - 2.0;
+      EXPECT_NEAR(at_x.cost, 0.5 * r * r, 1e-15);
+      *error = "too steep";
+      if (x_ > 1.0) return false;
+      *step = Eigen::VectorXd::Constant(1, 2.0 * std::exp(-x_) - 1.0);
+      return true;
+    }
+
+   private:
+    const double& x_;
+  };
+  int num_evaluations[2] = {0, 0};
+  for (const bool has_callback : {false, true}) {
+    double x = 5.0;
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new Counting(&num_evaluations[has_callback]), nullptr, &x);
+    Newton rule(&x);
+    Options options;
+    options.by_merit = false;
+    UpdateCallback callback(options, &rule, &problem);
+    ceres::Solver::Options solver_options =
+        SolverOptions(has_callback ? &callback : nullptr);
+    solver_options.max_num_iterations = 4;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver_options, &problem, &summary);
+    // Four steps of exp(x) - 2 = 0 lead from 5 to about 1.4.
+    EXPECT_GT(x, 1.0);
+    EXPECT_LT(x, 2.0);
+  }
+  EXPECT_EQ(num_evaluations[0], num_evaluations[1]);
+}
+
+// The blocks that have none of their own.
+TEST(UpdateCallback, ManifoldsAreThereForItsOwnStepsOnly) {
+  class Watch final : public ceres::IterationCallback {
+   public:
+    explicit Watch(const PoseProblem* p) : p_(*p) {}
+    ceres::CallbackReturnType operator()(
+        const ceres::IterationSummary&) override {
+      EXPECT_TRUE(p_.problem.HasManifold(p_.q));
+      has_manifold.push_back(p_.problem.HasManifold(p_.t));
+      return ceres::SOLVER_CONTINUE;
+    }
+    std::vector<bool> has_manifold;  // p.t after each iteration
+
+   private:
+    const PoseProblem& p_;
+  };
+  PoseProblem p;
+  PowerRule power(0.5);
+  class Sometimes final : public UpdateRule {
+   public:
+    explicit Sometimes(PowerRule* rule) : rule_(*rule) {}
+    LinearizationParts Needs() const override { return rule_.Needs(); }
+    bool ComputeStep(const Linearization& at_x,
+                     Eigen::VectorXd* step,
+                     std::string* error) override {
+      *error = "not now";
+      return rule_.num_calls++ % 2 == 0 && rule_.ComputeStep(at_x, step, error);
+    }
+
+   private:
+    PowerRule& rule_;
+  };
+  Sometimes rule(&power);
+  UpdateCallback callback(Options(), &rule, &p.problem);
+  Watch watch(&p);
+  ceres::Solver::Options options = SolverOptions(&callback);
+  options.callbacks.push_back(&watch);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  const auto num_staged =
+      std::count(watch.has_manifold.begin(), watch.has_manifold.end(), true);
+  EXPECT_EQ(num_staged, callback.summary().num_proposed);
+  EXPECT_GT(num_staged, 0);
+  EXPECT_GT(callback.summary().num_ceres_steps, 0);
+}
+
+TEST(UpdateCallback, IsForOneSolve) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(0.5);
+  {
+    UpdateCallback callback(Options(), &rule, &p.problem);
+    ceres::Solver::Summary summary;
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+    p.x = -1.2;
+    p.y = 1.0;
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+    EXPECT_NE(callback.summary().message.find("for one solve"),
+              std::string::npos);
+    EXPECT_EQ(p.x, -1.2);
+    EXPECT_EQ(p.y, 1.0);
+  }
+  UpdateCallback callback(Options(), &rule, &p.problem);
+  ceres::Solver::Summary summary;
+  ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(p.x, 1.0, 1e-6);
 }
 
 TEST(UpdateCallback, RestoresManifolds) {

@@ -7,7 +7,6 @@
 #include <memory>
 #include <numeric>
 #include <unordered_map>
-#include <unordered_set>
 #include <utility>
 
 #include "glog/logging.h"
@@ -18,28 +17,6 @@ namespace {
 
 std::string BlockMessage(int index, const std::string& what) {
   return "residual block " + std::to_string(index) + ": " + what;
-}
-
-std::vector<double*> BlocksInOrderOfUse(const ceres::Problem& problem) {
-  std::vector<double*> blocks;
-  std::unordered_set<const double*> seen;
-  seen.reserve(problem.NumParameterBlocks());
-  const auto add_new = [&](const std::vector<double*>& candidates) {
-    for (double* values : candidates) {
-      if (seen.insert(values).second) blocks.push_back(values);
-    }
-  };
-  std::vector<ceres::ResidualBlockId> residual_blocks;
-  problem.GetResidualBlocks(&residual_blocks);
-  std::vector<double*> of_residual_block;
-  for (const ceres::ResidualBlockId id : residual_blocks) {
-    problem.GetParameterBlocksForResidualBlock(id, &of_residual_block);
-    add_new(of_residual_block);
-  }
-  std::vector<double*> all;
-  problem.GetParameterBlocks(&all);
-  add_new(all);
-  return blocks;
 }
 
 // rho, rho' and rho'' of one residual block and what they do to r and J.
@@ -283,78 +260,120 @@ class ProblemLinearizer::BlockEvaluation {
   Correction correction_;
 };
 
+// Reads the problem's structure in one pass over its residual blocks: each
+// question to a ceres::Problem is a look-up.
+class ProblemLinearizer::Reader {
+ public:
+  Reader(const ceres::Problem& problem, ProblemLinearizer* linearizer)
+      : problem_(problem), linearizer_(*linearizer) {
+    block_of_.reserve(problem.NumParameterBlocks());
+  }
+
+  void ReadAll() {
+    std::vector<ceres::ResidualBlockId> ids;
+    problem_.GetResidualBlocks(&ids);
+    linearizer_.residual_blocks_.reserve(ids.size());
+    linearizer_.arguments_.reserve(2 * ids.size());
+    linearizer_.values_.reserve(2 * ids.size());
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+      AddResidualBlock(ids[i], static_cast<int>(i));
+    }
+    AddUnusedParameterBlocks();
+  }
+
+  void ReadBatch(const std::vector<ceres::ResidualBlockId>& batch) {
+    std::vector<ceres::ResidualBlockId> ids;
+    problem_.GetResidualBlocks(&ids);
+    std::unordered_map<ceres::ResidualBlockId, int> index_of;
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+      problem_.GetParameterBlocksForResidualBlock(ids[i], &values_);
+      for (double* values : values_) AddParameterBlock(values);
+      index_of[ids[i]] = static_cast<int>(i);
+    }
+    AddUnusedParameterBlocks();
+    for (const ceres::ResidualBlockId id : batch) {
+      const auto it = index_of.find(id);
+      CHECK(it != index_of.end())
+          << "A residual block of the mini-batch is not part of the problem.";
+      AddResidualBlock(id, it->second);
+    }
+  }
+
+ private:
+  void AddUnusedParameterBlocks() {
+    problem_.GetParameterBlocks(&values_);
+    for (double* values : values_) AddParameterBlock(values);
+  }
+
+  // Returns its index in blocks_, -1 if it is constant.
+  int AddParameterBlock(double* values) {
+    const auto [it, is_new] = block_of_.try_emplace(values, -1);
+    if (!is_new || problem_.IsParameterBlockConstant(values)) {
+      return it->second;
+    }
+    it->second = static_cast<int>(linearizer_.blocks_.size());
+    const ParameterBlock block = {values,
+                                  problem_.ParameterBlockSize(values),
+                                  problem_.ParameterBlockTangentSize(values),
+                                  linearizer_.num_parameters_,
+                                  linearizer_.num_ambient_,
+                                  problem_.GetManifold(values)};
+    linearizer_.parameter_blocks_.push_back(values);
+    linearizer_.blocks_.push_back(block);
+    linearizer_.tangent_sizes_.push_back(block.tangent_size);
+    linearizer_.num_parameters_ += block.tangent_size;
+    linearizer_.num_ambient_ += block.ambient_size;
+    return it->second;
+  }
+
+  void AddResidualBlock(ceres::ResidualBlockId id, int index) {
+    std::vector<Argument>& arguments = linearizer_.arguments_;
+    ResidualBlock block;
+    block.cost_function = problem_.GetCostFunctionForResidualBlock(id);
+    block.loss_function = problem_.GetLossFunctionForResidualBlock(id);
+    block.index = index;
+    block.row = linearizer_.num_residuals_;
+    block.size = block.cost_function->num_residuals();
+    block.first_argument = static_cast<int>(arguments.size());
+    problem_.GetParameterBlocksForResidualBlock(id, &values_);
+    block.num_arguments = static_cast<int>(values_.size());
+    block.row_length = 0;
+    by_column_.clear();
+    for (double* values : values_) {
+      const int b = AddParameterBlock(values);
+      if (b >= 0) by_column_.emplace_back(b, arguments.size());
+      linearizer_.values_.push_back(values);
+      arguments.push_back({b, 0});
+    }
+    std::sort(by_column_.begin(), by_column_.end());
+    for (const auto& [b, argument] : by_column_) {
+      arguments[argument].entry = block.row_length;
+      block.row_length += linearizer_.blocks_[b].tangent_size;
+    }
+    linearizer_.num_residuals_ += block.size;
+    linearizer_.residual_blocks_.push_back(block);
+  }
+
+  const ceres::Problem& problem_;
+  ProblemLinearizer& linearizer_;
+  std::unordered_map<const double*, int> block_of_;  // of blocks_; -1: constant
+  std::vector<double*> values_;
+  std::vector<std::pair<int, std::size_t>> by_column_;
+};
+
 ProblemLinearizer::ProblemLinearizer(const ceres::Problem* problem,
                                      Options options)
     : options_(std::move(options)) {
   CHECK(problem != nullptr);
-  AddParameterBlocks(*problem);
-  AddResidualBlocks(*problem);
-  BuildSparsity();
-}
-
-void ProblemLinearizer::AddParameterBlocks(const ceres::Problem& problem) {
-  for (double* values : BlocksInOrderOfUse(problem)) {
-    if (problem.IsParameterBlockConstant(values)) continue;
-    const ParameterBlock block = {values,
-                                  problem.ParameterBlockSize(values),
-                                  problem.ParameterBlockTangentSize(values),
-                                  num_parameters_,
-                                  num_ambient_,
-                                  problem.GetManifold(values)};
-    parameter_blocks_.push_back(values);
-    blocks_.push_back(block);
-    tangent_sizes_.push_back(block.tangent_size);
-    num_parameters_ += block.tangent_size;
-    num_ambient_ += block.ambient_size;
+  Reader reader(*problem, this);
+  if (options_.residual_blocks.empty()) {
+    reader.ReadAll();
+  } else {
+    reader.ReadBatch(options_.residual_blocks);
   }
 }
 
-void ProblemLinearizer::AddResidualBlocks(const ceres::Problem& problem) {
-  std::unordered_map<const double*, int> block_of;
-  block_of.reserve(blocks_.size());
-  for (std::size_t i = 0; i < blocks_.size(); ++i) {
-    block_of[blocks_[i].values] = static_cast<int>(i);
-  }
-  std::vector<ceres::ResidualBlockId> all;
-  problem.GetResidualBlocks(&all);
-  const bool is_batch = !options_.residual_blocks.empty();
-  std::unordered_map<ceres::ResidualBlockId, int> index_of;
-  for (std::size_t i = 0; is_batch && i < all.size(); ++i) {
-    index_of[all[i]] = static_cast<int>(i);
-  }
-  const std::vector<ceres::ResidualBlockId>& chosen =
-      is_batch ? options_.residual_blocks : all;
-  residual_blocks_.reserve(chosen.size());
-  arguments_.reserve(2 * chosen.size());
-  values_.reserve(2 * chosen.size());
-  std::vector<double*> values;
-  for (const ceres::ResidualBlockId id : chosen) {
-    CHECK(!is_batch || index_of.count(id) > 0)
-        << "A residual block of the mini-batch is not part of the problem.";
-    ResidualBlock block;
-    block.cost_function = problem.GetCostFunctionForResidualBlock(id);
-    block.loss_function = problem.GetLossFunctionForResidualBlock(id);
-    block.index =
-        is_batch ? index_of[id] : static_cast<int>(residual_blocks_.size());
-    block.row = num_residuals_;
-    block.size = block.cost_function->num_residuals();
-    problem.GetParameterBlocksForResidualBlock(id, &values);
-    block.first_argument = static_cast<int>(arguments_.size());
-    block.num_arguments = static_cast<int>(values.size());
-    block.row_length = 0;
-    for (double* argument : values) {
-      const auto it = block_of.find(argument);
-      const int index = it == block_of.end() ? -1 : it->second;
-      values_.push_back(argument);
-      arguments_.push_back({index, 0});
-      if (index >= 0) block.row_length += blocks_[index].tangent_size;
-    }
-    num_residuals_ += block.size;
-    residual_blocks_.push_back(block);
-  }
-}
-
-void ProblemLinearizer::BuildSparsity() {
+std::shared_ptr<SparseJacobian> ProblemLinearizer::NewSparsity() const {
   std::int64_t num_entries = 0;
   for (const ResidualBlock& block : residual_blocks_) {
     num_entries += std::int64_t{block.size} * block.row_length;
@@ -366,32 +385,24 @@ void ProblemLinearizer::BuildSparsity() {
   int* row_start = J.outerIndexPtr();
   int* column = J.innerIndexPtr();
   *row_start = 0;
-  std::vector<int> order;
   for (const ResidualBlock& block : residual_blocks_) {
-    Argument* arguments = arguments_.data() + block.first_argument;
-    order.clear();
-    for (int b = 0; b < block.num_arguments; ++b) {
-      if (arguments[b].block >= 0) order.push_back(b);
-    }
-    std::sort(order.begin(), order.end(), [arguments](int a, int b) {
-      return arguments[a].block < arguments[b].block;
-    });
     const int* const first_row = column;
-    for (const int b : order) {
-      const ParameterBlock& parameters = blocks_[arguments[b].block];
-      arguments[b].entry = static_cast<int>(column - first_row);
-      for (int i = 0; i < parameters.tangent_size; ++i) {
-        *column++ = parameters.column + i;
-      }
+    for (int b = 0; b < block.num_arguments; ++b) {
+      const Argument& argument = arguments_[block.first_argument + b];
+      if (argument.block < 0) continue;
+      const ParameterBlock& parameters = blocks_[argument.block];
+      std::iota(column + argument.entry,
+                column + argument.entry + parameters.tangent_size,
+                parameters.column);
     }
+    column += block.row_length;
     for (int i = 0; i < block.size; ++i) {
       if (i > 0) column = std::copy_n(first_row, block.row_length, column);
       row_start[1] = row_start[0] + block.row_length;
       ++row_start;
     }
   }
-  last_jacobian_ =
-      std::make_shared<SparseJacobian>(std::move(J), tangent_sizes_);
+  return std::make_shared<SparseJacobian>(std::move(J), tangent_sizes_);
 }
 
 void ProblemLinearizer::Prepare(bool evaluate_jacobians) const {
@@ -418,7 +429,9 @@ bool ProblemLinearizer::PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
 }
 
 std::shared_ptr<SparseJacobian> ProblemLinearizer::NewJacobian() const {
-  if (last_jacobian_.use_count() != 1) {
+  if (last_jacobian_ == nullptr) {
+    last_jacobian_ = NewSparsity();
+  } else if (last_jacobian_.use_count() != 1) {
     last_jacobian_ = std::make_shared<SparseJacobian>(*last_jacobian_);
   }
   return last_jacobian_;

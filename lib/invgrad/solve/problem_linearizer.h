@@ -78,6 +78,12 @@ class ProblemLinearizer final : public Objective {
   }
   // Where the columns of parameter_blocks()[block] begin.
   int column(int block) const { return blocks_[block].column; }
+  int ambient_size(int block) const { return blocks_[block].ambient_size; }
+  int tangent_size(int block) const { return blocks_[block].tangent_size; }
+  // Null: Euclidean.
+  const ceres::Manifold* manifold(int block) const {
+    return blocks_[block].manifold;
+  }
 
   bool Linearize(const LinearizationParts& parts,
                  Linearization* linearization,
@@ -125,12 +131,11 @@ class ProblemLinearizer final : public Objective {
   using RowMajorMatrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+  class Reader;  // of the problem's structure
   // One residual block's part of a linearization.
   class BlockEvaluation;
 
-  void AddParameterBlocks(const ceres::Problem& problem);
-  void AddResidualBlocks(const ceres::Problem& problem);
-  void BuildSparsity();
+  std::shared_ptr<SparseJacobian> NewSparsity() const;
   std::shared_ptr<SparseJacobian> NewJacobian() const;
   std::string NotFinite(const SparseJacobian::Matrix& J) const;
   void Prepare(bool evaluate_jacobians) const;
@@ -149,7 +154,7 @@ class ProblemLinearizer final : public Objective {
   std::vector<Argument> arguments_;  // the same
   std::vector<int> tangent_sizes_;   // of blocks_
   // The last J, whose memory the next one takes over if nobody else holds it,
-  // and whose pattern it has in any case.
+  // and whose pattern it has in any case. Null before the first.
   mutable std::shared_ptr<SparseJacobian> last_jacobian_;
 };
 

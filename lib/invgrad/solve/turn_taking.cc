@@ -6,7 +6,6 @@
 namespace invgrad {
 namespace {
 
-constexpr int kFirstWait = 2;
 constexpr int kLongestWait = 16;
 constexpr int kMostInARow = 8;
 
@@ -15,14 +14,6 @@ void Average(double gain, double* merit) {
 }
 
 }  // namespace
-
-void TurnTaking::Start() {
-  rule_merit_ = kNone;
-  ceres_merit_ = kNone;
-  num_in_a_row_ = 0;
-  num_turns_left_ = 0;
-  next_wait_ = kFirstWait;
-}
 
 bool TurnTaking::IsTheRules() {
   if (num_turns_left_ > 0) {

@@ -21,9 +21,6 @@ class TurnTaking {
   // by_merit: false leaves the rule all turns at which it has a step.
   explicit TurnTaking(bool by_merit) : by_merit_(by_merit) {}
 
-  // Before the first turn of a run.
-  void Start();
-
   // At an accepted state, once: whether the next turn is the rule's.
   bool IsTheRules();
 
@@ -35,12 +32,14 @@ class TurnTaking {
   void Wait();
 
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  static constexpr int kFirstWait = 2;
+
   bool by_merit_;
   double rule_merit_ = kNone;
   double ceres_merit_ = kNone;
   int num_in_a_row_ = 0;    // of the rule's turns
   int num_turns_left_ = 0;  // of Ceres', before the rule's next
-  int next_wait_ = 0;
+  int next_wait_ = kFirstWait;
 };
 
 }  // namespace invgrad

@@ -99,10 +99,15 @@ class StagingManifold final : public ceres::Manifold {
 
 // What a block had before it was wrapped.
 struct OwnManifold {
-  OwnManifold(const ceres::Problem& problem, double* values)
+  // A local parameterization is a manifold too.
+  OwnManifold(const ceres::Problem& problem,
+              double* values,
+              const ceres::Manifold* manifold)
       : values(values),
-        manifold(problem.GetManifold(values)),
-        parameterization(problem.GetParameterization(values)) {}
+        manifold(manifold),
+        parameterization(manifold == nullptr
+                             ? nullptr
+                             : problem.GetParameterization(values)) {}
 
   void Restore(ceres::Problem* problem) const {
     // Ceres takes them as pointers to what it may delete, and hands them out as
@@ -122,10 +127,9 @@ struct OwnManifold {
 
 #pragma GCC diagnostic pop
 
-bool IsBounded(const ceres::Problem& problem, const double* values) {
+bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
   // "If the parameter is not bounded by the user" (ceres/problem.h).
   constexpr double kUnbounded = std::numeric_limits<double>::max();
-  const int size = problem.ParameterBlockSize(values);
   for (int i = 0; i < size; ++i) {
     if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
         problem.GetParameterUpperBound(values, i) < kUnbounded) {
@@ -141,11 +145,11 @@ bool AreSupported(const UpdateCallback::Options& options,
                   const ProblemLinearizer& linearizer,
                   std::string* error) {
   const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  const auto name = [](std::size_t i) {
+  const auto name = [](int i) {
     return "parameter block " + std::to_string(i) + " (of those not constant)";
   };
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    const int size = problem.ParameterBlockTangentSize(blocks[i]);
+  for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
+    const int size = linearizer.tangent_size(i);
     if (size > options.max_block_size) {
       *error = name(i) + " has size " + std::to_string(size) + " > " +
                std::to_string(options.max_block_size) +
@@ -153,7 +157,7 @@ bool AreSupported(const UpdateCallback::Options& options,
                "Minimize";
       return false;
     }
-    if (IsBounded(problem, blocks[i])) {
+    if (IsBounded(problem, blocks[i], linearizer.ambient_size(i))) {
       *error = name(i) +
                " has bounds, with which proposals do not work; remove the "
                "bounds (a change of variables can take their place), or solve "
@@ -162,6 +166,11 @@ bool AreSupported(const UpdateCallback::Options& options,
     }
   }
   return true;
+}
+
+bool NeedsLinearization(const UpdateRule& rule) {
+  const LinearizationParts parts = rule.Needs();
+  return parts.gradient || parts.jacobian || parts.hessian;
 }
 
 UpdateCallback::Options WithSharedManifolds(UpdateCallback::Options options) {
@@ -179,30 +188,59 @@ class UpdateCallback::State {
         problem_(problem),
         // Before wrapping: it moves by the blocks' own manifolds.
         linearizer_(problem, {}),
-        parts_(rule->Needs()),
+        needs_linearization_(NeedsLinearization(*rule)),
         turns_(options.by_merit) {
     std::string error;
     CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
-    parts_.jacobian = true;  // for the linear model
-    for (double* values : linearizer_.parameter_blocks()) {
-      own_.emplace_back(*problem, values);
-      staging_.push_back(new StagingManifold(
-          problem->ParameterBlockSize(values), own_.back().manifold));
+    const std::vector<double*>& blocks = linearizer_.parameter_blocks();
+    own_.reserve(blocks.size());
+    staging_.reserve(blocks.size());
+    for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
+      own_.emplace_back(*problem, blocks[i], linearizer_.manifold(i));
+      staging_.push_back(new StagingManifold(linearizer_.ambient_size(i),
+                                             linearizer_.manifold(i)));
       if (options_.manifold_ownership == ceres::DO_NOT_TAKE_OWNERSHIP) {
         owned_.emplace_back(staging_.back());
       }
-      problem->SetManifold(values, staging_.back());
+    }
+    // In a loop of its own, so that Ceres, which visits them all in each of its
+    // evaluations, finds them side by side in memory.
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      problem->SetManifold(blocks[i], staging_[i]);
     }
   }
 
   ~State() {
-    for (const OwnManifold& own : own_) own.Restore(problem_);
+    for (const OwnManifold& own : own_) {
+      if (own.manifold != nullptr || is_wrapped_) own.Restore(problem_);
+    }
   }
 
   ceres::CallbackReturnType OnIteration(
       const ceres::IterationSummary& iteration) {
+    const ceres::CallbackReturnType result = PrepareNext(iteration);
+    if (!has_proposal_) SetWrapped(false);
+    return result;
+  }
+
+  Summary summary() const {
+    Summary summary = summary_;
+    // Ceres ends a run on its tolerances without calling anyone back.
+    if (has_proposal_ && !IsStaged()) ++summary.num_proposed;
+    return summary;
+  }
+
+ private:
+  enum class Outcome { kStep, kNoStep, kAnotherState };
+
+  ceres::CallbackReturnType PrepareNext(
+      const ceres::IterationSummary& iteration) {
     if (iteration.iteration == 0) {
-      summary_ = Summary();
+      if (has_run_) {
+        return Abort(
+            "an UpdateCallback is for one solve; make another for the next");
+      }
+      has_run_ = true;
       if (iteration.trust_region_radius <= 0.0) {
         // A trust region has a radius, a line search has not.
         return Abort(
@@ -225,9 +263,6 @@ class UpdateCallback::State {
     has_proposal_ = false;
 
     if (iteration.iteration == 0) {
-      scale_ = 1.0;
-      lost_radius_ = 0.0;
-      turns_.Start();
       cost_ = iteration.cost;
       return Propose(iteration);
     }
@@ -255,14 +290,6 @@ class UpdateCallback::State {
     return ceres::SOLVER_CONTINUE;
   }
 
-  Summary summary() const {
-    Summary summary = summary_;
-    // Ceres ends a run on its tolerances without calling anyone back.
-    if (has_proposal_ && !IsStaged()) ++summary.num_proposed;
-    return summary;
-  }
-
- private:
   // Blocks that residual blocks name come first, and Ceres moves them all or
   // none.
   bool IsStaged() const {
@@ -295,36 +322,65 @@ class UpdateCallback::State {
     }
     lost_radius_ = 0.0;
     if (!turns_.IsTheRules()) return ceres::SOLVER_CONTINUE;
+    num_backoffs_ = 0;
+    radius_ = iteration.trust_region_radius;
+    fraction_ = scale_;
+    switch (ComputeStep(iteration)) {
+      case Outcome::kStep:
+        Stage();
+        return ceres::SOLVER_CONTINUE;
+      case Outcome::kNoStep:
+        turns_.RuleHadNoStep();
+        return ceres::SOLVER_CONTINUE;
+      case Outcome::kAnotherState:
+        break;
+    }
+    return Abort(
+        "UpdateCallback does not see the solver's state; set "
+        "Solver::Options::update_state_every_iteration = true, and let no "
+        "other callback change the blocks");
+  }
+
+  // Sets step_, or else summary_.message. A rule that needs no linearization is
+  // asked first: if it has no step, none is made.
+  Outcome ComputeStep(const ceres::IterationSummary& iteration) {
     Linearization at_x;
-    if (!linearizer_.Linearize(parts_, &at_x, &summary_.message)) {
-      return ceres::SOLVER_CONTINUE;
+    at_x.cost = iteration.cost;
+    if (needs_linearization_) {
+      const Outcome outcome = Linearize(iteration, &at_x);
+      if (outcome != Outcome::kStep) return outcome;
+    }
+    if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
+      return Outcome::kNoStep;
+    }
+    CHECK_EQ(step_.size(), linearizer_.num_parameters());
+    step_ *= scale_;
+    if (!needs_linearization_) {
+      const Outcome outcome = Linearize(iteration, &at_x);
+      if (outcome != Outcome::kStep) return outcome;
+    }
+    if (IsPromising(at_x)) return Outcome::kStep;
+    summary_.message =
+        "the linear model promises too small a decrease of the cost";
+    return Outcome::kNoStep;
+  }
+
+  // Of what the rule needs, and of J for the linear model. kStep: there may be
+  // one.
+  Outcome Linearize(const ceres::IterationSummary& iteration,
+                    Linearization* at_x) {
+    LinearizationParts parts = rule_->Needs();
+    parts.jacobian = true;
+    if (!linearizer_.Linearize(parts, at_x, &summary_.message)) {
+      return Outcome::kNoStep;
     }
     // The same residual blocks at the same state: the sums differ by rounding.
     // Both contain the fixed cost of residual blocks that cannot change.
     constexpr double kCostTolerance = 1e-9;
-    if (!(std::abs(at_x.cost - iteration.cost) <=
-          kCostTolerance * std::abs(iteration.cost))) {
-      return Abort(
-          "UpdateCallback does not see the solver's state; set "
-          "Solver::Options::update_state_every_iteration = true, and let no "
-          "other callback change the blocks");
-    }
-    num_backoffs_ = 0;
-    radius_ = iteration.trust_region_radius;
-    if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
-      turns_.RuleHadNoStep();
-      return ceres::SOLVER_CONTINUE;
-    }
-    CHECK_EQ(step_.size(), linearizer_.num_parameters());
-    step_ *= scale_;
-    fraction_ = scale_;
-    if (!IsPromising(at_x)) {
-      summary_.message =
-          "the linear model promises too small a decrease of the cost";
-      return ceres::SOLVER_CONTINUE;
-    }
-    Stage();
-    return ceres::SOLVER_CONTINUE;
+    return std::abs(at_x->cost - iteration.cost) <=
+                   kCostTolerance * std::abs(iteration.cost)
+               ? Outcome::kStep
+               : Outcome::kAnotherState;
   }
 
   // L(x) - L(x + step) by the linear model; false for a NaN too.
@@ -355,7 +411,21 @@ class UpdateCallback::State {
     Stage();
   }
 
+  // Blocks that had no manifold wear theirs only while a step is staged, which
+  // spares Ceres products with their Jacobians at its own turns. They must have
+  // begun the solve with them: that is when Ceres decides how much memory an
+  // evaluation has.
+  void SetWrapped(bool wrapped) {
+    if (is_wrapped_ == wrapped) return;
+    is_wrapped_ = wrapped;
+    for (std::size_t i = 0; i < own_.size(); ++i) {
+      if (own_[i].manifold != nullptr) continue;
+      problem_->SetManifold(own_[i].values, wrapped ? staging_[i] : nullptr);
+    }
+  }
+
   void Stage() {
+    SetWrapped(true);
     for (std::size_t i = 0; i < staging_.size(); ++i) {
       staging_[i]->Stage(step_.data() +
                          linearizer_.column(static_cast<int>(i)));
@@ -373,12 +443,14 @@ class UpdateCallback::State {
   UpdateRule* rule_;
   ceres::Problem* problem_;
   const ProblemLinearizer linearizer_;
-  LinearizationParts parts_;
+  const bool needs_linearization_;         // to compute a step
   std::vector<OwnManifold> own_;           // in the order of the linearizer's
   std::vector<StagingManifold*> staging_;  // blocks, both
   // Those that the problem does not delete.
   std::vector<std::unique_ptr<StagingManifold>> owned_;
-  Eigen::VectorXd step_;       // n: the last proposal
+  Eigen::VectorXd step_;  // n: the last proposal
+  bool has_run_ = false;
+  bool is_wrapped_ = true;     // the blocks that had no manifold
   bool has_proposal_ = false;  // staged in the last call
   int num_backoffs_ = 0;       // of the last proposal
   double radius_ = 0.0;        // Ceres', when it was first made

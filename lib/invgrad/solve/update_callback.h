@@ -15,17 +15,17 @@
 //
 // Rule and Ceres take turns, which go to the one whose steps decrease the cost
 // more (turn_taking.h): a rule that is slow near the minimum leaves that part
-// of the way to Ceres, and one that has no step is asked less and less, because
-// each question costs a linearization.
+// of the way to Ceres, and one that has no step, or none from which the linear
+// model promises enough, is asked less and less, because each question costs a
+// linearization.
 //
 // A rejected proposal is halved and proposed again; the scale is remembered and
 // doubles with every proposal that is accepted, up to 1. If max_num_backoffs do
 // not help, the turn is Ceres' until its trust region, which rejections shrink,
-// is as large again as before (or Ceres finds it too large itself). Ceres also
-// has the turn if the linear model promises too little. A rule that judges its
-// steps (control=gain) is told what cost each proposal led to, and at what
-// scale; the verdict is Ceres', and the scale is not remembered beside the
-// rule's own.
+// is as large again as before (or Ceres finds it too large itself). A rule that
+// judges its steps (control=gain) is told what cost each proposal led to, and
+// at what scale; the verdict is Ceres', and the scale is not remembered beside
+// the rule's own.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration; the
@@ -34,8 +34,9 @@
 //          because Ceres' projected line search calls Plus repeatedly.
 // Cost:    one linearization and one step of the rule at each of its turns, on
 //          top of Ceres' own (a linearization evaluates all residual blocks,
-//          unless the problem is a CachedProblem); k^2 numbers and a product
-//          with J for a block of size k that had no manifold.
+//          unless the problem is a CachedProblem; for a rule that needs none it
+//          is made only once there is a step); k^2 numbers and a product with J
+//          for a block of size k that had no manifold.
 // Fails:   numerical failures of the rule are Ceres' turn, never errors.
 #ifndef INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 #define INVGRAD_SOLVE_UPDATE_CALLBACK_H_
@@ -59,7 +60,7 @@ class UpdateCallback final : public ceres::IterationCallback {
     // manifold is deleted twice or not at all.
     ceres::Ownership manifold_ownership = ceres::TAKE_OWNERSHIP;
     // The rule has its turns only while its steps gain more than Ceres' own
-    // (turn_taking.h). False: at every accepted state.
+    // (turn_taking.h). False: at every accepted state, as long as it has steps.
     bool by_merit = true;
     // A rejected proposal is halved and proposed again at most so many times.
     int max_num_backoffs = 2;
