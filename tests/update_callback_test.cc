@@ -760,21 +760,121 @@ class Moody final : public ceres::Manifold {
 };
 
 TEST(UpdateCallback, FailingPlus) {
+  // Ceres moves the blocks in the order in which they were added.
+  for (const bool fails_first : {false, true}) {
+    SCOPED_TRACE(fails_first);
+    double x = -1.2;
+    double y = 1.0;
+    ceres::Problem problem;
+    if (fails_first) problem.AddParameterBlock(&y, 1);
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Rosenbrock, 2, 1, 1>(new Rosenbrock),
+        nullptr,
+        &x,
+        &y);
+    problem.SetManifold(&y, new Moody);
+    int num_asked = 0;
+    FunctionRule rule([&](const auto&, auto* step, std::string*) {
+      *step = Eigen::Vector2d(1e4, 1e4);
+      return ++num_asked == 1;
+    });
+    Options options;
+    options.min_relative_model_decrease = -1e300;
+    UpdateCallback callback(options, &rule, &problem);
+    ceres::Solver::Summary summary;
+    ceres::Solve(SolverOptions(&callback), &problem, &summary);
+    EXPECT_EQ(callback.summary().num_rejected, 3);
+    EXPECT_NEAR(x, 1.0, 1e-6);
+    EXPECT_NEAR(y, 1.0, 1e-6);
+  }
+}
+
+TEST(UpdateCallback, OneOfAProblemAtATime) {
   TwoBlockRosenbrock p;
-  p.problem.SetManifold(&p.x, new Moody);
-  int num_asked = 0;
-  FunctionRule rule([&](const auto&, auto* step, std::string*) {
-    *step = Eigen::Vector2d(1e4, 1e4);
-    return ++num_asked == 1;
+  PowerRule rule(0.5);
+  UpdateCallback callback(Options(), &rule, &p.problem);
+  EXPECT_DEATH(UpdateCallback(Options(), &rule, &p.problem), "still alive");
+}
+
+struct FourthPower {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] * x[0] * x[0] * x[0];
+    return true;
+  }
+};
+
+// Dogleg's radius, which starts at 1e4, need never be as large again.
+TEST(UpdateCallback, ABadProposalDoesNotSilenceTheRule) {
+  for (const auto strategy : {ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG}) {
+    SCOPED_TRACE(strategy);
+    double x = 1.0;
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<FourthPower, 1, 1>(new FourthPower),
+        nullptr,
+        &x);
+    int num_asked = 0;
+    FunctionRule rule([&](const auto& at_x, auto* step, std::string*) {
+      Eigen::MatrixXd J;
+      at_x.jacobian->ToDense(&J);
+      *step = (num_asked++ == 0 ? 100.0 : -1.0) * at_x.loss_gradient / J(0, 0);
+      return true;
+    });
+    Options options;
+    options.by_merit = false;
+    options.min_relative_model_decrease = -1e300;
+    UpdateCallback callback(options, &rule, &problem);
+    ceres::Solver::Options solver_options = SolverOptions(&callback);
+    solver_options.trust_region_strategy_type = strategy;
+    solver_options.max_num_iterations = 30;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver_options, &problem, &summary);
+    EXPECT_EQ(callback.summary().num_rejected, 3);
+    EXPECT_GT(callback.summary().num_accepted, 5);
+  }
+}
+
+// Cannot be evaluated below 99.99 the first 12 times.
+class Closed final : public ceres::SizedCostFunction<1, 1> {
+ public:
+  bool Evaluate(double const* const* x,
+                double* r,
+                double** jacobians) const override {
+    r[0] = x[0][0] - 10.0;
+    if (jacobians != nullptr && jacobians[0] != nullptr) jacobians[0][0] = 1.0;
+    return x[0][0] > 99.99 || ++num_failures_ > 12;
+  }
+
+ private:
+  mutable int num_failures_ = 0;
+};
+
+// Four turns are rejected, until 2^-12 of the exact step is left, which
+// promises 2^-11 of the cost: less than the 1e-3 that are asked for.
+TEST(UpdateCallback, TheScaleRecoversFromSmallPromises) {
+  double x = 100.0;
+  ceres::Problem problem;
+  problem.AddResidualBlock(new Closed, nullptr, &x);
+  FunctionRule rule([](const auto& at_x, auto* step, std::string*) {
+    *step = -at_x.gradient;
+    return true;
   });
   Options options;
-  options.min_relative_model_decrease = -1e300;
-  UpdateCallback callback(options, &rule, &p.problem);
+  options.by_merit = false;
+  UpdateCallback callback(options, &rule, &problem);
+  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  // Ceres' own steps are short enough for 50 of them to stay above 99.99.
+  solver_options.initial_trust_region_radius = 1e-6;
+  solver_options.max_trust_region_radius = 1e-6;
+  solver_options.function_tolerance = 0.0;
+  solver_options.parameter_tolerance = 0.0;
+  solver_options.max_num_iterations = 100;
   ceres::Solver::Summary summary;
-  ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
-  EXPECT_EQ(callback.summary().num_rejected, 3);
-  EXPECT_NEAR(p.x, 1.0, 1e-6);
-  EXPECT_NEAR(p.y, 1.0, 1e-6);
+  ceres::Solve(solver_options, &problem, &summary);
+  EXPECT_EQ(callback.summary().num_rejected, 12);
+  EXPECT_GT(callback.summary().num_accepted, 3);
+  EXPECT_NEAR(x, 10.0, 1e-9);
 }
 
 // Cost functions that read what the problem's evaluation callback prepared.

@@ -196,6 +196,9 @@ class UpdateCallback::State {
     own_.reserve(blocks.size());
     staging_.reserve(blocks.size());
     for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
+      CHECK(dynamic_cast<const StagingManifold*>(linearizer_.manifold(i)) ==
+            nullptr)
+          << "Another UpdateCallback of this problem is still alive.";
       own_.emplace_back(*problem, blocks[i], linearizer_.manifold(i));
       staging_.push_back(new StagingManifold(linearizer_.ambient_size(i),
                                              linearizer_.manifold(i)));
@@ -233,6 +236,11 @@ class UpdateCallback::State {
  private:
   enum class Outcome { kStep, kNoStep, kAnotherState };
 
+  static constexpr int kMostTurnsLost = 8;
+  // A problem that owns its manifolds remembers each one that it is given, also
+  // those that it has been given before.
+  static constexpr int kMostUnwraps = 32;
+
   ceres::CallbackReturnType PrepareNext(
       const ceres::IterationSummary& iteration) {
     if (iteration.iteration == 0) {
@@ -255,7 +263,7 @@ class UpdateCallback::State {
     // stay.)
     const bool was_passed_over = IsStaged();
     const bool was_proposed = has_proposal_ && !was_passed_over;
-    if (was_proposed && iteration.iteration > 0 && rule_->JudgesSteps()) {
+    if (was_proposed && rule_->JudgesSteps()) {
       // Whatever the rule thinks of it, Ceres has decided.
       rule_->KeepsStep(iteration.cost, fraction_);
     }
@@ -290,10 +298,14 @@ class UpdateCallback::State {
     return ceres::SOLVER_CONTINUE;
   }
 
-  // Blocks that residual blocks name come first, and Ceres moves them all or
-  // none.
+  // Whether Ceres has moved no block since the last call. (Blocks that no
+  // residual block names are never moved, and a Plus that fails ends a move.)
   bool IsStaged() const {
-    return !staging_.empty() && staging_.front()->is_staged();
+    return !staging_.empty() &&
+           std::all_of(
+               staging_.begin(), staging_.end(), [](const auto* manifold) {
+                 return manifold->is_staged();
+               });
   }
 
   void Count(const ceres::IterationSummary& iteration) {
@@ -315,7 +327,8 @@ class UpdateCallback::State {
       summary_.message = "the last step was nonmonotonic";
       return ceres::SOLVER_CONTINUE;
     }
-    if (iteration.trust_region_radius < lost_radius_) {
+    if (iteration.trust_region_radius < lost_radius_ && num_turns_lost_ > 0) {
+      --num_turns_lost_;
       summary_.message =
           "Ceres' trust region has not recovered from a rejected proposal";
       return ceres::SOLVER_CONTINUE;
@@ -362,6 +375,8 @@ class UpdateCallback::State {
     if (IsPromising(at_x)) return Outcome::kStep;
     summary_.message =
         "the linear model promises too small a decrease of the cost";
+    // Perhaps because of the scale, which no other proposal would mend.
+    scale_ = std::min(2.0 * scale_, 1.0);
     return Outcome::kNoStep;
   }
 
@@ -399,8 +414,10 @@ class UpdateCallback::State {
       // Each rejection has shrunk Ceres' trust region, 64 times after three of
       // them. If proposals went on, Ceres' own steps would become so short that
       // its function tolerance ended the run far from a minimum (measured: in
-      // Rosenbrock's valley).
+      // Rosenbrock's valley). LM's has recovered after four good steps;
+      // dogleg's does not grow beyond what its steps need.
       lost_radius_ = radius_;
+      num_turns_lost_ = kMostTurnsLost;
       summary_.message = "the last proposal was rejected " +
                          std::to_string(num_backoffs_ + 1) + " times";
       return;
@@ -417,6 +434,7 @@ class UpdateCallback::State {
   // evaluation has.
   void SetWrapped(bool wrapped) {
     if (is_wrapped_ == wrapped) return;
+    if (!wrapped && ++num_unwraps_ > kMostUnwraps) return;
     is_wrapped_ = wrapped;
     for (std::size_t i = 0; i < own_.size(); ++i) {
       if (own_[i].manifold != nullptr) continue;
@@ -450,13 +468,15 @@ class UpdateCallback::State {
   std::vector<std::unique_ptr<StagingManifold>> owned_;
   Eigen::VectorXd step_;  // n: the last proposal
   bool has_run_ = false;
-  bool is_wrapped_ = true;     // the blocks that had no manifold
+  bool is_wrapped_ = true;  // the blocks that had no manifold
+  int num_unwraps_ = 0;
   bool has_proposal_ = false;  // staged in the last call
   int num_backoffs_ = 0;       // of the last proposal
   double radius_ = 0.0;        // Ceres', when it was first made
   double scale_ = 1.0;         // of proposals: what was accepted lately
   double fraction_ = 1.0;      // of the rule's step that step_ is
-  double lost_radius_ = 0.0;   // Ceres has the turn below it
+  double lost_radius_ = 0.0;   // Ceres has the turn below it,
+  int num_turns_lost_ = 0;     // but no more turns than these
   double cost_ = 0.0;          // at the last accepted state
   TurnTaking turns_;
   Summary summary_;

@@ -20,18 +20,20 @@
 // linearization.
 //
 // A rejected proposal is halved and proposed again; the scale is remembered and
-// doubles with every proposal that is accepted, up to 1. If max_num_backoffs do
-// not help, the turn is Ceres' until its trust region, which rejections shrink,
-// is as large again as before (or Ceres finds it too large itself). A rule that
-// judges its steps (control=gain) is told what cost each proposal led to, and
-// at what scale; the verdict is Ceres', and the scale is not remembered beside
-// the rule's own.
+// doubles, up to 1, with every proposal that is accepted or promises too
+// little. If max_num_backoffs do not help, the turn is Ceres' until its trust
+// region, which rejections shrink, is as large again as before, or Ceres finds
+// it too large itself, or has had eight turns. A rule that judges its steps
+// (control=gain) is told what cost each proposal led to, and at what scale; the
+// verdict is Ceres', and the scale is not remembered beside the rule's own.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration; the
 //          callback aborts the solve, and says why in summary().message, if
 //          either is missing. No bounds on blocks that are not constant,
-//          because Ceres' projected line search calls Plus repeatedly.
+//          because Ceres' projected line search calls Plus repeatedly. One
+//          callback a problem at a time, one solve a callback, and no other
+//          solve of the problem while it lives. Rules must not throw.
 // Cost:    one linearization and one step of the rule at each of its turns, on
 //          top of Ceres' own (a linearization evaluates all residual blocks,
 //          unless the problem is a CachedProblem; for a rule that needs none it
@@ -94,7 +96,8 @@ class UpdateCallback final : public ceres::IterationCallback {
 
   // Wraps the manifolds of the problem's blocks; ~UpdateCallback restores them,
   // so the problem must outlive the callback, and the callback the solve.
-  // Blocks and their constness must not change in between. CHECKs IsSupported.
+  // Blocks and their constness must not change in between. CHECKs IsSupported,
+  // and that no other callback of the problem wraps them.
   UpdateCallback(const Options& options,
                  UpdateRule* rule,
                  ceres::Problem* problem);
