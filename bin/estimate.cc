@@ -34,6 +34,7 @@
 #include "bin/support/run_directory.h"
 #include "gflags/gflags.h"
 #include "invgrad/linalg/blas.h"
+#include "invgrad/solve/problem_minimization.h"
 #include "problems/estimation/nist_models.h"
 
 DEFINE_bool(list,
@@ -58,8 +59,8 @@ DEFINE_string(
     "ceres_lm+half_inverse; --list shows all");
 DEFINE_string(loss,
               "none",
-              "robust loss: none, huber[:scale], soft_l_one, cauchy, arctan, "
-              "tukey");
+              "robust loss: none, or huber, soft_l_one, cauchy, arctan, tukey "
+              "[:scale]");
 DEFINE_double(perturb,
               0.0,
               "standard deviation of noise on the starts: relative (NIST), in "
@@ -67,7 +68,9 @@ DEFINE_double(perturb,
               "radians (g2o)");
 DEFINE_string(seeds, "1", "seeds of the noise");
 DEFINE_int32(max_iterations, 0, "of a run; 0: 10000, 50, 200 (nist, bal, g2o)");
-DEFINE_double(seconds, 0.0, "of a run at most; 0: no limit");
+DEFINE_double(seconds,
+              0.0,
+              "no iteration of a run begins after it; 0: no limit");
 DEFINE_double(function_tolerance,
               -1.0,
               "a relative change of the cost that ends a run; -1: 2.2e-16 "
@@ -85,7 +88,7 @@ namespace fs = std::filesystem;
 
 bool CheckFlags(std::string* error) {
   const std::vector<std::string>& kinds = EstimationKinds();
-  return CheckFlag("input", !FLAGS_input.empty(), "files", error) &&
+  return CheckFlag("input", !FLAGS_input.empty(), "files, folders", error) &&
          CheckFlag("format",
                    FLAGS_format.empty() ||
                        std::find(kinds.begin(), kinds.end(), FLAGS_format) !=
@@ -127,22 +130,37 @@ bool CheckFlags(std::string* error) {
          CheckFlag("output", !FLAGS_output.empty(), "a directory", error);
 }
 
-// The files that --input names, those of folders in alphabetical order.
+// The files that --input names, and those in the folders that it names whose
+// endings say what they are, in alphabetical order.
 bool FindFiles(std::vector<std::string>* files, std::string* error) {
   std::istringstream items(FLAGS_input);
   for (std::string item; std::getline(items, item, ',');) {
+    if (item.empty()) {
+      *error = "--input=" + FLAGS_input + " has an empty item";
+      return false;
+    }
     std::error_code failure;
     if (!fs::is_directory(item, failure)) {
       files->push_back(item);
       continue;
     }
     std::vector<std::string> found;
-    for (const fs::directory_entry& entry :
-         fs::directory_iterator(item, failure)) {
-      if (entry.is_regular_file()) found.push_back(entry.path().string());
+    for (fs::directory_iterator at(item, failure), end; !failure && at != end;
+         at.increment(failure)) {
+      std::error_code unreadable;  // a link that leads nowhere, say
+      const std::string path = at->path().string();
+      if (at->is_regular_file(unreadable) &&
+          (!FLAGS_format.empty() || !EstimationKindOf(path).empty())) {
+        found.push_back(path);
+      }
+    }
+    if (failure) {
+      *error = "--input: " + item + ": " + failure.message();
+      return false;
     }
     if (found.empty()) {
-      *error = "--input: no files in " + item;
+      *error = "--input: no files in " + item +
+               " end in what --list names; give --format";
       return false;
     }
     std::sort(found.begin(), found.end());
@@ -170,6 +188,10 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
   for (const std::string& file : files) {
     EstimationInput input;
     input.name = InputName(file);
+    if (input.name == "." || input.name == "..") {
+      *error = "--input: " + file + " has no name for its results";
+      return false;
+    }
     for (const EstimationInput& other : *inputs) {
       if (other.name == input.name) {
         *error = "--input: two files are called " + input.name +
@@ -224,6 +246,11 @@ int Run() {
   std::vector<Method> methods;
   if (!ParseMethods(FLAGS_methods, &methods, &error)) {
     return Fail("--methods: " + error);
+  }
+  for (const Method& method : methods) {
+    if (!IsForProblems(method, &error)) {
+      return Fail("--methods: " + method.label + ": " + error);
+    }
   }
   std::vector<EstimationInput> inputs;
   if (!ReadInputs(&inputs, &error)) return Fail(error);

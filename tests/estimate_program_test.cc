@@ -269,9 +269,50 @@ TEST_F(EstimateProgram, NoiseIsThatOfTheSeed) {
 }
 
 TEST_F(EstimateProgram, AMethodThatCannotTakeAProblemGetsARow) {
+  const Output output =
+      RunQuietly(WriteG2o2d(), "run", {"--methods=newton,ceres_lm"});
+  ExpectSays(output, {"failed: ", "no exact Hessian", "converged"});
+  // It has no cost, and no share in the least one.
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[0][3], "nan");
+  ExpectSays(output, {"0 of 1", "1 of 1"});
+}
+
+// Hundreds of steps of a quaternion's manifold, each with a rounding error.
+TEST_F(EstimateProgram, WritesWhatManyStepsLeadTo) {
   const Output output = RunQuietly(
-      WriteG2o2d(), "run", {"--methods=adam:epochs=1>half_inverse,ceres_lm"});
-  ExpectSays(output, {"not run: a method in phases", "converged"});
+      WriteG2o3d(),
+      "run",
+      {"--methods=gradient_descent:step_size=1e-4", "--max_iterations=3000"});
+  EXPECT_EQ(output.text.find("no result file"), std::string::npos)
+      << output.text;
+  int num_results = 0;
+  for (const auto& entry : fs::directory_iterator(Path("run") + "/triangle")) {
+    if (entry.path().extension() != ".g2o") continue;
+    ++num_results;
+    PoseGraph graph;
+    std::string error;
+    EXPECT_TRUE(ReadG2oFile(entry.path(), &graph, &error)) << error;
+  }
+  EXPECT_EQ(num_results, 1);
+}
+
+TEST_F(EstimateProgram, AResultThatCannotBeWrittenIsNoReasonToStop) {
+  const Output output =
+      RunQuietly(WriteMisra1a(), "run", {"--perturb=1e308", "--seeds=1,2,3"});
+  ExpectSays(output, {"no result file: ", "not finite", "results in"});
+  EXPECT_FALSE(Results("run").empty());
+}
+
+TEST_F(EstimateProgram, FoldersAreReadForWhatTheirEndingsSay) {
+  const fs::path folder = Path("folder");
+  fs::create_directory(folder);
+  fs::rename(WriteMisra1a(), folder / "Misra1a.dat");
+  fs::rename(WriteText("notes.md", "# Notes\n"), folder / "notes.md");
+  fs::create_symlink("loop.dat", folder / "loop.dat");
+  const Output output = RunQuietly(folder.string(), "run");
+  ExpectSays(output, {"Misra1a-start1"});
 }
 
 TEST_F(EstimateProgram, RobustLossesLowerTheCost) {
@@ -316,6 +357,19 @@ TEST_F(EstimateProgram, RefusesBadInput) {
                 {"Rat42.dat", "2 parameters", "expected 3"});
   // The same name twice would be the same folder of results.
   ExpectRefused({good + "," + Path("Misra1a.dat")}, {"two files", "Misra1a"});
+  ExpectRefused({good +
+                 ","
+                 "," +
+                 Path("missing.dat")},
+                {"empty item"});
+  ExpectRefused({"--input=" + WriteText("alone.g2o", "VERTEX_SE2 0 0 0 0\n")},
+                {"alone.g2o", "no edges"});
+  ExpectRefused({"--input=" + WriteText("...g2o", ReadAll(WriteG2o2d()))},
+                {"no name for its results"});
+  std::string cut = ReadAll(Path("Misra1a.dat"));
+  cut[cut.find_last_of("0123456789")] = '3';  // it was 4
+  ExpectRefused({"--input=" + WriteText("cut.dat", cut)},
+                {"cut.dat", "certified sum of squares", "cut off"});
   fs::create_directory(Path("empty"));
   ExpectRefused({"--input=" + Path("empty")}, {"no files", "empty"});
 }
@@ -323,6 +377,8 @@ TEST_F(EstimateProgram, RefusesBadInput) {
 TEST_F(EstimateProgram, RefusesBadFlags) {
   const std::string good = "--input=" + WriteMisra1a();
   ExpectRefused({good, "--methods=ceres_ml"}, {"ceres_ml", "ceres_lm"});
+  ExpectRefused({good, "--methods=ceres_lm,adam:epochs=1>half_inverse"},
+                {"--methods", "half_inverse", "phases"});
   ExpectRefused({good, "--methods=ceres_lm:linear_solver=qr"},
                 {"linear_solver=qr", "sparse_schur"});
   ExpectRefused({good, "--format=csv"}, {"--format=csv", "nist, bal, g2o"});

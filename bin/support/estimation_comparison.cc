@@ -49,7 +49,10 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
       status = "converged";
       break;
     case ceres::NO_CONVERGENCE:
-      status = "not converged";
+      // Ceres' message, and ours.
+      status = summary.message.rfind("Maximum solver time", 0) == 0
+                   ? "time used up"
+                   : "not converged";
       break;
     case ceres::USER_SUCCESS:
       return "interrupted";
@@ -65,6 +68,11 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   return status;
 }
 
+// Of a run that failed at its start, Ceres and we say -1.
+double KnownCost(double cost) {
+  return cost >= 0.0 ? cost : std::numeric_limits<double>::quiet_NaN();
+}
+
 EstimationRow MakeRow(const std::string& start,
                       const Method& method,
                       const MinimizerSummary& summary,
@@ -72,8 +80,8 @@ EstimationRow MakeRow(const std::string& start,
   EstimationRow row;
   row.start = start;
   row.method = method.label;
-  row.initial_cost = summary.initial_cost;
-  row.final_cost = summary.final_cost;
+  row.initial_cost = KnownCost(summary.initial_cost);
+  row.final_cost = KnownCost(summary.final_cost);
   row.num_iterations = summary.num_steps();
   for (size_t k = 1; k < summary.iterations.size(); ++k) {
     ++(summary.iterations[k].step_is_successful ? row.num_accepted
@@ -177,9 +185,14 @@ class Comparison {
       estimation->Draw(method.label, &panels);
       AddCosts(method.label, summary, &costs[0], &costs[1]);
       const std::string file = folder + "/" + FileName(method.label);
-      if (!estimation->Write(file + estimation->Extension(), error) ||
-          !WriteFile(file + ".csv", IterationsCsv(summary), error)) {
+      if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) {
         return false;
+      }
+      // Not a reason to lose the other runs: estimates that are not finite,
+      // say.
+      if (!estimation->Write(file + estimation->Extension(), &why)) {
+        Warn(why);
+        rows_.back().status += "; no result file: " + why;
       }
     }
     if (options_.plots) {

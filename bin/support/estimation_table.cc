@@ -97,6 +97,7 @@ Table EstimationSummary(const std::vector<EstimationRow>& rows) {
   const bool has_digits = HasDigits(rows);
   std::map<std::string, double> least_cost;
   for (const EstimationRow& row : rows) {
+    if (!std::isfinite(row.final_cost)) continue;
     const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
     if (!is_new) it->second = std::min(it->second, row.final_cost);
   }

@@ -68,14 +68,21 @@ const std::vector<std::string>& EstimationKinds() {
   return *names;
 }
 
+std::string EstimationKindOf(const std::string& path) {
+  for (const Kind& kind : Kinds()) {
+    if (IsOf(kind, path)) return kind.name;
+  }
+  return "";
+}
+
 std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
                                            const ReadEstimationOptions& options,
                                            std::string* error) {
+  const std::string kind =
+      options.kind.empty() ? EstimationKindOf(path) : options.kind;
   std::string known;
   for (const Kind& row : Kinds()) {
-    if (options.kind.empty() ? IsOf(row, path) : options.kind == row.name) {
-      return row.read(path, options, error);
-    }
+    if (row.name == kind) return row.read(path, options, error);
     for (const std::string& end : row.extensions) {
       known += (known.empty() ? "" : ", ") + end + " (" + row.name + ")";
     }

@@ -69,6 +69,9 @@ class Estimation {
 // What --format may be.
 const std::vector<std::string>& EstimationKinds();
 
+// The kind that a file's ending says; empty: none.
+std::string EstimationKindOf(const std::string& path);
+
 struct ReadEstimationOptions {
   std::string kind;  // empty: what the extension says
   InformationRoot information_root = InformationRoot::kLower;  // of g2o

@@ -137,6 +137,15 @@ class NistEstimation final : public Estimation {
   Eigen::VectorXd b_;
 };
 
+// Whether the certified parameters have the certified sum of squares, as far as
+// their ten digits tell: an almost exact fit has a sum of rounding errors.
+bool FitsCertificate(const NistModel& model, const NistData& data) {
+  const double tolerance = 1e-6 * data.certified_sum_of_squares +
+                           1e-12 * data.responses.squaredNorm();
+  return std::abs(SumOfSquares(model, data, data.certified) -
+                  data.certified_sum_of_squares) <= tolerance;
+}
+
 }  // namespace
 
 std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
@@ -151,6 +160,13 @@ std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
   }
   if (model->log_response && data.responses.minCoeff() <= 0.0) {
     *error = path + ": a response is not positive; its logarithm is needed";
+    return nullptr;
+  }
+  if (!FitsCertificate(*model, data)) {
+    *error = path +
+             ": the certified parameters do not give the certified sum "
+             "of squares: a number is cut off, or the model is not " +
+             model->formula;
     return nullptr;
   }
   return std::make_unique<NistEstimation>(std::move(data), *model);

@@ -47,8 +47,13 @@ class PoseGraphEstimation final : public Estimation {
 
   std::string Extension() const override { return ".g2o"; }
 
+  // Every step of a manifold leaves a quaternion's length to rounding.
   bool Write(const std::string& path, std::string* error) const override {
-    return WriteG2oFile(path, graph_, error);
+    PoseGraph graph = graph_;
+    if (graph.dimension == 3) {
+      graph.poses.bottomRows<4>().colwise().normalize();
+    }
+    return WriteG2oFile(path, graph, error);
   }
 
   void Draw(const std::string& label,
@@ -112,6 +117,10 @@ std::unique_ptr<Estimation> ReadPoseGraphEstimation(const std::string& path,
                                                     std::string* error) {
   PoseGraph graph;
   if (!ReadG2oFile(path, &graph, error)) return nullptr;
+  if (graph.edges.empty()) {
+    *error = path + ": no edges; expected poses and the edges between them";
+    return nullptr;
+  }
   return std::make_unique<PoseGraphEstimation>(std::move(graph), root);
 }
 

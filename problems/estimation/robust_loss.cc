@@ -50,6 +50,10 @@ bool ParseRobustLoss(const std::string& text,
     *error = name + ": " + *error;
     return false;
   }
+  if (name == "none") {
+    *error = "none has no scale; allowed: none";
+    return false;
+  }
   std::vector<std::string> names = {"none"};
   for (const Row& row : Rows()) {
     if (row.name == name) {

@@ -517,17 +517,27 @@ Arrangement Arrange(int num_panels) {
   return arrangement;
 }
 
+// Of the axes, with one unit on both.
+double AspectRatio(const Layout& layout) {
+  return std::abs(layout.x_axis.Length()) / std::abs(layout.y_axis.Length());
+}
+
 // The corner where the legend hides nothing, if there is one.
 Plot::Legend FreePlace(const Plot& plot, const Layout& layout) {
   if (NumLegendEntries(plot) > kMaxLegendInside) {
     return Plot::Legend::kOutside;
   }
+  double axes_width = layout.width;
+  double axes_height = layout.height;
+  if (plot.equal_aspect) {
+    // gnuplot draws them smaller than the panel.
+    const double aspect = AspectRatio(layout);
+    axes_width = std::min(axes_width, layout.height * aspect);
+    axes_height = std::min(axes_height, layout.width / aspect);
+  }
   constexpr int kMargins = 2 * kLegendCharacter;
-  const double width =
-      static_cast<double>(LegendWidth(plot) + kMargins) / layout.width;
-  const double height =
-      static_cast<double>(kLegendRow * (NumLegendEntries(plot) + 1)) /
-      layout.height;
+  const double width = (LegendWidth(plot) + kMargins) / axes_width;
+  const double height = kLegendRow * (NumLegendEntries(plot) + 1) / axes_height;
   const auto part = [](const Axis& axis, double value) {
     return (axis.ToDisplay(value) - axis.ToDisplay(axis.low)) / axis.Length();
   };
@@ -625,8 +635,7 @@ Layout MakeLayout(const Plot& plot, const Arrangement& arrangement) {
   layout.width = arrangement.width;
   if (is_alone) layout.width -= layout.color_bar_width;
   if (plot.equal_aspect) {
-    const double wanted = layout.height * std::abs(layout.x_axis.Length()) /
-                          std::abs(layout.y_axis.Length());
+    const double wanted = layout.height * AspectRatio(layout);
     layout.width = static_cast<int>(
         std::clamp<double>(wanted, kMinWidthOfPanel, layout.width));
   }

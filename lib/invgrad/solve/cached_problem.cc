@@ -43,8 +43,8 @@ namespace {
 template <typename Base>
 class CachingCostFunction : public Base {
  public:
-  // `memory` has shape->size doubles, `has_jacobian` a byte a parameter block,
-  // all of them 0. Nothing is owned.
+  // `memory` has shape->Size() doubles, `has_jacobian` a byte a parameter
+  // block, all of them 0. Nothing is owned.
   CachingCostFunction(const Base* own,
                       const CostFunctionShape* shape,
                       double* memory,

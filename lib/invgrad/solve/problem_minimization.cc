@@ -1,5 +1,6 @@
 #include "invgrad/solve/problem_minimization.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,55 @@
 namespace invgrad {
 
 namespace {
+
+double NumVariables(const ceres::Problem& problem) {
+  std::vector<double*> blocks;
+  problem.GetParameterBlocks(&blocks);
+  double sum = 0.0;
+  for (const double* block : blocks) {
+    if (!problem.IsParameterBlockConstant(block)) {
+      sum += problem.ParameterBlockTangentSize(block);
+    }
+  }
+  return sum;
+}
+
+double NumVariableResiduals(const ceres::Problem& problem) {
+  std::vector<ceres::ResidualBlockId> residual_blocks;
+  problem.GetResidualBlocks(&residual_blocks);
+  std::vector<double*> blocks;
+  double sum = 0.0;
+  for (const ceres::ResidualBlockId id : residual_blocks) {
+    problem.GetParameterBlocksForResidualBlock(id, &blocks);
+    if (std::any_of(blocks.begin(), blocks.end(), [&](const double* block) {
+          return !problem.IsParameterBlockConstant(block);
+        })) {
+      sum += problem.GetCostFunctionForResidualBlock(id)->num_residuals();
+    }
+  }
+  return sum;
+}
+
+bool CeresFitsInMemory(const Method& method,
+                       const ceres::Solver::Options& options,
+                       const ceres::Problem& problem,
+                       std::string* error) {
+  // What Ceres solves for: blocks that are not constant, and residual blocks
+  // that depend on one.
+  const double cols = NumVariables(problem);
+  const double rows = NumVariableResiduals(problem);
+  std::vector<MemoryPart> parts;
+  if (!method.ceres->is_trust_region) {
+    if (options.line_search_direction_type != ceres::BFGS) return true;
+    parts = {{"inverse Hessian", 2.0 * sizeof(double) * cols * cols}};
+  } else if (options.linear_solver_type == ceres::DENSE_QR ||
+             options.linear_solver_type == ceres::DENSE_NORMAL_CHOLESKY) {
+    parts = TrustRegionMemory(options.linear_solver_type, rows, cols);
+  }
+  return FitsInMemory(method.label, std::move(parts), /*limit=*/0.0, error);
+}
+
+}  // namespace
 
 bool IsForProblems(const Method& method, std::string* error) {
   if (!method.earlier.empty()) {
@@ -24,25 +74,6 @@ bool IsForProblems(const Method& method, std::string* error) {
   }
   return false;
 }
-
-bool CeresFitsInMemory(const Method& method,
-                       const ceres::Solver::Options& options,
-                       const ceres::Problem& problem,
-                       std::string* error) {
-  const double rows = problem.NumResiduals();
-  const double cols = problem.NumParameters();
-  std::vector<MemoryPart> parts;
-  if (!method.ceres->is_trust_region) {
-    if (options.line_search_direction_type != ceres::BFGS) return true;
-    parts = {{"inverse Hessian", 2.0 * sizeof(double) * cols * cols}};
-  } else if (options.linear_solver_type == ceres::DENSE_QR ||
-             options.linear_solver_type == ceres::DENSE_NORMAL_CHOLESKY) {
-    parts = TrustRegionMemory(options.linear_solver_type, rows, cols);
-  }
-  return FitsInMemory(method.label, std::move(parts), /*limit=*/0.0, error);
-}
-
-}  // namespace
 
 bool MinimizeProblem(
     const Method& method,

@@ -21,6 +21,9 @@
 
 namespace invgrad {
 
+// Whether the method is for a problem without a chain; if not, *error says why.
+bool IsForProblems(const Method& method, std::string* error);
+
 // `elimination_order` is what Ceres' Schur solvers eliminate first; null leaves
 // it to Ceres.
 bool MinimizeProblem(

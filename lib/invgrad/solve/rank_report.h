@@ -26,9 +26,10 @@
 //          information, rounding errors invent some. Singular values below
 //          about 1e-9 s_max are not resolved.
 //
-// The same question by another name: ceres::Covariance fails with "rank
-// deficient" if the smallest singular value of J itself is below 1e-7 of the
-// largest one (its min_reciprocal_condition_number of 1e-14 is the square).
+// The same question by another name: ceres::Covariance with DENSE_SVD fails
+// with "rank deficient" if the smallest singular value of J itself is below
+// 1e-7 of the largest one (its min_reciprocal_condition_number of 1e-14 is the
+// square). With SPARSE_QR, the default, it sees exact deficiencies only.
 #ifndef INVGRAD_SOLVE_RANK_REPORT_H_
 #define INVGRAD_SOLVE_RANK_REPORT_H_
 
@@ -47,8 +48,8 @@ struct RankReport {
   struct Options {
     double threshold = 1e-7;       // in (1e-12, 1)
     double weak_threshold = 1e-4;  // in [threshold, 1)
-    // More directions than these are not looked for, per group of blocks, where
-    // the group is larger than max_dense_size.
+    // Not many more directions than these are looked for, per group of blocks,
+    // where the group is larger than max_dense_size.
     int max_directions = 100;
     int max_dense_size = 1000;
     // r~ and J with the robust losses applied, as the solver sees them.

@@ -12,7 +12,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// What ceres::Covariance refuses by default: sqrt(1e-14).
+// What ceres::Covariance refuses with DENSE_SVD, whose default
+// min_reciprocal_condition_number is the square.
 constexpr double kCovarianceLimit = 1e-7;
 
 std::string Count(int number, const std::string& what) {
@@ -60,7 +61,7 @@ class Text {
     if (!report_.is_complete) {
       text_ +=
           "  at most: more directions may be undetermined than were "
-          "found (raise max_directions)\n";
+          "found (raise max_directions or max_dense_size)\n";
     }
     if (report_.num_groups > 1) {
       text_ += "  in " + std::to_string(report_.num_groups) +
@@ -95,8 +96,9 @@ class Text {
       text_ +=
           "  the smallest of J as it is: " + FormatSingularValue(unscaled[0]);
       const auto refused = (unscaled.array() <= kCovarianceLimit).count();
-      text_ += refused > 0 ? " (ceres::Covariance: rank deficient)\n"
-                           : " (ceres::Covariance: full rank)\n";
+      text_ += refused > 0
+                   ? " (ceres::Covariance by DENSE_SVD: rank deficient)\n"
+                   : " (ceres::Covariance by DENSE_SVD: full rank)\n";
     }
     // Where scaled columns hide that a derivative is rounding noise.
     constexpr double kNoise = 1e-14;
@@ -108,7 +110,7 @@ class Text {
     }
   }
 
-  // "all of `a`" or "`a`[0], `a`[2]".
+  // "`a`" or "`a`[0], `a`[2]".
   std::string Parameters(int block,
                          bool whole_block,
                          const std::vector<int>& tangent) const {
