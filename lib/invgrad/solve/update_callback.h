@@ -37,8 +37,8 @@
 // Cost:    one linearization and one step of the rule at each of its turns, on
 //          top of Ceres' own (a linearization evaluates all residual blocks,
 //          unless the problem is a CachedProblem; for a rule that needs none it
-//          is made only once there is a step); k^2 numbers and a product with J
-//          for a block of size k that had no manifold.
+//          is made only once there is a step); k^2 numbers for a block of size
+//          k that had no manifold, and while a step is staged a product with J.
 // Fails:   numerical failures of the rule are Ceres' turn, never errors.
 #ifndef INVGRAD_SOLVE_UPDATE_CALLBACK_H_
 #define INVGRAD_SOLVE_UPDATE_CALLBACK_H_
