@@ -357,11 +357,7 @@ TEST_F(EstimateProgram, RefusesBadInput) {
                 {"Rat42.dat", "2 parameters", "expected 3"});
   // The same name twice would be the same folder of results.
   ExpectRefused({good + "," + Path("Misra1a.dat")}, {"two files", "Misra1a"});
-  ExpectRefused({good +
-                 ","
-                 "," +
-                 Path("missing.dat")},
-                {"empty item"});
+  ExpectRefused({good + ",," + Path("missing.dat")}, {"empty item"});
   ExpectRefused({"--input=" + WriteText("alone.g2o", "VERTEX_SE2 0 0 0 0\n")},
                 {"alone.g2o", "no edges"});
   ExpectRefused({"--input=" + WriteText("...g2o", ReadAll(WriteG2o2d()))},

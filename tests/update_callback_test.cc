@@ -497,57 +497,57 @@ TEST(UpdateCallback, WithoutProposalsItIsPlainCeres) {
   EXPECT_EQ(counts.message, "no step today");
 }
 
-TEST(UpdateCallback, ARuleThatNeedsNothingIsAskedFirst) {
-  // One evaluation a step of the rule, none where it has no step.
-  struct Counting final : public ceres::SizedCostFunction<1, 1> {
-    explicit Counting(int* count) : count(*count) {}
-    bool Evaluate(double const* const* x,
-                  double* r,
-                  double** jacobians) const override {
-      ++count;
-      r[0] = std::exp(x[0][0]) - 2.0;
-      if (jacobians != nullptr) jacobians[0][0] = std::exp(x[0][0]);
-      return true;
-    }
-    int& count;
-  };
-  class Newton final : public UpdateRule {
-   public:
-    explicit Newton(const double* x) : x_(*x) {}
-    LinearizationParts Needs() const override { return {}; }
-    bool ComputeStep(const Linearization& at_x,
-                     Eigen::VectorXd* step,
-                     std::string* error) override {
-      EXPECT_EQ(at_x.jacobian, nullptr);
-      const double r = std::exp(x_) - 2.0;
-      EXPECT_NEAR(at_x.cost, 0.5 * r * r, 1e-15);
-      *error = "too steep";
-      if (x_ > 1.0) return false;
-      *step = Eigen::VectorXd::Constant(1, 2.0 * std::exp(-x_) - 1.0);
-      return true;
-    }
+// r = exp(x) - 2, which counts its evaluations.
+class CountingExp final : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit CountingExp(int* num_evaluations)
+      : num_evaluations_(*num_evaluations) {}
+  bool Evaluate(double const* const* x,
+                double* r,
+                double** jacobians) const override {
+    ++num_evaluations_;
+    r[0] = std::exp(x[0][0]) - 2.0;
+    if (jacobians != nullptr) jacobians[0][0] = std::exp(x[0][0]);
+    return true;
+  }
 
-   private:
-    const double& x_;
-  };
+ private:
+  int& num_evaluations_;
+};
+
+// Needs nothing, and has no step.
+class ContentRule final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override { return {}; }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd*,
+                   std::string* error) override {
+    EXPECT_EQ(at_x.jacobian, nullptr);
+    costs.push_back(at_x.cost);
+    *error = "content";
+    return false;
+  }
+  std::vector<double> costs;
+};
+
+TEST(UpdateCallback, ARuleThatNeedsNothingIsAskedFirst) {
   int num_evaluations[2] = {0, 0};
   for (const bool has_callback : {false, true}) {
     double x = 5.0;
     ceres::Problem problem;
     problem.AddResidualBlock(
-        new Counting(&num_evaluations[has_callback]), nullptr, &x);
-    Newton rule(&x);
-    Options options;
-    options.by_merit = false;
-    UpdateCallback callback(options, &rule, &problem);
-    ceres::Solver::Options solver_options =
-        SolverOptions(has_callback ? &callback : nullptr);
-    solver_options.max_num_iterations = 4;
+        new CountingExp(&num_evaluations[has_callback]), nullptr, &x);
+    ContentRule rule;
+    UpdateCallback callback(Options(), &rule, &problem);
     ceres::Solver::Summary summary;
-    ceres::Solve(solver_options, &problem, &summary);
-    // Four steps of exp(x) - 2 = 0 lead from 5 to about 1.4.
-    EXPECT_GT(x, 1.0);
-    EXPECT_LT(x, 2.0);
+    ceres::Solve(
+        SolverOptions(has_callback ? &callback : nullptr), &problem, &summary);
+    EXPECT_NEAR(x, std::log(2.0), 1e-6);
+    if (!has_callback) continue;
+    // At the first state and at the fourth.
+    ASSERT_GE(rule.costs.size(), 2u);
+    EXPECT_EQ(rule.costs[0], summary.iterations[0].cost);
+    EXPECT_EQ(rule.costs[1], summary.iterations[3].cost);
   }
   EXPECT_EQ(num_evaluations[0], num_evaluations[1]);
 }
@@ -570,21 +570,25 @@ TEST(UpdateCallback, ManifoldsAreThereForItsOwnStepsOnly) {
   };
   PoseProblem p;
   PowerRule power(0.5);
+  // At every other question.
+  int num_questions = 0;
   class Sometimes final : public UpdateRule {
    public:
-    explicit Sometimes(PowerRule* rule) : rule_(*rule) {}
+    Sometimes(PowerRule* rule, int* num_questions)
+        : rule_(*rule), num_questions_(*num_questions) {}
     LinearizationParts Needs() const override { return rule_.Needs(); }
     bool ComputeStep(const Linearization& at_x,
                      Eigen::VectorXd* step,
                      std::string* error) override {
       *error = "not now";
-      return rule_.num_calls++ % 2 == 0 && rule_.ComputeStep(at_x, step, error);
+      return num_questions_++ % 2 == 0 && rule_.ComputeStep(at_x, step, error);
     }
 
    private:
     PowerRule& rule_;
+    int& num_questions_;
   };
-  Sometimes rule(&power);
+  Sometimes rule(&power, &num_questions);
   UpdateCallback callback(Options(), &rule, &p.problem);
   Watch watch(&p);
   ceres::Solver::Options options = SolverOptions(&callback);
@@ -597,6 +601,7 @@ TEST(UpdateCallback, ManifoldsAreThereForItsOwnStepsOnly) {
   EXPECT_EQ(num_staged, callback.summary().num_proposed);
   EXPECT_GT(num_staged, 0);
   EXPECT_GT(callback.summary().num_ceres_steps, 0);
+  EXPECT_LT(power.num_calls, num_questions);
 }
 
 TEST(UpdateCallback, IsForOneSolve) {

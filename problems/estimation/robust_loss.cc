@@ -36,22 +36,22 @@ const std::vector<Row>& Rows() {
 bool ParseRobustLoss(const std::string& text,
                      MakeLossFunction* make_loss,
                      std::string* error) {
-  if (text == "none") {
+  const size_t colon = text.find(':');
+  const std::string name = text.substr(0, colon);
+  if (name == "none") {
+    if (colon != std::string::npos) {
+      *error = "none has no scale; allowed: none";
+      return false;
+    }
     *make_loss = [] { return nullptr; };
     return true;
   }
-  const size_t colon = text.find(':');
-  const std::string name = text.substr(0, colon);
   double scale = 1.0;
   OptionSet set;
   set.Add("scale", &scale, {0.0, 1e100, /*open_low=*/true}, "");
   if (colon != std::string::npos &&
       !set.Set("scale", text.substr(colon + 1), error)) {
     *error = name + ": " + *error;
-    return false;
-  }
-  if (name == "none") {
-    *error = "none has no scale; allowed: none";
     return false;
   }
   std::vector<std::string> names = {"none"};

@@ -6,9 +6,6 @@
 namespace invgrad {
 namespace {
 
-constexpr int kLongestWait = 16;
-constexpr int kMostInARow = 8;
-
 void Average(double gain, double* merit) {
   *merit = std::isnan(*merit) ? gain : 0.5 * (*merit + gain);
 }

@@ -33,6 +33,8 @@ class TurnTaking {
 
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   static constexpr int kFirstWait = 2;
+  static constexpr int kLongestWait = 16;
+  static constexpr int kMostInARow = 8;
 
   bool by_merit_;
   double rule_merit_ = kNone;
