@@ -38,11 +38,11 @@
 #include "bin/support/spectral_reference.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/io/table.h"
-#include "invgrad/linalg/spectral_step.h"
 #include "invgrad/rules/spectral_rule.h"
+#include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
 #include "problems/trained_linearization.h"
+#include "report/table.h"
 
 DEFINE_string(problems,
               "oscillator_chain,oscillator_chain:coupling=cubic,quantum_dipole",

@@ -24,8 +24,8 @@
 #include "glog/logging.h"
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/linalg/blas.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {

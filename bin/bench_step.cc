@@ -46,10 +46,10 @@
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/core/small_svd.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/linalg/spectral_step.h"
-#include "invgrad/linalg/thin_svd.h"
+#include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
 
 DEFINE_string(cases,
@@ -243,12 +243,12 @@ Step LapackStep() {
 Step EigenStep() {
   struct Arrays {
     Eigen::MatrixXd J;
-    ThinSvd svd;
+    SmallSvd svd;
   };
   auto arrays = std::make_shared<Arrays>();
   return [arrays](const Case& at) -> std::string {
     if (arrays->J.size() == 0) at.J().ToDense(&arrays->J);
-    const ThinSvd& svd = arrays->svd;
+    const SmallSvd& svd = arrays->svd;
     arrays->svd.Compute(arrays->J);
     const Eigen::MatrixXd Vt = svd.V.transpose();
     const Eigen::VectorXd d = Filtered(svd.U, svd.s, Vt, at);

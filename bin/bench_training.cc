@@ -21,7 +21,7 @@
 #include "bin/support/ratio_reporter.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/linalg/blas.h"
+#include "invgrad/core/blas.h"
 #include "problems/problems.h"
 
 DEFINE_string(problem, "sine:xi=32:phi=45", "a problem with a network");

@@ -44,8 +44,8 @@
 #include "bin/support/run_directory.h"
 #include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/npy.h"
-#include "invgrad/linalg/blas.h"
 #include "problems/problems.h"
 
 DEFINE_bool(list, false, "print the problems and rules with their options");

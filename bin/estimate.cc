@@ -33,8 +33,8 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "gflags/gflags.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/solve/problem_minimization.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/minimize/problem_minimization.h"
 #include "problems/estimation/nist_models.h"
 
 DEFINE_bool(list,

@@ -20,9 +20,9 @@
 
 #include "bin/support/program.h"
 #include "gflags/gflags.h"
-#include "invgrad/io/table.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
+#include "report/table.h"
 
 DEFINE_string(rules,
               "",

@@ -25,12 +25,12 @@
 #include "bin/support/program.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/io/plot.h"
-#include "invgrad/io/table.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/spectral/spectral_step.h"
+#include "report/plot.h"
+#include "report/table.h"
 
 DEFINE_string(output_directory, "runs/step_cost", "must exist");
 DEFINE_int32(largest_width, 900, "of the hidden layers, at m = 1,024");

@@ -53,10 +53,10 @@
 #include "bin/support/sweep_results.h"
 #include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/io/interrupt.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/linalg/blas.h"
+#include "report/interrupt.h"
+#include "report/progress.h"
 
 DEFINE_bool(list, false, "print the problems and rules with their options");
 DEFINE_string(problem,

@@ -27,8 +27,8 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "gflags/gflags.h"
-#include "invgrad/io/plot.h"
 #include "problems/problems.h"
+#include "report/plot.h"
 
 DEFINE_string(problem,
               "squared_component",

@@ -39,7 +39,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/inverse_simulator.h"
+#include "invgrad/inverse/inverse_simulator.h"
 #include "problems/spectral_diffusion.h"
 
 namespace invgrad {

@@ -7,8 +7,8 @@
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
+#include "invgrad/core/memory_limit.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/linalg/memory_limit.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

@@ -17,11 +17,11 @@
 #include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
 #include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/inverse_simulator.h"
 #include "invgrad/chain/model.h"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
+#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/chain_objective.h"
 
 namespace invgrad {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "invgrad/linalg/memory_limit.h"
+#include "invgrad/core/memory_limit.h"
 
 namespace invgrad {
 

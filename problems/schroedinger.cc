@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "glog/logging.h"
-#include "invgrad/chain/scratch.h"
+#include "invgrad/core/scratch.h"
 
 // The loops over kWidth functions and over lanes have lengths that the compiler
 // knows, and write to local arrays, so that it makes vector instructions of

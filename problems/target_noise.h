@@ -12,7 +12,7 @@
 #ifndef PROBLEMS_TARGET_NOISE_H_
 #define PROBLEMS_TARGET_NOISE_H_
 
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
 #include "problems/problem.h"
 
 namespace invgrad {

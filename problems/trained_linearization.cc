@@ -4,7 +4,7 @@
 
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/train/trainer.h"
 
 namespace invgrad {
 

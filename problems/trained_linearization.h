@@ -8,7 +8,7 @@
 
 #include <string>
 
-#include "invgrad/linalg/linearization.h"
+#include "invgrad/core/linearization.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/blas.h"
+#include "invgrad/core/blas.h"
 
 #include <limits>
 

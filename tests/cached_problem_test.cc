@@ -1,5 +1,5 @@
 // The copy of a problem, and how often it asks the user's cost functions.
-#include "invgrad/solve/cached_problem.h"
+#include "invgrad/ceres/cached_problem.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,10 +16,10 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/problem_linearizer.h"
-#include "invgrad/solve/second_order_cost_function.h"
-#include "invgrad/solve/update_callback.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/solve/ceres_minimizer.h"
+#include "invgrad/minimize/ceres_minimizer.h"
 
 #include <string>
 #include <vector>

@@ -1,4 +1,4 @@
-#include "invgrad/solve/chain_objective.h"
+#include "invgrad/minimize/chain_objective.h"
 
 #include <cmath>
 #include <memory>

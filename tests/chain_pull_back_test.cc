@@ -1,4 +1,4 @@
-#include "invgrad/chain/chain_pull_back.h"
+#include "invgrad/inverse/chain_pull_back.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/parallel_samples.h"
-#include "invgrad/chain/pull_back_counts.h"
+#include "invgrad/inverse/pull_back_counts.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/io/checkpoint.h"
+#include "invgrad/train/checkpoint.h"
 
 #include <algorithm>
 #include <cmath>

@@ -10,8 +10,8 @@
 #include "Eigen/SparseCore"
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/sparse_cholesky.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/spectral/routes/sparse_cholesky.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {

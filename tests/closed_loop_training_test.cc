@@ -7,7 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/problems.h"
 
 namespace invgrad {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/history.h"
 #include "invgrad/io/npy.h"
+#include "invgrad/train/history.h"
 #include "tests/program_runner.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/contour_quadrature.h"
+#include "invgrad/spectral/routes/contour_quadrature.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,10 +7,10 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/jacobian_operator.h"
-#include "invgrad/linalg/spectral_filter.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/rules/rules.h"
+#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {

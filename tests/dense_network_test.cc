@@ -8,8 +8,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/nested_jet.h"
 #include "invgrad/chain/network_functor.h"
+#include "invgrad/core/nested_jet.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {

@@ -12,9 +12,9 @@
 #include "invgrad/chain/model.h"
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/chain/trajectory_simulator.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/gradient_descent.h"
-#include "invgrad/solve/chain_objective.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/train/trainer.h"
 #include "problems/schroedinger.h"
 
 namespace invgrad {

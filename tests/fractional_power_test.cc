@@ -1,5 +1,5 @@
 // Against std::pow, over the whole spectrum.
-#include "invgrad/linalg/fractional_power.h"
+#include "invgrad/spectral/routes/fractional_power.h"
 
 #include <cmath>
 

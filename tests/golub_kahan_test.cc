@@ -1,4 +1,4 @@
-#include "invgrad/linalg/golub_kahan.h"
+#include "invgrad/spectral/routes/golub_kahan.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,7 @@
 #include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/spectral/spectral_step.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {

@@ -9,7 +9,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/fourier_grid.h"
 #include "problems/heat_states.h"
 #include "problems/problems.h"

@@ -1,4 +1,4 @@
-#include "invgrad/io/history.h"
+#include "invgrad/train/history.h"
 
 #include <algorithm>
 #include <cmath>

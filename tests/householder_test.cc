@@ -1,4 +1,4 @@
-#include "invgrad/linalg/householder.h"
+#include "invgrad/spectral/routes/householder.h"
 
 #include <cmath>
 #include <limits>

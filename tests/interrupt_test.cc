@@ -1,4 +1,4 @@
-#include "invgrad/io/interrupt.h"
+#include "report/interrupt.h"
 
 #include <csignal>
 #include <cstdlib>

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/jacobian_operator.h"
+#include "invgrad/core/jacobian_operator.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/largest_singular_value.h"
+#include "invgrad/rank/largest_singular_value.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/layer_jacobian.h"
+#include "invgrad/core/layer_jacobian.h"
 
 #include <random>
 #include <tuple>

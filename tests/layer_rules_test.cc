@@ -13,9 +13,9 @@
 #include "Eigen/SVD"
 #include "gtest/gtest.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/linalg/layer_jacobian.h"
-#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/core/layer_jacobian.h"
 #include "invgrad/rules/rules.h"
+#include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/localized_basis.h"
+#include "invgrad/rank/localized_basis.h"
 
 #include <cmath>
 #include <vector>

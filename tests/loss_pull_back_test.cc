@@ -1,4 +1,4 @@
-#include "invgrad/chain/loss_pull_back.h"
+#include "invgrad/inverse/loss_pull_back.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/memory_limit.h"
+#include "invgrad/core/memory_limit.h"
 
 #include <sys/resource.h>
 

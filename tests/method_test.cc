@@ -1,4 +1,4 @@
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 
 #include <cctype>
 #include <cmath>

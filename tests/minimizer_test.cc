@@ -1,4 +1,4 @@
-#include "invgrad/solve/minimizer.h"
+#include "invgrad/minimize/minimizer.h"
 
 #include <algorithm>
 #include <cmath>
@@ -18,8 +18,8 @@
 #include "ceres/rotation.h"
 #include "ceres/sized_cost_function.h"
 #include "gtest/gtest.h"
+#include "invgrad/ceres/second_order_cost_function.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/second_order_cost_function.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/solve/model_cost.h"
+#include "invgrad/ceres/model_cost.h"
 
 #include <cmath>
 #include <limits>
@@ -10,9 +10,9 @@
 #include "ceres/gradient_checker.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/problem_linearizer.h"
 
 namespace invgrad {
 namespace {

@@ -12,9 +12,9 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/nested_jet.h"
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/chain/nested_jet.h"
+#include "invgrad/core/nested_jet.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "invgrad/chain/newton_inverse.h"
+#include "invgrad/inverse/newton_inverse.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "invgrad/chain/numerical_inverse.h"
+#include "invgrad/inverse/numerical_inverse.h"
 
 #include <cmath>
 #include <limits>

@@ -10,7 +10,7 @@
 #include "ceres/iteration_callback.h"
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/problems.h"
 #include "tests/temporary_folder.h"
 

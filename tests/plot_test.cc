@@ -1,4 +1,4 @@
-#include "invgrad/io/plot.h"
+#include "report/plot.h"
 
 #include <sys/stat.h>
 

@@ -1,4 +1,4 @@
-#include "invgrad/solve/problem_linearizer.h"
+#include "invgrad/ceres/problem_linearizer.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +17,7 @@
 #include "ceres/problem.h"
 #include "ceres/product_manifold.h"
 #include "gtest/gtest.h"
-#include "invgrad/solve/second_order_cost_function.h"
+#include "invgrad/ceres/second_order_cost_function.h"
 
 namespace invgrad {
 namespace {

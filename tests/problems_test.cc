@@ -8,7 +8,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/minimizer.h"
+#include "invgrad/minimize/minimizer.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {

@@ -1,10 +1,11 @@
-#include "invgrad/io/progress.h"
+#include "report/progress.h"
 
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "gtest/gtest.h"
+#include "invgrad/io/format.h"
 
 namespace invgrad {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/method.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/methods/method.h"
+#include "invgrad/train/trainer.h"
 #include "problems/problems.h"
 
 namespace invgrad {

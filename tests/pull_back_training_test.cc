@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/problems.h"
 #include "temporary_folder.h"
 #include "tests/create_problem.h"

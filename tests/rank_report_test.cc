@@ -1,4 +1,4 @@
-#include "invgrad/solve/rank_report.h"
+#include "invgrad/rank/rank_report.h"
 
 #include <algorithm>
 #include <array>

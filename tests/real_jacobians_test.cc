@@ -6,7 +6,7 @@
 #include "Eigen/Core"
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
 #include "problems/trained_linearization.h"
 

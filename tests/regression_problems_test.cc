@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/train/trainer.h"
 #include "problems/problems.h"
 #include "problems/random_polynomial.h"
 #include "problems/regression_1d.h"

@@ -10,7 +10,7 @@
 #include "Eigen/Eigenvalues"
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
-#include "invgrad/chain/nested_jet.h"
+#include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
 namespace {

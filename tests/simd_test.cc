@@ -1,4 +1,4 @@
-#include "invgrad/linalg/simd.h"
+#include "invgrad/spectral/routes/simd.h"
 
 #include <vector>
 

@@ -1,4 +1,4 @@
-#include "invgrad/chain/simulator_pull_back.h"
+#include "invgrad/inverse/simulator_pull_back.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/newton_inverse.h"
+#include "invgrad/inverse/newton_inverse.h"
 #include "tests/without_hessian.h"
 
 namespace invgrad {

@@ -7,7 +7,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/scratch.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/smallest_singular.h"
+#include "invgrad/rank/smallest_singular.h"
 
 #include <cmath>
 #include <limits>

@@ -13,7 +13,7 @@
 #include "Eigen/QR"
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/spectral/spectral_filter.h"
 
 #include <cmath>
 #include <limits>

@@ -9,10 +9,10 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/linalg/linearization.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/core/linearization.h"
 #include "invgrad/rules/rules.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {

@@ -1,6 +1,6 @@
 // The estimates of step_error.h against what they are meant to be: the root
 // mean square of the step's change over random perturbations.
-#include "invgrad/linalg/step_error.h"
+#include "invgrad/spectral/step_error.h"
 
 #include <algorithm>
 #include <cmath>

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/interrupt.h"
+#include "report/interrupt.h"
 #include "tests/temporary_folder.h"
 
 namespace invgrad {

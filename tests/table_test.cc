@@ -1,4 +1,4 @@
-#include "invgrad/io/table.h"
+#include "report/table.h"
 
 #include "gtest/gtest.h"
 

@@ -1,4 +1,4 @@
-#include "invgrad/solve/trainer.h"
+#include "invgrad/train/trainer.h"
 
 #include <unistd.h>
 
@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/checkpoint.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
+#include "invgrad/train/checkpoint.h"
 #include "tests/temporary_folder.h"
 
 namespace invgrad {

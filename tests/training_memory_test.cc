@@ -1,4 +1,4 @@
-#include "invgrad/solve/training_memory.h"
+#include "invgrad/train/training_memory.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/linalg/spectral_step.h"
+#include "invgrad/methods/method.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {

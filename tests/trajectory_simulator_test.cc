@@ -7,8 +7,8 @@
 #include "Eigen/Core"
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
-#include "invgrad/chain/nested_jet.h"
 #include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/tridiagonal.h"
+#include "invgrad/spectral/routes/tridiagonal.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "invgrad/linalg/tridiagonalization.h"
+#include "invgrad/spectral/routes/tridiagonalization.h"
 
 #include <algorithm>
 #include <atomic>
@@ -15,10 +15,10 @@
 #include "Eigen/Eigenvalues"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/linalg/band_reduction.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/linalg/bulge_chase.h"
-#include "invgrad/linalg/one_stage.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/spectral/routes/band_reduction.h"
+#include "invgrad/spectral/routes/bulge_chase.h"
+#include "invgrad/spectral/routes/one_stage.h"
 
 // Allocations are counted at malloc, which serves operator new and Eigen. The
 // sanitizers have a malloc of their own.

@@ -1,4 +1,4 @@
-#include "invgrad/solve/turn_taking.h"
+#include "invgrad/ceres/turn_taking.h"
 
 #include <string>
 

@@ -14,11 +14,11 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/chain_pull_back.h"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/model.h"
-#include "invgrad/chain/nested_jet.h"
 #include "invgrad/chain/network_functor.h"
+#include "invgrad/core/nested_jet.h"
+#include "invgrad/inverse/chain_pull_back.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/solve/update_callback.h"
+#include "invgrad/ceres/update_callback.h"
 
 #include <algorithm>
 #include <cmath>

@@ -9,11 +9,11 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/io/interrupt.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/io/plot.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/solve/problem_minimization.h"
+#include "invgrad/minimize/problem_minimization.h"
+#include "report/interrupt.h"
+#include "report/plot.h"
+#include "report/progress.h"
 
 namespace invgrad {
 

@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/estimation/estimation.h"
 #include "problems/estimation/robust_loss.h"
 

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "bin/support/csv_field.h"
-#include "invgrad/io/progress.h"
+#include "invgrad/io/format.h"
 #include "problems/estimation/nist_models.h"
 
 namespace invgrad {

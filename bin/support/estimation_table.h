@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/io/table.h"
+#include "report/table.h"
 
 namespace invgrad {
 

@@ -22,7 +22,7 @@
 
 #include "Eigen/Core"
 #include "bin/support/learning_run.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -18,9 +18,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/neuron_statistics.h"
-#include "invgrad/io/history.h"
-#include "invgrad/solve/method.h"
-#include "invgrad/solve/trainer.h"
+#include "invgrad/methods/method.h"
+#include "invgrad/train/history.h"
+#include "invgrad/train/trainer.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -4,11 +4,11 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/io/table.h"
+#include "invgrad/methods/pull_back_method.h"
+#include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/ceres_minimizer.h"
-#include "invgrad/solve/pull_back_method.h"
 #include "problems/problems.h"
+#include "report/table.h"
 
 namespace invgrad {
 

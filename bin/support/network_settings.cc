@@ -6,7 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
 
 namespace invgrad {
 

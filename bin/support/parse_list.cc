@@ -4,7 +4,7 @@
 #include <limits>
 #include <sstream>
 
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
 
 namespace invgrad {
 

@@ -7,10 +7,10 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
-#include "invgrad/io/plot.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/io/table.h"
+#include "report/plot.h"
+#include "report/table.h"
 
 namespace invgrad {
 

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -12,8 +12,8 @@
 #include "bin/support/program.h"
 #include "ceres/version.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/linalg/blas.h"
 #include "invgrad/version.h"
 
 namespace invgrad {

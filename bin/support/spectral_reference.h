@@ -7,7 +7,7 @@
 #include <random>
 
 #include "Eigen/Core"
-#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
 

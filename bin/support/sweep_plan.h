@@ -18,7 +18,7 @@
 
 #include "bin/support/network_settings.h"
 #include "bin/support/sweep_grid.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {

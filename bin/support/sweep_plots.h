@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "bin/support/sweep_results.h"
-#include "invgrad/io/plot.h"
+#include "report/plot.h"
 
 namespace invgrad {
 

@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "glog/logging.h"
-#include "invgrad/io/interrupt.h"
+#include "report/interrupt.h"
 
 namespace invgrad {
 

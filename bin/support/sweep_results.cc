@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "bin/support/csv_field.h"
-#include "invgrad/io/progress.h"
+#include "invgrad/io/format.h"
 
 namespace invgrad {
 

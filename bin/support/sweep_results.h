@@ -15,7 +15,7 @@
 
 #include "bin/support/learning_run.h"
 #include "bin/support/sweep_plan.h"
-#include "invgrad/io/table.h"
+#include "report/table.h"
 
 namespace invgrad {
 

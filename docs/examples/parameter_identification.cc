@@ -39,11 +39,11 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "glog/logging.h"
+#include "invgrad/ceres/update_callback.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/io/table.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/update_callback.h"
+#include "report/table.h"
 
 namespace {
 

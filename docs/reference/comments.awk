@@ -1,6 +1,6 @@
 # Doxygen's input filter: gives it our plain comments as documentation.
 #
-#   awk -f docs/reference/comments.awk lib/invgrad/solve/minimizer.h
+#   awk -f docs/reference/comments.awk lib/invgrad/minimize/minimizer.h
 #
 # The comment that opens a header documents the file, and the class of the same
 # name if that has no comment of its own. A comment in front of a declaration

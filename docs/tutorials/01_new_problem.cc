@@ -22,12 +22,12 @@
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/model.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/io/plot.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/io/table.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
+#include "report/plot.h"
+#include "report/table.h"
 
 DEFINE_string(rules,
               "gradient_descent:step_size=3e-2,"

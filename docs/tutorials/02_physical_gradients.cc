@@ -20,14 +20,14 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/data_set.h"
 #include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/inverse_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/model.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/io/table.h"
-#include "invgrad/linalg/blas.h"
-#include "invgrad/solve/method.h"
+#include "invgrad/methods/method.h"
+#include "report/table.h"
 
 // [rules]
 DEFINE_string(rules,

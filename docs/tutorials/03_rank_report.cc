@@ -17,8 +17,8 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "gflags/gflags.h"
-#include "invgrad/solve/gauge.h"
-#include "invgrad/solve/rank_report.h"
+#include "invgrad/rank/gauge.h"
+#include "invgrad/rank/rank_report.h"
 
 namespace {
 

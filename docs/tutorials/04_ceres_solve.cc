@@ -30,12 +30,12 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
-#include "invgrad/io/progress.h"
-#include "invgrad/io/table.h"
+#include "report/table.h"
 // [includes]
+#include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/update_callback.h"
 // [/includes]
 
 DEFINE_string(rules,

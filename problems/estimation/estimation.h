@@ -20,10 +20,10 @@
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/io/plot.h"
-#include "invgrad/solve/minimizer.h"
+#include "invgrad/minimize/minimizer.h"
 #include "problems/estimation/pose_graph.h"
 #include "problems/estimation/robust_loss.h"
+#include "report/plot.h"
 
 namespace invgrad {
 

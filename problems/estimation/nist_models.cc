@@ -7,7 +7,7 @@
 
 #include "ceres/autodiff_cost_function.h"
 #include "glog/logging.h"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
 
 namespace invgrad {
 

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
 
 namespace invgrad {
 

@@ -22,9 +22,9 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
+#include "invgrad/ceres/update_callback.h"
 #include "invgrad/chain/network_file.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/solve/update_callback.h"
 #include "invgrad/version.h"
 
 // Names that a library might take as well.

@@ -19,9 +19,9 @@
 
 #include "Eigen/Core"
 #include "ceres/jet.h"
-#include "invgrad/chain/nested_jet.h"
-#include "invgrad/chain/scratch.h"
 #include "invgrad/chain/simulator.h"
+#include "invgrad/core/nested_jet.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 

@@ -4,7 +4,7 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/linalg/blas.h"
+#include "invgrad/core/blas.h"
 
 namespace invgrad {
 namespace {

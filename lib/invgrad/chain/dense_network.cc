@@ -6,8 +6,8 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/two_jet.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/linalg/blas.h"
 
 namespace invgrad {
 namespace {

@@ -1,7 +1,7 @@
 #include "invgrad/chain/feedback.h"
 
 #include "glog/logging.h"
-#include "invgrad/chain/scratch.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "glog/logging.h"
-#include "invgrad/chain/scratch.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 

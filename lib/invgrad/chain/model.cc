@@ -9,8 +9,8 @@
 #include "glog/logging.h"
 #include "invgrad/chain/closed_loop_hessian.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/chain/scratch.h"
 #include "invgrad/chain/two_jet.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 namespace {

@@ -49,7 +49,7 @@
 #include "invgrad/chain/feedback.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/simulator.h"
-#include "invgrad/linalg/linearization.h"
+#include "invgrad/core/linearization.h"
 
 namespace invgrad {
 

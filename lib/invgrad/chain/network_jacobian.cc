@@ -4,7 +4,7 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/two_jet.h"
-#include "invgrad/linalg/blas.h"
+#include "invgrad/core/blas.h"
 
 namespace invgrad {
 

@@ -34,8 +34,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/dense_network.h"
-#include "invgrad/linalg/jacobian_operator.h"
-#include "invgrad/linalg/layer_jacobian.h"
+#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/layer_jacobian.h"
 
 namespace invgrad {
 

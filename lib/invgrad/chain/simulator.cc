@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "Eigen/Core"
-#include "invgrad/chain/scratch.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 

@@ -26,9 +26,9 @@
 #include "Eigen/Core"
 #include "invgrad/chain/feedback.h"
 #include "invgrad/chain/roll_out.h"
-#include "invgrad/chain/scratch.h"
 #include "invgrad/chain/simulator.h"
-#include "invgrad/linalg/blas.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 

@@ -38,9 +38,9 @@
 #include "glog/logging.h"
 #include "invgrad/chain/feedback.h"
 #include "invgrad/chain/roll_out.h"
-#include "invgrad/chain/scratch.h"
 #include "invgrad/chain/simulator.h"
-#include "invgrad/linalg/blas.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 

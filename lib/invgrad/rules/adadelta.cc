@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "invgrad/linalg/finite.h"
+#include "invgrad/core/finite.h"
 
 namespace invgrad {
 namespace {

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "invgrad/linalg/finite.h"
+#include "invgrad/core/finite.h"
 
 namespace invgrad {
 namespace {

@@ -25,9 +25,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
+#include "invgrad/core/update_rule.h"
 #include "invgrad/rules/step_size.h"
-#include "invgrad/rules/update_rule.h"
 
 namespace invgrad {
 

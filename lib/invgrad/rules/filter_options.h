@@ -6,8 +6,8 @@
 #ifndef INVGRAD_RULES_FILTER_OPTIONS_H_
 #define INVGRAD_RULES_FILTER_OPTIONS_H_
 
-#include "invgrad/linalg/spectral_filter.h"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/option_set.h"
+#include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
 

@@ -1,6 +1,6 @@
 #include "invgrad/rules/gradient_descent.h"
 
-#include "invgrad/linalg/finite.h"
+#include "invgrad/core/finite.h"
 
 namespace invgrad {
 

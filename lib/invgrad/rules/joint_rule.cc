@@ -3,7 +3,7 @@
 #include <sstream>
 
 #include "glog/logging.h"
-#include "invgrad/linalg/finite.h"
+#include "invgrad/core/finite.h"
 #include "invgrad/rules/filter_options.h"
 
 namespace invgrad {

@@ -18,12 +18,12 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/linalg/linearization.h"
-#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/core/linearization.h"
+#include "invgrad/core/option_set.h"
+#include "invgrad/core/update_rule.h"
 #include "invgrad/rules/gain_control.h"
-#include "invgrad/rules/option_set.h"
 #include "invgrad/rules/step_size.h"
-#include "invgrad/rules/update_rule.h"
+#include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
 

@@ -9,9 +9,9 @@
 #include <sstream>
 #include <vector>
 
-#include "invgrad/linalg/blas.h"
-#include "invgrad/linalg/finite.h"
-#include "invgrad/linalg/layer_jacobian.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/core/finite.h"
+#include "invgrad/core/layer_jacobian.h"
 
 namespace invgrad {
 namespace {

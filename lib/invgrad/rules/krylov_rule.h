@@ -32,10 +32,10 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/linalg/golub_kahan.h"
-#include "invgrad/linalg/spectral_filter.h"
+#include "invgrad/core/option_set.h"
 #include "invgrad/rules/joint_rule.h"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/spectral/routes/golub_kahan.h"
+#include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
 

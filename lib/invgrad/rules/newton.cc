@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "glog/logging.h"
-#include "invgrad/linalg/finite.h"
+#include "invgrad/core/finite.h"
 
 namespace invgrad {
 namespace {

@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "invgrad/rules/option_set.h"
-#include "invgrad/rules/update_rule.h"
+#include "invgrad/core/option_set.h"
+#include "invgrad/core/update_rule.h"
 
 namespace invgrad {
 

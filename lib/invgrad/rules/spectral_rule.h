@@ -48,11 +48,11 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/linalg/spectral_filter.h"
-#include "invgrad/linalg/spectral_step.h"
-#include "invgrad/linalg/spectral_workspace.h"
+#include "invgrad/core/option_set.h"
 #include "invgrad/rules/joint_rule.h"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral/spectral_workspace.h"
 
 namespace invgrad {
 

@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "glog/logging.h"
-#include "invgrad/linalg/finite.h"
+#include "invgrad/core/finite.h"
 
 namespace invgrad {
 

@@ -23,8 +23,8 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/linalg/linearization.h"
-#include "invgrad/rules/option_set.h"
+#include "invgrad/core/linearization.h"
+#include "invgrad/core/option_set.h"
 
 namespace invgrad {
 

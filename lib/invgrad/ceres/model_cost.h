@@ -1,0 +1,69 @@
+// A model over a data set as Ceres sees it.
+//
+//   as a cost function   r = sqrt(2 c scale) (y(theta) - y*), so that
+//                        1/2 |r|^2 = scale sum_s c |y_s - y*_s|^2 = L
+//   as a function        L(theta) and its gradient, by one backward pass
+//
+// The weights are one parameter block a neuron (its incoming weights and its
+// bias), in the order of the weight vector: blocks stay small, and a neuron or
+// a layer can be held constant.
+// Cost:    the cost function forms J (m x n); the function does not.
+// Fails:   Evaluate returns false where the model does.
+#ifndef INVGRAD_CERES_MODEL_COST_H_
+#define INVGRAD_CERES_MODEL_COST_H_
+
+#include <string>
+#include <vector>
+
+#include "ceres/first_order_function.h"
+#include "ceres/problem.h"
+#include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/chain/model.h"
+
+namespace invgrad {
+
+// Needs a squared-norm loss (CHECKed; ask Loss::SquaredNormFactor first).
+class ModelCostFunction final : public SecondOrderCostFunction {
+ public:
+  // Model and data must outlive the function.
+  ModelCostFunction(const Model* model, const DataSet* data);
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override;
+  // By one tangent-of-backward pass a unit, over all samples.
+  bool WeightedHessian(const double* const* parameters,
+                       const double* w,
+                       double* hessian) const override;
+
+ private:
+  Eigen::VectorXd Weights(const double* const* parameters) const;
+
+  const Model* model_;
+  const DataSet* data_;
+};
+
+class ModelFunction final : public ceres::FirstOrderFunction {
+ public:
+  ModelFunction(const Model* model, const DataSet* data);
+  bool Evaluate(const double* parameters,
+                double* cost,
+                double* gradient) const override;
+  int NumParameters() const override;
+
+ private:
+  const Model* model_;
+  const DataSet* data_;
+};
+
+// The parameter blocks of `weights` (n), one a neuron.
+std::vector<double*> NeuronBlocks(const DenseNetwork& network, double* weights);
+
+// Adds the model's cost over `data` to the problem; `weights` must outlive it.
+void AddModelToProblem(const Model* model,
+                       const DataSet* data,
+                       Eigen::VectorXd* weights,
+                       ceres::Problem* problem);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CERES_MODEL_COST_H_

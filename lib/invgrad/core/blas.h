@@ -1,0 +1,76 @@
+// The few BLAS calls of the library, in Eigen's types.
+//
+//   C = alpha op(A) op(B) + beta C,   C = alpha op(A) op(A)^T + beta C,
+//   y = alpha op(A) x + beta y
+//
+// Why not Eigen's own products: without -march=native they run at a third of
+// the speed of OpenBLAS, which chooses its kernels at run time.
+//
+// Shapes:  op(A): m x k;  op(B): k x n;  C: m x n (CHECKed). All column-major
+//          with unit inner stride; blocks of larger matrices are fine.
+// Cost:    2 m n k.
+#ifndef INVGRAD_CORE_BLAS_H_
+#define INVGRAD_CORE_BLAS_H_
+
+#include <string>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+enum class Op { kNone, kTranspose };
+
+// C = alpha op(A) op(B) + beta C. With beta = 0, C may hold anything.
+void Gemm(Op op_A,
+          Op op_B,
+          double alpha,
+          const Eigen::Ref<const Eigen::MatrixXd>& A,
+          const Eigen::Ref<const Eigen::MatrixXd>& B,
+          double beta,
+          Eigen::Ref<Eigen::MatrixXd> C);
+
+// C = alpha op(A) op(A)^T + beta C: the lower triangle only. The strictly upper
+// one is left as it is.
+void Syrk(Op op_A,
+          double alpha,
+          const Eigen::Ref<const Eigen::MatrixXd>& A,
+          double beta,
+          Eigen::Ref<Eigen::MatrixXd> C);
+
+// y = alpha op(A) x + beta y. With beta = 0, y may hold anything.
+void Gemv(Op op_A,
+          double alpha,
+          const Eigen::Ref<const Eigen::MatrixXd>& A,
+          const Eigen::Ref<const Eigen::VectorXd>& x,
+          double beta,
+          Eigen::Ref<Eigen::VectorXd> y);
+
+// The number of threads that BLAS and LAPACK use, in the whole process. Below
+// m ~ 1000 one thread is fastest.
+void SetBlasThreads(int num_threads);
+int BlasThreads();
+
+// One BLAS thread while it lives, if `only_one`: for many small products, which
+// threads slow down.
+class SingleBlasThread {
+ public:
+  explicit SingleBlasThread(bool only_one)
+      : before_(only_one ? BlasThreads() : 1) {
+    if (before_ > 1) SetBlasThreads(1);
+  }
+  ~SingleBlasThread() {
+    if (before_ > 1) SetBlasThreads(before_);
+  }
+  SingleBlasThread(const SingleBlasThread&) = delete;
+  SingleBlasThread& operator=(const SingleBlasThread&) = delete;
+
+ private:
+  const int before_;
+};
+
+// Which BLAS is loaded, its version, and the kernels that it chose.
+std::string BlasName();
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_BLAS_H_

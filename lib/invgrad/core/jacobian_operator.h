@@ -1,0 +1,111 @@
+// The Jacobian J = dy/dx as an operator, which is seldom a matrix in memory.
+//
+//   J v,   J^T w,   J J^T,   J^T J,   and J itself only on request
+//
+// Shapes:  J: m x n (m = rows, n = cols);  v: n;  w: m.
+// Cost:    stated by each implementation; a dense J costs 2 m n for a product
+//          and m^2 n for the Gram matrix.
+// Fails:   never by itself: entries that are not finite travel through. Sizes
+//          that do not fit are CHECKed.
+#ifndef INVGRAD_CORE_JACOBIAN_OPERATOR_H_
+#define INVGRAD_CORE_JACOBIAN_OPERATOR_H_
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "Eigen/Core"
+#include "Eigen/SparseCore"
+
+namespace invgrad {
+
+class JacobianOperator {
+ public:
+  virtual ~JacobianOperator() = default;
+
+  virtual int rows() const = 0;
+  virtual int cols() const = 0;
+
+  // J v: m.
+  virtual void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const = 0;
+
+  // J^T w: n.
+  virtual void TransposeTimes(const Eigen::VectorXd& w,
+                              Eigen::VectorXd* Jtw) const = 0;
+
+  // The lower triangle of J J^T: m x m. What is above the diagonal is not
+  // specified.
+  virtual void Gram(Eigen::MatrixXd* JJt) const = 0;
+
+  // J: m x n. The default of every other form of J.
+  virtual void ToDense(Eigen::MatrixXd* J) const = 0;
+
+  // The same of J^T J: n x n. By default from the dense J.
+  virtual void ParameterGram(Eigen::MatrixXd* JtJ) const;
+
+  // What a message calls a row: "row 12", and what it belongs to if known.
+  virtual std::string RowName(int row) const;
+
+  // The columns in groups that belong together, from the first to the last: the
+  // layers of a network, the parameter blocks of a ceres::Problem. None if
+  // nothing is known of groups, as by default. The blocks may refer to this
+  // operator, which must outlive them.
+  virtual std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const;
+};
+
+// J stored as a column-major matrix.
+class DenseJacobian final : public JacobianOperator {
+ public:
+  // block_sizes: the numbers of columns of the ColumnBlocks, which are copies;
+  // they sum up to those of J (CHECKed), unless there are none.
+  explicit DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes = {});
+
+  int rows() const override { return static_cast<int>(J_.rows()); }
+  int cols() const override { return static_cast<int>(J_.cols()); }
+  void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const override;
+  void TransposeTimes(const Eigen::VectorXd& w,
+                      Eigen::VectorXd* Jtw) const override;
+  void Gram(Eigen::MatrixXd* JJt) const override;
+  void ToDense(Eigen::MatrixXd* J) const override { *J = J_; }
+  void ParameterGram(Eigen::MatrixXd* JtJ) const override;
+  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const override;
+
+ private:
+  Eigen::MatrixXd J_;
+  std::vector<int> block_sizes_;
+};
+
+// J in compressed rows, as a ceres::Problem has it.
+class SparseJacobian final : public JacobianOperator {
+ public:
+  using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+  // J is swapped in, because Eigen's sparse matrices do not move. block_sizes:
+  // as for DenseJacobian. A ColumnBlock has all rows of J, most of them empty.
+  explicit SparseJacobian(Matrix J, std::vector<int> block_sizes = {});
+
+  int rows() const override { return static_cast<int>(J_.rows()); }
+  int cols() const override { return static_cast<int>(J_.cols()); }
+  void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const override;
+  void TransposeTimes(const Eigen::VectorXd& w,
+                      Eigen::VectorXd* Jtw) const override;
+  void Gram(Eigen::MatrixXd* JJt) const override;
+  void ToDense(Eigen::MatrixXd* J) const override { *J = J_; }
+  void ParameterGram(Eigen::MatrixXd* JtJ) const override;
+  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const override;
+
+  const Matrix& matrix() const { return J_; }
+  // The entries, in the order of the compressed rows.
+  double* mutable_values() { return J_.valuePtr(); }
+
+ private:
+  Matrix J_;
+  std::vector<int> block_sizes_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_JACOBIAN_OPERATOR_H_

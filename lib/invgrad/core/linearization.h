@@ -1,0 +1,54 @@
+// A problem seen from its current point: all that an update rule may ask for.
+//
+//   L(y(x + d)) ~ L + g . (J d) + 1/2 (J d) . H_L (J d)
+//
+//   g = dL/dy,   J = dy/dx,   H_L = d2L/dy2,   gradient = J^T g
+//
+// Shapes:  x, d: n;  y, g: m;  J: m x n;  H_L: m x m, block diagonal.
+// Units:   x has one unit per entry, y likewise; g is [L]/[y], J is [y]/[x].
+//          A half-inverse step changes with these units, see
+//          docs/conventions.md.
+//
+// Two kinds of problem fill it. A ceres::Problem has y = r, its residuals
+// (corrected for robust losses), L = 1/2 |r|^2, hence g = r and H_L = I. A
+// model (network, simulator, loss) has the simulator outputs of all samples of
+// the batch stacked in y, and L is the batch's loss, so that factors such as
+// 2 / B stand in g and H_L and not in J.
+#ifndef INVGRAD_CORE_LINEARIZATION_H_
+#define INVGRAD_CORE_LINEARIZATION_H_
+
+#include <functional>
+#include <memory>
+
+#include "Eigen/Core"
+#include "invgrad/core/jacobian_operator.h"
+
+namespace invgrad {
+
+// What a rule needs. The cost is always computed; each further part costs time,
+// so nothing is computed that nobody asked for.
+struct LinearizationParts {
+  bool gradient = false;  // J^T g
+  bool jacobian = false;  // g, J and H_L
+  bool hessian = false;   // d2L/dx2, exact
+};
+
+struct Linearization {
+  double cost = 0.0;         // L
+  Eigen::VectorXd gradient;  // n: J^T g
+
+  Eigen::VectorXd loss_gradient;                     // m: g
+  std::shared_ptr<const JacobianOperator> jacobian;  // m x n: J
+  // v -> H_L v, both m. Empty: H_L is the identity.
+  std::function<Eigen::VectorXd(const Eigen::VectorXd&)> loss_hessian_times;
+
+  Eigen::MatrixXd hessian;  // n x n, symmetric: d2L/dx2
+
+  // The share of the run's budget that is spent, in [0, 1]; step-size schedules
+  // read it. Set by the loops.
+  double progress = 0.0;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_LINEARIZATION_H_

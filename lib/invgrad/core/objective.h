@@ -1,0 +1,43 @@
+// A function with a current point that an iteration can linearize and move.
+//
+// The loops (minimizer.h) see nothing else, so that a ceres::Problem
+// (problem_linearizer.h) and a simulator with a loss (chain_objective.h) are
+// minimized by the same code.
+#ifndef INVGRAD_CORE_OBJECTIVE_H_
+#define INVGRAD_CORE_OBJECTIVE_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/core/linearization.h"
+
+namespace invgrad {
+
+class Objective {
+ public:
+  virtual ~Objective() = default;
+
+  // n: the size of a step, which is that of the tangent space.
+  virtual int num_parameters() const = 0;
+
+  // Linearizes at the current point. False, with *error, if the cost or a
+  // wanted part cannot be computed or is not finite.
+  virtual bool Linearize(const LinearizationParts& parts,
+                         Linearization* linearization,
+                         std::string* error) const = 0;
+
+  // The cost at the current point.
+  virtual bool Cost(double* cost, std::string* error) const = 0;
+
+  // The current point in ambient coordinates.
+  virtual Eigen::VectorXd State() const = 0;
+  virtual void SetState(const Eigen::VectorXd& state) = 0;
+
+  // Moves the point by a tangent step (n). False, and nothing moved, if it
+  // cannot be moved so.
+  virtual bool Plus(const Eigen::VectorXd& step) = 0;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_OBJECTIVE_H_

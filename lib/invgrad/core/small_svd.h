@@ -1,0 +1,31 @@
+// The thin singular value decomposition of a small dense matrix, as that of one
+// sample's simulator.
+//
+//   A = U diag(s) V^T
+//
+// Shapes:  A: m x n;  U: m x k;  s: k, descending;  V: n x k;  k = min(m, n).
+// Cost:    about 4 m n k + 22 k^3, by Eigen's BDCSVD. It is compiled once,
+// here,
+//          because that takes half a minute.
+// Fails:   s has NaN if A has.
+//
+// For batches see spectral_step.h, for tall matrices of which only products are
+// needed tall_svd.h.
+#ifndef INVGRAD_CORE_SMALL_SVD_H_
+#define INVGRAD_CORE_SMALL_SVD_H_
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+struct SmallSvd {
+  Eigen::MatrixXd U;
+  Eigen::VectorXd s;
+  Eigen::MatrixXd V;
+
+  void Compute(const Eigen::Ref<const Eigen::MatrixXd>& A);
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_SMALL_SVD_H_

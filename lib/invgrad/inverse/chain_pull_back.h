@@ -1,0 +1,145 @@
+// A wanted change, pulled back through loss and simulator of a batch, as a
+// linearization of the network alone: scale-invariant training and its
+// relatives.
+//
+//   d_y = loss pull-back,   d_x = simulator pull-back,   x~ = x + d_x constant
+//   L2 proxy   scale sum_s w_s 1/2 |f(a_s; theta) - x~_s|^2
+//   L1 proxy   scale sum_s w_s |f(a_s; theta) - x~_s|_1
+//
+// and what an update rule gets to see is the proxy: y = x, J = dx/dtheta, g =
+// the proxy's gradient in x, H_L = its Hessian. Any rule will do: a first-order
+// rule makes it scale-invariant physics training, a spectral rule inverts the
+// network too.
+//
+// Curvature weights: an inverse gives every sample the same say, however little
+// its x matters to the loss. With c_s = d_y . H_L d_y / |d_x|^2, the curvature
+// of the loss along d_x,
+//
+//   w_s = c_s^gamma / mean(c^gamma)
+//
+// where the mean is over the samples that move; the others have weight one. No
+// c_s is taken below zero, and |d_x| is that before any cut.
+// gamma = 1 makes the L2 proxy follow the loss to second order along every
+// d_x; gamma = 0 (w = 1) is the published method.
+//
+// Besides, |d_x| may be cut to max_change, and the data's own solutions x* may
+// enter: d_x += data_weight (x* - x) is the gradient step of an additional
+// data_weight / 2 |x - x*|^2, the loss called physics-informed; and
+// `supervised` puts x~ = x* in place of any pull-back.
+//
+// With feedback (model.h) x holds the network's outputs of all calls, and the
+// network's inputs, the states at these calls, count as given: x~ is what the
+// calls should have put out. Only the adjoint sees that an output moves the
+// states, and with them the later outputs: it is the gradient of the closed
+// loop.
+//
+// Several updates: after Linearize, LinearizeAgain moves towards the same x~
+// without another evaluation of the simulator.
+//
+// Shapes:  x: |x| B, sample by sample;  scale: the model's BatchScale.
+// Cost:    a forward and a backward pass of the network and one simulator
+//          pull-back a sample, on num_threads threads.
+// Fails:   Linearize returns false with a message that names the sample if the
+//          network, simulator or loss has no finite value. A sample that cannot
+//          be pulled back does not move (PullBackCounts).
+//
+// Source:  Holl, Koltun, Thuerey. Scale-invariant Learning by Physics
+// Inversion.
+//          NeurIPS 2022, algorithm 1; PBDL, chapters physgrad-nn and
+//          physgrad-discuss (the weights answer its remark on curvature).
+#ifndef INVGRAD_INVERSE_CHAIN_PULL_BACK_H_
+#define INVGRAD_INVERSE_CHAIN_PULL_BACK_H_
+
+#include <limits>
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/model.h"
+#include "invgrad/inverse/loss_pull_back.h"
+#include "invgrad/inverse/pull_back_counts.h"
+#include "invgrad/inverse/simulator_pull_back.h"
+
+namespace invgrad {
+
+class ChainPullBack {
+ public:
+  enum class Proxy { kL2, kL1 };
+
+  struct Options {
+    LossWay loss = LossWay::kNewton;
+    double y_step_size = 1.0;  // eta
+    SimulatorPullBack::Options simulator;
+    Proxy proxy = Proxy::kL2;
+    double curvature_weight = 0.0;  // gamma in [0, 1]
+    double max_change = std::numeric_limits<double>::infinity();
+    double data_weight = 0.0;
+    bool is_supervised = false;
+    int updates_per_evaluation = 1;
+    int num_threads = 1;
+  };
+
+  // `inverse` as for SimulatorPullBack. The model must outlive this object.
+  ChainPullBack(const Model* model,
+                std::shared_ptr<const InverseSimulator> inverse,
+                const Options& options);
+
+  // As Model::Linearize, of the proxy; the cost is the loss of the batch.
+  bool Linearize(const Eigen::VectorXd& weights,
+                 const DataSet& batch,
+                 const LinearizationParts& parts,
+                 Linearization* linearization,
+                 std::string* error);
+
+  // At other weights, with the x~ and the batch of the last Linearize; the cost
+  // is the proxy's.
+  bool LinearizeAgain(const Eigen::VectorXd& weights,
+                      const DataSet& batch,
+                      const LinearizationParts& parts,
+                      Linearization* linearization,
+                      std::string* error);
+
+  // Whether the data must have solutions.
+  bool needs_solutions() const {
+    return options_.is_supervised || options_.data_weight > 0.0;
+  }
+  int updates_per_evaluation() const { return options_.updates_per_evaluation; }
+  const PullBackCounts& counts() const { return counts_; }
+
+  PullBackCounts* mutable_counts() { return &counts_; }
+
+ private:
+  bool PullBackSamples(const Eigen::MatrixXd& x,
+                       const DataSet& batch,
+                       double* cost,
+                       std::string* error);
+  // Of one sample; the change's source in *result.
+  bool PullBackSample(const InverseSimulator::ConstVectorRef& x,
+                      const DataSet& batch,
+                      int sample,
+                      const Simulator::Covector& wanted_change,
+                      double* y,
+                      SimulatorPullBack::Result* result);
+  void SetWeights(const Eigen::VectorXd& curvatures);
+  // At the weights of activations_, which it may take away.
+  bool LinearizeProxy(const Eigen::VectorXd& weights,
+                      const LinearizationParts& parts,
+                      Linearization* linearization,
+                      std::string* error);
+
+  const Model& model_;
+  Options options_;
+  LossPullBack loss_pull_back_;
+  SimulatorPullBack simulator_pull_back_;
+
+  PullBackCounts counts_;
+  // Of the last batch; memory that the next one uses again.
+  DenseNetwork::Activations activations_;
+  Eigen::MatrixXd d_x_;             // |x| x B
+  Eigen::MatrixXd wanted_x_;        // |x| x B: x~
+  Eigen::VectorXd sample_weights_;  // B: w
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_INVERSE_CHAIN_PULL_BACK_H_

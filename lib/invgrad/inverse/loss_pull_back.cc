@@ -1,0 +1,124 @@
+#include "invgrad/inverse/loss_pull_back.h"
+
+#include <utility>
+
+#include "Eigen/Eigenvalues"
+#include "Eigen/LU"
+#include "glog/logging.h"
+#include "invgrad/chain/simulator.h"
+#include "invgrad/core/scratch.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::Map;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr char kLossFailed[] = "the loss has no finite value";
+
+// Eigenvalues below this share of the largest are taken for zero.
+constexpr double kFlat = 1e-12;
+
+// *g <- |H|^-1 g.
+bool SolveSaddleFree(const Map<const MatrixXd>& H, Map<VectorXd>* g) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
+  if (eigen.info() != Eigen::Success) return false;
+  const VectorXd lambda = eigen.eigenvalues().cwiseAbs();
+  const double threshold = kFlat * lambda.maxCoeff();
+  VectorXd coordinates = eigen.eigenvectors().transpose() * *g;
+  for (Index i = 0; i < lambda.size(); ++i) {
+    coordinates[i] = lambda[i] > threshold ? coordinates[i] / lambda[i] : 0.0;
+  }
+  *g = eigen.eigenvectors() * coordinates;
+  return true;
+}
+
+// *g <- H^-1 g.
+bool Solve(const Map<const MatrixXd>& H, Map<VectorXd>* g) {
+  const Eigen::FullPivLU<MatrixXd> lu(H);
+  if (!lu.isInvertible()) return false;
+  *g = lu.solve(VectorXd(*g));
+  return true;
+}
+
+}  // namespace
+
+LossPullBack::LossPullBack(std::shared_ptr<const Loss> loss,
+                           LossWay way,
+                           double step_size)
+    : loss_(std::move(loss)), way_(way), step_size_(step_size) {
+  CHECK(loss_ != nullptr);
+  CHECK_GT(step_size, 0.0);
+}
+
+bool LossPullBack::Step(const double* y,
+                        const double* target,
+                        double* loss,
+                        double* change,
+                        std::string* why) const {
+  const Index size = loss_->size();
+  Map<VectorXd> d(change, size);
+  const bool is_gradient = way_ == LossWay::kGradient;
+  if (is_gradient || loss_->SquaredNormFactor().has_value()) {
+    if (!loss_->Evaluate(
+            y, target, loss, is_gradient ? change : nullptr, nullptr)) {
+      *why = kLossFailed;
+      return false;
+    }
+    if (!is_gradient) {
+      d = Map<const VectorXd>(y, size) - Map<const VectorXd>(target, size);
+    }
+  } else {
+    Scratch<double> hessian(size * size);
+    if (!loss_->Evaluate(y, target, loss, change, hessian.data())) {
+      *why = kLossFailed;
+      return false;
+    }
+    const Map<const MatrixXd> H(hessian.data(), size, size);
+    if (!(way_ == LossWay::kNewton ? Solve(H, &d) : SolveSaddleFree(H, &d))) {
+      *why = way_ == LossWay::kNewton
+                 ? "the Hessian of the loss is singular; saddle_free_newton "
+                   "takes it"
+                 : "the eigenvalues of the loss's Hessian do not converge";
+      return false;
+    }
+  }
+  d *= -step_size_;
+  if (AllFinite(change, size)) return true;
+  *why = "the step in y is not finite";
+  return false;
+}
+
+PulledBackLoss::PulledBackLoss(LossPullBack pull_back)
+    : pull_back_(std::move(pull_back)) {}
+
+bool PulledBackLoss::Evaluate(const double* y,
+                              const double* target,
+                              double* loss,
+                              double* gradient,
+                              double* hessian) const {
+  const Loss& original = pull_back_.loss();
+  if (gradient == nullptr && hessian == nullptr) {
+    return original.Evaluate(y, target, loss, nullptr, nullptr);
+  }
+  Scratch<double> change(size());
+  std::string why;
+  if (!pull_back_.Step(y, target, loss, change.data(), &why)) return false;
+  if (gradient != nullptr) {
+    Map<VectorXd>(gradient, size()) =
+        -Map<const VectorXd>(change.data(), size());
+  }
+  if (hessian == nullptr) return true;
+  Map<MatrixXd> H(hessian, size(), size());
+  if (pull_back_.way() != LossWay::kGradient) {
+    H.setIdentity();
+    return true;
+  }
+  if (!original.Evaluate(y, target, loss, nullptr, hessian)) return false;
+  H *= pull_back_.step_size();
+  return true;
+}
+
+}  // namespace invgrad

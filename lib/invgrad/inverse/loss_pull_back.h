@@ -1,0 +1,76 @@
+// The first part of a pull-back: from the loss to a wanted change of the
+// simulator's output.
+//
+//   gradient            d_y = -eta g
+//   Newton              d_y = -eta H_L^-1 g
+//   saddle-free Newton  d_y = -eta |H_L|^-1 g
+//
+// with H_L in y only: the step does not depend on what stands before y. For L =
+// c |y - y*|^2 both Newton steps are eta (y* - y), without a Hessian.
+//
+// Shapes:  y, y*, g, d_y: loss size;  H_L: size x size, of one sample.
+// Units:   a Newton step has those of y; a gradient step [L]/[y].
+// Cost:    one loss; a general Newton step one Hessian and size^3 / 3
+//          (saddle-free: 9 size^3) more.
+// Fails:   returns false if the loss has no finite value, or if H_L is singular
+//          (Newton). The saddle-free step is zero along eigenvectors whose
+//          |eigenvalue| is below 1e-12 of the largest: L does not depend on
+//          them.
+//
+// Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3.2; PBDL, chapter
+//          physgrad-nn.
+#ifndef INVGRAD_INVERSE_LOSS_PULL_BACK_H_
+#define INVGRAD_INVERSE_LOSS_PULL_BACK_H_
+
+#include <memory>
+#include <string>
+
+#include "invgrad/chain/loss.h"
+
+namespace invgrad {
+
+enum class LossWay { kGradient, kNewton, kSaddleFreeNewton };
+
+class LossPullBack {
+ public:
+  // eta > 0.
+  LossPullBack(std::shared_ptr<const Loss> loss, LossWay way, double step_size);
+
+  // Computes L and the wanted change (size). *why is only set on failure.
+  bool Step(const double* y,
+            const double* target,
+            double* loss,
+            double* change,
+            std::string* why) const;
+
+  const Loss& loss() const { return *loss_; }
+  LossWay way() const { return way_; }
+  double step_size() const { return step_size_; }
+
+ private:
+  std::shared_ptr<const Loss> loss_;
+  LossWay way_;
+  double step_size_;  // eta
+};
+
+// The loss as seen by what stands before it, if its change is pulled back: the
+// value is that of L, the gradient is -d_y, and the Hessian that of 1/2 |y -
+// y~|^2 with y~ = y + d_y held fixed (of eta L, for a gradient step). A joint
+// update of network and simulator towards y~ is an update with this loss.
+class PulledBackLoss final : public Loss {
+ public:
+  explicit PulledBackLoss(LossPullBack pull_back);
+  int size() const override { return pull_back_.loss().size(); }
+  bool Evaluate(const double* y,
+                const double* target,
+                double* loss,
+                double* gradient,
+                double* hessian) const override;
+
+ private:
+  LossPullBack pull_back_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_INVERSE_LOSS_PULL_BACK_H_

@@ -1,0 +1,42 @@
+// How the samples of a run were pulled back through the simulator.
+#ifndef INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
+#define INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
+
+#include <array>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/inverse/simulator_pull_back.h"
+
+namespace invgrad {
+
+class PullBackCounts {
+ public:
+  // How often this source gave a sample its d_x.
+  long of(PullBackSource source) const {
+    return counts_[static_cast<int>(source)];
+  }
+
+  void BeginStep() { ++num_steps_; }
+  // The result of sample `sample` in the step that was begun last.
+  void Add(const SimulatorPullBack::Result& result, int sample);
+
+  // "6400 inverse, 12 numerical inverse (first at step 3, sample 17: why)";
+  // empty if nothing was inverted.
+  std::string Report() const;
+
+  // What a checkpoint must hold. The text of the first failure is not kept: a
+  // resumed run reports its own first one.
+  Eigen::VectorXd State() const;
+  // False, and nothing set, if the size does not fit.
+  bool SetState(const Eigen::VectorXd& state);
+
+ private:
+  std::array<long, kNumPullBackSources> counts_ = {};
+  long num_steps_ = 0;
+  std::string first_failure_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_INVERSE_PULL_BACK_COUNTS_H_

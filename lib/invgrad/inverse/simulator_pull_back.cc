@@ -1,0 +1,241 @@
+#include "invgrad/inverse/simulator_pull_back.h"
+
+#include <cmath>
+#include <exception>
+#include <limits>
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/core/scratch.h"
+#include "invgrad/core/small_svd.h"
+#include "invgrad/inverse/numerical_inverse.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::Map;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using ConstVectorRef = InverseSimulator::ConstVectorRef;
+
+// Where J is nearly singular, the minimizer of the linear model is far away.
+constexpr int kMaxNumHalvings = 40;
+
+// V S^(-kappa) U^T d_y, s > tau s_max; zero if J is.
+VectorXd SpectralPullBack(const MatrixXd& J,
+                          const ConstVectorRef& d_y,
+                          double kappa,
+                          double tau) {
+  SmallSvd svd;
+  svd.Compute(J);
+  const VectorXd& s = svd.s;
+  VectorXd coordinates = svd.U.transpose() * d_y;
+  for (Index i = 0; i < s.size(); ++i) {
+    coordinates[i] =
+        s[i] > tau * s[0] ? coordinates[i] * std::pow(s[i], -kappa) : 0.0;
+  }
+  return svd.V * coordinates;
+}
+
+// What an exact inverse may leave of |P(x~) - y~| / |y~|.
+constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
+
+bool IsFinite(const VectorXd& v) { return AllFinite(v.data(), v.size()); }
+
+}  // namespace
+
+SimulatorPullBack::SimulatorPullBack(
+    std::shared_ptr<const Simulator> simulator,
+    std::shared_ptr<const InverseSimulator> inverse,
+    const Options& options)
+    : simulator_(std::move(simulator)),
+      inverse_(std::move(inverse)),
+      options_(options) {
+  CHECK(simulator_ != nullptr);
+  CHECK_GE(options.truncation, 0.0);
+  CHECK_GT(options.round_trip, 0.0);
+  NumericalInverse::Options numerical;
+  numerical.max_num_iterations = options.max_num_iterations;
+  numerical.tolerance = options.round_trip;
+  numerical_ = std::make_shared<NumericalInverse>(simulator_, numerical);
+}
+
+class SimulatorPullBack::Attempt {
+ public:
+  Attempt(const SimulatorPullBack& pull_back,
+          const ConstVectorRef& x,
+          const ConstVectorRef& context,
+          const ConstVectorRef& y,
+          const ConstVectorRef& d_y)
+      : options_(pull_back.options_),
+        simulator_(*pull_back.simulator_),
+        x_(x),
+        context_(context),
+        d_y_(d_y),
+        wanted_(y + d_y),
+        distance_(d_y.stableNorm()) {}
+
+  // *x~ from the inverse, or false with *why.
+  bool Invert(const InverseSimulator& inverse, std::string* why) {
+    bool is_inverted = false;
+    try {
+      is_inverted = inverse.Invert(wanted_, x_, context_, &x_new_, why);
+    } catch (const std::exception& exception) {
+      *why = std::string("the inverse threw: ") + exception.what();
+      return false;
+    } catch (...) {
+      *why = "the inverse threw";
+      return false;
+    }
+    if (!is_inverted && !(options_.accept_nearer && ComesNearer())) {
+      if (why->empty()) *why = "the inverse gave up without a reason";
+      return false;
+    }
+    if (x_new_.size() != x_.size()) {
+      *why = "the inverse has " + std::to_string(x_new_.size()) +
+             " numbers, wanted " + std::to_string(x_.size());
+      return false;
+    }
+    if (!IsFinite(x_new_)) {
+      *why = "the inverse is not finite";
+      return false;
+    }
+    if (inverse.reaches_target() && !ReachesTarget()) {
+      *why = "round trip: |P(x~) - y~| is " +
+             std::to_string(DistanceLeft() / distance_) + " |y~ - y|";
+      return false;
+    }
+    why->clear();
+    return true;
+  }
+
+  // x~ from J; false if J has no value or nothing comes nearer.
+  bool UseJacobian(PullBackSource* source) {
+    const Index m = simulator_.num_outputs();
+    const Index n = simulator_.num_inputs();
+    VectorXd y(m);
+    MatrixXd J_transposed(n, m);
+    if (!simulator_.Evaluate(
+            x_.data(), context_.data(), y.data(), J_transposed.data())) {
+      return false;
+    }
+    const MatrixXd J = J_transposed.transpose();
+    x_new_ = x_ + SpectralPullBack(J, d_y_, 1.0, options_.truncation);
+    *source = PullBackSource::kInverseGradient;
+    if (ComesNearer()) return true;
+    const VectorXd gradient = J_transposed * d_y_;
+    const double length = (J * gradient).stableNorm();
+    *source = PullBackSource::kGradient;
+    if (!(length > 0.0)) return false;
+    const double ratio = gradient.stableNorm() / length;
+    double t = ratio * ratio;
+    for (int halving = 0; halving <= kMaxNumHalvings; ++halving, t *= 0.5) {
+      x_new_ = x_ + t * gradient;
+      if (x_new_ != x_ && IsFinite(x_new_) && DistanceLeft() < distance_) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  const VectorXd& x_new() const { return x_new_; }
+
+ private:
+  // Of an x~ that may be anything.
+  bool ComesNearer() const {
+    return x_new_.size() == x_.size() && IsFinite(x_new_) && x_new_ != x_ &&
+           DistanceLeft() < distance_;
+  }
+
+  // Of a finite x~. Close to the target the rounding of P exceeds any share of
+  // |d_y|.
+  bool ReachesTarget() const {
+    if (options_.accept_nearer) return ComesNearer();
+    return DistanceLeft() <=
+           options_.round_trip * distance_ + kRounding * wanted_.stableNorm();
+  }
+
+  // |P(x~) - y~|, infinite where P has no value.
+  double DistanceLeft() const {
+    Scratch<double> y(wanted_.size());
+    if (!simulator_.Evaluate(
+            x_new_.data(), context_.data(), y.data(), nullptr)) {
+      return std::numeric_limits<double>::infinity();
+    }
+    return (Map<const VectorXd>(y.data(), wanted_.size()) - wanted_)
+        .stableNorm();
+  }
+
+  const Options& options_;
+  const Simulator& simulator_;
+  const ConstVectorRef x_;
+  const ConstVectorRef context_;
+  const ConstVectorRef d_y_;
+  const VectorXd wanted_;  // y~
+  const double distance_;
+  VectorXd x_new_;  // x~
+};
+
+bool SimulatorPullBack::operator()(const ConstVectorRef& x,
+                                   const ConstVectorRef& context,
+                                   const Simulator::Covector& wanted_change,
+                                   double* y,
+                                   Eigen::Ref<VectorXd> d_x,
+                                   Result* result) const {
+  result->source = PullBackSource::kDerivative;
+  result->why.clear();
+  if (options_.way == SimulatorWay::kAdjoint) {
+    return simulator_->PullBack(
+        x.data(), context.data(), wanted_change, y, d_x.data());
+  }
+  const Index m = simulator_->num_outputs();
+  const Index n = simulator_->num_inputs();
+  Scratch<double> d_y_values(m);
+  const Map<const VectorXd> d_y(d_y_values.data(), m);
+  if (options_.way != SimulatorWay::kInverse) {
+    MatrixXd J_transposed(n, m);
+    if (!simulator_->Evaluate(
+            x.data(), context.data(), y, J_transposed.data()) ||
+        !wanted_change(y, d_y_values.data())) {
+      return false;
+    }
+    const double kappa =
+        options_.way == SimulatorWay::kInverseGradient ? 1.0 : 0.5;
+    d_x = SpectralPullBack(
+        J_transposed.transpose(), d_y, kappa, options_.truncation);
+    return AllFinite(d_x.data(), n);
+  }
+  if (!simulator_->Evaluate(x.data(), context.data(), y, nullptr) ||
+      !wanted_change(y, d_y_values.data())) {
+    return false;
+  }
+  const Map<const VectorXd> at_x(y, m);
+  if (!(d_y.array() != 0.0).any()) {
+    d_x.setZero();
+    result->source = inverse_ == nullptr ? PullBackSource::kNumericalInverse
+                                         : PullBackSource::kInverse;
+    return true;
+  }
+  Attempt attempt(*this, x, context, at_x, d_y);
+  const auto take = [&](PullBackSource source) {
+    result->source = source;
+    d_x = attempt.x_new() - x;
+    return true;
+  };
+  if (inverse_ != nullptr && attempt.Invert(*inverse_, &result->why)) {
+    return take(PullBackSource::kInverse);
+  }
+  std::string why;
+  if (attempt.Invert(*numerical_, &why)) {
+    return take(PullBackSource::kNumericalInverse);
+  }
+  result->why += (result->why.empty() ? "" : "; ") + why;
+  PullBackSource source = PullBackSource::kNone;
+  if (attempt.UseJacobian(&source)) return take(source);
+  result->source = PullBackSource::kNone;
+  d_x.setZero();
+  return true;
+}
+
+}  // namespace invgrad

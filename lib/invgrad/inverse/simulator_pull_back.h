@@ -1,0 +1,104 @@
+// The second part of a pull-back: from a wanted change of the simulator's
+// output to one of its input, for one sample.
+//
+//   adjoint           d_x = J^T d_y
+//   inverse gradient  d_x = V S^-1 U^T d_y,      s > tau s_max,   J = U S V^T
+//   half-inverse      d_x = V S^(-1/2) U^T d_y,  s > tau s_max
+//   inverse           d_x = P^-1(y + d_y; x) - x, by an InverseSimulator
+//
+// An inverse is not trusted. Its answer x~ is taken if it is finite and has the
+// right size and, if the inverse promises to reach the target, if
+//
+//   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
+//
+// (or only nearer to y + d_y than y is, with `accept_nearer`: for targets that
+// no input reaches). If not, these are tried in turn:
+//
+//   numerical inverse  held to the same test
+//   inverse gradient   taken if it comes nearer to y + d_y than y is
+//   gradient           d_x = t J^T d_y, t = |J^T d_y|^2 / |J J^T d_y|^2, the
+//                      minimizer of |J d_x - d_y| along it, halved until it
+//                      comes nearer
+//   none               d_x = 0: J^T d_y is zero, or nothing comes nearer
+//
+// so that no answer of theirs leads away from y + d_y.
+//
+// Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
+// Cost:    adjoint: one PullBack. Gradients: one J and, for the inverse ones,
+//          its SVD. Inverse: P, the inverse, and P again for the test.
+// Fails:   returns false only if the simulator has no finite value at x or d_y
+//          cannot be had: then there is nothing to pull back. Exceptions of the
+//          given inverse are caught.
+//
+// Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3; the toolbox is
+//          asked for in PBDL, chapter physgrad-discuss.
+#ifndef INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_
+#define INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_
+
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/simulator.h"
+#include "invgrad/inverse/inverse_simulator.h"
+
+namespace invgrad {
+
+enum class SimulatorWay { kAdjoint, kInverseGradient, kHalfInverse, kInverse };
+
+// What gave a sample its d_x. The names are those of the history's columns.
+enum class PullBackSource {
+  kDerivative,        // the way that was asked for needs no test
+  kInverse,           // the inverse that was given
+  kNumericalInverse,  // fall-backs, or asked for
+  kInverseGradient,
+  kGradient,
+  kNone,
+};
+constexpr int kNumPullBackSources = 6;
+
+class SimulatorPullBack {
+ public:
+  struct Options {
+    SimulatorWay way = SimulatorWay::kInverse;
+    double truncation = 1e-5;  // tau
+    double round_trip = 1e-3;
+    bool accept_nearer = false;
+    int max_num_iterations = 50;  // of the numerical inverse
+  };
+
+  // `inverse` may be null: then the numerical inverse is the first choice.
+  SimulatorPullBack(std::shared_ptr<const Simulator> simulator,
+                    std::shared_ptr<const InverseSimulator> inverse,
+                    const Options& options);
+
+  struct Result {
+    PullBackSource source = PullBackSource::kDerivative;
+    // Why the first choice was not taken; empty if it was.
+    std::string why;
+  };
+
+  // `wanted_change` writes d_y, given y. `x` and `context` are vectors of the
+  // simulator's sizes.
+  bool operator()(const InverseSimulator::ConstVectorRef& x,
+                  const InverseSimulator::ConstVectorRef& context,
+                  const Simulator::Covector& wanted_change,
+                  double* y,
+                  Eigen::Ref<Eigen::VectorXd> d_x,
+                  Result* result) const;
+
+  const Simulator& simulator() const { return *simulator_; }
+
+ private:
+  // One sample's pull-back through inverses.
+  class Attempt;
+
+  std::shared_ptr<const Simulator> simulator_;
+  std::shared_ptr<const InverseSimulator> inverse_;
+  std::shared_ptr<const InverseSimulator> numerical_;
+  Options options_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_

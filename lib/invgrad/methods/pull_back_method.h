@@ -1,0 +1,111 @@
+// A method put together from a way back for each part of the chain.
+//
+//   LOSS/SIMULATOR/RULE        newton/inverse/adam:step_size=1e-3
+//
+//   LOSS       gradient, newton, saddle_free_newton      (loss_pull_back.h)
+//   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
+//              newton                               (simulator_pull_back.h)
+//              joint: not by itself, RULE sees network and simulator as one
+//              data: none, x~ is the solution that the data were made from
+//   RULE       any update rule, of the proxy in x (chain_pull_back.h)
+//
+// `inverse` is the problem's own inverse simulator, or the numerical one where
+// it has none; `numerical` is always the latter. Known methods have names of
+// their own: sip is newton/inverse/adam.
+#ifndef INVGRAD_METHODS_PULL_BACK_METHOD_H_
+#define INVGRAD_METHODS_PULL_BACK_METHOD_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "invgrad/core/option_set.h"
+#include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/inverse/loss_pull_back.h"
+#include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/rules/rules.h"
+
+namespace invgrad {
+
+// The ways back through loss and simulator.
+class PullBackMethod {
+ public:
+  // False, with *error naming what there is, for an unknown name.
+  bool SetWays(const std::string& loss,
+               const std::string& simulator,
+               std::string* error);
+
+  // The options that these ways read.
+  void Describe(OptionSet* set);
+
+  bool is_joint() const { return simulator_ == "joint"; }
+  // Whether a setting is made that means something for batches only.
+  bool needs_batches() const {
+    return proxy_ != "l2" || curvature_weight_ != 0.0 || updates_ != 1 ||
+           max_change_ != 0.0;
+  }
+  int updates() const { return updates_; }
+  // Whether it needs data with solutions.
+  bool needs_solutions() const {
+    return simulator_ == "data" || data_weight_ > 0.0;
+  }
+
+  // For ways that are joint: the loss that the rule is to see.
+  std::shared_ptr<const Loss> MakeLoss(std::shared_ptr<const Loss> loss) const;
+
+  // For the others. `inverse` is the problem's own, or null.
+  ChainPullBack::Options ChainOptions() const;
+  LossPullBack MakeLossPullBack(std::shared_ptr<const Loss> loss) const;
+  SimulatorPullBack MakeSimulatorPullBack(
+      const std::shared_ptr<const Simulator>& simulator,
+      std::shared_ptr<const InverseSimulator> inverse) const;
+
+  // The inverse that is tried first: null for the numerical one.
+  std::shared_ptr<const InverseSimulator> FirstInverse(
+      std::shared_ptr<const Simulator> simulator,
+      std::shared_ptr<const InverseSimulator> inverse) const;
+
+ private:
+  LossWay LossWayOf() const;
+  SimulatorPullBack::Options SimulatorOptions() const;
+
+  std::string loss_ = "newton";
+  std::string simulator_ = "inverse";
+  double y_step_size_ = 1.0;
+  std::string proxy_ = "l2";
+  double curvature_weight_ = 0.0;
+  double max_change_ = 0.0;  // 0: no limit
+  double data_weight_ = 0.0;
+  int updates_ = 1;
+  int threads_ = 1;
+  double pull_back_truncation_ = 1e-5;
+  double round_trip_ = 1e-3;
+  bool accept_nearer_ = false;
+  int inverse_iterations_ = 50;
+  int newton_steps_ = 1;
+  double max_loss_change_ = 0.2;
+  double damping_ = 0.0;
+};
+
+// A known combination.
+struct ChainMethodRow {
+  std::string name;     // "sip"
+  std::string formula;  // one line
+  std::string loss;
+  std::string simulator;
+  std::string rule;
+  Settings defaults;  // where they differ from those of its parts
+
+  // Of the ways and of the rule, with these defaults.
+  std::vector<OptionSet::Row> options() const;
+};
+
+const std::vector<ChainMethodRow>& ChainMethods();
+
+// The row of that name or null.
+const ChainMethodRow* FindChainMethod(const std::string& name);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_METHODS_PULL_BACK_METHOD_H_

@@ -1,0 +1,241 @@
+#include "invgrad/minimize/chain_objective.h"
+
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "glog/logging.h"
+#include "invgrad/core/memory_limit.h"
+
+namespace invgrad {
+
+namespace {
+
+using RowMajorMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr char kNoOutputs[] = "the simulator has no finite value at x";
+constexpr char kNoLoss[] = "the loss has no finite value at y";
+
+}  // namespace
+
+ChainObjective::ChainObjective(std::shared_ptr<const Simulator> simulator,
+                               std::shared_ptr<const Loss> loss,
+                               Eigen::VectorXd target,
+                               Eigen::VectorXd start)
+    : simulator_(std::move(simulator)),
+      loss_(std::move(loss)),
+      target_(std::move(target)),
+      x_(std::move(start)) {
+  CHECK_EQ(simulator_->num_context(), 0)
+      << "a simulator without a network has no sample to take a context from";
+  CHECK_EQ(simulator_->num_outputs(), loss_->size());
+  CHECK_EQ(simulator_->num_outputs(), target_.size());
+  CHECK_EQ(simulator_->num_inputs(), x_.size());
+}
+
+bool ChainObjective::Linearize(const LinearizationParts& parts,
+                               Linearization* linearization,
+                               std::string* error) const {
+  if (parts.jacobian || parts.hessian) {
+    return LinearizeWithJacobian(parts, linearization, error);
+  }
+  if (parts.gradient) return PullBackGradient(linearization, error);
+  return Cost(&linearization->cost, error);
+}
+
+bool ChainObjective::PullBackGradient(Linearization* linearization,
+                                      std::string* error) const {
+  const int m = simulator_->num_outputs();
+  Eigen::VectorXd y(m);
+  linearization->gradient.resize(simulator_->num_inputs());
+  bool has_loss = true;
+  const auto loss_gradient = [&](const double* outputs, double* w) {
+    if (!AllFinite(outputs, m)) return false;
+    has_loss = loss_->Evaluate(
+                   outputs, target_.data(), &linearization->cost, w, nullptr) &&
+               std::isfinite(linearization->cost) && AllFinite(w, m);
+    return has_loss;
+  };
+  if (simulator_->PullBack(x_.data(),
+                           nullptr,
+                           loss_gradient,
+                           y.data(),
+                           linearization->gradient.data()) &&
+      linearization->gradient.allFinite()) {
+    return true;
+  }
+  *error = has_loss ? OutputsError() : kNoLoss;
+  return false;
+}
+
+bool ChainObjective::JacobianFits(const LinearizationParts& parts,
+                                  std::string* error) const {
+  constexpr double kDouble = sizeof(double);
+  const int n = simulator_->num_inputs();
+  const int m = simulator_->num_outputs();
+  std::vector<MemoryPart> memory = {{"J", 2.0 * kDouble * m * n}};
+  if (parts.hessian) memory.push_back({"Hessian", 3.0 * kDouble * n * n});
+  if (!loss_->SquaredNormFactor().has_value()) {
+    memory.push_back({"Hessian of the loss", kDouble * m * m});
+  }
+  return FitsInMemory(
+      "J " + std::to_string(m) + " x " + std::to_string(n), memory, 0.0, error);
+}
+
+bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
+                                           Linearization* linearization,
+                                           std::string* error) const {
+  const int n = simulator_->num_inputs();
+  const int m = simulator_->num_outputs();
+  if (!JacobianFits(parts, error)) return false;
+  Eigen::VectorXd y(m);
+  RowMajorMatrix J(m, n);
+  if (!simulator_->Evaluate(x_.data(), nullptr, y.data(), J.data()) ||
+      !y.allFinite() || !J.allFinite()) {
+    *error = OutputsError();
+    return false;
+  }
+  // H_L is 2 c I, or written out in `loss_hessian`.
+  const std::optional<double> factor = loss_->SquaredNormFactor();
+  Eigen::VectorXd g(m);
+  Eigen::MatrixXd loss_hessian;
+  if (!factor.has_value()) loss_hessian.resize(m, m);
+  if (!loss_->Evaluate(y.data(),
+                       target_.data(),
+                       &linearization->cost,
+                       g.data(),
+                       factor.has_value() ? nullptr : loss_hessian.data()) ||
+      !std::isfinite(linearization->cost) || !g.allFinite() ||
+      !loss_hessian.allFinite()) {
+    *error = kNoLoss;
+    return false;
+  }
+  if (parts.gradient) linearization->gradient = J.transpose() * g;
+  if (parts.hessian) {
+    RowMajorMatrix curvature(n, n);
+    if (!simulator_->WeightedHessian(
+            x_.data(), nullptr, g.data(), curvature.data()) ||
+        !curvature.allFinite()) {
+      *error = "the simulator has no finite second derivative at x";
+      return false;
+    }
+    if (factor.has_value()) {
+      linearization->hessian = 2.0 * *factor * J.transpose() * J + curvature;
+    } else {
+      linearization->hessian = J.transpose() * loss_hessian * J + curvature;
+    }
+  }
+  if (parts.jacobian) {
+    linearization->loss_gradient = std::move(g);
+    linearization->jacobian = std::make_shared<DenseJacobian>(J);
+    if (factor.has_value()) {
+      linearization->loss_hessian_times =
+          [scale = 2.0 * *factor](const Eigen::VectorXd& v) {
+            return Eigen::VectorXd(scale * v);
+          };
+    } else {
+      linearization->loss_hessian_times =
+          [H = std::move(loss_hessian)](const Eigen::VectorXd& v) {
+            return Eigen::VectorXd(H * v);
+          };
+    }
+  }
+  return true;
+}
+
+bool ChainObjective::Cost(double* cost, std::string* error) const {
+  const Eigen::VectorXd y = Outputs();
+  if (y.size() == 0) {
+    *error = OutputsError();
+    return false;
+  }
+  if (!loss_->Evaluate(y.data(), target_.data(), cost, nullptr, nullptr) ||
+      !std::isfinite(*cost)) {
+    *error = kNoLoss;
+    return false;
+  }
+  return true;
+}
+
+void ChainObjective::SetState(const Eigen::VectorXd& state) {
+  CHECK_EQ(state.size(), x_.size());
+  x_ = state;
+}
+
+bool ChainObjective::Plus(const Eigen::VectorXd& step) {
+  CHECK_EQ(step.size(), x_.size());
+  if (!step.allFinite()) return false;
+  x_ += step;
+  return true;
+}
+
+Eigen::VectorXd ChainObjective::Outputs() const {
+  Eigen::VectorXd y(simulator_->num_outputs());
+  if (!simulator_->Evaluate(x_.data(), nullptr, y.data(), nullptr) ||
+      !y.allFinite()) {
+    return Eigen::VectorXd();
+  }
+  return y;
+}
+
+std::string ChainObjective::OutputsError() const {
+  const std::string where = simulator_->DescribeFailure(x_.data(), nullptr);
+  return where.empty() ? kNoOutputs : kNoOutputs + (": " + where);
+}
+
+ChainCostFunction::ChainCostFunction(const ChainObjective* objective)
+    : objective_(objective) {
+  const std::optional<double> factor = objective->loss().SquaredNormFactor();
+  CHECK(factor.has_value()) << "only a squared-norm loss has residuals; this "
+                               "loss needs a line search";
+  scale_ = std::sqrt(2.0 * *factor);
+  set_num_residuals(objective->simulator().num_outputs());
+  mutable_parameter_block_sizes()->push_back(objective->num_parameters());
+}
+
+bool ChainCostFunction::Evaluate(double const* const* parameters,
+                                 double* residuals,
+                                 double** jacobians) const {
+  double* jacobian = jacobians == nullptr ? nullptr : jacobians[0];
+  if (!objective_->simulator().Evaluate(
+          parameters[0], nullptr, residuals, jacobian)) {
+    return false;
+  }
+  Eigen::Map<Eigen::VectorXd> r(residuals, num_residuals());
+  r = scale_ * (r - objective_->target());
+  if (jacobian != nullptr) {
+    Eigen::Map<Eigen::ArrayXd>(
+        jacobian, num_residuals() * objective_->num_parameters()) *= scale_;
+  }
+  return true;
+}
+
+bool ChainCostFunction::WeightedHessian(double const* const* parameters,
+                                        const double* w,
+                                        double* hessian) const {
+  const Eigen::VectorXd scaled_w =
+      scale_ * Eigen::Map<const Eigen::VectorXd>(w, num_residuals());
+  return objective_->simulator().WeightedHessian(
+      parameters[0], nullptr, scaled_w.data(), hessian);
+}
+
+bool ChainFunction::Evaluate(const double* parameters,
+                             double* cost,
+                             double* gradient) const {
+  ChainObjective at_x = *objective_;
+  at_x.SetState(Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters()));
+  std::string error;
+  if (gradient == nullptr) return at_x.Cost(cost, &error);
+  LinearizationParts parts;
+  parts.gradient = true;
+  Linearization linearization;
+  if (!at_x.Linearize(parts, &linearization, &error)) return false;
+  *cost = linearization.cost;
+  Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) =
+      linearization.gradient;
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,282 @@
+#include "invgrad/minimize/minimizer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "Eigen/Core"
+#include "glog/logging.h"
+#include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/core/linearization.h"
+
+namespace invgrad {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double Seconds(Clock::duration duration) {
+  return std::chrono::duration<double>(duration).count();
+}
+
+std::string Format(const char* format, double a, double b) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof(buffer), format, a, b);
+  return buffer;
+}
+
+// One run of Minimize.
+class Run {
+ public:
+  Run(const MinimizerOptions& options,
+      UpdateRule* rule,
+      Objective* objective,
+      MinimizerSummary* summary)
+      : options_(options),
+        rule_(rule),
+        objective_(objective),
+        summary_(summary),
+        parts_(rule->Needs()) {
+    // Next to a Jacobian, which every part needs, it costs nothing.
+    parts_.gradient = true;
+  }
+
+  void Minimize() {
+    if (!Start()) return;
+    while (MayContinue()) {
+      if (!Step()) return;
+    }
+  }
+
+ private:
+  bool Start() {
+    std::string error;
+    if (!objective_->Linearize(parts_, &at_x_, &error)) {
+      Terminate(ceres::FAILURE, "no start: " + error);
+      return false;
+    }
+    state_ = objective_->State();
+    summary_->initial_cost = at_x_.cost;
+    ceres::IterationSummary iteration;
+    iteration.iteration = 0;
+    iteration.step_is_successful = true;
+    return Record(&iteration);
+  }
+
+  // Checks the budget and the gradient before a step.
+  bool MayContinue() {
+    const double gradient_max_norm = at_x_.gradient.lpNorm<Eigen::Infinity>();
+    if (gradient_max_norm <= options_.gradient_tolerance) {
+      Terminate(ceres::CONVERGENCE,
+                Format("Gradient tolerance reached. Gradient max norm: %e <= "
+                       "%e",
+                       gradient_max_norm,
+                       options_.gradient_tolerance));
+      return false;
+    }
+    if (summary_->num_steps() >= options_.max_num_iterations) {
+      Terminate(ceres::NO_CONVERGENCE,
+                "Maximum number of iterations reached. Number of iterations: " +
+                    std::to_string(summary_->num_steps()));
+      return false;
+    }
+    const double seconds = Seconds(Clock::now() - start_);
+    if (seconds >= options_.max_time_in_seconds) {
+      Terminate(ceres::NO_CONVERGENCE,
+                Format("Maximum solver time reached. Total solver time: %e >= "
+                       "%e.",
+                       seconds,
+                       options_.max_time_in_seconds));
+      return false;
+    }
+    return true;
+  }
+
+  // The share of the budget that is spent. The clock, which makes a scheduled
+  // run irreproducible, counts only if there is a time budget.
+  double Progress() const {
+    double progress = static_cast<double>(summary_->num_steps()) /
+                      std::max(options_.max_num_iterations, 1);
+    if (options_.max_time_in_seconds < MinimizerOptions().max_time_in_seconds) {
+      progress = std::max(
+          progress,
+          Seconds(Clock::now() - start_) / options_.max_time_in_seconds);
+    }
+    return std::min(progress, 1.0);
+  }
+
+  bool Step() {
+    iteration_start_ = Clock::now();
+    at_x_.progress = Progress();
+    const double cost = at_x_.cost;
+    std::string error;
+    if (!Move(&error)) {
+      objective_->SetState(state_);
+      Terminate(ceres::FAILURE,
+                "iteration " + std::to_string(summary_->num_steps() + 1) +
+                    ": " + error);
+      return false;
+    }
+    const Eigen::VectorXd previous = state_;
+    state_ = objective_->State();
+
+    ceres::IterationSummary iteration;
+    iteration.iteration = summary_->num_steps() + 1;
+    iteration.cost_change = cost - at_x_.cost;
+    iteration.step_norm = (state_ - previous).norm();
+    iteration.step_is_successful = !was_taken_back_;
+    if (!Record(&iteration)) return false;
+    return was_taken_back_ ||
+           (!FunctionToleranceReached(cost, iteration.cost_change) &&
+            !ParameterToleranceReached(previous.norm(), iteration.step_norm));
+  }
+
+  // Takes the step and linearizes where it leads, or stays if the rule takes it
+  // back.
+  bool Move(std::string* error) {
+    Eigen::VectorXd step;
+    if (!rule_->ComputeStep(at_x_, &step, error)) return false;
+    CHECK_EQ(step.size(), objective_->num_parameters());
+    if (!step.allFinite()) {
+      *error = "the step is not finite";
+      return false;
+    }
+    was_taken_back_ = false;
+    if (!rule_->JudgesSteps()) {
+      return Plus(step, error) && objective_->Linearize(parts_, &at_x_, error);
+    }
+    Linearization after;
+    const bool is_finite =
+        Plus(step, error) && objective_->Linearize(parts_, &after, error);
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    was_taken_back_ = !rule_->KeepsStep(is_finite ? after.cost : kNone, 1.0);
+    if (was_taken_back_) {
+      objective_->SetState(state_);
+      ++summary_->num_taken_back;
+    } else if (is_finite) {
+      at_x_ = std::move(after);
+    }
+    return is_finite || was_taken_back_;
+  }
+
+  bool Plus(const Eigen::VectorXd& step, std::string* error) {
+    if (objective_->Plus(step)) return true;
+    *error = "the point cannot be moved by the step";
+    return false;
+  }
+
+  // Completes and appends the summary of an iteration, and asks the callbacks.
+  // False if one of them ends the run.
+  bool Record(ceres::IterationSummary* iteration) {
+    iteration->step_is_valid = true;
+    iteration->step_is_nonmonotonic = iteration->cost_change < 0.0;
+    iteration->cost = at_x_.cost;
+    iteration->gradient_norm = at_x_.gradient.norm();
+    iteration->gradient_max_norm = at_x_.gradient.lpNorm<Eigen::Infinity>();
+    const Clock::time_point now = Clock::now();
+    iteration->iteration_time_in_seconds = Seconds(now - iteration_start_);
+    iteration->cumulative_time_in_seconds = Seconds(now - start_);
+    summary_->iterations.push_back(*iteration);
+    summary_->final_cost = at_x_.cost;
+    for (ceres::IterationCallback* callback : options_.callbacks) {
+      switch ((*callback)(*iteration)) {
+        case ceres::SOLVER_CONTINUE:
+          break;
+        case ceres::SOLVER_ABORT:
+          Terminate(ceres::USER_FAILURE, "User callback returned abort.");
+          return false;
+        case ceres::SOLVER_TERMINATE_SUCCESSFULLY:
+          Terminate(ceres::USER_SUCCESS, "User callback returned success.");
+          return false;
+      }
+    }
+    return true;
+  }
+
+  bool FunctionToleranceReached(double cost, double cost_change) {
+    if (options_.function_tolerance <= 0.0 ||
+        std::abs(cost_change) > options_.function_tolerance * cost) {
+      return false;
+    }
+    Terminate(ceres::CONVERGENCE,
+              Format("Function tolerance reached. |cost_change|: %e <= %e cost",
+                     std::abs(cost_change),
+                     options_.function_tolerance));
+    return true;
+  }
+
+  bool ParameterToleranceReached(double x_norm, double step_norm) {
+    const double tolerance = options_.parameter_tolerance;
+    if (tolerance <= 0.0 || step_norm > tolerance * (x_norm + tolerance)) {
+      return false;
+    }
+    Terminate(ceres::CONVERGENCE,
+              Format("Parameter tolerance reached. |step|: %e <= %e (|x| + "
+                     "tolerance)",
+                     step_norm,
+                     tolerance));
+    return true;
+  }
+
+  void Terminate(ceres::TerminationType type, const std::string& message) {
+    summary_->termination_type = type;
+    summary_->message = message;
+    if (summary_->num_taken_back > 0) {
+      summary_->message +=
+          "; " + std::to_string(summary_->num_taken_back) + " steps taken back";
+    }
+    summary_->total_time_in_seconds = Seconds(Clock::now() - start_);
+  }
+
+  const MinimizerOptions& options_;
+  UpdateRule* rule_;
+  Objective* objective_;
+  MinimizerSummary* summary_;
+  LinearizationParts parts_;
+  Linearization at_x_;
+  Eigen::VectorXd state_;        // the last that could be linearized
+  bool was_taken_back_ = false;  // the last step
+  const Clock::time_point start_ = Clock::now();
+  Clock::time_point iteration_start_ = start_;
+};
+
+}  // namespace
+
+std::string MinimizerSummary::BriefReport() const {
+  char buffer[128];
+  std::snprintf(buffer,
+                sizeof(buffer),
+                "%s, %d steps, cost %.6e -> %.6e: ",
+                ceres::TerminationTypeToString(termination_type),
+                num_steps(),
+                initial_cost,
+                final_cost);
+  return buffer + message;
+}
+
+void Minimize(const MinimizerOptions& options,
+              UpdateRule* rule,
+              Objective* objective,
+              MinimizerSummary* summary) {
+  CHECK(rule != nullptr);
+  CHECK(objective != nullptr);
+  CHECK(summary != nullptr);
+  *summary = MinimizerSummary();
+  Run(options, rule, objective, summary).Minimize();
+}
+
+void Minimize(const MinimizerOptions& options,
+              UpdateRule* rule,
+              ceres::Problem* problem,
+              MinimizerSummary* summary) {
+  CHECK(problem != nullptr);
+  ProblemLinearizer linearizer(problem,
+                               {options.residual_blocks,
+                                /*apply_loss_function=*/true,
+                                options.evaluation_callback});
+  Minimize(options, rule, &linearizer, summary);
+}
+
+}  // namespace invgrad

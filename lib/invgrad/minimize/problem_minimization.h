@@ -1,0 +1,39 @@
+// Minimizes a ceres::Problem by a method (method.h).
+//
+//   half_inverse            Minimize (minimizer.h), the pure iteration
+//   ceres_lm, ceres_bfgs    Ceres (ceres_minimizer.h)
+//   ceres_lm+half_inverse   Ceres with an UpdateCallback (update_callback.h)
+//
+// Fails:   returns false, before anything runs, if the method is not for a
+//          problem without a chain (phases, pull-backs, batches), if its rule
+//          cannot propose steps here (UpdateCallback::IsSupported), or if a
+//          dense solver or BFGS would need more memory than there is.
+#ifndef INVGRAD_MINIMIZE_PROBLEM_MINIMIZATION_H_
+#define INVGRAD_MINIMIZE_PROBLEM_MINIMIZATION_H_
+
+#include <memory>
+#include <string>
+
+#include "ceres/ordered_groups.h"
+#include "ceres/problem.h"
+#include "invgrad/methods/method.h"
+#include "invgrad/minimize/minimizer.h"
+
+namespace invgrad {
+
+// Whether the method is for a problem without a chain; if not, *error says why.
+bool IsForProblems(const Method& method, std::string* error);
+
+// `elimination_order` is what Ceres' Schur solvers eliminate first; null leaves
+// it to Ceres.
+bool MinimizeProblem(
+    const Method& method,
+    const MinimizerOptions& options,
+    std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order,
+    ceres::Problem* problem,
+    MinimizerSummary* summary,
+    std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_MINIMIZE_PROBLEM_MINIMIZATION_H_

@@ -1,0 +1,59 @@
+// The smallest singular values of a matrix and their right singular vectors.
+//
+//   A V = U diag(s),   s <= limit
+//
+// Two ways, which agree on what both resolve:
+//   dense    QR of A, then the SVD of R: all singular values, to a few
+//            roundings of the largest one.
+//   sparse   subspace iteration with (A^T A + shift I)^-1 by a sparse Cholesky
+//            decomposition. The values come from A V and not from A^T A, so
+//            that they are resolved to about 1e-9 s_max, although the
+//            decomposition alone could not tell 1e-8 s_max from zero.
+//
+// Shapes:  A: m x n;  s: ascending;  V: n x k, orthonormal columns.
+// Cost:    dense: 2 m n^2 + 22 n^3 and m n numbers. Sparse: one decomposition
+//          of A^T A with AMD's ordering, then about ten times k + 8 solutions.
+// Fails:   returns false with a message if A is not finite or the decomposition
+//          fails. An iteration that does not settle, as among a hundred close
+//          values, gives what it has and is not complete.
+#ifndef INVGRAD_RANK_SMALLEST_SINGULAR_H_
+#define INVGRAD_RANK_SMALLEST_SINGULAR_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "Eigen/SparseCore"
+
+namespace invgrad {
+
+struct SmallestSingular {
+  // Ascending; dense: all n, zeros included for m < n. Sparse: those found, of
+  // which some may be above the limit and not converged.
+  Eigen::VectorXd s;
+  // The vectors of those with s <= limit.
+  Eigen::MatrixXd V;
+  // False if there may be more with s <= limit than were found.
+  bool complete = true;
+};
+
+bool DenseSmallestSingular(const Eigen::SparseMatrix<double>& A,
+                           double limit,
+                           SmallestSingular* result,
+                           std::string* error);
+
+// s_max: that of A, to a percent (largest_singular_value.h).
+bool SparseSmallestSingular(const Eigen::SparseMatrix<double>& A,
+                            double s_max,
+                            double limit,
+                            int max_vectors,
+                            SmallestSingular* result,
+                            std::string* error);
+
+// All singular values of A, descending, without vectors; min(m, n) of them.
+bool DenseSingularValues(const Eigen::SparseMatrix<double>& A,
+                         Eigen::VectorXd* s,
+                         std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RANK_SMALLEST_SINGULAR_H_

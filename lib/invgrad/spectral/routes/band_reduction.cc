@@ -1,0 +1,186 @@
+#include "invgrad/spectral/routes/band_reduction.h"
+
+#include <lapacke.h>
+
+#include <algorithm>
+
+#include "glog/logging.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/spectral/routes/householder.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The lower triangle is tiled by columns: squares of kSquare on the diagonal,
+// which are full; what is below them in the same tile of kTileWidth; and whole
+// tiles. One tile and its share of V and W fit in a cache of 1 MB. The squares
+// are small because half of their change is wasted.
+constexpr Index kSquare = 64;
+constexpr Index kTileWidth = 3 * kSquare;
+constexpr Index kTileHeight = 512;
+
+// Makes the squares on the diagonal full.
+void MirrorSquares(MatrixXd* K) {
+  const Index m = K->rows();
+  for (Index j = 0; j < m; ++j) {
+    for (Index i = j / kSquare * kSquare; i < j; ++i) (*K)(i, j) = (*K)(j, i);
+  }
+}
+
+// The end of the tile of that width, on a grid from zero on, that holds i.
+Index TileEnd(Index i, Index width, Index m) {
+  return std::min(m, (i / width + 1) * width);
+}
+
+// One sweep over the lower triangle of K from row `begin` on:
+// A -= [V W] [W V]^T, unless it is null, and X = A V of the new [V X].
+class Sweep {
+ public:
+  Sweep(const MatrixXd* VW, const MatrixXd& WV, MatrixXd* K, MatrixXd* VX)
+      : VW_(VW), WV_(WV), K_(*K), VX_(*VX), b_(VX->cols() / 2) {}
+
+  void Run(Index begin) {
+    const Index m = K_.rows();
+    VX_.block(begin, b_, m - begin, b_).setZero();
+    Index end;
+    for (Index j = begin; j < m; j = end) {
+      end = TileEnd(j, kTileWidth, m);
+      for (Index k = j; k < end;) {
+        const Index square_end = TileEnd(k, kSquare, m);
+        Tile(k, square_end, k, square_end);
+        if (square_end < end) Tile(square_end, end, k, square_end);
+        k = square_end;
+      }
+      for (Index i = end; i < m; i += kTileHeight) {
+        Tile(i, std::min(m, i + kTileHeight), j, end);
+      }
+    }
+  }
+
+ private:
+  void Tile(Index i, Index i_end, Index j, Index j_end) {
+    const Index rows = i_end - i;
+    const Index cols = j_end - j;
+    auto A = K_.block(i, j, rows, cols);
+    if (VW_ != nullptr) {
+      Gemm(Op::kNone,
+           Op::kTranspose,
+           -1.0,
+           VW_->middleRows(i, rows),
+           WV_.middleRows(j, cols),
+           1.0,
+           A);
+    }
+    Gemm(Op::kNone,
+         Op::kNone,
+         1.0,
+         A,
+         VX_.block(j, 0, cols, b_),
+         1.0,
+         VX_.block(i, b_, rows, b_));
+    if (i != j) {
+      Gemm(Op::kTranspose,
+           Op::kNone,
+           1.0,
+           A,
+           VX_.block(i, 0, rows, b_),
+           1.0,
+           VX_.block(j, b_, cols, b_));
+    }
+  }
+
+  const MatrixXd* VW_;
+  const MatrixXd& WV_;
+  MatrixXd& K_;
+  MatrixXd& VX_;
+  const Index b_;
+};
+
+}  // namespace
+
+void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
+  CHECK_EQ(K->rows(), K->cols());
+  const Index m = K->rows();
+  const Index b = bandwidth;
+  tau->resize(std::max<Index>(0, m - b));
+  if (m <= b) return;
+  VW_.resize(m, 2 * b);
+  WV_.resize(m, 2 * b);
+  next_VW_.resize(m, 2 * b);
+  T_.resize(b, b);
+  S_.resize(b, b);
+  TS_.resize(b, b);
+  MirrorSquares(K);
+
+  bool pending = false;
+  for (Index k = 0; k < m; k += b) {
+    const Index begin = k + b;  // of the rows that the panel clears
+    const bool last = begin >= m;
+    const Index cols = last ? m - k : b;
+    if (pending) {
+      Gemm(Op::kNone,
+           Op::kTranspose,
+           -1.0,
+           VW_.bottomRows(m - k),
+           WV_.middleRows(k, cols),
+           1.0,
+           K->block(k, k, m - k, cols));
+    }
+    if (last) break;
+
+    const Index n = m - begin;
+    const Index width = std::min(n, b);  // the number of reflectors
+    auto panel = K->block(begin, k, n, width);
+    LAPACKE_dgeqrt3_work(LAPACK_COL_MAJOR,
+                         static_cast<int>(n),
+                         static_cast<int>(width),
+                         panel.data(),
+                         static_cast<int>(m),
+                         T_.data(),
+                         static_cast<int>(b));
+    T_.triangularView<Eigen::StrictlyLower>().setZero();
+    tau->segment(k, width) = T_.diagonal().head(width);
+
+    // A panel that is wider than high: what is right of the square.
+    for (Index j = k + width; j < begin; ++j) {
+      for (Index r = 0; r < width; ++r) {
+        ApplyReflector(static_cast<int>(n - r),
+                       &(*K)(begin + r, k + r),
+                       (*tau)[k + r],
+                       &(*K)(begin + r, j));
+      }
+    }
+
+    auto V = next_VW_.block(begin, 0, n, width);
+    auto X = next_VW_.block(begin, b, n, width);
+    next_VW_.bottomRows(n).setZero();
+    V = panel.triangularView<Eigen::UnitLower>();
+
+    Sweep(pending ? &VW_ : nullptr, WV_, K, &next_VW_).Run(begin);
+
+    auto T = T_.topLeftCorner(width, width);
+    auto S = S_.topLeftCorner(width, width);
+    auto TS = TS_.topLeftCorner(width, width);
+    auto W = WV_.block(begin, 0, n, width);
+    Gemm(Op::kTranspose, Op::kNone, 1.0, V, X, 0.0, S);
+    Gemm(Op::kTranspose, Op::kNone, 1.0, T, S, 0.0, TS);
+    Gemm(Op::kNone, Op::kNone, -0.5, V, TS, 1.0, X);
+    WV_.bottomRows(n).setZero();
+    Gemm(Op::kNone, Op::kNone, 1.0, X, T, 0.0, W);
+    X = W;
+    WV_.block(begin, b, n, width) = V;
+    VW_.swap(next_VW_);
+    pending = true;
+  }
+}
+
+int64_t BandReduction::Bytes(int m, int bandwidth) {
+  const int64_t b = bandwidth;
+  return static_cast<int64_t>(sizeof(double)) * (6 * b * m + 3 * b * b);
+}
+
+}  // namespace invgrad

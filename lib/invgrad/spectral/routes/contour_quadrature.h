@@ -1,0 +1,49 @@
+// Nodes and weights that apply an analytic function to a part of a spectrum.
+//
+//   sum_j Im[weight_j f(z_j) / (z_j - x)]  ~  f(x)   for x in [above, upper],
+//                                             0      for x <= below
+//
+// which is the midpoint rule for Cauchy's integral
+// (1 / 2 pi i) int f(z) / (z - x) dz around [above, upper], on a circle of the
+// annulus to which the plane without (-inf, below] and [above, upper] is mapped
+// by elliptic functions [1, Method 1]. f must be analytic outside
+// (-inf, below] and real on the real axis; the nodes are those in the upper
+// half-plane.
+//
+// Shapes:  N = (log(1 / tolerance) (log(kappa) + 3)) / pi^2 nodes,
+//          kappa = (upper - below) / (above - below). For tolerance 1e-14: 33
+//          nodes for kappa = 1e3, 78 for 1e9, 123 for 1e15.
+// Units:   z has those of x.
+// Accuracy: relative to the largest |f| on the contour, which is at most twice
+//          that at `above` for the f of spectral filters: 4 tolerance and a few
+//          roundings. If f is singular at `below`, that holds from a distance
+//          of above - below; at x = below it may be 2000 tolerance (for 1 / x).
+// Fails:   CHECKs below < above < upper and the tolerance.
+//
+// [1] Hale, Higham, Trefethen. Computing A^alpha, log(A), and related matrix
+//     functions by contour integrals. SIAM J. Numer. Anal. 46 (2008), 2505.
+//     Here the nodes are z = below + zeta with the logarithmic form of the map,
+//     d zeta / dt = 2 k sn(t) zeta, which has no cancellation.
+#ifndef INVGRAD_SPECTRAL_ROUTES_CONTOUR_QUADRATURE_H_
+#define INVGRAD_SPECTRAL_ROUTES_CONTOUR_QUADRATURE_H_
+
+#include <complex>
+#include <vector>
+
+namespace invgrad {
+
+struct ContourNode {
+  std::complex<double> z;       // Im z > 0
+  std::complex<double> weight;  // that of f(z) / (z - x)
+};
+
+// *nodes keeps its memory.
+void ContourQuadrature(double below,
+                       double above,
+                       double upper,
+                       double tolerance,
+                       std::vector<ContourNode>* nodes);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SPECTRAL_ROUTES_CONTOUR_QUADRATURE_H_

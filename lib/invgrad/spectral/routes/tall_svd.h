@@ -1,0 +1,53 @@
+// The thin singular value decomposition of a tall matrix, for products with its
+// singular vectors.
+//
+//   A = W diag(s) Z^T
+//
+// A much taller than wide is reduced to a triangle first (A = Q R, R = W' S
+// Z^T, W = Q W'), and Q is only applied to vectors [1].
+//
+// Shapes:  A: p x q, p >= q;  W: p x q;  s: q, descending;  Z: q x q.
+// Cost:    2 p q^2 + 22 q^3 by LAPACK's dgeqrf and dgesdd; 8 (p q + 7 q^2)
+//          bytes of the workspace.
+// Accuracy: backward stable: s to a few roundings of s[0].
+// Fails:   Compute returns false if the iteration does not converge.
+//
+// [1] Chan. An improved algorithm for computing the singular value
+//     decomposition. ACM TOMS 8 (1982).
+#ifndef INVGRAD_SPECTRAL_ROUTES_TALL_SVD_H_
+#define INVGRAD_SPECTRAL_ROUTES_TALL_SVD_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/spectral/spectral_workspace.h"
+
+namespace invgrad {
+
+class TallSvd {
+ public:
+  // Of workspace->dense, which it destroys. Uses the SVD's buffers of the
+  // workspace, which must outlive it.
+  explicit TallSvd(SpectralWorkspace* workspace) : workspace_(*workspace) {}
+
+  bool Compute(std::string* error);
+
+  const Eigen::VectorXd& s() const { return workspace_.values; }
+
+  // *y = W^T x, W x, Z^T x, Z x; `x` and `y` must be different.
+  void LeftTransposeTimes(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
+  void LeftTimes(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
+  void RightTransposeTimes(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
+  void RightTimes(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
+
+ private:
+  // *x = Q x or Q^T x.
+  void ApplyReflectors(char transpose, Eigen::VectorXd* x) const;
+
+  SpectralWorkspace& workspace_;
+  bool is_reduced_ = false;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SPECTRAL_ROUTES_TALL_SVD_H_

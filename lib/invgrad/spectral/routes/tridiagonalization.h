@@ -1,0 +1,75 @@
+// Reduces a symmetric matrix to tridiagonal form.
+//
+//   K = Q T Q^T,   Q orthogonal, a product of Householder reflectors
+//
+// For applying functions of K to a vector: f(K) g = Q f(T) Q^T g needs Q twice,
+// applied to one vector, and never the eigenvectors of K.
+//
+// In one stage (one_stage.h), or in two for large matrices: to a band
+// (band_reduction.h), in matrix products, and from there to tridiagonal form
+// (bulge_chase.h). The stages are fast enough to be worth their detour where K
+// no longer fits in the cache.
+//
+// Shapes:  K: m x m, of which the lower triangle is read;  Q: m x m;
+//          T: diagonal m, off-diagonal m - 1.
+// Units:   T has those of K. Squares and products of entries must neither
+//          over- nor underflow: scale K to entries of order one before.
+// Cost:    4/3 m^3 for Compute; 2 m^2 (one stage) or 4 m^2 (two stages) for
+//          each product of Q and a vector. In two stages the products are those
+//          of BLAS; set its threads.
+// Fails:   never; a K that is not finite gives a T that is not finite.
+// Threads: one object is not for two threads at a time, ApplyQ included: it
+//          works in buffers that are kept.
+#ifndef INVGRAD_SPECTRAL_ROUTES_TRIDIAGONALIZATION_H_
+#define INVGRAD_SPECTRAL_ROUTES_TRIDIAGONALIZATION_H_
+
+#include <cstdint>
+
+#include "Eigen/Core"
+#include "invgrad/spectral/routes/aligned_buffer.h"
+#include "invgrad/spectral/routes/band_reduction.h"
+#include "invgrad/spectral/routes/bulge_chase.h"
+#include "invgrad/spectral/routes/one_stage.h"
+
+namespace invgrad {
+
+class Tridiagonalization {
+ public:
+  enum class Method { kAuto, kOneStage, kTwoStage };
+
+  // Reduces the symmetric matrix whose lower triangle K holds. K is destroyed:
+  // it holds the reflectors afterwards, and must stay alive and unchanged while
+  // Q is applied. Memory is kept: a second matrix of the same size allocates
+  // nothing.
+  void Compute(Eigen::MatrixXd* K, Method method = Method::kAuto);
+
+  const Eigen::VectorXd& diagonal() const { return diagonal_; }
+  const Eigen::VectorXd& off_diagonal() const { return off_diagonal_; }
+
+  // x = Q^T x and x = Q x.
+  void ApplyQTranspose(Eigen::VectorXd* x) const;  // m
+  void ApplyQ(Eigen::VectorXd* x) const;           // m
+
+  // X = Q X. Only after a reduction in one stage (CHECKed).
+  void ApplyQ(Eigen::MatrixXd* X) const;  // m x k
+
+  Method method() const { return method_; }  // of the last reduction
+
+  // The memory that is kept for a matrix of size m, beyond K.
+  static int64_t Bytes(int m, Method method = Method::kAuto);
+
+ private:
+  const Eigen::MatrixXd* K_ = nullptr;  // holds the reflectors
+  Method method_ = Method::kOneStage;   // never kAuto
+  Eigen::VectorXd diagonal_;            // m
+  Eigen::VectorXd off_diagonal_;        // m - 1
+  Eigen::VectorXd tau_;                 // of the reflectors in K
+  OneStageReduction one_stage_;
+  BandReduction band_reduction_;
+  BulgeChase bulge_chase_;
+  mutable AlignedBuffer work_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SPECTRAL_ROUTES_TRIDIAGONALIZATION_H_

@@ -1,0 +1,81 @@
+#include "invgrad/spectral/spectral_filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace invgrad {
+namespace {
+
+bool IsInRange(const char* name,
+               double value,
+               bool in_range,
+               const char* allowed,
+               std::string* error) {
+  if (in_range && std::isfinite(value)) return true;
+  std::ostringstream message;
+  message << name << "=" << value << " is out of range; allowed: " << allowed;
+  *error = message.str();
+  return false;
+}
+
+}  // namespace
+
+SpectralFilter SpectralFilter::Power(double kappa, double tau) {
+  SpectralFilter filter;
+  filter.kappa = kappa;
+  filter.tau = tau;
+  return filter;
+}
+
+SpectralFilter SpectralFilter::LevenbergMarquardt(double damping,
+                                                  double relative_damping) {
+  SpectralFilter filter;
+  filter.kappa = 1.0;
+  filter.tau = 0.0;
+  filter.damping = damping;
+  filter.relative_damping = relative_damping;
+  return filter;
+}
+
+bool SpectralFilter::IsValid(std::string* error) const {
+  return IsInRange(
+             "kappa", kappa, kappa >= -1.0 && kappa <= 1.0, "[-1, 1]", error) &&
+         IsInRange("tau", tau, tau >= 0.0 && tau < 1.0, "[0, 1)", error) &&
+         IsInRange("damping", damping, damping >= 0.0, "[0, inf)", error) &&
+         IsInRange("relative_damping",
+                   relative_damping,
+                   relative_damping >= 0.0,
+                   "[0, inf)",
+                   error);
+}
+
+bool SpectralFilter::IsGradientDescent() const {
+  return kappa == -1.0 && tau == 0.0;
+}
+
+bool SpectralFilter::Keeps(double s, double s_max) const {
+  return s > 0.0 && s > tau * s_max;
+}
+
+double SpectralFilter::RootOfDamping(double s_max) const {
+  return std::hypot(std::sqrt(damping), std::sqrt(relative_damping) * s_max);
+}
+
+double SpectralFilter::PeakBelow(double highest, double s_max) const {
+  if (!IsDamped() || kappa <= 0.0) return highest;
+  return std::min(highest, RootOfDamping(s_max) / std::sqrt(kappa));
+}
+
+double SpectralFilter::operator()(double s, double s_max) const {
+  if (!(s > 0.0)) return 0.0;
+  if (!Keeps(s, s_max)) {
+    if (!clamp) return 0.0;
+    s = tau * s_max;
+  }
+  if (!IsDamped()) return std::pow(s, -kappa);
+  const double root = std::hypot(s, RootOfDamping(s_max));
+  return s / root * std::pow(root, -kappa);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,63 @@
+// Estimates how far roundings move the step V phi(S) U^T g.
+//
+// A factorization is exact for a matrix that differs from J (or from its Gram
+// matrix) by E, whose entries are about 10 epsilon / sqrt(min(m, n)) times the
+// largest singular value (eigenvalue). To first order that changes the
+// component of the step along v_i by
+//
+//   sum_j phi[s_i, s_j] E_ij c_j           SVD, phi continued oddly to -s
+//   s_i sum_j f[lambda_i, lambda_j] E_ij c_j              J J^T
+//   sum_j f[lambda_i, lambda_j] E_ij s_j c_j              J^T J
+//
+// with c = U^T g, lambda = s^2, f = phi(s) / s and divided differences
+// h[x, y] = (h(x) - h(y)) / (x - y). Estimated is the norm of this change, with
+// the signs of E random, relative to that of the step.
+//
+// Shapes:  s, c: min(m, n).
+// Cost:    O(min(m, n)^2).
+#ifndef INVGRAD_SPECTRAL_STEP_ERROR_H_
+#define INVGRAD_SPECTRAL_STEP_ERROR_H_
+
+#include "Eigen/Core"
+#include "invgrad/spectral/spectral_filter.h"
+
+namespace invgrad {
+
+// The standard deviation of an entry of E, in units of the largest value, for a
+// factorization of that size. On synthetic spectra (six kinds, sizes 1 to 128,
+// all filters, white and smooth g, with nothing undecided) the errors were at
+// most 0.65 times what is estimated with it.
+double BackwardError(Eigen::Index size);
+
+// No step is better than a few roundings of itself.
+double RoundingError();
+
+// After an SVD. s: descending, not all zero; s_max: that of phi, >= s[0];
+// c = U^T g. `outside`: the norm of what g has outside the columns of U;
+// `wide`: whether J has more columns than rows.
+double SvdStepError(const SpectralFilter& filter,
+                    const Eigen::VectorXd& s,
+                    double s_max,
+                    const Eigen::VectorXd& c,
+                    double outside,
+                    bool wide);
+
+// After an eigendecomposition of J J^T: c = U^T g. lambda: in units of its
+// largest; may be negative by roundings.
+double GramStepError(const SpectralFilter& filter,
+                     const Eigen::VectorXd& lambda,
+                     double s_max,
+                     const Eigen::VectorXd& c,
+                     double resolution);
+
+// After an eigendecomposition of J^T J: c = V^T J^T g.
+double ParameterGramStepError(const SpectralFilter& filter,
+                              const Eigen::VectorXd& lambda,
+                              double s_max,
+                              const Eigen::VectorXd& c,
+                              double norm_g,
+                              double resolution);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_SPECTRAL_STEP_ERROR_H_

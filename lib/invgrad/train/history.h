@@ -1,0 +1,59 @@
+// What a run leaves behind: one row each time that it was looked at.
+//
+//   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
+//   0,0,0,,0.25,0.26,,,,,,,
+//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
+//
+// The last columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
+// by_gradient and not_moved: the samples, from the first step on, whose wanted
+// change was pulled back by each (simulator_pull_back.h), for methods that
+// invert the simulator.
+//
+// CSV with this header line; numbers with the fewest digits that read back as
+// the same value. A value that was not computed is an empty field (NaN in
+// memory); a loss that overflowed is "inf". Written atomically (atomic_file.h).
+//
+// Fails:   returns false with a message that names the file and, for reading,
+//          the line; *history is then unchanged.
+#ifndef INVGRAD_TRAIN_HISTORY_H_
+#define INVGRAD_TRAIN_HISTORY_H_
+
+#include <array>
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace invgrad {
+
+struct HistoryRow {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  long step = 0;
+  double epoch = 0.0;
+  double seconds = 0.0;  // of training; evaluation is not counted
+  double batch_loss = kNone;
+  double train_loss = kNone;
+  double test_loss = kNone;
+  double step_norm = kNone;
+  double metric = kNone;  // of the problem's own, see TrainOptions
+  double by_inverse = kNone;
+  double by_numerical_inverse = kNone;
+  double by_inverse_gradient = kNone;
+  double by_gradient = kNone;
+  double not_moved = kNone;
+
+  // All but the step, in the order of the file.
+  static constexpr int kNumColumns = 12;
+  std::array<double, kNumColumns> Columns() const;
+  void SetColumns(const std::array<double, kNumColumns>& columns);
+};
+
+using History = std::vector<HistoryRow>;
+
+bool WriteHistory(const std::string& path,
+                  const History& history,
+                  std::string* error);
+bool ReadHistory(const std::string& path, History* history, std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_TRAIN_HISTORY_H_

@@ -1,0 +1,37 @@
+// Lets a long run end cleanly on Ctrl-C.
+//
+//   Interrupt interrupt;
+//   while (!Interrupt::IsRequested() && ...) { one step }
+//   // write the results so far
+//
+// The first SIGINT or SIGTERM only sets a flag; the next one ends the process
+// as usual. A signal that was ignored before (nohup, a background job) stays
+// so. The destructor restores what the signals did before.
+//
+// Fails:   CHECKs that there is only one Interrupt at a time.
+#ifndef REPORT_INTERRUPT_H_
+#define REPORT_INTERRUPT_H_
+
+#include <csignal>
+
+namespace invgrad {
+
+class Interrupt {
+ public:
+  Interrupt();
+  Interrupt(const Interrupt&) = delete;
+  Interrupt& operator=(const Interrupt&) = delete;
+  ~Interrupt();
+
+  // Since the last Interrupt was made; stays true after its end. Any thread may
+  // ask.
+  static bool IsRequested();
+
+ private:
+  struct sigaction before_int_;
+  struct sigaction before_term_;
+};
+
+}  // namespace invgrad
+
+#endif  // REPORT_INTERRUPT_H_

@@ -1,0 +1,70 @@
+// One line that tells how a run is doing.
+//
+//   half_inverse  step 1200  epoch 4.2  loss 3.1e-07  920 steps/s
+//       elapsed 1.3 s  left 4.5 s                     (on the same line)
+//
+// On a terminal the line is rewritten in place, cut to the terminal's width;
+// elsewhere (a log file) a whole line is written now and then. Speed and time
+// left are measured from the first update on, so a resumed run's are right.
+//
+// Cost:    most updates only look at the clock.
+#ifndef REPORT_PROGRESS_H_
+#define REPORT_PROGRESS_H_
+
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+
+namespace invgrad {
+
+struct ProgressState {
+  static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  static constexpr long kNoStep = -1;  // not shown
+  std::string label;
+  long step = 0;
+  double epoch = kUnknown;
+  double loss = kUnknown;
+  double fraction = kUnknown;  // of the budget, in [0, 1]
+};
+
+class Progress {
+ public:
+  struct Options {
+    std::FILE* out = stderr;
+    std::optional<bool> is_terminal;       // asks the system if not given
+    double seconds_between_updates = 0.1;  // on a terminal
+    double seconds_between_lines = 10.0;   // elsewhere
+    // Seconds since any fixed time; the steady clock if not given.
+    std::function<double()> clock;
+  };
+
+  explicit Progress(const Options& options);
+  Progress() : Progress(Options{}) {}
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  ~Progress() { Clear(); }
+
+  // Writes if it is time to.
+  void Update(const ProgressState& state);
+
+  // Removes the line from the terminal, so that other text can be written, and
+  // forgets when it was begun: the next update begins another run.
+  void Clear();
+
+ private:
+  std::string Line(const ProgressState& state, double now) const;
+
+  Options options_;
+  bool is_terminal_;
+  bool is_begun_ = false;
+  double first_time_ = 0.0;
+  ProgressState first_;
+  double last_written_ = 0.0;
+  int width_shown_ = 0;  // of what stands on the terminal's line
+};
+
+}  // namespace invgrad
+
+#endif  // REPORT_PROGRESS_H_
