@@ -14,7 +14,7 @@ readonly root build_dir
 # shellcheck disable=SC2034  # the sourcing commands read it
 readonly required_packages=(
   cmake ninja-build g++
-  libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev
+  libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev libfmt-dev
   libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
   libgtest-dev libbenchmark-dev pkg-config
   gnuplot-nox

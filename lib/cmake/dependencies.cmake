@@ -24,6 +24,10 @@ invgrad_note_if_missing("glog" libgoogle-glog-dev glog_FOUND)
 find_package(Ceres 2.1 QUIET)
 invgrad_note_if_missing("Ceres Solver 2.1" libceres-dev Ceres_FOUND)
 
+# What messages are put together by.
+find_package(fmt QUIET)
+invgrad_note_if_missing("fmt" libfmt-dev fmt_FOUND)
+
 include(${CMAKE_CURRENT_LIST_DIR}/invgradLapack.cmake)
 invgrad_note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
 invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)

@@ -62,6 +62,6 @@ if(PROJECT_IS_TOP_LEVEL)
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
   set(CPACK_DEBIAN_PACKAGE_SECTION libdevel)
   set(CPACK_DEBIAN_PACKAGE_DEPENDS
-    "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev")
+    "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libfmt-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev")
   include(CPack)
 endif()

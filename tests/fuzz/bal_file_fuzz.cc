@@ -7,7 +7,7 @@
 
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/bzip2.h"
-#include "tests/reader_check.h"
+#include "tests/support/reader_check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, size_t size) {
   constexpr invgrad::TextFormat<invgrad::BalData> kFormat = {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "problems/estimation/nist_file.h"
-#include "tests/reader_check.h"
+#include "tests/support/reader_check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, size_t size) {
   constexpr invgrad::TextFormat<invgrad::NistData> kFormat = {

@@ -1,0 +1,250 @@
+// invgrad as its users get it: installed and moved, by find_package, pkg-config
+// and as a Debian package, and as a folder of their own tree. Each way builds
+// the application in tests/consumer, or at least finds what that needs.
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "gtest/gtest.h"
+#include "invgrad/chain/dense_network.h"
+#include "invgrad/io/npy.h"
+#include "invgrad/version.h"
+#include "tests/support/program_runner.h"
+#include "tests/support/source_tree.h"
+
+namespace invgrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+const fs::path kBuild = fs::path(BinDir()).parent_path();
+
+// The variable of that name of the build that is tested.
+std::string CacheValue(const std::string& name) {
+  std::ifstream cache(kBuild / "CMakeCache.txt");
+  for (std::string line; std::getline(cache, line);) {
+    if (line.rfind(name + ":", 0) == 0) {
+      return line.substr(line.find('=') + 1);
+    }
+  }
+  ADD_FAILURE() << "no " << name << " in CMakeCache.txt";
+  return "";
+}
+
+std::string Quoted(const std::string& word) { return "'" + word + "'"; }
+
+// Files below `folder`, relative to it, sorted.
+std::vector<std::string> Files(const fs::path& folder) {
+  std::vector<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) {
+      files.push_back(fs::relative(entry.path(), folder).string());
+    }
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+class InstallProgram : public ProgramRunner {
+ protected:
+  InstallProgram() : ProgramRunner("compare") {}
+
+  // Runs a command of the shell, which must succeed; returns what it printed to
+  // stdout.
+  std::string Shell(const std::string& command) const {
+    const std::string out = Path("out");
+    const std::string err = Path("err");
+    const int status =
+        std::system((command + " > " + out + " 2> " + err).c_str());
+    EXPECT_EQ(status, 0) << command << "\n" << ReadAll(out) << ReadAll(err);
+    return ReadAll(out);
+  }
+
+  // cmake --install, elsewhere than where it lies in the end.
+  void Install() const {
+    Shell(cmake_ + " --install " + Quoted(kBuild) + " --prefix " +
+          Path("somewhere"));
+    fs::rename(Path("somewhere"), prefix_);
+  }
+
+  // The folder of a file of the installed tree.
+  fs::path FolderOf(const std::string& name) const {
+    for (const std::string& file : Files(prefix_)) {
+      if (fs::path(file).filename() == name) {
+        return (fs::path(prefix_) / file).parent_path();
+      }
+    }
+    ADD_FAILURE() << "no " << name << " is installed";
+    return "";
+  }
+
+  // Compiled as the library is (a sanitizer is the whole program's), but
+  // quickly.
+  std::string Compiler() const {
+    return CacheValue("CMAKE_CXX_COMPILER") + " " +
+           CacheValue("CMAKE_CXX_FLAGS") + " -O0";
+  }
+
+  // Configures tests/consumer into the folder "consumer".
+  void ConfigureConsumer(const std::string& options) const {
+    Shell(cmake_ + " -G " + Quoted(CacheValue("CMAKE_GENERATOR")) + " -S " +
+          Quoted(SourceDir() + "/tests/consumer") + " -B " + Path("consumer") +
+          " -DCMAKE_CXX_COMPILER=" + Quoted(CacheValue("CMAKE_CXX_COMPILER")) +
+          " -DCMAKE_CXX_FLAGS=" +
+          Quoted(CacheValue("CMAKE_CXX_FLAGS") + " -O0") + " " + options);
+  }
+
+  // "PKG_CONFIG_PATH=... pkg-config"
+  std::string PkgConfig() const {
+    return "PKG_CONFIG_PATH=" + FolderOf("invgrad.pc").string() + " " +
+           CacheValue("PKG_CONFIG_EXECUTABLE");
+  }
+
+  // Trains a small network and has the consumer evaluate it.
+  void RunConsumer(const std::string& consumer) const {
+    const Output trained = Run({"--problem=oscillator_chain",
+                                "--hidden=5-7",
+                                "--activation=gelu",
+                                "--rules=adam:batch_size=256",
+                                "--steps=3",
+                                "--noplots",
+                                "--noprogress",
+                                "--output=" + Path("run")});
+    ASSERT_EQ(trained.exit_code, 0) << trained.text;
+    const DenseNetwork network({4, 5, 7, 24}, Activation::kGelu);
+    const Eigen::Vector4d input(0.3, -0.2, 0.7, -1.1);
+    Eigen::VectorXd weights;
+    std::string error;
+    const std::string run = Path("run") + "/adam-batch_size-256-seed1/";
+    ASSERT_TRUE(
+        ReadNpy(run + "weights.npy", network.num_weights(), &weights, &error))
+        << error;
+    DenseNetwork::Activations activations;
+    network.Forward(weights, input, false, &activations);
+
+    std::istringstream lines(Shell(consumer + " --network=" + run +
+                                   "network.txt --input=0.3,-0.2,0.7,-1.1"));
+    for (const double expected : activations.outputs.reshaped()) {
+      double output = 0.0;
+      ASSERT_TRUE(lines >> output);
+      // The same code and library: rounding at most, if BLAS adds in another
+      // order.
+      EXPECT_NEAR(output, expected, 1e-13);
+    }
+    std::string rest;
+    EXPECT_FALSE(lines >> rest) << rest;
+  }
+
+  const std::string cmake_ = Quoted(CacheValue("CMAKE_COMMAND"));
+  const std::string prefix_ = Path("prefix");
+};
+
+TEST_F(InstallProgram, HeadersLieBelowInvgradAndCompile) {
+  Install();
+  std::vector<std::string> headers = Files(fs::path(prefix_) / "include");
+  std::vector<std::string> ours;
+  for (const std::string& file : Files(SourceDir() + "/lib")) {
+    if (fs::path(file).extension() == ".h") ours.push_back(file);
+  }
+  EXPECT_EQ(headers, ours);
+  EXPECT_GT(headers.size(), 50u);
+  std::string source;
+  for (const std::string& header : headers) {
+    EXPECT_EQ(header.rfind("invgrad/", 0), 0u) << header;
+    source += "#include \"" + header + "\"\n";
+  }
+  std::ofstream(Path("all.cc")) << source;
+  Shell(Compiler() + " -std=c++17 -Wall -Wextra -Werror -fsyntax-only $(" +
+        PkgConfig() + " --cflags invgrad) " + Path("all.cc"));
+}
+
+TEST_F(InstallProgram, FilesHoldNoPathsOfTheBuild) {
+  Install();
+  int num_read = 0;
+  for (const std::string& file : Files(prefix_)) {
+    const std::string extension = fs::path(file).extension();
+    if (extension != ".cmake" && extension != ".pc") continue;
+    const std::string text = ReadAll(prefix_ + "/" + file);
+    for (const std::string& path : {SourceDir(), kBuild.string(), Path("")}) {
+      EXPECT_EQ(text.find(path), std::string::npos) << path << " in " << file;
+    }
+    // Nor where this machine keeps its libraries.
+    for (const char* library : {"libopenblas.", "liblapacke.", "libceres."}) {
+      EXPECT_EQ(text.find(library), std::string::npos) << library << file;
+    }
+    ++num_read;
+  }
+  EXPECT_GE(num_read, 5);
+}
+
+TEST_F(InstallProgram, FindPackageServesAnApplication) {
+  Install();
+  ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + prefix_);
+  Shell(cmake_ + " --build " + Path("consumer"));
+  RunConsumer(Path("consumer") + "/consumer");
+}
+
+TEST_F(InstallProgram, PkgConfigServesAnApplication) {
+  Install();
+  EXPECT_EQ(Shell(PkgConfig() + " --modversion invgrad"), INVGRAD_VERSION "\n");
+  Shell(Compiler() + " -std=c++17 " + SourceDir() +
+        "/tests/consumer/main.cc -o " + Path("application") + " $(" +
+        PkgConfig() + " --cflags --libs invgrad gflags)");
+  RunConsumer(Path("application"));
+}
+
+// Programs, tests and installation stay off, and the parent's settings alone.
+TEST_F(InstallProgram, AddSubdirectoryBringsTheLibraryAlone) {
+  ConfigureConsumer("-DINVGRAD_SOURCE_DIR=" + SourceDir());
+  const std::string targets =
+      Shell(cmake_ + " --build " + Path("consumer") + " --target help");
+  EXPECT_NE(targets.find("invgrad"), std::string::npos) << targets;
+  for (const char* absent :
+       {"compare", "_test", "benchmark", "invgrad_problems", "tutorials"}) {
+    EXPECT_EQ(targets.find(absent), std::string::npos) << absent << targets;
+  }
+  EXPECT_FALSE(fs::exists(Path("consumer") + "/compile_commands.json"));
+  Shell(cmake_ + " --install " + Path("consumer") + " --prefix " + prefix_);
+  EXPECT_FALSE(fs::exists(prefix_));
+}
+
+TEST_F(InstallProgram, DebianPackageHoldsWhatIsInstalled) {
+  if (std::system("dpkg-deb --version > /dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "needs dpkg-deb";
+  }
+  Install();
+  Shell(CacheValue("CMAKE_CPACK_COMMAND") + " -G DEB --config " +
+        Quoted(kBuild / "CPackConfig.cmake") + " -B " + Path("package"));
+  std::string package;
+  for (const std::string& file : Files(Path("package"))) {
+    if (fs::path(file).extension() == ".deb") {
+      package = Path("package") + "/" + file;
+    }
+  }
+  const std::string name = fs::path(package).filename();
+  EXPECT_EQ(name.rfind("libinvgrad-dev_" INVGRAD_VERSION "_", 0), 0u) << name;
+  const std::string fields = Shell("dpkg-deb --field " + package);
+  for (const char* field : {"Package: libinvgrad-dev\n",
+                            "libceres-dev (>= 2.1)",
+                            "libeigen3-dev",
+                            "libgoogle-glog-dev",
+                            "libopenblas-dev",
+                            "liblapacke-dev"}) {
+    EXPECT_NE(fields.find(field), std::string::npos) << field << fields;
+  }
+  Shell("dpkg-deb --extract " + package + " " + Path("root"));
+  EXPECT_EQ(Files(Path("root") + "/usr"), Files(prefix_));
+  EXPECT_TRUE(
+      fs::exists(Path("root") + "/usr/share/doc/libinvgrad-dev/copyright"));
+  // A project finds it, wherever it lies.
+  ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + Path("root") + "/usr");
+}
+
+}  // namespace
+}  // namespace invgrad

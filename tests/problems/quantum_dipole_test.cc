@@ -1,0 +1,211 @@
+#include "problems/quantum_dipole.h"
+
+#include <cmath>
+#include <complex>
+#include <string>
+
+#include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_loss.h"
+#include "problems/problems.h"
+#include "tests/support/create_problem.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+constexpr int kSize = SchroedingerSimulator::kStateSize;
+
+VectorXd Es(int n) { return SchroedingerSimulator::Eigenstate(n); }
+
+// exp(i angle) state.
+VectorXd Turned(const VectorXd& state, double angle) {
+  VectorXd turned(kSize);
+  for (int k = 0; k < kSize; k += 2) {
+    const auto value =
+        std::polar(1.0, angle) * std::complex<double>(state[k], state[k + 1]);
+    turned[k] = value.real();
+    turned[k + 1] = value.imag();
+  }
+  return turned;
+}
+
+double Loss(const VectorXd& y,
+            const VectorXd& target,
+            VectorXd* gradient = nullptr) {
+  const AutoDiffLoss<Infidelity, kSize> loss;
+  double value = 0.0;
+  EXPECT_TRUE(loss.Evaluate(y.data(),
+                            target.data(),
+                            &value,
+                            gradient != nullptr ? gradient->data() : nullptr,
+                            nullptr));
+  return value;
+}
+
+TEST(Infidelity, IsZeroForEqualAndOneForOrthogonalStates) {
+  EXPECT_NEAR(Loss(Es(2), Es(2)), 0.0, 1e-15);
+  EXPECT_NEAR(Loss(Es(1), Es(2)), 1.0, 1e-15);
+  // |<es2|cos a es2 + sin a es3>|^2 = cos^2 a
+  const double a = 0.7;
+  EXPECT_NEAR(Loss(std::cos(a) * Es(2) + std::sin(a) * Es(3), Es(2)),
+              std::pow(std::sin(a), 2.0),
+              1e-15);
+}
+
+TEST(Infidelity, PhasesAreFree) {
+  const VectorXd target = VectorXd::Random(kSize).normalized();
+  const VectorXd y = VectorXd::LinSpaced(kSize, -1.0, 2.0).normalized();
+  const double loss = Loss(y, target);
+  EXPECT_GT(loss, 0.1);
+  EXPECT_LT(loss, 0.999);
+  EXPECT_NEAR(Loss(Turned(y, 1.1), target), loss, 1e-14);
+  EXPECT_NEAR(Loss(y, Turned(target, -0.4)), loss, 1e-14);
+  EXPECT_NEAR(Loss(target, y), loss, 1e-14);
+  EXPECT_NEAR(Loss(Turned(y, 2.0), y), 0.0, 1e-14);
+}
+
+// dL/dy = -2 Re, Im of <y*|y> y*.
+TEST(Infidelity, GradientIsTheProjectionOnTheTarget) {
+  VectorXd gradient(kSize);
+  Loss(Es(3), Es(3), &gradient);
+  EXPECT_LT((gradient + 2.0 * Es(3)).norm(), 1e-14);
+  Loss(Turned(Es(3), 0.5 * M_PI), Es(3), &gradient);
+  EXPECT_LT((gradient + 2.0 * Turned(Es(3), 0.5 * M_PI)).norm(), 1e-14);
+  Loss(Es(1), Es(3), &gradient);
+  EXPECT_LT(gradient.norm(), 1e-14);
+}
+
+// y with <y*|y> = overlap exp(i angle), and the rest orthogonal to y* = es(2).
+VectorXd WithOverlap(double overlap, double angle) {
+  return Turned(overlap * Es(2) + std::sqrt(1.0 - overlap * overlap) * Es(5),
+                angle);
+}
+
+TEST(RescaledInfidelity, MultipliesGradientAndHessianAndNotTheValue) {
+  const AutoDiffLoss<Infidelity, kSize> plain;
+  const RescaledInfidelity rescaled;
+  EXPECT_FALSE(rescaled.SquaredNormFactor().has_value());
+  const VectorXd target = Es(2);
+  for (double overlap : {1.0, 0.5, 1e-3}) {
+    for (double angle : {0.0, 0.4, 2.5, -1.5}) {
+      const VectorXd y = WithOverlap(overlap, angle);
+      double loss[2];
+      VectorXd g[2] = {VectorXd(kSize), VectorXd(kSize)};
+      Eigen::MatrixXd H[2] = {Eigen::MatrixXd(kSize, kSize),
+                              Eigen::MatrixXd(kSize, kSize)};
+      ASSERT_TRUE(plain.Evaluate(
+          y.data(), target.data(), &loss[0], g[0].data(), H[0].data()));
+      ASSERT_TRUE(rescaled.Evaluate(
+          y.data(), target.data(), &loss[1], g[1].data(), H[1].data()));
+      EXPECT_EQ(loss[0], loss[1]);
+      // |gradient| = 2 |<y*|y>| of the infidelity, so 2 / |cos angle| here.
+      const double cosine = std::abs(std::cos(angle));
+      EXPECT_NEAR(g[1].norm(), 2.0 / cosine, 1e-11 / cosine);
+      const double factor = 1.0 / (overlap * cosine);
+      EXPECT_LT((g[1] - factor * g[0]).norm(), 1e-11 * g[1].norm());
+      EXPECT_LT((H[1] - factor * H[0]).norm(), 1e-11 * H[1].norm());
+      // Each of the two by itself.
+      VectorXd g_alone(kSize);
+      Eigen::MatrixXd H_alone(kSize, kSize);
+      ASSERT_TRUE(rescaled.Evaluate(
+          y.data(), target.data(), &loss[1], g_alone.data(), nullptr));
+      ASSERT_TRUE(rescaled.Evaluate(
+          y.data(), target.data(), &loss[1], nullptr, H_alone.data()));
+      EXPECT_LT((g_alone - g[1]).norm(), 1e-14 * g[1].norm());
+      EXPECT_LT((H_alone - H[1]).norm(), 1e-14 * H[1].norm());
+    }
+  }
+}
+
+TEST(RescaledInfidelity, HasAValueAndNoGradientWithoutOverlap) {
+  const RescaledInfidelity loss;
+  double value = 0.0;
+  VectorXd g(kSize);
+  Eigen::MatrixXd H(kSize, kSize);
+  const VectorXd target = Es(2);
+  VectorXd y = VectorXd::Zero(kSize);
+  y[1] = 1.0;  // imaginary where y* is real
+  ASSERT_TRUE(loss.Evaluate(y.data(), target.data(), &value, nullptr, nullptr));
+  EXPECT_NEAR(value, 1.0 - target[0] * target[0], 1e-15);
+  EXPECT_FALSE(
+      loss.Evaluate(y.data(), target.data(), &value, g.data(), nullptr));
+  EXPECT_FALSE(
+      loss.Evaluate(y.data(), target.data(), &value, nullptr, H.data()));
+}
+
+TEST(QuantumDipole, RescalesOnDemandAlone) {
+  const auto is_rescaled = [](const std::string& specification) {
+    const LearningProblem problem = CreateLearningProblem(specification);
+    return dynamic_cast<const RescaledInfidelity*>(&problem.model->loss()) !=
+           nullptr;
+  };
+  EXPECT_FALSE(is_rescaled("quantum_dipole:num_samples=2"));
+  EXPECT_FALSE(is_rescaled("quantum_dipole:num_samples=2:rescale=false"));
+  EXPECT_TRUE(is_rescaled("quantum_dipole:num_samples=2:rescale=true"));
+}
+
+TEST(QuantumDipole, HasThePublishedSizes) {
+  const LearningProblem problem = CreateLearningProblem("quantum_dipole");
+  EXPECT_EQ(problem.model->num_weights(), 9484);
+  EXPECT_EQ(problem.model->network().widths(),
+            (std::vector<int>{28, 20, 20, 20, 384}));
+  EXPECT_EQ(problem.model->reduction(), Reduction::kMean);
+  EXPECT_FALSE(problem.model->loss().SquaredNormFactor().has_value());
+  EXPECT_EQ(problem.train.num_samples(), 1024);
+  EXPECT_EQ(problem.test.num_samples(), 1024);
+  EXPECT_EQ(problem.batch_size, 16);
+}
+
+TEST(QuantumDipole, TargetsAreDrawnAsTheReleaseDrawsThem) {
+  // import numpy as np; np.random.seed(1)
+  // for _ in range(2): np.random.normal(), np.random.normal(),
+  //     np.random.uniform(0, 2 * np.pi), np.random.uniform(0, 2 * np.pi)
+  const Eigen::Vector2d c[] = {{1.6243453636632417, -0.6117564136500754},
+                               {-0.5281717522634557, -1.0729686221561705}};
+  const LearningProblem problem = CreateLearningProblem("quantum_dipole");
+  for (int s = 0; s < 2; ++s) {
+    const VectorXd expected = (c[s][0] * Es(2) + c[s][1] * Es(3)) / c[s].norm();
+    EXPECT_LT((problem.train.targets.col(s) - expected).norm(), 1e-15) << s;
+  }
+}
+
+TEST(QuantumDipole, StatesAreNormalizedAndGoFromTheGroundStateToTheTargets) {
+  const LearningProblem problem =
+      CreateLearningProblem("quantum_dipole:num_samples=50");
+  for (const DataSet* data : {&problem.train, &problem.test}) {
+    EXPECT_EQ(data->inputs, data->targets);
+    for (int s = 0; s < 50; ++s) {
+      const VectorXd target = data->targets.col(s);
+      EXPECT_NEAR(target.norm(), 1.0, 1e-14);
+      EXPECT_NEAR(std::hypot(target.dot(Es(2)), target.dot(Es(3))), 1.0, 1e-14);
+      EXPECT_EQ(data->contexts.col(s), Es(1));
+    }
+  }
+  EXPECT_NE(problem.train.targets, problem.test.targets);
+  EXPECT_NE(CreateLearningProblem("quantum_dipole:num_samples=50:data_seed=2")
+                .train.targets,
+            problem.train.targets);
+}
+
+TEST(QuantumDipole, BadSettingsAndDataAreRefused) {
+  PhysicsProblem problem;
+  std::string error;
+  for (const char* setting : {"num_steps=0", "dt=0", "num_samples=0"}) {
+    EXPECT_FALSE(CreateProblem(
+        std::string("quantum_dipole:") + setting, nullptr, &problem, &error));
+    EXPECT_NE(error.find(setting), std::string::npos) << error;
+  }
+  Eigen::MatrixXd data(3, 27);
+  EXPECT_FALSE(CreateProblem("quantum_dipole", &data, &problem, &error));
+  EXPECT_NE(error.find("(3, 27)"), std::string::npos) << error;
+  data = Es(2).transpose().replicate(3, 1);
+  EXPECT_TRUE(CreateProblem("quantum_dipole", &data, &problem, &error));
+  data.row(1) *= 2.0;
+  EXPECT_FALSE(CreateProblem("quantum_dipole", &data, &problem, &error));
+  EXPECT_NE(error.find("row 1"), std::string::npos) << error;
+}
+
+}  // namespace
+}  // namespace invgrad

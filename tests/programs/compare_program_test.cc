@@ -1,0 +1,414 @@
+// The program compare, run as a user runs it.
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/npy.h"
+#include "invgrad/train/history.h"
+#include "tests/support/program_runner.h"
+
+namespace invgrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+class CompareProgram : public ProgramRunner {
+ protected:
+  CompareProgram() : ProgramRunner("compare") {}
+
+  // A run of some milliseconds.
+  std::vector<std::string> SmallRun(const std::string& output) const {
+    return {"--problem=oscillator_chain:num_samples=64",
+            "--rules=half_inverse,adam:step_size=1e-2",
+            "--epochs=3",
+            "--batch_size=16",
+            "--plots=false",
+            "--output=" + Path(output)};
+  }
+};
+
+TEST_F(CompareProgram, ListsProblemsRulesAndOptions) {
+  const Output output = Run({"--list"});
+  EXPECT_EQ(output.exit_code, 0);
+  for (const char* word : {"squared_component",
+                           "linear_scale",
+                           "toy_network",
+                           "oscillator_chain",
+                           "gradient_descent",
+                           "adam",
+                           "rmsprop",
+                           "adagrad",
+                           "adadelta",
+                           "newton",
+                           "saddle_free_newton",
+                           "power",
+                           "half_inverse",
+                           "gauss_newton",
+                           "levenberg_marquardt",
+                           "krylov",
+                           "ceres_lm",
+                           "ceres_dogleg",
+                           "ceres_bfgs",
+                           "ceres_lbfgs",
+                           "ceres_nonlinear_cg",
+                           "ceres_steepest_descent",
+                           "truncation=",
+                           "coupling="}) {
+    EXPECT_NE(output.text.find(word), std::string::npos) << word;
+  }
+}
+
+TEST_F(CompareProgram, ShortHelpShowsAllOfAProgramsOwnFlags) {
+  const std::vector<std::string> shared = {
+      "-hidden ", "-initialization ", "-epochs ", "-seconds ", "-shuffle "};
+  for (const char* program : {"compare", "sweep"}) {
+    SCOPED_TRACE(program);
+    const Output output = Wait(StartProgram(program, {"--helpshort"}));
+    ExpectSays(output, shared);
+    ExpectSays(output, {"-problem ", "-plots "});
+    EXPECT_EQ(output.text.find("-logtostderr "), std::string::npos);
+  }
+  // Nor those of others.
+  const Output output = Wait(StartProgram("trajectories", {"--help"}));
+  ExpectSays(output, {"-margin ", "-logtostderr "});
+  for (const std::string& flag : shared) {
+    EXPECT_EQ(output.text.find("  " + flag), std::string::npos) << flag;
+  }
+}
+
+TEST_F(CompareProgram, RefusesUnknownNamesAndSuggestsTheNearest) {
+  ExpectRefused({"--rules=half_invers"}, {"half_invers", "half_inverse"});
+  ExpectRefused({"--rules=adam:stepsize=1"}, {"adam", "stepsize", "step_size"});
+  ExpectRefused({"--rules=ceres_lm+adamm"}, {"adamm", "adam"});
+  ExpectRefused({"--rules=ceres_lm:truncation=1"}, {"truncation"});
+  ExpectRefused({"--problem=oscillator_chains"},
+                {"oscillator_chains", "oscillator_chain"});
+  ExpectRefused({"--problem=oscillator_chain:couplin=cubic"},
+                {"couplin", "coupling"});
+}
+
+TEST_F(CompareProgram, RefusesValuesOutOfRange) {
+  ExpectRefused({"--rules=adam:step_size=-1"}, {"step_size=-1", "allowed"});
+  ExpectRefused({"--rules=adam:step_size=fast"}, {"step_size=fast"});
+  ExpectRefused({"--rules=adam,adam"}, {"twice"});
+  ExpectRefused({"--rules="}, {"--rules"});
+  ExpectRefused({"--epochs=-3"}, {"--epochs=-3", "allowed"});
+  ExpectRefused({"--seconds=inf"}, {"--seconds=inf", "allowed"});
+  ExpectRefused({"--resume", "--overwrite"}, {"--resume=true", "--overwrite"});
+  ExpectRefused({"--batch_size=100000"}, {"--batch_size=100000", "4096"});
+  ExpectRefused({"--rules=adam:batch_size=100000"},
+                {"batch_size=100000", "4096"});
+  ExpectRefused({"--track_sample=4096"}, {"--track_sample=4096", "4095"});
+  ExpectRefused({"--seeds=1,1"}, {"--seeds", "twice"});
+  ExpectRefused({"--seeds=x"}, {"--seeds", "x"});
+  ExpectRefused({"--levels=0"}, {"--levels", "0"});
+  ExpectRefused({"--problem=oscillator_chain:num_oscillators=1"},
+                {"num_oscillators=1", "[2, 16]"});
+  ExpectRefused({"--hidden=20-0"}, {"--hidden=20-0", "width=0", "[1, "});
+  ExpectRefused({"--activation=sine"}, {"--activation=sine", "one of linear"});
+  ExpectRefused({"--initialization=xavier"},
+                {"--initialization=xavier", "one of glorot, he, pytorch"});
+  ExpectRefused({"stray"}, {"stray"});
+}
+
+TEST_F(CompareProgram, RefusesFilesThatDoNotFit) {
+  std::string error;
+  ExpectRefused({"--init_weights=" + Path("none.npy")}, {"none.npy"});
+  std::ofstream(Path("text.npy")) << "no array";
+  ExpectRefused({"--init_weights=" + Path("text.npy")}, {"text.npy"});
+  ASSERT_TRUE(WriteNpy(
+      Path("short.npy"), Eigen::VectorXd(Eigen::VectorXd::Zero(7)), &error));
+  ExpectRefused({"--init_weights=" + Path("short.npy")},
+                {"short.npy", "7", "1444"});
+  // 4-3-24 has 4 * 3 + 3 + 3 * 24 + 24 weights.
+  ExpectRefused({"--init_weights=" + Path("short.npy"), "--hidden=3"},
+                {"short.npy", "7", "111"});
+  Eigen::MatrixXd data = Eigen::MatrixXd::Constant(64, 4, 0.5);
+  data(5, 2) = std::nan("");
+  ASSERT_TRUE(WriteNpy(Path("nan.npy"), data, &error));
+  ExpectRefused({"--data=" + Path("nan.npy")}, {"nan.npy", "5", "2"});
+  ASSERT_TRUE(WriteNpy(
+      Path("wide.npy"), Eigen::MatrixXd(Eigen::MatrixXd::Zero(64, 5)), &error));
+  ExpectRefused({"--data=" + Path("wide.npy")}, {"(64, 5)", "4"});
+}
+
+TEST_F(CompareProgram, WritesARunDirectoryAndRefusesToReplaceIt) {
+  const Output output = Run(SmallRun("run"));
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("half_inverse"), std::string::npos);
+  EXPECT_NE(output.text.find("epochs done"), std::string::npos);
+  for (const char* name : {"flags.txt",
+                           "versions.txt",
+                           "table.txt",
+                           "table.md",
+                           "summary.csv",
+                           "data.npy",
+                           "initial_weights-seed1.npy",
+                           "half_inverse-seed1/history.csv",
+                           "half_inverse-seed1/weights.npy",
+                           "half_inverse-seed1/network.txt",
+                           "half_inverse-seed1/neurons.csv",
+                           "half_inverse-seed1/sample_path.csv",
+                           "adam-step_size-1e-2-seed1/weights.npy"}) {
+    EXPECT_TRUE(fs::exists(Path("run") + "/" + name)) << name;
+  }
+  const std::string table = ReadAll(Path("run") + "/table.txt");
+  const Output again = Run(SmallRun("run"));
+  EXPECT_EQ(again.exit_code, 1);
+  EXPECT_NE(again.text.find("exists"), std::string::npos) << again.text;
+  EXPECT_EQ(ReadAll(Path("run") + "/table.txt"), table);
+
+  std::vector<std::string> overwrite = SmallRun("run");
+  overwrite.push_back("--overwrite");
+  EXPECT_EQ(Run(overwrite).exit_code, 0);
+
+  // Only what a run made is ever replaced.
+  fs::create_directories(Path("precious"));
+  std::ofstream(Path("precious") + "/thesis.tex") << "years";
+  overwrite = SmallRun("precious");
+  overwrite.push_back("--overwrite");
+  EXPECT_EQ(Run(overwrite).exit_code, 1);
+  EXPECT_EQ(ReadAll(Path("precious") + "/thesis.tex"), "years");
+}
+
+TEST_F(CompareProgram, FlagFileRepeatsTheRunBitForBit) {
+  ASSERT_EQ(Run(SmallRun("first")).exit_code, 0);
+  const Output second = Run({"--flagfile=" + Path("first") + "/flags.txt",
+                             "--output=" + Path("second")});
+  ASSERT_EQ(second.exit_code, 0) << second.text;
+  Eigen::VectorXd a, b;
+  std::string error;
+  const std::string weights = "/half_inverse-seed1/weights.npy";
+  ASSERT_TRUE(ReadNpy(Path("first") + weights, 1444, &a, &error)) << error;
+  ASSERT_TRUE(ReadNpy(Path("second") + weights, 1444, &b, &error)) << error;
+  EXPECT_EQ(a, b);
+
+  // So does a run that is given the first one's data and weights.
+  std::vector<std::string> given = SmallRun("third");
+  given[0] = "--problem=oscillator_chain:data_seed=9";
+  given.push_back("--data=" + Path("first") + "/data.npy");
+  given.push_back("--init_weights=" + Path("first") +
+                  "/initial_weights-seed1.npy");
+  given.push_back("--seeds=5");
+  const Output third = Run(given);
+  ASSERT_EQ(third.exit_code, 0) << third.text;
+  ASSERT_TRUE(ReadNpy(
+      Path("third") + "/half_inverse-seed5/weights.npy", 1444, &b, &error));
+  EXPECT_EQ(a, b);
+}
+
+TEST_F(CompareProgram, AnotherNetworkIsInTheFlagFileAndIsNotResumedByAnother) {
+  std::vector<std::string> arguments = SmallRun("first");
+  arguments.insert(
+      arguments.end(),
+      {"--hidden=6-5", "--activation=relu", "--initialization=pytorch"});
+  Output output = Run(arguments);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  output = Run({"--flagfile=" + Path("first") + "/flags.txt",
+                "--output=" + Path("second")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  // 4-6-5-24.
+  constexpr int kNumWeights = 4 * 6 + 6 + 6 * 5 + 5 + 5 * 24 + 24;
+  Eigen::VectorXd a, b;
+  std::string error;
+  const std::string weights = "/half_inverse-seed1/weights.npy";
+  ASSERT_TRUE(ReadNpy(Path("first") + weights, kNumWeights, &a, &error))
+      << error;
+  ASSERT_TRUE(ReadNpy(Path("second") + weights, kNumWeights, &b, &error))
+      << error;
+  EXPECT_EQ(a, b);
+
+  std::vector<std::string> resume = SmallRun("first");
+  resume.insert(resume.end(),
+                {"--resume",
+                 "--hidden=6-6",
+                 "--activation=relu",
+                 "--initialization=pytorch"});
+  output = Run(resume);
+  EXPECT_EQ(output.exit_code, 1);
+  ExpectSays(output, {"had --hidden=6-5, now it is --hidden=6-6"});
+}
+
+TEST_F(CompareProgram, ADivergingMethodIsARowAndTheOthersGoOn) {
+  std::vector<std::string> arguments = SmallRun("run");
+  arguments[1] =
+      "--rules=gradient_descent:step_size=1e200,half_inverse,"
+      "ceres_lm,ceres_lm+half_inverse,ceres_bfgs";
+  const Output output = Run(arguments);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("diverged at step 2"), std::string::npos)
+      << output.text;
+  EXPECT_NE(output.text.find("proposed"), std::string::npos) << output.text;
+  EXPECT_TRUE(fs::exists(Path("run") + "/ceres_bfgs-seed1/weights.npy"));
+}
+
+TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
+  std::vector<std::string> arguments = SmallRun("run");
+  arguments[1] = "--rules=half_inverse,adam:step_size=1e-2";
+  arguments[2] = "--epochs=1000000";
+  const pid_t child = Start(arguments);
+  // The run has begun when its first files are there.
+  const std::string started = Path("run") + "/half_inverse-seed1";
+  for (int i = 0; i < 500 && !fs::exists(started); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ::kill(child, SIGINT);
+  const Output interrupted = Wait(child);
+  EXPECT_EQ(interrupted.exit_code, 0) << interrupted.text;
+  EXPECT_NE(interrupted.text.find("stopped"), std::string::npos)
+      << interrupted.text;
+  EXPECT_TRUE(fs::exists(started + "/weights.npy"));
+  EXPECT_TRUE(fs::exists(Path("run") + "/table.txt"));
+  EXPECT_FALSE(fs::exists(started + "/result.txt"));
+
+  // A shorter budget, so that the resumed run ends.
+  arguments[2] = "--epochs=3";
+  arguments.push_back("--resume");
+  const Output resumed = Run(arguments);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.text;
+  EXPECT_TRUE(fs::exists(started + "/result.txt"));
+  EXPECT_TRUE(
+      fs::exists(Path("run") + "/adam-step_size-1e-2-seed1/result.txt"));
+
+  // Other flags would be another run.
+  arguments[3] = "--batch_size=8";
+  const Output other = Run(arguments);
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_NE(other.text.find("batch_size"), std::string::npos) << other.text;
+}
+
+TEST_F(CompareProgram, ALargerBudgetGoesOnWithARunThatIsDone) {
+  std::vector<std::string> arguments = SmallRun("whole");
+  arguments[2] = "--epochs=5";
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  ASSERT_EQ(Run(SmallRun("run")).exit_code, 0);
+  arguments.back() = "--output=" + Path("run");
+  arguments.push_back("--resume");
+  const Output resumed = Run(arguments);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.text;
+  for (const std::string name : {"half_inverse", "adam-step_size-1e-2"}) {
+    const std::string weights = "/" + name + "-seed1/weights.npy";
+    EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
+    History history;
+    std::string error;
+    ASSERT_TRUE(ReadHistory(
+        Path("run/" + name + "-seed1/history.csv"), &history, &error));
+    EXPECT_EQ(history.size(), 6u);
+    // That of the shorter run is not the path of this one.
+    EXPECT_FALSE(fs::exists(Path("run/" + name + "-seed1/sample_path.csv")));
+  }
+  // Done is done: nothing runs, and the table is the same.
+  const Output again = Run(arguments);
+  EXPECT_EQ(again.exit_code, 0);
+  EXPECT_EQ(again.text, resumed.text);
+}
+
+TEST_F(CompareProgram, PhasesAreOneRunThatGoesOn) {
+  const std::string rules =
+      "--rules=adam:step_size=1e-2:batch_size=32:epochs=2>half_inverse";
+  const std::string label =
+      "adam-step_size-1e-2-batch_size-32-epochs-2-half_inverse";
+  const auto arguments = [&](const std::string& output) {
+    std::vector<std::string> words = SmallRun(output);
+    words.push_back(rules);
+    return words;
+  };
+  ASSERT_EQ(Run(arguments("whole")).exit_code, 0);
+  // Stopped within the first phase, and at its end.
+  for (const char* epochs : {"--epochs=1", "--epochs=2", "--epochs=3"}) {
+    std::vector<std::string> words = arguments("run");
+    words.insert(words.end(), {epochs, "--resume"});
+    const Output output = Run(words);
+    ASSERT_EQ(output.exit_code, 0) << output.text;
+    ExpectSays(output, {"epochs done"});
+  }
+  const std::string directory = "/" + label + "-seed1";
+  EXPECT_TRUE(fs::exists(Path("run") + directory + "/checkpoint-phase1"));
+  const std::string weights = directory + "/weights.npy";
+  EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
+  // 2 steps an epoch, then 4 of the command line's batch size.
+  History history;
+  std::string error;
+  ASSERT_TRUE(
+      ReadHistory(Path("run") + directory + "/history.csv", &history, &error))
+      << error;
+  std::vector<long> steps;
+  for (const HistoryRow& row : history) steps.push_back(row.step);
+  EXPECT_EQ(steps, (std::vector<long>{0, 2, 4, 8}));
+  EXPECT_EQ(history.back().epoch, 3.0);
+
+  ExpectRefused({"--rules=adam>half_inverse"}, {"--rules: 'adam' needs"});
+  ExpectRefused({"--rules=adam:batch_size=9999:epochs=1>half_inverse"},
+                {"batch_size=9999", "4096"});
+  // A point has no network to train: a row that says so.
+  const Output point = Run({"--problem=squared_component",
+                            "--rules=newton,adam:steps=1>newton",
+                            "--plots=false",
+                            "--output=" + Path("point")});
+  ExpectSays(point, {"a method in phases needs a network to train"});
+}
+
+TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
+  const Output output = Run({"--problem=oscillator_chain:num_samples=64",
+                             "--rules=gauss_newton:truncation=1e-6",
+                             "--batch_size=8",
+                             "--dump_step=" + Path("dump")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const std::string at = Path("dump") + "/gauss_newton-truncation-1e-6/";
+  Eigen::MatrixXd J;
+  Eigen::VectorXd g, gradient, step;
+  std::string error;
+  ASSERT_TRUE(ReadNpy(at + "J.npy", 32, 1444, &J, &error)) << error;
+  ASSERT_TRUE(ReadNpy(at + "g.npy", 32, &g, &error)) << error;
+  ASSERT_TRUE(ReadNpy(at + "gradient.npy", 1444, &gradient, &error)) << error;
+  ASSERT_TRUE(ReadNpy(at + "step.npy", 1444, &step, &error)) << error;
+  EXPECT_LT((J.transpose() * g - gradient).norm(), 1e-12 * gradient.norm());
+  // J has full row rank, so the Gauss-Newton step with eta = 1 undoes g.
+  EXPECT_LT((J * step + g).norm(), 1e-6 * g.norm());
+
+  // Of a method in phases it is the first one's.
+  const Output phases =
+      Run({"--problem=oscillator_chain:num_samples=64",
+           "--rules=gauss_newton:truncation=1e-6:batch_size=8:steps=1>adam",
+           "--dump_step=" + Path("phases")});
+  ASSERT_EQ(phases.exit_code, 0) << phases.text;
+  EXPECT_EQ(ReadAll(Path("phases") +
+                    "/gauss_newton-truncation-1e-6-batch_size-8-steps-1-adam/"
+                    "step.npy"),
+            ReadAll(at + "step.npy"));
+}
+
+TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
+  const std::string problem = "--problem=squared_component";
+  ExpectRefused({problem, "--rules=adam", "--epochs=5"}, {"--epochs=5"});
+  ExpectRefused({problem, "--rules=adam", "--shuffle"}, {"--shuffle"});
+  ExpectRefused({problem, "--rules=adam", "--hidden=5"}, {"--hidden=5"});
+  ExpectRefused({problem, "--rules=adam", "--dump_step=x"}, {"--dump_step=x"});
+  ExpectRefused({problem, "--rules=adam", "--steps=3000000000"},
+                {"--steps=3000000000", "2147483647"});
+}
+
+TEST_F(CompareProgram, PointProblemsHaveATableToo) {
+  const std::string rules =
+      "--rules=gradient_descent:step_size=0.01,newton,"
+      "ceres_lm,ceres_bfgs,ceres_lm+half_inverse";
+  const Output output = Run({"--problem=squared_component",
+                             rules,
+                             "--steps=20",
+                             "--plots=false",
+                             "--output=" + Path("run")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("ceres_bfgs"), std::string::npos);
+  EXPECT_TRUE(fs::exists(Path("run") + "/path-newton.csv"));
+}
+
+}  // namespace
+}  // namespace invgrad

@@ -1,0 +1,458 @@
+// The program estimate, run as a user runs it.
+
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/atomic_file.h"
+#include "problems/estimation/bal_file.h"
+#include "problems/estimation/g2o_file.h"
+#include "problems/estimation/nist_file.h"
+#include "tests/support/program_runner.h"
+#include "tests/support/published_data.h"
+
+namespace invgrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+class EstimateProgram : public ProgramRunner {
+ protected:
+  EstimateProgram() : ProgramRunner("estimate") {}
+
+  std::string WriteText(const std::string& name,
+                        const std::string& text) const {
+    std::string error;
+    EXPECT_TRUE(WriteFile(Path(name), text, &error)) << error;
+    return Path(name);
+  }
+
+  // y = 2 (1 - exp(-0.5 x)), exactly.
+  std::string WriteMisra1a(const std::string& name = "Misra1a") const {
+    NistData data;
+    data.name = name;
+    data.predictors = Eigen::VectorXd::LinSpaced(8, 0.5, 4.0);
+    data.responses = 2.0 * (1.0 - (-0.5 * data.predictors.array()).exp());
+    data.starts.resize(2, 2);
+    data.starts << 1.5, 2.5, 0.6, 0.4;
+    data.certified = Eigen::Vector2d(2.0, 0.5);
+    data.standard_deviations = Eigen::Vector2d(1e-9, 1e-9);
+    std::string error;
+    EXPECT_TRUE(WriteNistFile(Path(name + ".dat"), data, &error)) << error;
+    return Path(name + ".dat");
+  }
+
+  // Two cameras and three points, a few pixels off.
+  std::string WriteBal(const std::string& name) const {
+    BalData data;
+    data.cameras.setZero(9, 2);
+    data.cameras.row(6).setConstant(500.0);
+    data.cameras(3, 1) = -1.0;
+    data.points.resize(3, 5);
+    data.points << -1.0, 1.0, 0.5, 0.0, 1.5, 0.2, -0.4, 1.0, -1.0, 0.1, -8.0,
+        -9.0, -10.0, -8.5, -9.5;
+    for (int i = 0; i < 2; ++i) {
+      for (int j = 0; j < 5; ++j) {
+        const Eigen::Vector3d P =
+            data.points.col(j) + data.cameras.block<3, 1>(3, i);
+        data.observations.push_back({i,
+                                     j,
+                                     -500.0 * P[0] / P[2] + 2.0 * (j % 3 - 1),
+                                     -500.0 * P[1] / P[2] - 3.0 * (i - 0.5)});
+      }
+    }
+    std::string error;
+    EXPECT_TRUE(WriteBalFile(Path(name), data, &error)) << error;
+    return Path(name);
+  }
+
+  // A square whose last edge does not close.
+  std::string WriteG2o2d() const {
+    return WriteText("square.g2o",
+                     "VERTEX_SE2 0 0 0 0\n"
+                     "VERTEX_SE2 1 1.1 0 1.5\n"
+                     "VERTEX_SE2 2 1 1.2 3.1\n"
+                     "VERTEX_SE2 3 0 1 -1.6\n"
+                     "EDGE_SE2 0 1 1 0 1.5708 10 0 0 10 0 100\n"
+                     "EDGE_SE2 1 2 1 0 1.5708 10 0 0 10 0 100\n"
+                     "EDGE_SE2 2 3 1 0 1.5708 10 0 0 10 0 100\n"
+                     "EDGE_SE2 3 0 1.1 0 1.5708 10 0 0 10 0 100\n");
+  }
+
+  std::string WriteG2o3d() const {
+    const std::string information =
+        " 9 0 0 0 0 0 9 0 0 0 0 9 0 0 0 40 1 0 40 0 "
+        "40\n";
+    return WriteText("triangle.g2o",
+                     "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n"
+                     "VERTEX_SE3:QUAT 1 1 0.1 0 0 0 0.1 1\n"
+                     "VERTEX_SE3:QUAT 2 1 1 0.2 0.1 0 0 1\n"
+                     "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1" +
+                         information + "EDGE_SE3:QUAT 1 2 0 1 0 0 0 0 1" +
+                         information + "EDGE_SE3:QUAT 2 0 -1 -1.1 0 0 0 0 1" +
+                         information);
+  }
+
+  // The rows of a table in results.csv, split at commas.
+  std::vector<std::vector<std::string>> Results(
+      const std::string& directory) const {
+    std::istringstream lines(ReadAll(Path(directory) + "/results.csv"));
+    std::vector<std::vector<std::string>> rows;
+    std::string line;
+    std::getline(lines, line);  // titles
+    while (std::getline(lines, line)) {
+      rows.emplace_back();
+      std::istringstream fields(line);
+      for (std::string field; std::getline(fields, field, ',');) {
+        rows.back().push_back(field);
+      }
+    }
+    return rows;
+  }
+
+  // A run without pictures that must succeed.
+  Output RunQuietly(const std::string& input,
+                    const std::string& output,
+                    std::vector<std::string> arguments = {}) const {
+    arguments.insert(arguments.end(),
+                     {"--input=" + input,
+                      "--output=" + Path(output),
+                      "--plots=false",
+                      "--progress=false"});
+    Output result = Run(arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.text;
+    return result;
+  }
+};
+
+TEST_F(EstimateProgram, ListsFormatsModelsAndMethods) {
+  const Output output = Run({"--list"});
+  EXPECT_EQ(output.exit_code, 0);
+  ExpectSays(output,
+             {".g2o",
+              ".txt.bz2",
+              "Misra1a",
+              "Bennett5",
+              "exp(-b2 x)",
+              "half_inverse",
+              "ceres_dogleg",
+              "linear_solver="});
+}
+
+TEST_F(EstimateProgram, FitsANistFileFromBothStarts) {
+  const Output output =
+      RunQuietly(WriteMisra1a(),
+                 "run",
+                 {"--methods=ceres_lm,ceres_bfgs,gauss_newton,"
+                  "ceres_lm+half_inverse:step_size=auto"});
+  ExpectSays(output,
+             {"y = b1 (1 - exp(-b2 x))",
+              "Misra1a-start2",
+              "2 of 2",
+              "proposed",
+              "results in"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 8);
+  for (const auto& row : rows) {
+    SCOPED_TRACE(row[0] + " " + row[1]);
+    EXPECT_LT(std::stod(row[3]), 1e-15);  // cost
+    EXPECT_GT(std::stod(row[8]), 7.0);    // digits
+  }
+  NistData result;
+  std::string error;
+  const std::string folder = Path("run") + "/Misra1a-start1/";
+  ASSERT_TRUE(ReadNistFile(folder + "ceres_lm.dat", &result, &error)) << error;
+  EXPECT_NEAR(result.starts(0, 0), 2.0, 1e-7);
+  EXPECT_NEAR(result.starts(1, 1), 0.5, 1e-7);
+  EXPECT_EQ(result.certified, Eigen::Vector2d(2.0, 0.5));
+  for (const char* file : {"flags.txt",
+                           "versions.txt",
+                           "table.txt",
+                           "table.md",
+                           "summary.txt",
+                           "summary.md",
+                           "Misra1a-start2/ceres_lm.csv"}) {
+    EXPECT_TRUE(fs::exists(Path("run") + "/" + file)) << file;
+  }
+  // The cost before the first step, and after each.
+  const std::string csv = ReadAll(folder + "ceres_lm.csv");
+  EXPECT_EQ(csv.rfind("iteration,cost,seconds,accepted\n0,", 0), 0) << csv;
+}
+
+TEST_F(EstimateProgram, ReportsTheSameCostsAsTheMethodsThemselves) {
+  // From b = (1.5, 0.6), by hand.
+  double cost = 0.0;
+  for (int i = 1; i <= 8; ++i) {
+    const double x = 0.5 * i;
+    const double r =
+        2.0 * (1.0 - std::exp(-0.5 * x)) - 1.5 * (1.0 - std::exp(-0.6 * x));
+    cost += 0.5 * r * r;
+  }
+  RunQuietly(WriteMisra1a(), "run", {"--start=1", "--methods=ceres_lm"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 1);
+  EXPECT_NEAR(std::stod(rows[0][2]), cost, 1e-14);
+  EXPECT_EQ(std::stoi(rows[0][4]),
+            std::stoi(rows[0][5]) + std::stoi(rows[0][6]));
+}
+
+TEST_F(EstimateProgram, AdjustsBundlesPlainAndCompressed) {
+  for (const std::string name : {"small.txt", "small.txt.bz2"}) {
+    SCOPED_TRACE(name);
+    RunQuietly(WriteBal(name),
+               "run",
+               {"--overwrite",
+                "--methods=ceres_lm,ceres_dogleg,ceres_lm:linear_solver=cgnr"});
+    const auto rows = Results("run");
+    ASSERT_EQ(rows.size(), 3);
+    for (const auto& row : rows) {
+      EXPECT_LT(std::stod(row[3]), 0.1 * std::stod(row[2])) << row[1];
+    }
+    BalData result;
+    std::string error;
+    const std::string end = name.substr(name.find('.'));
+    EXPECT_TRUE(
+        ReadBalFile(Path("run") + "/small/ceres_dogleg" + end, &result, &error))
+        << error;
+    EXPECT_EQ(result.points.cols(), 5);
+  }
+}
+
+TEST_F(EstimateProgram, OptimizesPoseGraphs) {
+  const std::string input = WriteG2o2d() + "," + WriteG2o3d();
+  RunQuietly(input, "run", {"--methods=ceres_lm,ceres_dogleg,gauss_newton"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 6);
+  for (size_t i = 0; i < rows.size(); i += 3) {
+    const double cost = std::stod(rows[i][3]);
+    EXPECT_LT(cost, 0.5 * std::stod(rows[i][2]));
+    for (size_t j = i + 1; j < i + 3; ++j) {
+      EXPECT_NEAR(std::stod(rows[j][3]), cost, 1e-5 * cost) << rows[j][1];
+    }
+  }
+  PoseGraph result;
+  std::string error;
+  ASSERT_TRUE(
+      ReadG2oFile(Path("run") + "/triangle/ceres_lm.g2o", &result, &error))
+      << error;
+  EXPECT_EQ(result.poses.cols(), 3);
+  EXPECT_EQ(result.edges.size(), 3);
+  // The first pose stays. The information is not diagonal, so it matters whose
+  // root it is.
+  EXPECT_EQ(result.poses.col(0).norm(), 1.0);
+  RunQuietly(WriteG2o3d(), "upper", {"--information_root=upper"});
+  const auto upper = Results("upper");
+  EXPECT_NE(upper[0][2], rows[3][2]);
+  EXPECT_NEAR(std::stod(upper[0][2]), std::stod(rows[3][2]), 0.1);
+}
+
+TEST_F(EstimateProgram, NoiseIsThatOfTheSeed) {
+  const std::vector<std::string> arguments = {
+      "--perturb=0.1", "--seeds=1,2", "--start=1", "--methods=ceres_lm"};
+  RunQuietly(WriteMisra1a() + "," + WriteG2o2d(), "one", arguments);
+  RunQuietly(WriteMisra1a() + "," + WriteG2o2d(), "two", arguments);
+  const auto one = Results("one");
+  const auto two = Results("two");
+  ASSERT_EQ(one.size(), 4);
+  ASSERT_EQ(two.size(), 4);
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(one[i][2], two[i][2]);  // costs
+    EXPECT_EQ(one[i][3], two[i][3]);
+  }
+  EXPECT_EQ(one[0][0], "Misra1a-start1-seed1");
+  EXPECT_NE(one[0][2], one[1][2]);
+  EXPECT_NE(one[2][2], one[3][2]);
+  const std::string file = "/square-seed2/ceres_lm.g2o";
+  EXPECT_EQ(ReadAll(Path("one") + file), ReadAll(Path("two") + file));
+}
+
+TEST_F(EstimateProgram, AMethodThatCannotTakeAProblemGetsARow) {
+  const Output output =
+      RunQuietly(WriteG2o2d(), "run", {"--methods=newton,ceres_lm"});
+  ExpectSays(output, {"failed: ", "no exact Hessian", "converged"});
+  // It has no cost, and no share in the least one.
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[0][3], "nan");
+  ExpectSays(output, {"0 of 1", "1 of 1"});
+}
+
+// Hundreds of steps of a quaternion's manifold, each with a rounding error.
+TEST_F(EstimateProgram, WritesWhatManyStepsLeadTo) {
+  const Output output = RunQuietly(
+      WriteG2o3d(),
+      "run",
+      {"--methods=gradient_descent:step_size=1e-4", "--max_iterations=3000"});
+  EXPECT_EQ(output.text.find("no result file"), std::string::npos)
+      << output.text;
+  int num_results = 0;
+  for (const auto& entry : fs::directory_iterator(Path("run") + "/triangle")) {
+    if (entry.path().extension() != ".g2o") continue;
+    ++num_results;
+    PoseGraph graph;
+    std::string error;
+    EXPECT_TRUE(ReadG2oFile(entry.path(), &graph, &error)) << error;
+  }
+  EXPECT_EQ(num_results, 1);
+}
+
+TEST_F(EstimateProgram, AResultThatCannotBeWrittenIsNoReasonToStop) {
+  const Output output =
+      RunQuietly(WriteMisra1a(), "run", {"--perturb=1e308", "--seeds=1,2,3"});
+  ExpectSays(output, {"no result file: ", "not finite", "results in"});
+  EXPECT_FALSE(Results("run").empty());
+}
+
+TEST_F(EstimateProgram, FoldersAreReadForWhatTheirEndingsSay) {
+  const fs::path folder = Path("folder");
+  fs::create_directory(folder);
+  fs::rename(WriteMisra1a(), folder / "Misra1a.dat");
+  fs::rename(WriteText("notes.md", "# Notes\n"), folder / "notes.md");
+  fs::create_symlink("loop.dat", folder / "loop.dat");
+  const Output output = RunQuietly(folder.string(), "run");
+  ExpectSays(output, {"Misra1a-start1"});
+}
+
+TEST_F(EstimateProgram, RobustLossesLowerTheCost) {
+  RunQuietly(WriteG2o2d(), "none", {"--methods=ceres_lm"});
+  RunQuietly(
+      WriteG2o2d(), "huber", {"--methods=ceres_lm", "--loss=huber:0.01"});
+  EXPECT_LT(std::stod(Results("huber")[0][2]),
+            0.1 * std::stod(Results("none")[0][2]));
+}
+
+TEST_F(EstimateProgram, DrawsPictures) {
+  const Output output =
+      Run({"--input=" + WriteMisra1a() + "," + WriteG2o2d() + "," +
+               WriteG2o3d() + "," + WriteBal("small.txt"),
+           "--start=1",
+           "--methods=ceres_lm",
+           "--output=" + Path("run")});
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  if (output.text.find("gnuplot") != std::string::npos) {
+    GTEST_SKIP() << "needs gnuplot";
+  }
+  for (const char* name : {"Misra1a-start1", "square", "triangle", "small"}) {
+    for (const char* picture : {"/result.png", "/cost.png"}) {
+      EXPECT_TRUE(fs::exists(Path("run") + "/" + name + picture)) << name;
+    }
+  }
+}
+
+TEST_F(EstimateProgram, RefusesBadInput) {
+  const std::string good = "--input=" + WriteMisra1a();
+  ExpectRefused({}, {"--input", "files"});
+  ExpectRefused({"--input=" + Path("missing.dat")}, {"missing.dat"});
+  ExpectRefused({"--input=" + WriteText("notes.csv", "1,2\n")},
+                {"notes.csv", ".g2o (g2o)", "format"});
+  ExpectRefused({"--input=" + WriteText("broken.g2o", "VERTEX_SE2 0 0 0\n")},
+                {"broken.g2o:1"});
+  ExpectRefused({"--input=" + WriteText("cut.txt", "2 3 6\n0 0 1.0")},
+                {"cut.txt"});
+  ExpectRefused({"--input=" + WriteMisra1a("Misra1x")},
+                {"Misra1x.dat", "Misra1a", "Thurber"});
+  ExpectRefused({"--input=" + WriteMisra1a("Rat42")},
+                {"Rat42.dat", "2 parameters", "expected 3"});
+  // The same name twice would be the same folder of results.
+  ExpectRefused({good + "," + Path("Misra1a.dat")}, {"two files", "Misra1a"});
+  ExpectRefused({good + ",," + Path("missing.dat")}, {"empty item"});
+  ExpectRefused({"--input=" + WriteText("alone.g2o", "VERTEX_SE2 0 0 0 0\n")},
+                {"alone.g2o", "no edges"});
+  ExpectRefused({"--input=" + WriteText("...g2o", ReadAll(WriteG2o2d()))},
+                {"no name for its results"});
+  std::string cut = ReadAll(Path("Misra1a.dat"));
+  cut[cut.find_last_of("0123456789")] = '3';  // it was 4
+  ExpectRefused({"--input=" + WriteText("cut.dat", cut)},
+                {"cut.dat", "certified sum of squares", "cut off"});
+  fs::create_directory(Path("empty"));
+  ExpectRefused({"--input=" + Path("empty")}, {"no files", "empty"});
+}
+
+TEST_F(EstimateProgram, RefusesBadFlags) {
+  const std::string good = "--input=" + WriteMisra1a();
+  ExpectRefused({good, "--methods=ceres_ml"}, {"ceres_ml", "ceres_lm"});
+  ExpectRefused({good, "--methods=ceres_lm,adam:epochs=1>half_inverse"},
+                {"--methods", "half_inverse", "phases"});
+  ExpectRefused({good, "--methods=ceres_lm:linear_solver=qr"},
+                {"linear_solver=qr", "sparse_schur"});
+  ExpectRefused({good, "--format=csv"}, {"--format=csv", "nist, bal, g2o"});
+  ExpectRefused({good, "--start=3"}, {"--start=3", "1, 2, both"});
+  ExpectRefused({"--input=" + WriteG2o2d(), "--start=2"}, {"one start"});
+  ExpectRefused({good, "--loss=hubert"}, {"--loss", "hubert", "huber"});
+  ExpectRefused({good, "--perturb=-1"}, {"--perturb=-1", "0"});
+  ExpectRefused({good, "--perturb=nan"}, {"--perturb=nan"});
+  ExpectRefused({good, "--seeds=x"}, {"--seeds", "x"});
+  ExpectRefused({good, "--max_iterations=-1"}, {"--max_iterations=-1"});
+  ExpectRefused({good, "--seconds=-1"}, {"--seconds=-1"});
+  ExpectRefused({good, "--function_tolerance=2"}, {"--function_tolerance=2"});
+  ExpectRefused({good, "--threads=0"}, {"--threads=0", "1 to 256"});
+  ExpectRefused({good, "--information_root=left"}, {"lower, upper"});
+  ExpectRefused({good, "stray"}, {"stray"});
+}
+
+TEST_F(EstimateProgram, KeepsTheDirectoryOfAnEarlierRun) {
+  const std::string input = "--input=" + WriteMisra1a();
+  RunQuietly(WriteMisra1a(), "run");
+  const Output again = Run({input, "--output=" + Path("run")});
+  EXPECT_EQ(again.exit_code, 1);
+  ExpectSays(again, {"exists", "--overwrite"});
+  RunQuietly(WriteMisra1a(), "run", {"--overwrite"});
+}
+
+// Published and found by others.
+
+TEST_F(EstimateProgram, SolvesThePublishedRegressions) {
+  const std::string folder = PublishedData("nist");
+  if (folder.empty()) {
+    GTEST_SKIP() << "https://www.itl.nist.gov/div898/strd/nls has the files";
+  }
+  const Output output =
+      RunQuietly(folder, "run", {"--methods=ceres_lm,ceres_bfgs"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 2 * 54);
+  int num_solved[2] = {0, 0};
+  double sum[2] = {0.0, 0.0};
+  for (const auto& row : rows) {
+    const int method = row[1] == "ceres_lm" ? 0 : 1;
+    const double digits = std::stod(row[8]);
+    if (digits > 4.0) {
+      ++num_solved[method];
+      sum[method] += digits;
+    }
+  }
+  EXPECT_GE(num_solved[0], 53) << output.text;
+  EXPECT_GE(num_solved[1], 52) << output.text;
+  EXPECT_GE(sum[0] / num_solved[0], 9.0);
+}
+
+TEST_F(EstimateProgram, AdjustsThePublishedBundle) {
+  const std::string input = PublishedData("bal/problem-16-22106-pre.txt.bz2");
+  if (input.empty()) {
+    GTEST_SKIP() << "https://grail.cs.washington.edu/projects/bal has the file";
+  }
+  RunQuietly(input, "run", {"--methods=ceres_lm"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 1);
+  EXPECT_NEAR(std::stod(rows[0][2]), 4.185660e6, 0.5);
+  EXPECT_NEAR(std::stod(rows[0][3]), 1.803391e4, 0.05);
+  EXPECT_GE(std::stoi(rows[0][4]), 5);
+  EXPECT_LE(std::stoi(rows[0][4]), 7);
+}
+
+TEST_F(EstimateProgram, OptimizesThePublishedPoseGraphs) {
+  const std::string plane = PublishedData("g2o/M3500.g2o");
+  const std::string space = PublishedData("g2o/sphere2500.g2o");
+  if (plane.empty() || space.empty()) {
+    GTEST_SKIP() << "https://lucacarlone.mit.edu/datasets/ has the files";
+  }
+  RunQuietly(plane + "," + space, "run", {"--methods=ceres_lm"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 2);
+  EXPECT_NEAR(std::stod(rows[0][3]), 68.95648, 1e-4);
+  EXPECT_NEAR(std::stod(rows[1][3]), 675.7562, 1e-3);
+}
+
+}  // namespace
+}  // namespace invgrad

@@ -1,0 +1,140 @@
+// Another network in front of a problem's physics.
+
+#include "bin/support/network_settings.h"
+
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/problems.h"
+#include "tests/support/create_problem.h"
+
+namespace invgrad {
+namespace {
+
+std::vector<std::string> LearningProblems() {
+  std::vector<std::string> names;
+  for (const ProblemRow& row : Problems()) {
+    PhysicsProblem problem;
+    std::string error;
+    if (row.create({}, nullptr, &problem, &error) &&
+        problem.learning.has_value()) {
+      names.push_back(row.name);
+    }
+  }
+  return names;
+}
+
+class EveryLearningProblem : public ::testing::TestWithParam<std::string> {};
+
+// Its loss is finite in front of another network too, in a closed loop as well.
+TEST_P(EveryLearningProblem, TakesAnotherNetwork) {
+  LearningProblem problem = CreateLearningProblem(GetParam());
+  const LearningProblem own = problem;
+  std::string error;
+  ASSERT_TRUE(SetNetwork({"5-3", "gelu", "pytorch"}, &problem, &error))
+      << error;
+  const DenseNetwork& network = problem.model->network();
+  EXPECT_EQ(network.widths(),
+            (std::vector<int>{own.model->network().num_inputs(),
+                              5,
+                              3,
+                              own.model->network().num_outputs()}));
+  EXPECT_EQ(network.hidden_activation(), Activation::kGelu);
+  EXPECT_EQ(problem.initialization, Initialization::kPytorch);
+  EXPECT_EQ(&problem.model->simulator(), &own.model->simulator());
+  EXPECT_EQ(&problem.model->loss(), &own.model->loss());
+  EXPECT_EQ(problem.model->feedback(), own.model->feedback());
+  EXPECT_EQ(problem.model->reduction(), own.model->reduction());
+  NumpyRandom random(1);
+  double cost = 0.0;
+  EXPECT_TRUE(problem.model->Cost(
+      network.InitialWeights(problem.initialization, &random),
+      problem.train.Range(0, 1),
+      &cost,
+      &error))
+      << error;
+  EXPECT_TRUE(std::isfinite(cost));
+}
+
+INSTANTIATE_TEST_SUITE_P(NetworkSettings,
+                         EveryLearningProblem,
+                         ::testing::ValuesIn(LearningProblems()),
+                         [](const auto& info) { return info.param; });
+
+TEST(NetworkSettings, WhatIsNotGivenStays) {
+  const LearningProblem own =
+      CreateLearningProblem("oscillator_chain:coupling=cubic");
+  const auto with = [&own](const NetworkSettings& settings) {
+    LearningProblem problem = own;
+    std::string error;
+    EXPECT_TRUE(SetNetwork(settings, &problem, &error)) << error;
+    return problem;
+  };
+  const DenseNetwork& own_network = own.model->network();
+  LearningProblem problem = with({});
+  EXPECT_EQ(problem.model->network().widths(), own_network.widths());
+  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kRelu);
+  EXPECT_EQ(problem.initialization, Initialization::kGlorotUniform);
+  problem = with({"7", "", ""});
+  EXPECT_EQ(problem.model->network().widths(), (std::vector<int>{4, 7, 96}));
+  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kRelu);
+  problem = with({"", "sigmoid", ""});
+  EXPECT_EQ(problem.model->network().widths(), own_network.widths());
+  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kSigmoid);
+  problem = with({"", "", "he"});
+  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kRelu);
+  EXPECT_EQ(problem.initialization, Initialization::kHeUniform);
+}
+
+TEST(NetworkSettings, FieldsHaveTheirNames) {
+  NetworkSettings settings;
+  for (const std::string& name : NetworkSettings::Names()) {
+    ASSERT_NE(settings.Find(name), nullptr);
+    *settings.Find(name) = name;
+  }
+  EXPECT_EQ(settings.hidden, "hidden");
+  EXPECT_EQ(settings.activation, "activation");
+  EXPECT_EQ(settings.initialization, "initialization");
+  EXPECT_EQ(settings.Find("widths"), nullptr);
+}
+
+TEST(NetworkSettings, SaysWhatItRefusesAndChangesNothing) {
+  const std::vector<std::pair<NetworkSettings, std::string>> cases = {
+      {{"20-x", "", ""}, "hidden=20-x: width=x"},
+      {{"20-0-20", "", ""}, "hidden=20-0-20: width=0 is out of range"},
+      {{"20--20", "", ""}, "hidden=20--20: width= "},
+      {{"-20", "", ""}, "as in 20-20-20"},
+      {{"20-", "", ""}, "as in 20-20-20"},
+      {{"1000000-1000000", "", ""}, "more than the 2147483647 weights"},
+      {{"", "sine", ""},
+       "activation=sine is no choice; allowed: one of linear, tanh, relu, "
+       "sigmoid, gelu"},
+      {{"5", "relu", "xavier"},
+       "initialization=xavier is no choice; allowed: one of glorot, he, "
+       "pytorch"}};
+  LearningProblem problem = CreateLearningProblem("toy_network");
+  const Model* const model = problem.model.get();
+  for (const auto& [settings, words] : cases) {
+    SCOPED_TRACE(words);
+    std::string error;
+    EXPECT_FALSE(SetNetwork(settings, &problem, &error));
+    EXPECT_NE(error.find(words), std::string::npos) << error;
+    EXPECT_EQ(problem.model.get(), model);
+  }
+}
+
+TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
+  LearningProblem problem = CreateLearningProblem("poisson_pinn");
+  std::string error;
+  EXPECT_FALSE(SetNetwork({"", "relu", ""}, &problem, &error));
+  EXPECT_EQ(error,
+            "activation=relu has no Laplacian, which this problem needs");
+  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kTanh);
+}
+
+}  // namespace
+}  // namespace invgrad

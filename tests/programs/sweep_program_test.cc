@@ -1,0 +1,319 @@
+// The program sweep, run as a user runs it.
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "tests/support/program_runner.h"
+
+namespace invgrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Lines of a CSV file without quoted commas, by column name.
+using CsvLines = std::vector<std::map<std::string, std::string>>;
+
+CsvLines ReadCsv(const std::string& text) {
+  const auto split = [](const std::string& line) {
+    std::vector<std::string> fields;
+    std::istringstream stream(line + ",");
+    for (std::string field; std::getline(stream, field, ',');) {
+      if (field.size() > 1 && field.front() == '"') {
+        field = field.substr(1, field.size() - 2);
+      }
+      fields.push_back(field);
+    }
+    return fields;
+  };
+  std::istringstream lines(text);
+  std::string line;
+  std::getline(lines, line);
+  const std::vector<std::string> names = split(line);
+  CsvLines rows;
+  while (std::getline(lines, line)) {
+    const std::vector<std::string> fields = split(line);
+    EXPECT_EQ(fields.size(), names.size()) << line;
+    std::map<std::string, std::string> row;
+    for (size_t i = 0; i < std::min(fields.size(), names.size()); ++i) {
+      row[names[i]] = fields[i];
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+class SweepProgram : public ProgramRunner {
+ protected:
+  SweepProgram() : ProgramRunner("sweep") {}
+
+  static std::string SmallGrid() {
+    return "lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|1e200;"
+           "seed=1";
+  }
+
+  // Eight runs of some milliseconds.
+  std::vector<std::string> SmallSweep(const std::string& output) const {
+    return {"--problem=toy_network:num_samples=32",
+            "--grid=" + SmallGrid(),
+            "--steps=6",
+            "--plots=false",
+            "--output=" + Path(output)};
+  }
+
+  CsvLines Results(const std::string& output) const {
+    return ReadCsv(ReadAll(Path(output) + "/sweep.csv"));
+  }
+
+  // But for the times.
+  CsvLines Losses(const std::string& output) const {
+    CsvLines rows = Results(output);
+    for (auto& row : rows) {
+      row.erase("seconds");
+      row.erase("ms_per_step");
+    }
+    return rows;
+  }
+
+  // The directories of the jobs, sorted.
+  std::vector<std::string> Jobs(const std::string& output) const {
+    std::vector<std::string> jobs;
+    for (const auto& entry : fs::directory_iterator(Path(output) + "/jobs")) {
+      jobs.push_back(entry.path());
+    }
+    std::sort(jobs.begin(), jobs.end());
+    return jobs;
+  }
+};
+
+TEST_F(SweepProgram, SaysWhereAGridIsMalformed) {
+  const auto expect = [this](const std::string& grid,
+                             const std::vector<std::string>& words) {
+    ExpectRefused({"--problem=toy_network", "--grid=" + grid}, words);
+  };
+  expect("", {"--grid is missing", "--grid=\"rule=half_inverse,adam"});
+  expect("lambda=1,;rule=adam",
+         {"--grid: column 10: expected a value of 'lambda', found ';'\n"
+          "  lambda=1,;rule=adam\n"
+          "           ^\n"});
+  expect("lambda=1", {"column 9", "rule=method"});
+  expect("lamda=1;rule=adam", {"column 1:", "'lamda'", "lambda"});
+  expect("rule=adam;stepsize=1", {"column 11:", "'stepsize'", "step_size"});
+  expect("rule=newton/numerical/adam;y_stepsize=1",
+         {"column 28:", "'y_stepsize'", "y_step_size"});
+  expect("rule=adam:epochs=1>",
+         {"column 20: expected the name of a rule, found the end"});
+  expect("rule=adam>half_inverse", {"column 6:", "'adam' needs epochs=N"});
+  expect("hidden=9,9-;rule=adam", {"column 10:", "hidden=9-", "20-20-20"});
+  expect("activation=sine;rule=adam", {"column 12:", "activation=sine"});
+  expect("rule=adm", {"column 6:", "'adm'", "adam"});
+  expect("rule=adam:step_size=1|-2", {"column 6:", "step_size=-2", "allowed"});
+  expect("rule=adam;step_size=-1", {"column 21:", "step_size=-1", "allowed"});
+  expect("rule=adam:step_size=1;step_size=2", {"given twice: 1 and 2"});
+  expect("rule=adam;lambda=1,-3", {"column 20:", "lambda=-3", "allowed"});
+  expect("rule=adam;seed=1,x", {"column 18:", "seed=x"});
+  expect("rule=adam;batch_size=4,1000000",
+         {"column 24:", "batch_size=1000000", "training samples"});
+}
+
+TEST_F(SweepProgram, RefusesOtherFlagsOutOfRange) {
+  const std::string grid = "--grid=rule=adam";
+  const std::string problem = "--problem=toy_network";
+  ExpectRefused({"--problem=toy_net", grid}, {"toy_net"});
+  ExpectRefused({"--problem=squared_component", grid}, {"no network"});
+  ExpectRefused({problem, grid, "--jobs=0"}, {"--jobs=0", "1024"});
+  ExpectRefused({problem, grid, "--tail=1"}, {"--tail=1", "[0, 1)"});
+  ExpectRefused({problem, grid, "--seconds=-1"}, {"--seconds=-1"});
+  ExpectRefused({problem, grid, "--value=test_loss"},
+                {"--value=test_loss", "auto, train_loss\n"});
+  ExpectRefused({problem, grid, "--value=accuracy"}, {"--value=accuracy"});
+}
+
+TEST_F(SweepProgram, HasARowForEveryRunAndTheBestIsMarked) {
+  const Output output = Run(SmallSweep("run"));
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 8u);
+  for (const auto& row : rows) EXPECT_EQ(row.at("seed"), "1");
+  EXPECT_EQ(rows[0].at("lambda"), "1");
+  EXPECT_EQ(rows[0].at("rule"), "half_inverse");
+  EXPECT_EQ(rows[0].at("best"), "1");
+  EXPECT_EQ(rows[0].at("steps"), "6");
+  EXPECT_EQ(rows[7].at("lambda"), "0.1");
+  EXPECT_EQ(rows[7].at("alternative"), "step_size=1e200");
+  EXPECT_EQ(rows[7].at("status").substr(0, 8), "diverged");
+  for (const int first : {1, 5}) {  // of three step sizes
+    const double small = std::stod(rows[first].at("train_loss"));
+    const double large = std::stod(rows[first + 1].at("train_loss"));
+    // In six steps the larger step gets farther; it is inside of its grid, the
+    // smaller one would not be.
+    ASSERT_LT(large, small);
+    EXPECT_EQ(rows[first].at("best"), "0");
+    EXPECT_EQ(rows[first + 1].at("best"), "1");
+    EXPECT_EQ(rows[first + 1].at("at_edge"), "");
+    EXPECT_EQ(rows[first + 2].at("best"), "0");
+  }
+  const std::string table = ReadAll(Path("run") + "/table.txt");
+  EXPECT_NE(table.find("adam:step_size=3e-2"), std::string::npos) << table;
+  EXPECT_EQ(table.find("adam:step_size=1e-3"), std::string::npos) << table;
+  EXPECT_TRUE(fs::exists(Path("run") + "/table.md"));
+}
+
+TEST_F(SweepProgram, TheEdgeOfAGridIsReported) {
+  std::vector<std::string> arguments = SmallSweep("run");
+  arguments[1] = "--grid=rule=adam:step_size=1e-3|1e-2|3e-2";
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[2].at("best"), "1");
+  EXPECT_EQ(rows[2].at("at_edge"), "step_size");
+}
+
+TEST_F(SweepProgram, RunsAreThoseOfCompare) {
+  ASSERT_EQ(Run(SmallSweep("run")).exit_code, 0);
+  const Output compared = Wait(StartProgram(
+      "compare",
+      {"--problem=toy_network:num_samples=32:lambda=0.1",
+       "--rules=half_inverse,adam:step_size=1e-3,adam:step_size=3e-2",
+       "--steps=6",
+       "--plots=false",
+       "--output=" + Path("compare")}));
+  ASSERT_EQ(compared.exit_code, 0) << compared.text;
+  const CsvLines wanted = ReadCsv(ReadAll(Path("compare") + "/summary.csv"));
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(wanted.size(), 3u);
+  for (int i = 0; i < 3; ++i) {
+    for (const char* name :
+         {"train_loss", "best_train_loss", "steps", "status"}) {
+      EXPECT_EQ(rows[4 + i].at(name), wanted[i].at(name)) << name;
+    }
+  }
+}
+
+TEST_F(SweepProgram, TheNumberOfProcessesDoesNotMatter) {
+  ASSERT_EQ(Run(SmallSweep("one")).exit_code, 0);
+  std::vector<std::string> arguments = SmallSweep("three");
+  arguments.push_back("--jobs=3");
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  EXPECT_EQ(Losses("one"), Losses("three"));
+}
+
+TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
+  ASSERT_EQ(Run(SmallSweep("run")).exit_code, 0);
+  const CsvLines before = Results("run");
+  const std::vector<std::string> jobs = Jobs("run");
+  ASSERT_EQ(jobs.size(), 8u);
+  std::vector<fs::file_time_type> times;
+  times.reserve(jobs.size());
+  for (const std::string& job : jobs) {
+    times.push_back(fs::last_write_time(job + "/history.csv"));
+  }
+  fs::remove_all(jobs[3]);
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const Output output = Run(SmallSweep("run"));
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_NE(output.text.find("7 of 8 runs were done before"), std::string::npos)
+      << output.text;
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    const bool is_new =
+        fs::last_write_time(jobs[i] + "/history.csv") > times[i];
+    EXPECT_EQ(is_new, i == 3) << jobs[i];
+  }
+  const CsvLines after = Results("run");
+  int num_times_changed = 0;
+  for (size_t i = 0; i < before.size(); ++i) {
+    EXPECT_EQ(after[i].at("train_loss"), before[i].at("train_loss"));
+    num_times_changed += after[i].at("seconds") != before[i].at("seconds");
+  }
+  EXPECT_LE(num_times_changed, 1);
+
+  // A larger budget goes on with all runs, but the two that diverged.
+  std::vector<std::string> longer = SmallSweep("run");
+  longer[2] = "--steps=9";
+  const Output more = Run(longer);
+  EXPECT_NE(more.text.find("2 of 8 runs were done before"), std::string::npos)
+      << more.text;
+  longer.back() = "--output=" + Path("whole");
+  ASSERT_EQ(Run(longer).exit_code, 0);
+  EXPECT_EQ(Losses("run"), Losses("whole"));
+
+  // Another grid is another sweep.
+  std::vector<std::string> other = SmallSweep("run");
+  other[1] += ",2";
+  const Output refused = Run(other);
+  EXPECT_EQ(refused.exit_code, 1);
+  ExpectSays(refused, {"--grid=", "give another --output, or --overwrite"});
+  EXPECT_EQ(Jobs("run"), jobs);
+  other.push_back("--overwrite");
+  EXPECT_EQ(Run(other).exit_code, 0);
+  EXPECT_EQ(Results("run").size(), 16u);
+}
+
+TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
+  std::vector<std::string> arguments = SmallSweep("run");
+  // The first rule diverges at once, the second has no end.
+  arguments[1] =
+      "--grid=rule=gradient_descent:step_size=1e200,adam,rmsprop;seed=1";
+  arguments[2] = "--steps=1000000000";
+  arguments.push_back("--jobs=1");
+  const pid_t child = Start(arguments);
+  const std::string endless = Path("run") + "/jobs/1-adam-batch32-seed1";
+  for (int i = 0; i < 500 && !fs::exists(endless); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ::kill(child, SIGINT);
+  const Output output = Wait(child);
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[0].at("status").substr(0, 8), "diverged");
+  EXPECT_EQ(rows[1].at("status"), "interrupted");
+  EXPECT_EQ(rows[2].at("status"), "interrupted");
+  EXPECT_TRUE(fs::exists(endless + "/checkpoint"));
+  EXPECT_FALSE(fs::exists(endless + "/result.txt"));
+
+  arguments[2] = "--steps=1";  // fewer than there were: all can end
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  EXPECT_EQ(Results("run")[1].at("status"), "steps done");
+}
+
+TEST_F(SweepProgram, ARuleThatCannotTakeTheProblemIsARow) {
+  const Output output = Run({"--problem=quantum_dipole:num_samples=4",
+                             "--grid=rule=ceres_lm,adam",
+                             "--steps=1",
+                             "--plots=false",
+                             "--output=" + Path("run")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const std::string csv = ReadAll(Path("run") + "/sweep.csv");
+  EXPECT_NE(csv.find("not run: a trust region needs"), std::string::npos)
+      << csv;
+  EXPECT_NE(csv.find("steps done"), std::string::npos) << csv;
+}
+
+TEST_F(SweepProgram, DrawsLinesMapsAndCurves) {
+  if (std::system("gnuplot --version > /dev/null 2>&1") != 0) {
+    GTEST_SKIP() << "gnuplot is not installed (apt install gnuplot-nox)";
+  }
+  std::vector<std::string> arguments = SmallSweep("run");
+  arguments[1] = "--grid=lambda=1,0.1;rule=adam;batch_size=4,8";
+  arguments[3] = "--plots";
+  const Output output = Run(arguments);
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_EQ(output.text.find("panels"), std::string::npos) << output.text;
+  for (const char* name : {"lines.png", "heat_map.png", "curves.png"}) {
+    EXPECT_TRUE(fs::exists(Path("run") + "/" + name)) << name;
+  }
+}
+
+}  // namespace
+}  // namespace invgrad
