@@ -75,6 +75,10 @@ build_jobs() {
 
 build_release() {
   local options=()
+  # For a build from scratch; who has configured the folder chooses.
+  if [[ ! -f "$build_dir/CMakeCache.txt" ]]; then
+    options+=(-DCMAKE_UNITY_BUILD=ON)
+  fi
   # Only switched on here, never off: a run without CI in the same folder must
   # not rebuild everything.
   if [[ "${CI:-}" == true ]]; then

@@ -20,11 +20,11 @@ struct ExponentialPhysics {
   }
 };
 
-bool Invert(const InverseSimulator::ConstVectorRef& y,
-            const InverseSimulator::ConstVectorRef& /*x0*/,
-            const InverseSimulator::ConstVectorRef& /*context*/,
-            Eigen::VectorXd* x,
-            std::string* why) {
+bool InvertExponential(const InverseSimulator::ConstVectorRef& y,
+                       const InverseSimulator::ConstVectorRef& /*x0*/,
+                       const InverseSimulator::ConstVectorRef& /*context*/,
+                       Eigen::VectorXd* x,
+                       std::string* why) {
   if (!(y[0] > 0.0)) {
     *why = "y <= 0 has no pre-image";
     return false;
@@ -61,7 +61,7 @@ bool Exponential::Create(const Options& options,
       std::make_shared<AutoDiffSimulator<ExponentialPhysics, 1, 1>>(),
       std::make_shared<SquaredNormLoss>(1, 0.5),
       Reduction::kMean);
-  problem->inverse = std::make_shared<FunctionInverse>(Invert);
+  problem->inverse = std::make_shared<FunctionInverse>(InvertExponential);
   problem->metric =
       Metric{"distance", [](const Eigen::MatrixXd& x, const DataSet& samples) {
                return (x - samples.solutions).cwiseAbs().mean();

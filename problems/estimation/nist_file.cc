@@ -15,7 +15,7 @@
 namespace invgrad {
 namespace {
 
-constexpr long kMaxCount = std::numeric_limits<int>::max();
+constexpr long kLargestCount = std::numeric_limits<int>::max();
 
 // What a line of the head states; line 0 if none did.
 struct Statement {
@@ -103,7 +103,7 @@ class NistParser {
     if (!cursor_.ReadWord("(lines") ||
         !cursor_.ReadInteger("the first line's number",
                              cursor_.line_number() + 1,
-                             kMaxCount,
+                             kLargestCount,
                              &lines->first) ||
         !cursor_.ReadWord("to")) {
       return false;
@@ -248,7 +248,7 @@ class NistParser {
         long degrees = 0;
         is_read = SkipWords({"of", "Freedom:"}) &&
                   cursor_.ReadInteger(
-                      "the degrees of freedom", 0, kMaxCount, &degrees);
+                      "the degrees of freedom", 0, kLargestCount, &degrees);
         has_degrees = true;
       } else if (word == "Number" && !has_observations) {
         long count = num_observations_.first;

@@ -16,13 +16,14 @@ namespace invgrad {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
+constexpr double kHalfTurn = 3.14159265358979323846;
 
 // The same angle in [-pi, pi).
 template <typename T>
 T NormalizeAngle(const T& angle) {
   using std::floor;
-  return angle - 2.0 * kPi * floor((angle + kPi) / (2.0 * kPi));
+  return angle -
+         2.0 * kHalfTurn * floor((angle + kHalfTurn) / (2.0 * kHalfTurn));
 }
 
 template <int kSize>

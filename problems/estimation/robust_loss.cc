@@ -15,13 +15,13 @@ ceres::LossFunction* Make(double scale) {
   return new Loss(scale);
 }
 
-struct Row {
+struct LossRow {
   std::string name;
   MakeScaled make;
 };
 
-const std::vector<Row>& Rows() {
-  static const auto* const rows = new std::vector<Row>{
+const std::vector<LossRow>& Rows() {
+  static const auto* const rows = new std::vector<LossRow>{
       {"huber", Make<ceres::HuberLoss>},
       {"soft_l_one", Make<ceres::SoftLOneLoss>},
       {"cauchy", Make<ceres::CauchyLoss>},
@@ -55,7 +55,7 @@ bool ParseRobustLoss(const std::string& text,
     return false;
   }
   std::vector<std::string> names = {"none"};
-  for (const Row& row : Rows()) {
+  for (const LossRow& row : Rows()) {
     if (row.name == name) {
       *make_loss = [make = row.make, scale] { return make(scale); };
       return true;

@@ -22,7 +22,7 @@
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
-namespace {
+namespace cached_problem_test {
 
 struct Counts {
   int with_jacobians = 0;
@@ -269,5 +269,5 @@ TEST(CachedProblem, CallsTheEvaluationCallback) {
   EXPECT_GT(callback.summary().num_accepted, 0);
 }
 
-}  // namespace
+}  // namespace cached_problem_test
 }  // namespace invgrad

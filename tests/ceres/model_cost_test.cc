@@ -15,7 +15,7 @@
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
-namespace {
+namespace model_cost_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -199,5 +199,5 @@ TEST(ModelCostFunction, FailsWhereTheModelDoes) {
   EXPECT_FALSE(ModelFunction(&model, &data).Evaluate(weights, &cost, jacobian));
 }
 
-}  // namespace
+}  // namespace model_cost_test
 }  // namespace invgrad

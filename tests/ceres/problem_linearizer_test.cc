@@ -20,7 +20,7 @@
 #include "invgrad/ceres/second_order_cost_function.h"
 
 namespace invgrad {
-namespace {
+namespace problem_linearizer_test {
 
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -602,5 +602,5 @@ TEST(ProblemLinearizer, StoresAFullJacobianDenselyAndASparseOneInRows) {
   }
 }
 
-}  // namespace
+}  // namespace problem_linearizer_test
 }  // namespace invgrad

@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace second_order_cost_function_test {
 
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -94,5 +94,5 @@ TEST(SecondOrderCostFunction, DynamicNumberOfResiduals) {
   EXPECT_DOUBLE_EQ(hessian, 2.0 * (1.0 + 20.0 + 300.0));
 }
 
-}  // namespace
+}  // namespace second_order_cost_function_test
 }  // namespace invgrad

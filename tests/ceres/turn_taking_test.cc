@@ -5,7 +5,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace turn_taking_test {
 
 // 'r' and 'c' for the turns of the rule and of Ceres, if every step of the one
 // gains `rule` and of the other `ceres`.
@@ -67,5 +67,5 @@ TEST(TurnTaking, ARuleWithoutAStepWaitsLongerAndLonger) {
   }
 }
 
-}  // namespace
+}  // namespace turn_taking_test
 }  // namespace invgrad

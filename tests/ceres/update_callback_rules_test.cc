@@ -27,7 +27,7 @@
 #include "tests/support/create_problem.h"
 
 namespace invgrad {
-namespace {
+namespace update_callback_rules_test {
 
 std::unique_ptr<UpdateRule> MakeRule(const std::string& text) {
   std::vector<Specification> specifications;
@@ -288,5 +288,5 @@ TEST(UpdateCallbackRules, ARuleThatFailsIsAskedLessAndLess) {
   EXPECT_EQ(callback.summary().message, "never");
 }
 
-}  // namespace
+}  // namespace update_callback_rules_test
 }  // namespace invgrad

@@ -23,7 +23,7 @@
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
-namespace {
+namespace update_callback_test {
 
 using Options = UpdateCallback::Options;
 
@@ -925,5 +925,5 @@ TEST(UpdateCallback, EvaluationCallback) {
   EXPECT_GT(callback.summary().num_accepted, 0);
 }
 
-}  // namespace
+}  // namespace update_callback_test
 }  // namespace invgrad

@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace data_set_test {
 
 using Eigen::MatrixXd;
 
@@ -64,5 +64,5 @@ TEST(DataSetDeathTest, RefusesSamplesThatDoNotExist) {
   EXPECT_DEATH(FourSamples().Range(3, 2), "2 vs. 1");
 }
 
-}  // namespace
+}  // namespace data_set_test
 }  // namespace invgrad

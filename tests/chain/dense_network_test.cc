@@ -13,7 +13,7 @@
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
-namespace {
+namespace dense_network_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -348,5 +348,5 @@ TEST(InitialWeightsTest, AreDrawnAsNumpyWould) {
   }
 }
 
-}  // namespace
+}  // namespace dense_network_test
 }  // namespace invgrad

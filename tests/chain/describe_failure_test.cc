@@ -18,7 +18,7 @@
 #include "problems/schroedinger.h"
 
 namespace invgrad {
-namespace {
+namespace describe_failure_test {
 
 using Eigen::VectorXd;
 
@@ -331,5 +331,5 @@ TEST(DescribeFailure, ChainObjectiveSaysWhere) {
   }
 }
 
-}  // namespace
+}  // namespace describe_failure_test
 }  // namespace invgrad

@@ -24,7 +24,7 @@
 #include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
-namespace {
+namespace feedback_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -472,5 +472,5 @@ TEST(ClosedLoopDeathTest, RefusesPartsThatDoNotFit) {
   EXPECT_DEATH(make({1, 1}, 3), "first part of the network's inputs");
 }
 
-}  // namespace
+}  // namespace feedback_test
 }  // namespace invgrad

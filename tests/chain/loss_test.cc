@@ -8,7 +8,7 @@
 #include "invgrad/chain/autodiff_loss.h"
 
 namespace invgrad {
-namespace {
+namespace loss_test {
 
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
@@ -100,5 +100,5 @@ TEST(AutoDiffLossTest, FailsWithoutAFiniteValue) {
       y.data(), target.data(), &value, gradient.data(), hessian.data()));
 }
 
-}  // namespace
+}  // namespace loss_test
 }  // namespace invgrad

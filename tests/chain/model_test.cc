@@ -17,7 +17,7 @@
 #include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
-namespace {
+namespace model_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -393,5 +393,5 @@ TEST(ModelDeathTest, RefusesPartsThatDoNotFit) {
                "simulator's outputs are the loss's argument");
 }
 
-}  // namespace
+}  // namespace model_test
 }  // namespace invgrad

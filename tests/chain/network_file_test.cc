@@ -13,7 +13,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace network_file_test {
 
 using Eigen::VectorXd;
 
@@ -203,5 +203,5 @@ TEST(CountWeights, IsTheNumberOfWeights) {
   EXPECT_DEATH(DenseNetwork({large, large}, Activation::kTanh), "CountWeights");
 }
 
-}  // namespace
+}  // namespace network_file_test
 }  // namespace invgrad

@@ -13,7 +13,7 @@
 #include "invgrad/chain/network_functor.h"
 
 namespace invgrad {
-namespace {
+namespace network_jacobian_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -217,5 +217,5 @@ TEST(NetworkJacobian, IsTheDerivativeOfTheChain) {
   }
 }
 
-}  // namespace
+}  // namespace network_jacobian_test
 }  // namespace invgrad

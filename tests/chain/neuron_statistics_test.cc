@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace neuron_statistics_test {
 
 // 1-2-1 with the first neuron phi(w a + b) and the second phi(a).
 Eigen::VectorXd Weights(double w, double b) {
@@ -98,5 +98,5 @@ TEST(NeuronStatistics, ADeadReluIsSaturated) {
   EXPECT_FALSE(neurons[1].is_saturated());
 }
 
-}  // namespace
+}  // namespace neuron_statistics_test
 }  // namespace invgrad

@@ -10,7 +10,7 @@
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
-namespace {
+namespace simulator_test {
 
 using Eigen::Matrix2d;
 using Eigen::MatrixXd;
@@ -185,5 +185,5 @@ TEST(ScratchTest, KeepsItsMemoryAndNests) {
   EXPECT_TRUE(again.data() == first || other.data() == first);
 }
 
-}  // namespace
+}  // namespace simulator_test
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 #include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
-namespace {
+namespace time_stepping_simulator_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -236,5 +236,5 @@ TEST(TimeSteppingSimulator, FailsWithTheStepOrAnInfinity) {
   EXPECT_EQ(J[2], 1.0);
 }
 
-}  // namespace
+}  // namespace time_stepping_simulator_test
 }  // namespace invgrad

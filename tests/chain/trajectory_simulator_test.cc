@@ -11,7 +11,7 @@
 #include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
-namespace {
+namespace trajectory_simulator_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -233,5 +233,5 @@ TEST(TrajectorySimulator, FailsWithTheOutputOrAnInfinity) {
   EXPECT_TRUE(simulator.Evaluate(x, start.data(), y, J));
 }
 
-}  // namespace
+}  // namespace trajectory_simulator_test
 }  // namespace invgrad

@@ -21,7 +21,7 @@
 #include "invgrad/inverse/chain_pull_back.h"
 
 namespace invgrad {
-namespace {
+namespace two_jet_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -443,5 +443,5 @@ TEST(JetModel, PullBacksTrainAllChannels) {
   }
 }
 
-}  // namespace
+}  // namespace two_jet_test
 }  // namespace invgrad

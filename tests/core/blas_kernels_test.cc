@@ -10,7 +10,7 @@
 #include "invgrad/core/blas.h"
 
 namespace invgrad {
-namespace {
+namespace blas_kernels_test {
 
 TEST(BetterBlasKernels, AreTheWidestOfTheProcessorForOldKernels) {
   for (const char* old :
@@ -103,5 +103,5 @@ TEST(OldBlasKernelsDeathTest, AreNotLoggedWhereTheyUseAvx2) {
   ExpectWarnings("Haswell", "0");
 }
 
-}  // namespace
+}  // namespace blas_kernels_test
 }  // namespace invgrad

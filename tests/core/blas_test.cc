@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace blas_test {
 
 using Eigen::MatrixXd;
 
@@ -126,5 +126,5 @@ TEST(BlasThreadsTest, IsWhatWasSet) {
   EXPECT_EQ(BlasThreads(), before);
 }
 
-}  // namespace
+}  // namespace blas_test
 }  // namespace invgrad

@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace jacobian_operator_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -172,5 +172,5 @@ TEST(JacobianOperatorDeathTest, SizesThatDoNotFitAreChecked) {
   EXPECT_DEATH(sparse.TransposeTimes(VectorXd::Ones(4), &result), "J\\^T w");
 }
 
-}  // namespace
+}  // namespace jacobian_operator_test
 }  // namespace invgrad

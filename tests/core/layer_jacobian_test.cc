@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace layer_jacobian_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -141,5 +141,5 @@ TEST(LayerJacobianDeathTest, SizesThatDoNotFitAreChecked) {
   EXPECT_DEATH(layer.TransposeTimes(VectorXd::Ones(12), &result), "size");
 }
 
-}  // namespace
+}  // namespace layer_jacobian_test
 }  // namespace invgrad

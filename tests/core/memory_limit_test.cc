@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace memory_limit_test {
 
 TEST(FormatBytes, HasThreeDigitsAndAUnit) {
   EXPECT_EQ(FormatBytes(0.0), "0 bytes");
@@ -65,5 +65,5 @@ TEST(MemoryLimit, IsThatOfTheProcessIfLess) {
       << error;
 }
 
-}  // namespace
+}  // namespace memory_limit_test
 }  // namespace invgrad

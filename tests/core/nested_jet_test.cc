@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace nested_jet_test {
 
 // A few roundings of numbers of the size of the result.
 constexpr double kEpsilon = 1e-14;
@@ -255,5 +255,5 @@ TEST(NestedJet, RotationFunctor) {
   EXPECT_GT(std::abs(rotated[0].v[2].v[2]), 0.1);
 }
 
-}  // namespace
+}  // namespace nested_jet_test
 }  // namespace invgrad

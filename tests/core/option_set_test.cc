@@ -9,7 +9,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace option_set_test {
 
 using Names = std::vector<std::string>;
 using Settings = std::vector<std::pair<std::string, std::string>>;
@@ -237,5 +237,5 @@ TEST(UnknownNameMessage, ListsTheAlternatives) {
             "unknown rule 'q' (--list shows all)");
 }
 
-}  // namespace
+}  // namespace option_set_test
 }  // namespace invgrad

@@ -13,7 +13,7 @@
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
-namespace {
+namespace conventions_test {
 
 constexpr double kScale = 7.3;
 constexpr double kTau = 1e-3;
@@ -254,5 +254,5 @@ TEST(Conventions, StepSizeOfAModelAsACeresProblem) {
   }
 }
 
-}  // namespace
+}  // namespace conventions_test
 }  // namespace invgrad

@@ -18,7 +18,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace docs_test {
 
 namespace fs = std::filesystem;
 
@@ -395,5 +395,5 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
   }
 }
 
-}  // namespace
+}  // namespace docs_test
 }  // namespace invgrad

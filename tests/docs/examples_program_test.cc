@@ -7,7 +7,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace examples_program_test {
 
 class ExamplesTest : public ProgramRunner {
  protected:
@@ -55,5 +55,5 @@ TEST_F(ExamplesTest, ParameterIdentification) {
   ExpectSays(output, {"found only by LM: ", " of 100"});
 }
 
-}  // namespace
+}  // namespace examples_program_test
 }  // namespace invgrad

@@ -14,7 +14,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace bal_file_test {
 
 constexpr TextFormat<BalData> kFormat = {ParseBal, BalText, CheckBal};
 
@@ -324,5 +324,5 @@ TEST(BalFile, ReadsAPublishedFile) {
   EXPECT_EQ(FindReaderFlaw(kFormat, BalText(data)), "");
 }
 
-}  // namespace
+}  // namespace bal_file_test
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 #include "problems/estimation/robust_loss.h"
 
 namespace invgrad {
-namespace {
+namespace bundle_adjustment_test {
 
 using Camera = Eigen::Matrix<double, 9, 1>;
 
@@ -158,5 +158,5 @@ TEST(BundleAdjustment, NoiseIsAsLargeAsItSays) {
   EXPECT_EQ(data.cameras.bottomRows(3), before.cameras.bottomRows(3));
 }
 
-}  // namespace
+}  // namespace bundle_adjustment_test
 }  // namespace invgrad

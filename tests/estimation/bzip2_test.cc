@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace bzip2_test {
 
 std::string Compress(const std::string& bytes) {
   std::string result;
@@ -79,5 +79,5 @@ TEST(Bzip2, RefusesWhatIsDamaged) {
   }
 }
 
-}  // namespace
+}  // namespace bzip2_test
 }  // namespace invgrad

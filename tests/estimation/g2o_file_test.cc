@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace g2o_file_test {
 
 constexpr TextFormat<PoseGraph> kFormat = {ParseG2o, G2oText, CheckG2o};
 
@@ -364,5 +364,5 @@ TEST(G2oFile, ReadsPublishedFiles) {
   }
 }
 
-}  // namespace
+}  // namespace g2o_file_test
 }  // namespace invgrad

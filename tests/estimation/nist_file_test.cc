@@ -13,7 +13,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace nist_file_test {
 
 constexpr TextFormat<NistData> kFormat = {ParseNist, NistText, CheckNist};
 
@@ -343,5 +343,5 @@ TEST(NistFile, ReadsAllPublishedFiles) {
   }
 }
 
-}  // namespace
+}  // namespace nist_file_test
 }  // namespace invgrad

@@ -13,7 +13,7 @@
 #include "tests/support/published_data.h"
 
 namespace invgrad {
-namespace {
+namespace nist_models_test {
 
 const NistModel& Model(const std::string& name) {
   const std::vector<NistModel>& models = NistModels();
@@ -169,5 +169,5 @@ TEST(NistModels, ReproduceTheCertifiedSumsOfSquares) {
   }
 }
 
-}  // namespace
+}  // namespace nist_models_test
 }  // namespace invgrad

@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace pose_graph_test {
 
 constexpr double kPi = 3.14159265358979323846;
 using Pose = PoseGraph::Pose;
@@ -264,5 +264,5 @@ TEST(PoseGraph, NoiseKeepsPosesPoses) {
   }
 }
 
-}  // namespace
+}  // namespace pose_graph_test
 }  // namespace invgrad

@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace robust_loss_test {
 
 // rho(s) of the loss that the text names.
 double Loss(const std::string& text, double s) {
@@ -50,5 +50,5 @@ TEST(RobustLoss, RefusesWhatIsNone) {
   }
 }
 
-}  // namespace
+}  // namespace robust_loss_test
 }  // namespace invgrad

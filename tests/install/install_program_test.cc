@@ -19,7 +19,7 @@
 #include "tests/support/source_tree.h"
 
 namespace invgrad {
-namespace {
+namespace install_program_test {
 
 namespace fs = std::filesystem;
 
@@ -246,5 +246,5 @@ TEST_F(InstallProgram, DebianPackageHoldsWhatIsInstalled) {
   ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + Path("root") + "/usr");
 }
 
-}  // namespace
+}  // namespace install_program_test
 }  // namespace invgrad

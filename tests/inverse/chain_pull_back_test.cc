@@ -18,7 +18,7 @@
 #include "invgrad/inverse/pull_back_counts.h"
 
 namespace invgrad {
-namespace {
+namespace chain_pull_back_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -716,5 +716,5 @@ TEST(ParallelSamplesTest, CallsEverySampleOnce) {
   }
 }
 
-}  // namespace
+}  // namespace chain_pull_back_test
 }  // namespace invgrad

@@ -12,7 +12,7 @@
 #include "invgrad/chain/autodiff_loss.h"
 
 namespace invgrad {
-namespace {
+namespace loss_pull_back_test {
 
 using Eigen::Matrix2d;
 using Eigen::MatrixXd;
@@ -408,5 +408,5 @@ TEST_P(PulledBackLossTest, FailsWhereThePullBackDoes) {
 
 INSTANTIATE_TEST_SUITE_P(Ways, PulledBackLossTest, testing::ValuesIn(kAllWays));
 
-}  // namespace
+}  // namespace loss_pull_back_test
 }  // namespace invgrad

@@ -15,7 +15,7 @@
 #include "tests/support/without_hessian.h"
 
 namespace invgrad {
-namespace {
+namespace newton_inverse_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -411,5 +411,5 @@ TEST(NewtonInverseDeathTest, RefusesWhatMakesNoSense) {
   EXPECT_DEATH(NewtonInverse(nullptr, MakeOptions(0.2)), "simulator");
 }
 
-}  // namespace
+}  // namespace newton_inverse_test
 }  // namespace invgrad

@@ -15,7 +15,7 @@
 #include "invgrad/chain/time_stepping_simulator.h"
 
 namespace invgrad {
-namespace {
+namespace numerical_inverse_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -387,5 +387,5 @@ TEST(NumericalInverseDeathTest, RefusesWhatMakesNoSense) {
                "simulator");
 }
 
-}  // namespace
+}  // namespace numerical_inverse_test
 }  // namespace invgrad

@@ -19,7 +19,7 @@
 #include "tests/support/without_hessian.h"
 
 namespace invgrad {
-namespace {
+namespace simulator_pull_back_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -744,5 +744,5 @@ TEST(PhysicalGradientTest, TheStepInYDoesNotDependOnWhatStandsBefore) {
             1e-4);
 }
 
-}  // namespace
+}  // namespace simulator_pull_back_test
 }  // namespace invgrad

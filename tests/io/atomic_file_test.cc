@@ -11,7 +11,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace atomic_file_test {
 
 TEST(AtomicFile, RoundTripReplacesAndLeavesNothingElse) {
   const TemporaryFolder folder;
@@ -95,5 +95,5 @@ TEST(AtomicFile, ReadsRegularFilesOnly) {
   EXPECT_EQ(error, "cannot read /dev/zero: not a regular file");
 }
 
-}  // namespace
+}  // namespace atomic_file_test
 }  // namespace invgrad

@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace npy_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -323,5 +323,5 @@ TEST(CheckNpyFinite, NamesTheFirstByRows) {
   EXPECT_EQ(error, "file x.npy: nan at row 1, column 0 (counted from 0)");
 }
 
-}  // namespace
+}  // namespace npy_test
 }  // namespace invgrad

@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace numpy_generator_test {
 
 // Every literal below was printed by numpy 2.4.6 with the call beside it, with
 // repr(), which gives the same double back. So all comparisons are exact, but
@@ -142,5 +142,5 @@ TEST(NumpyGenerator, MomentsAreThoseOfTheDistributions) {
   EXPECT_NEAR(in_tail, wanted_in_tail, 4.0 * std::sqrt(wanted_in_tail));
 }
 
-}  // namespace
+}  // namespace numpy_generator_test
 }  // namespace invgrad

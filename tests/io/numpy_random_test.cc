@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace numpy_random_test {
 
 // Every literal below was printed by numpy 2.4.6 with the call beside it, with
 // repr(), which gives the same double back. So all comparisons are exact.
@@ -178,5 +178,5 @@ TEST_F(NumpyRandomTest, RefusesWhatIsNoState) {
   EXPECT_EQ(random.Rand(), 0.3745401188473625);  // as if nothing had happened
 }
 
-}  // namespace
+}  // namespace numpy_random_test
 }  // namespace invgrad

@@ -16,7 +16,7 @@
 #include "invgrad/train/train.h"
 
 namespace invgrad {
-namespace {
+namespace method_test {
 
 struct QuarticLoss {
   template <typename T>
@@ -470,5 +470,5 @@ TEST(Method, ALossWithoutResidualsIsMinimizedByRulesAndLineSearches) {
       << error;
 }
 
-}  // namespace
+}  // namespace method_test
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 #include "invgrad/methods/ceres_methods.h"
 
 namespace invgrad {
-namespace {
+namespace ceres_minimizer_test {
 
 struct Rosenbrock {
   template <typename T>
@@ -257,5 +257,5 @@ TEST(CeresMinimizer, NothingToChange) {
   ExpectConsistent(summary);
 }
 
-}  // namespace
+}  // namespace ceres_minimizer_test
 }  // namespace invgrad

@@ -10,7 +10,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 
 namespace invgrad {
-namespace {
+namespace chain_objective_test {
 
 // y = (x0 sin x1, x0^2 + x1, exp(x1)): more outputs than inputs.
 struct Curved {
@@ -276,5 +276,5 @@ TEST(ChainObjective, RefusesAStepThatIsNotFinite) {
   EXPECT_EQ(objective.State(), before);
 }
 
-}  // namespace
+}  // namespace chain_objective_test
 }  // namespace invgrad

@@ -22,7 +22,7 @@
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
-namespace {
+namespace minimizer_test {
 
 // A rule made of a function.
 class FunctionRule final : public UpdateRule {
@@ -563,5 +563,5 @@ TEST(Minimizer, NothingToChange) {
   EXPECT_EQ(summary.final_cost, 4.5);
 }
 
-}  // namespace
+}  // namespace minimizer_test
 }  // namespace invgrad

@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace problem_minimization_test {
 
 // Rosenbrock's function as residuals: the minimum is 0 at (1, 1).
 struct Rosenbrock {
@@ -120,5 +120,5 @@ TEST_F(ProblemMinimization, DefaultsOfAProblemGiveWayToSettings) {
   }
 }
 
-}  // namespace
+}  // namespace problem_minimization_test
 }  // namespace invgrad

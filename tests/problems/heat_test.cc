@@ -18,7 +18,7 @@
 #include "tests/support/train_problem.h"
 
 namespace invgrad {
-namespace {
+namespace heat_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -572,5 +572,5 @@ TEST(Heat, RefusesDataOfAnotherSize) {
       << error;
 }
 
-}  // namespace
+}  // namespace heat_test
 }  // namespace invgrad

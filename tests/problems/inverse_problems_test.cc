@@ -9,7 +9,7 @@
 #include "problems/problems.h"
 
 namespace invgrad {
-namespace {
+namespace inverse_problems_test {
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -156,5 +156,5 @@ TEST(InverseProblems, SolutionsSolve) {
   }
 }
 
-}  // namespace
+}  // namespace inverse_problems_test
 }  // namespace invgrad

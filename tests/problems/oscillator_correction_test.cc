@@ -10,7 +10,7 @@
 #include "problems/problems.h"
 
 namespace invgrad {
-namespace {
+namespace oscillator_correction_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -116,5 +116,5 @@ TEST(OscillatorCorrection, ShortTrainingBeatsTheCoarseSimulator) {
   EXPECT_LT(trained, 0.25 * coarse);
 }
 
-}  // namespace
+}  // namespace oscillator_correction_test
 }  // namespace invgrad

@@ -13,7 +13,7 @@
 #include "tests/support/create_problem.h"
 
 namespace invgrad {
-namespace {
+namespace oscillator_tracking_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -248,5 +248,5 @@ TEST(OscillatorTracking, DataOfAnotherShapeAreRefused) {
   EXPECT_NE(error.find("(10, 5)"), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace oscillator_tracking_test
 }  // namespace invgrad

@@ -20,7 +20,7 @@
 #include "tests/support/train_problem.h"
 
 namespace invgrad {
-namespace {
+namespace poisson_pinn_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -310,5 +310,5 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
-}  // namespace
+}  // namespace poisson_pinn_test
 }  // namespace invgrad

@@ -9,7 +9,7 @@
 #include "tests/support/create_problem.h"
 
 namespace invgrad {
-namespace {
+namespace poisson_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -118,5 +118,5 @@ TEST(Poisson, BadSettingsAndDataAreRefused) {
   EXPECT_NE(error.find("(10, 63)"), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace poisson_test
 }  // namespace invgrad

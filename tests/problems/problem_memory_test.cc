@@ -9,7 +9,7 @@
 #include "problems/problems.h"
 
 namespace invgrad {
-namespace {
+namespace problem_memory_test {
 
 // While it lives, the process may have so many bytes of memory, and
 // MemoryLimit() is three quarters of them.
@@ -90,5 +90,5 @@ TEST(ProblemMemory, ReplacedDataCountBySamplesAndSettings) {
             "limit is 600 MB (three quarters of what this process may have)");
 }
 
-}  // namespace
+}  // namespace problem_memory_test
 }  // namespace invgrad

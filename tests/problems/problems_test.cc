@@ -12,7 +12,7 @@
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {
-namespace {
+namespace problems_test {
 
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -391,5 +391,5 @@ TEST(OscillatorChain, DataOfAnotherShapeAreRefused) {
   EXPECT_NE(error.find("(10, 5)"), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace problems_test
 }  // namespace invgrad

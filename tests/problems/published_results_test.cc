@@ -15,7 +15,7 @@
 #include "tests/support/train_problem.h"
 
 namespace invgrad {
-namespace {
+namespace published_results_test {
 
 std::vector<Eigen::VectorXd> Path(const std::string& specification,
                                   int num_steps) {
@@ -178,5 +178,5 @@ TEST(PhysgradHigCode, ControlGoesFurtherThanThePublishedSettings) {
   EXPECT_LT(controlled.back(), 0.1 * published.back());
 }
 
-}  // namespace
+}  // namespace published_results_test
 }  // namespace invgrad

@@ -10,7 +10,7 @@
 #include "tests/support/create_problem.h"
 
 namespace invgrad {
-namespace {
+namespace quantum_dipole_test {
 
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
@@ -207,5 +207,5 @@ TEST(QuantumDipole, BadSettingsAndDataAreRefused) {
   EXPECT_NE(error.find("row 1"), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace quantum_dipole_test
 }  // namespace invgrad

@@ -18,7 +18,7 @@
 #include "tests/support/train_problem.h"
 
 namespace invgrad {
-namespace {
+namespace regression_problems_test {
 
 using Eigen::MatrixXd;
 using Eigen::MatrixXi;
@@ -292,5 +292,5 @@ TEST(RandomPolynomial, DataAreThePublishedOnes) {
   EXPECT_NEAR(problem.data(1, 6), -2.9028474310351093, 1e-12);
 }
 
-}  // namespace
+}  // namespace regression_problems_test
 }  // namespace invgrad

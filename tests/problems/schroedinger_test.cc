@@ -13,7 +13,7 @@
 #include "invgrad/core/nested_jet.h"
 
 namespace invgrad {
-namespace {
+namespace schroedinger_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
@@ -319,5 +319,5 @@ TEST(Schroedinger, ValuesThatAreNotFiniteFail) {
   }
 }
 
-}  // namespace
+}  // namespace schroedinger_test
 }  // namespace invgrad

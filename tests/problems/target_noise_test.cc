@@ -8,7 +8,7 @@
 #include "tests/support/create_problem.h"
 
 namespace invgrad {
-namespace {
+namespace target_noise_test {
 
 class TargetNoise : public testing::TestWithParam<std::string> {};
 
@@ -60,5 +60,5 @@ INSTANTIATE_TEST_SUITE_P(Problems,
                                          "regression_1d:num_samples=1001",
                                          "random_polynomial:num_samples=1001"));
 
-}  // namespace
+}  // namespace target_noise_test
 }  // namespace invgrad

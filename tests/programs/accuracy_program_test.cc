@@ -8,7 +8,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace accuracy_program_test {
 
 class AccuracyProgram : public ProgramRunner {
  protected:
@@ -96,5 +96,5 @@ TEST_F(AccuracyProgram, RefusesBadInput) {
   EXPECT_EQ(output.exit_code, 1);
 }
 
-}  // namespace
+}  // namespace accuracy_program_test
 }  // namespace invgrad

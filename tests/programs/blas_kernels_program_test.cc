@@ -9,7 +9,7 @@
 #include "tests/support/source_tree.h"
 
 namespace invgrad {
-namespace {
+namespace blas_kernels_program_test {
 
 class BlasKernelsProgram : public ProgramRunner {
  protected:
@@ -87,5 +87,5 @@ TEST_F(BlasKernelsProgram, SaysNothingOfKernelsThatUseTheProcessor) {
   EXPECT_EQ(Count(output.text, "OpenBLAS"), 0) << output.text;
 }
 
-}  // namespace
+}  // namespace blas_kernels_program_test
 }  // namespace invgrad

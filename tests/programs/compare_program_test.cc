@@ -15,7 +15,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace compare_program_test {
 
 namespace fs = std::filesystem;
 
@@ -410,5 +410,5 @@ TEST_F(CompareProgram, PointProblemsHaveATableToo) {
   EXPECT_TRUE(fs::exists(Path("run") + "/path-newton.csv"));
 }
 
-}  // namespace
+}  // namespace compare_program_test
 }  // namespace invgrad

@@ -3,7 +3,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace csv_field_test {
 
 TEST(CsvField, IsQuotedWhereItMustBe) {
   EXPECT_EQ(CsvField(""), "");
@@ -13,5 +13,5 @@ TEST(CsvField, IsQuotedWhereItMustBe) {
   EXPECT_EQ(CsvField("\"a\" b"), "\"\"\"a\"\" b\"");
 }
 
-}  // namespace
+}  // namespace csv_field_test
 }  // namespace invgrad

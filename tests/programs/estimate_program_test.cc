@@ -14,7 +14,7 @@
 #include "tests/support/published_data.h"
 
 namespace invgrad {
-namespace {
+namespace estimate_program_test {
 
 namespace fs = std::filesystem;
 
@@ -454,5 +454,5 @@ TEST_F(EstimateProgram, OptimizesThePublishedPoseGraphs) {
   EXPECT_NEAR(std::stod(rows[1][3]), 675.7562, 1e-3);
 }
 
-}  // namespace
+}  // namespace estimate_program_test
 }  // namespace invgrad

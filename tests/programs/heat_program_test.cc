@@ -9,7 +9,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace heat_program_test {
 
 class HeatProgram : public ProgramRunner {
  protected:
@@ -66,5 +66,5 @@ TEST_F(HeatProgram, OneStepOfTheInverseBeatsLbfgs) {
             0.8 * distance("ceres_lbfgs", 200));
 }
 
-}  // namespace
+}  // namespace heat_program_test
 }  // namespace invgrad

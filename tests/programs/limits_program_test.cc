@@ -7,7 +7,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace limits_program_test {
 
 class LimitsProgram : public ProgramRunner {
  protected:
@@ -87,5 +87,5 @@ TEST_F(LimitsProgram, SweepReportsThemToo) {
   EXPECT_EQ(Count(output.text, "left out"), 1) << output.text;
 }
 
-}  // namespace
+}  // namespace limits_program_test
 }  // namespace invgrad

@@ -13,7 +13,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace linked_libraries_test {
 
 // The file that defines `symbol` for the whole process; empty if none does.
 std::string DefiningLibrary(const char* symbol) {
@@ -85,5 +85,5 @@ TEST(LinkedLibraries, CeresSolvesThroughLapack) {
   EXPECT_NEAR(x, 10.0, 1e-6);
 }
 
-}  // namespace
+}  // namespace linked_libraries_test
 }  // namespace invgrad

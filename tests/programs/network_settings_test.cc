@@ -13,7 +13,7 @@
 #include "tests/support/create_problem.h"
 
 namespace invgrad {
-namespace {
+namespace network_settings_test {
 
 std::vector<std::string> LearningProblems() {
   std::vector<std::string> names;
@@ -136,5 +136,5 @@ TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
   EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kTanh);
 }
 
-}  // namespace
+}  // namespace network_settings_test
 }  // namespace invgrad

@@ -12,7 +12,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace program_support_test {
 
 namespace fs = std::filesystem;
 
@@ -120,5 +120,5 @@ TEST(RunDirectory, WhatNoRunMadeIsLeftAlone) {
   EXPECT_NE(error.find("--output="), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace program_support_test
 }  // namespace invgrad

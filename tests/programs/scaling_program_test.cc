@@ -9,7 +9,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace scaling_program_test {
 
 class ScalingProgram : public ProgramRunner {
  protected:
@@ -74,5 +74,5 @@ TEST_F(ScalingProgram, RefusesBadInput) {
   ExpectSays(output, {"half_inverse:step_size=auto"});
 }
 
-}  // namespace
+}  // namespace scaling_program_test
 }  // namespace invgrad

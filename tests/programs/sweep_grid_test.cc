@@ -9,7 +9,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace sweep_grid_test {
 
 std::vector<std::string> Texts(const GridAxis& axis) {
   std::vector<std::string> texts;
@@ -259,5 +259,5 @@ TEST(SweepPlan, TheCommandLinesNetworkStandsWhereNoAxisSetsIt) {
   EXPECT_EQ(error.rfind("--hidden=4-five: ", 0), 0u) << error;
 }
 
-}  // namespace
+}  // namespace sweep_grid_test
 }  // namespace invgrad

@@ -20,7 +20,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace sweep_processes_test {
 
 using State = ProcessStatus::State;
 using Statuses = std::vector<ProcessStatus>;
@@ -110,5 +110,5 @@ TEST(RunInProcesses, AnInterruptEndsWhatRunsAndStartsNothing) {
   }
 }
 
-}  // namespace
+}  // namespace sweep_processes_test
 }  // namespace invgrad

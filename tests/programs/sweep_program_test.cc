@@ -16,7 +16,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace sweep_program_test {
 
 namespace fs = std::filesystem;
 
@@ -315,5 +315,5 @@ TEST_F(SweepProgram, DrawsLinesMapsAndCurves) {
   }
 }
 
-}  // namespace
+}  // namespace sweep_program_test
 }  // namespace invgrad

@@ -14,7 +14,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace sweep_results_test {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -310,5 +310,5 @@ TEST(SweepPlots, LeaveOutPanelsBeyondTheSixteenthWithAWarning) {
   }
 }
 
-}  // namespace
+}  // namespace sweep_results_test
 }  // namespace invgrad

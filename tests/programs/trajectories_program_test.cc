@@ -10,7 +10,7 @@
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
-namespace {
+namespace trajectories_program_test {
 
 namespace fs = std::filesystem;
 
@@ -137,5 +137,5 @@ TEST_F(TrajectoriesProgram, AProblemWithoutAnOptimumHasPathsToo) {
   EXPECT_TRUE(fs::exists(Path("run/trajectories.png")));
 }
 
-}  // namespace
+}  // namespace trajectories_program_test
 }  // namespace invgrad

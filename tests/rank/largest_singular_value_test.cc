@@ -7,7 +7,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace largest_singular_value_test {
 
 using Eigen::MatrixXd;
 
@@ -43,5 +43,5 @@ TEST(LargestSingularValue, NotFinite) {
   EXPECT_TRUE(std::isnan(LargestSingularValue(DenseJacobian(J), 1e-3)));
 }
 
-}  // namespace
+}  // namespace largest_singular_value_test
 }  // namespace invgrad

@@ -9,7 +9,7 @@
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
-namespace {
+namespace localized_basis_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -59,5 +59,5 @@ TEST(LocalizedBasis, OrthogonalRestIsInTheSpan) {
   EXPECT_EQ(OrthogonalRest(V, MatrixXd(9, 0)), V);
 }
 
-}  // namespace
+}  // namespace localized_basis_test
 }  // namespace invgrad

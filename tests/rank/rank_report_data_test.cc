@@ -11,7 +11,7 @@
 #include "tests/support/published_data.h"
 
 namespace invgrad {
-namespace {
+namespace rank_report_data_test {
 
 // With all poses free, or with the first one constant.
 RankReport ReportOf(PoseGraph* graph, bool is_anchored) {
@@ -56,5 +56,5 @@ TEST(RankReportData, PoseGraphsAreFreeToMoveAsAWhole) {
   }
 }
 
-}  // namespace
+}  // namespace rank_report_data_test
 }  // namespace invgrad

@@ -23,7 +23,7 @@
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
-namespace {
+namespace rank_report_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -984,5 +984,5 @@ TEST(RankReport, GaugesOfOnesOwnHaveTheirNames) {
             std::string::npos);
 }
 
-}  // namespace
+}  // namespace rank_report_test
 }  // namespace invgrad

@@ -12,7 +12,7 @@
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
-namespace {
+namespace smallest_singular_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -105,5 +105,5 @@ TEST(SmallestSingular, EmptyAndNotFiniteMatrices) {
   EXPECT_NE(error.find("not finite"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace smallest_singular_test
 }  // namespace invgrad

@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace interrupt_test {
 
 int num_calls = 0;
 void CountCalls(int) { ++num_calls; }
@@ -73,5 +73,5 @@ TEST(InterruptDeathTest, OnlyOneAtATime) {
   EXPECT_DEATH({ const Interrupt second; }, "there is an Interrupt already");
 }
 
-}  // namespace
+}  // namespace interrupt_test
 }  // namespace invgrad

@@ -17,7 +17,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace plot_test {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -569,5 +569,5 @@ TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
                "0 is the center");
 }
 
-}  // namespace
+}  // namespace plot_test
 }  // namespace invgrad

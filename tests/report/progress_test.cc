@@ -8,7 +8,7 @@
 #include "invgrad/io/format.h"
 
 namespace invgrad {
-namespace {
+namespace progress_test {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -172,5 +172,5 @@ TEST_F(ProgressTest, TheLineFitsTheTerminal) {
   EXPECT_EQ(Written(), "\r" + std::string(79, 'x'));
 }
 
-}  // namespace
+}  // namespace progress_test
 }  // namespace invgrad

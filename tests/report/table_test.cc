@@ -3,7 +3,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace table_test {
 
 Table Example() {
   Table table({{"rule", Table::Align::kLeft},
@@ -59,5 +59,5 @@ TEST(Table, WrongNumberOfCellsIsABug) {
   EXPECT_DEATH(table.AddRow({"1"}), "size");
 }
 
-}  // namespace
+}  // namespace table_test
 }  // namespace invgrad

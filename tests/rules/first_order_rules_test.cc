@@ -12,7 +12,7 @@
 #include "invgrad/rules/rmsprop.h"
 
 namespace invgrad {
-namespace {
+namespace first_order_rules_test {
 
 using Eigen::Vector2d;
 using Eigen::VectorXd;
@@ -208,5 +208,5 @@ TEST(FirstOrderRulesDeathTest, BadOptionsAndChangedSizesAreChecked) {
   EXPECT_DEATH(StepFor(&rule, VectorXd::Ones(3)), "number of unknowns");
 }
 
-}  // namespace
+}  // namespace first_order_rules_test
 }  // namespace invgrad

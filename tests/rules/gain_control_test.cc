@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace gain_control_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -313,5 +313,5 @@ TEST(GainControl, AResumedControlGoesOnBitForBit) {
   }
 }
 
-}  // namespace
+}  // namespace gain_control_test
 }  // namespace invgrad

@@ -13,7 +13,7 @@
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
-namespace {
+namespace joint_rule_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -185,5 +185,5 @@ TEST(JointRule, TheFilterIsTheControls) {
   }
 }
 
-}  // namespace
+}  // namespace joint_rule_test
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
-namespace {
+namespace krylov_rule_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -170,5 +170,5 @@ TEST(KrylovRule, ReportsWhatIsNotFinite) {
   EXPECT_EQ(error, "g is not finite: entry 2 is nan");
 }
 
-}  // namespace
+}  // namespace krylov_rule_test
 }  // namespace invgrad

@@ -18,7 +18,7 @@
 #include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
-namespace {
+namespace layer_rules_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -428,5 +428,5 @@ TEST(LayerRules, ReportsSayWhatWasDone) {
   EXPECT_EQ(report("kfac_half_inverse:kappa=-1:truncation=0"), "3 layers");
 }
 
-}  // namespace
+}  // namespace layer_rules_test
 }  // namespace invgrad

@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace newton_test {
 
 using Eigen::Matrix2d;
 using Eigen::MatrixXd;
@@ -153,5 +153,5 @@ TEST(Newton, RefusesAHessianThatIsNotFinite) {
   }
 }
 
-}  // namespace
+}  // namespace newton_test
 }  // namespace invgrad

@@ -15,7 +15,7 @@
 #include "invgrad/chain/network_jacobian.h"
 
 namespace invgrad {
-namespace {
+namespace rules_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -463,5 +463,5 @@ TEST(SpectralRules, ReportsSayWhatWasDone) {
       << fallback;
 }
 
-}  // namespace
+}  // namespace rules_test
 }  // namespace invgrad

@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace step_size_test {
 
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
@@ -160,5 +160,5 @@ TEST(AutoStepSize, SaysWhyThereIsNone) {
   EXPECT_EQ(eta, 0.0) << "written on failure";
 }
 
-}  // namespace
+}  // namespace step_size_test
 }  // namespace invgrad

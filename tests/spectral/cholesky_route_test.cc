@@ -14,7 +14,7 @@
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
-namespace {
+namespace cholesky_route_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -214,5 +214,5 @@ TEST(SparseCholesky, Failures) {
   EXPECT_TRUE(cholesky.Factorize(1.0, &error)) << error;
 }
 
-}  // namespace
+}  // namespace cholesky_route_test
 }  // namespace invgrad

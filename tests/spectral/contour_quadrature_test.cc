@@ -11,7 +11,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace contour_quadrature_test {
 
 using Complex = std::complex<double>;
 using Function = std::function<Complex(Complex)>;
@@ -241,5 +241,5 @@ TEST(ContourQuadratureDeathTest, ChecksItsArguments) {
   }
 }
 
-}  // namespace
+}  // namespace contour_quadrature_test
 }  // namespace invgrad

@@ -6,7 +6,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace fractional_power_test {
 
 // The largest relative error over the spectrum, ends included.
 double WorstError(const FractionalPower& power,
@@ -66,5 +66,5 @@ TEST(FractionalPowerDeathTest, ChecksItsArguments) {
   EXPECT_DEATH(FractionalPower::Make(0.5, 3.0, 2.0, 1e-3), "lambda_min");
 }
 
-}  // namespace
+}  // namespace fractional_power_test
 }  // namespace invgrad

@@ -15,7 +15,7 @@
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {
-namespace {
+namespace golub_kahan_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -569,5 +569,5 @@ TEST(GolubKahanStepDeathTest, WrongCallsAreChecked) {
                "tau=2");
 }
 
-}  // namespace
+}  // namespace golub_kahan_test
 }  // namespace invgrad

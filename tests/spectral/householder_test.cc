@@ -7,7 +7,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace householder_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -76,5 +76,5 @@ TEST(ApplyReflectors, AppliesTheLastFirstOrTheFirstFirst) {
             100 * kEpsilon * Q.norm() * x.norm());
 }
 
-}  // namespace
+}  // namespace householder_test
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 #include "problems/trained_linearization.h"
 
 namespace invgrad {
-namespace {
+namespace real_jacobians_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -123,5 +123,5 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"poisson:num_samples=64", 2, 0},
         Case{"poisson:num_samples=64", 2, kTrained}));
 
-}  // namespace
+}  // namespace real_jacobians_test
 }  // namespace invgrad

@@ -6,7 +6,7 @@
 
 namespace invgrad {
 namespace simd {
-namespace {
+namespace simd_test {
 
 TEST(Pack, IsReadAndWrittenAtAnyAddress) {
   for (int offset = 0; offset < kPack; ++offset) {
@@ -34,6 +34,6 @@ TEST(Dot, IsTheSumOfProducts) {
   }
 }
 
-}  // namespace
+}  // namespace simd_test
 }  // namespace simd
 }  // namespace invgrad

@@ -16,7 +16,7 @@
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
-namespace {
+namespace spectral_accuracy_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -444,5 +444,5 @@ TEST(SpectralAccuracyScale, AnyScale) {
   }
 }
 
-}  // namespace
+}  // namespace spectral_accuracy_test
 }  // namespace invgrad

@@ -7,7 +7,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace spectral_filter_test {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -173,5 +173,5 @@ TEST(SpectralFilter, ValidityNamesTheField) {
             "relative_damping=-1 is out of range; allowed: [0, inf)");
 }
 
-}  // namespace
+}  // namespace spectral_filter_test
 }  // namespace invgrad

@@ -15,7 +15,7 @@
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
-namespace {
+namespace spectral_ladder_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -399,5 +399,5 @@ TEST(SpectralLadder, RestoresTheNumberOfBlasThreads) {
   SetBlasThreads(before);
 }
 
-}  // namespace
+}  // namespace spectral_ladder_test
 }  // namespace invgrad

@@ -14,7 +14,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace spectral_step_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -560,5 +560,5 @@ TEST(SpectralStepDeathTest, CallerBugsAreChecked) {
                "only computes phi");
 }
 
-}  // namespace
+}  // namespace spectral_step_test
 }  // namespace invgrad

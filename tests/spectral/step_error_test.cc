@@ -14,7 +14,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace step_error_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -220,5 +220,5 @@ TEST(StepError, ZeroStepsHaveNoError) {
   EXPECT_EQ(GramStepError(filter, s.cwiseAbs2(), 1.0, zero, 1e-14), 0.0);
 }
 
-}  // namespace
+}  // namespace step_error_test
 }  // namespace invgrad

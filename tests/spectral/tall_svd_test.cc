@@ -10,7 +10,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace tall_svd_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -147,5 +147,5 @@ TEST(TallSvdDeathTest, ChecksTheShape) {
   EXPECT_DEATH(svd.Compute(&error), "p >= q");
 }
 
-}  // namespace
+}  // namespace tall_svd_test
 }  // namespace invgrad

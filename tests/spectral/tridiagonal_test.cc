@@ -13,7 +13,7 @@
 #include "gtest/gtest.h"
 
 namespace invgrad {
-namespace {
+namespace tridiagonal_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -410,5 +410,5 @@ TEST(TridiagonalDeathTest, ChecksSizes) {
                "z.size");
 }
 
-}  // namespace
+}  // namespace tridiagonal_test
 }  // namespace invgrad

@@ -20,7 +20,7 @@
 #include "invgrad/spectral/routes/one_stage.h"
 
 namespace invgrad {
-namespace {
+namespace tridiagonalization_test {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -332,5 +332,5 @@ TEST(TridiagonalizationDeathTest, MatrixNeedsOneStage) {
   EXPECT_DEATH(reduction.ApplyQ(&X), "one stage");
 }
 
-}  // namespace
+}  // namespace tridiagonalization_test
 }  // namespace invgrad

@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace checkpoint_test {
 
 using Eigen::VectorXd;
 
@@ -159,5 +159,5 @@ TEST_F(CheckpointTest, NamesWithWhiteSpaceAreABug) {
   }
 }
 
-}  // namespace
+}  // namespace checkpoint_test
 }  // namespace invgrad

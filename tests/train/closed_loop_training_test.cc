@@ -10,7 +10,7 @@
 #include "tests/support/train_problem.h"
 
 namespace invgrad {
-namespace {
+namespace closed_loop_training_test {
 
 constexpr int kBatchSize = 16;
 constexpr long kNumSteps = 24;
@@ -89,5 +89,5 @@ TEST(ClosedLoop, DifferentiablePhysicsIsTheRuleAlone) {
   }
 }
 
-}  // namespace
+}  // namespace closed_loop_training_test
 }  // namespace invgrad

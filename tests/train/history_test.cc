@@ -10,7 +10,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace history_test {
 
 // Also the sign of zero; any NaN is like any other.
 bool IsSame(double a, double b) {
@@ -135,5 +135,5 @@ TEST_F(HistoryTest, MissingFolderAndFileAreReported) {
   EXPECT_EQ(error, "cannot read " + path + ": No such file or directory");
 }
 
-}  // namespace
+}  // namespace history_test
 }  // namespace invgrad

@@ -17,7 +17,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace phases_test {
 
 // y = a^2 to be learnt by 1-3-1 from 12 samples, without solutions.
 struct Parabola {
@@ -507,5 +507,5 @@ TEST(Phases, APointHasNone) {
   EXPECT_NE(error.find("phases"), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace phases_test
 }  // namespace invgrad

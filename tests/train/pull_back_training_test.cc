@@ -17,7 +17,7 @@
 #include "tests/support/train_problem.h"
 
 namespace invgrad {
-namespace {
+namespace pull_back_training_test {
 
 TrainOptions Steps(long num_steps) {
   TrainOptions options;
@@ -288,5 +288,5 @@ TEST(PullBackTraining, SupervisionNeedsSolutions) {
   EXPECT_NE(error.find("no solutions"), std::string::npos) << error;
 }
 
-}  // namespace
+}  // namespace pull_back_training_test
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 #include "problems/problems.h"
 
 namespace invgrad {
-namespace {
+namespace route_training_test {
 
 // The losses of the mini-batches, before each step.
 std::vector<double> Losses(const std::string& problem_text,
@@ -74,5 +74,5 @@ TEST(RouteTraining, LossesAreThoseOfTheSvd) {
   }
 }
 
-}  // namespace
+}  // namespace route_training_test
 }  // namespace invgrad

@@ -18,7 +18,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace train_test {
 
 // A regression of y = (a0 a1, a0 - a1) that trains in milliseconds.
 struct Regression {
@@ -635,5 +635,5 @@ TEST(Trainer, EvaluationsAreDenseFirstAndLogarithmicLater) {
   }
 }
 
-}  // namespace
+}  // namespace train_test
 }  // namespace invgrad

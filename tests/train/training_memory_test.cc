@@ -12,7 +12,7 @@
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
-namespace {
+namespace training_memory_test {
 
 std::unique_ptr<UpdateRule> MakeRule(const std::string& name,
                                      const Settings& settings = {}) {
@@ -149,5 +149,5 @@ TEST(TrainingFits, HoldsForPullBacksAndCeresToo) {
   EXPECT_EQ(TrainError("ceres_lbfgs", 400, 20e6), "");
 }
 
-}  // namespace
+}  // namespace training_memory_test
 }  // namespace invgrad

@@ -19,14 +19,14 @@ using Eigen::VectorXd;
 constexpr char kLossFailed[] = "the loss has no finite value";
 
 // Eigenvalues below this share of the largest are taken for zero.
-constexpr double kFlat = 1e-12;
+constexpr double kZeroEigenvalue = 1e-12;
 
 // *g <- |H|^-1 g.
 bool SolveSaddleFree(const Map<const MatrixXd>& H, Map<VectorXd>* g) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(H);
   if (eigen.info() != Eigen::Success) return false;
   const VectorXd lambda = eigen.eigenvalues().cwiseAbs();
-  const double threshold = kFlat * lambda.maxCoeff();
+  const double threshold = kZeroEigenvalue * lambda.maxCoeff();
   VectorXd coordinates = eigen.eigenvectors().transpose() * *g;
   for (Index i = 0; i < lambda.size(); ++i) {
     coordinates[i] = lambda[i] > threshold ? coordinates[i] / lambda[i] : 0.0;

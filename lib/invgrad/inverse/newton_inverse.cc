@@ -19,8 +19,8 @@ using Eigen::VectorXd;
 
 // What rounding may do to an eigenvalue that is the geometric mean, and to the
 // slope along a direction that P does not depend on.
-constexpr double kRounding = 1e-12;
-constexpr double kFlat = 1e-14;
+constexpr double kEigenvalueRounding = 1e-12;
+constexpr double kFlatSlope = 1e-14;
 
 // exp of the mean of log |lambda|: 0 if one of them is.
 template <typename Vector>
@@ -35,8 +35,9 @@ void Step(const Lambda& lambda,
           const NewtonInverse::Options& options,
           const Map<const VectorXd>& g,
           Map<VectorXd>* x) {
-  const double bounded_below = (1.0 + kRounding) * GeometricMean(lambda);
-  const double flat = kFlat * g.norm();
+  const double bounded_below =
+      (1.0 + kEigenvalueRounding) * GeometricMean(lambda);
+  const double flat = kFlatSlope * g.norm();
   for (Index i = 0; i < lambda.size(); ++i) {
     const double slope = eigenvectors.col(i).dot(g);
     if (std::abs(slope) <= flat) continue;

@@ -39,7 +39,8 @@ VectorXd SpectralPullBack(const MatrixXd& J,
 }
 
 // What an exact inverse may leave of |P(x~) - y~| / |y~|.
-constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
+constexpr double kInverseRounding =
+    8.0 * std::numeric_limits<double>::epsilon();
 
 bool IsFinite(const VectorXd& v) { return AllFinite(v.data(), v.size()); }
 
@@ -152,8 +153,8 @@ class SimulatorPullBack::Attempt {
   // |d_y|.
   bool ReachesTarget() const {
     if (options_.accept_nearer) return ComesNearer();
-    return DistanceLeft() <=
-           options_.round_trip * distance_ + kRounding * wanted_.stableNorm();
+    return DistanceLeft() <= options_.round_trip * distance_ +
+                                 kInverseRounding * wanted_.stableNorm();
   }
 
   // |P(x~) - y~|, infinite where P has no value.

@@ -1,15 +1,10 @@
 #include "invgrad/rules/adadelta.h"
 
-#include <limits>
+#include <cmath>
 
 #include "invgrad/core/finite.h"
 
 namespace invgrad {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 void Adadelta::Options::Describe(OptionSet* set) {
   step_size.Describe(/*allow_auto=*/false, set);
@@ -17,8 +12,7 @@ void Adadelta::Options::Describe(OptionSet* set) {
            &decay,
            {0.0, 1.0, false, true},
            "memory of squared gradient and step");
-  set->Add(
-      "epsilon", &epsilon, {0.0, kInfinity, true}, "added under the roots");
+  set->Add("epsilon", &epsilon, {0.0, HUGE_VAL, true}, "added under the roots");
 }
 
 Adadelta::Adadelta(const Options& options) : options_(options) {

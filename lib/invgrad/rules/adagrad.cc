@@ -1,23 +1,18 @@
 #include "invgrad/rules/adagrad.h"
 
-#include <limits>
+#include <cmath>
 
 #include "invgrad/core/finite.h"
 
 namespace invgrad {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 void Adagrad::Options::Describe(OptionSet* set) {
   step_size.Describe(/*allow_auto=*/false, set);
   set->Add("initial_sum",
            &initial_sum,
-           {0.0, kInfinity},
+           {0.0, HUGE_VAL},
            "sum of squares at the start");
-  set->Add("epsilon", &epsilon, {0.0, kInfinity, true}, "added to the root");
+  set->Add("epsilon", &epsilon, {0.0, HUGE_VAL, true}, "added to the root");
 }
 
 Adagrad::Adagrad(const Options& options) : options_(options) {

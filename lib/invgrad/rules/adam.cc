@@ -1,16 +1,10 @@
 #include "invgrad/rules/adam.h"
 
 #include <cmath>
-#include <limits>
 
 #include "invgrad/core/finite.h"
 
 namespace invgrad {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 void Adam::Options::Describe(OptionSet* set) {
   step_size.Describe(/*allow_auto=*/false, set);
@@ -19,7 +13,7 @@ void Adam::Options::Describe(OptionSet* set) {
            &beta2,
            {0.0, 1.0, false, true},
            "memory of the squared gradient");
-  set->Add("epsilon", &epsilon, {0.0, kInfinity, true}, "added to the root");
+  set->Add("epsilon", &epsilon, {0.0, HUGE_VAL, true}, "added to the root");
 }
 
 Adam::Adam(const Options& options) : options_(options) {

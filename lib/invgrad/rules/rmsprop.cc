@@ -1,15 +1,10 @@
 #include "invgrad/rules/rmsprop.h"
 
-#include <limits>
+#include <cmath>
 
 #include "invgrad/core/finite.h"
 
 namespace invgrad {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 void RmsProp::Options::Describe(OptionSet* set) {
   step_size.Describe(/*allow_auto=*/false, set);
@@ -21,7 +16,7 @@ void RmsProp::Options::Describe(OptionSet* set) {
            &momentum,
            {0.0, 1.0, false, true},
            "mu, memory of the velocity");
-  set->Add("epsilon", &epsilon, {0.0, kInfinity, true}, "added to the root");
+  set->Add("epsilon", &epsilon, {0.0, HUGE_VAL, true}, "added to the root");
 }
 
 RmsProp::RmsProp(const Options& options) : options_(options) {

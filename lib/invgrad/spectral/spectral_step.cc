@@ -18,7 +18,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kRoundoff = std::numeric_limits<double>::epsilon();
 
 // Smaller problems are slowed down by a second BLAS thread.
 constexpr Index kSmallestThreaded = 1000;
@@ -237,11 +237,11 @@ double JumpOf(const SpectralFilter& filter) {
 }
 
 double SvdResolution(Index m, Index n) {
-  return 2.0 * kEpsilon * std::sqrt(static_cast<double>(m + n));
+  return 2.0 * kRoundoff * std::sqrt(static_cast<double>(m + n));
 }
 
 double GramResolution(Index size, Index other_size) {
-  return 2.0 * kEpsilon * (size + std::sqrt(static_cast<double>(other_size)));
+  return 2.0 * kRoundoff * (size + std::sqrt(static_cast<double>(other_size)));
 }
 
 void SummarizeSpectrum(const SpectralFilter& filter,

@@ -8,8 +8,6 @@
 namespace invgrad {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 // Jacobi's elliptic functions of real arguments, by the arithmetic-geometric
 // mean [Abramowitz, Stegun. Handbook of Mathematical Functions, 16.4].
 class RealJacobi {
@@ -32,7 +30,7 @@ class RealJacobi {
       c_[last_] = c;
     }
     // The mean converges quadratically: b and a now agree to all digits.
-    quarter_period_ = 0.5 * kPi / (0.5 * (a + b));
+    quarter_period_ = 0.5 * M_PI / (0.5 * (a + b));
   }
 
   double quarter_period() const { return quarter_period_; }  // K
@@ -72,7 +70,7 @@ void ContourQuadrature(double below,
   const double largest = upper - below;
   const double log_kappa = std::log(largest) - std::log(smallest);
   const int num_nodes = static_cast<int>(
-      std::ceil(-std::log(tolerance) * (log_kappa + 3.0) / (kPi * kPi)));
+      std::ceil(-std::log(tolerance) * (log_kappa + 3.0) / (M_PI * M_PI)));
 
   // k = (r - 1) / (r + 1) with r = sqrt(M / m), and its complement.
   const double root = std::exp(0.5 * log_kappa);
@@ -103,7 +101,7 @@ void ContourQuadrature(double below,
     const Complex far = geometric_mean * std::conj(ratio * ratio);
     // -(1 / pi) d zeta: t runs clockwise around the interval.
     // sn(2 K - conj(t)) = conj(sn(t)).
-    const Complex factor = -2.0 * k * step / kPi * sn;
+    const Complex factor = -2.0 * k * step / M_PI * sn;
     (*nodes)[j] = {below + near, factor * near};
     (*nodes)[num_nodes - 1 - j] = {below + far, std::conj(factor) * far};
   }

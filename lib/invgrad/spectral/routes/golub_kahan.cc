@@ -20,7 +20,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kRoundoff = std::numeric_limits<double>::epsilon();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Backward error of the bidiagonalization in units of epsilon |J|; as in
@@ -251,7 +251,7 @@ class ErrorEstimate {
       const double change = std::expm1(-p * std::log1p(theta_[i] / mu));
       E += residual_[i] * c_[i] * f_zero * change;
     }
-    const double rounding = kBackwardError * kEpsilon /
+    const double rounding = kBackwardError * kRoundoff /
                             (both_orthonormal_ ? std::sqrt(mu) : mu) *
                             c_.norm();
     return E * E + rounding * rounding;
@@ -265,7 +265,7 @@ class ErrorEstimate {
     double squared = 0.0;
     for (Index j = 0; j < s_.size(); ++j) {
       const double rounding =
-          kBackwardError * kEpsilon * (both_orthonormal_ ? s_[j] : 1.0);
+          kBackwardError * kRoundoff * (both_orthonormal_ ? s_[j] : 1.0);
       const double rho = s_[j] * std::abs(residual_[j]) + rounding;
       if (phi_[j] == 0.0) {
         if (theta_[j] + rho < upper) continue;
@@ -303,7 +303,7 @@ class ErrorEstimate {
     // Nearer than this, a slope is the better approximation.
     constexpr double kNear = 1e-6;
     // Above a jump at lambda.
-    const double root = std::sqrt(lambda) * (1.0 + 4.0 * kEpsilon);
+    const double root = std::sqrt(lambda) * (1.0 + 4.0 * kRoundoff);
     const double f_lambda = filter_(root * s_max_, s_max_) / unit_ / root;
     double sum = 0.0;
     for (Index i = 0; i < s_.size(); ++i) {
@@ -355,7 +355,8 @@ class Bidiagonalization {
         g_(g),
         keeps_P_(both_orthonormal || J.rows() < J.cols()),
         keeps_V_(both_orthonormal || J.rows() >= J.cols()),
-        negligible_(kEpsilon * (8.0 + std::sqrt(std::max(J.rows(), J.cols())))),
+        negligible_(kRoundoff *
+                    (8.0 + std::sqrt(std::max(J.rows(), J.cols())))),
         P_(J.rows(), &workspace->P),
         V_(J.cols(), &workspace->V),
         v_(v) {}
@@ -469,7 +470,7 @@ bool GolubKahanStep(const JacobianOperator& J,
   constexpr double kNearestGap = 1e-4;
   const double smallest = SmallestScale(filter);
   const bool both = !options.always_one_basis &&
-                    kBackwardError * kEpsilon >
+                    kBackwardError * kRoundoff >
                         kNearestGap * options.tolerance * smallest * smallest;
   Bidiagonalization bidiagonalization(J, g_unit, v, both, workspace);
   const Bidiagonal& R = bidiagonalization.R();
