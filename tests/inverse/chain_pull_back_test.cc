@@ -288,7 +288,7 @@ TEST_P(ProxyTest, LaterUpdatesMoveTowardsTheSameInput) {
   options.updates_per_evaluation = 3;
   options.curvature_weight = 0.5;
   ChainPullBack chain(&model, BendInverse(), options);
-  EXPECT_EQ(chain.updates_per_evaluation(), 3);
+  EXPECT_EQ(chain.updates_per_step(), 3);
   const Linearization first = Linearized(&chain, weights, data);
   double loss = 0.0;
   std::string error;

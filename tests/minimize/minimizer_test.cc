@@ -267,7 +267,7 @@ class CountingLine final : public ceres::SizedCostFunction<1, 1> {
 class RefusingRule final : public UpdateRule {
  public:
   LinearizationParts Needs() const override {
-    return invgrad::Needs(true, false, false);
+    return minimizer_test::Needs(true, false, false);
   }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,

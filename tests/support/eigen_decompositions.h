@@ -5,7 +5,6 @@
 #ifndef INVGRAD_TESTS_SUPPORT_EIGEN_DECOMPOSITIONS_H_
 #define INVGRAD_TESTS_SUPPORT_EIGEN_DECOMPOSITIONS_H_
 
-#include "Eigen/Cholesky"
 #include "Eigen/Core"
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
@@ -14,11 +13,8 @@
 
 extern template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
 extern template class Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd>;
-extern template class Eigen::FullPivLU<Eigen::MatrixXd>;
 extern template class Eigen::HouseholderQR<Eigen::MatrixXd>;
 extern template class Eigen::JacobiSVD<Eigen::MatrixXd>;
-extern template class Eigen::LDLT<Eigen::MatrixXd>;
-extern template class Eigen::LLT<Eigen::MatrixXd>;
 extern template class Eigen::PartialPivLU<Eigen::MatrixXd>;
 extern template class Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>;
 
