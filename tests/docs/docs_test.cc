@@ -13,7 +13,7 @@
 
 #include "docs/tutorials/01_shuttlecock.h"
 #include "gtest/gtest.h"
-#include "invgrad/io/atomic_file.h"
+#include "tests/docs/pages.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
 
@@ -21,35 +21,6 @@ namespace invgrad {
 namespace {
 
 namespace fs = std::filesystem;
-
-const fs::path kRoot = SourceDir();
-
-std::string Read(const fs::path& path) {
-  std::string text;
-  std::string error;
-  EXPECT_TRUE(ReadFile(path.string(), &text, &error)) << error;
-  return text;
-}
-
-std::vector<std::string> SplitLines(const std::string& text) {
-  std::vector<std::string> lines;
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    lines.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return lines;
-}
-
-// README.md and all pages under docs.
-std::vector<fs::path> Pages() {
-  std::vector<fs::path> pages;
-  if (fs::exists(kRoot / "README.md")) pages.push_back(kRoot / "README.md");
-  for (const auto& entry : fs::recursive_directory_iterator(kRoot / "docs")) {
-    if (entry.path().extension() == ".md") pages.push_back(entry.path());
-  }
-  return pages;
-}
 
 // "// [marker]" or "// [/marker]"; not "// [1] A source."
 bool IsMarker(const std::string& text) {
@@ -171,11 +142,11 @@ TEST(Docs, QuotationsAndLinksAreFound) {
 TEST(Docs, QuotationsAreCurrent) {
   int num_quotations = 0;
   for (const fs::path& page : Pages()) {
-    for (const Quotation& quotation : Quotations(Read(page))) {
+    for (const Quotation& quotation : Quotations(ReadText(page))) {
       SCOPED_TRACE(page.string() + ": " + quotation.file + ": " +
                    quotation.marker);
       EXPECT_EQ(quotation.text,
-                MarkedRegion(Read(page.parent_path() / quotation.file),
+                MarkedRegion(ReadText(page.parent_path() / quotation.file),
                              quotation.marker));
       ++num_quotations;
     }
@@ -186,7 +157,7 @@ TEST(Docs, QuotationsAreCurrent) {
 TEST(Docs, LinksLeadToFiles) {
   int num_links = 0;
   for (const fs::path& page : Pages()) {
-    for (const std::string& link : RelativeLinks(Read(page))) {
+    for (const std::string& link : RelativeLinks(ReadText(page))) {
       EXPECT_TRUE(fs::exists(page.parent_path() / link))
           << page << " links to " << link;
       ++num_links;
@@ -204,7 +175,7 @@ std::pair<int, std::string> RunTutorial(
   const int status = std::system(("'" + BinDir() + "/" + program + "' " +
                                   arguments + " > '" + output + "' 2>&1")
                                      .c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Read(output)};
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadText(output)};
 }
 
 TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
@@ -224,7 +195,7 @@ TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
 }
 
 TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
@@ -264,7 +235,8 @@ TEST(CeresSolveTutorial, RefusesUnknownRules) {
 
 // "20 lines with everything": the page's promise.
 TEST(CeresSolveTutorial, AddsTwentyLines) {
-  const std::string source = Read(kRoot / "docs/tutorials/04_ceres_solve.cc");
+  const std::string source =
+      ReadText(SourceRoot() / "docs/tutorials/04_ceres_solve.cc");
   size_t num_lines = 0;
   for (const char* marker : {"includes", "rule", "added", "report"}) {
     num_lines += SplitLines(MarkedRegion(source, marker)).size();
@@ -288,7 +260,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
 }
 
 // Line for line, but for motions: which of several that are as good is told
@@ -299,7 +271,7 @@ TEST(RankReportTutorial, PrintsWhatThePageShows) {
       RunTutorial("", folder / "out", "03_rank_report");
   EXPECT_EQ(exit_code, 0) << text;
   const std::vector<std::string> page =
-      SplitLines(Read(kRoot / "docs/tutorials/03_rank_report.md"));
+      SplitLines(ReadText(SourceRoot() / "docs/tutorials/03_rank_report.md"));
   int num_lines = 0;
   for (const std::string& line : SplitLines(text)) {
     const std::string start = line.substr(0, 3);
@@ -322,8 +294,9 @@ TEST(NewProblemTutorial, RefusesUnknownRules) {
 // the promised size.
 TEST(NewProblemTutorial, HeaderMakesTheSameProblem) {
   EXPECT_EQ(
-      MarkedRegion(Read(kRoot / "docs/tutorials/01_shuttlecock.h"), "functor"),
-      MarkedRegion(Read(kRoot / "docs/tutorials/01_new_problem.cc"),
+      MarkedRegion(ReadText(SourceRoot() / "docs/tutorials/01_shuttlecock.h"),
+                   "functor"),
+      MarkedRegion(ReadText(SourceRoot() / "docs/tutorials/01_new_problem.cc"),
                    "functor"));
   LearningProblem problem;
   std::string error;
@@ -356,13 +329,14 @@ std::string PrintedPage(const std::string& page) {
   const std::string command =
       BinDir() + "/compare --list_markdown=" + page + " > " + printed;
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
-  return Read(printed);
+  return ReadText(printed);
 }
 
 // docs/rules.md and docs/problems.md are printed from the tables.
 TEST(Docs, GeneratedPagesAreCurrent) {
   for (const std::string page : {"rules", "problems"}) {
-    EXPECT_EQ(PrintedPage(page), Read(kRoot / "docs" / (page + ".md")))
+    EXPECT_EQ(PrintedPage(page),
+              ReadText(SourceRoot() / "docs" / (page + ".md")))
         << "docs/" << page << ".md is not what compare --list_markdown=" << page
         << " prints";
   }

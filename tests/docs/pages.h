@@ -1,0 +1,48 @@
+// The pages of the documentation, for the tests that read them.
+#ifndef INVGRAD_TESTS_DOCS_PAGES_H_
+#define INVGRAD_TESTS_DOCS_PAGES_H_
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/io/atomic_file.h"
+#include "tests/support/source_tree.h"
+
+namespace invgrad {
+
+inline std::filesystem::path SourceRoot() { return SourceDir(); }
+
+// Empty, with a failure, if the file cannot be read.
+inline std::string ReadText(const std::filesystem::path& path) {
+  std::string text;
+  std::string error;
+  EXPECT_TRUE(ReadFile(path.string(), &text, &error)) << error;
+  return text;
+}
+
+inline std::vector<std::string> SplitLines(const std::string& text) {
+  std::vector<std::string> lines;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    lines.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return lines;
+}
+
+// README.md and all pages under docs.
+inline std::vector<std::filesystem::path> Pages() {
+  std::vector<std::filesystem::path> pages = {SourceRoot() / "README.md"};
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(SourceRoot() / "docs")) {
+    if (entry.path().extension() == ".md") pages.push_back(entry.path());
+  }
+  return pages;
+}
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_TESTS_DOCS_PAGES_H_
