@@ -26,7 +26,8 @@ constexpr int kNumSamples = 8;
 // "oscillator_chain" -> "oscillator_chain:num_samples=8". A point problem stays.
 inline std::string SmallProblem(std::string problem) {
   // Tutorial 1 lets the reader add this one.
-  if (problem == "shuttlecock") problem = "toy_network";
+  problem =
+      std::regex_replace(problem, std::regex("^shuttlecock"), "toy_network");
   problem = std::regex_replace(
       problem, std::regex(":num_(samples|interior|boundary)=[0-9]+"), "");
   PhysicsProblem created;
