@@ -4,7 +4,7 @@
 //
 //   sweep --problem=sine --seconds=10 --grid="xi=1,8,32;rule=sip,adam;seed=1,2,3"
 //   sweep --problem=sine --steps=200 --grid="phi=0,45;rule=adam:step_size=1e-2|3e-3"
-//   sweep --epochs=9 --jobs=2 --tail=0.1 --grid="truncation=1e-3,1e-6;batch_size=32,0"
+//   sweep --epochs=9 --jobs=2 --grid="batch_size=8,32;rule=half_inverse" --tail=0.1
 //   sweep --epochs=9 --grid="hidden=20,20-20;rule=adam:epochs=1|5>half_inverse"
 //
 // Axes are separated by ";", values by ",". Every combination is run, each in a

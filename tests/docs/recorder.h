@@ -21,7 +21,7 @@ inline std::string Quoted(const std::string& word) {
   return "'" + std::regex_replace(word, std::regex("'"), "'\\''") + "'";
 }
 
-inline int Run(const std::string& command) {
+inline int RunInShell(const std::string& command) {
   const int status = std::system(command.c_str());
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
@@ -58,10 +58,10 @@ class Recorder {
     const std::string path =
         Tree() + "/tools" +
         (snippet.needs_path ? "" : ":" + Tree() + "/build/release/bin");
-    const int exit_code =
-        Run("cd " + Quoted(Tree()) + " && PATH=" + Quoted(path) +
-            " RECORD=" + Quoted(record) + " /bin/bash -euo pipefail " +
-            Quoted(folder_ / "script") + " > " + Quoted(output) + " 2>&1");
+    const int exit_code = RunInShell(
+        "cd " + Quoted(Tree()) + " && PATH=" + Quoted(path) +
+        " RECORD=" + Quoted(record) + " /bin/bash -euo pipefail " +
+        Quoted(folder_ / "script") + " > " + Quoted(output) + " 2>&1");
     *error = ReadText(output);
     if (exit_code != 0 || !error->empty()) return false;
     if (NumFiles() != num_files_) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -21,7 +22,7 @@
 
 namespace invgrad {
 
-constexpr int kNumSamples = 8;
+constexpr int kNumSamples = 10;
 
 // "oscillator_chain" -> "oscillator_chain:num_samples=8". A point problem stays.
 inline std::string SmallProblem(std::string problem) {
@@ -42,14 +43,15 @@ inline std::string SmallProblem(std::string problem) {
   return problem;
 }
 
-// No batch is larger than the problem.
+// Batches of 2^k samples become batches of k: small, and as different as before.
 inline std::string WithSmallBatches(const std::string& text) {
-  const std::regex batch_size("batch_size=([0-9]+)");
+  const std::regex batch_size("batch_size=([1-9][0-9]*)");
   std::string small;
   std::string rest = text;
   for (std::smatch match; std::regex_search(rest, match, batch_size);) {
-    small += match.prefix().str() + "batch_size=" +
-             std::to_string(std::min(std::stoi(match[1]), kNumSamples));
+    const int k = static_cast<int>(std::log2(std::stod(match[1])));
+    small += match.prefix().str() +
+             "batch_size=" + std::to_string(std::clamp(k, 1, kNumSamples));
     rest = match.suffix();
   }
   return small + rest;
@@ -125,7 +127,7 @@ class SmallFiles {
 
  private:
   std::string Path(const std::string& ending) const {
-    return folder_ + "/small." + ending;
+    return folder_ + "/small_" + ending + "." + ending;
   }
 
   const std::string folder_;
@@ -133,45 +135,32 @@ class SmallFiles {
 
 // The flags that override a command's budget; the last one of a name counts.
 inline Words SmallBudget(const std::string& program) {
-  if (program == "compare") {
-    return {"--steps=1",
-            "--epochs=0",
-            "--seconds=0",
-            "--plots=false",
-            "--progress=false",
-            "--overwrite"};
+  const Words quiet = {"--plots=false", "--progress=false"};
+  if (program == "compare" || program == "sweep") {
+    return {"--steps=1", "--epochs=0", "--seconds=0", quiet[0], quiet[1]};
   }
-  if (program == "sweep") {
-    return {"--steps=1",
-            "--epochs=0",
-            "--seconds=0",
-            "--plots=false",
-            "--progress=false",
-            "--overwrite"};
-  }
-  if (program == "estimate") {
-    return {"--max_iterations=1",
-            "--plots=false",
-            "--progress=false",
-            "--overwrite"};
-  }
-  if (program == "trajectories") {
-    return {"--steps=1", "--grid=3", "--overwrite"};
-  }
+  if (program == "estimate") return {"--max_iterations=1", quiet[0], quiet[1]};
+  if (program == "trajectories") return {"--steps=1", "--grid=3"};
   if (program == "accuracy") {
     return {"--batch_size=1", "--train_steps=1", "--long_double_rows=8"};
   }
   if (program == "step_cost") {
-    return {"--largest_width=100", "--largest_batch=1", "--svd_seconds=0"};
+    return {"--largest_width=100", "--largest_batch=4", "--svd_seconds=0"};
   }
   if (StartsWith(program, "bench_")) return {"--benchmark_list_tests=true"};
-  if (program == "04_ceres_solve") return {"--starts=2"};
-  // The other tutorials train; this one reports.
   if (program == "03_rank_report") return {};
+  if (program == "04_ceres_solve") return {"--starts=2"};
+  // The other tutorials train.
   if (std::isdigit(static_cast<unsigned char>(program[0])) != 0) {
     return {"--seconds=0.01"};
   }
   return {};
+}
+
+// Programs that take care of the folder of an earlier run.
+inline bool HasOutput(const std::string& program) {
+  return program == "compare" || program == "estimate" || program == "sweep" ||
+         program == "trajectories";
 }
 
 // The command with the smallest budget.
@@ -180,6 +169,7 @@ inline Words Small(const Words& command, const SmallFiles& files) {
   const bool trains = program == "compare" || program == "sweep";
   Words small = {program};
   bool has_problem = false;
+  bool has_rules = program == "sweep";
   for (size_t i = 1; i < command.size(); ++i) {
     const std::string& word = command[i];
     const std::string value = word.substr(word.find('=') + 1);
@@ -196,11 +186,13 @@ inline Words Small(const Words& command, const SmallFiles& files) {
       return command;
     } else {
       small.push_back(trains ? WithSmallBatches(word) : word);
+      has_rules = has_rules || StartsWith(word, "--rules=");
     }
   }
   if (trains && !has_problem) {
     small.push_back("--problem=" + SmallProblem("oscillator_chain"));
   }
+  if (trains && !has_rules) small.push_back("--rules=adam,half_inverse");
   for (const std::string& flag : SmallBudget(program)) small.push_back(flag);
   return small;
 }
