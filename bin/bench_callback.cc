@@ -3,14 +3,13 @@
 //
 // Sample runs:
 //
-//   bench_callback --input=problem-16-22106-pre.txt.bz2 --benchmark_repetitions=9
-//   bench_callback --steps=300
-//
-// The benchmarks:
+//   bench_callback --input=problem-16-22106-pre.txt.bz2
+//       --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
+//   bench_callback --steps=300     # without a file: an expensive functor
 //
 //   plain       ceres::Solve
 //   declining   an UpdateCallback whose rule always declines
-//   asking      the same, of a rule that needs the Jacobian first: all that
+//   asking      the same, of a rule that asks for the Jacobian first: all that
 //               proposals cost when none is made
 //   cached      the same on a CachedProblem, which is made anew each time
 //   linearize   one linearization at the start, by evaluations

@@ -4,7 +4,8 @@
 // Sample runs:
 //
 //   bench_training
-//   bench_training --rules=adam,sip,half_inverse --benchmark_repetitions=5
+//   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse
+//       --benchmark_repetitions=5
 //
 // One thread. A benchmark's iteration is a whole run of --steps steps from the
 // same weights, batches and linearizations included, evaluations of the loss

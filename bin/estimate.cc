@@ -6,11 +6,13 @@
 // Sample runs:
 //
 //   estimate --list
-//   estimate --input=nist/BoxBOD.dat --methods=ceres_lm,ceres_lm+half_inverse
+//   estimate --input=nist/BoxBOD.dat
+//       --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
 //   estimate --input=nist --plots=false --methods=ceres_lm,ceres_bfgs
 //   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2
 //   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1,2,3
-//   estimate --input=M3500.g2o --loss=huber:1 --methods=ceres_lm
+//   estimate --input=M3500.g2o --loss=huber:1
+//       --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 //
 // The run directory holds the flags that repeat the run, versions, tables,
 // results in the input's own format, iterations (CSV) and pictures (PNG).

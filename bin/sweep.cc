@@ -2,10 +2,21 @@
 //
 // Sample runs:
 //
-//   sweep --problem=sine --seconds=10 --grid="xi=1,8,32;rule=sip,adam;seed=1,2,3"
-//   sweep --problem=sine --steps=200 --grid="phi=0,45;rule=adam:step_size=1e-2|3e-3"
-//   sweep --epochs=9 --jobs=2 --grid="batch_size=8,32;rule=half_inverse" --tail=0.1
-//   sweep --epochs=9 --grid="hidden=20,20-20;rule=adam:epochs=1|5>half_inverse"
+//   sweep --problem=toy_network --steps=200 --jobs=2
+//       --grid="lambda=1,0.1,0.01;rule=half_inverse,adam:step_size=1e-2|3e-3"
+//   sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2
+//       --grid="xi=1,8,32,64;phi=0,45;rule=sip:step_size=1e-2|3e-3|1e-3,
+//       adam:step_size=1e-2|3e-3|1e-3"
+//   sweep --problem=oscillator_chain --seconds=5
+//       --grid="num_oscillators=2,4;rule=half_inverse,adam:step_size=1e-3|3e-4;
+//       seed=1,2,3"
+//   sweep --problem=toy_network --epochs=100 --tail=0.1
+//       --grid="truncation=1e-3,1e-6,1e-9;batch_size=32,128,0;
+//       rule=half_inverse,gauss_newton:step_size=auto"
+//
+//   sweep --problem=oscillator_chain --epochs=25
+//       --grid="initialization=glorot,he;hidden=20,20-20,20-20-20;
+//       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
 //
 // Axes are separated by ";", values by ",". Every combination is run, each in a
 // process of its own: options of the problem and of the rules, rules, batch

@@ -116,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(Docs,
                                info.param, std::regex("[^A-Za-z0-9]"), "_");
                          });
 
-// Extraction cannot lose them in silence: there are some 170.
+// Extraction cannot lose them in silence.
 TEST(Commands, AreFound) {
   int num_snippets = 0;
   for (const std::string& source : Sources()) {
@@ -155,13 +155,16 @@ TEST(Commands, SnippetsOfAPage) {
   EXPECT_FALSE(snippets[1].needs_path);
 }
 
-TEST(Commands, SampleRunsEndWithTheirParagraph) {
-  const std::vector<Snippet> snippets = SampleRuns(
-      "// Does x.\n//\n// Sample runs:\n//\n//   a --b\n//   c\n//\n//   d\n"
-      "//\n// Writes\n//\n//   e   a file\n");
-  ASSERT_EQ(snippets.size(), 3u);
-  EXPECT_EQ(snippets[0].text, "a --b\n");
-  EXPECT_EQ(snippets[2].text, "d\n");
+TEST(Commands, SampleRunsAreTheFirstParagraph) {
+  const std::string runs =
+      "Sample runs:\n\n  a --b \\\n    --c\n  d\n\n  e  f\n";
+  std::vector<Snippet> snippets = SampleRuns("/*\nDoes x.\n\n" + runs + "*/\n");
+  ASSERT_EQ(snippets.size(), 1u);
+  EXPECT_EQ(snippets[0].text, "  a --b \\\n    --c\n  d\n");
+  snippets = SampleRuns("// Sample runs:\n//\n//   a --b\n//\n// Writes\n");
+  ASSERT_EQ(snippets.size(), 1u);
+  EXPECT_EQ(snippets[0].text, "   a --b\n");
+  EXPECT_TRUE(SampleRuns("// Does x.\n//\n//   a --b\n").empty());
 }
 
 TEST(Commands, BashExpandsQuotesAndVariables) {

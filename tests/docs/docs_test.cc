@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <regex>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -95,7 +97,8 @@ std::string WithoutCode(const std::string& page) {
   std::string text;
   bool is_code = false;
   for (const std::string& line : SplitLines(page)) {
-    if (line.rfind("```", 0) == 0) {
+    if (line.find("```") == line.find_first_not_of(' ') &&
+        line.find("```") != std::string::npos) {
       is_code = !is_code;
     } else if (!is_code) {
       text += line + "\n";
@@ -164,6 +167,45 @@ TEST(Docs, LinksLeadToFiles) {
     }
   }
   EXPECT_GT(num_links, 0);
+}
+
+// The names of all headers and sources.
+std::set<std::string> SourceNames() {
+  std::set<std::string> names;
+  for (const char* folder : {"bin", "docs", "lib", "problems", "tests"}) {
+    for (const auto& entry :
+         fs::recursive_directory_iterator(SourceRoot() / folder)) {
+      names.insert(entry.path().filename().string());
+    }
+  }
+  return names;
+}
+
+// Paths from the root, and headers by their names alone.
+TEST(Docs, FilesInTheTextExist) {
+  const std::regex path("`((bin|docs|lib|problems|tests)/[A-Za-z0-9_./]+)`");
+  const std::regex header("[a-z0-9_]+\\.h\\b");
+  // Tutorial 1 lets the reader add it.
+  const std::string added = "problems/shuttlecock.h";
+  const std::set<std::string> names = SourceNames();
+  int num_files = 0;
+  for (const fs::path& page : Pages()) {
+    const std::string text = WithoutCode(ReadText(page));
+    using Matches = std::sregex_iterator;
+    for (Matches at(text.begin(), text.end(), path); at != Matches(); ++at) {
+      const std::string file = (*at)[1];
+      EXPECT_TRUE(file == added || fs::exists(SourceRoot() / file))
+          << page << " names " << file;
+      ++num_files;
+    }
+    for (Matches at(text.begin(), text.end(), header); at != Matches(); ++at) {
+      const std::string name = at->str();
+      EXPECT_TRUE(fs::path(added).filename() == name || names.count(name) > 0)
+          << page << " names " << name;
+      ++num_files;
+    }
+  }
+  EXPECT_GT(num_files, 0);
 }
 
 // Runs a tutorial's program with `arguments`; returns its exit code and what it

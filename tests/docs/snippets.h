@@ -104,20 +104,22 @@ inline std::vector<Snippet> PageSnippets(const std::string& page) {
   return snippets;
 }
 
-// The indented lines below "// Sample runs:", each of which is one command.
+// The indented paragraph below "Sample runs:" in a program's first comment.
 inline std::vector<Snippet> SampleRuns(const std::string& source) {
-  std::vector<Snippet> snippets;
+  Snippet snippet;
   bool is_below = false;
-  for (const std::string& line : SplitLines(source)) {
-    if (line == "// Sample runs:") {
+  for (std::string line : SplitLines(source)) {
+    if (StartsWith(line, "//")) line = line.substr(2);
+    const bool is_indented = StartsWith(line, "  ");
+    if (is_below && is_indented) {
+      snippet.text += line + "\n";
+    } else if (!snippet.text.empty()) {
+      return {snippet};
+    } else if (line == "Sample runs:" || line == " Sample runs:") {
       is_below = true;
-    } else if (StartsWith(line, "//   ") && is_below) {
-      snippets.push_back({line.substr(5) + "\n", false});
-    } else if (line != "//") {
-      is_below = false;
     }
   }
-  return snippets;
+  return {};
 }
 
 }  // namespace invgrad
