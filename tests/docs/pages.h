@@ -43,6 +43,37 @@ inline std::vector<std::filesystem::path> Pages() {
   return pages;
 }
 
+// "// [marker]" or "// [/marker]"; not "// [1] A source."
+inline bool IsMarker(const std::string& text) {
+  return text.rfind("// [", 0) == 0 && text.back() == ']';
+}
+
+// What stands between the lines "// [marker]" and "// [/marker]", without the
+// indentation of the first of them. Markers may overlap; lines that are markers
+// are not part of it. Empty, with a failure, unless both occur exactly once.
+inline std::string MarkedRegion(const std::string& source,
+                                const std::string& marker) {
+  std::string region;
+  size_t indentation = 0;
+  int num_begins = 0;
+  int num_ends = 0;
+  for (const std::string& line : SplitLines(source)) {
+    const size_t first = std::min(line.find_first_not_of(' '), line.size());
+    const std::string text = line.substr(first);
+    if (text == "// [" + marker + "]") {
+      ++num_begins;
+      indentation = first;
+    } else if (text == "// [/" + marker + "]") {
+      ++num_ends;
+    } else if (num_begins == 1 && num_ends == 0 && !IsMarker(text)) {
+      region += (first < indentation ? text : line.substr(indentation)) + "\n";
+    }
+  }
+  EXPECT_EQ(num_begins, 1) << "// [" << marker << "]";
+  EXPECT_EQ(num_ends, 1) << "// [/" << marker << "]";
+  return num_begins == 1 && num_ends == 1 ? region : "";
+}
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_TESTS_DOCS_PAGES_H_
