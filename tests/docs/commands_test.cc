@@ -23,7 +23,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace commands_test {
 
 namespace fs = std::filesystem;
 
@@ -211,5 +211,5 @@ TEST(Commands, OneCellKeepsTheRules) {
   EXPECT_EQ(SmallProblem("sine_point"), "sine_point");
 }
 
-}  // namespace
+}  // namespace commands_test
 }  // namespace invgrad

@@ -15,7 +15,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace docs_test {
 
 namespace fs = std::filesystem;
 
@@ -220,5 +220,5 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
   }
 }
 
-}  // namespace
+}  // namespace docs_test
 }  // namespace invgrad

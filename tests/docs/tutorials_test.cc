@@ -16,7 +16,7 @@
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace tutorials_test {
 
 // Runs a tutorial's program with `arguments`; returns its exit code and what it
 // printed.
@@ -174,5 +174,5 @@ TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
   EXPECT_NEAR(y[1], exact, 1e-6);
 }
 
-}  // namespace
+}  // namespace tutorials_test
 }  // namespace invgrad
