@@ -154,18 +154,16 @@ void SolveDeclining(bool needs_jacobian,
                     Instance* instance,
                     ceres::Solver::Summary* summary) {
   DecliningRule rule(needs_jacobian);
-  UpdateCallback callback({}, &rule, &instance->problem);
-  instance->options.callbacks.push_back(&callback);
-  instance->options.update_state_every_iteration = true;
+  UpdateCallback callback(&rule, &instance->problem);
+  callback.AddTo(&instance->options);
   ceres::Solve(instance->options, &instance->problem, summary);
 }
 
 void SolveCached(Instance* instance, ceres::Solver::Summary* summary) {
   DecliningRule rule(/*needs_jacobian=*/true);
   CachedProblem cached({}, &instance->problem);
-  UpdateCallback callback({}, &rule, &cached);
-  instance->options.callbacks.push_back(&callback);
-  instance->options.update_state_every_iteration = true;
+  UpdateCallback callback(&rule, cached.problem());
+  callback.AddTo(&instance->options);
   ceres::Solve(instance->options, cached.problem(), summary);
 }
 

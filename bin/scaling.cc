@@ -42,7 +42,7 @@ bool FirstStep(const Specification& rule_text,
   const std::string text = "linear_scale:c=" + std::to_string(c) +
                            ":unit_0=" + std::to_string(unit_0) +
                            ":unit_1=" + std::to_string(unit_1);
-  const std::unique_ptr<UpdateRule> rule = CreateRule(rule_text, error);
+  const std::unique_ptr<UpdateRule> rule = MakeRule(rule_text, error);
   if (rule == nullptr || !CreateProblem(text, nullptr, &problem, error)) {
     return false;
   }

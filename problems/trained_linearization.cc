@@ -18,9 +18,7 @@ bool LinearizeAfterTraining(const LearningProblem& problem,
   NumpyRandom random(0);
   Eigen::VectorXd weights =
       model.network().InitialWeights(problem.initialization, &random);
-  const std::unique_ptr<UpdateRule> adam =
-      CreateRule({"", "adam", {{"step_size", "1e-3"}}}, error);
-  if (adam == nullptr) return false;
+  const std::unique_ptr<UpdateRule> adam = MakeRule("adam:step_size=1e-3");
   TrainOptions options;
   options.batch_size = batch_size;
   options.max_num_steps = num_steps;

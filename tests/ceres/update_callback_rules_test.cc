@@ -16,9 +16,9 @@
 #include "ceres/product_manifold.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/ceres/cached_problem.h"
 #include "invgrad/ceres/model_cost.h"
-#include "invgrad/ceres/second_order_cost_function.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/io/numpy_random.h"
@@ -29,22 +29,12 @@
 namespace invgrad {
 namespace {
 
-std::unique_ptr<UpdateRule> MakeRule(const std::string& text) {
-  std::vector<Specification> specifications;
-  std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  std::unique_ptr<UpdateRule> rule = CreateRule(specifications.at(0), &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
-ceres::Solver::Options SolverOptions(ceres::IterationCallback* callback) {
+ceres::Solver::Options SolverOptions(UpdateCallback* callback) {
   ceres::Solver::Options options;
   options.logging_type = ceres::SILENT;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 500;
-  options.update_state_every_iteration = true;
-  options.callbacks.push_back(callback);
+  if (callback != nullptr) callback->AddTo(&options);
   return options;
 }
 
@@ -76,7 +66,7 @@ TEST(UpdateCallbackRules, EveryRuleOfTheTable) {
     const std::unique_ptr<UpdateRule> rule =
         MakeRule(row.name == "layer_half_inverse" ? row.name + ":step_size=auto"
                                                   : row.name);
-    UpdateCallback callback({}, rule.get(), &problem);
+    UpdateCallback callback(rule.get(), &problem);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), &problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
@@ -107,7 +97,7 @@ TEST(UpdateCallbackRules, PullBacksOfAModel) {
   ceres::Problem ceres_problem;
   AddModelToProblem(
       problem.model.get(), &problem.train, &weights, &ceres_problem);
-  UpdateCallback callback({}, &sip, &ceres_problem);
+  UpdateCallback callback(&sip, &ceres_problem);
   ceres::Solver::Options options = SolverOptions(&callback);
   options.linear_solver_type = ceres::CGNR;
   options.max_num_iterations = 3;
@@ -226,7 +216,7 @@ TEST(UpdateCallbackRules, RestoresTheProblemAfterAFailedSolve) {
     const std::unique_ptr<UpdateRule> rule = MakeRule("half_inverse");
     ceres::Solver::Summary summary;
     {
-      UpdateCallback callback({}, rule.get(), &p.problem);
+      UpdateCallback callback(rule.get(), &p.problem);
       ceres::Solver::Options options = SolverOptions(&callback);
       failures[i](&options);
       ceres::Solve(options, &p.problem, &summary);
@@ -236,7 +226,6 @@ TEST(UpdateCallbackRules, RestoresTheProblemAfterAFailedSolve) {
     EXPECT_EQ(p.pose[3], 1.0) << "Ceres puts the start back";
   }
   ceres::Solver::Options options = SolverOptions(nullptr);
-  options.callbacks.clear();
   ceres::Solver::Summary summary;
   ceres::Solve(options, &p.problem, &summary);
   EXPECT_LT(summary.final_cost, 1e-10);
@@ -268,7 +257,7 @@ TEST(UpdateCallbackRules, ARuleThatFailsIsAskedLessAndLess) {
       &x,
       &y);
   Declines rule;
-  UpdateCallback callback({}, &rule, &problem);
+  UpdateCallback callback(&rule, &problem);
   // A small trust region makes for many accepted steps.
   ceres::Solver::Options options = SolverOptions(&callback);
   options.initial_trust_region_radius = 1e-3;

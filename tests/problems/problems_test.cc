@@ -249,7 +249,7 @@ TEST(LinearScale, StepsScaleAsItsHeaderSays) {
   const auto step_of = [&](const std::string& name, const Settings& settings) {
     ChainObjective objective = problem.point->MakeObjective();
     std::string error;
-    const auto rule = CreateRule({"", name, settings}, &error);
+    const auto rule = MakeRule(Specification{"", name, settings}, &error);
     EXPECT_NE(rule, nullptr) << error;
     Linearization at_x;
     EXPECT_TRUE(objective.Linearize(rule->Needs(), &at_x, &error)) << error;

@@ -165,11 +165,10 @@ TEST(Regression1d, IsStandardizedByTheUnbiasedVariance) {
 
 // The test loss after `num_epochs` with the benchmark's batches.
 double TestLossOf(const LearningProblem& problem,
-                  const Specification& specification,
+                  const std::string& rule_text,
                   int num_epochs) {
   std::string error;
-  const auto rule = CreateRule(specification, &error);
-  EXPECT_NE(rule, nullptr) << error;
+  const auto rule = MakeRule(rule_text);
   NumpyRandom random(1);
   VectorXd weights =
       problem.model->network().InitialWeights(problem.initialization, &random);
@@ -197,14 +196,10 @@ double TestLossOf(const LearningProblem& problem,
 // half-inverse would be at 0.5 after three.
 TEST(Regression1d, HalfInverseIsAsFastAsPublished) {
   const LearningProblem problem = CreateLearningProblem("regression_1d");
-  EXPECT_LT(TestLossOf(problem,
-                       {"",
-                        "half_inverse",
-                        {{"step_size", "0.005"}, {"truncation", "1e-6"}}},
-                       3),
-            1.08e-5);
-  EXPECT_GT(TestLossOf(problem, {"", "adam", {{"step_size", "1e-3"}}}, 3),
-            1.08e-5);
+  EXPECT_LT(
+      TestLossOf(problem, "half_inverse:step_size=0.005:truncation=1e-6", 3),
+      1.08e-5);
+  EXPECT_GT(TestLossOf(problem, "adam:step_size=1e-3", 3), 1.08e-5);
 }
 
 TEST(RandomPolynomial, IsStandardizedByTheBiasedVariance) {

@@ -203,6 +203,8 @@ TEST(FirstOrderRulesDeathTest, BadOptionsAndChangedSizesAreChecked) {
   options = Adam::Options();
   options.step_size.step_size = std::numeric_limits<double>::quiet_NaN();
   EXPECT_DEATH(Adam{options}, "step_size=nan is not a finite number");
+  options.step_size.step_size = std::nullopt;
+  EXPECT_DEATH(Adam{options}, "no automatic step size");
   Adam rule(Adam::Options{});
   StepFor(&rule, VectorXd::Ones(2));
   EXPECT_DEATH(StepFor(&rule, VectorXd::Ones(3)), "number of unknowns");

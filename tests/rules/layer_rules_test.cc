@@ -58,24 +58,17 @@ Linearization AtNetwork(const std::vector<int>& widths,
                    RandomMatrix(m, 1, 4));
 }
 
-std::unique_ptr<UpdateRule> Create(const std::string& text) {
-  std::vector<Specification> specifications;
-  std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  return CreateRule(specifications.at(0), &error);
-}
-
 VectorXd StepOf(const std::string& text, const Linearization& at_x) {
   VectorXd step;
   std::string error;
-  EXPECT_TRUE(Create(text)->ComputeStep(at_x, &step, &error)) << error;
+  EXPECT_TRUE(MakeRule(text)->ComputeStep(at_x, &step, &error)) << error;
   return step;
 }
 
 std::string ErrorOf(const std::string& text, const Linearization& at_x) {
   VectorXd step;
   std::string error;
-  EXPECT_FALSE(Create(text)->ComputeStep(at_x, &step, &error));
+  EXPECT_FALSE(MakeRule(text)->ComputeStep(at_x, &step, &error));
   return error;
 }
 
@@ -381,7 +374,7 @@ TEST(KfacHalfInverse, RefusesAJacobianWithoutLayers) {
 TEST(LayerRules, StepsAreDeterministic) {
   const Linearization at_x = AtNetwork(kWidths, kBatchSize, kOutputs);
   for (const std::string name : kLayerRules) {
-    const std::unique_ptr<UpdateRule> rule = Create(name);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(name);
     VectorXd first;
     VectorXd second;
     std::string error;
@@ -395,7 +388,7 @@ TEST(LayerRules, StepsAreDeterministic) {
 TEST(LayerRules, ReportsSayWhatWasDone) {
   const Linearization at_x = AtNetwork(kWidths, kBatchSize, kOutputs);
   const auto report = [&](const std::string& text) {
-    const std::unique_ptr<UpdateRule> rule = Create(text);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(text);
     VectorXd step;
     std::string error;
     EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;

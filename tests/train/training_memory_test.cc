@@ -14,14 +14,6 @@
 namespace invgrad {
 namespace {
 
-std::unique_ptr<UpdateRule> MakeRule(const std::string& name,
-                                     const Settings& settings = {}) {
-  std::string error;
-  std::unique_ptr<UpdateRule> rule = CreateRule({"", name, settings}, &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 Model MakeModel(std::vector<int> widths) {
   const int num_outputs = widths.back();
   return Model(DenseNetwork(std::move(widths), Activation::kTanh),

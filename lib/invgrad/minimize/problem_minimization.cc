@@ -101,9 +101,8 @@ bool MinimizeProblem(
   MinimizerOptions with_rule = options;
   std::unique_ptr<UpdateCallback> callback;
   if (rule != nullptr) {
-    callback = std::make_unique<UpdateCallback>(
-        UpdateCallback::Options(), rule.get(), problem);
-    with_rule.callbacks.push_back(callback.get());
+    callback = std::make_unique<UpdateCallback>(rule.get(), problem);
+    with_rule.callbacks.push_back(callback->iteration_callback());
   }
   MinimizeWithCeres(with_rule, solver_options, problem, summary);
   if (callback != nullptr) {

@@ -5,7 +5,7 @@
 //
 //   AddModelToProblem(&model, &data, &weights, &problem);
 //   PullBackRule sip(&adam, &chain_pull_back, &data, &weights);
-//   UpdateCallback callback({}, &sip, &problem);
+//   UpdateCallback callback(&sip, &problem);
 //
 // The linearization of the problem at hand, which an UpdateCallback makes for
 // its linear model, is not read; what the rule sees is the chain's

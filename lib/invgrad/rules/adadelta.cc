@@ -25,12 +25,6 @@ Adadelta::Adadelta(const Options& options) : options_(options) {
   CheckOptions(options);
 }
 
-LinearizationParts Adadelta::Needs() const {
-  LinearizationParts parts;
-  parts.gradient = true;
-  return parts;
-}
-
 bool Adadelta::ComputeStep(const Linearization& at_x,
                            Eigen::VectorXd* step,
                            std::string* error) {
@@ -40,7 +34,7 @@ bool Adadelta::ComputeStep(const Linearization& at_x,
   InitializeOnce(gradient.size(), 0.0, &mean_square_delta_);
   mean_square_ = options_.decay * mean_square_ +
                  (1.0 - options_.decay) * gradient.cwiseAbs2();
-  // An infinite square would silently stop the entry for good.
+  // An infinite square would make all further steps of its entry zero.
   if (!CheckFinite("the squared gradient", mean_square_, error)) return false;
   const Eigen::VectorXd delta =
       gradient.array() * ((mean_square_delta_.array() + options_.epsilon) /

@@ -41,7 +41,9 @@ class Adadelta final : public UpdateRule {
 
   explicit Adadelta(const Options& options);
 
-  LinearizationParts Needs() const override;
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;

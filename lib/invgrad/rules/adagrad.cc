@@ -24,12 +24,6 @@ Adagrad::Adagrad(const Options& options) : options_(options) {
   CheckOptions(options);
 }
 
-LinearizationParts Adagrad::Needs() const {
-  LinearizationParts parts;
-  parts.gradient = true;
-  return parts;
-}
-
 bool Adagrad::ComputeStep(const Linearization& at_x,
                           Eigen::VectorXd* step,
                           std::string* error) {
@@ -37,7 +31,7 @@ bool Adagrad::ComputeStep(const Linearization& at_x,
   if (!CheckFinite("the gradient", gradient, error)) return false;
   InitializeOnce(gradient.size(), options_.initial_sum, &sum_of_squares_);
   sum_of_squares_ += gradient.cwiseAbs2();
-  // An infinite square would silently stop the entry for good.
+  // An infinite square would make all further steps of its entry zero.
   if (!CheckFinite("the squared gradient", sum_of_squares_, error))
     return false;
   *step = -options_.step_size.Scheduled(at_x.progress) * gradient.array() /

@@ -38,7 +38,9 @@ class Adagrad final : public UpdateRule {
 
   explicit Adagrad(const Options& options);
 
-  LinearizationParts Needs() const override;
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;

@@ -26,12 +26,6 @@ Adam::Adam(const Options& options) : options_(options) {
   CheckOptions(options);
 }
 
-LinearizationParts Adam::Needs() const {
-  LinearizationParts parts;
-  parts.gradient = true;
-  return parts;
-}
-
 bool Adam::ComputeStep(const Linearization& at_x,
                        Eigen::VectorXd* step,
                        std::string* error) {
@@ -43,9 +37,9 @@ bool Adam::ComputeStep(const Linearization& at_x,
   mean_ = options_.beta1 * mean_ + (1.0 - options_.beta1) * gradient;
   mean_square_ = options_.beta2 * mean_square_ +
                  (1.0 - options_.beta2) * gradient.cwiseAbs2();
-  // An infinite square would silently stop the entry for good.
+  // An infinite square would make all further steps of its entry zero.
   if (!CheckFinite("the squared gradient", mean_square_, error)) return false;
-  // The means started from zero: what they lack is divided out.
+  // Corrects the bias of means that start from zero.
   const double mean_weight = 1.0 - std::pow(options_.beta1, num_steps_[0]);
   const double mean_square_weight =
       1.0 - std::pow(options_.beta2, num_steps_[0]);

@@ -44,7 +44,9 @@ class Adam final : public UpdateRule {
 
   explicit Adam(const Options& options);
 
-  LinearizationParts Needs() const override;
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;

@@ -17,12 +17,6 @@ GradientDescent::GradientDescent(const Options& options) : options_(options) {
   CheckOptions(options);
 }
 
-LinearizationParts GradientDescent::Needs() const {
-  LinearizationParts parts;
-  parts.gradient = true;
-  return parts;
-}
-
 bool GradientDescent::ComputeStep(const Linearization& at_x,
                                   Eigen::VectorXd* step,
                                   std::string* error) {
@@ -30,10 +24,11 @@ bool GradientDescent::ComputeStep(const Linearization& at_x,
   if (!CheckFinite("the gradient", gradient, error)) return false;
   InitializeOnce(gradient.size(), 0.0, &velocity_);
   velocity_ = options_.momentum * velocity_ + gradient;
-  *step = -options_.step_size.Scheduled(at_x.progress) * velocity_;
+  const double eta = options_.step_size.Scheduled(at_x.progress);
   if (options_.nesterov) {
-    *step = -options_.step_size.Scheduled(at_x.progress) *
-            (gradient + options_.momentum * velocity_);
+    *step = -eta * (gradient + options_.momentum * velocity_);
+  } else {
+    *step = -eta * velocity_;
   }
   return CheckFinite("the step", *step, error);
 }

@@ -39,7 +39,9 @@ class GradientDescent final : public UpdateRule {
 
   explicit GradientDescent(const Options& options);
 
-  LinearizationParts Needs() const override;
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <limits>
-#include <sstream>
+#include <optional>
+
+#include "fmt/core.h"
 
 namespace invgrad {
 
 KrylovRule::Options::Options() {
-  step_size.step_size = std::numeric_limits<double>::quiet_NaN();  // auto
+  step_size.step_size = std::nullopt;  // auto
   filter = SpectralFilter::HalfInverse(0.0);
 }
 
@@ -56,14 +58,12 @@ bool KrylovRule::ComputeDirection(const Linearization& at_x,
     *error = summary.message;
     return false;
   }
-  std::ostringstream text;
-  text.precision(2);
-  text << summary.num_iterations << " iterations";
+  *report = fmt::format("{} iterations", summary.num_iterations);
   if (summary.s_max > 0.0) {
-    text << ", " << summary.rank << " values down to "
-         << summary.s_min_kept / summary.s_max << " s_max";
+    *report += fmt::format(", {} values down to {:.2g} s_max",
+                           summary.rank,
+                           summary.s_min_kept / summary.s_max);
   }
-  *report = text.str();
   return true;
 }
 

@@ -28,12 +28,6 @@ RmsProp::RmsProp(const Options& options) : options_(options) {
   CheckOptions(options);
 }
 
-LinearizationParts RmsProp::Needs() const {
-  LinearizationParts parts;
-  parts.gradient = true;
-  return parts;
-}
-
 bool RmsProp::ComputeStep(const Linearization& at_x,
                           Eigen::VectorXd* step,
                           std::string* error) {
@@ -43,7 +37,7 @@ bool RmsProp::ComputeStep(const Linearization& at_x,
   InitializeOnce(gradient.size(), 0.0, &velocity_);
   mean_square_ = options_.decay * mean_square_ +
                  (1.0 - options_.decay) * gradient.cwiseAbs2();
-  // An infinite square would silently stop the entry for good.
+  // An infinite square would make all further steps of its entry zero.
   if (!CheckFinite("the squared gradient", mean_square_, error)) return false;
   velocity_ =
       options_.momentum * velocity_.array() +

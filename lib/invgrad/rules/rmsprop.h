@@ -40,7 +40,9 @@ class RmsProp final : public UpdateRule {
 
   explicit RmsProp(const Options& options);
 
-  LinearizationParts Needs() const override;
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;

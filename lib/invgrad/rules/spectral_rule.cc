@@ -4,13 +4,15 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <sstream>
+#include <optional>
 #include <vector>
+
+#include "fmt/core.h"
 
 namespace invgrad {
 namespace {
 
-// Those that compute any filter.
+// The routes that compute any filter.
 constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kSvd,
                                      SpectralRoute::kGram,
@@ -19,7 +21,7 @@ constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
                                      SpectralRoute::kGolubKahan,
                                      SpectralRoute::kCholesky};
 
-// What the steps of all blocks were like.
+// What the steps of all blocks report.
 struct Totals {
   std::map<SpectralRoute, int> num_blocks;
   int rank = 0;
@@ -39,18 +41,19 @@ struct Totals {
 
   // "route gram, rank 97 of 128", "route gram 3, svd 1, rank 211 of 300".
   std::string Report() const {
-    std::ostringstream report;
     const bool single =
         num_blocks.size() == 1 && num_blocks.begin()->second == 1;
-    const char* separator = "route ";
+    std::string report;
     for (const auto& [route, count] : num_blocks) {
-      report << separator << SpectralRouteName(route);
-      if (!single) report << " " << count;
-      separator = ", ";
+      report += report.empty() ? "route " : ", ";
+      report += SpectralRouteName(route);
+      if (!single) report += fmt::format(" {}", count);
     }
-    if (max_rank > 0) report << ", rank " << rank << " of " << max_rank;
-    if (num_undecided > 0) report << ", " << num_undecided << " undecided";
-    return report.str();
+    if (max_rank > 0) report += fmt::format(", rank {} of {}", rank, max_rank);
+    if (num_undecided > 0) {
+      report += fmt::format(", {} undecided", num_undecided);
+    }
+    return report;
   }
 };
 
@@ -79,7 +82,7 @@ SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
 
 SpectralRule::Options SpectralRule::Options::AdaptivePower() {
   Options options;
-  options.step_size.step_size = std::numeric_limits<double>::quiet_NaN();
+  options.step_size.step_size = std::nullopt;  // auto
   options.control.control = "gain";
   return options;
 }
@@ -133,7 +136,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
     SpectralRoute route = spectral_options_.route;
     std::string name = "route ";
     if (route == SpectralRoute::kAuto) {
-      // SpectralStep asks again before it takes a dearer one.
+      // SpectralStep checks the memory again before it takes a larger route.
       name = "at least route ";
       route = joint_options().filter.IsGradientDescent()
                   ? SpectralRoute::kGradient
@@ -147,7 +150,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   };
   MemoryPart step;
   if (layerwise_ && !J.layers.empty()) {
-    // The layers, one after the other, share the memory of the largest.
+    // The layers are computed one after the other, in the same memory.
     for (const JacobianSizes::Layer& layer : J.layers) {
       const MemoryPart part = of_step(J.rows, layer.fan_in * layer.fan_out);
       if (part.bytes > step.bytes) step = part;
@@ -201,7 +204,7 @@ bool SpectralRule::ComputeDirection(const Linearization& at_x,
                       &summary)) {
       *error = summary.message;
       if (blocks.size() > 1) {
-        *error = "columns from " + std::to_string(column) + ": " + *error;
+        *error = fmt::format("columns from {}: {}", column, *error);
       }
       return false;
     }

@@ -216,9 +216,9 @@ bool TrainByCeres(const Method& method,
       MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
     } else {
       const std::unique_ptr<UpdateRule> rule = method.MakeRule();
-      UpdateCallback callback(UpdateCallback::Options(), rule.get(), &problem);
+      UpdateCallback callback(rule.get(), &problem);
       minimizer_options.callbacks.insert(minimizer_options.callbacks.begin(),
-                                         &callback);
+                                         callback.iteration_callback());
       MinimizeWithCeres(minimizer_options, solver_options, &problem, &result);
       *report = ProposalsText(callback.summary());
     }

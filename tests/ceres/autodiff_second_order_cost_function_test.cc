@@ -1,4 +1,4 @@
-#include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 
 #include <vector>
 
