@@ -3,7 +3,7 @@
 //   step = -eta V phi(S) U^T g,   phi(s) = 1 / (s + lambda s_max),   J = U S V^T
 //
 // Problem:  y_i = a exp(-b t_i) + c exp(-d t_i) from 24 exact samples, which is
-//           ill-conditioned: the singular values of J spread over three decades.
+//           ill-conditioned: the singular values of J span a factor of 570.
 // Unknown:  a, b, c, d.
 // Truth:    a = 1, b = 1, c = 1.5, d = 4.
 // Start:    a = 0.5, b = 0.5, c = 0.5, d = 2.
@@ -109,7 +109,7 @@ struct Fit {
 void Print(const std::string& label, int num_steps, Fit* fit) {
   double cost = 0.0;
   CHECK(fit->problem.Evaluate({}, &cost, nullptr, nullptr, nullptr));
-  std::printf("%-40s  %5d  %8.1e  %6.3f %6.3f %6.3f %6.3f\n",
+  std::printf("%-43s  %5d  %8.1e  %6.3f %6.3f %6.3f %6.3f\n",
               label.c_str(),
               num_steps,
               cost,
@@ -165,7 +165,7 @@ int main(int /*argc*/, char** argv) {
   invgrad::RegisterRule<ShiftedInverse>(
       "shifted_inverse", "step = -eta V (S + lambda s_max)^-1 U^T g");
   // [/register]
-  std::printf("%-40s  steps      cost       a      b      c      d\n", "");
+  std::printf("%-43s  steps      cost       a      b      c      d\n", "");
   SolveByCeres("");
   for (const char* rule : {"half_inverse:step_size=auto:rho=1",
                            "gauss_newton:step_size=auto:rho=1",

@@ -21,7 +21,6 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/staging_manifold.h"
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
@@ -694,22 +693,25 @@ TEST(UpdateCallback, ManifoldsAreDeletedOnce) {
   }
 }
 
-// As many callbacks for one problem as you like take the manifolds of one.
-TEST(StagingManifold, AProblemUsesItsManifoldsAgain) {
-  ceres::Problem problem;
-  const auto manifolds = StagingManifold::Take(problem, 3);
-  StagingManifold::GiveBack(manifolds);
-  const auto fewer = StagingManifold::Take(problem, 2);
-  const auto more = StagingManifold::Take(problem, 2);
-  EXPECT_EQ(fewer[0], manifolds[0]);
-  EXPECT_EQ(fewer[1], manifolds[1]);
-  EXPECT_EQ(more[0], manifolds[2]);
-  ceres::Problem other;
-  const auto of_other = StagingManifold::Take(other, 1);
-  EXPECT_EQ(std::count(manifolds.begin(), manifolds.end(), of_other[0]), 0);
-  StagingManifold::GiveBack(fewer);
-  StagingManifold::GiveBack(more);
-  StagingManifold::GiveBack(of_other);
+// However many callbacks a problem has, one after the other, they use as many
+// manifolds as one.
+TEST(UpdateCallback, AProblemKeepsItsWrappers) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(0.5);
+  std::vector<const ceres::Manifold*> first;
+  for (int i = 0; i < 3; ++i) {
+    UpdateCallback callback(&rule, &p.problem);
+    const std::vector<const ceres::Manifold*> now = {
+        p.problem.GetManifold(&p.x), p.problem.GetManifold(&p.y)};
+    if (i == 0) first = now;
+    EXPECT_EQ(now, first);
+    TwoBlockRosenbrock other;
+    UpdateCallback of_other(&rule, &other.problem);
+    EXPECT_EQ(
+        std::count(
+            first.begin(), first.end(), other.problem.GetManifold(&other.x)),
+        0);
+  }
 }
 
 TEST(UpdateCallback, NoticesAProblemThatIsDestroyedFirst) {

@@ -272,6 +272,18 @@ TEST(CeresSolveTutorial, AddsFourteenLines) {
   EXPECT_LE(num_lines, 14u);
 }
 
+TEST(OwnRuleTutorial, UsesTheRuleByName) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] = RunTutorial("", folder / "out", "06_own_rule");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word : {"ceres_lm+shifted_inverse ",
+                           "shifted_inverse:shift=1e-3 ",
+                           "1.000  1.000  1.500  4.000",
+                           "unknown option 'shft'; did you mean shift?"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+}
+
 TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   const TemporaryFolder folder;
   const std::string picture = folder / "picture.png";

@@ -1,15 +1,12 @@
 // The first-order rules against steps computed by hand. The large epsilons show
 // where it is added.
+#include "invgrad/rules/first_order_rules.h"
+
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/rules/adadelta.h"
-#include "invgrad/rules/adagrad.h"
-#include "invgrad/rules/adam.h"
-#include "invgrad/rules/gradient_descent.h"
-#include "invgrad/rules/rmsprop.h"
 
 namespace invgrad {
 namespace {

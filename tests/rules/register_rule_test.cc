@@ -13,7 +13,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/rules/gradient_descent.h"
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {

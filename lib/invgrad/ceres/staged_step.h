@@ -2,29 +2,32 @@
 //
 //   x_candidate = Plus(x, staged step)   in the place of Plus(x, Ceres' step)
 //
-// The manifold of each parameter block that is not constant is wrapped in a
-// StagingManifold. A ceres::Problem calls Plus of all blocks once when it forms
-// its candidate.
+// The manifold of each parameter block that is not constant is wrapped. The
+// wrapper replaces the step in the next Plus, which Ceres calls once for each
+// block when it forms its candidate.
 //
-// Shapes:  step: n, in the columns of the linearizer.
+// Shapes:    step: n, in the columns of the linearizer.
+// Ownership: a ceres::Problem deletes its manifolds or does not, depending on
+//            Problem::Options::manifold_ownership, which Ceres 2.1 does not
+//            reveal. Both work: wrappers that a problem no longer uses are kept
+//            for its next StagedStep. A problem that owns its manifolds deletes
+//            them in its destructor. One that does not leaves 64 bytes for each
+//            parameter block, which a later problem at the same address uses.
 #ifndef INVGRAD_CERES_STAGED_STEP_H_
 #define INVGRAD_CERES_STAGED_STEP_H_
 
 #include <vector>
 
-#include "ceres/local_parameterization.h"
-#include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_linearizer.h"
-#include "invgrad/ceres/staging_manifold.h"
 
 namespace invgrad {
 
 class StagedStep {
  public:
   // Wraps the blocks; the destructor restores what they had. The problem must
-  // outlive the object, and the linearizer must have read the problem before.
-  // CHECKs that the blocks are not wrapped yet.
+  // outlive the object (CHECKed if it owns its manifolds), and the linearizer
+  // must have read the problem before. CHECKs that the blocks are not wrapped.
   StagedStep(const ProblemLinearizer& linearizer, ceres::Problem* problem);
   ~StagedStep();
   StagedStep(const StagedStep&) = delete;
@@ -44,20 +47,12 @@ class StagedStep {
   void Unwrap() { SetWrapped(false); }
 
  private:
-  // A block, and what it had before it was wrapped.
-  struct Block {
-    double* values;
-    int column;
-    const ceres::Manifold* manifold;  // null: Euclidean
-    const ceres::LocalParameterization* parameterization;
-    StagingManifold* staging;
-  };
+  struct Block;
 
   void SetWrapped(bool wrapped);
 
   ceres::Problem* problem_;
   std::vector<Block> blocks_;
-  std::vector<StagingManifold*> manifolds_;
   bool is_wrapped_ = true;  // the Euclidean blocks
   int num_unwraps_ = 0;
 };

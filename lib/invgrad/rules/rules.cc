@@ -4,14 +4,10 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/rules/adadelta.h"
-#include "invgrad/rules/adagrad.h"
-#include "invgrad/rules/adam.h"
-#include "invgrad/rules/gradient_descent.h"
+#include "invgrad/rules/first_order_rules.h"
 #include "invgrad/rules/kfac_rule.h"
 #include "invgrad/rules/krylov_rule.h"
 #include "invgrad/rules/newton.h"
-#include "invgrad/rules/rmsprop.h"
 #include "invgrad/rules/spectral_rule.h"
 
 namespace invgrad {
