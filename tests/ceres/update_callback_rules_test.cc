@@ -165,26 +165,19 @@ TEST(UpdateCallbackRules, ProductAndSubsetManifolds) {
       PoseAndScale p;
       CachedProblem cached({}, &p.problem);
       const std::unique_ptr<UpdateRule> rule = MakeRule(text);
-      std::unique_ptr<UpdateCallback> callback;
-      if (is_cached) {
-        callback = std::make_unique<UpdateCallback>(
-            UpdateCallback::Options(), rule.get(), &cached);
-      } else {
-        callback = std::make_unique<UpdateCallback>(
-            UpdateCallback::Options(), rule.get(), &p.problem);
-      }
-      ceres::Solver::Options options = SolverOptions(callback.get());
+      ceres::Problem* const problem = is_cached ? cached.problem() : &p.problem;
+      UpdateCallback callback(rule.get(), problem);
+      ceres::Solver::Options options = SolverOptions(&callback);
       options.num_threads = 2;
       ceres::Solver::Summary summary;
-      ceres::Solve(
-          options, is_cached ? cached.problem() : &p.problem, &summary);
+      ceres::Solve(options, problem, &summary);
       EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
           << summary.message;
       EXPECT_LT(summary.final_cost, 1e-10);
       EXPECT_NEAR(Eigen::Map<Eigen::Vector4d>(p.pose).norm(), 1.0, 1e-12);
       EXPECT_EQ(p.scale[0], 1.0);
       EXPECT_NEAR(p.scale[1], 1.3, 1e-4);
-      EXPECT_GT(callback->summary().num_accepted, 0);
+      EXPECT_GT(callback.summary().num_accepted, 0);
     }
   }
 }

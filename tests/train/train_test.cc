@@ -1,4 +1,4 @@
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 
 #include <unistd.h>
 
@@ -14,6 +14,7 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/checkpoint.h"
+#include "invgrad/train/evaluation.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
@@ -49,29 +50,32 @@ struct Regression {
   }
 };
 
-struct Result {
-  Eigen::VectorXd weights;
-  History history;
-  TrainSummary summary;
-};
+// The caller keeps the rule.
+std::shared_ptr<UpdateRule> Borrowed(UpdateRule* rule) {
+  return {std::shared_ptr<void>(), rule};
+}
 
-Result TrainRegression(const Regression& problem,
-                       const TrainOptions& options,
-                       UpdateRule* rule) {
-  Result result;
-  result.weights = problem.weights;
-  std::string error;
-  EXPECT_TRUE(Train(options,
-                    problem.model,
-                    problem.train,
-                    problem.test,
-                    rule,
-                    &result.weights,
-                    &result.history,
-                    &result.summary,
-                    &error))
-      << error;
+TrainResult TrainRegression(const Regression& problem,
+                            TrainOptions options,
+                            UpdateRule* rule) {
+  options.initial_weights = problem.weights;
+  TrainResult result = Train(
+      problem.model, {problem.train, problem.test}, Borrowed(rule), options);
+  EXPECT_EQ(result.error, "");
   return result;
+}
+
+// Why the run is refused.
+std::string Refusal(const Regression& problem,
+                    TrainOptions options,
+                    const std::string& method) {
+  options.initial_weights = problem.weights;
+  const TrainResult result =
+      Train(problem.model, {problem.train, problem.test}, method, options);
+  EXPECT_NE(result.error, "");
+  EXPECT_EQ(result.weights, problem.weights);
+  EXPECT_TRUE(result.history.empty());
+  return result.error;
 }
 
 TrainOptions Epochs(int num_epochs, int batch_size) {
@@ -91,7 +95,7 @@ TEST(Trainer, OneFullBatchStepOfGradientDescentIsTheGradient) {
       problem.weights, problem.train, parts, &at_start, &error));
   const auto rule = MakeRule("gradient_descent:step_size=0.1");
   TrainOptions options = Epochs(1, 0);
-  const Result result = TrainRegression(problem, options, rule.get());
+  const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.num_steps, 1);
   EXPECT_LT(
       (result.weights - (problem.weights - 0.1 * at_start.gradient)).norm(),
@@ -107,13 +111,13 @@ TEST(Trainer, SameInputsGiveTheSameBits) {
   const Regression problem;
   TrainOptions options = Epochs(5, 4);
   options.shuffle = true;
-  options.shuffle_seed = 7;
+  options.seed = 7;
   const auto first = MakeRule("half_inverse");
   const auto second = MakeRule("half_inverse");
-  const Result a = TrainRegression(problem, options, first.get());
-  const Result b = TrainRegression(problem, options, second.get());
+  const TrainResult a = TrainRegression(problem, options, first.get());
+  const TrainResult b = TrainRegression(problem, options, second.get());
   EXPECT_EQ(a.weights, b.weights);
-  options.shuffle_seed = 8;
+  options.seed = 8;
   const auto third = MakeRule("half_inverse");
   EXPECT_NE(TrainRegression(problem, options, third.get()).weights, a.weights);
 }
@@ -134,7 +138,7 @@ TEST(Trainer, LossIsPerSampleWhateverTheReduction) {
 TEST(Trainer, SamplesThatDoNotFillABatchAreLeftOut) {
   const Regression problem;  // 24 samples
   const auto rule = MakeRule("adam");
-  const Result result = TrainRegression(problem, Epochs(3, 7), rule.get());
+  const TrainResult result = TrainRegression(problem, Epochs(3, 7), rule.get());
   EXPECT_EQ(result.summary.num_steps, 3 * 3);
 }
 
@@ -148,7 +152,7 @@ TEST_P(EveryRuleResumes, BitForBit) {
   TrainOptions options = Epochs(6, 8);
   options.shuffle = true;
   const auto whole_rule = MakeRule(GetParam());
-  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
 
   options.checkpoint_path = path;
   options.checkpoint_interval_in_seconds = 0.0;
@@ -157,7 +161,8 @@ TEST_P(EveryRuleResumes, BitForBit) {
   TrainRegression(problem, options, first_rule.get());
   options.max_num_epochs = 6;
   const auto second_rule = MakeRule(GetParam());
-  const Result resumed = TrainRegression(problem, options, second_rule.get());
+  const TrainResult resumed =
+      TrainRegression(problem, options, second_rule.get());
   std::remove(path.c_str());
 
   EXPECT_EQ(resumed.weights, whole.weights);
@@ -191,21 +196,8 @@ TEST(Trainer, RefusesACheckpointOfAnotherRun) {
   ASSERT_TRUE(WriteCheckpoint(path, checkpoint, &error)) << error;
   TrainOptions options = Epochs(1, 8);
   options.checkpoint_path = path;
-  const auto rule = MakeRule("adam");
-  Eigen::VectorXd weights = problem.weights;
-  History history;
-  TrainSummary summary;
-  EXPECT_FALSE(Train(options,
-                     problem.model,
-                     problem.train,
-                     problem.test,
-                     rule.get(),
-                     &weights,
-                     &history,
-                     &summary,
-                     &error));
+  error = Refusal(problem, options, "adam");
   EXPECT_NE(error.find(path), std::string::npos) << error;
-  EXPECT_EQ(weights, problem.weights);
   std::remove(path.c_str());
 }
 
@@ -215,25 +207,11 @@ TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
   TrainOptions options = Epochs(2, 8);
   options.checkpoint_path = folder / "checkpoint";
   const auto rule = MakeRule("adam");
-  const Result before = TrainRegression(problem, options, rule.get());
+  const TrainResult before = TrainRegression(problem, options, rule.get());
   options.batch_size = 6;
-  Eigen::VectorXd weights = problem.weights;
-  History history;
-  TrainSummary summary;
-  std::string error;
-  EXPECT_FALSE(Train(options,
-                     problem.model,
-                     problem.train,
-                     problem.test,
-                     rule.get(),
-                     &weights,
-                     &history,
-                     &summary,
-                     &error));
+  const std::string error = Refusal(problem, options, "adam");
   EXPECT_NE(error.find("found batch_size=8, wanted 6"), std::string::npos)
       << error;
-  EXPECT_EQ(weights, problem.weights);
-  EXPECT_TRUE(history.empty());
 }
 
 TEST(Trainer, NoBudgetIsNoStep) {
@@ -244,7 +222,7 @@ TEST(Trainer, NoBudgetIsNoStep) {
             problem.weights);
   options = TrainOptions();
   options.max_num_steps = 0;
-  const Result result = TrainRegression(problem, options, rule.get());
+  const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.num_steps, 0);
   EXPECT_EQ(result.history.size(), 1u);
 }
@@ -254,7 +232,7 @@ TEST(Trainer, OneSampleIsAWholeEpoch) {
   problem.train = problem.train.Range(0, 1);
   problem.test = problem.test.Range(0, 0);
   const auto rule = MakeRule("half_inverse:step_size=auto");
-  const Result result = TrainRegression(problem, Epochs(4, 1), rule.get());
+  const TrainResult result = TrainRegression(problem, Epochs(4, 1), rule.get());
   EXPECT_EQ(result.summary.num_steps, 4);
   EXPECT_LT(result.history.back().train_loss,
             result.history.front().train_loss);
@@ -289,7 +267,7 @@ TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
   const Regression problem;
   for (const double value : {std::nan(""), HUGE_VAL, 1e200}) {
     ExplodingRule rule(5, value);
-    const Result result = TrainRegression(problem, Epochs(10, 8), &rule);
+    const TrainResult result = TrainRegression(problem, Epochs(10, 8), &rule);
     EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
     // Step 5 leads to weights at which step 6 has nothing to linearize.
     EXPECT_EQ(result.summary.message.rfind("diverged at step 6: ", 0), 0u)
@@ -350,7 +328,7 @@ void NoChange(int /*k*/, Eigen::VectorXd* /*step*/) {}
 TEST(Trainer, AStepThatIsTakenBackLeavesNoTrace) {
   const Regression problem;
   JudgingRule rule([](double, double) { return false; }, NoChange);
-  const Result result = TrainRegression(problem, Epochs(5, 8), &rule);
+  const TrainResult result = TrainRegression(problem, Epochs(5, 8), &rule);
   EXPECT_EQ(result.weights, problem.weights);
   EXPECT_EQ(result.summary.num_steps, 15);
   EXPECT_EQ(result.summary.num_taken_back, 15);
@@ -369,13 +347,13 @@ TEST(Trainer, StepsThatRaiseTheLossOfTheirBatchAreTakenBack) {
   };
   JudgingRule rule([](double before, double after) { return after <= before; },
                    every_third);
-  const Result result = TrainRegression(problem, Epochs(4, 8), &rule);
+  const TrainResult result = TrainRegression(problem, Epochs(4, 8), &rule);
   EXPECT_EQ(result.summary.num_taken_back, 4);
   // The same as if these steps had been zero.
   JudgingRule same(IsFinite, [](int k, Eigen::VectorXd* step) {
     if (k % 3 == 0) step->setZero();
   });
-  const Result expected = TrainRegression(problem, Epochs(4, 8), &same);
+  const TrainResult expected = TrainRegression(problem, Epochs(4, 8), &same);
   EXPECT_EQ(result.weights, expected.weights);
   EXPECT_EQ(expected.summary.num_taken_back, 0);
   EXPECT_EQ(expected.summary.message, "epochs done");
@@ -385,7 +363,7 @@ TEST(Trainer, StepsThatRaiseTheLossOfTheirBatchAreTakenBack) {
 TEST(Trainer, StepsAreJudgedByTheirOwnBatch) {
   const Regression problem;
   JudgingRule rule(IsFinite, NoChange);
-  const Result result = TrainRegression(problem, Epochs(1, 24), &rule);
+  const TrainResult result = TrainRegression(problem, Epochs(1, 24), &rule);
   ASSERT_EQ(rule.after.size(), 1u);
   EXPECT_EQ(rule.before[0], result.history[0].train_loss);
   EXPECT_EQ(rule.after[0], result.history[1].train_loss);
@@ -415,20 +393,11 @@ struct Blind {
     test.targets.resize(1, 0);
   }
 
-  Result Train(const TrainOptions& options, UpdateRule* rule) const {
-    Result result;
-    result.weights = weights;
-    std::string error;
-    EXPECT_TRUE(invgrad::Train(options,
-                               model,
-                               train,
-                               test,
-                               rule,
-                               &result.weights,
-                               &result.history,
-                               &result.summary,
-                               &error))
-        << error;
+  TrainResult Train(TrainOptions options, UpdateRule* rule) const {
+    options.initial_weights = weights;
+    TrainResult result =
+        invgrad::Train(model, {train, test}, Borrowed(rule), options);
+    EXPECT_EQ(result.error, "");
     return result;
   }
 };
@@ -444,7 +413,7 @@ void JumpAtStepSix(int k, Eigen::VectorXd* step) {
 TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
   const Blind problem(0.0);
   JudgingRule rule(IsFinite, JumpAtStepFive);
-  const Result result = problem.Train(Epochs(6, 1), &rule);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
   EXPECT_EQ(result.summary.message, "epochs done");
   EXPECT_EQ(result.summary.num_taken_back, 1);
   // Step 5 was judged twice.
@@ -466,7 +435,7 @@ TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
 TEST(Trainer, AStepAfterWhichTheTrainLossIsNotFiniteIsTakenBack) {
   const Blind problem(1.0);
   JudgingRule rule(IsFinite, JumpAtStepSix);
-  const Result result = problem.Train(Epochs(6, 1), &rule);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
   EXPECT_EQ(result.summary.message, "epochs done");
   for (const HistoryRow& row : result.history) {
     EXPECT_TRUE(std::isfinite(row.train_loss)) << row.step;
@@ -478,7 +447,7 @@ TEST(Trainer, NothingIsTakenBackTwice) {
   Blind problem(0.0);
   problem.train.targets(0, 1) = 1e200;
   JudgingRule rule(IsFinite, NoChange);
-  const Result start = problem.Train(Epochs(6, 1), &rule);
+  const TrainResult start = problem.Train(Epochs(6, 1), &rule);
   EXPECT_EQ(start.summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(start.summary.message.rfind("the loss is not finite at the", 0), 0u)
       << start.summary.message;
@@ -489,7 +458,7 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
   const Blind problem(0.0);
   const TemporaryFolder folder;
   JudgingRule whole_rule(IsFinite, JumpAtStepFive);
-  const Result whole = problem.Train(Epochs(4, 1), &whole_rule);
+  const TrainResult whole = problem.Train(Epochs(4, 1), &whole_rule);
   EXPECT_EQ(whole.summary.num_taken_back, 1);
   for (const int stop : {4, 5, 6, 7}) {
     SCOPED_TRACE(stop);
@@ -500,7 +469,7 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
     problem.Train(options, &first);
     options.max_num_steps = TrainOptions().max_num_steps;
     JudgingRule second(IsFinite, JumpAtStepFive);
-    const Result resumed = problem.Train(options, &second);
+    const TrainResult resumed = problem.Train(options, &second);
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_taken_back, 1);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
@@ -517,7 +486,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
   TrainOptions options = Epochs(8, 4);
   options.shuffle = true;
   const auto whole_rule = MakeRule(text);
-  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
   EXPECT_GT(whole.summary.num_taken_back, 2);
   EXPECT_LT(whole.summary.num_taken_back, 40);
   EXPECT_LT(whole.history.back().train_loss,
@@ -531,7 +500,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
     TrainRegression(problem, stopped, first.get());
     stopped.max_num_steps = options.max_num_steps;
     const auto second = MakeRule(text);
-    const Result resumed = TrainRegression(problem, stopped, second.get());
+    const TrainResult resumed = TrainRegression(problem, stopped, second.get());
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_taken_back, whole.summary.num_taken_back);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
@@ -541,20 +510,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
 TEST(Trainer, RefusesDataThatAreNotFinite) {
   Regression problem;
   problem.train.inputs(1, 5) = NAN;
-  const auto rule = MakeRule("adam");
-  Eigen::VectorXd weights = problem.weights;
-  History history;
-  TrainSummary summary;
-  std::string error;
-  EXPECT_FALSE(Train(Epochs(1, 8),
-                     problem.model,
-                     problem.train,
-                     problem.test,
-                     rule.get(),
-                     &weights,
-                     &history,
-                     &summary,
-                     &error));
+  const std::string error = Refusal(problem, Epochs(1, 8), "adam");
   EXPECT_NE(error.find("train data"), std::string::npos) << error;
   EXPECT_NE(error.find('5'), std::string::npos) << error;
 }
@@ -585,7 +541,7 @@ TEST(Trainer, CallbacksEndTheRunAsInCeres) {
     TrainOptions options = Epochs(10, 8);
     options.callbacks.push_back(&callback);
     const auto rule = MakeRule("adam");
-    const Result result = TrainRegression(problem, options, rule.get());
+    const TrainResult result = TrainRegression(problem, options, rule.get());
     EXPECT_EQ(result.summary.termination_type, type);
     EXPECT_EQ(result.summary.num_steps, 4);
     EXPECT_EQ(result.history.back().step, 4);
@@ -600,7 +556,7 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
   TrainOptions options = Epochs(5, 8);
   options.shuffle = true;
   const auto whole_rule = MakeRule("adam");
-  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
   for (const int step : {0, 4, 5, 6}) {
     SCOPED_TRACE(step);
     StoppingCallback callback(step, ceres::SOLVER_TERMINATE_SUCCESSFULLY);
@@ -608,12 +564,12 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
     stopped_options.checkpoint_path = folder / std::to_string(step);
     stopped_options.callbacks.push_back(&callback);
     const auto first_rule = MakeRule("adam");
-    const Result stopped =
+    const TrainResult stopped =
         TrainRegression(problem, stopped_options, first_rule.get());
     EXPECT_EQ(stopped.summary.num_steps, step);
     stopped_options.callbacks.clear();
     const auto second_rule = MakeRule("adam");
-    const Result resumed =
+    const TrainResult resumed =
         TrainRegression(problem, stopped_options, second_rule.get());
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_steps, whole.summary.num_steps);
@@ -630,7 +586,7 @@ TEST(Trainer, StopsAtTheTargetLossAndWhenPatienceEnds) {
   TrainOptions options = Epochs(10000, 8);
   options.target_loss = 1e-3;
   auto rule = MakeRule("half_inverse:step_size=auto");
-  Result result = TrainRegression(problem, options, rule.get());
+  TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
   EXPECT_LE(result.history.back().train_loss, 1e-3);
 
@@ -649,7 +605,7 @@ TEST(Trainer, TimeBudgetEndsTheRun) {
   options.max_time_in_seconds = 0.02;
   options.batch_size = 8;
   const auto rule = MakeRule("adam");
-  const Result result = TrainRegression(problem, options, rule.get());
+  const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.message, "time used up");
   EXPECT_GE(result.summary.train_time_in_seconds, 0.02);
   EXPECT_GT(result.summary.num_steps, 0);
