@@ -64,7 +64,7 @@ TEST(KrylovRule, OneIterationIsAScaledGradient) {
 TEST(KrylovRule, AsManyIterationsAsTheRankAreThePowerRule) {
   for (const auto& [m, n] : {std::pair<int, int>{9, 6}, {6, 9}}) {
     const Linearization at_x = RandomLinearization(m, n);
-    for (const char* kappa : {"-1", "-0.5", "0.5", "1"}) {
+    for (const std::string kappa : {"-1", "-0.5", "0.5", "1"}) {
       const VectorXd expected =
           StepOf(MakeRule("power:route=svd:kappa=" + kappa).get(), at_x);
       for (const int iterations : {6, 40}) {
@@ -108,8 +108,8 @@ TEST(KrylovRule, ScalingLaw) {
 TEST(KrylovRule, EveryIterateIsADescentDirection) {
   const Linearization at_x = RandomLinearization(30, 20);
   const MatrixXd J = Dense(at_x);
-  for (const char* kappa : {"-0.5", "0.5", "1"}) {
-    for (const char* iterations : {"1", "2", "5", "12", "20"}) {
+  for (const std::string kappa : {"-0.5", "0.5", "1"}) {
+    for (const std::string iterations : {"1", "2", "5", "12", "20"}) {
       const VectorXd step = StepOf(MakeRule("krylov:rho=0.5:kappa=" + kappa +
                                             ":iterations=" + iterations)
                                        .get(),
