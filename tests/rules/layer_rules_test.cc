@@ -362,10 +362,11 @@ TEST(KfacHalfInverse, RefusesAJacobianWithoutLayers) {
   at_x.loss_gradient = VectorXd::Ones(3);
   at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Ones(3, 4));
   const std::string error = ErrorOf("kfac_half_inverse", at_x);
-  EXPECT_EQ(error,
-            "K-FAC needs the Jacobian of a network's layers, which this problem "
-            "does not have; half_inverse and layer_half_inverse work with any "
-            "Jacobian");
+  EXPECT_EQ(
+      error,
+      "K-FAC needs the Jacobian of a network's layers, which this problem "
+      "does not have; half_inverse and layer_half_inverse work with any "
+      "Jacobian");
   // Parameter blocks are not layers.
   at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Ones(3, 4),
                                                   std::vector<int>{2, 2});
