@@ -1,6 +1,7 @@
 #include "invgrad/chain/simulator.h"
 
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -33,9 +34,9 @@ struct Curved {
   }
 };
 
-// The pull-back of a constant covector by PullBack and by J must agree.
-void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
-                                        const VectorXd& x) {
+// Of a constant covector.
+void ExpectAdjointIsTransposedJacobian(const Simulator& simulator,
+                                       const VectorXd& x) {
   const int rows = simulator.num_outputs();
   const int cols = simulator.num_inputs();
   RowMajorMatrix J(rows, cols);
@@ -53,7 +54,7 @@ void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
     Eigen::Map<VectorXd>(out, rows) = w;
     return true;
   };
-  ASSERT_TRUE(simulator.PullBack(
+  ASSERT_TRUE(simulator.Adjoint(
       x.data(), nullptr, covector, value.data(), pulled.data()));
   EXPECT_EQ(value, y);
   EXPECT_EQ(seen, y);
@@ -61,7 +62,7 @@ void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
   EXPECT_LT((pulled - J.transpose() * w).norm(), 1e-14);
 
   const auto refuse = [](const double*, double*) { return false; };
-  EXPECT_FALSE(simulator.PullBack(
+  EXPECT_FALSE(simulator.Adjoint(
       x.data(), nullptr, refuse, value.data(), pulled.data()));
 }
 
@@ -73,7 +74,7 @@ TEST(IdentitySimulatorTest, IsTheIdentity) {
   ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
   EXPECT_EQ(y, x);
   EXPECT_EQ(J, MatrixXd::Identity(3, 3));
-  ExpectPullBackIsTransposedJacobian(simulator, x);
+  ExpectAdjointIsTransposedJacobian(simulator, x);
   MatrixXd H = MatrixXd::Ones(3, 3);
   ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, y.data(), H.data()));
   EXPECT_EQ(H, MatrixXd::Zero(3, 3));
@@ -90,7 +91,7 @@ TEST(LinearSimulatorTest, IsItsMatrix) {
   ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
   EXPECT_EQ(y, Vector2d(7.5, 5.75));
   EXPECT_EQ(J, A);
-  ExpectPullBackIsTransposedJacobian(simulator, x);
+  ExpectAdjointIsTransposedJacobian(simulator, x);
   MatrixXd H = MatrixXd::Ones(3, 3);
   ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, y.data(), H.data()));
   EXPECT_EQ(H, MatrixXd::Zero(3, 3));
@@ -105,7 +106,7 @@ TEST(AutoDiffSimulatorTest, IsTheClosedForm) {
   RowMajorMatrix expected(3, 2);
   expected << -1.3, 0.7, std::cos(0.7), 0.0, 0.0, 3.0 * 1.3 * 1.3;
   EXPECT_LT((J - expected).norm(), 1e-15);
-  ExpectPullBackIsTransposedJacobian(simulator, x);
+  ExpectAdjointIsTransposedJacobian(simulator, x);
 
   const Vector3d w(2.0, -1.0, 0.5);
   Matrix2d H;
@@ -156,6 +157,35 @@ TEST(AutoDiffSimulatorTest, FailsWithTheFunctorOrAnInfinity) {
   const Vector2d refused(-1.0, 1.0);
   EXPECT_FALSE(
       simulator.WeightedHessian(refused.data(), nullptr, w.data(), H.data()));
+}
+
+// y = (x, 2 x): only what must be overridden.
+class FirstOrder final : public Simulator {
+ public:
+  int num_inputs() const override { return 1; }
+  int num_outputs() const override { return 2; }
+  bool Evaluate(const double* x,
+                const double* /*context*/,
+                double* y,
+                double* jacobian) const override {
+    y[0] = x[0];
+    y[1] = 2.0 * x[0];
+    if (jacobian != nullptr) {
+      jacobian[0] = 1.0;
+      jacobian[1] = 2.0;
+    }
+    return true;
+  }
+};
+
+TEST(SimulatorTest, NeedsSizesAndJacobianOnly) {
+  const FirstOrder simulator;
+  ExpectAdjointIsTransposedJacobian(simulator, VectorXd::Constant(1, 3.0));
+  std::string error;
+  EXPECT_FALSE(CheckHasHessian(simulator, &error));
+  EXPECT_NE(error.find("no second derivatives"), std::string::npos) << error;
+  EXPECT_TRUE(CheckHasHessian(IdentitySimulator(2), &error));
+  EXPECT_TRUE(CheckHasHessian(AutoDiffSimulator<Curved, 2, 3>(), &error));
 }
 
 TEST(AllFiniteTest, SeesEveryEntry) {

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -19,6 +18,7 @@
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/core/nested_jet.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace {
@@ -34,13 +34,6 @@ constexpr Activation kSmoothActivations[] = {Activation::kLinear,
 
 // Sums of about a hundred terms of order one to ten.
 constexpr double kRounding = 1e-12;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
 
 // The 2-jet of the outputs in the two inputs, by Jets of Jets through the
 // functor: num_outputs x 4.
@@ -411,7 +404,7 @@ TEST(JetModel, PullBacksTrainAllChannels) {
   const DataSet data = MakeData(5);
   const VectorXd weights = RandomMatrix(model.num_weights(), 1, 41);
   ChainPullBack::Options options;
-  options.is_supervised = true;
+  options.simulator.way = SimulatorWay::kData;
   ChainPullBack pull_back(&model, nullptr, options);
   LinearizationParts parts;
   parts.gradient = parts.jacobian = parts.hessian = true;

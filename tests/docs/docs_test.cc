@@ -274,9 +274,8 @@ TEST(CeresSolveTutorial, AddsTwentyLines) {
 
 TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   const TemporaryFolder folder;
-  const std::string picture = folder / "picture.png";
   const auto [exit_code, text] =
-      RunTutorial("--seconds=0.01 --picture='" + picture + "'",
+      RunTutorial("--seconds=0.01 --folder='" + folder.path() + "'",
                   folder / "out",
                   "05_robot_simulator");
   EXPECT_EQ(exit_code, 0) << text;
@@ -288,7 +287,14 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+  const std::string script =
+      (kRoot / "docs/tutorials/05_robot_simulator.gp").string();
+  EXPECT_EQ(std::system(("cd '" + folder.path() + "' && gnuplot '" + script +
+                         "' > gnuplot.txt 2>&1")
+                            .c_str()),
+            0)
+      << Read(folder / "gnuplot.txt");
+  EXPECT_EQ(Read(folder / "05_robot_simulator.png").substr(1, 3), "PNG");
 }
 
 // Line for line, but for motions: which of several that are as good is told

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <random>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +16,7 @@
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/parallel_samples.h"
 #include "invgrad/inverse/pull_back_counts.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace {
@@ -25,13 +26,6 @@ using Eigen::Vector2d;
 using Eigen::VectorXd;
 using ConstVectorRef = InverseSimulator::ConstVectorRef;
 using Options = ChainPullBack::Options;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
 
 // y = (exp x0, x1 + x0^2), for x0 < 5 only.
 struct Bend {
@@ -46,18 +40,11 @@ struct Bend {
 };
 
 // x = (log y0, y1 - log^2 y0), refused where y0 <= 0.
-bool InvertBend(const ConstVectorRef& y,
-                const ConstVectorRef& /*x0*/,
-                const ConstVectorRef& /*context*/,
-                VectorXd* x,
-                std::string* why) {
-  if (!(y[0] > 0.0)) {
-    *why = "y_0 <= 0";
-    return false;
-  }
+std::optional<VectorXd> InvertBend(const ConstVectorRef& y,
+                                   const ConstVectorRef& /*x_now*/) {
+  if (!(y[0] > 0.0)) return std::nullopt;
   const double x0 = std::log(y[0]);
-  *x = Vector2d(x0, y[1] - x0 * x0);
-  return true;
+  return Vector2d(x0, y[1] - x0 * x0);
 }
 
 // L = scale (d0^4 / 4 + d0^2 / 2 + 3 d1^2), d = y - y*: its curvature differs
@@ -109,7 +96,7 @@ VectorXd RandomWeights(const Model& model) {
 }
 
 std::shared_ptr<const InverseSimulator> BendInverse() {
-  return std::make_shared<FunctionInverse>(InvertBend);
+  return Inverse(InvertBend);
 }
 
 Options Ways(LossWay loss, SimulatorWay simulator) {
@@ -511,7 +498,7 @@ TEST(ChainPullBackTest, SupervisedTrainingSeesTheSolutionsOnly) {
   const Model model = MakeModel(QuarticLoss());
   const VectorXd weights = RandomWeights(model);
   Options options = Physical();
-  options.is_supervised = true;
+  options.simulator.way = SimulatorWay::kData;
   ChainPullBack chain(&model, BendInverse(), options);
   EXPECT_TRUE(chain.needs_solutions());
   const Linearization at = Linearized(&chain, weights, data);
@@ -533,14 +520,10 @@ TEST(ChainPullBackTest, SupervisedTrainingSeesTheSolutionsOnly) {
 
 // An inverse that refuses where y0 <= 0 and is wrong where y0 > 2.
 std::shared_ptr<const InverseSimulator> UnreliableInverse() {
-  return std::make_shared<FunctionInverse>([](const ConstVectorRef& y,
-                                              const ConstVectorRef& x0,
-                                              const ConstVectorRef& context,
-                                              VectorXd* x,
-                                              std::string* why) {
-    if (!InvertBend(y, x0, context, x, why)) return false;
-    if (y[0] > 2.0) *x = x0;
-    return true;
+  return Inverse([](const auto& y, const auto& x_now) {
+    std::optional<VectorXd> x = InvertBend(y, x_now);
+    if (x.has_value() && y[0] > 2.0) *x = x_now;
+    return x;
   });
 }
 

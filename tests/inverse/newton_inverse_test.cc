@@ -409,6 +409,19 @@ TEST(NewtonInverseDeathTest, RefusesWhatMakesNoSense) {
   EXPECT_DEATH(NewtonInverse(simulator, MakeOptions(0.2, -1.0)), "damping");
   EXPECT_DEATH(NewtonInverse(simulator, MakeOptions(0.2, 0.0, 0)), "num_steps");
   EXPECT_DEATH(NewtonInverse(nullptr, MakeOptions(0.2)), "simulator");
+  class FirstOrder final : public Simulator {
+   public:
+    int num_inputs() const override { return 1; }
+    int num_outputs() const override { return 1; }
+    bool Evaluate(const double*,
+                  const double*,
+                  double*,
+                  double*) const override {
+      return true;
+    }
+  };
+  EXPECT_DEATH(NewtonInverse(std::make_shared<FirstOrder>(), MakeOptions(0.2)),
+               "no second derivatives");
 }
 
 }  // namespace

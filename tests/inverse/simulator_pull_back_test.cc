@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,7 +16,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
-#include "invgrad/inverse/newton_inverse.h"
 #include "tests/support/without_hessian.h"
 
 namespace invgrad {
@@ -51,7 +51,7 @@ Vector2d BendInverse(const ConstVectorRef& y) {
   return {x0, y[1] - x0 * x0};
 }
 
-// What stands before: x = A(u) = (2 u0, u1 + u0^3), and Q = Bend o A.
+// Another map in front: x = A(u) = (2 u0, u1 + u0^3), and Q = Bend o A.
 struct BendOfCubic {
   template <typename T>
   bool operator()(const T* u, T* y) const {
@@ -95,33 +95,41 @@ std::shared_ptr<const Simulator> MakeLinear(const MatrixXd& A) {
       LinearSimulator::Matrix(A.sparseView()), VectorXd::Zero(A.rows()));
 }
 
-std::shared_ptr<const InverseSimulator> MakeInverse(
-    FunctionInverse::Function function) {
-  return std::make_shared<FunctionInverse>(std::move(function));
-}
-
 // Always right.
 std::shared_ptr<const InverseSimulator> ExactBendInverse() {
-  return MakeInverse([](const ConstVectorRef& y,
-                        const ConstVectorRef& /*x0*/,
-                        const ConstVectorRef& /*context*/,
-                        VectorXd* x,
-                        std::string* /*why*/) {
-    *x = BendInverse(y);
-    return true;
+  return Inverse([](const auto& y, const auto& /*x_now*/) {
+    return VectorXd(BendInverse(y));
   });
 }
 
-// An answer that does not look at anything.
+// Always the same answer.
 std::shared_ptr<const InverseSimulator> Answer(const VectorXd& answer) {
-  return MakeInverse([answer](const ConstVectorRef& /*y*/,
-                              const ConstVectorRef& /*x0*/,
-                              const ConstVectorRef& /*context*/,
-                              VectorXd* x,
-                              std::string* /*why*/) {
-    *x = answer;
-    return true;
-  });
+  return Inverse(
+      [answer](const auto& /*y*/, const auto& /*x_now*/) { return answer; });
+}
+
+// Fails with this reason, and with this x.
+class Refusal final : public InverseSimulator {
+ public:
+  explicit Refusal(std::string reason, VectorXd x = VectorXd())
+      : reason_(std::move(reason)), x_(std::move(x)) {}
+  bool Invert(const ConstVectorRef& /*y*/,
+              const ConstVectorRef& /*x_now*/,
+              const ConstVectorRef& /*context*/,
+              VectorXd* x,
+              std::string* why) const override {
+    *x = x_;
+    *why = reason_;
+    return false;
+  }
+
+ private:
+  std::string reason_;
+  VectorXd x_;
+};
+
+std::shared_ptr<const InverseSimulator> Refuse(const std::string& reason) {
+  return std::make_shared<Refusal>(reason);
 }
 
 SimulatorPullBack::Options Way(SimulatorWay way, double truncation = 1e-5) {
@@ -316,16 +324,10 @@ TEST_F(GivenInverseTest, ARightAnswerIsTaken) {
 }
 
 TEST_F(GivenInverseTest, IsGivenWhatItNeeds) {
-  const auto inverse = MakeInverse([&](const ConstVectorRef& y,
-                                       const ConstVectorRef& x0,
-                                       const ConstVectorRef& context,
-                                       VectorXd* x,
-                                       std::string* /*why*/) {
+  const auto inverse = Inverse([&](const auto& y, const auto& x_now) {
     EXPECT_EQ(VectorXd(y), Wanted());
-    EXPECT_EQ(VectorXd(x0), x_);
-    EXPECT_EQ(context.size(), 0);
-    *x = BendInverse(y);
-    return true;
+    EXPECT_EQ(VectorXd(x_now), x_);
+    return VectorXd(BendInverse(y));
   });
   EXPECT_EQ(PullThrough(inverse).result.source, PullBackSource::kInverse);
 }
@@ -337,37 +339,28 @@ TEST_F(GivenInverseTest, WithoutOneTheNumericalInverseIsTheFirstChoice) {
   EXPECT_LT((pulled.d_x - Expected()).norm(), 10.0 * options_.round_trip);
 }
 
-FunctionInverse::Function Refuse(const std::string& reason) {
-  return [reason](const ConstVectorRef& /*y*/,
-                  const ConstVectorRef& /*x0*/,
-                  const ConstVectorRef& /*context*/,
-                  VectorXd* /*x*/,
-                  std::string* why) {
-    *why = reason;
-    return false;
-  };
-}
-
 TEST_F(GivenInverseTest, ARefusalIsReported) {
-  ExpectRefused(MakeInverse(Refuse("no pre-image: y_0 <= 0")),
-                "no pre-image: y_0 <= 0");
+  ExpectRefused(Refuse("no pre-image: y_0 <= 0"), "no pre-image: y_0 <= 0");
+  ExpectRefused(
+      Inverse([](const auto&, const auto&) -> std::optional<VectorXd> {
+        return std::nullopt;
+      }),
+      "the inverse has no x for y = (2.242, -2.84)");
 }
 
 // Otherwise nobody would learn of it.
 TEST_F(GivenInverseTest, ARefusalWithoutAReasonIsReportedToo) {
-  const Pulled pulled = PullThrough(MakeInverse(Refuse("")));
+  const Pulled pulled = PullThrough(Refuse(""));
   EXPECT_EQ(pulled.result.source, PullBackSource::kNumericalInverse);
   EXPECT_NE(pulled.result.why, "");
 }
 
 template <typename Exception>
 std::shared_ptr<const InverseSimulator> Thrower(Exception exception) {
-  return MakeInverse(
-      [exception](const ConstVectorRef& /*y*/,
-                  const ConstVectorRef& /*x0*/,
-                  const ConstVectorRef& /*context*/,
-                  VectorXd* /*x*/,
-                  std::string* /*why*/) -> bool { throw exception; });
+  return Inverse(
+      [exception](const auto&, const auto&) -> std::optional<VectorXd> {
+        throw exception;
+      });
 }
 
 TEST_F(GivenInverseTest, ExceptionsAreCaught) {
@@ -384,8 +377,9 @@ TEST_F(GivenInverseTest, ValuesThatAreNotFiniteAreRefused) {
 
 TEST_F(GivenInverseTest, AWrongSizeIsRefused) {
   ExpectRefused(Answer(VectorXd::Ones(3)),
-                "the inverse has 3 numbers, wanted 2");
-  ExpectRefused(Answer(VectorXd()), "the inverse has 0 numbers, wanted 2");
+                "the inverse returned 3 numbers; the simulator has 2 inputs");
+  ExpectRefused(Answer(VectorXd()),
+                "the inverse returned 0 numbers; the simulator has 2 inputs");
 }
 
 TEST_F(GivenInverseTest, AWrongAnswerIsRefused) {
@@ -475,7 +469,7 @@ TEST(FallBackTest, InverseGradientWhereTheTargetIsOutOfRange) {
   const Vector2d x(0.0, 0.5);
   const Vector2d d_y(1.5, 0.3);  // J = diag(1, 2): sin 1.5 is nearer to 1.5
   const SimulatorPullBack pull_back(MakeSimulator<2, 2>(Sine()),
-                                    MakeInverse(Refuse("|y_0| > 1")),
+                                    Refuse("|y_0| > 1"),
                                     SimulatorPullBack::Options());
   const Pulled pulled = Pull(pull_back, x, d_y);
   EXPECT_EQ(pulled.result.source, PullBackSource::kInverseGradient);
@@ -544,17 +538,10 @@ TEST(AcceptNearerTest, TheNumericalInverseMayStopShort) {
 
 // The nearest point, and false because it is not y.
 TEST(AcceptNearerTest, SoMayAGivenInverse) {
-  const auto nearest = MakeInverse([](const ConstVectorRef& y,
-                                      const ConstVectorRef& /*x0*/,
-                                      const ConstVectorRef& /*context*/,
-                                      VectorXd* x,
-                                      std::string* why) {
-    *x = Vector2d(std::asin(std::min(1.0, y[0])), 0.5 * y[1]);
-    *why = "|y_0| > 1";
-    return y[0] <= 1.0;
-  });
   const Vector2d x(1.2, 0.5);
   const Vector2d d_y(1.9 - std::sin(1.2), 0.3);
+  const auto nearest =
+      std::make_shared<Refusal>("|y_0| > 1", Vector2d(std::asin(1.0), 0.65));
   const auto simulator = MakeSimulator<2, 2>(Sine());
   const Pulled accepted =
       Pull(SimulatorPullBack(simulator, nearest, AcceptNearer()), x, d_y);
@@ -586,14 +573,12 @@ TEST(AcceptNearerTest, WhatLeadsAwayIsStillRefused) {
 // A Newton inverse promises nothing, but if it fails it has not come nearer.
 TEST(AcceptNearerTest, AFailedNewtonInverseIsRefused) {
   const auto simulator = std::make_shared<WithoutHessian>();
-  const auto newton =
-      std::make_shared<NewtonInverse>(simulator, NewtonInverse::Options());
   const Vector2d d_y(0.5, -1.0);
   for (const bool accept_nearer : {false, true}) {
-    SimulatorPullBack::Options options;
+    SimulatorPullBack::Options options = Way(SimulatorWay::kNewton);
     options.accept_nearer = accept_nearer;
     const Pulled pulled = Pull(
-        SimulatorPullBack(simulator, newton, options), Vector2d::Zero(), d_y);
+        SimulatorPullBack(simulator, nullptr, options), Vector2d::Zero(), d_y);
     EXPECT_EQ(pulled.result.source, PullBackSource::kNumericalInverse);
     EXPECT_EQ(pulled.result.why,
               "the simulator has no finite second derivative");
@@ -695,18 +680,11 @@ TEST(PhysicalGradientTest, TheStepInYDoesNotDependOnWhatStandsBefore) {
   const Vector2d x(0.2, 0.5);
   const Vector2d u = CubicInverse(x);
   const Vector2d d_y(1.5, -0.7);
-  const auto inverse_of_q = MakeInverse([](const ConstVectorRef& y,
-                                           const ConstVectorRef& /*x0*/,
-                                           const ConstVectorRef& /*context*/,
-                                           VectorXd* result,
-                                           std::string* /*why*/) {
-    *result = CubicInverse(BendInverse(y));
-    return true;
+  const auto inverse_of_q = Inverse([](const auto& y, const auto& /*x_now*/) {
+    return VectorXd(CubicInverse(BendInverse(y)));
   });
-  NewtonInverse::Options unbounded;
-  unbounded.max_loss_change = 1e9;
-  const auto newton_p = std::make_shared<NewtonInverse>(P, unbounded);
-  const auto newton_q = std::make_shared<NewtonInverse>(Q, unbounded);
+  SimulatorPullBack::Options newton = Way(SimulatorWay::kNewton);
+  newton.newton.max_loss_change = 1e9;
   SimulatorPullBack::Options numerical;
   numerical.round_trip = 1e-8;
 
@@ -724,8 +702,7 @@ TEST(PhysicalGradientTest, TheStepInYDoesNotDependOnWhatStandsBefore) {
   EXPECT_LT((change(Q, nullptr, numerical, u) - d_y).norm(), 1e-7);
 
   EXPECT_GT(
-      (change(P, newton_p, physical, x) - change(Q, newton_q, physical, u))
-          .norm(),
+      (change(P, nullptr, newton, x) - change(Q, nullptr, newton, u)).norm(),
       0.1 * d_y.norm());
   // Of gradient descent even the direction depends on A, to first order in the
   // step: it is that of J J^T d_y.

@@ -1,4 +1,4 @@
-// A simulator that has a value and no second derivative.
+// A simulator with a value and no finite second derivative.
 #ifndef TESTS_WITHOUT_HESSIAN_H_
 #define TESTS_WITHOUT_HESSIAN_H_
 
@@ -17,6 +17,7 @@ class WithoutHessian final : public Simulator {
                 double* jacobian) const override {
     return identity_.Evaluate(x, context, y, jacobian);
   }
+  bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* /*x*/,
                        const double* /*context*/,
                        const double* /*w*/,

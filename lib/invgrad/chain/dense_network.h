@@ -61,12 +61,17 @@ class DenseNetwork {
   const std::vector<int>& widths() const { return widths_; }
   Activation hidden_activation() const { return hidden_; }
 
-  // Where layer l = 0 .. num_layers() - 1 begins in the weights, and how many
-  // it has: column-major, (widths[l] + 1) x widths[l + 1].
+  // The first weight of layer l = 0 .. num_layers() - 1, and the number of its
+  // weights.
   int offset(int layer) const { return offsets_[layer]; }
   int layer_size(int layer) const {
     return offsets_[layer + 1] - offsets_[layer];
   }
+
+  // That layer of `weights`: (widths[l] + 1) x widths[l + 1], a column a unit,
+  // whose last entry is the bias.
+  Eigen::Map<const Eigen::MatrixXd> LayerWeights(
+      int layer, const Eigen::VectorXd& weights) const;
 
   Eigen::VectorXd InitialWeights(Initialization initialization,
                                  NumpyRandom* random) const;
@@ -130,17 +135,6 @@ class DenseNetwork {
                const Eigen::MatrixXd& output_covectors,
                const std::vector<Eigen::MatrixXd>& output_hessians,
                Eigen::MatrixXd* hessian) const;
-
-  // The second derivatives of F_s = w_s . f(a_s; theta) in input i and in all
-  // inputs (|a| x B: column s is d2F_s/da da_i) or all weights (n x B: column s
-  // is d2F_s/dtheta da_i), for output covectors w: widths[L] x B. One
-  // tangent-of-backward pass. Needs curvatures. Not of jets (CHECKed).
-  void InputSecondDerivatives(const Eigen::VectorXd& weights,
-                              const Activations& activations,
-                              const Eigen::MatrixXd& output_covectors,
-                              int i,
-                              Eigen::MatrixXd* in_inputs,
-                              Eigen::MatrixXd* in_weights) const;
 
   // "4-20-20-20-24 tanh"
   std::string Name() const;

@@ -23,14 +23,14 @@
 // Shapes:  theta: n;  y: |y| B stacked sample by sample, as g and the rows of
 //          J = dy/dtheta are. Activations: B columns; with feedback B T, a
 //          sample's calls side by side; with jets the same, T = |a| + 2.
-// Cost:    gradient: forward, PullBack of each sample, backward. Jacobian: one
+// Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h).
-//          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian.
-//          Nothing is allocated a sample but by the Hessian. With feedback: T
-//          passes in place of one, an input Jacobian of the network, and one
-//          CloseLoop a sample; for the Hessian closed_loop_hessian.h. With
-//          jets: T passes, for the Hessian T^2.
+//          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian;
+//          not with feedback. Nothing is allocated a sample but by the Hessian.
+//          With feedback: T passes in place of one, an input Jacobian of the
+//          network, and one CloseLoop a sample. With jets: T passes, for the
+//          Hessian T^2.
 // Fails:   Linearize, Cost and Predict return false with a message naming the
 //          sample (its column in the batch) if a simulator or loss fails or a
 //          value is not finite; of a roll-out also the time step. Empty batches
@@ -140,6 +140,11 @@ class Model {
                  Eigen::Ref<Eigen::MatrixXd> x_bar,
                  std::string* error) const;
 
+  // False, with a message that says what to do, if Linearize cannot compute
+  // these parts: the Hessian in a closed loop, or of a simulator without
+  // WeightedHessian.
+  bool CanLinearize(const LinearizationParts& parts, std::string* error) const;
+
   // Fills cost and the wanted parts; the others are left empty.
   bool Linearize(const Eigen::VectorXd& weights,
                  const DataSet& batch,
@@ -168,12 +173,13 @@ class Model {
         std::shared_ptr<const Feedback> feedback,
         NetworkOutput output);
 
+  void CheckTargets(const DataSet& batch) const;
   // Predict, all samples at once.
   bool PredictPiece(const Eigen::VectorXd& weights,
                     const DataSet& batch,
                     Eigen::Ref<Eigen::MatrixXd> outputs,
                     std::string* error) const;
-  // Linearize without J, by pull-back.
+  // Linearize without J, by the simulator's adjoint.
   bool CostAndGradient(const Eigen::VectorXd& weights,
                        const DataSet& batch,
                        double* cost,

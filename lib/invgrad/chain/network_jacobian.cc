@@ -80,10 +80,7 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
       Gemm(Op::kNone,
            Op::kNone,
            1.0,
-           Eigen::Map<const MatrixXd>(weights_.data() + network_.offset(k),
-                                      widths[k] + 1,
-                                      widths[k + 1])
-               .topRows(widths[k]),
+           network_.LayerWeights(k, weights_).topRows(widths[k]),
            *above,
            0.0,
            delta);

@@ -107,9 +107,18 @@ bool MinimizeByMethod(const Method& method,
     *error = "proxy, curvature_weight, updates and max_change need a network";
     return false;
   }
+  if (method.pull_back.has_value() &&
+      !method.pull_back->CanPullBack(objective->simulator(), error)) {
+    return false;
+  }
   if (method.ceres == nullptr) {
-    if (method.pull_back.has_value() && !method.pull_back->is_joint() &&
-        method.MakeRule()->JudgesSteps()) {
+    const bool is_pulled_back =
+        method.pull_back.has_value() && !method.pull_back->is_joint();
+    if (!is_pulled_back && method.MakeRule()->Needs().hessian &&
+        !CheckHasHessian(objective->simulator(), error)) {
+      return false;
+    }
+    if (is_pulled_back && method.MakeRule()->JudgesSteps()) {
       *error =
           "control=gain judges by a cost, and the change that is pulled back "
           "to a point has none";

@@ -30,7 +30,7 @@ bool CheckWays(const PullBackMethod& ways,
     *error = "its data have no solutions x* to learn from";
     return false;
   }
-  return true;
+  return ways.CanPullBack(model.simulator(), error);
 }
 
 // The same with options of a phase, which outlive it.
@@ -51,10 +51,8 @@ class PhaseView {
       model_ = &joint_.emplace(task.model.WithLoss(
           ways.MakeLoss(task.model.shared_loss()), task.model.reduction()));
     } else {
-      options_.pull_back = &pull_back_.emplace(
-          &task.model,
-          ways.FirstInverse(task.model.shared_simulator(), task.inverse),
-          ways.ChainOptions());
+      options_.pull_back =
+          &pull_back_.emplace(&task.model, task.inverse, ways.ChainOptions());
     }
   }
   PhaseView(const PhaseView&) = delete;

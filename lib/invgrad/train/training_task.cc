@@ -53,6 +53,10 @@ bool CheckTraining(const TrainingTask& task,
         "pulled back";
     return false;
   }
+  if (task.options.pull_back == nullptr &&
+      !task.model.CanLinearize(rule.Needs(), error)) {
+    return false;
+  }
   return TrainingFits(task, rule, error);
 }
 
