@@ -275,7 +275,7 @@ TEST(CeresSolveTutorial, AddsTwentyLines) {
 TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--seconds=0.01 --folder='" + folder.path() + "'",
+      RunTutorial("--seconds=0.01 --folder='" + (folder / "") + "'",
                   folder / "out",
                   "05_robot_simulator");
   EXPECT_EQ(exit_code, 0) << text;
@@ -289,7 +289,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   }
   const std::string script =
       (kRoot / "docs/tutorials/05_robot_simulator.gp").string();
-  EXPECT_EQ(std::system(("cd '" + folder.path() + "' && gnuplot '" + script +
+  EXPECT_EQ(std::system(("cd '" + (folder / "") + "' && gnuplot '" + script +
                          "' > gnuplot.txt 2>&1")
                             .c_str()),
             0)
