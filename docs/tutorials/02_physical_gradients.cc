@@ -29,6 +29,7 @@
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/train/train.h"
 
 // [rules]
 DEFINE_string(rules,
@@ -49,7 +50,7 @@ using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
 using invgrad::TrainOptions;
-using invgrad::TrainSummary;
+using invgrad::TrainResult;
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -158,37 +159,29 @@ int Run() {
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
-    Eigen::VectorXd weights = initial_weights;
-    invgrad::History history;
-    TrainSummary summary;
-    if (!invgrad::TrainByMethod(method,
-                                options,
-                                model,
-                                inverse,
-                                train,
-                                test,
-                                &weights,
-                                &history,
-                                &summary,
-                                &error)) {
-      std::cerr << method.label << ": " << error << "\n";
+    options.initial_weights = initial_weights;
+    options.inverse = inverse;
+    const TrainResult result =
+        invgrad::Train(model, {train, test}, method, options);
+    if (!result.error.empty()) {
+      std::cerr << method.label << ": " << result.error << "\n";
       return 1;
     }
     // [/train]
 
     // [row]
-    const HistoryRow& last = history.back();
+    const HistoryRow& last = result.history.back();
     std::printf(
         "%-52s  %9.3g  %9.3g  %7.3g  %11s  %11s  %6s\n",
         method.label.c_str(),
         last.test_loss,
         1e3 * std::sqrt(2.0 * last.test_loss),
-        1e3 * summary.train_time_in_seconds / summary.num_steps,
+        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
         CountText(last.by_inverse).c_str(),
         CountText(last.by_numerical_inverse).c_str(),
         CountText(last.by_inverse_gradient + last.by_gradient + last.not_moved)
             .c_str());
-    std::cerr << "  " << summary.message << "\n";
+    std::cerr << "  " << result.summary.message << "\n";
     // [/row]
   }
   return 0;

@@ -36,7 +36,7 @@
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 
 DEFINE_string(rules,
               "adam:step_size=3e-2:schedule=cosine,"
@@ -60,7 +60,7 @@ using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
 using invgrad::TrainOptions;
-using invgrad::TrainSummary;
+using invgrad::TrainResult;
 
 constexpr int kNumSteps = 16;
 constexpr double kTimeStep = 0.25;  // [s]
@@ -294,45 +294,37 @@ int Run() {
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
+    options.initial_weights = initial_weights;
     std::cerr << "training: " << method.label << "\n";
-    Eigen::VectorXd weights = initial_weights;
-    invgrad::History history;
-    TrainSummary summary;
-    if (!invgrad::TrainByMethod(method,
-                                options,
-                                model,
-                                nullptr,  // no inverse simulator
-                                train,
-                                test,
-                                &weights,
-                                &history,
-                                &summary,
-                                &error)) {
-      std::cerr << method.label << ": " << error << "\n";
+    const TrainResult result =
+        invgrad::Train(model, {train, test}, method, options);
+    if (!result.error.empty()) {
+      std::cerr << method.label << ": " << result.error << "\n";
       return 1;
     }
-    const double real_loss = invgrad::MeanLoss(reality, weights, test);
+    const double real_loss = invgrad::MeanLoss(reality, result.weights, test);
     // [/train]
-    const HistoryRow& last = history.back();
-    std::printf("%-38s  %10.3g  %9.3g  %9.3g  %14.3g  %5ld  %7.3g  %s\n",
-                method.label.c_str(),
-                last.train_loss,
-                last.test_loss,
-                miss(last.test_loss),
-                miss(real_loss),
-                static_cast<long>(summary.num_steps),
-                1e3 * summary.train_time_in_seconds / summary.num_steps,
-                summary.message.c_str());
+    const HistoryRow& last = result.history.back();
+    std::printf(
+        "%-38s  %10.3g  %9.3g  %9.3g  %14.3g  %5ld  %7.3g  %s\n",
+        method.label.c_str(),
+        last.train_loss,
+        last.test_loss,
+        miss(last.test_loss),
+        miss(real_loss),
+        static_cast<long>(result.summary.num_steps),
+        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
+        result.summary.message.c_str());
     // A block a rule, begun by its name.
     losses << '"' << method.label << "\"\n";
-    for (const HistoryRow& row : history) {
+    for (const HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
       losses << row.seconds << " " << row.test_loss << "\n";
     }
     losses << "\n\n";
     if (last.test_loss < least_loss) {
       least_loss = last.test_loss;
-      paths = Paths(model, weights, test.Range(0, 12));
+      paths = Paths(model, result.weights, test.Range(0, 12));
     }
   }
   std::ofstream paths_file(FLAGS_folder + "/robot_paths.txt");
