@@ -10,8 +10,7 @@
 #include "Eigen/Core"
 #include "Eigen/Eigenvalues"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/linear_simulator.h"
+#include "tests/support/make_simulator.h"
 #include "tests/support/without_hessian.h"
 
 namespace invgrad {
@@ -71,16 +70,6 @@ struct Squared {
     return true;
   }
 };
-
-template <int kIn, int kOut, typename Functor>
-std::shared_ptr<const Simulator> MakeSimulator(Functor functor = Functor()) {
-  return std::make_shared<AutoDiffSimulator<Functor, kIn, kOut>>(functor);
-}
-
-std::shared_ptr<const Simulator> MakeLinear(const MatrixXd& A) {
-  return std::make_shared<LinearSimulator>(
-      LinearSimulator::Matrix(A.sparseView()), VectorXd::Zero(A.rows()));
-}
 
 NewtonInverse::Options MakeOptions(double max_loss_change,
                                    double damping = 0.0,

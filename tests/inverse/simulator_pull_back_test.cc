@@ -11,8 +11,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/linear_simulator.h"
+#include "tests/support/make_simulator.h"
 #include "tests/support/without_hessian.h"
 
 namespace invgrad {
@@ -81,16 +80,6 @@ struct Square {
     return true;
   }
 };
-
-template <int kIn, int kOut, typename Functor>
-std::shared_ptr<const Simulator> MakeSimulator(Functor functor = Functor()) {
-  return std::make_shared<AutoDiffSimulator<Functor, kIn, kOut>>(functor);
-}
-
-std::shared_ptr<const Simulator> MakeLinear(const MatrixXd& A) {
-  return std::make_shared<LinearSimulator>(
-      LinearSimulator::Matrix(A.sparseView()), VectorXd::Zero(A.rows()));
-}
 
 // Always right.
 std::shared_ptr<const InverseSimulator> ExactBendInverse() {
@@ -189,17 +178,6 @@ TEST(SimulatorPullBackTest, AdjointIsTheTransposedJacobian) {
   EXPECT_LT((pulled.d_x - BendJacobian(x).transpose() * d_y).norm(), 1e-15);
   EXPECT_EQ(pulled.result.source, PullBackSource::kDerivative);
   EXPECT_EQ(pulled.result.why, "");
-}
-
-TEST(SimulatorPullBackTest, InverseGradientSolvesWithTheJacobian) {
-  const Vector2d x(0.4, -1.0);
-  const Vector2d d_y(0.3, -2.0);
-  const SimulatorPullBack pull_back(MakeSimulator<2, 2>(Bend()),
-                                    nullptr,
-                                    Way(SimulatorWay::kInverseGradient));
-  const Pulled pulled = Pull(pull_back, x, d_y);
-  EXPECT_LT((BendJacobian(x) * pulled.d_x - d_y).norm(), 1e-14);
-  EXPECT_EQ(pulled.result.source, PullBackSource::kDerivative);
 }
 
 // I - 2 v v^T / |v|^2, orthogonal.

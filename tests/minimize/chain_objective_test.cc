@@ -135,13 +135,6 @@ class CountingSimulator final : public Simulator {
     ++num_pull_backs;
     return simulator_.Adjoint(x, context, covector, y, x_bar);
   }
-  bool WeightedHessian(const double* x,
-                       const double* context,
-                       const double* w,
-                       double* hessian) const override {
-    return simulator_.WeightedHessian(x, context, w, hessian);
-  }
-
   mutable int num_jacobians = 0;
   mutable int num_pull_backs = 0;
 

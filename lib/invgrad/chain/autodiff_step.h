@@ -49,14 +49,15 @@ class FirstOrderStep : public TimeStep {
     const Index ns = state_size();
     const Index size = ns + control_size();
     const Index num_rows = ns + output_size();
-    Scratch<Jet> z(size);  // state and control
-    Scratch<Jet> next_jets(num_rows);
+    Scratch<Jet> jets(size + num_rows);
+    Jet* const z = jets.data();  // state and control
+    Jet* const next_jets = z + size;
     for (Index i = 0; i < ns; ++i) z[i] = Jet(state[i]);
     for (Index i = ns; i < size; ++i) z[i] = Jet(control[i - ns]);
     for (Index first = 0; first < size; first += kStride) {
       const Index width = std::min<Index>(kStride, size - first);
       for (Index k = 0; k < width; ++k) z[first + k].v[k] = 1.0;
-      if (!Inlined(t, z.data(), z.data() + ns, next_jets.data())) return false;
+      if (!Inlined(t, z, z + ns, next_jets)) return false;
       for (Index k = 0; k < width; ++k) z[first + k].v[k] = 0.0;
       for (Index i = 0; i < num_rows; ++i) {
         std::copy_n(next_jets[i].v.data(), width, G_t + i * size + first);

@@ -11,8 +11,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// A backward pass and its tangent, as the second derivatives need them. Entry l
-// of each vector belongs to layer l.
+// A backward pass and its tangent. Entry l of each vector belongs to layer l.
 struct TangentPass {
   std::vector<MatrixXd> deltas;      // dF/dz
   std::vector<MatrixXd> pulled;      // dF/da between layers l and l + 1
@@ -33,7 +32,7 @@ TangentPass StartTangentPass(const DenseNetwork& network,
   CHECK_EQ(output_covectors.rows(), network.num_outputs());
   CHECK_EQ(output_covectors.cols(), batch_size);
   CHECK_EQ(static_cast<int>(activations.curvatures.size()), L)
-      << "Forward was not asked for curvatures.";
+      << "The Hessian needs Forward with want_curvatures.";
   TangentPass pass;
   pass.deltas.resize(L);
   pass.pulled.resize(L);
@@ -91,7 +90,7 @@ void TangentBackward(const DenseNetwork& network,
                      TangentPass* pass) {
   const int T = activations.num_channels;
   MatrixXd slope_dots;
-  MatrixXd turned;  // what the change of the slopes adds
+  MatrixXd turned;  // the term of the changing slopes
   for (int l = network.num_layers() - 1; l > from; --l) {
     MatrixXd& below = pass->delta_dots[l - 1];
     Gemm(Op::kNone,

@@ -23,7 +23,7 @@ constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
 constexpr char kNoNextState[] =
     "the simulator has no finite value: there is no finite state after";
 
-// As far as the open roll-out knows, which has already succeeded.
+// The open roll-out has succeeded; DescribeFailure may still name a step.
 bool LoopError(const Simulator& simulator,
                const Eigen::Map<const MatrixXd>& x,
                const DataSet& batch,

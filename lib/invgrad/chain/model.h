@@ -6,17 +6,18 @@
 // steps: g = dL/dy carries the factor.
 //
 // With feedback (feedback.h) the network is in the simulator's loop over time:
-// it is called T times a sample, x_s is what it put out,
+// it is called T times a sample, x_s holds its outputs,
 //
 //   x_s = (u_0, .., u_{T-1}),   u_t = f(a_{s,t}; theta)
 //
 // and a_{s,t} is a_s, from the second call on with the state s_t in place of
-// its first ns entries. What follows them, a set point say, is the same at all
-// calls; a reference signal is part of the state, by what generates it.
+// its first ns entries. The other entries, a set point say, are the same at all
+// calls; a reference signal is part of the state, together with its generator.
 //
-// With NetworkOutput::kTwoJet the simulator sees the network's derivatives in
-// its input as well: a differential equation's residual is then a simulator, a
-// function of them and of the sample's context (a physics-informed network),
+// With NetworkOutput::kTwoJet the network's derivatives in its input are inputs
+// of the simulator as well: a differential equation's residual is then a
+// simulator, a function of them and of the sample's context (a physics-informed
+// network),
 //
 //   x_s = (f, d_1 f, .., d_|a| f, Lap f)(a_s; theta)
 //
@@ -55,7 +56,7 @@ namespace invgrad {
 
 enum class Reduction { kMean, kSum };
 
-// What the simulator sees of the network.
+// The simulator's inputs: the network's outputs, or their 2-jets (two_jet.h).
 enum class NetworkOutput { kValue, kTwoJet };
 
 class Model {
@@ -90,7 +91,7 @@ class Model {
   const Feedback* feedback() const { return feedback_.get(); }  // may be null
   NetworkOutput network_output() const { return output_; }
 
-  // T: how often the network is called a sample.
+  // T: calls of the network a sample.
   int num_calls() const {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
@@ -117,7 +118,7 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
-  // The network's part of the chain, from which SimulatorInputs reads x. False,
+  // The network's part of the chain; SimulatorInputs reads x from it. False,
   // with the sample named, if an output is not finite or, with feedback, a step
   // fails.
   bool Forward(const Eigen::VectorXd& weights,
@@ -130,10 +131,10 @@ class Model {
   Eigen::Map<const Eigen::MatrixXd> SimulatorInputs(
       const DenseNetwork::Activations& activations) const;
 
-  // Makes covectors of x with every input of the network held fixed (x_bar: |x|
-  // x B k, k for each sample) those with the loop closed, in place; without
-  // feedback they are the same. False, with the sample named, where the physics
-  // has no finite derivative.
+  // Closes the loop for covectors of x that hold every input of the network
+  // fixed (x_bar: |x| x B k, k for each sample), in place; without feedback
+  // they stay as they are. False, with the sample named, where the physics has
+  // no finite derivative.
   bool CloseLoop(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const DenseNetwork::Activations& activations,
@@ -165,7 +166,7 @@ class Model {
                std::string* error) const;
 
  private:
-  // One of feedback and jets at most.
+  // At most one of feedback and jets.
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,

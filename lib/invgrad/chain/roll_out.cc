@@ -85,11 +85,14 @@ void RollOut::Adjoint(const double* G,
                       const double* w,
                       double* p,
                       double* x_bar) const {
-  Scratch<double> covector(state_size() + output_size());  // [p; w_t]
-  Scratch<double> pulled(state_size() + control_size());
+  const Index rows = state_size() + output_size();
+  const Index cols = state_size() + control_size();
+  Scratch<double> covector(rows);  // [p; w_t]
+  Scratch<double> pulled(cols);
   for (Index t = num_steps_ - 1; t >= 0; --t) {
     StackCovectors(t, p, w, covector.data());
-    TransposeTimes(G + t * JacobianSize(), covector.data(), pulled.data());
+    TransposeTimes(
+        rows, cols, G + t * rows * cols, covector.data(), pulled.data());
     std::copy_n(pulled.data(), state_size(), p);
     std::copy_n(pulled.data() + state_size(),
                 control_size(),
@@ -145,19 +148,6 @@ bool RollOut::WeightedHessian(const double* x,
     p = G_t.leftCols(ns).transpose() * covector;
   }
   return AllFinite(hessian, H.size());
-}
-
-// Sums in registers: the sizes are too small for anything else.
-void RollOut::TransposeTimes(const double* G_t,
-                             const double* covector,
-                             double* pulled) const {
-  const Index size = state_size() + control_size();
-  const Index num_rows = state_size() + output_size();
-  for (Index k = 0; k < size; ++k) {
-    double sum = 0.0;
-    for (Index i = 0; i < num_rows; ++i) sum += G_t[i * size + k] * covector[i];
-    pulled[k] = sum;
-  }
 }
 
 void RollOut::StackCovectors(Index t,

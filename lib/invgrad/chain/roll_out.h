@@ -71,6 +71,20 @@ class TimeStep {
   Index output_size_;
 };
 
+// pulled = A^T w for a row-major A, by sums in registers: for the sizes of one
+// time step, too small for anything else.
+inline void TransposeTimes(Eigen::Index rows,
+                           Eigen::Index cols,
+                           const double* A,
+                           const double* w,
+                           double* pulled) {
+  for (Eigen::Index k = 0; k < cols; ++k) {
+    double sum = 0.0;
+    for (Eigen::Index i = 0; i < rows; ++i) sum += A[i * cols + k] * w[i];
+    pulled[k] = sum;
+  }
+}
+
 class RollOut {
  public:
   using Index = Eigen::Index;
@@ -118,11 +132,6 @@ class RollOut {
                        const double* w,
                        Eigen::VectorXd p,
                        double* hessian) const;
-
-  // Computes G_t^T [p; w_t].
-  void TransposeTimes(const double* G_t,
-                      const double* covector,
-                      double* pulled) const;
 
   // Simulator::DescribeFailure: the step at which Run, Linearize,
   // WeightedHessian or a chain of G_t failed.

@@ -43,7 +43,7 @@ bool TimeSteppingBase::Evaluate(const double* x,
     const double* M_t = M.data() + t * roll_out.JacobianSize();
     if (ns < kSmallState) {
       for (Index i = 0; i < ns; ++i) {
-        roll_out.TransposeTimes(M_t, C.data() + i * ns, CM.data() + i * size);
+        TransposeTimes(ns, size, M_t, C.data() + i * ns, CM.data() + i * size);
       }
     } else {
       Gemm(Op::kNone,

@@ -6,8 +6,8 @@
 //
 // With z_t = (sqrt(q_t) (s_{t+1} - s*), sqrt(rho) u_t) and y* = 0, say, a
 // squared norm of y - y* is sum_t q_t |s_{t+1} - s*|^2 + rho |u_t|^2, where the
-// last q_t may be the weight of the end: a least-squares problem, for every rule
-// and for Ceres' trust regions. output = s_{t+1} gives the trajectory.
+// last q_t may be the weight of the end: a least-squares problem, for every
+// rule and for Ceres' trust regions. output = s_{t+1} gives the trajectory.
 //
 // With G_t the Jacobian of (s_{t+1}, z_t) in (s_t, u_t) (roll_out.h), its rows
 // and columns named [A_t B_t; C_t D_t], and W = ds_t/dx:

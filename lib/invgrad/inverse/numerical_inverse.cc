@@ -145,13 +145,13 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
   }
   residual.set_scale(distance);
   r /= distance;
-  // Quadratic convergence: what is left beyond the tolerance costs an
+  // Quadratic convergence: a thousandth of the tolerance costs one more
   // iteration.
   const double target = std::min(options_.tolerance, 1e-3) * 1e-3;
   const int num_iterations =
       Minimize(residual, target, options_.max_num_iterations, x, &r);
   const double left = r.norm();
-  // y itself is not known better than to rounding.
+  // y itself has a rounding error.
   const double rounding = kRounding * y.stableNorm() / distance;
   if (left <= options_.tolerance + rounding) return true;
   *why = fmt::format(

@@ -14,8 +14,8 @@
 //
 // Ceres' minimizers damp by diag(J^T J): for one output and three inputs they
 // stall or end far from the closest solution, and the setup of a ceres::Problem
-// a sample costs more than the solution of a small one. Called at every training step
-// with the network's last x, the iteration starts warm.
+// a sample costs more than the solution of a small one. Called at every
+// training step with the network's last x, the iteration starts warm.
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
 // Cost:    an iteration: one P and, unless the last step was rejected, one
