@@ -9,6 +9,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/core/scratch.h"
+#include "tests/support/without_hessian.h"
 
 namespace invgrad {
 namespace {
@@ -159,27 +160,8 @@ TEST(AutoDiffSimulatorTest, FailsWithTheFunctorOrAnInfinity) {
       simulator.WeightedHessian(refused.data(), nullptr, w.data(), H.data()));
 }
 
-// y = (x, 2 x): only what must be overridden.
-class FirstOrder final : public Simulator {
- public:
-  int num_inputs() const override { return 1; }
-  int num_outputs() const override { return 2; }
-  bool Evaluate(const double* x,
-                const double* /*context*/,
-                double* y,
-                double* jacobian) const override {
-    y[0] = x[0];
-    y[1] = 2.0 * x[0];
-    if (jacobian != nullptr) {
-      jacobian[0] = 1.0;
-      jacobian[1] = 2.0;
-    }
-    return true;
-  }
-};
-
 TEST(SimulatorTest, NeedsSizesAndJacobianOnly) {
-  const FirstOrder simulator;
+  const FirstOrderSimulator simulator;
   ExpectAdjointIsTransposedJacobian(simulator, VectorXd::Constant(1, 3.0));
   std::string error;
   EXPECT_FALSE(CheckHasHessian(simulator, &error));

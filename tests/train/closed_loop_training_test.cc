@@ -89,7 +89,7 @@ TEST(ClosedLoop, DifferentiablePhysicsIsTheRuleAlone) {
   }
 }
 
-// A closed loop has no exact Hessian; a proxy in x has one.
+// A closed loop has no exact Hessian.
 TEST(ClosedLoop, NewtonIsRefusedBeforeTheRun) {
   const LearningProblem problem = CreateLearningProblem(kProblems[0]);
   TrainOptions options;
