@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "fmt/format.h"
 #include "glog/logging.h"
 #include "invgrad/chain/two_jet.h"
 #include "invgrad/core/blas.h"
@@ -246,11 +247,7 @@ void DenseNetwork::Tangent(const VectorXd& weights,
 }
 
 std::string DenseNetwork::Name() const {
-  std::string name = std::to_string(widths_.front());
-  for (std::size_t l = 1; l < widths_.size(); ++l) {
-    name += "-" + std::to_string(widths_[l]);
-  }
-  return name + " " + ActivationName(hidden_);
+  return fmt::format("{} {}", fmt::join(widths_, "-"), ActivationName(hidden_));
 }
 
 }  // namespace invgrad

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/chain/two_jet.h"
 #include "invgrad/core/blas.h"
@@ -127,9 +128,10 @@ void NetworkJacobian::ToDense(MatrixXd* J) const {
 }
 
 std::string NetworkJacobian::RowName(int row) const {
-  return JacobianOperator::RowName(row) + " (sample " +
-         std::to_string(row / outputs_per_sample_) + ", output " +
-         std::to_string(row % outputs_per_sample_) + ")";
+  return fmt::format("{} (sample {}, output {})",
+                     JacobianOperator::RowName(row),
+                     row / outputs_per_sample_,
+                     row % outputs_per_sample_);
 }
 
 }  // namespace invgrad

@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -25,8 +26,7 @@ int OpenTemporary(const std::string& path, std::string* temporary) {
   static std::atomic<unsigned> counter{0};
   constexpr int kMaxTries = 100;
   for (int i = 0; i < kMaxTries; ++i) {
-    *temporary = path + ".tmp" + std::to_string(getpid()) + "-" +
-                 std::to_string(counter++);
+    *temporary = fmt::format("{}.tmp{}-{}", path, getpid(), counter++);
     const int file = open(temporary->c_str(),
                           O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
                           S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH |
