@@ -291,7 +291,7 @@ TEST(NumericalInverseTest, FailsWithoutAValueAtTheStart) {
   std::string why;
   EXPECT_FALSE(inverse.Invert(
       VectorXd::Zero(1), VectorXd::Constant(1, -1.0), VectorXd(), &x, &why));
-  EXPECT_EQ(why, "the simulator has no finite value at x_0");
+  EXPECT_EQ(why, "the simulator has no finite value at x_now");
 }
 
 TEST(NumericalInverseTest, ZeroWantedChangeLeavesTheStart) {
