@@ -36,6 +36,7 @@
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/train/evaluation.h"
 #include "invgrad/train/train.h"
 
 DEFINE_string(rules,
