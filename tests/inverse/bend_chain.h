@@ -2,7 +2,6 @@
 #ifndef TESTS_BEND_CHAIN_H_
 #define TESTS_BEND_CHAIN_H_
 
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,29 +12,17 @@
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "tests/inverse/pull_one_back.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
-
-// y = (exp x0, x1 + x0^2), for x0 < 5 only.
-struct Bend {
-  template <typename T>
-  bool operator()(const T* x, T* y) const {
-    using std::exp;
-    if (!(x[0] < T(5.0))) return false;
-    y[0] = exp(x[0]);
-    y[1] = x[1] + x[0] * x[0];
-    return true;
-  }
-};
 
 // x = (log y0, y1 - log^2 y0), refused where y0 <= 0.
 inline std::optional<Eigen::VectorXd> InvertBend(
     const InverseSimulator::ConstVectorRef& y,
     const InverseSimulator::ConstVectorRef& /*x_now*/) {
   if (!(y[0] > 0.0)) return std::nullopt;
-  const double x0 = std::log(y[0]);
-  return Eigen::Vector2d(x0, y[1] - x0 * x0);
+  return BendInverse(y);
 }
 
 // L = scale (d0^4 / 4 + d0^2 / 2 + 3 d1^2), d = y - y*: its curvature differs
