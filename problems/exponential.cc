@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
@@ -20,17 +21,11 @@ struct ExponentialPhysics {
   }
 };
 
-bool Invert(const InverseSimulator::ConstVectorRef& y,
-            const InverseSimulator::ConstVectorRef& /*x0*/,
-            const InverseSimulator::ConstVectorRef& /*context*/,
-            Eigen::VectorXd* x,
-            std::string* why) {
-  if (!(y[0] > 0.0)) {
-    *why = "y <= 0 has no pre-image";
-    return false;
-  }
-  x->setConstant(1, std::log(y[0]));
-  return true;
+std::optional<Eigen::VectorXd> Invert(
+    const InverseSimulator::ConstVectorRef& y,
+    const InverseSimulator::ConstVectorRef& /*x_now*/) {
+  if (!(y[0] > 0.0)) return std::nullopt;
+  return Eigen::VectorXd::Constant(1, std::log(y[0]));
 }
 
 }  // namespace
@@ -61,7 +56,7 @@ bool Exponential::Create(const Options& options,
       std::make_shared<AutoDiffSimulator<ExponentialPhysics, 1, 1>>(),
       std::make_shared<SquaredNormLoss>(1, 0.5),
       Reduction::kMean);
-  problem->inverse = std::make_shared<FunctionInverse>(Invert);
+  problem->inverse = Inverse(Invert);
   problem->metric =
       Metric{"distance", [](const Eigen::MatrixXd& x, const DataSet& samples) {
                return (x - samples.solutions).cwiseAbs().mean();

@@ -225,11 +225,11 @@ void SchroedingerSimulator::ChainBack(const double* w,
   }
 }
 
-bool SchroedingerSimulator::PullBack(const double* x,
-                                     const double* context,
-                                     const Covector& covector,
-                                     double* y,
-                                     double* x_bar) const {
+bool SchroedingerSimulator::Adjoint(const double* x,
+                                    const double* context,
+                                    const Covector& covector,
+                                    double* y,
+                                    double* x_bar) const {
   Scratch<Step> steps(num_steps_);
   if (!RollOut(x, context, steps.data(), y)) return false;
   double w[kStateSize];

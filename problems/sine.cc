@@ -1,6 +1,7 @@
 #include "problems/sine.h"
 
 #include <cmath>
+#include <optional>
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
@@ -36,17 +37,13 @@ class SinePhysics {
     return true;
   }
 
-  // The pre-image of y closest to x0.
-  bool Invert(const InverseSimulator::ConstVectorRef& y,
-              const InverseSimulator::ConstVectorRef& x0,
-              Eigen::VectorXd* x,
-              std::string* why) const {
-    if (!(std::abs(y[0]) <= 1.0)) {
-      *why = "|y_0| > 1 has no pre-image";
-      return false;
-    }
+  // The pre-image of y closest to x_now.
+  std::optional<Eigen::VectorXd> Invert(
+      const InverseSimulator::ConstVectorRef& y,
+      const InverseSimulator::ConstVectorRef& x_now) const {
+    if (!(std::abs(y[0]) <= 1.0)) return std::nullopt;
     double h0[2];
-    Scale(x0.data(), h0);
+    Scale(x_now.data(), h0);
     const double angle = std::asin(y[0]);
     const double rising = NearestOfPeriod(angle, h0[0]);
     const double falling = NearestOfPeriod(kPi - angle, h0[0]);
@@ -55,9 +52,7 @@ class SinePhysics {
                          : falling;
     const double a = h / scale_0_;
     const double b = y[1] / scale_1_;
-    x->resize(2);
-    *x << cos_ * a + sin_ * b, cos_ * b - sin_ * a;
-    return true;
+    return Eigen::Vector2d(cos_ * a + sin_ * b, cos_ * b - sin_ * a);
   }
 
  private:
@@ -74,12 +69,9 @@ class SinePhysics {
 
 std::shared_ptr<const InverseSimulator> MakeInverse(
     const SinePhysics& physics) {
-  return std::make_shared<FunctionInverse>(
-      [physics](const InverseSimulator::ConstVectorRef& y,
-                const InverseSimulator::ConstVectorRef& x0,
-                const InverseSimulator::ConstVectorRef& /*context*/,
-                Eigen::VectorXd* x,
-                std::string* why) { return physics.Invert(y, x0, x, why); });
+  return Inverse([physics](const auto& y, const auto& x_now) {
+    return physics.Invert(y, x_now);
+  });
 }
 
 // The mean distance of x to the closest solution, times `scale`.
@@ -89,12 +81,10 @@ Metric MakeMetric(const SinePhysics& physics,
   return {name,
           [physics, scale](const Eigen::MatrixXd& x, const DataSet& data) {
             double sum = 0.0;
-            Eigen::VectorXd closest;
-            std::string ignored;
             for (int s = 0; s < data.num_samples(); ++s) {
               // Targets are in range.
-              physics.Invert(data.targets.col(s), x.col(s), &closest, &ignored);
-              sum += (x.col(s) - closest).norm();
+              sum += (x.col(s) - *physics.Invert(data.targets.col(s), x.col(s)))
+                         .norm();
             }
             return scale * sum / data.num_samples();
           }};
@@ -153,10 +143,7 @@ bool SinePoint::Create(const Options& options,
   problem->loss = std::make_shared<SquaredNormLoss>(2, 0.5);
   problem->target = Eigen::Vector2d(options.target_0, options.target_1);
   problem->start = Eigen::Vector2d(options.start_0, options.start_1);
-  Eigen::VectorXd closest;
-  std::string ignored;
-  physics.Invert(problem->target, problem->start, &closest, &ignored);
-  problem->minimizer = closest;
+  problem->minimizer = physics.Invert(problem->target, problem->start);
   problem->minimum = 0.0;
   return true;
 }

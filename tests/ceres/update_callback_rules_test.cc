@@ -18,13 +18,8 @@
 #include "gtest/gtest.h"
 #include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/ceres/cached_problem.h"
-#include "invgrad/ceres/model_cost.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/inverse/chain_pull_back.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/pull_back_rule.h"
 #include "invgrad/rules/rules.h"
-#include "tests/support/create_problem.h"
 
 namespace invgrad {
 namespace {
@@ -82,30 +77,6 @@ TEST(UpdateCallbackRules, EveryRuleOfTheTable) {
           << callback.summary().BriefReport() << callback.summary().message;
     }
   }
-}
-
-// Scale-invariant training of a network, safeguarded by Ceres.
-TEST(UpdateCallbackRules, PullBacksOfAModel) {
-  const LearningProblem problem =
-      CreateLearningProblem("sine:xi=2:phi=10:num_samples=60");
-  NumpyRandom random(1);
-  Eigen::VectorXd weights =
-      problem.model->network().InitialWeights(problem.initialization, &random);
-  ChainPullBack pull_back(problem.model.get(), problem.inverse, {});
-  const std::unique_ptr<UpdateRule> adam = MakeRule("adam:step_size=3e-3");
-  PullBackRule sip(adam.get(), &pull_back, &problem.train, &weights);
-  ceres::Problem ceres_problem;
-  AddModelToProblem(
-      problem.model.get(), &problem.train, &weights, &ceres_problem);
-  UpdateCallback callback(&sip, &ceres_problem);
-  ceres::Solver::Options options = SolverOptions(&callback);
-  options.linear_solver_type = ceres::CGNR;
-  options.max_num_iterations = 3;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &ceres_problem, &summary);
-  EXPECT_LT(summary.final_cost, summary.initial_cost);
-  EXPECT_GT(callback.summary().num_accepted, 0)
-      << callback.summary().BriefReport() << callback.summary().message;
 }
 
 // A pose in one block of seven, on SE(3) as a product of manifolds, a scale of

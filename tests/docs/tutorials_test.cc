@@ -110,9 +110,8 @@ TEST(OwnRuleTutorial, UsesTheRuleByName) {
 
 TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   const TemporaryFolder folder;
-  const std::string picture = folder / "picture.png";
   const auto [exit_code, text] =
-      RunTutorial("--seconds=0.01 --picture='" + picture + "'",
+      RunTutorial("--seconds=0.01 --folder='" + (folder / "") + "'",
                   folder / "out",
                   "05_robot_simulator");
   EXPECT_EQ(exit_code, 0) << text;
@@ -124,7 +123,14 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
+  const std::string script =
+      (SourceRoot() / "docs/tutorials/05_robot_simulator.gp").string();
+  EXPECT_EQ(std::system(("cd '" + (folder / "") + "' && gnuplot '" + script +
+                         "' > gnuplot.txt 2>&1")
+                            .c_str()),
+            0)
+      << ReadText(folder / "gnuplot.txt");
+  EXPECT_EQ(ReadText(folder / "05_robot_simulator.png").substr(1, 3), "PNG");
 }
 
 // Line for line, but for motions: which of several that are as good is told

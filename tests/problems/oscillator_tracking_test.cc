@@ -100,7 +100,7 @@ TEST_P(LinearTracking, OptimalControlsAreThoseOfTheRegulator) {
   for (int s = 0; s < 3; ++s) {
     const VectorXd state = problem.train.contexts.col(s);
     const VectorXd x = regulator.OptimalControls(state);
-    ASSERT_TRUE(simulator.PullBack(
+    ASSERT_TRUE(simulator.Adjoint(
         x.data(),
         state.data(),
         [&y](const double* at, double* w) {

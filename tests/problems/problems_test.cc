@@ -95,7 +95,7 @@ TEST_P(EveryProblem, PullBackIsTheTransposedJacobian) {
   const Eigen::VectorXd w =
       Eigen::VectorXd::LinSpaced(probe.simulator->num_outputs(), 1.0, 2.0);
   Eigen::VectorXd y(w.size()), x_bar(probe.x.size());
-  ASSERT_TRUE(probe.simulator->PullBack(
+  ASSERT_TRUE(probe.simulator->Adjoint(
       probe.x.data(),
       probe.context.data(),
       [&w](const double*, double* covector) {

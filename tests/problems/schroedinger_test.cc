@@ -246,7 +246,7 @@ TEST_F(SchroedingerDerivatives, PullBackIsTheTransposedJacobian) {
   const VectorXd y = Evolve(controls_, kDt, start_);
   const VectorXd weights = RandomVector(kSize, 1.0, 9);
   VectorXd value(kSize), pulled(kNumSteps);
-  ASSERT_TRUE(simulator.PullBack(
+  ASSERT_TRUE(simulator.Adjoint(
       controls_.data(),
       start_.data(),
       [&](const double* at, double* w) {
@@ -259,7 +259,7 @@ TEST_F(SchroedingerDerivatives, PullBackIsTheTransposedJacobian) {
   const VectorXd w = weights.cwiseProduct(y);
   EXPECT_LT((pulled - Jacobian(controls_, kDt, start_).transpose() * w).norm(),
             kRounding);
-  EXPECT_FALSE(simulator.PullBack(
+  EXPECT_FALSE(simulator.Adjoint(
       controls_.data(),
       start_.data(),
       [](const double*, double*) { return false; },
@@ -312,7 +312,7 @@ TEST(Schroedinger, ValuesThatAreNotFiniteFail) {
     EXPECT_FALSE(simulator.Evaluate(u.data(), start.data(), y.data(), nullptr));
     EXPECT_FALSE(
         simulator.Evaluate(u.data(), start.data(), y.data(), J.data()));
-    EXPECT_FALSE(simulator.PullBack(
+    EXPECT_FALSE(simulator.Adjoint(
         u.data(), start.data(), covector, y.data(), pulled.data()));
     EXPECT_FALSE(simulator.WeightedHessian(
         u.data(), start.data(), start.data(), H.data()));
