@@ -26,7 +26,6 @@
 #include <cstdint>
 
 #include "Eigen/Core"
-#include "invgrad/spectral/routes/aligned_buffer.h"
 #include "invgrad/spectral/routes/band_reduction.h"
 #include "invgrad/spectral/routes/bulge_chase.h"
 #include "invgrad/spectral/routes/one_stage.h"
@@ -50,11 +49,6 @@ class Tridiagonalization {
   void ApplyQTranspose(Eigen::VectorXd* x) const;  // m
   void ApplyQ(Eigen::VectorXd* x) const;           // m
 
-  // X = Q X. Only after a reduction in one stage (CHECKed).
-  void ApplyQ(Eigen::MatrixXd* X) const;  // m x k
-
-  Method method() const { return method_; }  // of the last reduction
-
   // The memory that is kept for a matrix of size m, beyond K.
   static int64_t Bytes(int m, Method method = Method::kAuto);
 
@@ -67,7 +61,6 @@ class Tridiagonalization {
   OneStageReduction one_stage_;
   BandReduction band_reduction_;
   BulgeChase bulge_chase_;
-  mutable AlignedBuffer work_;
 };
 
 }  // namespace invgrad
