@@ -13,11 +13,11 @@
 // whole linear algebra of a step, from the Jacobian's factors (or, for a full
 // SVD, from the dense J) to d:
 //
-//   gram, cascade, svd   the routes of spectral_step.h
-//   golub_kahan          likewise, with --truncation=1e-3 or more
-//   dgesdd, sgesdd       LAPACK's SVD of J in double and single precision
-//   bdcsvd               Eigen's
-//   step                 linearization (network, physics, factors) and gram
+//   gram, svd        the routes of spectral_step.h, with a rule's tolerances
+//   golub_kahan      golub_kahan.h, with --truncation=1e-3 or more
+//   dgesdd, sgesdd   LAPACK's SVD of J in double and single precision
+//   bdcsvd           Eigen's
+//   step             linearization (network, physics, factors) and gram
 //
 // After the usual lines, ratios of the same run, GF/s and multiples of the
 // limit: the time of the Gram matrix' and the reduction's arithmetic,
@@ -43,12 +43,14 @@
 #include "Eigen/Core"
 #include "benchmark/benchmark.h"
 #include "bin/support/ratio_reporter.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/network_jacobian.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/rules/spectral_rule.h"
+#include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
 
@@ -142,49 +144,63 @@ struct Case {
 // Repeats `step` under the clock; `step` returns what the line says about it.
 using Step = std::function<std::string(const Case&)>;
 
+std::string Label(int rank, double estimated_error) {
+  return fmt::format("rank {}, error < {:.1e}", rank, estimated_error);
+}
+
+// A step by `route`, of the linearization that it is given.
+std::string SpectralStepAt(const Linearization& at,
+                           const SpectralFilter& filter,
+                           SpectralRoute route,
+                           SpectralWorkspace* workspace) {
+  const SpectralRule::Options rule;
+  SpectralStepOptions options;
+  options.route = route;
+  options.tolerance = rule.tolerance;
+  options.threshold_tolerance = rule.threshold_tolerance;
+  Eigen::VectorXd d;
+  SpectralStepSummary summary;
+  return SpectralStep(*at.jacobian,
+                      at.loss_gradient,
+                      filter,
+                      options,
+                      workspace,
+                      &d,
+                      &summary)
+             ? Label(summary.rank, summary.estimated_error)
+             : summary.message;
+}
+
 Step RouteStep(SpectralRoute route) {
   auto workspace = std::make_shared<SpectralWorkspace>();
-  return [route, workspace](const Case& at) -> std::string {
-    SpectralStepOptions options;
-    options.route = route;
-    Eigen::VectorXd d;
-    SpectralStepSummary summary;
-    if (!SpectralStep(at.J(),
-                      at.g(),
-                      at.filter(),
-                      options,
-                      workspace.get(),
-                      &d,
-                      &summary)) {
-      return summary.message;
-    }
-    char text[100];
-    std::snprintf(text,
-                  sizeof(text),
-                  "rank %d, error < %.1e",
-                  summary.rank,
-                  summary.estimated_error);
-    return text;
+  return [route, workspace](const Case& at) {
+    return SpectralStepAt(at.at_weights, at.filter(), route, workspace.get());
   };
 }
 
-std::string FullStep(const Case& at) {
-  static auto& workspace = *new SpectralWorkspace;
-  Linearization linearization;
-  at.Linearize(&linearization);
-  SpectralStepOptions options;
-  options.route = SpectralRoute::kGram;
-  Eigen::VectorXd d;
-  SpectralStepSummary summary;
-  CHECK(SpectralStep(*linearization.jacobian,
-                     linearization.loss_gradient,
-                     at.filter(),
-                     options,
-                     &workspace,
-                     &d,
-                     &summary))
-      << summary.message;
-  return "";
+Step FullStep() {
+  auto workspace = std::make_shared<SpectralWorkspace>();
+  return [workspace](const Case& at) {
+    Linearization linearization;
+    at.Linearize(&linearization);
+    return SpectralStepAt(
+        linearization, at.filter(), SpectralRoute::kGram, workspace.get());
+  };
+}
+
+Step KrylovStep() {
+  auto basis = std::make_shared<Eigen::MatrixXd>();
+  return [basis](const Case& at) {
+    GolubKahanOptions options;
+    options.tolerance = 1e-6;
+    options.max_iterations = std::min(at.J().rows(), at.J().cols());
+    Eigen::VectorXd d;
+    GolubKahanSummary summary;
+    GolubKahanStep(
+        at.J(), at.g(), at.filter(), options, basis.get(), &d, &summary);
+    return summary.converged ? Label(summary.rank, summary.estimated_error)
+                             : summary.message;
+  };
 }
 
 // V phi(S) U^T g from a thin SVD.
@@ -266,15 +282,12 @@ struct RouteRow {
 const std::vector<RouteRow>& RouteRows() {
   static const auto& rows = *new std::vector<RouteRow>{
       {"gram", false, [] { return RouteStep(SpectralRoute::kGram); }},
-      {"step", false, [] { return Step(FullStep); }},
-      {"cascade", false, [] { return RouteStep(SpectralRoute::kCascade); }},
-      {"golub_kahan",
-       false,
-       [] { return RouteStep(SpectralRoute::kGolubKahan); }},
+      {"step", false, FullStep},
+      {"golub_kahan", false, KrylovStep},
       {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},
-      {"dgesdd", true, [] { return LapackStep<double>(); }},
-      {"sgesdd", true, [] { return LapackStep<float>(); }},
-      {"bdcsvd", true, [] { return EigenStep(); }},
+      {"dgesdd", true, LapackStep<double>},
+      {"sgesdd", true, LapackStep<float>},
+      {"bdcsvd", true, EigenStep},
   };
   return rows;
 }
@@ -289,16 +302,14 @@ std::vector<std::string> Split(const std::string& list) {
 
 bool IsWanted(const CaseRow& row, const RouteRow& route) {
   const std::string name = route.name;
-  if (row.full_svd_is_impossible && (route.is_full_svd || name == "cascade")) {
-    return false;
-  }
+  if (row.full_svd_is_impossible && route.is_full_svd) return false;
   if (!FLAGS_routes.empty()) {
     const std::vector<std::string> wanted = Split(FLAGS_routes);
     return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
   }
   // It is for truncations that keep a small share of the values.
   if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
-  return !(row.full_svd_is_slow && (route.is_full_svd || name == "cascade"));
+  return !(row.full_svd_is_slow && route.is_full_svd);
 }
 
 // The dgemm rate of this run, in flops a second.
