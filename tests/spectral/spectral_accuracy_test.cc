@@ -215,12 +215,11 @@ TEST(SpectralAccuracySampling, OneNumberDecides) {
 // Half-inverse, white g, log-uniform spectrum, tau in the middle of a gap:
 //   svd   5 eps / tau_eff
 //   gram  10 eps / tau_eff^2
-// tau_eff the smallest kept value. The constants: a backward error of some
-// epsilon |J| (|K|) turns the vectors of the values next to the threshold by
-// epsilon |J| / gap. Their gap is 25 % of the values (one decade is ten values
-// at k = 80, 3.3 at k = 37), and some neighbours add up: measured are 0.1 to
-// 0.7 (svd) and 0.02 to 0.3 (gram) with any OpenBLAS kernels, which round
-// differently by a factor of two.
+// tau_eff the smallest kept value. A backward error E turns the vectors of the
+// two values next to the threshold by |E| / gap. They are 21 % (k = 80) or 40 %
+// (k = 37) apart: |E| = epsilon s_max and a gap of 0.2 s give 5 eps / tau_eff;
+// in s^2 the gap is 0.4 s^2, and the reduction of K has |E| up to 4 epsilon
+// s_max^2.
 TEST(SpectralAccuracyLaws, HalfInverseOfLogUniformSpectra) {
   RandomMatrices random(8);
   for (const auto& [m, n] : {std::pair(80, 110),

@@ -42,13 +42,15 @@ bool FitsRoute(const SpectralProblem& problem,
   const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
   // Before a message is composed: a step on warm memory allocates nothing.
   if (FitsInMemory(bytes, memory_limit)) return true;
-  return FitsInMemory(fmt::format("route {} with J {} x {}",
-                                  SpectralRouteName(route),
-                                  problem.m(),
-                                  problem.n()),
-                      {{"its matrices", bytes}},
-                      memory_limit,
-                      message);
+  FitsInMemory(fmt::format("route {} with J {} x {}",
+                           SpectralRouteName(route),
+                           problem.m(),
+                           problem.n()),
+               {{"its matrices", bytes}},
+               memory_limit,
+               message);
+  *message += "; Golub-Kahan steps (rule krylov) need products with J alone";
+  return false;
 }
 
 bool TakeRoute(const SpectralProblem& problem,
