@@ -345,45 +345,44 @@ double PeakMemory(const CaseRow& row, const RouteRow& route) {
   return usage.ru_maxrss / 1024.0;
 }
 
-// Whether `rows` has a row of that name; says so if not.
+// The row of that name; null, and a message, if there is none.
 template <typename Row>
-bool HasRow(const char* flag,
-            const std::vector<Row>& rows,
-            const std::string& name) {
+const Row* FindRow(const char* flag,
+                   const std::vector<Row>& rows,
+                   const std::string& name) {
+  std::string names;
   for (const Row& row : rows) {
-    if (name == row.name) return true;
+    if (name == row.name) return &row;
+    names += std::string(" ") + row.name;
   }
-  std::fprintf(stderr, "--%s: there is no '%s', but", flag, name.c_str());
-  for (const Row& row : rows) std::fprintf(stderr, " %s", row.name);
-  std::fprintf(stderr, "\n");
-  return false;
+  fmt::print(stderr, "--{}={}: allowed are{}\n", flag, name, names);
+  return nullptr;
 }
 
 bool ReadFlags(std::vector<const CaseRow*>* cases) {
   if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
-    std::fprintf(stderr, "--truncation: allowed are [0, 1)\n");
+    fmt::print(
+        stderr, "--truncation={}: allowed are [0, 1)\n", FLAGS_truncation);
     return false;
   }
   for (const std::string& name : Split(FLAGS_routes)) {
-    if (!HasRow("routes", RouteRows(), name)) return false;
+    if (FindRow("routes", RouteRows(), name) == nullptr) return false;
   }
   for (const std::string& name : Split(FLAGS_cases)) {
-    if (!HasRow("cases", CaseRows(), name)) return false;
-    for (const CaseRow& row : CaseRows()) {
-      if (name == row.name) cases->push_back(&row);
-    }
+    cases->push_back(FindRow("cases", CaseRows(), name));
+    if (cases->back() == nullptr) return false;
   }
   return true;
 }
 
 void PrintMemory(const std::vector<const CaseRow*>& cases) {
-  std::printf("peak memory of a process that makes one step, MB\n");
+  fmt::print("peak memory of a process that makes one step, MB\n");
   for (const CaseRow* row : cases) {
     for (const RouteRow& route : RouteRows()) {
       if (!IsWanted(*row, route)) continue;
-      std::printf("%-30s %8.0f\n",
-                  (std::string(row->name) + "/" + route.name).c_str(),
-                  PeakMemory(*row, route));
+      fmt::print("{:<30} {:8.0f}\n",
+                 fmt::format("{}/{}", row->name, route.name),
+                 PeakMemory(*row, route));
       std::fflush(stdout);
     }
   }
@@ -414,7 +413,7 @@ void Register(const std::shared_ptr<const Case>& at) {
 void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
                  const RatioReporter& reporter,
                  double gemm_rate) {
-  std::printf("\nRatios of this run (medians of the repetitions)\n");
+  fmt::print("\nRatios of this run (medians of the repetitions)\n");
   for (const auto& at : cases) {
     const std::string name = at->row->name;
     for (const RouteRow& route : RouteRows()) {
@@ -422,13 +421,14 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
       reporter.PrintRatio(name + "/" + route.name, name + "/gram");
     }
   }
-  std::printf("\ndgemm: %.1f GF/s\n", gemm_rate * 1e-9);
+  fmt::print("\ndgemm: {:.1f} GF/s\n", gemm_rate * 1e-9);
   for (const auto& at : cases) {
     const double seconds =
         reporter.Median(std::string(at->row->name) + "/gram");
     if (std::isnan(seconds)) continue;
-    std::printf(
-        "%-15s %5d x %7d: %9.3f GF, %5.1f GF/s, %5.2f times the limit\n",
+    fmt::print(
+        "{:<15} {:5} x {:7}: {:9.3f} GF, {:5.1f} GF/s, {:5.2f} times the "
+        "limit\n",
         at->row->name,
         at->J().rows(),
         at->J().cols(),
