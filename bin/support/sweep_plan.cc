@@ -194,7 +194,7 @@ class Planner {
       Method method;
       std::string why;
       ParseMethod(rule[0].specification, &method, &why);
-      for (const std::string& name : OptionsOf(method)) {
+      for (const std::string& name : OptionsOf(method.last_phase())) {
         if (name == axis.name) {  // it is there: the values are not allowed
           ParseMethod(WithOption(rule[0], axis, axis.values[0]), &method, &why);
           return Refuse(axis.values[0].position, why);
