@@ -397,7 +397,7 @@ TEST(LayerRules, ReportsSayWhatWasDone) {
     return rule->LastStepReport();
   };
   EXPECT_EQ(report("layer_half_inverse:truncation=1e-3"),
-            "route gram 1, parameter_gram 2, rank 40 of 43");
+            "route gram 3, rank 40 of 43");
   EXPECT_EQ(report("kfac_half_inverse:truncation=1e-3"),
             "3 layers, rank 47 of 47");
   EXPECT_EQ(report("kfac_half_inverse:kappa=-1:truncation=0"), "3 layers");

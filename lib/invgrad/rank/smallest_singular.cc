@@ -9,7 +9,7 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/small_svd.h"
-#include "invgrad/spectral/routes/sparse_cholesky.h"
+#include "invgrad/rank/sparse_cholesky.h"
 #include "lapacke.h"
 
 namespace invgrad {

@@ -30,7 +30,6 @@ KrylovRule::KrylovRule(const Options& options) : JointRule(options) {
   CheckOptions(options);
   golub_kahan_options_.tolerance = options.tolerance;
   golub_kahan_options_.max_iterations = options.iterations;
-  golub_kahan_options_.always_one_basis = true;
 }
 
 std::vector<MemoryPart> KrylovRule::StepMemory(const JacobianSizes& J) const {
@@ -52,7 +51,7 @@ bool KrylovRule::ComputeDirection(const Linearization& at_x,
                       at_x.loss_gradient,
                       filter,
                       golub_kahan_options_,
-                      &workspace_,
+                      &basis_,
                       direction,
                       &summary)) {
     *error = summary.message;

@@ -34,7 +34,7 @@
 #include "Eigen/Core"
 #include "invgrad/core/option_set.h"
 #include "invgrad/rules/joint_rule.h"
-#include "invgrad/spectral/routes/golub_kahan.h"
+#include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
@@ -62,7 +62,7 @@ class KrylovRule final : public JointRule {
                         std::string* error) override;
 
   GolubKahanOptions golub_kahan_options_;
-  GolubKahanWorkspace workspace_;
+  Eigen::MatrixXd basis_;
 };
 
 }  // namespace invgrad

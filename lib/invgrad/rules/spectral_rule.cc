@@ -12,15 +12,6 @@
 namespace invgrad {
 namespace {
 
-// The routes that compute any filter.
-constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
-                                     SpectralRoute::kSvd,
-                                     SpectralRoute::kGram,
-                                     SpectralRoute::kParameterGram,
-                                     SpectralRoute::kCascade,
-                                     SpectralRoute::kGolubKahan,
-                                     SpectralRoute::kCholesky};
-
 // What the steps of all blocks report.
 struct Totals {
   std::map<SpectralRoute, int> num_blocks;
@@ -99,18 +90,18 @@ void SpectralRule::Options::Describe(OptionSet* set) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   DescribeJoint(set);
   std::vector<std::string> names;
-  for (const SpectralRoute candidate : kRoutes) {
+  for (const SpectralRoute candidate : GeneralSpectralRoutes()) {
     names.emplace_back(SpectralRouteName(candidate));
   }
   set->Add("route", &route, names, "how the step is computed");
   set->Add("tolerance",
            &tolerance,
            {0.0, kInfinity, true},
-           "relative error up to which route=auto keeps an answer");
+           "largest estimated relative error of a step by the Gram matrix");
   set->Add("threshold_tolerance",
            &threshold_tolerance,
            {0.0, kInfinity},
-           "relative error of the truncation up to which it does");
+           "largest relative error of its truncation");
 }
 
 SpectralRule::SpectralRule(const Options& options)
@@ -118,7 +109,7 @@ SpectralRule::SpectralRule(const Options& options)
   CheckOptions(options);
   spectral_options_.tolerance = options.tolerance;
   spectral_options_.threshold_tolerance = options.threshold_tolerance;
-  for (const SpectralRoute candidate : kRoutes) {
+  for (const SpectralRoute candidate : GeneralSpectralRoutes()) {
     if (options.route == SpectralRouteName(candidate)) {
       spectral_options_.route = candidate;
     }
@@ -140,8 +131,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
       name = "at least route ";
       route = joint_options().filter.IsGradientDescent()
                   ? SpectralRoute::kGradient
-              : rows <= cols ? SpectralRoute::kGram
-                             : SpectralRoute::kParameterGram;
+                  : SpectralRoute::kGram;
     }
     return {name + SpectralRouteName(route),
             SpectralStepBytes(route,
@@ -160,10 +150,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   }
   std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
   parts.push_back(step);
-  if (spectral_options_.route != SpectralRoute::kGolubKahan &&
-      spectral_options_.route != SpectralRoute::kCholesky) {
-    parts.push_back({"factors of J", J.factor_bytes});
-  }
+  parts.push_back({"factors of J", J.factor_bytes});
   return parts;
 }
 

@@ -50,7 +50,6 @@
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/spectral/spectral_filter.h"
 #include "invgrad/spectral/spectral_step.h"
-#include "invgrad/spectral/spectral_workspace.h"
 
 namespace invgrad {
 

@@ -8,37 +8,23 @@
 //   R_k = X Sigma Y^T:   d_k = V_k Y phi(Sigma) X^T P_k^T g              [2]
 //
 // Shapes:  g: m;  J: m x n;  d: n;  k: summary.num_iterations.
-// Cost:    k products with J and k with J^T; 2 N k^2 for reorthogonalization
-//          against N stored numbers an iteration, and as much again where it
-//          cancels; O(k^2) for a test of convergence, of which there are about
-//          16 log k; O(k^3) once or twice for the SVD of R_k.
-// Memory:  N k doubles, up to twice that while they grow. N = min(m, n) where
-//          the accuracy of the Gram matrix suffices (the smaller basis alone is
-//          kept orthonormal, the other one follows up to roundings of epsilon /
-//          tau^2 [3]), and m + n for small tau.
+// Cost:    k products with J and k with J^T; 2 min(m, n) k^2 for
+//          reorthogonalization, and as much again where it cancels; O(k^2) for
+//          a test of convergence, of which there are about 16 log k; O(k^3)
+//          once or twice for the SVD of R_k.
+// Memory:  min(m, n) k doubles, up to twice that while they grow: the smaller
+//          basis alone is kept orthonormal, the other one follows up to
+//          roundings of epsilon / tau^2 [3].
 //
 // Convergence. With a sharp truncation it is a cliff: the error stays above
 // 1e-3 until every mode near tau s_max is resolved, and then drops to 1e-6 in a
 // few iterations. k / rank is 1.2 to 1.6, and 2 or more for a rank of about
-// ten; so this pays if tau keeps at most about a tenth of the modes. Filters
-// without a jump (Levenberg-Marquardt) converge steadily.
+// ten. Filters without a jump (Levenberg-Marquardt) converge steadily.
 //
-// Accuracy. A Ritz pair sigma_j, y_j has the residual r_j = theta |X_kj|; the
-// error of d_k is E(J^T J) v_{k+1} exactly, with divided differences of
-// f(lambda) = phi(s) / s between the Ritz values and those of J [4].
-// summary.estimated_error bounds it by what can leak across the jump of phi:
-//
-//   |d - d_k|^2 <~ sum_kept  leak_j^2 ((phi_j c_j)^2 + E(lambda_j)^2)
-//                + sum_open  (phi_max c_j)^2,      leak_j = sigma_j r_j / gap_j
-//
-// c_j = (X^T P_k^T g)_j; gap_j is the distance of sigma_j^2 from the jump;
-// lambda_j = sigma_j^2 - sigma_j r_j is where a mode may still hide; `open` are
-// the dropped values whose residual reaches across the jump. While no value is
-// below the jump, E(jump) is added. So are the difference from an earlier
-// iterate, and roundings. Without a jump the estimate is the largest E on
-// [0, inf). With a jump at zero (tau = 0, or a clamped filter) every mode
-// counts, and the iteration has to exhaust the rank of J; it may then end with
-// an estimate that is far above the error.
+// Accuracy. summary.estimated_error is that of ritz_error.h, and the difference
+// from an earlier iterate. With a jump at zero (tau = 0, or a clamped filter)
+// every mode counts, and the iteration has to exhaust the rank of J; it may then
+// end with an estimate that is far above the error.
 //
 // Contract: d is within estimated_error of the step whose s_max is the largest
 // singular value of which g has a part. (Held by the tests on synthetic
@@ -56,9 +42,8 @@
 //     Matrix Anal. Appl. 37 (2016).
 // [3] Simon, Zha. Low-Rank Matrix Approximation Using the Lanczos
 //     Bidiagonalization Process. SIAM J. Sci. Comput. 21 (2000).
-// [4] Higham. Functions of Matrices. SIAM 2008, section 13.2.
-#ifndef INVGRAD_SPECTRAL_ROUTES_GOLUB_KAHAN_H_
-#define INVGRAD_SPECTRAL_ROUTES_GOLUB_KAHAN_H_
+#ifndef INVGRAD_SPECTRAL_GOLUB_KAHAN_H_
+#define INVGRAD_SPECTRAL_GOLUB_KAHAN_H_
 
 #include <string>
 
@@ -73,15 +58,6 @@ struct GolubKahanOptions {
   double tolerance = 1e-3;
   // The cap on time and memory. min(m, n) is always enough.
   int max_iterations = 1000;
-  // Stores one basis whatever the threshold is: for iterates that are not meant
-  // to converge.
-  bool always_one_basis = false;
-};
-
-// The bases, kept between calls: their pages cost more than they look.
-struct GolubKahanWorkspace {
-  Eigen::MatrixXd P;  // m x capacity
-  Eigen::MatrixXd V;  // n x capacity
 };
 
 struct GolubKahanSummary {
@@ -90,20 +66,20 @@ struct GolubKahanSummary {
   double s_max = 0.0;            // the largest Ritz value
   double s_min_kept = 0.0;       // the smallest that is kept
   double estimated_error = 0.0;  // of d, relative: see Accuracy
-  int num_undecided = 0;         // values whose residual reaches the jump
   bool converged = false;        // estimated_error <= tolerance
   std::string message;           // what failed, or why it stopped short
 };
 
+// *basis: P_k or V_k. Kept between calls, it saves the time for its pages.
 // CHECKs the sizes, the options and that the filter is valid.
 bool GolubKahanStep(const JacobianOperator& J,
                     const Eigen::VectorXd& g,
                     const SpectralFilter& filter,
                     const GolubKahanOptions& options,
-                    GolubKahanWorkspace* workspace,
+                    Eigen::MatrixXd* basis,
                     Eigen::VectorXd* d,
                     GolubKahanSummary* summary);
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_SPECTRAL_ROUTES_GOLUB_KAHAN_H_
+#endif  // INVGRAD_SPECTRAL_GOLUB_KAHAN_H_

@@ -1,4 +1,4 @@
-#include "invgrad/spectral/routes/sparse_cholesky.h"
+#include "invgrad/rank/sparse_cholesky.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,17 +1,17 @@
-#include "invgrad/spectral/routes/golub_kahan.h"
+#include "invgrad/spectral/golub_kahan.h"
 
 #include <lapacke.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <vector>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/spectral/step_error.h"
+#include "invgrad/spectral/routes/ritz_error.h"
 
 namespace invgrad {
 namespace {
@@ -21,16 +21,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// Backward error of the bidiagonalization in units of epsilon |J|; as in
-// step_error.cc.
-constexpr double kBackwardError = 10.0;
-
-// The estimate is a bound but for cross terms and small constants. On synthetic
-// spectra (five kinds, white, smooth and nearly invariant g, nine filters) the
-// error was at most 0.9 times the estimate.
-constexpr double kSafety = 5.0;
 
 // An orthonormal basis in the columns of a buffer that grows.
 class Basis {
@@ -86,12 +76,6 @@ struct Bidiagonal {
 };
 
 // R_k = X Sigma Y^T, as far as the estimate needs it.
-struct RitzValues {
-  VectorXd s;         // largest first
-  VectorXd c;         // X^T h
-  VectorXd residual;  // theta X_kj, with its sign
-};
-
 bool ComputeRitzValues(const Bidiagonal& R, RitzValues* ritz) {
   const Index k = R.size();
   ritz->s = Eigen::Map<const VectorXd>(R.diagonal.data(), k);
@@ -168,23 +152,6 @@ bool ProjectedStep(const Bidiagonal& R,
   return true;
 }
 
-// True if phi has no jump and no singular slope: damped, not truncated.
-bool IsSmooth(const SpectralFilter& filter) {
-  return filter.IsDamped() && filter.tau == 0.0;
-}
-
-// Where values are dropped or clamped, in units of s_max.
-double TruncationOf(const SpectralFilter& filter) {
-  return filter.clamp ? 0.0 : filter.tau;
-}
-
-// The smallest s, in units of s_max, whose relative accuracy matters; a lower
-// bound that needs no spectrum.
-double SmallestScale(const SpectralFilter& filter) {
-  return IsSmooth(filter) ? std::sqrt(filter.relative_damping)
-                          : TruncationOf(filter);
-}
-
 void SummarizeSpectrum(const RitzValues& ritz,
                        const SpectralFilter& filter,
                        GolubKahanSummary* summary) {
@@ -196,139 +163,6 @@ void SummarizeSpectrum(const RitzValues& ritz,
     ++summary->rank;
   }
 }
-
-// The estimate of the error of d_k, step by step as in the header. All values
-// are in units of s_max, and phi in units of its largest value.
-class ErrorEstimate {
- public:
-  // `exhausted`: the bases span all that there is.
-  ErrorEstimate(const RitzValues& ritz,
-                const SpectralFilter& filter,
-                bool both_orthonormal,
-                bool exhausted)
-      : filter_(filter),
-        s_max_(ritz.s[0]),
-        both_orthonormal_(both_orthonormal),
-        exhausted_(exhausted),
-        s_(ritz.s / s_max_),
-        theta_(s_.cwiseAbs2()),
-        c_(ritz.c),
-        residual_(ritz.residual / s_max_),
-        phi_(s_.size()) {
-    for (Index j = 0; j < s_.size(); ++j) phi_[j] = filter(ritz.s[j], s_max_);
-    unit_ = phi_.lpNorm<Eigen::Infinity>();
-    if (unit_ > 0.0) phi_ /= unit_;
-    norm_ = phi_.cwiseProduct(c_).norm();
-  }
-
-  // Relative to |d_k|.
-  double Relative(int* num_undecided) const {
-    *num_undecided = 0;
-    if (unit_ == 0.0) return 1.0;
-    const double squared =
-        IsSmooth(filter_) ? Squared()
-                          : SquaredAcross(TruncationOf(filter_), num_undecided);
-    const double estimate =
-        (kSafety * std::sqrt(squared + SquaredShift()) + RoundingError()) /
-        norm_;
-    // Nothing is known where f overflows near zero.
-    return estimate < kInfinity ? estimate : kInfinity;
-  }
-
- private:
-  // For f(lambda) = (lambda + mu)^-p, 0 < p <= 1. It is a mean of resolvents 1
-  // / (lambda + t), t >= mu, with weights >= 0, and E a mean of theirs. Theirs
-  // are largest at lambda = 0 and, as functions of t, all of one sign: they are
-  // residuals of the conjugate gradient method. So is E.
-  double Squared() const {
-    const double mu =
-        (filter_.damping / s_max_) / s_max_ + filter_.relative_damping;
-    const double p = filter_.Exponent();
-    // f(theta) = f(0) (1 + theta / mu)^-p, and s_0 = 1.
-    const double f_zero = phi_[0] * std::pow(1.0 + 1.0 / mu, p);
-    double E = 0.0;
-    for (Index i = 0; i < s_.size(); ++i) {
-      const double change = std::expm1(-p * std::log1p(theta_[i] / mu));
-      E += residual_[i] * c_[i] * f_zero * change;
-    }
-    const double rounding = kBackwardError * kEpsilon /
-                            (both_orthonormal_ ? std::sqrt(mu) : mu) *
-                            c_.norm();
-    return E * E + rounding * rounding;
-  }
-
-  double SquaredAcross(double jump, int* num_undecided) const {
-    const double lower = jump * jump;
-    // J's own largest value may be above the Ritz value.
-    const double upper = std::pow(jump * (1.0 + std::abs(residual_[0])), 2);
-    const double phi_jump = phi_.maxCoeff();
-    double squared = 0.0;
-    for (Index j = 0; j < s_.size(); ++j) {
-      const double rounding =
-          kBackwardError * kEpsilon * (both_orthonormal_ ? s_[j] : 1.0);
-      const double rho = s_[j] * std::abs(residual_[j]) + rounding;
-      if (phi_[j] == 0.0) {
-        if (theta_[j] + rho < upper) continue;
-        ++*num_undecided;
-        squared += std::pow(phi_jump * c_[j], 2);
-        continue;
-      }
-      const double gap = theta_[j] - lower;
-      if (rho >= gap) ++*num_undecided;
-      const double leak = std::min(1.0, rho / gap);
-      // What E does to a mode of J that hides where this value has not
-      // converged.
-      const double lambda = std::max(upper, theta_[j] - rho);
-      const double E = ErrorAt(lambda > 0.0 ? lambda : 0.25 * theta_[j]);
-      squared += leak * leak * (std::pow(phi_[j] * c_[j], 2) + E * E) +
-                 std::pow(std::min(1.0, rounding / gap) * phi_[j], 2);
-    }
-    if (phi_[s_.size() - 1] > 0.0 && !exhausted_) {
-      // With no value below the jump, nothing tells that the modes above it are
-      // all there.
-      if (upper == 0.0) return kInfinity;
-      squared += std::pow(ErrorAt(upper), 2);
-    }
-    return squared;
-  }
-
-  // What is missing from the largest value, to which the filter refers.
-  double SquaredShift() const {
-    if (filter_.relative_damping == 0.0 && !filter_.clamp) return 0.0;
-    return std::pow(2.0 * residual_[0] * norm_, 2);
-  }
-
-  // sum_i rho_i b_i f[theta_i, lambda], with rho_i = s_i r_i and b_i = s_i c_i.
-  double ErrorAt(double lambda) const {
-    // Nearer than this, a slope is the better approximation.
-    constexpr double kNear = 1e-6;
-    // Above a jump at lambda.
-    const double root = std::sqrt(lambda) * (1.0 + 4.0 * kEpsilon);
-    const double f_lambda = filter_(root * s_max_, s_max_) / unit_ / root;
-    double sum = 0.0;
-    for (Index i = 0; i < s_.size(); ++i) {
-      const double f = phi_[i] == 0.0 ? 0.0 : phi_[i] / s_[i];
-      const double distance = theta_[i] - lambda;
-      const double slope = std::abs(distance) < kNear * theta_[i]
-                               ? f / theta_[i]
-                               : (f - f_lambda) / distance;
-      sum += theta_[i] * residual_[i] * c_[i] * slope;
-    }
-    return sum;
-  }
-
-  const SpectralFilter& filter_;
-  double s_max_;
-  bool both_orthonormal_;
-  bool exhausted_;
-  VectorXd s_;
-  VectorXd theta_;  // s^2
-  VectorXd c_;
-  VectorXd residual_;
-  VectorXd phi_;
-  double unit_ = 0.0;
-  double norm_ = 0.0;  // |d_k|
-};
 
 // False, with a message, if an entry of `values` or their norm is not finite.
 bool CheckNorm(const std::string& name,
@@ -342,22 +176,20 @@ bool CheckNorm(const std::string& name,
   return false;
 }
 
-// P_k, V_k and R_k, an iteration at a time.
+// P_k or V_k, whichever has the shorter columns, and R_k, an iteration at a
+// time.
 class Bidiagonalization {
  public:
   // From unit vectors g and v_1.
   Bidiagonalization(const JacobianOperator& J,
                     const VectorXd& g,
                     const VectorXd& v,
-                    bool both_orthonormal,
-                    GolubKahanWorkspace* workspace)
+                    MatrixXd* basis)
       : J_(J),
         g_(g),
-        keeps_P_(both_orthonormal || J.rows() < J.cols()),
-        keeps_V_(both_orthonormal || J.rows() >= J.cols()),
+        keeps_V_(J.rows() >= J.cols()),
         negligible_(kEpsilon * (8.0 + std::sqrt(std::max(J.rows(), J.cols())))),
-        P_(J.rows(), &workspace->P),
-        V_(J.cols(), &workspace->V),
+        basis_(std::min(J.rows(), J.cols()), basis),
         v_(v) {}
 
   const Bidiagonal& R() const { return R_; }
@@ -368,10 +200,10 @@ class Bidiagonalization {
   // False, with a message, if a product with J is not finite.
   bool Advance(std::string* error) {
     // p_k rho_k = J v_k - theta_{k-1} p_{k-1}
-    if (keeps_V_) V_.Append(v_);
+    if (keeps_V_) basis_.Append(v_);
     J_.Times(v_, &w_);
     if (R_.size() > 0) w_ -= R_.theta * p_;
-    if (keeps_P_) P_.Orthogonalize(&w_);
+    if (!keeps_V_) basis_.Orthogonalize(&w_);
     double rho = w_.stableNorm();
     if (!CheckNorm("J v", w_, rho, error)) return false;
     if (rho <= negligible_ * J_norm_) {
@@ -382,7 +214,7 @@ class Bidiagonalization {
     } else {
       p_ = w_ / rho;
     }
-    if (keeps_P_) P_.Append(p_);
+    if (!keeps_V_) basis_.Append(p_);
     if (R_.size() > 0) R_.superdiagonal.push_back(R_.theta);
     R_.diagonal.push_back(rho);
     R_.h.push_back(p_.dot(g_));
@@ -390,7 +222,7 @@ class Bidiagonalization {
     // v_{k+1} theta_k = J^T p_k - rho_k v_k
     J_.TransposeTimes(p_, &w_);
     w_ -= rho * v_;
-    if (keeps_V_) V_.Orthogonalize(&w_);
+    if (keeps_V_) basis_.Orthogonalize(&w_);
     R_.theta = w_.stableNorm();
     if (!CheckNorm("J^T p", w_, R_.theta, error)) return false;
     J_norm_ = std::max({J_norm_, rho, R_.theta});
@@ -405,9 +237,9 @@ class Bidiagonalization {
 
   // V_k y, or the same from P_k z: J^T P_k z = V_k y + theta z_k v_{k+1}.
   VectorXd Step(const VectorXd& y, const VectorXd& z) const {
-    if (keeps_V_) return V_.Times(y);
+    if (keeps_V_) return basis_.Times(y);
     VectorXd d;
-    J_.TransposeTimes(P_.Times(z), &d);
+    J_.TransposeTimes(basis_.Times(z), &d);
     d -= (R_.theta * z[z.size() - 1]) * v_;
     return d;
   }
@@ -415,11 +247,9 @@ class Bidiagonalization {
  private:
   const JacobianOperator& J_;
   const VectorXd& g_;
-  const bool keeps_P_;
   const bool keeps_V_;
   const double negligible_;  // relative to |J|
-  Basis P_;
-  Basis V_;
+  Basis basis_;              // P_k or V_k
   Bidiagonal R_;
   VectorXd p_;           // p_k
   VectorXd v_;           // v_{k+1}
@@ -434,7 +264,7 @@ bool GolubKahanStep(const JacobianOperator& J,
                     const VectorXd& g,
                     const SpectralFilter& filter,
                     const GolubKahanOptions& options,
-                    GolubKahanWorkspace* workspace,
+                    MatrixXd* basis,
                     VectorXd* d,
                     GolubKahanSummary* summary) {
   CHECK_EQ(g.size(), J.rows());
@@ -442,7 +272,6 @@ bool GolubKahanStep(const JacobianOperator& J,
   CHECK_GT(J.cols(), 0);
   CHECK_GT(options.tolerance, 0.0);
   CHECK_GT(options.max_iterations, 0);
-  CHECK(workspace != nullptr);
   std::string invalid;
   CHECK(filter.IsValid(&invalid)) << invalid;
   *summary = GolubKahanSummary();
@@ -465,13 +294,7 @@ bool GolubKahanStep(const JacobianOperator& J,
   }
   v /= v_norm;
 
-  // Of a value from the jump, relative to it: how near one is expected.
-  constexpr double kNearestGap = 1e-4;
-  const double smallest = SmallestScale(filter);
-  const bool both = !options.always_one_basis &&
-                    kBackwardError * kEpsilon >
-                        kNearestGap * options.tolerance * smallest * smallest;
-  Bidiagonalization bidiagonalization(J, g_unit, v, both, workspace);
+  Bidiagonalization bidiagonalization(J, g_unit, v, basis);
   const Bidiagonal& R = bidiagonalization.R();
   RitzValues ritz;
   VectorXd y;
@@ -491,8 +314,7 @@ bool GolubKahanStep(const JacobianOperator& J,
       return false;
     }
     SummarizeSpectrum(ritz, filter, summary);
-    summary->estimated_error = ErrorEstimate(ritz, filter, both, exhausted)
-                                   .Relative(&summary->num_undecided);
+    summary->estimated_error = RitzStepError(ritz, filter, exhausted);
     if (!ends && summary->estimated_error > options.tolerance) continue;
     const Index before = k - std::max<Index>(1, k / 32);
     if (!ProjectedStep(R,
@@ -518,11 +340,11 @@ bool GolubKahanStep(const JacobianOperator& J,
 
   *d = g_norm * bidiagonalization.Step(y, z);
   if (!summary->converged) {
-    std::ostringstream message;
-    message << "golub_kahan: estimated error " << summary->estimated_error
-            << " > " << options.tolerance << " after "
-            << summary->num_iterations << " iterations";
-    *error = message.str();
+    *error = fmt::format(
+        "golub_kahan: estimated error {:.2g} > {} after {} iterations",
+        summary->estimated_error,
+        options.tolerance,
+        summary->num_iterations);
   }
   return CheckFinite("the step", *d, error);
 }

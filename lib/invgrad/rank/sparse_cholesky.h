@@ -13,8 +13,8 @@
 //
 // [1] Chen, Davis, Hager, Rajamanickam. Algorithm 887: CHOLMOD. ACM TOMS 35
 //     (2008).
-#ifndef INVGRAD_SPECTRAL_ROUTES_SPARSE_CHOLESKY_H_
-#define INVGRAD_SPECTRAL_ROUTES_SPARSE_CHOLESKY_H_
+#ifndef INVGRAD_RANK_SPARSE_CHOLESKY_H_
+#define INVGRAD_RANK_SPARSE_CHOLESKY_H_
 
 #include <memory>
 #include <string>
@@ -54,4 +54,4 @@ class SparseCholesky {
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_SPECTRAL_ROUTES_SPARSE_CHOLESKY_H_
+#endif  // INVGRAD_RANK_SPARSE_CHOLESKY_H_
