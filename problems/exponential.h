@@ -24,6 +24,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -34,11 +35,7 @@ struct Exponential {
     int data_seed = 0;
     void Describe(OptionSet* set) {
       set->Add("range", &range, {0.0, 700.0, true}, "x* is in (-range, 0]");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
     }
   };
 

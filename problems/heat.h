@@ -43,6 +43,7 @@
 #include "Eigen/Core"
 #include "problems/heat_inverse.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -74,11 +75,7 @@ struct HeatLearningOptions {
   int data_seed = 0;
   void Describe(int max_resolution, OptionSet* set) {
     physics.Describe(max_resolution, set);
-    set->Add("num_samples",
-             &num_samples,
-             {1, 1e6},
-             "training samples; as many again are for testing");
-    set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+    DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
   }
 };
 

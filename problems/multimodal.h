@@ -19,6 +19,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -28,11 +29,7 @@ struct Multimodal {
     int data_seed = 0;
     bool wrong_inverse = false;
     void Describe(OptionSet* set) {
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       set->Add("wrong_inverse",
                &wrong_inverse,
                "an inverse that is wrong for y in (0.25, 0.5), NaN in (0.5, "

@@ -35,7 +35,7 @@
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -116,11 +116,7 @@ struct OscillatorChain {
                &num_oscillators,
                {2, kMaxOscillators},
                "length of the chain");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       DescribeTargetNoise(&noise, set);
     }
   };

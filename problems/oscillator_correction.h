@@ -34,6 +34,7 @@
 
 #include "problems/oscillator_chain.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -51,11 +52,7 @@ struct OscillatorCorrection {
                "length of the chain");
       set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
       set->Add("dt", &dt, {1e-9, 1}, "length of a coarse step");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
     }
   };
 

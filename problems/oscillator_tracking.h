@@ -44,6 +44,7 @@
 
 #include "problems/oscillator_chain.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -76,11 +77,7 @@ struct OscillatorTracking {
                &end_weight,
                {0, 1e6},
                "weight of the last squared error; of the others: 1");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
     }
   };
 

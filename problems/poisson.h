@@ -35,7 +35,7 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -47,11 +47,7 @@ struct Poisson {
     double noise = 0.0;
     void Describe(OptionSet* set) {
       set->Add("resolution", &resolution, {2, 32}, "cells a side, n");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e6},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
       DescribeTargetNoise(&noise, set);
     }
   };

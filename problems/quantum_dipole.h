@@ -45,6 +45,7 @@
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/loss.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 #include "problems/schroedinger.h"
 
 namespace invgrad {
@@ -89,11 +90,7 @@ struct QuantumDipole {
     void Describe(OptionSet* set) {
       set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
       set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       set->Add("rescale",
                &rescale,
                "multiply each sample's gradient by 1 / |Re <y*|y>|");

@@ -30,7 +30,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 

@@ -28,7 +28,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -38,11 +38,7 @@ struct Regression1d {
     int data_seed = 0;
     double noise = 0.0;
     void Describe(OptionSet* set) {
-      set->Add("num_samples",
-               &num_samples,
-               {2, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(2, 1e7, &num_samples, &data_seed, set);
       DescribeTargetNoise(&noise, set);
     }
   };

@@ -26,6 +26,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -39,11 +40,7 @@ struct Sine {
     void Describe(OptionSet* set) {
       set->Add("xi", &xi, {0.0, 1e6, true}, "conditioning");
       set->Add("phi", &phi, {-360.0, 360.0}, "rotation, degrees");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       set->Add("metric",
                &metric,
                {"distance", "relative_distance"},

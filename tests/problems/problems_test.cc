@@ -8,6 +8,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/minimizer.h"
 #include "problems/oscillator_chain.h"
 
