@@ -22,6 +22,7 @@
 #include <memory>
 #include <string>
 
+#include "fmt/core.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "problems/problem.h"
@@ -48,7 +49,9 @@ struct ToyNetwork {
     a.col(0) = Eigen::VectorXd::LinSpaced(options.num_samples, -1.0, 1.0);
     if (data != nullptr) a = *data;
     if (a.cols() != 1 || a.rows() == 0) {
-      *error = "toy_network: data must have shape (samples, 1)";
+      *error = fmt::format("data must have shape (samples, 1), found ({}, {})",
+                           a.rows(),
+                           a.cols());
       return false;
     }
     Eigen::SparseMatrix<double, Eigen::RowMajor> scale(2, 2);
