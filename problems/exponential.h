@@ -3,7 +3,7 @@
 //
 //   y = exp(x),   L = 1/2 (y - y*)^2,   y* = exp(x*),   x* uniform in (-12, 0]
 //
-// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, which sees y*;
+// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, its input is y*;
 //          x, y: 1.
 // Units:   none.
 // Data:    np.random.seed(data_seed); x* = -12 np.random.rand(2 N), the first N

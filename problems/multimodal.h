@@ -1,9 +1,9 @@
 // A simulator with two pre-images for every target: supervised training
-// averages them, an inverse keeps to one.
+// averages them, an inverse returns one.
 //
 //   y = x^2,   L = 1/2 (y - y*)^2,   y* = (x*)^2,   x* uniform in (-1, 1]
 //
-// Shapes:  network 1-32-32-1, tanh, which sees y*;  x, y: 1.
+// Shapes:  network 1-32-32-1, tanh, its input is y*;  x, y: 1.
 // Units:   none.
 // Data:    np.random.seed(data_seed); x* = 1 - 2 np.random.rand(2 N), the first
 //          N for training; x* is the data's solution.

@@ -107,8 +107,8 @@ void SetModel(const OscillatorTracking::Options& options,
       simulator);
 }
 
-// The best feedback of the linear problem, from the end of the horizon to its
-// start (Facts of the header), and what it costs to deviate from it.
+// The best feedback of the linear problem, computed backwards from the end of
+// the horizon (Facts of the header), and the cost of deviations from it.
 struct Regulator {
   Eigen::MatrixXd A;          // ns x ns, s_{t+1} = A s_t + B u_t
   Eigen::VectorXd B;          // ns
@@ -143,7 +143,7 @@ struct Regulator {
       const double R = y[1] * y[1];
       const Eigen::MatrixXd W = Pi + error_row * error_row.transpose();
       curvature[t] = R + B.dot(W * B);
-      // No force changes the loss if the curvature is zero: none is as good.
+      // If the curvature is zero, no force changes the loss.
       gains.col(t).setZero();
       if (curvature[t] > 0.0) {
         gains.col(t) = A.transpose() * (W * B) / curvature[t];
@@ -156,7 +156,7 @@ struct Regulator {
     }
   }
 
-  // L - s_0^T Pi_0 s_0, as a sum of squares too, so that nothing cancels:
+  // L - s_0^T Pi_0 s_0 as a sum of squares, which avoids cancellation:
   // sum_t (R + B^T W B) (u_t + K_t s_t)^2.
   double Regret(const Eigen::VectorXd& x, Eigen::VectorXd state) const {
     double sum = 0.0;

@@ -42,8 +42,8 @@ struct PointProblem {
   ChainObjective MakeObjective() const;
 };
 
-// The quality of a model beside its loss, for example the distance of x from the
-// true one. Smaller is better.
+// The quality of a model beside its loss, for example the distance of x from
+// the true one. Smaller is better.
 struct Metric {
   std::string name;  // "x_distance"
   // `x`: |x| x N, the network's outputs for the N samples of `data`. NaN where

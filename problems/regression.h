@@ -12,7 +12,7 @@
 //          half_inverse:step_size=lr:truncation=tau. Gradients are B times
 //          those of the mean. Losses are reported as means all the same.
 // Settings: B 32, 20 epochs, of which the last, incomplete batch is left out.
-//          The benchmark shuffles: --shuffle.
+//          The benchmark shuffles its batches.
 // Source:  the Sven benchmark, sambt/sven-experiments,
 //          experiments/datasets/all_datasets.py and optimizers/hig.py;
 //          arXiv 2604.01279.

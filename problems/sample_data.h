@@ -47,8 +47,8 @@ Eigen::MatrixXd UniformData(
     double low, double high, int rows, int cols, int seed);
 
 // The first half of the samples is for training, the second for testing. A
-// batch has `batch_size` samples, or all for training if they are fewer. Samples
-// without contexts get empty ones.
+// batch has `batch_size` samples, or all for training if they are fewer.
+// Samples without contexts get empty ones.
 void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem);
 
 // mean |x - x*| over the data's solutions x*.

@@ -99,8 +99,8 @@ class BalEstimation final : public Estimation {
       cameras.x.push_back(center[0]);
       cameras.y.push_back(center[2]);
     }
-    // Quantiles, because some points are far away. All panels have the ranges of
-    // the first.
+    // Quantiles, because some points are far away. All panels have the ranges
+    // of the first.
     if (panels->empty()) {
       plot.x_range =
           Union(QuantileRange(points.x, 0.02), QuantileRange(cameras.x, 0.0));

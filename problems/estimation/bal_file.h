@@ -10,8 +10,8 @@
 //
 // The values are one a line in the published files; any space separates them.
 //
-// Cost:    linear in the size of the text, which bounds the memory too, whatever
-//          counts the text claims.
+// Cost:    linear in the size of the text, which bounds the memory too,
+//          whatever counts the text claims.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
 //          text is empty, cut off, continues after its end, names a camera or a
 //          point that it does not have, or has a number that is not finite;
@@ -54,8 +54,8 @@ bool ParseBal(const std::string& text,
 std::string BalText(const BalData& data);
 
 // What ParseBal guarantees and WriteBalFile needs: there is a camera, a point
-// and an observation, all indices are valid, and all numbers are finite. If not,
-// *error says which condition fails.
+// and an observation, all indices are valid, and all numbers are finite. If
+// not, *error says which condition fails.
 bool CheckBal(const BalData& data, std::string* error);
 
 // Decompresses if the path ends in ".bz2".

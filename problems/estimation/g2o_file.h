@@ -59,9 +59,9 @@ bool ParseG2o(const std::string& text,
 std::string G2oText(const PoseGraph& graph);
 
 // What ParseG2o guarantees and WriteG2oFile needs: columns are in range, ids
-// differ, sizes are those of the dimension, numbers are finite, quaternions have
-// length one, information matrices are symmetric and positive definite. If not,
-// *error says which condition fails.
+// differ, sizes are those of the dimension, numbers are finite, quaternions
+// have length one, information matrices are symmetric and positive definite. If
+// not, *error says which condition fails.
 bool CheckG2o(const PoseGraph& graph, std::string* error);
 
 bool ReadG2oFile(const std::string& path, PoseGraph* graph, std::string* error);

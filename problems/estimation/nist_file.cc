@@ -275,7 +275,8 @@ class NistParser {
   TextCursor cursor_;
   NistData read_;
   bool is_below_prose_ = false;
-  // Starting, Certified, Data: lines; Predictor, Parameter, Observation: counts.
+  // Starting, Certified, Data: lines; Predictor, Parameter, Observation:
+  // counts.
   std::map<std::string_view, Statement> head_;
 };
 

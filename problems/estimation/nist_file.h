@@ -11,8 +11,8 @@
 // Nelson.dat). The head also states the counts of parameters, predictors and
 // observations, which must agree with the rows.
 //
-// Cost:    linear in the size of the text, which bounds the memory too, whatever
-//          counts the text claims.
+// Cost:    linear in the size of the text, which bounds the memory too,
+//          whatever counts the text claims.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
 //          text is empty, cut off, has other counts than it claims, or a number
 //          that is not finite. *data is then unchanged.

@@ -7,9 +7,10 @@
 //          negative number; Ceres then rejects the step.
 //
 // Roszman1 has two rows, because two versions of the file exist, with different
-// branches of arctan[b3 / (x - b4)]. NIST's b1 = 0.2020 belongs to the branch in
-// (-pi/2, pi/2), -atan2(b3, b4 - x) for the data; the copy in Ceres has b1 =
-// 1.2020, of the branch in (0, pi), atan2(b3, x - b4). Both are smooth at x = b4.
+// branches of arctan[b3 / (x - b4)]. NIST's b1 = 0.2020 belongs to the branch
+// in (-pi/2, pi/2), -atan2(b3, b4 - x) for the data; the copy in Ceres has b1 =
+// 1.2020, of the branch in (0, pi), atan2(b3, x - b4). Both are smooth at x =
+// b4.
 //
 // [1] https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml
 #ifndef PROBLEMS_ESTIMATION_NIST_MODELS_H_

@@ -142,8 +142,8 @@ void FindUnused(const VectorXd& lengths,
   }
 }
 
-// Sets each block's group, and fills the groups' blocks and columns. Returns the
-// row that each row of J has in its group, or -1 if it is zero.
+// Sets each block's group, and fills the groups' blocks and columns. Returns
+// the row that each row of J has in its group, or -1 if it is zero.
 std::vector<int> FindGroups(const SparseMatrix& J,
                             const VectorXd& lengths,
                             RankReport* report,

@@ -38,8 +38,8 @@ bool Decompose(const RankReport::Options& options,
         SparseJacobian(SparseJacobian::Matrix(group.A)), kNormTolerance));
     report->s_max = std::max(report->s_max, estimates.back());
   }
-  // The estimates are lower bounds. With this margin no direction is missed that
-  // is weak compared with the exact largest value.
+  // The estimates are lower bounds. With this margin no direction is missed
+  // that is weak compared with the exact largest value.
   constexpr double kMargin = 1.5;
   const double limit = kMargin * options.weak_threshold * report->s_max;
   small->resize(groups.size());

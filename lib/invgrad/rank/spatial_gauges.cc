@@ -184,7 +184,7 @@ bool ReadScene(const GaugeComponent& component,
           {{QuaternionOrder(block, layout.kind), x}, block.offset});
     }
   }
-  // Points alone fit all layouts: one of them stands for the others.
+  // Points alone fit all layouts. Only one layout accepts them.
   const bool has_rotations = !scene->turns.empty() || !scene->cameras.empty();
   if (!has_rotations &&
       (is_camera || has_quaternions || !layout.rotation_first)) {
