@@ -102,18 +102,9 @@ std::string Directory(const SweepJob& job) {
 TrainOptions TrainOptionsOf(const SweepJob& job) {
   TrainOptions options;
   options.batch_size = job.batch_size;
-  options.shuffle_seed = static_cast<std::uint32_t>(job.seed);
+  options.seed = static_cast<std::uint32_t>(job.seed);
   ApplyTrainingFlags(*job.problem, &options);
   return options;
-}
-
-// Whether a run that ended on its budget could go on with the present one.
-bool HasBudgetLeft(const LearningRunResult& result,
-                   const TrainOptions& options) {
-  return result.has_used_its_budget() &&
-         result.last().epoch < options.max_num_epochs &&
-         result.summary.num_steps < options.max_num_steps &&
-         result.summary.train_time_in_seconds < options.max_time_in_seconds;
 }
 
 // Reads the run of a job if it is done. False if its files are damaged.
@@ -129,21 +120,10 @@ bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
   return true;
 }
 
-// Ends a run when the sweep is to end.
-class StopCallback final : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary&) override {
-    return IsStopRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                             : ceres::SOLVER_CONTINUE;
-  }
-};
-
 bool RunJob(const SweepJob& job, std::string* error) {
-  StopCallback stop;
   LearningRunOptions options;
   options.train = TrainOptionsOf(job);
-  options.train.callbacks.push_back(&stop);
+  options.on_step = [](const TrainingRun&) { return !IsStopRequested(); };
   options.directory = Directory(job);
   LearningRunResult result;
   return RunLearning(*job.problem,

@@ -17,7 +17,7 @@ bool DumpMethod(const Model& model,
                 const Eigen::VectorXd& weights,
                 const std::string& directory,
                 std::string* error) {
-  const std::unique_ptr<UpdateRule> rule = method.Phases()[0]->MakeRule();
+  const std::unique_ptr<UpdateRule> rule = method.phases[0].MakeRule();
   LinearizationParts parts = rule->Needs();
   parts.gradient = true;
   parts.jacobian = true;
@@ -55,7 +55,7 @@ bool DumpStep(const LearningProblem& problem,
               const std::string& directory,
               std::string* error) {
   for (const Method& method : methods) {
-    if (method.Phases()[0]->ceres != nullptr) {
+    if (method.phases[0].ceres != nullptr) {
       *error = "--dump_step: '" + method.label +
                "' is a minimizer of Ceres and has no step to dump";
       return false;
@@ -70,8 +70,8 @@ bool DumpStep(const LearningProblem& problem,
           ? initial_weights
           : InitialWeights(problem, options.seeds.front());
   for (const Method& method : methods) {
-    const DataSet batch = problem.train.Range(
-        0, BatchSize(problem, *method.Phases()[0], options));
+    const DataSet batch =
+        problem.train.Range(0, BatchSize(problem, method.phases[0], options));
     const std::string method_directory =
         directory + "/" + FileName(method.label);
     if (!DumpMethod(

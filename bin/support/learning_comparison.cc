@@ -32,56 +32,6 @@ std::string RunDirectory(const LearningComparisonOptions& options,
          std::to_string(seed);
 }
 
-// The share of the budget that is spent, for the time left.
-double BudgetShare(const TrainOptions& options,
-                   double num_epochs,
-                   long num_steps,
-                   double seconds) {
-  return std::max({num_epochs / options.max_num_epochs,
-                   static_cast<double>(num_steps) /
-                       static_cast<double>(options.max_num_steps),
-                   seconds / options.max_time_in_seconds});
-}
-
-// Prints where a run is, and ends it on Ctrl-C.
-class LiveCallback final : public ceres::IterationCallback {
- public:
-  // `epochs`: how many so many steps are.
-  LiveCallback(const std::string& label,
-               const TrainOptions& train,
-               std::function<double(long num_steps)> epochs,
-               bool shows_progress)
-      : train_(train),
-        epochs_(std::move(epochs)),
-        shows_progress_(shows_progress) {
-    state_.label = label;
-  }
-
-  void OnEvaluation(const History& history) {
-    state_.loss = history.back().train_loss;
-  }
-
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
-    state_.step = iteration.iteration;
-    state_.epoch = epochs_(iteration.iteration);
-    state_.fraction = BudgetShare(train_,
-                                  state_.epoch,
-                                  iteration.iteration,
-                                  iteration.cumulative_time_in_seconds);
-    if (shows_progress_) progress_.Update(state_);
-    return Interrupt::IsRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                                    : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const TrainOptions& train_;
-  const std::function<double(long num_steps)> epochs_;
-  const bool shows_progress_;
-  ProgressState state_;
-  Progress progress_;
-};
-
 // The final loss of a run, by which seeds are ordered: failed ones last.
 double RankedLoss(const LearningRunResult& run, double HistoryRow::*loss) {
   const double value = run.last().*loss;
@@ -429,31 +379,26 @@ bool RunOrLoad(const LearningProblem& problem,
   LearningRunOptions run;
   run.train = options.train;
   run.train.batch_size = BatchSize(problem, options);
-  run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
+  run.train.seed = static_cast<std::uint32_t>(seed);
   run.tracked_sample = options.tracked_sample;
   run.directory = RunDirectory(options, method.label, seed);
-  const auto epochs = [&](long num_steps) {
-    return NumEpochs(
-        method, problem.train.num_samples(), run.train.batch_size, num_steps);
-  };
   if (options.resume) {
     if (LoadLearningRun(run.directory, problem, result, error) &&
-        (!result->has_used_its_budget() ||
-         BudgetShare(run.train,
-                     epochs(result->summary.num_steps),
-                     result->summary.num_steps,
-                     result->summary.train_time_in_seconds) >= 1.0)) {
+        !HasBudgetLeft(*result, run.train)) {
       return true;
     }
     if (!error->empty()) return false;
   }
-  LiveCallback live(method.label + " seed " + std::to_string(seed),
-                    run.train,
-                    epochs,
-                    options.shows_progress);
-  run.train.callbacks.push_back(&live);
-  run.train.on_evaluation = [&live](const History& history) {
-    live.OnEvaluation(history);
+  Progress progress;
+  ProgressState state;
+  state.label = method.label + " seed " + std::to_string(seed);
+  run.on_step = [&](const TrainingRun& training) {
+    state.step = training.step();
+    state.epoch = training.epoch();
+    state.loss = training.history().back().train_loss;
+    state.fraction = training.progress();
+    if (options.shows_progress) progress.Update(state);
+    return !Interrupt::IsRequested();
   };
   return RunLearning(problem, method, seed, weights, run, result, error);
 }
@@ -482,15 +427,15 @@ Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
 
 int BatchSize(const LearningProblem& problem,
               const LearningComparisonOptions& options) {
-  return BatchSize(problem, Method(), options);
+  return BatchSize(problem, Phase(), options);
 }
 
 int BatchSize(const LearningProblem& problem,
-              const Method& method,
+              const Phase& phase,
               const LearningComparisonOptions& options) {
   int batch_size = problem.batch_size;
   if (options.batch_size >= 0) batch_size = options.batch_size;
-  if (method.batch_size >= 0) batch_size = method.batch_size;
+  if (phase.batch_size >= 0) batch_size = phase.batch_size;
   return batch_size == 0 ? problem.train.num_samples() : batch_size;
 }
 
@@ -511,9 +456,9 @@ void AddLeftOutSamples(const Method& method,
                        int batch_size,
                        int num_samples,
                        std::set<std::string>* warnings) {
-  for (const Method* phase : method.Phases()) {
-    if (phase->ceres != nullptr) continue;
-    int own = phase->batch_size >= 0 ? phase->batch_size : batch_size;
+  for (const Phase& phase : method.phases) {
+    if (phase.ceres != nullptr) continue;
+    int own = phase.batch_size >= 0 ? phase.batch_size : batch_size;
     if (own == 0) own = num_samples;
     const std::string warning = LeftOutSamples(own, num_samples);
     if (!warning.empty()) warnings->insert(warning);
@@ -532,10 +477,10 @@ bool CheckLearningComparison(const LearningProblem& problem,
     return false;
   }
   for (const Method& method : methods) {
-    for (const Method* phase : method.Phases()) {
-      if (BatchSize(problem, *phase, options) <= num_samples) continue;
+    for (const Phase& phase : method.phases) {
+      if (BatchSize(problem, phase, options) <= num_samples) continue;
       *error = "--rules: " + method.label +
-               ": batch_size=" + std::to_string(phase->batch_size) +
+               ": batch_size=" + std::to_string(phase.batch_size) +
                " is out of range; allowed: 1 to the " +
                std::to_string(num_samples) + " training samples, or 0 for all";
       return false;

@@ -56,7 +56,7 @@ int BatchSize(const LearningProblem& problem,
 
 // The batch size of a method, or of one of its phases.
 int BatchSize(const LearningProblem& problem,
-              const Method& method,
+              const Phase& phase,
               const LearningComparisonOptions& options);
 
 // What a user should know about a batch size that does not divide the number of

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/methods/method.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "problems/problem.h"
 
 namespace invgrad {

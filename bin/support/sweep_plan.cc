@@ -24,22 +24,15 @@ bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-bool ParseMethod(const std::string& text, Method* method, std::string* error) {
-  std::vector<Method> methods;
-  if (!ParseMethods(text, &methods, error)) return false;
-  *method = methods[0];
-  return true;
-}
-
-std::vector<std::string> OptionsOf(const Method& method) {
+std::vector<std::string> OptionsOf(const Phase& phase) {
   std::vector<std::string> names;
   const auto add = [&names](const std::vector<OptionSet::Row>& options) {
     for (const std::string& name : Names(options)) names.push_back(name);
   };
-  if (method.rule != nullptr) add(method.rule->options());
-  if (method.ceres != nullptr) add(method.ceres->options());
-  if (method.pull_back.has_value()) {
-    PullBackMethod ways = *method.pull_back;
+  if (phase.rule != nullptr) add(phase.rule->options());
+  if (phase.ceres != nullptr) add(phase.ceres->options());
+  if (phase.pull_back.has_value()) {
+    PullBackMethod ways = *phase.pull_back;
     OptionSet set;
     ways.Describe(&set);
     add(set.rows());
@@ -201,7 +194,7 @@ class Planner {
       Method method;
       std::string why;
       ParseMethod(rule[0].specification, &method, &why);
-      for (const std::string& name : OptionsOf(method)) {
+      for (const std::string& name : OptionsOf(method.last_phase())) {
         if (name == axis.name) {  // it is there: the values are not allowed
           ParseMethod(WithOption(rule[0], axis, axis.values[0]), &method, &why);
           return Refuse(axis.values[0].position, why);
@@ -319,9 +312,9 @@ class Planner {
                                     const Method& method,
                                     const LearningComparisonOptions& run) {
     std::string text;
-    for (const Method* phase : method.Phases()) {
+    for (const Phase& phase : method.phases) {
       text += (text.empty() ? "" : "+") +
-              std::to_string(BatchSize(problem, *phase, run));
+              std::to_string(BatchSize(problem, phase, run));
     }
     return text;
   }
