@@ -15,7 +15,8 @@
 //       --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 //
 // The run directory holds the flags that repeat the run, versions, tables,
-// results in the input's own format, iterations (CSV) and pictures (PNG).
+// results in the input's own format (uncompressed), iterations (CSV) and
+// pictures (PNG).
 // Ctrl-C ends the method that runs, skips the others, and keeps what there is.
 
 #include <algorithm>
@@ -213,7 +214,7 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
 void PrintEstimateListing(std::ostream& out) {
   out << "Formats (--input)\n"
          "  .dat            NIST StRD, nonlinear regression (nist)\n"
-         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal)\n"
+         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are .txt\n"
          "  .g2o            pose graphs in 2D and 3D (g2o)\n"
          "\nModels of NIST's files\n";
   for (const NistModel& model : NistModels()) {

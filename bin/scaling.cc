@@ -20,6 +20,7 @@
 
 #include "bin/support/program.h"
 #include "gflags/gflags.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
 #include "report/table.h"

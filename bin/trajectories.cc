@@ -27,6 +27,7 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "gflags/gflags.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "problems/problems.h"
 #include "report/plot.h"
 

@@ -8,8 +8,6 @@
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 namespace {
@@ -49,23 +47,17 @@ bool Multimodal::Create(const Options& options,
                         const Eigen::MatrixXd* data,
                         LearningProblem* problem,
                         std::string* error) {
-  if (!CheckDataMemory(data, options.num_samples, 1, 3, "", error)) {
+  const auto generate = [&options](int num_rows) {
+    return UniformData(1.0, -1.0, num_rows, 1, options.data_seed);
+  };
+  if (!MakeData(
+          {options.num_samples, 1, 3.0, ""}, data, generate, problem, error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, 1, error)) return false;
-    problem->data = *data;
-  } else {
-    const Eigen::MatrixXd uniform =
-        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-            .Rand(2 * options.num_samples, 1);
-    problem->data = 1.0 - 2.0 * uniform.array();
   }
   DataSet all;
   all.solutions = problem->data.transpose();
   all.targets = all.solutions.cwiseAbs2();
   all.inputs = all.targets;
-  all.contexts.resize(0, all.inputs.cols());
   SplitSamples(all, 100, problem);
   problem->model = std::make_shared<Model>(
       DenseNetwork({1, 32, 32, 1}, Activation::kTanh),

@@ -5,14 +5,11 @@
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kBatchSize = 100;
 
 class SinePhysics {
  public:
@@ -98,27 +95,21 @@ bool Sine::Create(const Options& options,
                   const Eigen::MatrixXd* data,
                   LearningProblem* problem,
                   std::string* error) {
-  if (!CheckDataMemory(data, options.num_samples, 2, 4, "", error)) {
+  const auto generate = [&options](int num_rows) {
+    return UniformData(-1.0, 1.0, num_rows, 2, options.data_seed);
+  };
+  if (!MakeData(
+          {options.num_samples, 2, 4.0, ""}, data, generate, problem, error)) {
     return false;
   }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, 2, error)) return false;
-    if ((data->col(0).array().abs() > 1.0).any()) {
-      *error = "the first column is y*_0; allowed: [-1, 1]";
-      return false;
-    }
-    problem->data = *data;
-  } else {
-    Eigen::MatrixXd uniform =
-        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-            .Rand(2 * options.num_samples, 2);
-    problem->data = 2.0 * uniform.array() - 1.0;
+  if ((problem->data.col(0).array().abs() > 1.0).any()) {
+    *error = "the first column is y*_0; allowed: [-1, 1]";
+    return false;
   }
   DataSet all;
   all.inputs = problem->data.transpose();
-  all.contexts.resize(0, all.inputs.cols());
   all.targets = all.inputs;
-  SplitSamples(all, kBatchSize, problem);
+  SplitSamples(all, 100, problem);
   const SinePhysics physics(options.xi, options.phi);
   problem->model = std::make_shared<Model>(
       DenseNetwork({2, 32, 64, 32, 2}, Activation::kRelu),
@@ -130,7 +121,6 @@ bool Sine::Create(const Options& options,
       MakeMetric(physics,
                  options.metric,
                  options.metric == "distance" ? 1.0 : 1.0 / options.xi);
-  problem->num_epochs = 100;
   return true;
 }
 

@@ -9,6 +9,7 @@
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "report/plot.h"
 #include "report/table.h"
 

@@ -238,13 +238,5 @@ TEST(OscillatorTracking, NothingIsKnownOfTheBestForceWithCubicCoupling) {
                    .metric.has_value());
 }
 
-TEST(OscillatorTracking, DataOfAnotherShapeAreRefused) {
-  PhysicsProblem problem;
-  std::string error;
-  const MatrixXd data = MatrixXd::Zero(10, 5);
-  EXPECT_FALSE(CreateProblem("oscillator_tracking", &data, &problem, &error));
-  EXPECT_NE(error.find("(10, 5)"), std::string::npos) << error;
-}
-
 }  // namespace
 }  // namespace invgrad
