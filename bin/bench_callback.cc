@@ -3,14 +3,14 @@
 //
 // Sample runs:
 //
-//   bench_callback --input=problem-16-22106-pre.txt.bz2
-//       --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
+//   bench_callback --input=problem-16-22106-pre.txt.bz2 \
+//     --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
 //   bench_callback --steps=300     # without a file: an expensive functor
 //
 //   plain       ceres::Solve
 //   declining   an UpdateCallback whose rule always declines
-//   asking      the same, of a rule that asks for the Jacobian first: all that
-//               proposals cost when none is made
+//   asking      the same with a rule that needs the Jacobian: all that proposals
+//               cost when none is made
 //   cached      the same on a CachedProblem, which is made anew each time
 //   linearize   one linearization at the start, by evaluations
 //   remembered  the same from what a CachedProblem remembers

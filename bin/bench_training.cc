@@ -4,8 +4,8 @@
 // Sample runs:
 //
 //   bench_training
-//   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse
-//       --benchmark_repetitions=5
+//   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse \
+//     --benchmark_repetitions=5
 //
 // One thread. A benchmark's iteration is a whole run of --steps steps from the
 // same weights, batches and linearizations included, evaluations of the loss
@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/learning_comparison.h"
 #include "bin/support/program.h"
 #include "bin/support/ratio_reporter.h"
+#include "bin/support/training.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
@@ -37,9 +37,8 @@ namespace {
 void TrainSteps(benchmark::State& state,
                 const LearningProblem& problem,
                 const Method& method) {
-  LearningComparisonOptions comparison;
   TrainOptions options;
-  options.batch_size = BatchSize(problem, comparison);
+  options.batch_size = BatchSize(problem, /*flag_batch_size=*/-1);
   options.max_num_steps = FLAGS_steps;
   const DataSet none = problem.test.Range(0, 0);
   for (auto _ : state) {

@@ -1,31 +1,32 @@
-// Draws the ways of update rules through a two-dimensional problem, over the
+// Draws the paths of methods through a two-dimensional problem, over the
 // contours of its loss, in x space and in y space.
 //
 // Sample runs:
 //
-//   trajectories --steps=10
-//       --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
-//   trajectories --problem=squared_component:start_0=-2 --output=runs/from_left
-//       --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse
-//   trajectories --problem=sine_point --steps=40
-//       --margin=0.8
-//       --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
-//   trajectories --problem=linear_scale --steps=5
-//       --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
+//   trajectories --steps=10 \
+//     --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
+//   trajectories --problem=squared_component:start_0=-2 \
+//     --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse --output=runs/from_left
+//   trajectories --problem=sine_point --steps=40 --margin=0.8 --overwrite \
+//     --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
+//   trajectories --problem=linear_scale --steps=5 --output=runs/linear \
+//     --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
 //
 // The directory holds trajectories.png (left x, right y), trajectories.gp to
 // restyle it, one CSV a rule, and the flags that repeat the run.
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
+#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
-#include "bin/support/point_comparison.h"
+#include "bin/compare/point_path.h"
 #include "bin/support/program.h"
+#include "bin/support/results.h"
 #include "bin/support/run_directory.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "problems/problems.h"
 #include "report/plot.h"
@@ -37,14 +38,13 @@ DEFINE_string(rules,
               "gradient_descent:step_size=0.01,newton:step_size=0.3333333333,"
               "physical_gradient:y_step_size=0.3,half_inverse:step_size=0.1,"
               "ceres_lm,ceres_bfgs",
-              "rules, name[:key=value...],...; compare --list shows all");
+              "rules or minimizers of Ceres, name[:key=value...],...; "
+              "`compare --list` shows all");
 DEFINE_int32(steps, 10, "iterations of every rule");
 DEFINE_int32(grid, 101, "points of the contours' grid along each axis");
 DEFINE_double(margin,
               0.1,
               "margin on each side, as a share of the paths' extent");
-DEFINE_string(output, "runs/trajectories", "directory of the results");
-DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
 
 namespace invgrad {
 namespace {
@@ -164,28 +164,28 @@ std::vector<Plot> MakePlots(const PointProblem& problem,
 }
 
 void Print(const PointPath& path) {
-  std::cout << path.label << "  (" << path.status << ")\n";
-  std::printf("  %4s  %14s  %14s  %14s  %14s  %12s\n",
-              "step",
-              "x_0",
-              "x_1",
-              "y_0",
-              "y_1",
-              "L");
+  fmt::print("{}  ({})\n", path.label, path.status);
+  fmt::print("  {:>4}  {:>14}  {:>14}  {:>14}  {:>14}  {:>12}\n",
+             "step",
+             "x_0",
+             "x_1",
+             "y_0",
+             "y_1",
+             "L");
   for (size_t k = 0; k < path.x.size(); ++k) {
     if (path.y[k].size() != 2) continue;
-    std::printf("  %4zu  %14.8g  %14.8g  %14.8g  %14.8g  %12.5g\n",
-                k,
-                path.x[k][0],
-                path.x[k][1],
-                path.y[k][0],
-                path.y[k][1],
-                path.loss[k]);
+    fmt::print("  {:>4}  {:14.8g}  {:14.8g}  {:14.8g}  {:14.8g}  {:12.5g}\n",
+               k,
+               path.x[k][0],
+               path.x[k][1],
+               path.y[k][0],
+               path.y[k][1],
+               path.loss[k]);
   }
   if (path.x.size() > 1 && path.x[1] != path.x[0]) {
     const Eigen::VectorXd step = path.x[1] - path.x[0];
-    std::printf("  diagonal length of the first step: %.6f\n",
-                -step.sum() / step.norm());
+    fmt::print("  diagonal length of the first step: {:.6f}\n",
+               -step.sum() / step.norm());
   }
 }
 
@@ -210,11 +210,12 @@ int Run() {
   }
   if (!problem.point.has_value() || problem.point->start.size() != 2 ||
       problem.point->target.size() != 2) {
-    return Fail("--problem=" + FLAGS_problem +
-                " does not map two unknowns to two outputs; "
-                "squared_component, linear_scale and sine_point do");
+    return Fail(
+        fmt::format("--problem={} does not map two unknowns to two outputs; "
+                    "squared_component, linear_scale and sine_point do",
+                    FLAGS_problem));
   }
-  PointComparisonOptions options;
+  PointPathOptions options;
   options.max_num_iterations = FLAGS_steps;
   options.gradient_tolerance = 0.0;
   std::vector<PointPath> paths;
@@ -225,26 +226,20 @@ int Run() {
     }
     paths.push_back(std::move(path));
   }
-  if (!PrepareRunDirectory(FLAGS_output,
-                           FLAGS_overwrite ? ExistingDirectory::kOverwrite
-                                           : ExistingDirectory::kRefuse,
-                           FlagFileText(),
-                           &error)) {
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {
     return Fail(error);
   }
   for (const PointPath& path : paths) {
     Print(path);
+    const std::string name = FileName(path.label);
     if (!WritePathCsv(
-            FLAGS_output + "/" + FileName(path.label) + ".csv", path, &error)) {
+            fmt::format("{}/{}.csv", FLAGS_output, name), path, &error)) {
       return Fail(error);
     }
   }
-  if (!WritePlots(FLAGS_output + "/trajectories.png",
-                  MakePlots(*problem.point, paths),
-                  &error)) {
-    Warn(error);
-  }
-  std::cout << "results in " << FLAGS_output << "\n";
+  DrawPicture(FLAGS_output + "/trajectories.png",
+              MakePlots(*problem.point, paths));
+  fmt::print("results in {}\n", FLAGS_output);
   return 0;
 }
 
@@ -255,6 +250,6 @@ int main(int argc, char** argv) {
   return invgrad::RunProgram(
       argc,
       argv,
-      "draws the ways of update rules through a two-dimensional problem",
+      "draws the paths of methods through a two-dimensional problem",
       invgrad::Run);
 }

@@ -4,9 +4,8 @@
 // `gnuplot NAME.gp` in its folder to restyle the picture.
 //
 // Values that are not finite, and values <= 0 on a logarithmic axis, are gaps
-// in their line. A line of one point is drawn as a point. Long series are
-// thinned to a point or two a pixel; their extremes and gaps stay. A logarithmic
-// axis whose ends differ by less than a factor of five is drawn linear.
+// in their line. A line of one point is drawn as a point. A logarithmic axis
+// whose ends differ by less than a factor of five is drawn linear.
 //
 // Cost:    about 0.2 s for a picture.
 // Fails:   returns false if gnuplot is missing (*error names the apt package),

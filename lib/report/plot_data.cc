@@ -9,29 +9,6 @@
 #include "fmt/format.h"
 
 namespace invgrad {
-namespace {
-
-// The positions to draw: of each group of neighbours the first one, the lowest,
-// the highest and a gap. A group at position i has 1 + i / 1000 members: less
-// than a pixel on a linear and on a logarithmic axis.
-std::vector<size_t> PointsToDraw(const std::vector<double>& y) {
-  std::vector<size_t> chosen;
-  for (size_t begin = 0, end = 0; begin < y.size(); begin = end) {
-    end = std::min(y.size(), begin + 1 + begin / 1000);
-    size_t low = begin, high = begin, gap = begin;
-    for (size_t i = begin; i < end; ++i) {
-      if (!(y[i] >= y[low])) low = i;
-      if (!(y[i] <= y[high])) high = i;
-      if (std::isnan(y[i])) gap = i;
-    }
-    std::set<size_t> group = {begin, low, high, gap};
-    chosen.insert(chosen.end(), group.begin(), group.end());
-  }
-  return chosen;
-}
-
-}  // namespace
-
 int AppendSeries(const std::string& name,
                  const Series& series,
                  const Axis& x_axis,
@@ -40,7 +17,7 @@ int AppendSeries(const std::string& name,
   *script += name + " << EOD\n";
   int num_points = 0;
   bool is_gap = true;  // no gap before the first point, and none doubled
-  for (const size_t i : PointsToDraw(series.y)) {
+  for (size_t i = 0; i < series.x.size(); ++i) {
     const bool is_drawn = CanDraw(series.x[i], x_axis.is_log) &&
                           CanDraw(series.y[i], y_axis.is_log);
     if (is_drawn) {

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/io/format.h"
 
@@ -85,10 +86,10 @@ std::string Progress::Line(const ProgressState& state, double now) const {
   const double elapsed = now - first_time_;
   std::string line = state.label;
   if (state.step != ProgressState::kNoStep) {
-    line += "  step " + std::to_string(state.step);
+    line += fmt::format("  step {}", state.step);
   }
   if (!std::isnan(state.epoch)) {
-    line += "  epoch " + Fixed(state.epoch, 1);
+    line += fmt::format("  epoch {:.1f}", state.epoch);
   }
   if (!std::isnan(state.loss)) {
     line += "  loss " + FormatNumber(state.loss);

@@ -1,9 +1,12 @@
 #include "report/table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/io/format.h"
 
 namespace invgrad {
 namespace {
@@ -23,6 +26,13 @@ std::string Padded(const std::string& text, size_t width, Table::Align align) {
 std::string OnOneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
+}
+
+std::string CsvField(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + '"';
 }
 
 void TrimEnd(std::string* line) {
@@ -94,5 +104,26 @@ std::string Table::ToMarkdown() const {
   }
   return text;
 }
+
+std::string Table::ToCsv() const {
+  std::string text;
+  for (const Column& column : columns_) {
+    text += (text.empty() ? "" : ",") + CsvField(column.title);
+  }
+  text += '\n';
+  for (const auto& row : rows_) {
+    for (size_t j = 0; j < row.size(); ++j) {
+      text += (j > 0 ? "," : "") + CsvField(row[j]);
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+std::string NumberOrDash(double value, int digits) {
+  return std::isnan(value) ? "-" : FormatNumber(value, digits);
+}
+
+std::string ExactNumber(double value) { return fmt::format("{:.17g}", value); }
 
 }  // namespace invgrad

@@ -1,4 +1,4 @@
-// A table of text with aligned columns, for a terminal or as Markdown.
+// A table of text: aligned for a terminal, as Markdown, or as CSV.
 //
 //   rule          ms/step  status
 //   ------------  -------  --------
@@ -11,12 +11,14 @@
 #ifndef REPORT_TABLE_H_
 #define REPORT_TABLE_H_
 
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace invgrad {
 
-// As a cell of a Markdown table: a "|" in it is not the end of the cell.
+// Escapes the "|" that would end a cell of a Markdown table.
 std::string MarkdownCell(const std::string& text);
 
 class Table {
@@ -33,11 +35,41 @@ class Table {
 
   std::string ToText() const;
   std::string ToMarkdown() const;
+  // RFC 4180, with quotes only where they are needed.
+  std::string ToCsv() const;
 
  private:
   std::vector<Column> columns_;
   std::vector<std::vector<std::string>> rows_;
 };
+
+// A column of a table of rows of one type.
+template <typename Row>
+struct ColumnOf {
+  std::string title;
+  std::function<std::string(const Row&)> cell;
+  Table::Align align = Table::Align::kRight;
+};
+
+template <typename Row>
+Table MakeTable(const std::vector<ColumnOf<Row>>& columns,
+                const std::vector<Row>& rows) {
+  std::vector<Table::Column> titles;
+  for (const auto& column : columns) {
+    titles.push_back({column.title, column.align});
+  }
+  Table table(std::move(titles));
+  for (const Row& row : rows) {
+    std::vector<std::string> cells;
+    for (const auto& column : columns) cells.push_back(column.cell(row));
+    table.AddRow(std::move(cells));
+  }
+  return table;
+}
+
+// As cells: FormatNumber, "-" for NaN; and all digits.
+std::string NumberOrDash(double value, int digits = 4);
+std::string ExactNumber(double value);
 
 }  // namespace invgrad
 

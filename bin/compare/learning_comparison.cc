@@ -1,0 +1,244 @@
+#include "bin/compare/learning_comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <set>
+#include <utility>
+
+#include "bin/compare/learning_plots.h"
+#include "bin/support/live_run.h"
+#include "bin/support/program.h"
+#include "bin/support/results.h"
+#include "bin/support/run_directory.h"
+#include "bin/support/training.h"
+#include "fmt/core.h"
+#include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
+#include "invgrad/io/npy.h"
+#include "report/interrupt.h"
+#include "report/table.h"
+
+namespace invgrad {
+namespace {
+
+SeedSpread SpreadOf(const std::vector<LearningRunResult>& runs,
+                    double HistoryRow::*loss) {
+  std::vector<double> values;
+  for (const LearningRunResult& run : runs) {
+    values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
+  }
+  return SeedSpread(values);
+}
+
+Table LearningTable(const LearningProblem& problem,
+                    const LearningComparisonOptions& options,
+                    const std::vector<MethodResults>& all) {
+  using Run = LearningRunResult;
+  const auto of_run = [](auto cell,
+                         double HistoryRow::*loss = &HistoryRow::train_loss) {
+    return [cell, loss](const MethodResults& method) {
+      return method.runs.empty() ? "-" : cell(method.MedianRun(loss));
+    };
+  };
+  const auto last = [&of_run](double HistoryRow::*loss) {
+    return of_run(
+        [loss](const Run& run) { return NumberOrDash(run.last().*loss); },
+        loss);
+  };
+  const auto label = [](const MethodResults& method) { return method.label; };
+  const auto status = [](const MethodResults& method) {
+    return method.runs.empty() ? method.refusal
+                               : method.MedianRun().summary.message;
+  };
+  const auto spread = [](const MethodResults& method) {
+    return SpreadOf(method.runs, &HistoryRow::train_loss).Text();
+  };
+  std::vector<ColumnOf<MethodResults>> columns = {
+      {"method", label, Table::Align::kLeft},
+      {"train loss", last(&HistoryRow::train_loss)},
+      {"test loss", last(&HistoryRow::test_loss)},
+      {"best train", of_run([](const Run& run) {
+         return FormatNumber(run.BestTrainLoss());
+       })}};
+  if (problem.metric.has_value()) {
+    columns.push_back({problem.metric->name, last(&HistoryRow::metric)});
+  }
+  if (options.seeds.size() > 1) {
+    columns.push_back({"train loss, all seeds", spread});
+  }
+  columns.push_back({"steps", of_run([](const Run& run) {
+                       return std::to_string(run.summary.num_steps);
+                     })});
+  columns.push_back({"s", of_run([](const Run& run) {
+                       return FormatNumber(run.summary.train_time_in_seconds);
+                     })});
+  columns.push_back({"ms/step", of_run([](const Run& run) {
+                       return NumberOrDash(MillisecondsPerStep(run));
+                     })});
+  for (const double level : options.levels) {
+    columns.push_back(
+        {"s to " + FormatNumber(level), of_run([level](const Run& run) {
+           return NumberOrDash(run.SecondsToLevel(level));
+         })});
+  }
+  columns.push_back({"saturated", of_run([](const Run& run) {
+                       return fmt::format(
+                           "{}/{}", run.num_saturated, run.num_hidden_neurons);
+                     })});
+  columns.push_back({"status", status, Table::Align::kLeft});
+  return MakeTable(columns, all);
+}
+
+Table SummaryTable(const std::vector<MethodResults>& all) {
+  using Run = LearningRunResult;
+  std::vector<Run> runs;
+  for (const MethodResults& method : all) {
+    runs.insert(runs.end(), method.runs.begin(), method.runs.end());
+  }
+  const auto last = [](double HistoryRow::*field) {
+    return [field](const Run& run) { return ExactNumber(run.last().*field); };
+  };
+  return MakeTable<Run>(
+      {{"method", [](const Run& run) { return run.label; }},
+       {"seed", [](const Run& run) { return std::to_string(run.seed); }},
+       {"train_loss", last(&HistoryRow::train_loss)},
+       {"test_loss", last(&HistoryRow::test_loss)},
+       {"best_train_loss",
+        [](const Run& run) { return ExactNumber(run.BestTrainLoss()); }},
+       {"metric", last(&HistoryRow::metric)},
+       {"steps",
+        [](const Run& run) { return std::to_string(run.summary.num_steps); }},
+       {"seconds",
+        [](const Run& run) {
+          return ExactNumber(run.summary.train_time_in_seconds);
+        }},
+       {"saturated",
+        [](const Run& run) { return std::to_string(run.num_saturated); }},
+       {"status", [](const Run& run) { return run.summary.message; }}},
+      runs);
+}
+
+// Runs one method from one seed, goes on with it, or reads it back if it is
+// complete.
+bool RunOrLoad(const LearningProblem& problem,
+               const Method& method,
+               const LearningComparisonOptions& options,
+               const Eigen::VectorXd& weights,
+               int seed,
+               LearningRunResult* result,
+               std::string* error) {
+  LearningRunOptions run;
+  run.train = options.train;
+  run.train.batch_size = BatchSize(problem, options.batch_size);
+  run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
+  run.tracked_sample = options.tracked_sample;
+  run.directory =
+      fmt::format("{}/{}-seed{}", options.output, FileName(method.label), seed);
+  if (options.resume) {
+    if (LoadCompleteRun(run.directory, problem, run.train, result, error)) {
+      return true;
+    }
+    if (!error->empty()) return false;
+  }
+  double loss = HistoryRow::kNone;
+  LiveRun live(
+      fmt::format("{} seed {}", method.label, seed),
+      [&](const ceres::IterationSummary& iteration, ProgressState* state) {
+        state->loss = loss;
+        state->epoch = NumEpochs(method,
+                                 problem.train.num_samples(),
+                                 run.train.batch_size,
+                                 iteration.iteration);
+        state->fraction = BudgetShare(run.train,
+                                      state->epoch,
+                                      iteration.iteration,
+                                      iteration.cumulative_time_in_seconds);
+      });
+  run.train.callbacks.push_back(&live);
+  run.train.on_evaluation = [&loss](const History& history) {
+    loss = history.back().train_loss;
+  };
+  return RunLearning(problem, method, seed, weights, run, result, error);
+}
+
+}  // namespace
+
+const LearningRunResult& MethodResults::MedianRun(
+    double HistoryRow::*loss) const {
+  return runs[SpreadOf(runs, loss).median_run];
+}
+
+bool CheckLearningComparison(const LearningProblem& problem,
+                             const std::vector<Method>& methods,
+                             const LearningComparisonOptions& options,
+                             std::string* error) {
+  const int num_samples = problem.train.num_samples();
+  if (options.tracked_sample >= num_samples) {
+    *error = fmt::format(
+        "--track_sample={} is out of range; allowed: -1 (none) to {}",
+        options.tracked_sample,
+        num_samples - 1);
+    return false;
+  }
+  return CheckBatches(problem, methods, options.batch_size, error);
+}
+
+bool CompareLearning(const LearningProblem& problem,
+                     const std::vector<Method>& methods,
+                     const LearningComparisonOptions& options,
+                     const Eigen::VectorXd& initial_weights,
+                     std::ostream& out,
+                     std::string* error) {
+  const Interrupt interrupt;
+  if (!WriteNpy(options.output + "/data.npy", problem.data, error)) {
+    return false;
+  }
+  std::set<std::string> warnings;
+  std::vector<MethodResults> all;
+  for (const Method& method : methods) {
+    all.push_back({method.label, "not run: interrupted", {}});
+    AddLeftOutSamples(method,
+                      BatchSize(problem, options.batch_size),
+                      problem.train.num_samples(),
+                      &warnings);
+  }
+  for (const std::string& warning : warnings) Warn(warning);
+  for (const int seed : options.seeds) {
+    const Eigen::VectorXd weights = initial_weights.size() > 0
+                                        ? initial_weights
+                                        : InitialWeights(problem, seed);
+    if (!WriteNpy(
+            fmt::format("{}/initial_weights-seed{}.npy", options.output, seed),
+            weights,
+            error)) {
+      return false;
+    }
+    for (size_t i = 0; i < methods.size() && !Interrupt::IsRequested(); ++i) {
+      LearningRunResult result;
+      std::string why;
+      if (RunOrLoad(
+              problem, methods[i], options, weights, seed, &result, &why)) {
+        all[i].runs.push_back(std::move(result));
+      } else {
+        all[i].refusal = "not run: " + why;
+        Warn(methods[i].label + ": " + why);
+      }
+    }
+  }
+  const Table table = LearningTable(problem, options, all);
+  out << table.ToText();
+  if (!WriteTable(options.output + "/table", table, error) ||
+      !WriteFile(
+          options.output + "/summary.csv", SummaryTable(all).ToCsv(), error)) {
+    return false;
+  }
+  DrawLearning(problem, options.output, options.tracked_sample, all);
+  out << "results in " << options.output << "\n";
+  *error = "no method could run";
+  return std::any_of(all.begin(), all.end(), [](const MethodResults& method) {
+    return !method.runs.empty();
+  });
+}
+
+}  // namespace invgrad

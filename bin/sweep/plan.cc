@@ -1,0 +1,390 @@
+#include "bin/sweep/plan.h"
+
+#include <algorithm>
+#include <map>
+
+#include "bin/support/parse_list.h"
+#include "bin/support/run_directory.h"
+#include "bin/support/training.h"
+#include "fmt/core.h"
+#include "problems/problems.h"
+
+namespace invgrad {
+namespace {
+
+std::vector<std::string> Names(const std::vector<OptionSet::Row>& options) {
+  std::vector<std::string> names;
+  for (const OptionSet::Row& row : options) names.push_back(row.name);
+  return names;
+}
+
+bool Contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool ParseMethod(const std::string& text, Method* method, std::string* error) {
+  std::vector<Method> methods;
+  if (!ParseMethods(text, &methods, error)) return false;
+  *method = methods[0];
+  return true;
+}
+
+std::vector<std::string> OptionsOf(const Method& method) {
+  std::vector<std::string> names;
+  const auto add = [&names](const std::vector<OptionSet::Row>& options) {
+    for (const OptionSet::Row& row : options) names.push_back(row.name);
+  };
+  if (method.rule != nullptr) add(method.rule->options());
+  if (method.ceres != nullptr) add(method.ceres->options());
+  if (method.pull_back.has_value()) {
+    PullBackMethod ways = *method.pull_back;
+    OptionSet set;
+    ways.Describe(&set);
+    add(set.rows());
+  }
+  return names;
+}
+
+// Where the value of an axis goes.
+enum class Kind { kRule, kSeed, kBatchSize, kNetwork, kProblem, kRuleOption };
+
+// What one axis sets at a point.
+struct Setting {
+  Kind kind;
+  std::string name;
+  GridValue value;
+
+  std::string Text() const { return name + "=" + value.text; }
+};
+
+class Planner {
+ public:
+  Planner(const SweepBase& base, SweepPlan* plan, std::string* error)
+      : base_(base), plan_(plan), error_(error) {}
+
+  bool Plan() {
+    if (!CheckBase() || !ReadSeeds() || !ReadRules() || !SortAxes()) {
+      return false;
+    }
+    std::vector<int> at(axes().size(), 0);
+    do {
+      if (!AddPoints(at)) return false;
+    } while (Advance(&at));
+    return true;
+  }
+
+ private:
+  std::vector<GridAxis>& axes() { return plan_->grid.axes; }
+
+  bool Refuse(size_t position, const std::string& message) {
+    *error_ = GridMessage(plan_->grid.text, position, message);
+    return false;
+  }
+
+  int NumberOfAxis(const std::string& name) {
+    const GridAxis* const axis = plan_->grid.Find(name);
+    return axis == nullptr ? -1 : static_cast<int>(axis - axes().data());
+  }
+
+  bool CheckBase() {
+    std::shared_ptr<const LearningProblem> problem;
+    if (!FindProblem(base_.problem, {}, &problem, error_)) return false;
+    if (FindProblem(base_.problem, base_.network, &problem, error_))
+      return true;
+    *error_ = "--" + *error_;
+    return false;
+  }
+
+  bool ReadSeeds() {
+    const size_t end = plan_->grid.text.size();
+    if (NumberOfAxis("seed") < 0) axes().push_back({"seed", end, {{"1", end}}});
+    plan_->seed_axis = NumberOfAxis("seed");
+    std::vector<GridValue>& values = axes()[plan_->seed_axis].values;
+    std::string list;
+    for (const GridValue& value : values) {
+      list += (list.empty() ? "" : ",") + value.text;
+    }
+    const size_t position = values[0].position;
+    std::vector<int> seeds;
+    std::string why;
+    if (!ParseSeeds(list, &seeds, &why)) return Refuse(position, why);
+    values.clear();
+    for (const int seed : seeds) {
+      values.push_back({std::to_string(seed), position});
+    }
+    return true;
+  }
+
+  bool ReadRules() {
+    plan_->rule_axis = NumberOfAxis("rule");
+    if (plan_->rule_axis < 0) {
+      return Refuse(plan_->grid.text.size(),
+                    "expected an axis with the rules, rule=method,method");
+    }
+    for (const GridValue& value : axes()[plan_->rule_axis].values) {
+      plan_->alternatives.push_back(ExpandRule(value.text));
+      for (const RuleAlternative& rule : plan_->alternatives.back()) {
+        Method method;
+        std::string why;
+        if (!ParseMethod(rule.specification, &method, &why)) {
+          return Refuse(value.position, why);
+        }
+      }
+    }
+    return true;
+  }
+
+  // Finds out what each axis is, and which rules have the options of rules.
+  bool SortAxes() {
+    const std::string name = base_.problem.substr(0, base_.problem.find(':'));
+    const std::vector<std::string> options =
+        Names(invgrad::FindProblem(name)->options());
+    for (const GridAxis& axis : axes()) {
+      if (axis.name == "rule") {
+        kinds_.push_back(Kind::kRule);
+      } else if (axis.name == "seed") {
+        kinds_.push_back(Kind::kSeed);
+      } else if (axis.name == "batch_size") {
+        kinds_.push_back(Kind::kBatchSize);
+      } else if (Contains(NetworkSettings::Names(), axis.name)) {
+        kinds_.push_back(Kind::kNetwork);
+      } else if (Contains(options, axis.name)) {
+        kinds_.push_back(Kind::kProblem);
+      } else if (IsRuleOption(axis)) {
+        kinds_.push_back(Kind::kRuleOption);
+      } else {
+        return RefuseAxis(axis, options);
+      }
+    }
+    return true;
+  }
+
+  static bool Takes(const RuleAlternative& rule,
+                    const GridAxis& axis,
+                    const GridValue& value,
+                    std::string* why) {
+    Method method;
+    return ParseMethod(
+        fmt::format("{}:{}={}", rule.specification, axis.name, value.text),
+        &method,
+        why);
+  }
+
+  // A rule has an option if it takes at least one of the values.
+  bool IsRuleOption(const GridAxis& axis) {
+    std::vector<bool>& takers = takers_[axis.name];
+    for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
+      std::string ignored;
+      takers.push_back(std::any_of(
+          axis.values.begin(), axis.values.end(), [&](const GridValue& value) {
+            return Takes(rule[0], axis, value, &ignored);
+          }));
+    }
+    return std::find(takers.begin(), takers.end(), true) != takers.end();
+  }
+
+  bool RefuseAxis(const GridAxis& axis, std::vector<std::string> names) {
+    names.insert(names.end(), {"rule", "seed", "batch_size"});
+    const std::vector<std::string>& network = NetworkSettings::Names();
+    names.insert(names.end(), network.begin(), network.end());
+    for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
+      Method method;
+      std::string why;
+      ParseMethod(rule[0].specification, &method, &why);
+      for (const std::string& name : OptionsOf(method)) {
+        if (name == axis.name) {  // it is there: the values are not allowed
+          Takes(rule[0], axis, axis.values[0], &why);
+          return Refuse(axis.values[0].position, why);
+        }
+        names.push_back(name);
+      }
+    }
+    std::sort(names.begin(), names.end());
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    return Refuse(axis.position,
+                  UnknownNameMessage("axis", axis.name, names) +
+                      "; expected rule, seed, batch_size, hidden, activation, "
+                      "initialization, or an option of the problem or of a "
+                      "rule of the grid");
+  }
+
+  // The next point of the grid, the last axis changing fastest.
+  bool Advance(std::vector<int>* at) {
+    for (size_t k = at->size(); k-- > 0;) {
+      const auto size = static_cast<int>(axes()[k].values.size());
+      if (++(*at)[k] < size) return true;
+      (*at)[k] = 0;
+    }
+    return false;
+  }
+
+  // The jobs of all alternatives at one point.
+  bool AddPoints(const std::vector<int>& at) {
+    const int rule_number = at[plan_->rule_axis];
+    std::vector<Setting> settings;
+    for (size_t k = 0; k < at.size(); ++k) {
+      const GridAxis& axis = axes()[k];
+      if (kinds_[k] == Kind::kRule || (kinds_[k] == Kind::kRuleOption &&
+                                       !takers_[axis.name][rule_number])) {
+        continue;
+      }
+      settings.push_back({kinds_[k], axis.name, axis.values[at[k]]});
+    }
+    const std::vector<RuleAlternative>& rules =
+        plan_->alternatives[rule_number];
+    for (size_t i = 0; i < rules.size(); ++i) {
+      SweepJob job;
+      std::string why;
+      if (!MakeJob(rules[i].specification, settings, &job, &why)) {
+        return RefusePoint(rules[i].specification,
+                           axes()[plan_->rule_axis].values[rule_number],
+                           settings,
+                           why);
+      }
+      plan_->points.push_back({at, static_cast<int>(i), FindOrAddJob(job)});
+    }
+    return true;
+  }
+
+  // Names the rule or setting that is not allowed by itself; or, if they are
+  // not allowed only together, for `why`, the last one.
+  bool RefusePoint(const std::string& rule,
+                   const GridValue& rule_value,
+                   const std::vector<Setting>& settings,
+                   const std::string& why) {
+    SweepJob ignored;
+    std::string why_alone;
+    if (!MakeJob(rule, {}, &ignored, &why_alone)) {
+      return Refuse(rule_value.position, why_alone);
+    }
+    for (const Setting& setting : settings) {
+      if (!MakeJob(rule, {setting}, &ignored, &why_alone)) {
+        return Refuse(setting.value.position, why_alone);
+      }
+    }
+    return Refuse(settings.back().value.position, why);
+  }
+
+  bool MakeJob(const std::string& rule,
+               const std::vector<Setting>& settings,
+               SweepJob* job,
+               std::string* error) {
+    std::string problem = base_.problem;
+    std::string method = rule;
+    std::string directory;  // what distinguishes the job
+    NetworkSettings network = base_.network;
+    int batch_size = base_.batch_size;
+    for (const Setting& setting : settings) {
+      switch (setting.kind) {
+        case Kind::kRule:
+          break;
+        case Kind::kSeed:
+          job->seed = std::stoi(setting.value.text);
+          break;
+        case Kind::kBatchSize: {
+          int size = 0;
+          OptionSet set;
+          set.Add("batch_size", &size, {0, 1e9}, "");
+          if (!set.Set("batch_size", setting.value.text, error)) return false;
+          batch_size = size;
+          break;
+        }
+        case Kind::kNetwork:
+          *network.Find(setting.name) = setting.value.text;
+          directory += setting.Text() + "-";
+          break;
+        case Kind::kProblem:
+          problem += ":" + setting.Text();
+          directory += setting.Text() + "-";
+          break;
+        case Kind::kRuleOption:
+          method += ":" + setting.Text();
+          break;
+      }
+    }
+    if (!FindProblem(problem, network, &job->problem, error) ||
+        !ParseMethod(method, &job->method, error) ||
+        !CheckBatches(*job->problem, {job->method}, batch_size, error)) {
+      return false;
+    }
+    job->batch_size = BatchSize(*job->problem, batch_size);
+    std::string sizes;  // "256+32": of all phases
+    for (const Method* phase : job->method.Phases()) {
+      sizes += fmt::format("{}{}",
+                           sizes.empty() ? "" : "+",
+                           BatchSize(*job->problem, *phase, batch_size));
+    }
+    job->name = fmt::format(
+        "{}{}-batch{}-seed{}", directory, job->method.label, sizes, job->seed);
+    return true;
+  }
+
+  // Makes each problem once, and each of its networks.
+  bool FindProblem(const std::string& specification,
+                   const NetworkSettings& network,
+                   std::shared_ptr<const LearningProblem>* problem,
+                   std::string* error) {
+    std::shared_ptr<const LearningProblem>& own = problems_[specification];
+    if (own == nullptr) {
+      PhysicsProblem created;
+      if (!CreateProblem(specification, nullptr, &created, error)) return false;
+      if (!created.learning.has_value()) {
+        *error = fmt::format(
+            "--problem={} has no network to train; compare and trajectories "
+            "show point problems",
+            specification);
+        return false;
+      }
+      own = std::make_shared<LearningProblem>(*std::move(created.learning));
+    }
+    std::shared_ptr<const LearningProblem>& known =
+        problems_[fmt::format("{};{};{};{}",
+                              specification,
+                              network.hidden,
+                              network.activation,
+                              network.initialization)];
+    if (known == nullptr) {
+      LearningProblem changed = *own;
+      if (!SetNetwork(network, &changed, error)) return false;
+      known = std::make_shared<LearningProblem>(std::move(changed));
+    }
+    *problem = known;
+    return true;
+  }
+
+  // Two points with the same settings share a job.
+  int FindOrAddJob(SweepJob job) {
+    const auto [it, is_new] =
+        job_numbers_.emplace(job.name, static_cast<int>(plan_->jobs.size()));
+    if (is_new) {
+      // The number keeps apart what special characters or length would not.
+      constexpr size_t kMaxLength = 150;
+      job.name = fmt::format(
+          "{}-{}", it->second, FileName(job.name).substr(0, kMaxLength));
+      plan_->jobs.push_back(std::move(job));
+    }
+    return it->second;
+  }
+
+  const SweepBase& base_;
+  SweepPlan* plan_;
+  std::string* error_;
+
+  std::vector<Kind> kinds_;                          // of the axes
+  std::map<std::string, std::vector<bool>> takers_;  // of an option, by rule
+  std::map<std::string, std::shared_ptr<const LearningProblem>> problems_;
+  std::map<std::string, int> job_numbers_;
+};
+
+}  // namespace
+
+bool MakeSweepPlan(const SweepBase& base,
+                   const Grid& grid,
+                   SweepPlan* plan,
+                   std::string* error) {
+  *plan = SweepPlan();
+  plan->grid = grid;
+  return Planner(base, plan, error).Plan();
+}
+
+}  // namespace invgrad
