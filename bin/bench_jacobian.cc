@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "benchmark/benchmark.h"
+#include "bin/support/program.h"
 #include "bin/support/ratio_reporter.h"
 #include "ceres/dynamic_autodiff_cost_function.h"
 #include "glog/logging.h"
@@ -136,6 +137,7 @@ void RegisterAll() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::UseProcessorsKernels(argv);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   invgrad::SetBlasThreads(1);

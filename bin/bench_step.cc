@@ -42,6 +42,7 @@
 
 #include "Eigen/Core"
 #include "benchmark/benchmark.h"
+#include "bin/support/program.h"
 #include "bin/support/ratio_reporter.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
@@ -431,6 +432,7 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
 
 int main(int argc, char** argv) {
   using invgrad::Case;
+  invgrad::UseProcessorsKernels(argv);
   benchmark::Initialize(&argc, argv);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;

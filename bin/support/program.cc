@@ -1,9 +1,14 @@
 #include "bin/support/program.h"
 
+#include <unistd.h>
+
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/core/blas_kernels.h"
 #include "invgrad/version.h"
 
 DECLARE_bool(helpshort);  // of gflags
@@ -20,7 +25,32 @@ std::string BinDirectory() {
 
 }  // namespace
 
+void UseProcessorsKernels(char** argv) {
+  const std::string old_kernels = OldBlasKernelsMessage();
+  if (old_kernels.empty()) return;
+  const std::string name = std::filesystem::path(argv[0]).filename();
+  constexpr char kVariable[] = "OPENBLAS_CORETYPE";
+  // Set by the user, or by the process that became this one.
+  if (std::getenv(kVariable) != nullptr) {
+    std::cerr << name << ": " << old_kernels << "\n";
+    return;
+  }
+  const std::string better =
+      BetterBlasKernels(ProcessorVectorUnits(), BlasKernels());
+  std::cerr << fmt::format(
+      "{}: OpenBLAS chose its {} kernels, which are too old for this "
+      "processor; starting again with {}={}\n",
+      name,
+      BlasKernels(),
+      kVariable,
+      better);
+  setenv(kVariable, better.c_str(), /*overwrite=*/1);
+  execv("/proc/self/exe", argv);
+  std::cerr << name << ": cannot start again. " << old_kernels << "\n";
+}
+
 int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
+  UseProcessorsKernels(argv);
   FLAGS_logtostderr = true;
   // Ceres warns of every restart of nonlinear conjugate gradients.
   FLAGS_minloglevel = google::GLOG_ERROR;

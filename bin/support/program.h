@@ -9,7 +9,13 @@
 
 namespace invgrad {
 
-// Reads the flags, refuses other arguments, runs `run`, and returns its exit
+// Starts this program again, with OPENBLAS_CORETYPE set, if OpenBLAS runs kernels
+// that are too old for the processor (core/blas_kernels.h); says so on stderr.
+// Where the variable is set already, only says that the kernels are too old.
+// Must be called first: what ran before it runs twice.
+void UseProcessorsKernels(char** argv);
+
+// Calls UseProcessorsKernels, reads the flags, refuses other arguments, runs `run`, and returns its exit
 // code. `usage` says in a line what the program is for; --helpshort prints it
 // with the program's flags.
 int RunProgram(int argc, char** argv, const std::string& usage, int (*run)());

@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "damaged_text.h"
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
 #include "problems/estimation/bzip2.h"
-#include "published_data.h"
-#include "reader_check.h"
-#include "temporary_folder.h"
+#include "tests/support/damaged_text.h"
+#include "tests/support/published_data.h"
+#include "tests/support/reader_check.h"
+#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace {

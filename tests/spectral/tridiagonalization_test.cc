@@ -1,7 +1,6 @@
 #include "invgrad/spectral/routes/tridiagonalization.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -19,28 +18,6 @@
 #include "invgrad/spectral/routes/band_reduction.h"
 #include "invgrad/spectral/routes/bulge_chase.h"
 #include "invgrad/spectral/routes/one_stage.h"
-
-// Allocations are counted at malloc, which serves operator new and Eigen. The
-// sanitizers have a malloc of their own.
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && \
-    defined(__GLIBC__)
-#define INVGRAD_COUNTS_ALLOCATIONS 1
-std::atomic<int> num_allocations{0};
-extern "C" {
-// glibc's own names. NOLINTNEXTLINE(bugprone-reserved-identifier)
-void* __libc_malloc(size_t size);
-// NOLINTNEXTLINE(bugprone-reserved-identifier)
-void* __libc_memalign(size_t alignment, size_t size);
-void* malloc(size_t size) {
-  ++num_allocations;
-  return __libc_malloc(size);
-}
-void* aligned_alloc(size_t alignment, size_t size) {
-  ++num_allocations;
-  return __libc_memalign(alignment, size);
-}
-}
-#endif
 
 namespace invgrad {
 namespace {
@@ -296,26 +273,6 @@ TEST_P(TridiagonalizationTest, RepeatsAreBitIdentical) {
   second.ApplyQ(&x_second);
   EXPECT_EQ(x_first, x_second);
 }
-
-#ifdef INVGRAD_COUNTS_ALLOCATIONS
-TEST_P(TridiagonalizationTest, SecondMatrixOfASizeAllocatesNothing) {
-  const SingleBlasThread single(true);  // threads are given work by malloc
-  const int m = 260;
-  const MatrixXd K = RandomSymmetric(m, 1);
-  MatrixXd reflectors = K;
-  VectorXd x = K.col(0);
-  Tridiagonalization reduction;
-  const int before_first = num_allocations;
-  reduction.Compute(&reflectors, GetParam());
-  EXPECT_GT(num_allocations, before_first);
-  reflectors = K;
-  const int before_second = num_allocations;
-  reduction.Compute(&reflectors, GetParam());
-  reduction.ApplyQTranspose(&x);
-  reduction.ApplyQ(&x);
-  EXPECT_EQ(num_allocations, before_second);
-}
-#endif
 
 TEST_P(TridiagonalizationTest, NanEndsInNan) {
   for (const int m : {1, 2, 60, 130}) {

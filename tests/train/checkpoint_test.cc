@@ -7,7 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
-#include "temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace {

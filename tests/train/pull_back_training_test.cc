@@ -12,8 +12,8 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
 #include "problems/problems.h"
-#include "temporary_folder.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace {

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "glog/logging.h"
+#include "invgrad/core/blas_kernels.h"
 
 namespace invgrad {
 namespace {
@@ -35,6 +36,7 @@ void Gemm(Op op_A,
   CHECK_EQ(k, op_B == Op::kNone ? B.rows() : B.cols());
   CHECK_EQ(C.rows(), m);
   CHECK_EQ(C.cols(), n);
+  WarnOnceOfOldBlasKernels();
   cblas_dgemm(CblasColMajor,
               ToCblas(op_A),
               ToCblas(op_B),
@@ -60,6 +62,7 @@ void Syrk(Op op_A,
   const int k = static_cast<int>(op_A == Op::kNone ? A.cols() : A.rows());
   CHECK_EQ(C.rows(), m);
   CHECK_EQ(C.cols(), m);
+  WarnOnceOfOldBlasKernels();
   cblas_dsyrk(CblasColMajor,
               CblasLower,
               ToCblas(op_A),
@@ -91,6 +94,7 @@ void Gemv(Op op_A,
     }
     return;
   }
+  WarnOnceOfOldBlasKernels();
   cblas_dgemv(CblasColMajor,
               ToCblas(op_A),
               static_cast<int>(A.rows()),
@@ -107,6 +111,7 @@ void Gemv(Op op_A,
 
 void SetBlasThreads(int num_threads) {
   CHECK_GT(num_threads, 0);
+  WarnOnceOfOldBlasKernels();
   openblas_set_num_threads(num_threads);
 }
 

@@ -1,0 +1,39 @@
+// Whether OpenBLAS runs kernels that use the processor's vector units.
+//
+// OpenBLAS chooses its kernels by the processor's family and model. For a model
+// that is newer than itself it may fall back to the oldest ones (Debian 12's
+// 0.3.21 to Prescott, which has SSE3 only): right results, at a quarter of the
+// speed. The environment variable OPENBLAS_CORETYPE, read when the process
+// starts, overrules that choice.
+#ifndef INVGRAD_CORE_BLAS_KERNELS_H_
+#define INVGRAD_CORE_BLAS_KERNELS_H_
+
+#include <string>
+
+namespace invgrad {
+
+// The widest vector instructions that both the processor and the operating
+// system support and OpenBLAS has kernels for.
+enum class VectorUnits { kBelowAvx2, kAvx2, kAvx512 };
+
+VectorUnits ProcessorVectorUnits();
+
+// The name of the kernels that OpenBLAS runs in this process, e.g. "Haswell".
+std::string BlasKernels();
+
+// The value of OPENBLAS_CORETYPE for a processor with these units. Empty if none
+// is needed: the kernels called `kernels` use AVX2 or better, or are not known,
+// or the processor has no AVX2.
+std::string BetterBlasKernels(VectorUnits units, const std::string& kernels);
+
+// What to tell a user whose kernels are too old: the kernels, and how to set the
+// variable. Empty if they are not.
+std::string OldBlasKernelsMessage();
+
+// Logs that message as a WARNING, at the first call in the process only. The
+// functions of core/blas.h call it.
+void WarnOnceOfOldBlasKernels();
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_BLAS_KERNELS_H_
