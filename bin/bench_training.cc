@@ -40,24 +40,14 @@ void TrainSteps(benchmark::State& state,
   TrainOptions options;
   options.batch_size = BatchSize(problem, /*flag_batch_size=*/-1);
   options.max_num_steps = FLAGS_steps;
-  const DataSet none = problem.test.Range(0, 0);
+  options.initial_weights = InitialWeights(problem, 1);
+  options.inverse = problem.inverse;
   for (auto _ : state) {
-    Eigen::VectorXd weights = InitialWeights(problem, 1);
-    History history;
-    TrainSummary summary;
-    std::string error;
-    if (!TrainByMethod(method,
-                       options,
-                       *problem.model,
-                       problem.inverse,
-                       problem.train,
-                       none,
-                       &weights,
-                       &history,
-                       &summary,
-                       &error) ||
-        summary.num_steps < FLAGS_steps) {
-      state.SkipWithError((error + summary.message).c_str());
+    const TrainResult result =
+        Train(*problem.model, problem.train, method, options);
+    const TrainSummary& summary = result.summary;
+    if (!result.error.empty() || summary.num_steps < FLAGS_steps) {
+      state.SkipWithError((result.error + summary.message).c_str());
       return;
     }
     state.SetIterationTime(summary.train_time_in_seconds);

@@ -98,7 +98,7 @@ std::string Directory(const SweepJob& job) {
 TrainOptions TrainOptionsOf(const SweepJob& job) {
   TrainOptions options;
   options.batch_size = job.batch_size;
-  options.shuffle_seed = static_cast<std::uint32_t>(job.seed);
+  options.seed = static_cast<std::uint32_t>(job.seed);
   ApplyTrainingFlags(*job.problem, &options);
   return options;
 }
@@ -114,21 +114,12 @@ bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
   return true;
 }
 
-// Ends a run when the sweep is to end.
-class StopCallback final : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& /*iteration*/) override {
-    return IsStopRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                             : ceres::SOLVER_CONTINUE;
-  }
-};
-
 bool RunJob(const SweepJob& job, std::string* error) {
-  StopCallback stop;
   LearningRunOptions options;
   options.train = TrainOptionsOf(job);
-  options.train.callbacks.push_back(&stop);
+  options.on_step = [](const TrainingRun& /*run*/) {
+    return !IsStopRequested();
+  };
   options.directory = Directory(job);
   LearningRunResult result;
   return RunLearning(*job.problem,

@@ -19,7 +19,7 @@ bool DumpMethod(const Model& model,
                 const Eigen::VectorXd& weights,
                 const std::string& directory,
                 std::string* error) {
-  const std::unique_ptr<UpdateRule> rule = method.Phases()[0]->MakeRule();
+  const std::unique_ptr<UpdateRule> rule = method.phases[0].MakeRule();
   LinearizationParts parts = rule->Needs();
   parts.gradient = true;
   parts.jacobian = true;
@@ -57,7 +57,7 @@ bool DumpStep(const LearningProblem& problem,
               const std::string& directory,
               std::string* error) {
   for (const Method& method : methods) {
-    if (method.Phases()[0]->ceres == nullptr) continue;
+    if (method.phases[0].ceres == nullptr) continue;
     *error = fmt::format(
         "--dump_step: '{}' is a minimizer of Ceres and has no step to dump",
         method.label);
@@ -70,7 +70,7 @@ bool DumpStep(const LearningProblem& problem,
   }
   for (const Method& method : methods) {
     const DataSet batch = problem.train.Range(
-        0, BatchSize(problem, *method.Phases()[0], batch_size));
+        0, BatchSize(problem, method.phases[0], batch_size));
     const std::string folder = directory + "/" + FileName(method.label);
     if (!DumpMethod(*problem.model, batch, method, weights, folder, error)) {
       return false;

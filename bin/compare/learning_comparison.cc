@@ -131,7 +131,7 @@ bool RunOrLoad(const LearningProblem& problem,
   LearningRunOptions run;
   run.train = options.train;
   run.train.batch_size = BatchSize(problem, options.batch_size);
-  run.train.shuffle_seed = static_cast<std::uint32_t>(seed);
+  run.train.seed = static_cast<std::uint32_t>(seed);
   run.tracked_sample = options.tracked_sample;
   run.directory =
       fmt::format("{}/{}-seed{}", options.output, FileName(method.label), seed);
@@ -141,23 +141,12 @@ bool RunOrLoad(const LearningProblem& problem,
     }
     if (!error->empty()) return false;
   }
-  double loss = HistoryRow::kNone;
-  LiveRun live(
-      fmt::format("{} seed {}", method.label, seed),
-      [&](const ceres::IterationSummary& iteration, ProgressState* state) {
-        state->loss = loss;
-        state->epoch = NumEpochs(method,
-                                 problem.train.num_samples(),
-                                 run.train.batch_size,
-                                 iteration.iteration);
-        state->fraction = BudgetShare(run.train,
-                                      state->epoch,
-                                      iteration.iteration,
-                                      iteration.cumulative_time_in_seconds);
-      });
-  run.train.callbacks.push_back(&live);
-  run.train.on_evaluation = [&loss](const History& history) {
-    loss = history.back().train_loss;
+  LiveRun live(fmt::format("{} seed {}", method.label, seed));
+  run.on_step = [&live](const TrainingRun& training) {
+    return live.Update({training.step(),
+                        training.history().back().train_loss,
+                        training.epoch(),
+                        training.progress()});
   };
   return RunLearning(problem, method, seed, weights, run, result, error);
 }

@@ -39,8 +39,8 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   }
   // How many steps the rule proposed.
   const size_t proposals = summary.message.find("; ");
-  if (method.ceres != nullptr && method.rule != nullptr &&
-      proposals != std::string::npos) {
+  if (method.last_phase().ceres != nullptr &&
+      method.last_phase().rule != nullptr && proposals != std::string::npos) {
     status += summary.message.substr(proposals);
   }
   return status;

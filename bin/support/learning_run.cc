@@ -172,6 +172,14 @@ double LearningRunResult::SecondsToLevel(double level) const {
   return HistoryRow::kNone;
 }
 
+bool HasBudgetLeft(const LearningRunResult& result,
+                   const TrainOptions& options) {
+  return result.has_used_its_budget() &&
+         result.last().epoch < options.max_num_epochs * (1.0 - 1e-12) &&
+         result.summary.num_steps < options.max_num_steps &&
+         result.summary.train_time_in_seconds < options.max_time_in_seconds;
+}
+
 bool RunLearning(const LearningProblem& problem,
                  const Method& method,
                  int seed,
@@ -193,7 +201,6 @@ bool RunLearning(const LearningProblem& problem,
   *result = LearningRunResult();
   result->label = method.label;
   result->seed = seed;
-  result->weights = initial_weights;
   result->num_hidden_neurons = NumHiddenNeurons(network);
   const bool tracks_neurons = result->num_hidden_neurons <= kMaxTrackedNeurons;
   const DataSet tracked = options.tracked_sample < 0
@@ -201,40 +208,43 @@ bool RunLearning(const LearningProblem& problem,
                               : problem.train.Range(options.tracked_sample, 1);
 
   TrainOptions train_options = options.train;
+  train_options.initial_weights = initial_weights;
+  train_options.inverse = problem.inverse;
   train_options.checkpoint_path = options.directory + "/checkpoint";
   if (problem.metric.has_value()) {
     train_options.metric = [&](const Eigen::VectorXd& weights) {
       return EvaluateMetric(problem, weights);
     };
   }
-  train_options.on_evaluation = [&](const History& history) {
+  train_options.on_evaluation = [&](const Eigen::VectorXd& weights,
+                                    const History& history) {
     if (tracks_neurons) {
       result->neurons.push_back(
-          ComputeNeuronStatistics(network, result->weights, problem.train));
+          ComputeNeuronStatistics(network, weights, problem.train));
     }
     if (tracked.num_samples() > 0) {
       Eigen::MatrixXd y;
       std::string ignored;
       result->sample_path.push_back(
-          problem.model->Predict(result->weights, tracked, &y, &ignored)
+          problem.model->Predict(weights, tracked, &y, &ignored)
               ? Eigen::VectorXd(y.col(0))
               : Eigen::VectorXd::Constant(problem.model->loss().size(),
                                           HistoryRow::kNone));
     }
-    if (options.train.on_evaluation) options.train.on_evaluation(history);
+    if (options.train.on_evaluation) {
+      options.train.on_evaluation(weights, history);
+    }
   };
-  if (!TrainByMethod(method,
-                     train_options,
-                     *problem.model,
-                     problem.inverse,
-                     problem.train,
-                     problem.test,
-                     &result->weights,
-                     &result->history,
-                     &result->summary,
-                     error)) {
-    return false;
+  TrainingRun run(
+      *problem.model, {problem.train, problem.test}, method, train_options);
+  while (run.Step()) {
+    if (options.on_step && !options.on_step(run)) run.Stop();
   }
+  *error = run.error();
+  if (!error->empty()) return false;
+  result->weights = run.weights();
+  result->history = run.history();
+  result->summary = run.result().summary;
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);
@@ -248,10 +258,7 @@ bool RunLearning(const LearningProblem& problem,
     return false;
   }
   if (!result->was_interrupted() && !result->has_used_its_budget()) {
-    for (const std::string& file :
-         CheckpointFiles(method, train_options.checkpoint_path)) {
-      std::filesystem::remove(file, failure);
-    }
+    std::filesystem::remove(train_options.checkpoint_path, failure);
   }
   return true;
 }

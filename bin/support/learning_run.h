@@ -8,11 +8,11 @@
 //                     networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
 //   DIR/result.txt    written last: a run that has it is complete
-//   DIR/checkpoint    where the run can go on, unless it converged or failed;
-//                     of earlier phases checkpoint-phase1, ...
+//   DIR/checkpoint    where the run can go on, unless it converged or failed
 #ifndef BIN_SUPPORT_LEARNING_RUN_H_
 #define BIN_SUPPORT_LEARNING_RUN_H_
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,7 +20,7 @@
 #include "invgrad/chain/neuron_statistics.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/train/history.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 #include "problems/problem.h"
 
 namespace invgrad {
@@ -29,6 +29,8 @@ struct LearningRunOptions {
   TrainOptions train;
   int tracked_sample = -1;  // -1: none
   std::string directory;
+  // Called after every step; false stops the run. Null: nothing.
+  std::function<bool(const TrainingRun& run)> on_step;
 };
 
 struct LearningRunResult {
@@ -59,6 +61,10 @@ struct LearningRunResult {
   // was.
   double SecondsToLevel(double level) const;
 };
+
+// Whether a run that ended on its budget can go on with the present one.
+bool HasBudgetLeft(const LearningRunResult& result,
+                   const TrainOptions& options);
 
 // Trains from `initial_weights` and writes the files. False with *error set for
 // bad input or files that cannot be written.

@@ -15,15 +15,15 @@ Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
 }
 
 int BatchSize(const LearningProblem& problem, int flag_batch_size) {
-  return BatchSize(problem, Method(), flag_batch_size);
+  return BatchSize(problem, Phase(), flag_batch_size);
 }
 
 int BatchSize(const LearningProblem& problem,
-              const Method& method,
+              const Phase& phase,
               int flag_batch_size) {
   int batch_size = problem.batch_size;
   if (flag_batch_size >= 0) batch_size = flag_batch_size;
-  if (method.batch_size >= 0) batch_size = method.batch_size;
+  if (phase.batch_size >= 0) batch_size = phase.batch_size;
   return batch_size == 0 ? problem.train.num_samples() : batch_size;
 }
 
@@ -43,9 +43,9 @@ bool CheckBatches(const LearningProblem& problem,
   };
   if (flag_batch_size > num_samples) return refuse("--", flag_batch_size);
   for (const Method& method : methods) {
-    for (const Method* phase : method.Phases()) {
-      if (BatchSize(problem, *phase, flag_batch_size) > num_samples) {
-        return refuse("--rules: " + method.label + ": ", phase->batch_size);
+    for (const Phase& phase : method.phases) {
+      if (BatchSize(problem, phase, flag_batch_size) > num_samples) {
+        return refuse("--rules: " + method.label + ": ", phase.batch_size);
       }
     }
   }
@@ -56,9 +56,9 @@ void AddLeftOutSamples(const Method& method,
                        int batch_size,
                        int num_samples,
                        std::set<std::string>* warnings) {
-  for (const Method* phase : method.Phases()) {
-    if (phase->ceres != nullptr) continue;
-    int own = phase->batch_size >= 0 ? phase->batch_size : batch_size;
+  for (const Phase& phase : method.phases) {
+    if (phase.ceres != nullptr) continue;
+    int own = phase.batch_size >= 0 ? phase.batch_size : batch_size;
     if (own == 0) own = num_samples;
     if (num_samples % own == 0) continue;
     int below = own, above = own;
@@ -75,27 +75,13 @@ void AddLeftOutSamples(const Method& method,
   }
 }
 
-double BudgetShare(const TrainOptions& options,
-                   double num_epochs,
-                   long num_steps,
-                   double seconds) {
-  return std::max({num_epochs / options.max_num_epochs,
-                   static_cast<double>(num_steps) /
-                       static_cast<double>(options.max_num_steps),
-                   seconds / options.max_time_in_seconds});
-}
-
 bool LoadCompleteRun(const std::string& directory,
                      const LearningProblem& problem,
                      const TrainOptions& options,
                      LearningRunResult* result,
                      std::string* error) {
   return LoadLearningRun(directory, problem, result, error) &&
-         (!result->has_used_its_budget() ||
-          BudgetShare(options,
-                      result->last().epoch,
-                      result->summary.num_steps,
-                      result->summary.train_time_in_seconds) >= 1.0);
+         !HasBudgetLeft(*result, options);
 }
 
 double MillisecondsPerStep(const LearningRunResult& run) {

@@ -17,13 +17,13 @@ namespace invgrad {
 // The weights that every method starts from at `seed`.
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);
 
-// The batch size of methods that have none of their own: --batch_size, or -1
+// The batch size of phases that have none of their own: --batch_size, or -1
 // for the problem's.
 int BatchSize(const LearningProblem& problem, int flag_batch_size);
 
-// The batch size of a method, or of one of its phases.
+// The batch size of a phase.
 int BatchSize(const LearningProblem& problem,
-              const Method& method,
+              const Phase& phase,
               int flag_batch_size);
 
 // False, with *error naming flag, value and what is allowed, if a batch size
@@ -41,12 +41,6 @@ void AddLeftOutSamples(const Method& method,
                        int batch_size,
                        int num_samples,
                        std::set<std::string>* warnings);
-
-// The share of the budget that is spent; 1 or more at its end.
-double BudgetShare(const TrainOptions& options,
-                   double num_epochs,
-                   long num_steps,
-                   double seconds);
 
 // Reads back the run in the directory. True if it is complete: its result is
 // there, and it did not end on a budget that is now larger. False, with *error

@@ -8,7 +8,7 @@
 
 #include "bin/support/network_settings.h"
 #include "gflags/gflags.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 #include "problems/problem.h"
 
 DECLARE_string(hidden);

@@ -22,22 +22,15 @@ bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-bool ParseMethod(const std::string& text, Method* method, std::string* error) {
-  std::vector<Method> methods;
-  if (!ParseMethods(text, &methods, error)) return false;
-  *method = methods[0];
-  return true;
-}
-
-std::vector<std::string> OptionsOf(const Method& method) {
+std::vector<std::string> OptionsOf(const Phase& phase) {
   std::vector<std::string> names;
   const auto add = [&names](const std::vector<OptionSet::Row>& options) {
     for (const OptionSet::Row& row : options) names.push_back(row.name);
   };
-  if (method.rule != nullptr) add(method.rule->options());
-  if (method.ceres != nullptr) add(method.ceres->options());
-  if (method.pull_back.has_value()) {
-    PullBackMethod ways = *method.pull_back;
+  if (phase.rule != nullptr) add(phase.rule->options());
+  if (phase.ceres != nullptr) add(phase.ceres->options());
+  if (phase.pull_back.has_value()) {
+    PullBackMethod ways = *phase.pull_back;
     OptionSet set;
     ways.Describe(&set);
     add(set.rows());
@@ -191,7 +184,7 @@ class Planner {
       Method method;
       std::string why;
       ParseMethod(rule[0].specification, &method, &why);
-      for (const std::string& name : OptionsOf(method)) {
+      for (const std::string& name : OptionsOf(method.last_phase())) {
         if (name == axis.name) {  // it is there: the values are not allowed
           Takes(rule[0], axis, axis.values[0], &why);
           return Refuse(axis.values[0].position, why);
@@ -309,10 +302,10 @@ class Planner {
     }
     job->batch_size = BatchSize(*job->problem, batch_size);
     std::string sizes;  // "256+32": of all phases
-    for (const Method* phase : job->method.Phases()) {
+    for (const Phase& phase : job->method.phases) {
       sizes += fmt::format("{}{}",
                            sizes.empty() ? "" : "+",
-                           BatchSize(*job->problem, *phase, batch_size));
+                           BatchSize(*job->problem, phase, batch_size));
     }
     job->name = fmt::format(
         "{}{}-batch{}-seed{}", directory, job->method.label, sizes, job->seed);

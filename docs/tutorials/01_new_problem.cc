@@ -26,6 +26,7 @@
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/train/train.h"
 #include "report/plot.h"
 #include "report/table.h"
 
@@ -53,7 +54,7 @@ using invgrad::Series;
 using invgrad::Simulator;
 using invgrad::Table;
 using invgrad::TrainOptions;
-using invgrad::TrainSummary;
+using invgrad::TrainResult;
 
 // [functor]
 // Where a shuttlecock is, one second after it was hit with velocity x [m/s].
@@ -181,40 +182,31 @@ int Run() {
   for (const Method& method : methods) {
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
-    options.batch_size = method.batch_size >= 0 ? method.batch_size : 32;
+    options.batch_size = 32;
+    options.initial_weights = initial_weights;
     std::cerr << "training: " << method.label << "\n";
-    Eigen::VectorXd weights = initial_weights;
-    invgrad::History history;
-    TrainSummary summary;
-    if (!invgrad::TrainByMethod(method,
-                                options,
-                                model,
-                                nullptr,  // no inverse simulator
-                                train,
-                                test,
-                                &weights,
-                                &history,
-                                &summary,
-                                &error)) {
-      std::cerr << method.label << ": " << error << "\n";
+    const TrainResult result =
+        invgrad::Train(model, {train, test}, method, options);
+    if (!result.error.empty()) {
+      std::cerr << method.label << ": " << result.error << "\n";
       return 1;
     }
     // [/train]
 
     // [row]
-    const HistoryRow& last = history.back();
-    table.AddRow(
-        {method.label,
-         FormatNumber(last.train_loss, 3),
-         FormatNumber(last.test_loss, 3),
-         FormatNumber(100.0 * std::sqrt(2.0 * last.test_loss), 3),
-         std::to_string(summary.num_steps),
-         FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
-                      3),
-         summary.message});
+    const HistoryRow& last = result.history.back();
+    table.AddRow({method.label,
+                  FormatNumber(last.train_loss, 3),
+                  FormatNumber(last.test_loss, 3),
+                  FormatNumber(100.0 * std::sqrt(2.0 * last.test_loss), 3),
+                  std::to_string(result.summary.num_steps),
+                  FormatNumber(1e3 * result.summary.train_time_in_seconds /
+                                   result.summary.num_steps,
+                               3),
+                  result.summary.message});
     Series curve;
     curve.title = method.label;
-    for (const HistoryRow& row : history) {
+    for (const HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
       curve.x.push_back(row.seconds);
       curve.y.push_back(row.test_loss);

@@ -27,6 +27,7 @@
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/train/train.h"
 #include "report/table.h"
 
 // [rules]
@@ -50,7 +51,7 @@ using invgrad::Model;
 using invgrad::NumpyRandom;
 using invgrad::Table;
 using invgrad::TrainOptions;
-using invgrad::TrainSummary;
+using invgrad::TrainResult;
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -164,37 +165,29 @@ int Run() {
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
-    Eigen::VectorXd weights = initial_weights;
-    invgrad::History history;
-    TrainSummary summary;
-    if (!invgrad::TrainByMethod(method,
-                                options,
-                                model,
-                                inverse,
-                                train,
-                                test,
-                                &weights,
-                                &history,
-                                &summary,
-                                &error)) {
-      std::cerr << method.label << ": " << error << "\n";
+    options.initial_weights = initial_weights;
+    options.inverse = inverse;
+    const TrainResult result =
+        invgrad::Train(model, {train, test}, method, options);
+    if (!result.error.empty()) {
+      std::cerr << method.label << ": " << result.error << "\n";
       return 1;
     }
     // [/train]
 
     // [row]
-    const HistoryRow& last = history.back();
-    table.AddRow(
-        {method.label,
-         FormatNumber(last.test_loss, 3),
-         FormatNumber(1e3 * std::sqrt(2.0 * last.test_loss), 3),
-         FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
-                      3),
-         CountText(last.by_inverse),
-         CountText(last.by_numerical_inverse),
-         CountText(last.by_inverse_gradient + last.by_gradient +
-                   last.not_moved)});
-    std::cerr << "  " << summary.message << "\n";
+    const HistoryRow& last = result.history.back();
+    table.AddRow({method.label,
+                  FormatNumber(last.test_loss, 3),
+                  FormatNumber(1e3 * std::sqrt(2.0 * last.test_loss), 3),
+                  FormatNumber(1e3 * result.summary.train_time_in_seconds /
+                                   result.summary.num_steps,
+                               3),
+                  CountText(last.by_inverse),
+                  CountText(last.by_numerical_inverse),
+                  CountText(last.by_inverse_gradient + last.by_gradient +
+                            last.not_moved)});
+    std::cerr << "  " << result.summary.message << "\n";
     // [/row]
   }
   std::cout << table.ToText();

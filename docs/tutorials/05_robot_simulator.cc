@@ -33,7 +33,7 @@
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 #include "report/plot.h"
 #include "report/table.h"
 
@@ -62,7 +62,7 @@ using invgrad::Plot;
 using invgrad::Series;
 using invgrad::Table;
 using invgrad::TrainOptions;
-using invgrad::TrainSummary;
+using invgrad::TrainResult;
 
 constexpr int kNumSteps = 16;
 constexpr double kTimeStep = 0.25;  // [s]
@@ -299,39 +299,30 @@ int Run() {
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
+    options.initial_weights = initial_weights;
     std::cerr << "training: " << method.label << "\n";
-    Eigen::VectorXd weights = initial_weights;
-    invgrad::History history;
-    TrainSummary summary;
-    if (!invgrad::TrainByMethod(method,
-                                options,
-                                model,
-                                nullptr,  // no inverse simulator
-                                train,
-                                test,
-                                &weights,
-                                &history,
-                                &summary,
-                                &error)) {
-      std::cerr << method.label << ": " << error << "\n";
+    const TrainResult result =
+        invgrad::Train(model, {train, test}, method, options);
+    if (!result.error.empty()) {
+      std::cerr << method.label << ": " << result.error << "\n";
       return 1;
     }
-    const double real_loss = invgrad::MeanLoss(reality, weights, test);
+    const double real_loss = invgrad::MeanLoss(reality, result.weights, test);
     // [/train]
-    const HistoryRow& last = history.back();
-    table.AddRow(
-        {method.label,
-         FormatNumber(last.train_loss, 3),
-         FormatNumber(last.test_loss, 3),
-         miss(last.test_loss),
-         miss(real_loss),
-         std::to_string(summary.num_steps),
-         FormatNumber(1e3 * summary.train_time_in_seconds / summary.num_steps,
-                      3),
-         summary.message});
+    const HistoryRow& last = result.history.back();
+    table.AddRow({method.label,
+                  FormatNumber(last.train_loss, 3),
+                  FormatNumber(last.test_loss, 3),
+                  miss(last.test_loss),
+                  miss(real_loss),
+                  std::to_string(result.summary.num_steps),
+                  FormatNumber(1e3 * result.summary.train_time_in_seconds /
+                                   result.summary.num_steps,
+                               3),
+                  result.summary.message});
     Series curve;
     curve.title = method.label;
-    for (const HistoryRow& row : history) {
+    for (const HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
       curve.x.push_back(row.seconds);
       curve.y.push_back(row.test_loss);
@@ -341,7 +332,7 @@ int Run() {
       least_loss = last.test_loss;
       paths.title = method.label;
       paths.series.clear();
-      AddPaths(model, weights, test.Range(0, 12), &paths);
+      AddPaths(model, result.weights, test.Range(0, 12), &paths);
     }
   }
   std::cout << table.ToText();
@@ -352,11 +343,10 @@ int Run() {
   losses.log_x = true;
   losses.log_y = true;
   losses.y_range.low = 1e-17;  // leaves room for the legend
-  losses.legend = Plot::Legend::kBottomLeft;
   paths.x_label = "x [m]";
   paths.y_label = "y [m]";
   paths.equal_aspect = true;
-  paths.legend = Plot::Legend::kNone;
+  paths.has_legend = false;
   if (!invgrad::WritePlots(FLAGS_picture, {losses, paths}, &error)) {
     std::cerr << error << "\n";
     return 1;

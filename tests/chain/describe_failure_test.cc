@@ -14,7 +14,7 @@
 #include "invgrad/chain/trajectory_simulator.h"
 #include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/gradient_descent.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 #include "problems/schroedinger.h"
 
 namespace invgrad {
@@ -231,21 +231,10 @@ std::string TrainMessage(std::shared_ptr<const Simulator> simulator,
   }
   TrainOptions options;
   options.max_num_steps = 1;
-  GradientDescent rule{GradientDescent::Options()};
-  History history;
-  TrainSummary summary;
-  std::string error;
-  EXPECT_TRUE(Train(options,
-                    model,
-                    data,
-                    DataSet(),
-                    &rule,
-                    &weights,
-                    &history,
-                    &summary,
-                    &error))
-      << error;
-  return summary.message;
+  options.initial_weights = weights;
+  const TrainResult result = Train(model, data, "gradient_descent", options);
+  EXPECT_EQ(result.error, "");
+  return result.summary.message;
 }
 
 // Of 4 samples, number 2 gets u = 1 - 1 at the fifth step and in the loop at

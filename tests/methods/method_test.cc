@@ -11,6 +11,9 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/minimize/method_minimization.h"
+#include "invgrad/train/evaluation.h"
+#include "invgrad/train/train.h"
 
 namespace invgrad {
 namespace {
@@ -57,35 +60,20 @@ Method Parse(const std::string& text) {
   return methods.at(0);
 }
 
-struct Result {
-  bool is_good_input = false;
-  std::string error;
-  Eigen::VectorXd weights;
-  History history;
-  TrainSummary summary;
-};
+// Of a method in one phase.
+Phase ParsePhase(const std::string& text) { return Parse(text).phases.at(0); }
 
-Result TrainLine(const std::string& method,
-                 const Line& line,
-                 const TrainOptions& options) {
-  Result result;
-  result.weights = line.weights;
-  result.is_good_input = TrainByMethod(Parse(method),
-                                       options,
-                                       line.model,
-                                       nullptr,
-                                       line.train,
-                                       line.test,
-                                       &result.weights,
-                                       &result.history,
-                                       &result.summary,
-                                       &result.error);
-  return result;
+TrainResult TrainLine(const std::string& method,
+                      const Line& line,
+                      TrainOptions options) {
+  options.initial_weights = line.weights;
+  return Train(line.model, {line.train, line.test}, method, options);
 }
 
 TrainOptions Epochs(int num_epochs) {
   TrainOptions options;
   options.max_num_epochs = num_epochs;
+  options.batch_size = 0;
   return options;
 }
 
@@ -129,43 +117,44 @@ bool NeedsBatches(const std::string& name) {
 // --- Parsing ---
 
 TEST(Method, SettingsOfAChainGoToTheRuleIfItHasThemAndElseToTheWays) {
-  const Method method = Parse(
+  const Phase phase = ParsePhase(
       "newton/inverse/half_inverse:truncation=1e-3:y_step_size=0.5:"
       "batch_size=4");
-  EXPECT_EQ(method.rule->name, "half_inverse");
-  EXPECT_EQ(method.ceres, nullptr);
-  EXPECT_EQ(method.rule_settings, (Settings{{"truncation", "1e-3"}}));
-  ASSERT_TRUE(method.pull_back.has_value());
-  EXPECT_EQ(method.pull_back->ChainOptions().y_step_size, 0.5);
-  EXPECT_EQ(method.batch_size, 4);
+  EXPECT_EQ(phase.rule->name, "half_inverse");
+  EXPECT_EQ(phase.ceres, nullptr);
+  EXPECT_EQ(phase.rule_settings, (Settings{{"truncation", "1e-3"}}));
+  ASSERT_TRUE(phase.pull_back.has_value());
+  EXPECT_EQ(phase.pull_back->ChainOptions().y_step_size, 0.5);
+  EXPECT_EQ(phase.batch_size, 4);
 }
 
 TEST(Method, NamedChainsHaveDefaultsThatSettingsReplace) {
-  EXPECT_EQ(Parse("physical_gradient").rule_settings,
+  EXPECT_EQ(ParsePhase("physical_gradient").rule_settings,
             (Settings{{"step_size", "1"}}));
-  EXPECT_EQ(Parse("physical_gradient:step_size=0.1").rule_settings,
+  EXPECT_EQ(ParsePhase("physical_gradient:step_size=0.1").rule_settings,
             (Settings{{"step_size", "0.1"}}));
-  EXPECT_TRUE(Parse("hig").pull_back->is_joint());
-  EXPECT_EQ(Parse("physics_informed").pull_back->ChainOptions().data_weight,
-            1.0);
+  EXPECT_TRUE(ParsePhase("hig").pull_back->is_joint());
+  EXPECT_EQ(
+      ParsePhase("physics_informed").pull_back->ChainOptions().data_weight,
+      1.0);
 }
 
 TEST(Method, SettingsGoToTheRuleIfItHasThemAndElseToCeres) {
-  const Method method = Parse(
+  const Phase phase = ParsePhase(
       "ceres_lm+half_inverse:truncation=1e-3:initial_trust_region_radius=10:"
       "batch_size=4");
-  EXPECT_EQ(method.rule->name, "half_inverse");
-  EXPECT_EQ(method.ceres->name, "ceres_lm");
-  EXPECT_EQ(method.rule_settings, (Settings{{"truncation", "1e-3"}}));
-  EXPECT_EQ(method.ceres_settings,
+  EXPECT_EQ(phase.rule->name, "half_inverse");
+  EXPECT_EQ(phase.ceres->name, "ceres_lm");
+  EXPECT_EQ(phase.rule_settings, (Settings{{"truncation", "1e-3"}}));
+  EXPECT_EQ(phase.ceres_settings,
             (Settings{{"initial_trust_region_radius", "10"}}));
-  EXPECT_EQ(method.batch_size, 4);
+  EXPECT_EQ(phase.batch_size, 4);
 }
 
 TEST(Method, WhatHasNoRuleMakesNone) {
-  EXPECT_EQ(Parse("ceres_bfgs").MakeRule(), nullptr);
-  EXPECT_NE(Parse("adam").MakeRule(), nullptr);
-  EXPECT_EQ(Parse("adam").batch_size, -1);
+  EXPECT_EQ(ParsePhase("ceres_bfgs").MakeRule(), nullptr);
+  EXPECT_NE(ParsePhase("adam").MakeRule(), nullptr);
+  EXPECT_EQ(ParsePhase("adam").batch_size, -1);
 }
 
 TEST(Method, RefusesWhatItCannotRunAndSaysWhy) {
@@ -212,8 +201,8 @@ class EveryMethod : public ::testing::TestWithParam<std::string> {};
 // The history's loss is that of the weights, whoever took the steps.
 TEST_P(EveryMethod, TrainsAndRecordsTheLossOfItsWeights) {
   const Line line;
-  const Result result = TrainLine(GetParam(), line, Epochs(5));
-  ASSERT_TRUE(result.is_good_input) << result.error;
+  const TrainResult result = TrainLine(GetParam(), line, Epochs(5));
+  ASSERT_EQ(result.error, "");
   EXPECT_NE(result.summary.termination_type, ceres::FAILURE)
       << result.summary.message;
   EXPECT_EQ(result.history.front().step, 0);
@@ -235,16 +224,16 @@ TEST_P(EveryMethod, TheMetricIsThatOfTheWeights) {
   options.metric = [](const Eigen::VectorXd& weights) {
     return weights.squaredNorm();
   };
-  const Result result = TrainLine(GetParam(), line, options);
-  ASSERT_TRUE(result.is_good_input) << result.error;
+  const TrainResult result = TrainLine(GetParam(), line, options);
+  ASSERT_EQ(result.error, "");
   EXPECT_EQ(result.history.front().metric, line.weights.squaredNorm());
   EXPECT_EQ(result.history.back().metric, result.weights.squaredNorm());
 }
 
 TEST_P(EveryMethod, NoBudgetIsNoStep) {
   const Line line;
-  const Result result = TrainLine(GetParam(), line, Epochs(0));
-  ASSERT_TRUE(result.is_good_input) << result.error;
+  const TrainResult result = TrainLine(GetParam(), line, Epochs(0));
+  ASSERT_EQ(result.error, "");
   EXPECT_EQ(result.summary.num_steps, 0);
   EXPECT_EQ(result.history.size(), 1u);
   EXPECT_EQ(result.weights, line.weights);
@@ -253,8 +242,8 @@ TEST_P(EveryMethod, NoBudgetIsNoStep) {
 TEST_P(EveryMethod, RefusesDataThatAreNotFinite) {
   Line line;
   line.train.targets(0, 7) = std::nan("");
-  const Result result = TrainLine(GetParam(), line, Epochs(1));
-  EXPECT_FALSE(result.is_good_input);
+  const TrainResult result = TrainLine(GetParam(), line, Epochs(1));
+  EXPECT_NE(result.error, "");
   EXPECT_NE(result.error.find("train data"), std::string::npos) << result.error;
 }
 
@@ -262,8 +251,8 @@ TEST_P(EveryMethod, RefusesDataThatAreNotFinite) {
 TEST_P(EveryMethod, FailsWhereTheStartHasNoFiniteLoss) {
   Line line;
   line.train.targets(0, 7) = 1e200;
-  const Result result = TrainLine(GetParam(), line, Epochs(3));
-  ASSERT_TRUE(result.is_good_input) << result.error;
+  const TrainResult result = TrainLine(GetParam(), line, Epochs(3));
+  ASSERT_EQ(result.error, "");
   EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
   EXPECT_FALSE(result.summary.message.empty());
   EXPECT_EQ(result.summary.num_steps, 0);
@@ -295,7 +284,7 @@ TEST_P(EveryMethod, CallbacksEndTheRunAndItsResultsAreKept) {
     StopAt callback(2, verdict);
     TrainOptions options = Epochs(1000);
     options.callbacks.push_back(&callback);
-    const Result result = TrainLine(GetParam(), line, options);
+    const TrainResult result = TrainLine(GetParam(), line, options);
     EXPECT_EQ(result.summary.termination_type, type);
     EXPECT_NE(result.summary.message.find("by a callback at step 2"),
               std::string::npos)
@@ -311,7 +300,7 @@ TEST_P(EveryMethod, ATargetThatIsReachedIsConvergence) {
   const Line line;
   TrainOptions options = Epochs(100);
   options.target_loss = 1e3;
-  const Result result = TrainLine(GetParam(), line, options);
+  const TrainResult result = TrainLine(GetParam(), line, options);
   EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
   EXPECT_NE(result.summary.message.find("target loss reached at step 0"),
             std::string::npos)
@@ -336,7 +325,7 @@ TEST(Method, PatienceEndsCeresToo) {
   line.test.targets *= -1.0;
   TrainOptions options = Epochs(1000);
   options.patience = 4;
-  const Result result = TrainLine("ceres_steepest_descent", line, options);
+  const TrainResult result = TrainLine("ceres_steepest_descent", line, options);
   EXPECT_EQ(result.summary.message, "no improvement in 4 evaluations");
   EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
 }
@@ -344,7 +333,7 @@ TEST(Method, PatienceEndsCeresToo) {
 TEST(Method, NonmonotonicStepsEndWithTheBestWeights) {
   const Line line;
   for (int epochs = 1; epochs <= 20; ++epochs) {
-    const Result result = TrainLine(
+    const TrainResult result = TrainLine(
         "ceres_dogleg:use_nonmonotonic_steps=true", line, Epochs(epochs));
     EXPECT_NEAR(result.history.back().train_loss,
                 MeanLoss(line.model, result.weights, line.train),
@@ -355,17 +344,18 @@ TEST(Method, NonmonotonicStepsEndWithTheBestWeights) {
 TEST(Method, TrustRegionsNeedALeastSquaresLoss) {
   const Line line(
       std::make_shared<AutoDiffLoss<QuarticLoss, 1>>(QuarticLoss()));
-  EXPECT_FALSE(TrainLine("ceres_lm", line, Epochs(1)).is_good_input);
-  EXPECT_FALSE(TrainLine("ceres_lm+adam", line, Epochs(1)).is_good_input);
-  EXPECT_TRUE(TrainLine("ceres_bfgs", line, Epochs(1)).is_good_input);
-  EXPECT_TRUE(TrainLine("half_inverse", line, Epochs(1)).is_good_input);
+  EXPECT_NE(TrainLine("ceres_lm", line, Epochs(1)).error, "");
+  EXPECT_NE(TrainLine("ceres_lm+adam", line, Epochs(1)).error, "");
+  EXPECT_EQ(TrainLine("ceres_bfgs", line, Epochs(1)).error, "");
+  EXPECT_EQ(TrainLine("half_inverse", line, Epochs(1)).error, "");
 }
 
 TEST(Method, ANeuronTooWideForProposalsIsRefused) {
   // The output neuron has 600 weights and a bias, 512 are allowed.
   const Line line(std::make_shared<SquaredNormLoss>(1, 1.0), 600);
-  const Result result = TrainLine("ceres_lm+half_inverse", line, Epochs(1));
-  EXPECT_FALSE(result.is_good_input);
+  const TrainResult result =
+      TrainLine("ceres_lm+half_inverse", line, Epochs(1));
+  EXPECT_NE(result.error, "");
   EXPECT_NE(result.error.find("512"), std::string::npos) << result.error;
 }
 

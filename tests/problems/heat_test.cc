@@ -15,6 +15,7 @@
 #include "problems/problems.h"
 #include "problems/spectral_diffusion.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace {
@@ -532,34 +533,19 @@ TEST(Heat, TakesMethodsThatLearnFromSolutions) {
       SCOPED_TRACE(std::string(name) + ", " + method);
       std::vector<Method> methods;
       std::string error;
-      ASSERT_TRUE(ParseMethods(method, &methods, &error)) << error;
-      NumpyRandom random(1);
-      VectorXd weights = problem.model->network().InitialWeights(
-          problem.initialization, &random);
-      const auto distance = [&] {
+      const auto distance = [&](const VectorXd& weights) {
         DenseNetwork::Activations forward;
         EXPECT_TRUE(problem.model->Forward(
             weights, problem.train, false, &forward, &error));
         return problem.metric->evaluate(forward.outputs, problem.train);
       };
-      const double at_start = distance();
+      const double at_start = distance(InitialWeights(problem));
       TrainOptions options;
       options.max_num_steps = 200;
-      History history;
-      TrainSummary summary;
-      ASSERT_TRUE(TrainByMethod(methods[0],
-                                options,
-                                *problem.model,
-                                problem.inverse,
-                                problem.train,
-                                problem.test,
-                                &weights,
-                                &history,
-                                &summary,
-                                &error))
-          << error;
-      EXPECT_EQ(summary.num_steps, 200) << summary.message;
-      EXPECT_LT(distance(), 0.5 * at_start);
+      options.batch_size = 0;
+      const TrainResult result = TrainProblem(problem, method, options);
+      EXPECT_EQ(result.summary.num_steps, 200) << result.summary.message;
+      EXPECT_LT(distance(result.weights), 0.5 * at_start);
     }
   }
 }

@@ -16,7 +16,7 @@
 #include "invgrad/methods/method.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace {
@@ -56,34 +56,15 @@ double MetricOf(const LearningProblem& problem, const VectorXd& weights) {
                                   problem.test);
 }
 
-struct Trained {
-  VectorXd weights;
-  History history;
-  TrainSummary summary;
-};
-
 // Without test data; from the initial weights unless others are given.
-Trained Train(const LearningProblem& problem,
-              const std::string& method,
-              const TrainOptions& options,
-              const VectorXd* start = nullptr) {
-  std::vector<Method> methods;
-  std::string error;
-  EXPECT_TRUE(ParseMethods(method, &methods, &error)) << error;
-  Trained result;
-  result.weights = start != nullptr ? *start : InitialWeights(problem);
-  EXPECT_TRUE(TrainByMethod(methods.at(0),
-                            options,
-                            *problem.model,
-                            nullptr,
-                            problem.train,
-                            problem.train.Range(0, 0),
-                            &result.weights,
-                            &result.history,
-                            &result.summary,
-                            &error))
-      << error;
-  return result;
+TrainResult Train(LearningProblem problem,
+                  const std::string& method,
+                  TrainOptions options,
+                  const VectorXd* start = nullptr) {
+  problem.test = problem.train.Range(0, 0);
+  options.batch_size = 0;
+  if (start != nullptr) options.initial_weights = *start;
+  return TrainProblem(problem, method, options);
 }
 
 TrainOptions Steps(long num_steps) {
@@ -245,7 +226,7 @@ TEST(PoissonPinn, BadSettingsAndDataAreRefused) {
 // L-BFGS's 1.6e-4 (source in poisson_pinn.h).
 TEST(PoissonPinn, HalfInverseBeatsPublishedFirstOrderMethodsIn150Steps) {
   const LearningProblem problem = CreateLearningProblem("poisson_pinn");
-  const Trained trained =
+  const TrainResult trained =
       Train(problem, "half_inverse:step_size=auto", Steps(150));
   EXPECT_LT(MetricOf(problem, trained.weights), 9.4e-5);
 }
@@ -253,12 +234,12 @@ TEST(PoissonPinn, HalfInverseBeatsPublishedFirstOrderMethodsIn150Steps) {
 // 6.2e-8 after 1,000 s on a GPU is the best published error of this network.
 TEST(PoissonPinn, GaussNewtonReachesThePublishedErrorOfEngd) {
   const LearningProblem problem = CreateLearningProblem("poisson_pinn");
-  const Trained start =
+  const TrainResult start =
       Train(problem, "power:kappa=0.75:step_size=auto", Steps(150));
-  const Trained end = Train(problem,
-                            "gauss_newton:step_size=auto:truncation=1e-9",
-                            Steps(120),
-                            &start.weights);
+  const TrainResult end = Train(problem,
+                                "gauss_newton:step_size=auto:truncation=1e-9",
+                                Steps(120),
+                                &start.weights);
   EXPECT_LT(MetricOf(problem, end.weights), 6.2e-8);
 }
 
@@ -271,10 +252,10 @@ TEST(PoissonPinn, ContinuesFromACheckpointToTheSameBits) {
   const TemporaryFolder folder;
   TrainOptions options = Steps(3);
   options.checkpoint_path = folder / "checkpoint.npy";
-  const Trained first = Train(problem, method, options);
+  const TrainResult first = Train(problem, method, options);
   options.max_num_steps = 6;
-  const Trained second = Train(problem, method, options);
-  const Trained at_once = Train(problem, method, Steps(6));
+  const TrainResult second = Train(problem, method, options);
+  const TrainResult at_once = Train(problem, method, Steps(6));
   EXPECT_NE(second.weights, first.weights);
   EXPECT_EQ(second.weights, at_once.weights);
 }
@@ -292,7 +273,7 @@ TEST_P(EveryMethod, LowersTheLoss) {
   const LearningProblem problem = CreateLearningProblem(kFewPoints);
   TrainOptions options;
   options.max_num_epochs = 20;
-  const Trained trained = Train(problem, GetParam(), options);
+  const TrainResult trained = Train(problem, GetParam(), options);
   EXPECT_NE(trained.summary.termination_type, ceres::FAILURE)
       << trained.summary.message;
   EXPECT_LT(trained.history.back().train_loss,

@@ -9,8 +9,9 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 #include "problems/problems.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace {
@@ -130,30 +131,15 @@ std::vector<double> LossesOfTheLinearChain(const std::string& method,
   std::string error;
   EXPECT_TRUE(CreateProblem("oscillator_chain", nullptr, &problem, &error));
   const LearningProblem& chain = *problem.learning;
-  std::vector<Method> methods;
-  EXPECT_TRUE(ParseMethods(method, &methods, &error)) << error;
-  NumpyRandom random(seed);
-  Eigen::VectorXd weights =
-      chain.model->network().InitialWeights(chain.initialization, &random);
   TrainOptions options;
   options.batch_size = 32;
   options.max_num_epochs = num_epochs;
-  History history;
-  TrainSummary summary;
-  EXPECT_TRUE(TrainByMethod(methods.at(0),
-                            options,
-                            *chain.model,
-                            chain.inverse,
-                            chain.train,
-                            chain.test,
-                            &weights,
-                            &history,
-                            &summary,
-                            &error))
-      << error;
-  EXPECT_EQ(summary.num_steps, 128 * num_epochs) << summary.message;
+  options.initial_weights = InitialWeights(chain, seed);
+  const TrainResult result = TrainProblem(chain, method, options);
+  EXPECT_EQ(result.summary.num_steps, 128 * num_epochs)
+      << result.summary.message;
   std::vector<double> losses;
-  for (const HistoryRow& row : history) {
+  for (const HistoryRow& row : result.history) {
     if (row.step > 0) losses.push_back(row.train_loss);
   }
   return losses;

@@ -10,11 +10,12 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 #include "problems/problems.h"
 #include "problems/random_polynomial.h"
 #include "problems/regression_1d.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace {
@@ -165,31 +166,13 @@ TEST(Regression1d, IsStandardizedByTheUnbiasedVariance) {
 
 // The test loss after `num_epochs` with the benchmark's batches.
 double TestLossOf(const LearningProblem& problem,
-                  const Specification& specification,
+                  const std::string& method,
                   int num_epochs) {
-  std::string error;
-  const auto rule = CreateRule(specification, &error);
-  EXPECT_NE(rule, nullptr) << error;
-  NumpyRandom random(1);
-  VectorXd weights =
-      problem.model->network().InitialWeights(problem.initialization, &random);
   TrainOptions options;
   options.batch_size = problem.batch_size;
   options.shuffle = true;
   options.max_num_epochs = num_epochs;
-  History history;
-  TrainSummary summary;
-  EXPECT_TRUE(Train(options,
-                    *problem.model,
-                    problem.train,
-                    problem.test,
-                    rule.get(),
-                    &weights,
-                    &history,
-                    &summary,
-                    &error))
-      << error;
-  return history.back().test_loss;
+  return TrainProblem(problem, method, options).history.back().test_loss;
 }
 
 // The benchmark's half-inverse comes to 1.08e-5 after 2.6 epochs, in the mean
@@ -197,14 +180,10 @@ double TestLossOf(const LearningProblem& problem,
 // half-inverse would be at 0.5 after three.
 TEST(Regression1d, HalfInverseIsAsFastAsPublished) {
   const LearningProblem problem = CreateLearningProblem("regression_1d");
-  EXPECT_LT(TestLossOf(problem,
-                       {"",
-                        "half_inverse",
-                        {{"step_size", "0.005"}, {"truncation", "1e-6"}}},
-                       3),
-            1.08e-5);
-  EXPECT_GT(TestLossOf(problem, {"", "adam", {{"step_size", "1e-3"}}}, 3),
-            1.08e-5);
+  EXPECT_LT(
+      TestLossOf(problem, "half_inverse:step_size=0.005:truncation=1e-6", 3),
+      1.08e-5);
+  EXPECT_GT(TestLossOf(problem, "adam:step_size=1e-3", 3), 1.08e-5);
 }
 
 TEST(RandomPolynomial, IsStandardizedByTheBiasedVariance) {

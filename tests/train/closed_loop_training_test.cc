@@ -6,9 +6,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
-#include "problems/problems.h"
+#include "tests/support/create_problem.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace {
@@ -16,40 +15,11 @@ namespace {
 constexpr int kBatchSize = 16;
 constexpr long kNumSteps = 24;
 
-struct Trained {
-  Eigen::VectorXd weights;
-  History history;
-  TrainSummary summary;
-};
-
-Trained Train(const std::string& problem_specification,
-              const std::string& method_specification) {
-  PhysicsProblem problem;
-  std::vector<Method> methods;
-  std::string error;
-  EXPECT_TRUE(CreateProblem(problem_specification, nullptr, &problem, &error))
-      << error;
-  EXPECT_TRUE(ParseMethods(method_specification, &methods, &error)) << error;
-  const LearningProblem& learning = *problem.learning;
-  Trained run;
-  NumpyRandom random(1);
-  run.weights = learning.model->network().InitialWeights(
-      learning.initialization, &random);
+TrainResult Train(const std::string& problem, const std::string& method) {
   TrainOptions options;
   options.batch_size = kBatchSize;
   options.max_num_steps = kNumSteps;
-  EXPECT_TRUE(TrainByMethod(methods.at(0),
-                            options,
-                            *learning.model,
-                            learning.inverse,
-                            learning.train,
-                            learning.test,
-                            &run.weights,
-                            &run.history,
-                            &run.summary,
-                            &error))
-      << error;
-  return run;
+  return TrainProblem(CreateLearningProblem(problem), method, options);
 }
 
 // What a method is expected to do beyond staying finite.
@@ -74,7 +44,7 @@ class ClosedLoopTraining
 TEST_P(ClosedLoopTraining, IsFiniteAndCountsEverySample) {
   const auto& [problem, method] = GetParam();
   SCOPED_TRACE(std::string(problem) + ", " + method.method);
-  const Trained run = Train(problem, method.method);
+  const TrainResult run = Train(problem, method.method);
   ASSERT_NE(run.summary.termination_type, ceres::FAILURE)
       << run.summary.message;
   EXPECT_EQ(run.summary.num_steps, kNumSteps) << run.summary.message;
@@ -112,8 +82,8 @@ INSTANTIATE_TEST_SUITE_P(ProblemsAndMethods,
 TEST(ClosedLoop, DifferentiablePhysicsIsTheRuleAlone) {
   for (const char* problem : kProblems) {
     SCOPED_TRACE(problem);
-    const Trained chain = Train(problem, "dp_adam");
-    const Trained alone = Train(problem, "adam");
+    const TrainResult chain = Train(problem, "dp_adam");
+    const TrainResult alone = Train(problem, "adam");
     EXPECT_LT((chain.weights - alone.weights).norm(),
               1e-9 * alone.weights.norm());
   }

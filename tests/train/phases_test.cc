@@ -11,6 +11,8 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/minimize/method_minimization.h"
+#include "invgrad/train/train.h"
 #include "problems/problems.h"
 #include "tests/support/temporary_folder.h"
 
@@ -47,34 +49,15 @@ Method Parse(const std::string& text) {
   return methods.at(0);
 }
 
-struct Result {
-  bool is_good_input = false;
-  std::string error;
-  Eigen::VectorXd weights;
-  History history;
-  TrainSummary summary;
-};
-
-Result TrainBy(const std::string& method,
-               const TrainOptions& options,
-               const Parabola& problem,
-               const Eigen::VectorXd& weights) {
-  Result result;
-  result.weights = weights;
-  result.is_good_input = TrainByMethod(Parse(method),
-                                       options,
-                                       problem.model,
-                                       nullptr,
-                                       problem.train,
-                                       problem.test,
-                                       &result.weights,
-                                       &result.history,
-                                       &result.summary,
-                                       &result.error);
-  return result;
+TrainResult TrainBy(const std::string& method,
+                    TrainOptions options,
+                    const Parabola& problem,
+                    const Eigen::VectorXd& weights) {
+  options.initial_weights = weights;
+  return Train(problem.model, {problem.train, problem.test}, method, options);
 }
 
-Result TrainBy(const std::string& method, const TrainOptions& options) {
+TrainResult TrainBy(const std::string& method, const TrainOptions& options) {
   const Parabola problem;
   return TrainBy(method, options, problem, problem.weights);
 }
@@ -82,6 +65,7 @@ Result TrainBy(const std::string& method, const TrainOptions& options) {
 TrainOptions Epochs(int num_epochs) {
   TrainOptions options;
   options.max_num_epochs = num_epochs;
+  options.batch_size = 0;
   return options;
 }
 
@@ -100,8 +84,8 @@ void ExpectSameRow(const HistoryRow& row, const HistoryRow& expected) {
   EXPECT_TRUE(IsSame(row.by_inverse, expected.by_inverse));
 }
 
-void ExpectSameRun(const Result& result, const Result& expected) {
-  ASSERT_TRUE(result.is_good_input) << result.error;
+void ExpectSameRun(const TrainResult& result, const TrainResult& expected) {
+  ASSERT_EQ(result.error, "");
   EXPECT_EQ(result.weights, expected.weights);
   EXPECT_EQ(result.summary.num_steps, expected.summary.num_steps);
   ASSERT_EQ(result.history.size(), expected.history.size());
@@ -113,26 +97,24 @@ void ExpectSameRun(const Result& result, const Result& expected) {
 
 // --- Parsing ---
 
-TEST(Phases, AMethodIsItsLastPhaseAndHasTheOthersBeforeIt) {
+TEST(Phases, AMethodIsAListOfPhases) {
   const Method method = Parse(
       "adam:step_size=1e-3:batch_size=4:epochs=5 > sip:steps=7>half_inverse:"
       "truncation=1e-3");
-  EXPECT_EQ(method.rule->name, "half_inverse");
-  EXPECT_EQ(method.rule_settings, (Settings{{"truncation", "1e-3"}}));
-  EXPECT_EQ(method.batch_size, -1);
-  EXPECT_EQ(method.num_epochs, 0);
-  ASSERT_EQ(method.earlier.size(), 2u);
-  EXPECT_EQ(method.earlier[0].label,
+  ASSERT_EQ(method.phases.size(), 3u);
+  EXPECT_EQ(method.phases[0].label,
             "adam:step_size=1e-3:batch_size=4:epochs=5");
-  EXPECT_EQ(method.earlier[0].batch_size, 4);
-  EXPECT_EQ(method.earlier[0].num_epochs, 5);
-  EXPECT_EQ(method.earlier[0].num_steps, 0);
-  EXPECT_TRUE(method.earlier[1].pull_back.has_value());
-  EXPECT_EQ(method.earlier[1].num_steps, 7);
-  EXPECT_EQ(method.Phases(),
-            (std::vector<const Method*>{
-                &method.earlier[0], &method.earlier[1], &method}));
-  EXPECT_EQ(Parse("adam").Phases().size(), 1u);
+  EXPECT_EQ(method.phases[0].batch_size, 4);
+  EXPECT_EQ(method.phases[0].num_epochs, 5);
+  EXPECT_EQ(method.phases[0].num_steps, 0);
+  EXPECT_TRUE(method.phases[1].pull_back.has_value());
+  EXPECT_EQ(method.phases[1].num_steps, 7);
+  const Phase& last = method.last_phase();
+  EXPECT_EQ(last.rule->name, "half_inverse");
+  EXPECT_EQ(last.rule_settings, (Settings{{"truncation", "1e-3"}}));
+  EXPECT_EQ(last.batch_size, -1);
+  EXPECT_EQ(last.num_epochs, 0);
+  EXPECT_EQ(Parse("adam").phases.size(), 1u);
 }
 
 TEST(Phases, RefusesSharesThatAreMissingOrHaveNoMeaning) {
@@ -175,11 +157,12 @@ TEST_P(ShuffledOrNot, TwoPhasesAreTwoRunsBitForBit) {
     const Parabola problem;
     TrainOptions options = Epochs(3);
     options.shuffle = GetParam();
-    options.shuffle_seed = 7;
-    const Result pre_training =
+    options.seed = 7;
+    const TrainResult pre_training =
         TrainBy(first, options, problem, problem.weights);
     options.max_num_epochs = 4;
-    Result expected = TrainBy(second, options, problem, pre_training.weights);
+    TrainResult expected =
+        TrainBy(second, options, problem, pre_training.weights);
     const long num_steps = pre_training.summary.num_steps;
     History rows = pre_training.history;
     for (size_t i = 1; i < expected.history.size(); ++i) {
@@ -191,7 +174,7 @@ TEST_P(ShuffledOrNot, TwoPhasesAreTwoRunsBitForBit) {
     expected.summary.num_steps += num_steps;
 
     options.max_num_epochs = 7;
-    const Result result = TrainBy(
+    const TrainResult result = TrainBy(
         first + ":epochs=3>" + second, options, problem, problem.weights);
     ExpectSameRun(result, expected);
     EXPECT_EQ(result.summary.termination_type, ceres::NO_CONVERGENCE);
@@ -227,15 +210,16 @@ TEST(Phases, CallbacksSeeOneRun) {
   TrainOptions options = Epochs(5);
   options.callbacks = {&watcher};
   std::vector<long> evaluated;
-  options.on_evaluation = [&evaluated](const History& history) {
+  options.on_evaluation = [&evaluated](const Eigen::VectorXd&,
+                                       const History& history) {
     evaluated.push_back(history.back().step);
   };
   // 3 and 4 steps an epoch.
-  const Result result = TrainBy(
+  const TrainResult result = TrainBy(
       "adam:batch_size=4:epochs=2>gauss_newton:batch_size=3:epochs=1>"
       "adam:batch_size=4",
       options);
-  ASSERT_TRUE(result.is_good_input) << result.error;
+  ASSERT_EQ(result.error, "");
   ASSERT_EQ(watcher.steps.size(), 1u + 2 * 3 + 4 + 2 * 3);
   for (size_t i = 0; i < watcher.steps.size(); ++i) {
     EXPECT_EQ(watcher.steps[i], static_cast<int>(i));
@@ -252,7 +236,7 @@ TEST(Phases, CallbacksSeeOneRun) {
 TEST(Phases, TheBudgetIsThatOfTheWholeRun) {
   const std::string method = "adam:batch_size=4:epochs=5>adam:batch_size=6";
   // Within the first phase, of 3 steps an epoch.
-  Result result = TrainBy(method, Epochs(2));
+  TrainResult result = TrainBy(method, Epochs(2));
   EXPECT_EQ(result.summary.num_steps, 6);
   EXPECT_EQ(result.summary.message, "epochs done");
   TrainOptions options;
@@ -279,7 +263,7 @@ TEST(Phases, TheBudgetIsThatOfTheWholeRun) {
 // 4 steps of 3 are 4/3 epochs; of 2 an epoch, 4 more reach the third epoch.
 TEST(Phases, AnEpochBudgetEndsWithTheStepThatReachesIt) {
   const std::string method = "adam:batch_size=4:steps=4>adam:batch_size=6";
-  const Result result = TrainBy(method, Epochs(3));
+  const TrainResult result = TrainBy(method, Epochs(3));
   EXPECT_EQ(result.summary.num_steps, 4 + 4);
   EXPECT_EQ(result.summary.message, "epochs done");
   EXPECT_DOUBLE_EQ(result.history.back().epoch, 4.0 / 3.0 + 2.0);
@@ -287,13 +271,12 @@ TEST(Phases, AnEpochBudgetEndsWithTheStepThatReachesIt) {
   std::vector<long> steps;
   for (const HistoryRow& row : result.history) steps.push_back(row.step);
   EXPECT_EQ(steps, (std::vector<long>{0, 3, 4, 6, 8}));
-  EXPECT_EQ(NumEpochs(Parse(method), 12, 0, 8), result.history.back().epoch);
 }
 
 // (2 - 11 / 12) 12 is 13.000000000000002 in floating point.
 TEST(Phases, RoundingAddsNoStepToAnEpochBudget) {
   for (int first = 1; first < 24; ++first) {
-    const Result result =
+    const TrainResult result =
         TrainBy("adam:batch_size=1:steps=" + std::to_string(first) +
                     ">adam:batch_size=1",
                 Epochs(2));
@@ -304,28 +287,33 @@ TEST(Phases, RoundingAddsNoStepToAnEpochBudget) {
 
 // Steps far too long, which no phase keeps.
 TEST(Phases, StepsTakenBackAreAddedUp) {
-  const Result result = TrainBy(
+  const TrainResult result = TrainBy(
       "half_inverse:step_size=1e4:control=gain:epochs=3>"
       "half_inverse:step_size=1e4:control=gain",
       Epochs(5));
-  ASSERT_TRUE(result.is_good_input) << result.error;
+  ASSERT_EQ(result.error, "");
   EXPECT_EQ(result.summary.num_updates, 5);
   EXPECT_EQ(result.summary.num_taken_back, 5);
   EXPECT_EQ(result.summary.message, "epochs done; 5 of 5 steps taken back");
 }
 
-TEST(Phases, NumEpochsCountsEachPhasesOwn) {
-  const Method method =
-      Parse("adam:batch_size=4:epochs=2>adam:steps=3>ceres_lm");
+TEST(Phases, EpochsAreThoseOfEachPhase) {
+  const Parabola problem;
+  TrainOptions options = Epochs(6);
+  options.batch_size = 6;
+  TrainingRun run(problem.model,
+                  problem.train,
+                  "adam:batch_size=4:epochs=2>adam:steps=3>ceres_lm",
+                  options);
   // 3 steps an epoch, then 2 of the run's 6 samples, then one.
-  EXPECT_EQ(NumEpochs(method, 12, 6, 0), 0.0);
-  EXPECT_EQ(NumEpochs(method, 12, 6, 3), 1.0);
-  EXPECT_EQ(NumEpochs(method, 12, 6, 6), 2.0);
-  EXPECT_EQ(NumEpochs(method, 12, 6, 8), 3.0);
-  EXPECT_EQ(NumEpochs(method, 12, 6, 9), 3.5);
-  EXPECT_EQ(NumEpochs(method, 12, 6, 11), 5.5);
-  EXPECT_EQ(NumEpochs(Parse("adam"), 12, 0, 7), 7.0);
-  EXPECT_EQ(NumEpochs(Parse("ceres_lm"), 12, 4, 7), 7.0);
+  std::vector<double> epochs = {run.epoch()};
+  while (run.Step() && run.step() < 11) epochs.push_back(run.epoch());
+  EXPECT_EQ(epochs[0], 0.0);
+  EXPECT_EQ(epochs[3], 1.0);
+  EXPECT_EQ(epochs[6], 2.0);
+  EXPECT_EQ(epochs[8], 3.0);
+  EXPECT_EQ(epochs[9], 3.5);
+  EXPECT_EQ(epochs[10], 4.5);
 }
 
 TEST(Phases, WhatEndsARunEndsItInAnyPhase) {
@@ -333,7 +321,7 @@ TEST(Phases, WhatEndsARunEndsItInAnyPhase) {
   Watcher early(4);
   TrainOptions options = Epochs(5);
   options.callbacks = {&early};
-  Result result = TrainBy(method, options);
+  TrainResult result = TrainBy(method, options);
   EXPECT_EQ(result.summary.termination_type, ceres::USER_SUCCESS);
   EXPECT_EQ(result.summary.num_steps, 4);
   EXPECT_EQ(result.summary.message, "phase 1: stopped by a callback at step 4");
@@ -377,7 +365,7 @@ TEST(Phases, ARunThatIsStoppedGoesOnBitForBit) {
       "rmsprop:batch_size=5";
   TrainOptions options = Epochs(8);
   options.shuffle = true;
-  const Result whole = TrainBy(method, options, problem, problem.weights);
+  const TrainResult whole = TrainBy(method, options, problem, problem.weights);
 
   const TemporaryFolder folder;
   options.checkpoint_path = folder / "checkpoint";
@@ -392,23 +380,16 @@ TEST(Phases, ARunThatIsStoppedGoesOnBitForBit) {
     SCOPED_TRACE(step);
     EXPECT_EQ(stop_at(step).summary.num_steps, step);
   }
-  const std::vector<std::string> files =
-      CheckpointFiles(Parse(method), options.checkpoint_path);
-  EXPECT_EQ(files,
-            (std::vector<std::string>{folder / "checkpoint-phase1",
-                                      folder / "checkpoint-phase2",
-                                      folder / "checkpoint"}));
-  for (const std::string& file : files) {
-    EXPECT_TRUE(std::filesystem::exists(file)) << file;
-  }
+  EXPECT_TRUE(std::filesystem::exists(options.checkpoint_path));
   ExpectSameRun(TrainBy(method, options, problem, problem.weights), whole);
 
   // A larger budget in epochs goes on too.
-  for (const std::string& file : files) std::filesystem::remove(file);
+  std::filesystem::remove(options.checkpoint_path);
   for (const int num_epochs : {2, 4, 8}) {
     options.max_num_epochs = num_epochs;
-    const Result result = TrainBy(method, options, problem, problem.weights);
-    ASSERT_TRUE(result.is_good_input) << result.error;
+    const TrainResult result =
+        TrainBy(method, options, problem, problem.weights);
+    ASSERT_EQ(result.error, "");
     if (num_epochs == 8) ExpectSameRun(result, whole);
   }
 }
@@ -422,8 +403,9 @@ TEST(Phases, BadInputOfAnyPhaseIsRefusedBeforeAnythingRuns) {
     Watcher watcher;
     TrainOptions options = Epochs(5);
     options.callbacks = {&watcher};
-    const Result result = TrainBy(method, options, problem, problem.weights);
-    EXPECT_FALSE(result.is_good_input);
+    const TrainResult result =
+        TrainBy(method, options, problem, problem.weights);
+    EXPECT_NE(result.error, "");
     for (const std::string& word : words) {
       EXPECT_NE(result.error.find(word), std::string::npos) << result.error;
     }
@@ -459,26 +441,18 @@ TEST(Phases, AControlledPullBackInAClosedLoopIsRefusedBeforeAnythingRuns) {
     Watcher watcher;
     TrainOptions options = Epochs(2);
     options.callbacks = {&watcher};
-    Eigen::VectorXd weights = initial_weights;
-    History history;
-    TrainSummary summary;
-    EXPECT_FALSE(TrainByMethod(Parse(method),
-                               options,
-                               *learning.model,
-                               learning.inverse,
-                               learning.train,
-                               learning.test,
-                               &weights,
-                               &history,
-                               &summary,
-                               &error));
+    options.initial_weights = initial_weights;
+    options.inverse = learning.inverse;
+    const TrainResult result = Train(
+        *learning.model, {learning.train, learning.test}, method, options);
+    error = result.error;
     EXPECT_NE(error.find("control=gain: in a closed loop"), std::string::npos)
         << error;
     if (method != phase) {
       EXPECT_EQ(error.rfind(phase, 0), 0u) << error;
     }
-    EXPECT_EQ(weights, initial_weights);
-    EXPECT_TRUE(history.empty());
+    EXPECT_EQ(result.weights, initial_weights);
+    EXPECT_TRUE(result.history.empty());
     EXPECT_TRUE(watcher.steps.empty());
   }
 }
@@ -489,11 +463,11 @@ TEST(Phases, MemoryIsAskedForBeforeAnythingRuns) {
   TrainOptions options = Epochs(5);
   options.callbacks = {&watcher};
   options.memory_limit = 1e6;  // a Hessian of 901 weights needs 6.5 MB
-  EXPECT_TRUE(TrainBy("adam", options, problem, problem.weights).is_good_input);
+  EXPECT_EQ(TrainBy("adam", options, problem, problem.weights).error, "");
   watcher.steps.clear();
-  const Result result =
+  const TrainResult result =
       TrainBy("adam:epochs=1>newton", options, problem, problem.weights);
-  EXPECT_FALSE(result.is_good_input);
+  EXPECT_NE(result.error, "");
   EXPECT_NE(result.error.find("newton: batch_size=12 needs "),
             std::string::npos)
       << result.error;
@@ -506,12 +480,11 @@ TEST(Phases, ACheckpointOfAnotherNetworkIsRefused) {
   options.checkpoint_path = folder / "checkpoint";
   const std::string method = "adam:epochs=1>adam";
   const Parabola small;
-  ASSERT_TRUE(TrainBy(method, options, small, small.weights).is_good_input);
+  ASSERT_EQ(TrainBy(method, options, small, small.weights).error, "");
   const Parabola large(5);
-  const Result result = TrainBy(method, options, large, large.weights);
-  EXPECT_FALSE(result.is_good_input);
-  EXPECT_NE(result.error.find("checkpoint-phase1: array 'weights'"),
-            std::string::npos)
+  const TrainResult result = TrainBy(method, options, large, large.weights);
+  EXPECT_NE(result.error, "");
+  EXPECT_NE(result.error.find("checkpoint: array 'weights'"), std::string::npos)
       << result.error;
   EXPECT_EQ(result.weights, large.weights);
 }

@@ -9,46 +9,15 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/train/rule_engine.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/train_problem.h"
 
 namespace invgrad {
 namespace {
-
-struct Trained {
-  Eigen::VectorXd weights;
-  History history;
-  TrainSummary summary;
-
-  const HistoryRow& last() const { return history.back(); }
-};
-
-Trained Train(const LearningProblem& problem,
-              const std::string& specification,
-              const TrainOptions& options) {
-  std::vector<Method> methods;
-  std::string error;
-  EXPECT_TRUE(ParseMethods(specification, &methods, &error)) << error;
-  Trained run;
-  NumpyRandom random(1);
-  run.weights =
-      problem.model->network().InitialWeights(problem.initialization, &random);
-  EXPECT_TRUE(TrainByMethod(methods.at(0),
-                            options,
-                            *problem.model,
-                            problem.inverse,
-                            problem.train,
-                            problem.test,
-                            &run.weights,
-                            &run.history,
-                            &run.summary,
-                            &error))
-      << error;
-  return run;
-}
 
 TrainOptions Steps(long num_steps) {
   TrainOptions options;
@@ -61,18 +30,21 @@ TrainOptions Steps(long num_steps) {
 TEST(PullBackTraining, DifferentiablePhysicsIsTheRuleAlone) {
   const LearningProblem problem =
       CreateLearningProblem("sine:xi=2:phi=10:num_samples=200");
-  const Trained chain = Train(problem, "dp_adam", Steps(20));
-  const Trained alone = Train(problem, "adam", Steps(20));
+  const TrainResult chain = TrainProblem(problem, "dp_adam", Steps(20));
+  const TrainResult alone = TrainProblem(problem, "adam", Steps(20));
   EXPECT_LT((chain.weights - alone.weights).norm(),
             1e-10 * alone.weights.norm());
-  EXPECT_TRUE(std::isnan(chain.last().by_inverse)) << "nothing was inverted";
+  EXPECT_TRUE(std::isnan(chain.history.back().by_inverse))
+      << "nothing was inverted";
 }
 
 TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
   const LearningProblem problem =
       CreateLearningProblem("sine:xi=2:phi=10:num_samples=200");
-  const Trained chain = Train(problem, "hig:step_size=0.01", Steps(3));
-  const Trained alone = Train(problem, "half_inverse:step_size=0.01", Steps(3));
+  const TrainResult chain =
+      TrainProblem(problem, "hig:step_size=0.01", Steps(3));
+  const TrainResult alone =
+      TrainProblem(problem, "half_inverse:step_size=0.01", Steps(3));
   EXPECT_EQ(chain.weights, alone.weights);
 }
 
@@ -109,44 +81,36 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
     SCOPED_TRACE(num_updates);
     ChainPullBack::Options options;
     options.updates_per_evaluation = num_updates;
-    ChainPullBack pull_back(problem.model.get(), problem.inverse, options);
-    TrainOptions train_options = Steps(1);
-    train_options.pull_back = &pull_back;
-    NumpyRandom random(1);
-    const Eigen::VectorXd start = problem.model->network().InitialWeights(
-        problem.initialization, &random);
+    const auto rule = std::make_shared<NotingRule>();
+    RuleEngine::Options engine_options;
+    engine_options.batch_size = 100;
+    RuleEngine engine(engine_options,
+                      std::make_unique<ChainPullBack>(
+                          problem.model.get(), problem.inverse, options),
+                      rule,
+                      &problem.train);
+    const Eigen::VectorXd start = InitialWeights(problem);
     Eigen::VectorXd weights = start;
-    NotingRule rule;
-    History history;
-    TrainSummary summary;
-    std::string error;
-    ASSERT_TRUE(invgrad::Train(train_options,
-                               *problem.model,
-                               problem.train,
-                               problem.test,
-                               &rule,
-                               &weights,
-                               &history,
-                               &summary,
-                               &error))
-        << error;
-    ASSERT_EQ(rule.before.size(), static_cast<size_t>(num_updates));
-    ASSERT_EQ(rule.after.size(), rule.before.size());
+    EXPECT_EQ(engine.Step(0.0, &weights).outcome,
+              Engine::StepResult::Outcome::kStepped);
+    ASSERT_EQ(rule->before.size(), static_cast<size_t>(num_updates));
+    ASSERT_EQ(rule->after.size(), rule->before.size());
     ChainPullBack again(problem.model.get(), problem.inverse, options);
     LinearizationParts parts;
     parts.gradient = true;
     Linearization proxy;
+    std::string error;
     Eigen::VectorXd at = start;
     ASSERT_TRUE(again.Linearize(at, problem.train, parts, &proxy, &error));
     for (int k = 0; k < num_updates; ++k) {
       ASSERT_TRUE(
           again.LinearizeAgain(at, problem.train, parts, &proxy, &error));
-      EXPECT_EQ(rule.before[k], proxy.cost);
+      EXPECT_EQ(rule->before[k], proxy.cost);
       at -= 1e-3 * proxy.gradient;
       ASSERT_TRUE(
           again.LinearizeAgain(at, problem.train, parts, &proxy, &error));
-      EXPECT_EQ(rule.after[k], proxy.cost);
-      EXPECT_LT(rule.after[k], rule.before[k]);
+      EXPECT_EQ(rule->after[k], proxy.cost);
+      EXPECT_LT(rule->after[k], rule->before[k]);
     }
     EXPECT_EQ(at, weights);
   }
@@ -162,22 +126,23 @@ TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
         "newton/inverse/gauss_newton:control=gain",
         "newton/adjoint/adaptive_power:y_step_size=0.01"}) {
     SCOPED_TRACE(method);
-    const Trained run = Train(problem, method, Steps(60));
+    const TrainResult run = TrainProblem(problem, method, Steps(60));
     EXPECT_EQ(run.summary.num_steps, 60) << run.summary.message;
     EXPECT_LT(run.summary.num_taken_back, 30);
-    EXPECT_LT(run.last().train_loss, 0.5 * run.history.front().train_loss);
+    EXPECT_LT(run.history.back().train_loss,
+              0.5 * run.history.front().train_loss);
   }
 }
 
 TEST(PullBackTraining, EverySampleIsCountedOnce) {
   const LearningProblem problem =
       CreateLearningProblem("sine:xi=4:num_samples=200");
-  const Trained run = Train(problem, "sip", Steps(7));
-  EXPECT_EQ(run.last().by_inverse, 700.0);
-  EXPECT_EQ(run.last().by_numerical_inverse, 0.0);
-  EXPECT_EQ(run.last().by_inverse_gradient, 0.0);
-  EXPECT_EQ(run.last().by_gradient, 0.0);
-  EXPECT_EQ(run.last().not_moved, 0.0);
+  const TrainResult run = TrainProblem(problem, "sip", Steps(7));
+  EXPECT_EQ(run.history.back().by_inverse, 700.0);
+  EXPECT_EQ(run.history.back().by_numerical_inverse, 0.0);
+  EXPECT_EQ(run.history.back().by_inverse_gradient, 0.0);
+  EXPECT_EQ(run.history.back().by_gradient, 0.0);
+  EXPECT_EQ(run.history.back().not_moved, 0.0);
   EXPECT_NE(run.summary.message.find("700 inverse"), std::string::npos)
       << run.summary.message;
 }
@@ -189,16 +154,18 @@ TEST(PullBackTraining, AWrongInverseIsCaughtAndCounted) {
       CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
   const LearningProblem right =
       CreateLearningProblem("multimodal:num_samples=400");
-  const Trained run = Train(wrong, "sip", Steps(400));
-  const Trained reference = Train(right, "sip", Steps(400));
-  EXPECT_LT(run.last().test_loss, 0.05 * run.history.front().test_loss);
-  EXPECT_LT(run.last().test_loss, 2.0 * reference.last().test_loss);
+  const TrainResult run = TrainProblem(wrong, "sip", Steps(400));
+  const TrainResult reference = TrainProblem(right, "sip", Steps(400));
+  EXPECT_LT(run.history.back().test_loss, 0.05 * run.history.front().test_loss);
+  EXPECT_LT(run.history.back().test_loss,
+            2.0 * reference.history.back().test_loss);
   // The mean of |x*| > 1/2 is half of the samples: y > 1/4.
-  EXPECT_NEAR(run.last().by_numerical_inverse / 40000.0, 0.5, 0.1);
-  EXPECT_NEAR(run.last().by_inverse / 40000.0, 0.5, 0.1);
-  EXPECT_EQ(run.last().by_inverse + run.last().by_numerical_inverse +
-                run.last().by_inverse_gradient + run.last().by_gradient +
-                run.last().not_moved,
+  EXPECT_NEAR(run.history.back().by_numerical_inverse / 40000.0, 0.5, 0.1);
+  EXPECT_NEAR(run.history.back().by_inverse / 40000.0, 0.5, 0.1);
+  EXPECT_EQ(run.history.back().by_inverse +
+                run.history.back().by_numerical_inverse +
+                run.history.back().by_inverse_gradient +
+                run.history.back().by_gradient + run.history.back().not_moved,
             40000.0);
   EXPECT_NE(run.summary.message.find("(first at step 1, sample"),
             std::string::npos)
@@ -209,26 +176,27 @@ TEST(PullBackTraining, AResumedRunEndsWithTheSameBitsAndCounts) {
   const LearningProblem problem =
       CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
   const std::string method = "sip:updates=2:curvature_weight=0.5";
-  const Trained whole = Train(problem, method, Steps(30));
+  const TrainResult whole = TrainProblem(problem, method, Steps(30));
   const TemporaryFolder folder;
   TrainOptions options = Steps(13);
   options.checkpoint_path = folder / "checkpoint";
-  Train(problem, method, options);
+  TrainProblem(problem, method, options);
   options.max_num_steps = 30;
-  const Trained resumed = Train(problem, method, options);
+  const TrainResult resumed = TrainProblem(problem, method, options);
   EXPECT_EQ(resumed.weights, whole.weights);
-  EXPECT_EQ(resumed.last().by_inverse, whole.last().by_inverse);
-  EXPECT_EQ(resumed.last().by_numerical_inverse,
-            whole.last().by_numerical_inverse);
-  EXPECT_EQ(resumed.last().by_inverse + resumed.last().by_numerical_inverse,
+  EXPECT_EQ(resumed.history.back().by_inverse, whole.history.back().by_inverse);
+  EXPECT_EQ(resumed.history.back().by_numerical_inverse,
+            whole.history.back().by_numerical_inverse);
+  EXPECT_EQ(resumed.history.back().by_inverse +
+                resumed.history.back().by_numerical_inverse,
             3000.0);
 }
 
 TEST(PullBackTraining, ThreadsDoNotChangeABit) {
   const LearningProblem problem =
       CreateLearningProblem("multimodal:wrong_inverse=true:num_samples=400");
-  const Trained one = Train(problem, "sip", Steps(20));
-  const Trained three = Train(problem, "sip:threads=3", Steps(20));
+  const TrainResult one = TrainProblem(problem, "sip", Steps(20));
+  const TrainResult three = TrainProblem(problem, "sip:threads=3", Steps(20));
   EXPECT_EQ(one.weights, three.weights);
   EXPECT_EQ(one.summary.message, three.summary.message);
 }
@@ -237,11 +205,12 @@ TEST(PullBackTraining, ThreadsDoNotChangeABit) {
 TEST(PullBackTraining, SeveralUpdatesPerEvaluationGoFurther) {
   const LearningProblem problem =
       CreateLearningProblem("exponential:num_samples=400");
-  const Trained one = Train(problem, "sip:step_size=1e-4", Steps(40));
-  const Trained four =
-      Train(problem, "sip:step_size=1e-4:updates=4", Steps(40));
-  EXPECT_EQ(one.last().by_inverse, four.last().by_inverse);
-  EXPECT_LT(four.last().test_loss, one.last().test_loss);
+  const TrainResult one =
+      TrainProblem(problem, "sip:step_size=1e-4", Steps(40));
+  const TrainResult four =
+      TrainProblem(problem, "sip:step_size=1e-4:updates=4", Steps(40));
+  EXPECT_EQ(one.history.back().by_inverse, four.history.back().by_inverse);
+  EXPECT_LT(four.history.back().test_loss, one.history.back().test_loss);
 }
 
 // Supervised training averages the two pre-images; an inverse keeps to one.
@@ -256,9 +225,9 @@ TEST(PullBackTraining, SupervisedTrainingAveragesAndInversionDoesNot) {
     return problem.metric->evaluate(forward.outputs, problem.test);
   };
   // The mean of |x*| is 1/2, that of a fit to its own noise somewhat less.
-  EXPECT_GT(metric(Train(problem, "supervised", Steps(1500))), 0.4);
-  EXPECT_LT(metric(Train(problem, "sip", Steps(1500))), 0.05);
-  EXPECT_LT(metric(Train(problem, "dp_adam", Steps(1500))), 0.05);
+  EXPECT_GT(metric(TrainProblem(problem, "supervised", Steps(1500))), 0.4);
+  EXPECT_LT(metric(TrainProblem(problem, "sip", Steps(1500))), 0.05);
+  EXPECT_LT(metric(TrainProblem(problem, "dp_adam", Steps(1500))), 0.05);
 }
 
 // P(x) = x^2 + 1 never reaches y* = 0.
@@ -279,17 +248,20 @@ TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
       Reduction::kMean);
   problem.train.targets.setZero();
   problem.test.targets.setZero();
-  const Trained run = Train(problem, "newton/numerical/adam", Steps(500));
-  EXPECT_EQ(run.last().by_numerical_inverse, 0.0);
-  EXPECT_GT(run.last().by_inverse_gradient + run.last().by_gradient, 0.0);
+  const TrainResult run =
+      TrainProblem(problem, "newton/numerical/adam", Steps(500));
+  EXPECT_EQ(run.history.back().by_numerical_inverse, 0.0);
+  EXPECT_GT(
+      run.history.back().by_inverse_gradient + run.history.back().by_gradient,
+      0.0);
   EXPECT_NE(run.summary.message.find("% of the way"), std::string::npos)
       << run.summary.message;
   // The best is x = 0, L = 1/2.
-  EXPECT_NEAR(run.last().test_loss, 0.5, 0.01);
-  const Trained nearer =
-      Train(problem, "newton/numerical/adam:accept_nearer=true", Steps(500));
-  EXPECT_GT(nearer.last().by_numerical_inverse, 0.0);
-  EXPECT_NEAR(nearer.last().test_loss, 0.5, 0.01);
+  EXPECT_NEAR(run.history.back().test_loss, 0.5, 0.01);
+  const TrainResult nearer = TrainProblem(
+      problem, "newton/numerical/adam:accept_nearer=true", Steps(500));
+  EXPECT_GT(nearer.history.back().by_numerical_inverse, 0.0);
+  EXPECT_NEAR(nearer.history.back().test_loss, 0.5, 0.01);
 }
 
 // What an inverse says stands in files of one line a run.
@@ -301,8 +273,8 @@ TEST(PullBackTraining, ReasonsAreOneLine) {
          const InverseSimulator::ConstVectorRef&,
          Eigen::VectorXd*,
          std::string*) -> bool { throw std::runtime_error("two\nlines\r"); });
-  const Trained run = Train(problem, "sip", Steps(2));
-  EXPECT_EQ(run.last().by_inverse, 0.0);
+  const TrainResult run = TrainProblem(problem, "sip", Steps(2));
+  EXPECT_EQ(run.history.back().by_inverse, 0.0);
   EXPECT_NE(run.summary.message.find("the inverse threw: two lines "),
             std::string::npos)
       << run.summary.message;
@@ -311,21 +283,8 @@ TEST(PullBackTraining, ReasonsAreOneLine) {
 
 TEST(PullBackTraining, SupervisionNeedsSolutions) {
   const LearningProblem problem = CreateLearningProblem("sine:num_samples=200");
-  std::vector<Method> methods;
-  std::string error;
-  ASSERT_TRUE(ParseMethods("supervised", &methods, &error)) << error;
-  Trained run;
-  run.weights = Eigen::VectorXd::Zero(problem.model->num_weights());
-  EXPECT_FALSE(TrainByMethod(methods[0],
-                             Steps(1),
-                             *problem.model,
-                             problem.inverse,
-                             problem.train,
-                             problem.test,
-                             &run.weights,
-                             &run.history,
-                             &run.summary,
-                             &error));
+  const std::string error =
+      Train(*problem.model, problem.train, "supervised", Steps(1)).error;
   EXPECT_NE(error.find("no solutions"), std::string::npos) << error;
 }
 

@@ -104,36 +104,20 @@ TEST(TrainingMemory, HoldsForAnySize) {
 }
 
 // A run of the first batch size of `batch_size` or none.
-std::string TrainError(const std::string& method_text,
+std::string TrainError(const std::string& method,
                        int batch_size,
                        double memory_limit) {
   const Model model = MakeModel({20, 40, 10});
   const DataSet train = MakeData(model, 400);
-  std::vector<Method> methods;
-  std::string error;
-  EXPECT_TRUE(ParseMethods(method_text, &methods, &error)) << error;
   TrainOptions options;
   options.batch_size = batch_size;
   options.max_num_steps = 1;
   options.memory_limit = memory_limit;
-  Eigen::VectorXd weights =
+  options.initial_weights =
       Eigen::VectorXd::Constant(model.num_weights(), 0.01);
-  History history;
-  TrainSummary summary;
-  if (TrainByMethod(methods[0],
-                    options,
-                    model,
-                    nullptr,
-                    train,
-                    DataSet(),
-                    &weights,
-                    &history,
-                    &summary,
-                    &error)) {
-    return "";
-  }
-  EXPECT_TRUE(history.empty());
-  return error;
+  const TrainResult result = Train(model, train, method, options);
+  EXPECT_EQ(result.history.empty(), !result.error.empty());
+  return result.error;
 }
 
 TEST(TrainingFits, RefusesABatchBeforeTheFirstStep) {

@@ -56,13 +56,14 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/model.h"
+#include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/pull_back_counts.h"
 #include "invgrad/inverse/simulator_pull_back.h"
 
 namespace invgrad {
 
-class ChainPullBack {
+class ChainPullBack final : public BatchObjective {
  public:
   enum class Proxy { kL2, kL1 };
 
@@ -89,7 +90,7 @@ class ChainPullBack {
                  const DataSet& batch,
                  const LinearizationParts& parts,
                  Linearization* linearization,
-                 std::string* error);
+                 std::string* error) override;
 
   // At other weights, with the x~ and the batch of the last Linearize; the cost
   // is the proxy's.
@@ -97,16 +98,19 @@ class ChainPullBack {
                       const DataSet& batch,
                       const LinearizationParts& parts,
                       Linearization* linearization,
-                      std::string* error);
+                      std::string* error) override;
 
   // Whether the data must have solutions.
   bool needs_solutions() const {
     return options_.is_supervised || options_.data_weight > 0.0;
   }
-  int updates_per_evaluation() const { return options_.updates_per_evaluation; }
+  bool is_proxy() const override { return true; }
+  int updates_per_step() const override {
+    return options_.updates_per_evaluation;
+  }
   const PullBackCounts& counts() const { return counts_; }
 
-  PullBackCounts* mutable_counts() { return &counts_; }
+  PullBackCounts* mutable_counts() override { return &counts_; }
 
  private:
   bool PullBackSamples(const Eigen::MatrixXd& x,

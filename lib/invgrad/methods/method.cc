@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -25,9 +26,9 @@ std::vector<std::string> AllMethodNames() {
   return names;
 }
 
-bool FindRuleRow(const std::string& name, Method* method, std::string* error) {
-  method->rule = FindRule(name);
-  if (method->rule != nullptr) return true;
+bool FindRuleRow(const std::string& name, Phase* phase, std::string* error) {
+  phase->rule = FindRule(name);
+  if (phase->rule != nullptr) return true;
   std::vector<std::string> names;
   for (const RuleRow& row : Rules()) names.push_back(row.name);
   *error = UnknownNameMessage("rule", name, names);
@@ -35,7 +36,7 @@ bool FindRuleRow(const std::string& name, Method* method, std::string* error) {
 }
 
 // "loss/simulator/rule"
-bool FindWays(const std::string& name, Method* method, std::string* error) {
+bool FindWays(const std::string& name, Phase* phase, std::string* error) {
   const size_t first = name.find('/');
   const size_t second = name.find('/', first + 1);
   if (second == std::string::npos ||
@@ -43,28 +44,28 @@ bool FindWays(const std::string& name, Method* method, std::string* error) {
     *error = "'" + name + "': wanted LOSS/SIMULATOR/RULE";
     return false;
   }
-  return method->pull_back.emplace().SetWays(
+  return phase->pull_back.emplace().SetWays(
              name.substr(0, first),
              name.substr(first + 1, second - first - 1),
              error) &&
-         FindRuleRow(name.substr(second + 1), method, error);
+         FindRuleRow(name.substr(second + 1), phase, error);
 }
 
 // Finds the rows that "rule", "loss/simulator/rule", "ceres" or "ceres+rule"
 // names.
-bool FindRows(const std::string& name, Method* method, std::string* error) {
+bool FindRows(const std::string& name, Phase* phase, std::string* error) {
   const ChainMethodRow* chain = FindChainMethod(name);
   if (chain != nullptr) {
-    return method->pull_back.emplace().SetWays(
+    return phase->pull_back.emplace().SetWays(
                chain->loss, chain->simulator, error) &&
-           FindRuleRow(chain->rule, method, error);
+           FindRuleRow(chain->rule, phase, error);
   }
-  if (name.find('/') != std::string::npos) return FindWays(name, method, error);
+  if (name.find('/') != std::string::npos) return FindWays(name, phase, error);
   const size_t plus = name.find('+');
   if (plus == std::string::npos) {
-    method->rule = FindRule(name);
-    method->ceres = FindCeresMethod(name);
-    if (method->rule == nullptr && method->ceres == nullptr) {
+    phase->rule = FindRule(name);
+    phase->ceres = FindCeresMethod(name);
+    if (phase->rule == nullptr && phase->ceres == nullptr) {
       *error = UnknownNameMessage("rule", name, AllMethodNames());
       return false;
     }
@@ -72,13 +73,13 @@ bool FindRows(const std::string& name, Method* method, std::string* error) {
   }
   const std::string ceres_name = name.substr(0, plus);
   const std::string rule_name = name.substr(plus + 1);
-  method->ceres = FindCeresMethod(ceres_name);
-  if (method->ceres == nullptr || !method->ceres->is_trust_region) {
+  phase->ceres = FindCeresMethod(ceres_name);
+  if (phase->ceres == nullptr || !phase->ceres->is_trust_region) {
     *error = "'" + name + "': steps can be proposed to ceres_lm and " +
              "ceres_dogleg, not to '" + ceres_name + "'";
     return false;
   }
-  return FindRuleRow(rule_name, method, error);
+  return FindRuleRow(rule_name, phase, error);
 }
 
 bool IsOwn(const std::string& name) {
@@ -86,7 +87,7 @@ bool IsOwn(const std::string& name) {
 }
 
 // The settings that belong to the method itself.
-bool SetOwn(const Settings& settings, Method* method, std::string* error) {
+bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   constexpr double kMax = 1e9;
   int batch_size = 0;
   int num_epochs = 1;
@@ -97,9 +98,9 @@ bool SetOwn(const Settings& settings, Method* method, std::string* error) {
   set.Add("steps", &num_steps, {1, kMax}, "share of a phase");
   if (!set.SetAll(settings, error)) return false;
   for (const auto& [name, ignored] : settings) {
-    if (name == "batch_size") method->batch_size = batch_size;
-    if (name == "epochs") method->num_epochs = num_epochs;
-    if (name == "steps") method->num_steps = num_steps;
+    if (name == "batch_size") phase->batch_size = batch_size;
+    if (name == "epochs") phase->num_epochs = num_epochs;
+    if (name == "steps") phase->num_steps = num_steps;
   }
   return true;
 }
@@ -118,13 +119,13 @@ void AddDefaults(const Settings& defaults, Settings* settings) {
 
 // Every setting is an option of the ways; if not, the message suggests the
 // rule's options too.
-bool CheckOptionNames(const Method& method,
+bool CheckOptionNames(const Phase& phase,
                       const OptionSet& ways,
                       const Settings& settings,
                       std::string* error) {
   std::vector<std::string> names = {"batch_size", "epochs", "steps"};
   for (const OptionSet::Row& row : ways.rows()) names.push_back(row.name);
-  for (const OptionSet::Row& row : method.rule->options()) {
+  for (const OptionSet::Row& row : phase.rule->options()) {
     names.push_back(row.name);
   }
   for (const auto& setting : settings) {
@@ -137,10 +138,10 @@ bool CheckOptionNames(const Method& method,
 }
 
 bool ParsePhase(const Specification& specification,
-                Method* method,
+                Phase* phase,
                 std::string* error) {
-  method->label = specification.text;
-  if (!FindRows(specification.name, method, error)) return false;
+  phase->label = specification.text;
+  if (!FindRows(specification.name, phase, error)) return false;
   const ChainMethodRow* chain = FindChainMethod(specification.name);
   Settings settings = specification.settings;
   if (chain != nullptr) AddDefaults(chain->defaults, &settings);
@@ -150,24 +151,24 @@ bool ParsePhase(const Specification& specification,
   for (const auto& setting : settings) {
     if (IsOwn(setting.first)) {
       own_settings.push_back(setting);
-    } else if (method->rule != nullptr &&
-               (HasOption(method->rule->options(), setting.first) ||
-                (method->ceres == nullptr && !method->pull_back.has_value()))) {
-      method->rule_settings.push_back(setting);
-    } else if (method->pull_back.has_value()) {
+    } else if (phase->rule != nullptr &&
+               (HasOption(phase->rule->options(), setting.first) ||
+                (phase->ceres == nullptr && !phase->pull_back.has_value()))) {
+      phase->rule_settings.push_back(setting);
+    } else if (phase->pull_back.has_value()) {
       pull_back_settings.push_back(setting);
     } else {
-      method->ceres_settings.push_back(setting);
+      phase->ceres_settings.push_back(setting);
     }
   }
-  if (!SetOwn(own_settings, method, &why)) {
+  if (!SetOwn(own_settings, phase, &why)) {
     *error = specification.name + ": " + why;
     return false;
   }
-  if (method->pull_back.has_value()) {
+  if (phase->pull_back.has_value()) {
     OptionSet set;
-    method->pull_back->Describe(&set);
-    if (!CheckOptionNames(*method, set, pull_back_settings, &why) ||
+    phase->pull_back->Describe(&set);
+    if (!CheckOptionNames(*phase, set, pull_back_settings, &why) ||
         !set.SetAll(pull_back_settings, &why)) {
       *error = specification.name + ": " + why;
       return false;
@@ -175,11 +176,11 @@ bool ParsePhase(const Specification& specification,
   }
   ceres::Solver::Options options;
   ceres::GradientProblemSolver::Options gradient_options;
-  if ((method->rule != nullptr &&
-       method->rule->create(method->rule_settings, &why) == nullptr) ||
-      (method->ceres != nullptr &&
-       !method->ceres->configure(
-           method->ceres_settings, &options, &gradient_options, &why))) {
+  if ((phase->rule != nullptr &&
+       phase->rule->create(phase->rule_settings, &why) == nullptr) ||
+      (phase->ceres != nullptr &&
+       !phase->ceres->configure(
+           phase->ceres_settings, &options, &gradient_options, &why))) {
     *error = specification.name + ": " + why;
     return false;
   }
@@ -188,7 +189,7 @@ bool ParsePhase(const Specification& specification,
 
 // False if the phase, with another one after it or not, has no share of the run
 // or one that it may not have.
-bool CheckShare(const Method& phase, bool is_last, std::string* error) {
+bool CheckShare(const Phase& phase, bool is_last, std::string* error) {
   const bool has_share = phase.num_epochs > 0 || phase.num_steps > 0;
   if (is_last && has_share) {
     *error = "'" + phase.label +
@@ -211,41 +212,9 @@ bool CheckShare(const Method& phase, bool is_last, std::string* error) {
   return true;
 }
 
-// "phase>phase>phase"
-bool ParseMethod(const std::string& text, Method* method, std::string* error) {
-  std::vector<Method> phases;
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find('>', begin), text.size());
-    std::vector<Specification> specifications;
-    Method phase;
-    if (!ParseSpecifications(
-            text.substr(begin, end - begin), &specifications, error) ||
-        !ParsePhase(specifications[0], &phase, error) ||
-        !CheckShare(phase, end == text.size(), error)) {
-      return false;
-    }
-    phases.push_back(std::move(phase));
-    begin = end + 1;
-  }
-  *method = std::move(phases.back());
-  phases.pop_back();
-  method->earlier = std::move(phases);
-  method->label = text;
-  return true;
-}
-
 }  // namespace
 
-void Method::AddCeresDefaults(const Settings& defaults) {
-  if (ceres == nullptr) return;
-  for (const auto& setting : defaults) {
-    if (HasOption(ceres->options(), setting.first)) {
-      AddDefaults({setting}, &ceres_settings);
-    }
-  }
-}
-
-std::unique_ptr<UpdateRule> Method::MakeRule() const {
+std::unique_ptr<UpdateRule> Phase::MakeRule() const {
   if (rule == nullptr) return nullptr;
   std::string error;
   std::unique_ptr<UpdateRule> made = rule->create(rule_settings, &error);
@@ -253,11 +222,59 @@ std::unique_ptr<UpdateRule> Method::MakeRule() const {
   return made;
 }
 
-std::vector<const Method*> Method::Phases() const {
-  std::vector<const Method*> phases;
-  for (const Method& phase : earlier) phases.push_back(&phase);
-  phases.push_back(this);
-  return phases;
+void Phase::ConfigureCeres(
+    ceres::Solver::Options* options,
+    ceres::GradientProblemSolver::Options* gradient_options) const {
+  CHECK(ceres != nullptr) << label << " has no minimizer of Ceres";
+  std::string error;
+  CHECK(ceres->configure(ceres_settings, options, gradient_options, &error))
+      << error;
+}
+
+int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
+  const int size = batch_size >= 0 ? batch_size : batch_size_of_run;
+  return size == 0 || ceres != nullptr ? num_samples : size;
+}
+
+long Phase::StepsPerEpoch(int batch_size_of_run, int num_samples) const {
+  return num_samples / BatchSize(batch_size_of_run, num_samples);
+}
+
+void Method::AddCeresDefaults(const Settings& defaults) {
+  Phase& last = phases.back();
+  if (last.ceres == nullptr) return;
+  for (const auto& setting : defaults) {
+    if (HasOption(last.ceres->options(), setting.first)) {
+      AddDefaults({setting}, &last.ceres_settings);
+    }
+  }
+}
+
+// "phase>phase>phase"
+bool ParseMethod(const std::string& text, Method* method, std::string* error) {
+  method->label = text;
+  method->phases.clear();
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find('>', begin), text.size());
+    std::vector<Specification> specifications;
+    Phase phase;
+    if (!ParseSpecifications(
+            text.substr(begin, end - begin), &specifications, error)) {
+      return false;
+    }
+    if (specifications.size() != 1) {
+      *error = fmt::format(
+          "'{}': a comma separates methods; one is allowed here", text);
+      return false;
+    }
+    if (!ParsePhase(specifications[0], &phase, error) ||
+        !CheckShare(phase, end == text.size(), error)) {
+      return false;
+    }
+    method->phases.push_back(std::move(phase));
+    begin = end + 1;
+  }
+  return true;
 }
 
 bool ParseMethods(const std::string& text,
@@ -271,7 +288,7 @@ bool ParseMethods(const std::string& text,
     if (!ParseMethod(specification.text, &method, error)) return false;
     for (const Method& other : *methods) {
       if (other.label == method.label) {
-        *error = "'" + method.label + "' is listed twice";
+        *error = fmt::format("'{}' is listed twice", method.label);
         return false;
       }
     }

@@ -1,15 +1,14 @@
-// MinimizeByMethod of method.h.
+#include "invgrad/minimize/method_minimization.h"
 
 #include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
 
-#include "invgrad/methods/ceres_method.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/problem_minimization.h"
 #include "invgrad/minimize/pull_back_objective.h"
-#include "invgrad/train/training_memory.h"
+#include "invgrad/minimize/trust_region_memory.h"
 
 namespace invgrad {
 
@@ -47,19 +46,19 @@ class PathRecorder final : public ceres::IterationCallback {
   std::vector<Eigen::VectorXd>* path_;
 };
 
-void MinimizeByRule(const Method& method,
+void MinimizeByRule(const Phase& phase,
                     const MinimizerOptions& options,
                     std::shared_ptr<const InverseSimulator> inverse,
                     ChainObjective* objective,
                     std::vector<Eigen::VectorXd>* path,
                     MinimizerSummary* summary) {
-  const std::unique_ptr<UpdateRule> rule = method.MakeRule();
+  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
   // What the rule gets to see.
   Objective* seen = objective;
   std::optional<ChainObjective> joint;
   std::optional<PullBackObjective> pulled_back;
-  if (method.pull_back.has_value()) {
-    const PullBackMethod& ways = *method.pull_back;
+  if (phase.pull_back.has_value()) {
+    const PullBackMethod& ways = *phase.pull_back;
     if (ways.is_joint()) {
       seen = &joint.emplace(objective->shared_simulator(),
                             ways.MakeLoss(objective->shared_loss()),
@@ -95,28 +94,29 @@ bool MinimizeByMethod(const Method& method,
                       MinimizerSummary* summary,
                       std::string* error) {
   path->clear();
-  if (!method.earlier.empty()) {
+  const Phase& phase = method.last_phase();
+  if (method.phases.size() > 1) {
     *error = "a method in phases needs a network to train";
     return false;
   }
-  if (method.pull_back.has_value() && method.pull_back->needs_solutions()) {
+  if (phase.pull_back.has_value() && phase.pull_back->needs_solutions()) {
     *error = "a point has no data to learn from";
     return false;
   }
-  if (method.pull_back.has_value() && method.pull_back->needs_batches()) {
+  if (phase.pull_back.has_value() && phase.pull_back->needs_batches()) {
     *error = "proxy, curvature_weight, updates and max_change need a network";
     return false;
   }
-  if (method.ceres == nullptr) {
-    if (method.pull_back.has_value() && !method.pull_back->is_joint() &&
-        method.MakeRule()->JudgesSteps()) {
+  if (phase.ceres == nullptr) {
+    if (phase.pull_back.has_value() && !phase.pull_back->is_joint() &&
+        phase.MakeRule()->JudgesSteps()) {
       *error =
           "control=gain judges by a cost, and the change that is pulled back "
           "to a point has none";
       return false;
     }
     MinimizeByRule(
-        method, options, std::move(inverse), objective, path, summary);
+        phase, options, std::move(inverse), objective, path, summary);
     return true;
   }
   Eigen::VectorXd x = objective->State();
@@ -125,8 +125,8 @@ bool MinimizeByMethod(const Method& method,
   recorded.callbacks.insert(recorded.callbacks.begin(), &recorder);
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options gradient_options;
-  ConfigureCeres(method, &solver_options, &gradient_options);
-  if (!method.ceres->is_trust_region) {
+  phase.ConfigureCeres(&solver_options, &gradient_options);
+  if (!phase.ceres->is_trust_region) {
     // A line search sees the gradient and no Jacobian, which may be large.
     if (!HasStart(*objective, path, summary)) return true;
     MinimizeWithCeres(

@@ -4,10 +4,11 @@
 #include <utility>
 #include <vector>
 
+#include "ceres/cost_function.h"
 #include "ceres/types.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/methods/ceres_method.h"
-#include "invgrad/train/training_memory.h"
+#include "invgrad/minimize/ceres_minimizer.h"
+#include "invgrad/minimize/trust_region_memory.h"
 
 namespace invgrad {
 
@@ -41,7 +42,7 @@ double NumVariableResiduals(const ceres::Problem& problem) {
   return sum;
 }
 
-bool CeresFitsInMemory(const Method& method,
+bool CeresFitsInMemory(const Phase& phase,
                        const ceres::Solver::Options& options,
                        const ceres::Problem& problem,
                        std::string* error) {
@@ -50,29 +51,56 @@ bool CeresFitsInMemory(const Method& method,
   const double cols = NumVariables(problem);
   const double rows = NumVariableResiduals(problem);
   std::vector<MemoryPart> parts;
-  if (!method.ceres->is_trust_region) {
+  if (!phase.ceres->is_trust_region) {
     if (options.line_search_direction_type != ceres::BFGS) return true;
     parts = {{"inverse Hessian", 2.0 * sizeof(double) * cols * cols}};
   } else if (options.linear_solver_type == ceres::DENSE_QR ||
              options.linear_solver_type == ceres::DENSE_NORMAL_CHOLESKY) {
     parts = TrustRegionMemory(options.linear_solver_type, rows, cols);
   }
-  return FitsInMemory(method.label, std::move(parts), /*limit=*/0.0, error);
+  return FitsInMemory(phase.label, std::move(parts), /*limit=*/0.0, error);
 }
 
 }  // namespace
 
 bool IsForProblems(const Method& method, std::string* error) {
-  if (!method.earlier.empty()) {
+  if (method.phases.size() > 1) {
     *error = "a method in phases needs a network to train";
-  } else if (method.pull_back.has_value()) {
+  } else if (method.last_phase().pull_back.has_value()) {
     *error = "nothing can be pulled back part by part: there is no chain";
-  } else if (method.batch_size >= 0) {
+  } else if (method.last_phase().batch_size >= 0) {
     *error = "batch_size needs a network to train";
   } else {
     return true;
   }
   return false;
+}
+
+bool TakesProposals(const Phase& phase,
+                    const ceres::Problem& problem,
+                    std::string* error) {
+  return phase.rule == nullptr ||
+         UpdateCallback::IsSupported(UpdateCallback::Options(), problem, error);
+}
+
+std::string MinimizeWithProposals(const Phase& phase,
+                                  const MinimizerOptions& options,
+                                  const ceres::Solver::Options& ceres_options,
+                                  ceres::Problem* problem,
+                                  MinimizerSummary* summary) {
+  if (phase.rule == nullptr) {
+    MinimizeWithCeres(options, ceres_options, problem, summary);
+    return "";
+  }
+  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+  UpdateCallback callback(UpdateCallback::Options(), rule.get(), problem);
+  MinimizerOptions with_proposals = options;
+  with_proposals.callbacks.insert(with_proposals.callbacks.begin(), &callback);
+  MinimizeWithCeres(with_proposals, ceres_options, problem, summary);
+  const UpdateCallback::Summary& proposals = callback.summary();
+  return proposals.num_proposed > 0 || proposals.message.empty()
+             ? "; " + proposals.BriefReport()
+             : "; " + proposals.BriefReport() + " (" + proposals.message + ")";
 }
 
 bool MinimizeProblem(
@@ -83,32 +111,24 @@ bool MinimizeProblem(
     MinimizerSummary* summary,
     std::string* error) {
   if (!IsForProblems(method, error)) return false;
-  const std::unique_ptr<UpdateRule> rule = method.MakeRule();
-  if (method.ceres == nullptr) {
-    Minimize(options, rule.get(), problem, summary);
+  const Phase& phase = method.last_phase();
+  if (phase.ceres == nullptr) {
+    Minimize(options, phase.MakeRule().get(), problem, summary);
     return true;
   }
   ceres::Solver::Options solver_options;
   ceres::GradientProblemSolver::Options unused;
-  ConfigureCeres(method, &solver_options, &unused);
-  if (!CeresFitsInMemory(method, solver_options, *problem, error) ||
-      !TakesProposals(method, *problem, error)) {
+  phase.ConfigureCeres(&solver_options, &unused);
+  if (!CeresFitsInMemory(phase, solver_options, *problem, error) ||
+      !TakesProposals(phase, *problem, error)) {
     return false;
   }
   if (ceres::IsSchurType(solver_options.linear_solver_type)) {
     solver_options.linear_solver_ordering = std::move(elimination_order);
   }
-  MinimizerOptions with_rule = options;
-  std::unique_ptr<UpdateCallback> callback;
-  if (rule != nullptr) {
-    callback = std::make_unique<UpdateCallback>(
-        UpdateCallback::Options(), rule.get(), problem);
-    with_rule.callbacks.push_back(callback.get());
-  }
-  MinimizeWithCeres(with_rule, solver_options, problem, summary);
-  if (callback != nullptr) {
-    summary->message += ProposalsText(callback->summary());
-  }
+  const std::string proposals =
+      MinimizeWithProposals(phase, options, solver_options, problem, summary);
+  summary->message += proposals;
   return true;
 }
 

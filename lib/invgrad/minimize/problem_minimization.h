@@ -16,6 +16,7 @@
 
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
+#include "ceres/solver.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/minimize/minimizer.h"
 
@@ -33,6 +34,21 @@ bool MinimizeProblem(
     ceres::Problem* problem,
     MinimizerSummary* summary,
     std::string* error);
+
+// Minimizes by the phase's trust region of Ceres, with the proposals of its rule
+// if it has one; returns what is to be added to the summary's message about
+// them.
+std::string MinimizeWithProposals(const Phase& phase,
+                                  const MinimizerOptions& options,
+                                  const ceres::Solver::Options& ceres_options,
+                                  ceres::Problem* problem,
+                                  MinimizerSummary* summary);
+
+// False, with *error set, if the phase has a rule that cannot propose its steps
+// for this problem.
+bool TakesProposals(const Phase& phase,
+                    const ceres::Problem& problem,
+                    std::string* error);
 
 }  // namespace invgrad
 

@@ -1,6 +1,7 @@
 #include "invgrad/train/history.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <iterator>
@@ -91,6 +92,32 @@ std::array<double, HistoryRow::kNumColumns> HistoryRow::Columns() const {
 
 void HistoryRow::SetColumns(const std::array<double, kNumColumns>& columns) {
   for (int i = 0; i < kNumColumns; ++i) this->*kColumns[i] = columns[i];
+}
+
+Eigen::VectorXd PackHistory(const History& history) {
+  std::vector<double> numbers;
+  for (const HistoryRow& row : history) {
+    numbers.push_back(static_cast<double>(row.step));
+    const auto columns = row.Columns();
+    numbers.insert(numbers.end(), columns.begin(), columns.end());
+  }
+  return Eigen::Map<const Eigen::VectorXd>(
+      numbers.data(), static_cast<Eigen::Index>(numbers.size()));
+}
+
+bool UnpackHistory(const Eigen::VectorXd& array, History* history) {
+  constexpr Eigen::Index kRowSize = 1 + HistoryRow::kNumColumns;
+  if (array.size() == 0 || array.size() % kRowSize != 0) return false;
+  history->clear();
+  for (Eigen::Index i = 0; i < array.size(); i += kRowSize) {
+    HistoryRow row;
+    row.step = static_cast<long>(array[i]);
+    std::array<double, HistoryRow::kNumColumns> columns;
+    std::copy_n(array.data() + i + 1, columns.size(), columns.begin());
+    row.SetColumns(columns);
+    history->push_back(row);
+  }
+  return true;
 }
 
 bool WriteHistory(const std::string& path,

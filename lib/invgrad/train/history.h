@@ -23,6 +23,8 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/Core"
+
 namespace invgrad {
 
 struct HistoryRow {
@@ -48,6 +50,12 @@ struct HistoryRow {
 };
 
 using History = std::vector<HistoryRow>;
+
+// The rows as one array of doubles, for checkpoints.
+Eigen::VectorXd PackHistory(const History& history);
+// False, and nothing changed, if the array is not one that PackHistory made of
+// at least one row.
+bool UnpackHistory(const Eigen::VectorXd& array, History* history);
 
 bool WriteHistory(const std::string& path,
                   const History& history,

@@ -3,6 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "ceres/gradient_problem_solver.h"
+#include "ceres/solver.h"
+#include "fmt/core.h"
+#include "invgrad/minimize/trust_region_memory.h"
+
 namespace invgrad {
 
 namespace {
@@ -116,60 +121,45 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
   return parts;
 }
 
-std::vector<MemoryPart> TrustRegionMemory(ceres::LinearSolverType solver,
-                                          double rows,
-                                          double cols) {
-  // Ours, Ceres' own, and the one from which that is assembled or in which it
-  // is factorized.
-  std::vector<MemoryPart> parts = {{"J", kDouble * 3.0 * rows * cols}};
-  if (solver != ceres::CGNR) {
-    parts.push_back({"normal equations", kDouble * cols * cols});
-  }
-  return parts;
-}
-
-std::vector<MemoryPart> TrustRegionMemory(ceres::LinearSolverType solver,
-                                          const Model& model,
-                                          int num_samples) {
-  const JacobianSizes J =
-      SizesOfJacobian(model, model.loss().size(), num_samples);
-  std::vector<MemoryPart> parts = TrustRegionMemory(solver, J.rows, J.cols);
-  parts.push_back({"activations", PassBytes(model, num_samples, false)});
-  parts.push_back({"factors of J", J.factor_bytes});
-  AddLinearization(model, {}, num_samples, &parts);
-  return parts;
-}
-
-std::vector<MemoryPart> LineSearchMemory(const Model& model, int num_samples) {
-  return {{"activations", PassBytes(model, num_samples, false)}};
-}
-
-bool TrainingFits(const TrainingTask& task,
+bool TrainingFits(const Model& model,
+                  const TrainingData& data,
                   const UpdateRule& rule,
+                  bool through_pull_back,
+                  int batch_size,
+                  double limit,
                   std::string* error) {
-  const TrainOptions& options = task.options;
-  const int num_samples = task.train.num_samples();
-  const int batch_size =
-      options.batch_size == 0 ? num_samples : options.batch_size;
-  std::vector<MemoryPart> parts = TrainingMemory(
-      task.model, rule, options.pull_back != nullptr, batch_size);
-  parts.push_back({"batch", DataBytes(task.train) * batch_size / num_samples});
-  parts.push_back({"data", DataBytes(task.train) + DataBytes(task.test)});
-  return FitsInMemory("batch_size=" + std::to_string(batch_size),
-                      std::move(parts),
-                      options.memory_limit,
-                      error);
+  std::vector<MemoryPart> parts =
+      TrainingMemory(model, rule, through_pull_back, batch_size);
+  parts.push_back(
+      {"batch", DataBytes(data.train) * batch_size / data.train.num_samples()});
+  parts.push_back({"data", DataBytes(data.train) + DataBytes(data.test)});
+  return FitsInMemory(
+      fmt::format("batch_size={}", batch_size), std::move(parts), limit, error);
 }
 
-bool CeresFits(const TrainingTask& task,
-               std::vector<MemoryPart> parts,
+bool CeresFits(const Phase& phase,
+               const Model& model,
+               const TrainingData& data,
+               double limit,
                std::string* error) {
-  parts.push_back({"data", DataBytes(task.train) + DataBytes(task.test)});
-  return FitsInMemory(
-      "all " + std::to_string(task.train.num_samples()) + " samples at once",
-      std::move(parts),
-      task.options.memory_limit,
-      error);
+  const int num_samples = data.train.num_samples();
+  std::vector<MemoryPart> parts;
+  if (phase.ceres->is_trust_region) {
+    ceres::Solver::Options options;
+    ceres::GradientProblemSolver::Options unused;
+    phase.ConfigureCeres(&options, &unused);
+    const JacobianSizes J =
+        SizesOfJacobian(model, model.loss().size(), num_samples);
+    parts = TrustRegionMemory(options.linear_solver_type, J.rows, J.cols);
+    parts.push_back({"factors of J", J.factor_bytes});
+    AddLinearization(model, {}, num_samples, &parts);
+  }
+  parts.push_back({"activations", PassBytes(model, num_samples, false)});
+  parts.push_back({"data", DataBytes(data.train) + DataBytes(data.test)});
+  return FitsInMemory(fmt::format("all {} samples at once", num_samples),
+                      std::move(parts),
+                      limit,
+                      error);
 }
 
 }  // namespace invgrad

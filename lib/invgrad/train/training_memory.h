@@ -18,40 +18,35 @@
 #include <string>
 #include <vector>
 
-#include "ceres/types.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/update_rule.h"
-#include "invgrad/train/training_task.h"
+#include "invgrad/train/train.h"
 
 namespace invgrad {
 
-// A step of Train on batches of `batch_size` samples.
+// A step of a rule on batches of `batch_size` samples.
 std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        const UpdateRule& rule,
                                        bool through_pull_back,
                                        int batch_size);
 
-// A trust region of Ceres with J of that size.
-std::vector<MemoryPart> TrustRegionMemory(ceres::LinearSolverType solver,
-                                          double rows,
-                                          double cols);
-
-// The same of a model, all samples at once; and a line search of Ceres.
-std::vector<MemoryPart> TrustRegionMemory(ceres::LinearSolverType solver,
-                                          const Model& model,
-                                          int num_samples);
-std::vector<MemoryPart> LineSearchMemory(const Model& model, int num_samples);
-
-// Whether the run of Train, with its data, fits into options.memory_limit;
-// false with *error: "batch_size=100000 needs 35 GB (route gram 32 GB, ...".
-bool TrainingFits(const TrainingTask& task,
+// Whether a step of a rule on batches of that size fits into `limit` (0: that
+// of memory_limit.h), with the data; if not, *error says what needs how much:
+// "batch_size=100000 needs 35 GB (route gram 32 GB, ...".
+bool TrainingFits(const Model& model,
+                  const TrainingData& data,
                   const UpdateRule& rule,
+                  bool through_pull_back,
+                  int batch_size,
+                  double limit,
                   std::string* error);
 
-// The same of a run by Ceres, whose parts are given.
-bool CeresFits(const TrainingTask& task,
-               std::vector<MemoryPart> parts,
+// The same of a phase by Ceres, on all samples at once.
+bool CeresFits(const Phase& phase,
+               const Model& model,
+               const TrainingData& data,
+               double limit,
                std::string* error);
 
 }  // namespace invgrad

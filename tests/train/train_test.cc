@@ -1,4 +1,4 @@
-#include "invgrad/train/trainer.h"
+#include "invgrad/train/train.h"
 
 #include <unistd.h>
 
@@ -14,6 +14,7 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/checkpoint.h"
+#include "invgrad/train/evaluation.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
@@ -57,29 +58,32 @@ std::unique_ptr<UpdateRule> MakeRule(const std::string& name,
   return rule;
 }
 
-struct Result {
-  Eigen::VectorXd weights;
-  History history;
-  TrainSummary summary;
-};
+// The caller keeps the rule.
+std::shared_ptr<UpdateRule> Borrowed(UpdateRule* rule) {
+  return {std::shared_ptr<void>(), rule};
+}
 
-Result TrainRegression(const Regression& problem,
-                       const TrainOptions& options,
-                       UpdateRule* rule) {
-  Result result;
-  result.weights = problem.weights;
-  std::string error;
-  EXPECT_TRUE(Train(options,
-                    problem.model,
-                    problem.train,
-                    problem.test,
-                    rule,
-                    &result.weights,
-                    &result.history,
-                    &result.summary,
-                    &error))
-      << error;
+TrainResult TrainRegression(const Regression& problem,
+                            TrainOptions options,
+                            UpdateRule* rule) {
+  options.initial_weights = problem.weights;
+  TrainResult result = Train(
+      problem.model, {problem.train, problem.test}, Borrowed(rule), options);
+  EXPECT_EQ(result.error, "");
   return result;
+}
+
+// Why the run is refused.
+std::string Refusal(const Regression& problem,
+                    TrainOptions options,
+                    const std::string& method) {
+  options.initial_weights = problem.weights;
+  const TrainResult result =
+      Train(problem.model, {problem.train, problem.test}, method, options);
+  EXPECT_NE(result.error, "");
+  EXPECT_EQ(result.weights, problem.weights);
+  EXPECT_TRUE(result.history.empty());
+  return result.error;
 }
 
 TrainOptions Epochs(int num_epochs, int batch_size) {
@@ -99,7 +103,7 @@ TEST(Trainer, OneFullBatchStepOfGradientDescentIsTheGradient) {
       problem.weights, problem.train, parts, &at_start, &error));
   const auto rule = MakeRule("gradient_descent", {{"step_size", "0.1"}});
   TrainOptions options = Epochs(1, 0);
-  const Result result = TrainRegression(problem, options, rule.get());
+  const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.num_steps, 1);
   EXPECT_LT(
       (result.weights - (problem.weights - 0.1 * at_start.gradient)).norm(),
@@ -115,13 +119,13 @@ TEST(Trainer, SameInputsGiveTheSameBits) {
   const Regression problem;
   TrainOptions options = Epochs(5, 4);
   options.shuffle = true;
-  options.shuffle_seed = 7;
+  options.seed = 7;
   const auto first = MakeRule("half_inverse", {});
   const auto second = MakeRule("half_inverse", {});
-  const Result a = TrainRegression(problem, options, first.get());
-  const Result b = TrainRegression(problem, options, second.get());
+  const TrainResult a = TrainRegression(problem, options, first.get());
+  const TrainResult b = TrainRegression(problem, options, second.get());
   EXPECT_EQ(a.weights, b.weights);
-  options.shuffle_seed = 8;
+  options.seed = 8;
   const auto third = MakeRule("half_inverse", {});
   EXPECT_NE(TrainRegression(problem, options, third.get()).weights, a.weights);
 }
@@ -142,7 +146,7 @@ TEST(Trainer, LossIsPerSampleWhateverTheReduction) {
 TEST(Trainer, SamplesThatDoNotFillABatchAreLeftOut) {
   const Regression problem;  // 24 samples
   const auto rule = MakeRule("adam", {});
-  const Result result = TrainRegression(problem, Epochs(3, 7), rule.get());
+  const TrainResult result = TrainRegression(problem, Epochs(3, 7), rule.get());
   EXPECT_EQ(result.summary.num_steps, 3 * 3);
 }
 
@@ -156,7 +160,7 @@ TEST_P(EveryRuleResumes, BitForBit) {
   TrainOptions options = Epochs(6, 8);
   options.shuffle = true;
   const auto whole_rule = MakeRule(GetParam(), {});
-  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
 
   options.checkpoint_path = path;
   options.checkpoint_interval_in_seconds = 0.0;
@@ -165,7 +169,8 @@ TEST_P(EveryRuleResumes, BitForBit) {
   TrainRegression(problem, options, first_rule.get());
   options.max_num_epochs = 6;
   const auto second_rule = MakeRule(GetParam(), {});
-  const Result resumed = TrainRegression(problem, options, second_rule.get());
+  const TrainResult resumed =
+      TrainRegression(problem, options, second_rule.get());
   std::remove(path.c_str());
 
   EXPECT_EQ(resumed.weights, whole.weights);
@@ -199,21 +204,8 @@ TEST(Trainer, RefusesACheckpointOfAnotherRun) {
   ASSERT_TRUE(WriteCheckpoint(path, checkpoint, &error)) << error;
   TrainOptions options = Epochs(1, 8);
   options.checkpoint_path = path;
-  const auto rule = MakeRule("adam", {});
-  Eigen::VectorXd weights = problem.weights;
-  History history;
-  TrainSummary summary;
-  EXPECT_FALSE(Train(options,
-                     problem.model,
-                     problem.train,
-                     problem.test,
-                     rule.get(),
-                     &weights,
-                     &history,
-                     &summary,
-                     &error));
+  error = Refusal(problem, options, "adam");
   EXPECT_NE(error.find(path), std::string::npos) << error;
-  EXPECT_EQ(weights, problem.weights);
   std::remove(path.c_str());
 }
 
@@ -223,25 +215,11 @@ TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
   TrainOptions options = Epochs(2, 8);
   options.checkpoint_path = folder / "checkpoint";
   const auto rule = MakeRule("adam", {});
-  const Result before = TrainRegression(problem, options, rule.get());
+  const TrainResult before = TrainRegression(problem, options, rule.get());
   options.batch_size = 6;
-  Eigen::VectorXd weights = problem.weights;
-  History history;
-  TrainSummary summary;
-  std::string error;
-  EXPECT_FALSE(Train(options,
-                     problem.model,
-                     problem.train,
-                     problem.test,
-                     rule.get(),
-                     &weights,
-                     &history,
-                     &summary,
-                     &error));
+  const std::string error = Refusal(problem, options, "adam");
   EXPECT_NE(error.find("found batch_size=8, wanted 6"), std::string::npos)
       << error;
-  EXPECT_EQ(weights, problem.weights);
-  EXPECT_TRUE(history.empty());
 }
 
 TEST(Trainer, NoBudgetIsNoStep) {
@@ -252,7 +230,7 @@ TEST(Trainer, NoBudgetIsNoStep) {
             problem.weights);
   options = TrainOptions();
   options.max_num_steps = 0;
-  const Result result = TrainRegression(problem, options, rule.get());
+  const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.num_steps, 0);
   EXPECT_EQ(result.history.size(), 1u);
 }
@@ -262,7 +240,7 @@ TEST(Trainer, OneSampleIsAWholeEpoch) {
   problem.train = problem.train.Range(0, 1);
   problem.test = problem.test.Range(0, 0);
   const auto rule = MakeRule("half_inverse", {{"step_size", "auto"}});
-  const Result result = TrainRegression(problem, Epochs(4, 1), rule.get());
+  const TrainResult result = TrainRegression(problem, Epochs(4, 1), rule.get());
   EXPECT_EQ(result.summary.num_steps, 4);
   EXPECT_LT(result.history.back().train_loss,
             result.history.front().train_loss);
@@ -297,7 +275,7 @@ TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
   const Regression problem;
   for (const double value : {std::nan(""), HUGE_VAL, 1e200}) {
     ExplodingRule rule(5, value);
-    const Result result = TrainRegression(problem, Epochs(10, 8), &rule);
+    const TrainResult result = TrainRegression(problem, Epochs(10, 8), &rule);
     EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
     // Step 5 leads to weights at which step 6 has nothing to linearize.
     EXPECT_EQ(result.summary.message.rfind("diverged at step 6: ", 0), 0u)
@@ -358,7 +336,7 @@ void NoChange(int /*k*/, Eigen::VectorXd* /*step*/) {}
 TEST(Trainer, AStepThatIsTakenBackLeavesNoTrace) {
   const Regression problem;
   JudgingRule rule([](double, double) { return false; }, NoChange);
-  const Result result = TrainRegression(problem, Epochs(5, 8), &rule);
+  const TrainResult result = TrainRegression(problem, Epochs(5, 8), &rule);
   EXPECT_EQ(result.weights, problem.weights);
   EXPECT_EQ(result.summary.num_steps, 15);
   EXPECT_EQ(result.summary.num_taken_back, 15);
@@ -377,13 +355,13 @@ TEST(Trainer, StepsThatRaiseTheLossOfTheirBatchAreTakenBack) {
   };
   JudgingRule rule([](double before, double after) { return after <= before; },
                    every_third);
-  const Result result = TrainRegression(problem, Epochs(4, 8), &rule);
+  const TrainResult result = TrainRegression(problem, Epochs(4, 8), &rule);
   EXPECT_EQ(result.summary.num_taken_back, 4);
   // The same as if these steps had been zero.
   JudgingRule same(IsFinite, [](int k, Eigen::VectorXd* step) {
     if (k % 3 == 0) step->setZero();
   });
-  const Result expected = TrainRegression(problem, Epochs(4, 8), &same);
+  const TrainResult expected = TrainRegression(problem, Epochs(4, 8), &same);
   EXPECT_EQ(result.weights, expected.weights);
   EXPECT_EQ(expected.summary.num_taken_back, 0);
   EXPECT_EQ(expected.summary.message, "epochs done");
@@ -393,7 +371,7 @@ TEST(Trainer, StepsThatRaiseTheLossOfTheirBatchAreTakenBack) {
 TEST(Trainer, StepsAreJudgedByTheirOwnBatch) {
   const Regression problem;
   JudgingRule rule(IsFinite, NoChange);
-  const Result result = TrainRegression(problem, Epochs(1, 24), &rule);
+  const TrainResult result = TrainRegression(problem, Epochs(1, 24), &rule);
   ASSERT_EQ(rule.after.size(), 1u);
   EXPECT_EQ(rule.before[0], result.history[0].train_loss);
   EXPECT_EQ(rule.after[0], result.history[1].train_loss);
@@ -423,20 +401,11 @@ struct Blind {
     test.targets.resize(1, 0);
   }
 
-  Result Train(const TrainOptions& options, UpdateRule* rule) const {
-    Result result;
-    result.weights = weights;
-    std::string error;
-    EXPECT_TRUE(invgrad::Train(options,
-                               model,
-                               train,
-                               test,
-                               rule,
-                               &result.weights,
-                               &result.history,
-                               &result.summary,
-                               &error))
-        << error;
+  TrainResult Train(TrainOptions options, UpdateRule* rule) const {
+    options.initial_weights = weights;
+    TrainResult result =
+        invgrad::Train(model, {train, test}, Borrowed(rule), options);
+    EXPECT_EQ(result.error, "");
     return result;
   }
 };
@@ -452,7 +421,7 @@ void JumpAtStepSix(int k, Eigen::VectorXd* step) {
 TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
   const Blind problem(0.0);
   JudgingRule rule(IsFinite, JumpAtStepFive);
-  const Result result = problem.Train(Epochs(6, 1), &rule);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
   EXPECT_EQ(result.summary.message, "epochs done");
   EXPECT_EQ(result.summary.num_taken_back, 1);
   // Step 5 was judged twice.
@@ -474,7 +443,7 @@ TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
 TEST(Trainer, AStepAfterWhichTheTrainLossIsNotFiniteIsTakenBack) {
   const Blind problem(1.0);
   JudgingRule rule(IsFinite, JumpAtStepSix);
-  const Result result = problem.Train(Epochs(6, 1), &rule);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
   EXPECT_EQ(result.summary.message, "epochs done");
   for (const HistoryRow& row : result.history) {
     EXPECT_TRUE(std::isfinite(row.train_loss)) << row.step;
@@ -486,7 +455,7 @@ TEST(Trainer, NothingIsTakenBackTwice) {
   Blind problem(0.0);
   problem.train.targets(0, 1) = 1e200;
   JudgingRule rule(IsFinite, NoChange);
-  const Result start = problem.Train(Epochs(6, 1), &rule);
+  const TrainResult start = problem.Train(Epochs(6, 1), &rule);
   EXPECT_EQ(start.summary.termination_type, ceres::FAILURE);
   EXPECT_EQ(start.summary.message.rfind("the loss is not finite at the", 0), 0u)
       << start.summary.message;
@@ -497,7 +466,7 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
   const Blind problem(0.0);
   const TemporaryFolder folder;
   JudgingRule whole_rule(IsFinite, JumpAtStepFive);
-  const Result whole = problem.Train(Epochs(4, 1), &whole_rule);
+  const TrainResult whole = problem.Train(Epochs(4, 1), &whole_rule);
   EXPECT_EQ(whole.summary.num_taken_back, 1);
   for (const int stop : {4, 5, 6, 7}) {
     SCOPED_TRACE(stop);
@@ -508,7 +477,7 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
     problem.Train(options, &first);
     options.max_num_steps = TrainOptions().max_num_steps;
     JudgingRule second(IsFinite, JumpAtStepFive);
-    const Result resumed = problem.Train(options, &second);
+    const TrainResult resumed = problem.Train(options, &second);
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_taken_back, 1);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
@@ -527,7 +496,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
   TrainOptions options = Epochs(8, 4);
   options.shuffle = true;
   const auto whole_rule = MakeRule("power", settings);
-  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
   EXPECT_GT(whole.summary.num_taken_back, 2);
   EXPECT_LT(whole.summary.num_taken_back, 40);
   EXPECT_LT(whole.history.back().train_loss,
@@ -541,7 +510,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
     TrainRegression(problem, stopped, first.get());
     stopped.max_num_steps = options.max_num_steps;
     const auto second = MakeRule("power", settings);
-    const Result resumed = TrainRegression(problem, stopped, second.get());
+    const TrainResult resumed = TrainRegression(problem, stopped, second.get());
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_taken_back, whole.summary.num_taken_back);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
@@ -551,20 +520,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
 TEST(Trainer, RefusesDataThatAreNotFinite) {
   Regression problem;
   problem.train.inputs(1, 5) = NAN;
-  const auto rule = MakeRule("adam", {});
-  Eigen::VectorXd weights = problem.weights;
-  History history;
-  TrainSummary summary;
-  std::string error;
-  EXPECT_FALSE(Train(Epochs(1, 8),
-                     problem.model,
-                     problem.train,
-                     problem.test,
-                     rule.get(),
-                     &weights,
-                     &history,
-                     &summary,
-                     &error));
+  const std::string error = Refusal(problem, Epochs(1, 8), "adam");
   EXPECT_NE(error.find("train data"), std::string::npos) << error;
   EXPECT_NE(error.find('5'), std::string::npos) << error;
 }
@@ -595,7 +551,7 @@ TEST(Trainer, CallbacksEndTheRunAsInCeres) {
     TrainOptions options = Epochs(10, 8);
     options.callbacks.push_back(&callback);
     const auto rule = MakeRule("adam", {});
-    const Result result = TrainRegression(problem, options, rule.get());
+    const TrainResult result = TrainRegression(problem, options, rule.get());
     EXPECT_EQ(result.summary.termination_type, type);
     EXPECT_EQ(result.summary.num_steps, 4);
     EXPECT_EQ(result.history.back().step, 4);
@@ -610,7 +566,7 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
   TrainOptions options = Epochs(5, 8);
   options.shuffle = true;
   const auto whole_rule = MakeRule("adam", {});
-  const Result whole = TrainRegression(problem, options, whole_rule.get());
+  const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
   for (const int step : {0, 4, 5, 6}) {
     SCOPED_TRACE(step);
     StoppingCallback callback(step, ceres::SOLVER_TERMINATE_SUCCESSFULLY);
@@ -618,12 +574,12 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
     stopped_options.checkpoint_path = folder / std::to_string(step);
     stopped_options.callbacks.push_back(&callback);
     const auto first_rule = MakeRule("adam", {});
-    const Result stopped =
+    const TrainResult stopped =
         TrainRegression(problem, stopped_options, first_rule.get());
     EXPECT_EQ(stopped.summary.num_steps, step);
     stopped_options.callbacks.clear();
     const auto second_rule = MakeRule("adam", {});
-    const Result resumed =
+    const TrainResult resumed =
         TrainRegression(problem, stopped_options, second_rule.get());
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_steps, whole.summary.num_steps);
@@ -640,7 +596,7 @@ TEST(Trainer, StopsAtTheTargetLossAndWhenPatienceEnds) {
   TrainOptions options = Epochs(10000, 8);
   options.target_loss = 1e-3;
   auto rule = MakeRule("half_inverse", {{"step_size", "auto"}});
-  Result result = TrainRegression(problem, options, rule.get());
+  TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
   EXPECT_LE(result.history.back().train_loss, 1e-3);
 
@@ -659,7 +615,7 @@ TEST(Trainer, TimeBudgetEndsTheRun) {
   options.max_time_in_seconds = 0.02;
   options.batch_size = 8;
   const auto rule = MakeRule("adam", {});
-  const Result result = TrainRegression(problem, options, rule.get());
+  const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.message, "time used up");
   EXPECT_GE(result.summary.train_time_in_seconds, 0.02);
   EXPECT_GT(result.summary.num_steps, 0);

@@ -1,0 +1,71 @@
+// What one training step linearizes: the loss of a model on a batch, or the
+// proxy of a pull-back through the model (chain_pull_back.h).
+//
+// A step is one Linearize and updates_per_step() updates of the weights; before
+// each update but the first the objective is linearized again, on the same
+// batch.
+#ifndef INVGRAD_INVERSE_BATCH_OBJECTIVE_H_
+#define INVGRAD_INVERSE_BATCH_OBJECTIVE_H_
+
+#include <string>
+#include <utility>
+
+#include "Eigen/Core"
+#include "invgrad/chain/model.h"
+#include "invgrad/inverse/pull_back_counts.h"
+
+namespace invgrad {
+
+class BatchObjective {
+ public:
+  virtual ~BatchObjective() = default;
+
+  // Begins a step. The cost is the model's loss on the batch.
+  virtual bool Linearize(const Eigen::VectorXd& weights,
+                         const DataSet& batch,
+                         const LinearizationParts& parts,
+                         Linearization* linearization,
+                         std::string* error) = 0;
+
+  // Within a step, at other weights. The cost is that of the objective itself:
+  // of a proxy, the proxy's.
+  virtual bool LinearizeAgain(const Eigen::VectorXd& weights,
+                              const DataSet& batch,
+                              const LinearizationParts& parts,
+                              Linearization* linearization,
+                              std::string* error) = 0;
+
+  // Whether the objective is a proxy of the loss.
+  virtual bool is_proxy() const { return false; }
+  virtual int updates_per_step() const { return 1; }
+  // How the samples were pulled back; null if they were not.
+  virtual PullBackCounts* mutable_counts() { return nullptr; }
+};
+
+// The loss of the model itself.
+class ModelObjective final : public BatchObjective {
+ public:
+  explicit ModelObjective(Model model) : model_(std::move(model)) {}
+
+  bool Linearize(const Eigen::VectorXd& weights,
+                 const DataSet& batch,
+                 const LinearizationParts& parts,
+                 Linearization* linearization,
+                 std::string* error) override {
+    return model_.Linearize(weights, batch, parts, linearization, error);
+  }
+  bool LinearizeAgain(const Eigen::VectorXd& weights,
+                      const DataSet& batch,
+                      const LinearizationParts& parts,
+                      Linearization* linearization,
+                      std::string* error) override {
+    return model_.Linearize(weights, batch, parts, linearization, error);
+  }
+
+ private:
+  const Model model_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_INVERSE_BATCH_OBJECTIVE_H_

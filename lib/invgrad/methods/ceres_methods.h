@@ -1,0 +1,50 @@
+// The table of Ceres' minimizers: name -> one line -> options.
+//
+//   name                     Ceres
+//   ceres_lm                 trust region, Levenberg-Marquardt
+//   ceres_dogleg             trust region, dogleg
+//   ceres_bfgs               line search, BFGS
+//   ceres_lbfgs              line search, L-BFGS
+//   ceres_nonlinear_cg       line search, nonlinear conjugate gradients
+//   ceres_steepest_descent   line search, steepest descent
+//
+// A trust region needs a least-squares problem; a line search also takes a
+// ceres::FirstOrderFunction.
+#ifndef INVGRAD_METHODS_CERES_METHODS_H_
+#define INVGRAD_METHODS_CERES_METHODS_H_
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "ceres/gradient_problem_solver.h"
+#include "ceres/solver.h"
+#include "invgrad/core/option_set.h"
+#include "invgrad/rules/rules.h"
+
+namespace invgrad {
+
+// What is wrong with a loss that a trust region cannot take.
+constexpr char kNeedsLeastSquares[] =
+    "a trust region needs a least-squares loss, c |y - y*|^2";
+
+struct CeresMethodRow {
+  std::string name;
+  std::string formula;  // one line
+  bool is_trust_region;
+  std::function<std::vector<OptionSet::Row>()> options;
+  // Applies the settings; false with *error set if one is unknown or out of
+  // range. `gradient_options` is untouched by trust-region rows.
+  std::function<bool(const Settings& settings,
+                     ceres::Solver::Options* options,
+                     ceres::GradientProblemSolver::Options* gradient_options,
+                     std::string* error)>
+      configure;
+};
+
+const std::vector<CeresMethodRow>& CeresMethods();
+const CeresMethodRow* FindCeresMethod(const std::string& name);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_METHODS_CERES_METHODS_H_

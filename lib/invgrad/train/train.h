@@ -1,0 +1,261 @@
+// Trains a model by any method, batch after batch.
+//
+//   TrainResult result = Train(model, {inputs, targets}, "adaptive_power");
+//
+// or with the loop in the caller's hands:
+//
+//   TrainingRun run(model, data, "adam:epochs=5>half_inverse", options);
+//   while (run.Step()) std::printf("%ld %g\n", run.step(), run.loss());
+//
+// The run owns budget, clock, patience, history, callbacks and checkpoint; each
+// phase of the method is an engine that takes the steps (engine.h): a rule on
+// batches or a minimizer of Ceres on all samples.
+//
+// Time is the wall-clock time of the steps; evaluations, callbacks and
+// checkpoints are not counted. Losses are looked at before the first step,
+// after the epochs of IsEvaluationEpoch (evaluation.h), and where a phase ends.
+//
+// Phases are one run: the weights carry over, and steps, epochs and seconds go
+// on counting. A phase's rule is new, its schedule runs from the phase's start
+// to its end, it begins with the first sample or with the first order of the
+// seed, and patience begins anew: phase by phase the steps are, bit for bit,
+// those of a run of its own from the weights that the phase before left. What
+// ends a run otherwise than by its budget (target loss, patience, a callback,
+// divergence) ends it in any phase; its message then names the phase and counts
+// from the phase's start. An epoch budget ends a run at the first step that
+// reaches it.
+//
+// Determinism: the same inputs give the same bits, and a run that goes on from
+// its checkpoint ends like one that was never stopped (but for the times, and
+// hence for a budget in seconds).
+// Fails:   bad input (an unknown method, sizes of batches, data that are not
+//          finite, too little memory, a checkpoint of another run) sets error(),
+//          and nothing is done. A numerical failure ends the run as
+//          ceres::FAILURE, "diverged at step k: ..."; the weights are those of
+//          the last step with a finite batch loss. Sizes that do not fit
+//          together are CHECKed.
+#ifndef INVGRAD_TRAIN_TRAIN_H_
+#define INVGRAD_TRAIN_TRAIN_H_
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/iteration_callback.h"
+#include "ceres/types.h"
+#include "invgrad/chain/model.h"
+#include "invgrad/core/update_rule.h"
+#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/methods/method.h"
+#include "invgrad/train/engine.h"
+#include "invgrad/train/history.h"
+
+namespace invgrad {
+
+struct TrainingData {
+  // Without contexts and without test data. inputs: |a| x N; targets: |y| x N.
+  TrainingData(Eigen::MatrixXd inputs, Eigen::MatrixXd targets);
+  TrainingData(DataSet train, DataSet test = DataSet());  // NOLINT: a data set
+                                                          // is training data.
+  DataSet train;
+  DataSet test;  // may have no samples
+};
+
+struct TrainOptions {
+  static constexpr int kDefaultBatchSize = 32;
+  int batch_size = -1;  // 0: all samples; -1: 32, or all if there are fewer
+
+  // A new order each epoch, np.random.permutation of a stream of the seed.
+  bool shuffle = false;
+  // Of the orders, and of the initial weights if none are given.
+  std::uint32_t seed = 0;
+
+  Eigen::VectorXd initial_weights;  // n; empty: Glorot-uniform ones
+
+  // The simulator's own inverse, for methods that invert it; null: the
+  // numerical one.
+  std::shared_ptr<const InverseSimulator> inverse;
+
+  // The budget: whichever ends first. 100 epochs, if none is set.
+  static constexpr int kDefaultNumEpochs = 100;
+  int max_num_epochs = std::numeric_limits<int>::max();
+  long max_num_steps = std::numeric_limits<long>::max();
+  double max_time_in_seconds = std::numeric_limits<double>::infinity();
+
+  // Early stop: train loss <= target_loss; or no new minimum of the test loss
+  // (of the train loss, if there are no test data) in so many evaluations. 0:
+  // off.
+  double target_loss = 0.0;
+  int patience = 0;
+
+  // The history's metric of the weights. Null: none.
+  std::function<double(const Eigen::VectorXd& weights)> metric;
+
+  // Of all that the run holds, in bytes; 0: that of memory_limit.h.
+  double memory_limit = 0.0;
+
+  // Called before the first step and after every step;
+  // IterationSummary::cost is the batch loss that the step started from. Not
+  // owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
+  std::vector<ceres::IterationCallback*> callbacks;
+
+  // Called when a row has been added to the history.
+  std::function<void(const Eigen::VectorXd& weights, const History& history)>
+      on_evaluation;
+
+  // If not empty, a checkpoint is written there between two steps, at most this
+  // often, and when the budget or a callback ends the run. If the file exists,
+  // the run continues from it. A minimizer of Ceres writes none.
+  std::string checkpoint_path;
+  double checkpoint_interval_in_seconds = 10.0;
+};
+
+struct TrainSummary {
+  ceres::TerminationType termination_type = ceres::FAILURE;
+  std::string message;  // "epochs done", "diverged at step 17: ..."
+  long num_steps = 0;
+  long num_updates = 0;     // of the rule, one or more a step
+  long num_taken_back = 0;  // of these, by the rule's own judgement
+  double train_time_in_seconds = 0.0;
+};
+
+struct TrainResult {
+  std::string error;        // empty, or why nothing was done: bad input
+  Eigen::VectorXd weights;  // n
+  History history;
+  TrainSummary summary;
+};
+
+class TrainingRun {
+ public:
+  // `method` as in methods/method.h.
+  TrainingRun(Model model,
+              TrainingData data,
+              const std::string& method,
+              TrainOptions options = TrainOptions());
+  TrainingRun(Model model,
+              TrainingData data,
+              const Method& method,
+              TrainOptions options);
+  // By a rule object of the caller, which it must not have used before.
+  TrainingRun(Model model,
+              TrainingData data,
+              std::shared_ptr<UpdateRule> rule,
+              TrainOptions options);
+  ~TrainingRun();
+  TrainingRun(const TrainingRun&) = delete;
+  TrainingRun& operator=(const TrainingRun&) = delete;
+
+  // Takes one step. False, and no step taken, once the run has ended.
+  bool Step();
+
+  // Ends the run, results kept; it may go on from its checkpoint.
+  void Stop();
+
+  // Empty, or why nothing is done: bad input.
+  const std::string& error() const { return result_.error; }
+  const Eigen::VectorXd& weights() const { return result_.weights; }
+  const History& history() const { return result_.history; }
+  // The loss of the last step's batch, before the step; NaN before the first.
+  double loss() const { return batch_loss_; }
+  long step() const { return step_; }
+  double epoch() const;
+  // The share of the run's budget that is spent, in [0, 1].
+  double progress() const;
+  // The summary is that of the end once Step() has returned false.
+  const TrainResult& result() const { return result_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct RunPhase {
+    std::unique_ptr<Engine> engine;
+    long max_num_steps;  // its share of the run
+  };
+
+  TrainingRun(Model model, TrainingData data, TrainOptions options);
+  void AddPhases(const Method& method);
+  // The end of construction: goes on from a checkpoint.
+  void Start();
+
+  // The first call of Step: evaluates the initial weights.
+  void Begin();
+  // Ends the run if the loss is not finite where a phase starts.
+  void CheckStartOfPhase();
+  // Ends the run, or begins the next phase, if it is time to. False if the run
+  // has ended.
+  bool IsRunning();
+  void BeginNextPhase();
+  // Sets max_num_steps_ by the share of the phase and the run's budget.
+  void LimitPhase();
+  bool TakeStep();
+  // False if a callback has ended the run.
+  bool CallBack(ceres::IterationSummary iteration);
+  void Evaluate();
+  // Looks at the losses and writes a checkpoint if it is time to.
+  void EvaluateIfDue();
+  // `message` counts steps from the start of the phase.
+  void End(ceres::TerminationType type, const std::string& message);
+
+  Engine& engine() { return *phases_[phase_].engine; }
+  const Engine& engine() const { return *phases_[phase_].engine; }
+  long steps_of_phase() const { return step_ - start_.step; }
+  long last_evaluation() const { return history().back().step; }
+  // The loss that patience watches.
+  double watched_loss() const;
+  double EpochsLeft(double epoch) const;
+  // Empty while something of the run's budget is left.
+  std::string SpentBudget() const;
+
+  void SaveCheckpoint();
+  void Restore();
+  void VisitState(StateArchive* archive);
+
+  const Model model_;
+  const TrainingData data_;
+  TrainOptions options_;
+  std::vector<RunPhase> phases_;
+  TrainResult result_;
+  bool has_begun_ = false;
+  bool has_ended_ = false;
+
+  // With weights and history the state that a checkpoint holds.
+  int phase_ = 0;
+  struct Position {
+    long step = 0;
+    double epoch = 0.0;
+    double seconds = 0.0;
+  };
+  Position start_;  // of the phase
+  long step_ = 0;
+  double seconds_ = 0.0;
+  double batch_loss_ = HistoryRow::kNone;
+  double step_norm_ = HistoryRow::kNone;
+  double best_loss_ = std::numeric_limits<double>::infinity();
+  int evaluations_since_best_ = 0;
+
+  long max_num_steps_ = 0;  // of the phase
+  Clock::time_point last_checkpoint_ = Clock::now();
+};
+
+// Trains until the run ends.
+TrainResult Train(Model model,
+                  TrainingData data,
+                  const std::string& method,
+                  TrainOptions options = TrainOptions());
+TrainResult Train(Model model,
+                  TrainingData data,
+                  const Method& method,
+                  TrainOptions options);
+TrainResult Train(Model model,
+                  TrainingData data,
+                  std::shared_ptr<UpdateRule> rule,
+                  TrainOptions options);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_TRAIN_TRAIN_H_
