@@ -8,6 +8,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/methods/method.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -98,6 +98,21 @@ void AddCosts(const std::string& label,
   (*panels)[1].series.push_back(std::move(seconds));
 }
 
+class Observer final : public ceres::IterationCallback {
+ public:
+  explicit Observer(const std::string& label) : live_(label) {}
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    return live_.Update({iteration.iteration, iteration.cost})
+               ? ceres::SOLVER_CONTINUE
+               : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+
+ private:
+  LiveRun live_;
+};
+
 class Comparison {
  public:
   Comparison(const std::vector<Method>& methods,
@@ -199,10 +214,8 @@ class Comparison {
     if (options_.function_tolerance >= 0.0) {
       minimizer.function_tolerance = options_.function_tolerance;
     }
-    LiveRun live(name + " " + method.label,
-                 [](const ceres::IterationSummary& iteration,
-                    ProgressState* state) { state->loss = iteration.cost; });
-    minimizer.callbacks.push_back(&live);
+    Observer observer(name + " " + method.label);
+    minimizer.callbacks.push_back(&observer);
     Method with_defaults = method;
     with_defaults.AddCeresDefaults(
         {{"linear_solver", estimation->LinearSolver()},

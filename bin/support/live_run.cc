@@ -1,25 +1,18 @@
 #include "bin/support/live_run.h"
 
-#include <utility>
-
 #include "report/interrupt.h"
 
 DEFINE_bool(progress, true, "show live how the runs are doing");
 
 namespace invgrad {
 
-LiveRun::LiveRun(const std::string& label, Describe describe)
-    : describe_(std::move(describe)) {
-  state_.label = label;
-}
-
-ceres::CallbackReturnType LiveRun::operator()(
-    const ceres::IterationSummary& iteration) {
-  state_.step = iteration.iteration;
-  describe_(iteration, &state_);
+bool LiveRun::Update(const Now& now) {
+  state_.step = now.step;
+  state_.loss = now.loss;
+  state_.epoch = now.epoch;
+  state_.fraction = now.fraction;
   if (FLAGS_progress) progress_.Update(state_);
-  return Interrupt::IsRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                                  : ceres::SOLVER_CONTINUE;
+  return !Interrupt::IsRequested();
 }
 
 }  // namespace invgrad

@@ -1,11 +1,9 @@
-// Shows how a run is doing (--progress), and ends it on Ctrl-C.
+// Shows how a run is doing (--progress), and says when Ctrl-C is to end it.
 #ifndef BIN_SUPPORT_LIVE_RUN_H_
 #define BIN_SUPPORT_LIVE_RUN_H_
 
-#include <functional>
 #include <string>
 
-#include "ceres/iteration_callback.h"
 #include "gflags/gflags.h"
 #include "report/progress.h"
 
@@ -13,20 +11,21 @@ DECLARE_bool(progress);
 
 namespace invgrad {
 
-// While an Interrupt exists (report/interrupt.h).
-class LiveRun final : public ceres::IterationCallback {
+class LiveRun {
  public:
-  // `describe` sets what is known beside label and step: epoch, loss, share of
-  // the budget.
-  using Describe =
-      std::function<void(const ceres::IterationSummary&, ProgressState*)>;
-  LiveRun(const std::string& label, Describe describe);
+  explicit LiveRun(const std::string& label) { state_.label = label; }
 
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override;
+  struct Now {
+    long step = 0;
+    double loss = ProgressState::kUnknown;
+    double epoch = ProgressState::kUnknown;
+    double fraction = ProgressState::kUnknown;  // of the budget
+  };
+  // After every step. False if the run is to end: an Interrupt
+  // (report/interrupt.h) was requested.
+  bool Update(const Now& now);
 
  private:
-  const Describe describe_;
   ProgressState state_;
   Progress progress_;
 };
