@@ -1,15 +1,17 @@
-// Times a training step of several methods on one problem, as ratios of one
-// run.
-//
-// Sample runs:
-//
-//   bench_training
-//   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse \
-//     --benchmark_repetitions=5
-//
-// One thread. A benchmark's iteration is a whole run of --steps steps from the
-// same weights, batches and linearizations included, evaluations of the loss
-// not; the ratios are to the first method.
+/*
+Times a training step of several methods on one problem, as ratios of one
+run.
+
+Sample runs:
+
+  bench_training
+  bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse \
+    --benchmark_repetitions=5
+
+One thread. A benchmark's iteration is a whole run of --steps steps from the
+same weights, batches and linearizations included, evaluations of the loss
+not; the ratios are to the first method.
+*/
 
 #include <cstdio>
 #include <string>

@@ -1,23 +1,25 @@
-// Estimates the parameters of public test problems: nonlinear regression (NIST
-// StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
-// minimizers, and rules that propose steps to them, side by side from the same
-// starts.
-//
-// Sample runs:
-//
-//   estimate --list
-//   estimate --input=nist/BoxBOD.dat \
-//     --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
-//   estimate --input=nist --plots=false --methods=ceres_lm,ceres_bfgs
-//   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2
-//   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3
-//   estimate --input=M3500.g2o --loss=huber:1 \
-//     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
-//
-// docs/results/estimation.md says where the files are published. The run
-// directory holds the flags that repeat the run, versions, tables, results in
-// the input's own format, iterations (CSV) and pictures (PNG). Ctrl-C ends the
-// method that runs, skips the others, and keeps what there is.
+/*
+Estimates the parameters of public test problems: nonlinear regression (NIST
+StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
+minimizers, and rules that propose steps to them, side by side from the same
+starts.
+
+Sample runs:
+
+  estimate --list
+  estimate --input=nist/BoxBOD.dat \
+    --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
+  estimate --input=nist --plots=false --methods=ceres_lm,ceres_bfgs
+  estimate --input=problem-16-22106-pre.txt.bz2 --threads=2
+  estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3
+  estimate --input=M3500.g2o --loss=huber:1 \
+    --methods=ceres_lm,ceres_lm:linear_solver=cgnr
+
+docs/results/estimation.md says where the files are published. The run
+directory holds the flags that repeat the run, versions, tables, results in
+the input's own format, iterations (CSV) and pictures (PNG). Ctrl-C ends the
+method that runs, skips the others, and keeps what there is.
+*/
 
 #include <algorithm>
 #include <cmath>

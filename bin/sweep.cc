@@ -1,38 +1,40 @@
-// Trains by every rule at every point of a grid of settings, several runs at a
-// time.
-//
-// Sample runs:
-//
-//   sweep --problem=toy_network --steps=200 --jobs=2 \
-//     --grid="lambda=1,0.1,0.01; rule=half_inverse,adam:step_size=1e-2|3e-3"
-//   sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2 \
-//     --grid="xi=1,8,32,64; phi=0,45; rule=sip:step_size=1e-2|3e-3|1e-3,
-//       adam:step_size=1e-2|3e-3|1e-3"
-//   sweep --problem=oscillator_chain --seconds=5 \
-//     --grid="num_oscillators=2,4; seed=1..3;
-//       rule=half_inverse,adam:step_size=1e-3|3e-4"
-//   sweep --problem=toy_network --epochs=100 --tail=0.1 \
-//     --grid="truncation=1e-3,1e-6,1e-9; batch_size=32,128,0;
-//       rule=half_inverse,gauss_newton:step_size=auto"
-//   sweep --problem=oscillator_chain --epochs=25 \
-//     --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
-//       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
-//
-// Axes are separated by ";", values by ",". Every combination is run, each in a
-// process of its own. An axis is `rule`, `seed`, `batch_size`, an option of the
-// problem or of the rules, or a setting of the network: hidden, activation,
-// initialization (network_settings.h). A rule may list alternatives of its
-// settings, "|" between them: the best one at each point of the grid is found,
-// tabled and drawn, with a remark if it is the smallest or largest of them.
-//
-//   DIR/flags.txt, DIR/versions.txt    see run_directory.h
-//   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
-//   DIR/sweep.csv                      one line a run
-//   DIR/table.txt, DIR/table.md        the best alternatives
-//   DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
-//
-// Run again, it goes on where it was stopped and skips what is done. Ctrl-C
-// ends it, with the results so far.
+/*
+Trains by every rule at every point of a grid of settings, several runs at a
+time.
+
+Sample runs:
+
+  sweep --problem=toy_network --steps=200 --jobs=2 \
+    --grid="lambda=1,0.1,0.01; rule=half_inverse,adam:step_size=1e-2|3e-3"
+  sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2 \
+    --grid="xi=1,8,32,64; phi=0,45; rule=sip:step_size=1e-2|3e-3|1e-3,
+      adam:step_size=1e-2|3e-3|1e-3"
+  sweep --problem=oscillator_chain --seconds=5 \
+    --grid="num_oscillators=2,4; seed=1..3;
+      rule=half_inverse,adam:step_size=1e-3|3e-4"
+  sweep --problem=toy_network --epochs=100 --tail=0.1 \
+    --grid="truncation=1e-3,1e-6,1e-9; batch_size=32,128,0;
+      rule=half_inverse,gauss_newton:step_size=auto"
+  sweep --problem=oscillator_chain --epochs=25 \
+    --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
+      rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
+
+Axes are separated by ";", values by ",". Every combination is run, each in a
+process of its own. An axis is `rule`, `seed`, `batch_size`, an option of the
+problem or of the rules, or a setting of the network: hidden, activation,
+initialization (network_settings.h). A rule may list alternatives of its
+settings, "|" between them: the best one at each point of the grid is found,
+tabled and drawn, with a remark if it is the smallest or largest of them.
+
+  DIR/flags.txt, DIR/versions.txt    see run_directory.h
+  DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
+  DIR/sweep.csv                      one line a run
+  DIR/table.txt, DIR/table.md        the best alternatives
+  DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
+
+Run again, it goes on where it was stopped and skips what is done. Ctrl-C
+ends it, with the results so far.
+*/
 
 #include <algorithm>
 #include <iostream>

@@ -1,19 +1,21 @@
-// Draws the paths of methods through a two-dimensional problem, over the
-// contours of its loss, in x space and in y space.
-//
-// Sample runs:
-//
-//   trajectories --steps=10 \
-//     --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
-//   trajectories --problem=squared_component:start_0=-2 \
-//     --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse --output=runs/from_left
-//   trajectories --problem=sine_point --steps=40 --margin=0.8 --overwrite \
-//     --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
-//   trajectories --problem=linear_scale --steps=5 --output=runs/linear \
-//     --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
-//
-// The directory holds trajectories.png (left x, right y), trajectories.gp to
-// restyle it, one CSV a rule, and the flags that repeat the run.
+/*
+Draws the paths of methods through a two-dimensional problem, over the
+contours of its loss, in x space and in y space.
+
+Sample runs:
+
+  trajectories --steps=10 \
+    --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
+  trajectories --problem=squared_component:start_0=-2 \
+    --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse --output=runs/from_left
+  trajectories --problem=sine_point --steps=40 --margin=0.8 --overwrite \
+    --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
+  trajectories --problem=linear_scale --steps=5 --output=runs/linear \
+    --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
+
+The directory holds trajectories.png (left x, right y), trajectories.gp to
+restyle it, one CSV a rule, and the flags that repeat the run.
+*/
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "invgrad/methods/pull_back_method.h"
-#include "invgrad/minimize/ceres_minimizer.h"
+#include "invgrad/methods/ceres_methods.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
 #include "report/table.h"

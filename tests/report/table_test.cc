@@ -1,5 +1,7 @@
 #include "report/table.h"
 
+#include <cmath>
+
 #include "gtest/gtest.h"
 
 namespace invgrad {
@@ -48,6 +50,23 @@ TEST(Table, CellsThatWouldBreakTheTable) {
   EXPECT_EQ(table.ToText(), "a|b\n----------\ntwo lines|\n\n");
   EXPECT_EQ(table.ToMarkdown(),
             "| a\\|b |\n| :--- |\n| two lines\\| |\n|  |\n");
+}
+
+TEST(Table, CsvQuotesWhereItMust) {
+  Table table({{"a, b"}, {"c"}});
+  table.AddRow({"adam:step_size=1e-3", ""});
+  table.AddRow({"\"a\" b", "1"});
+  EXPECT_EQ(table.ToCsv(),
+            "\"a, b\",c\nadam:step_size=1e-3,\n\"\"\"a\"\" b\",1\n");
+}
+
+TEST(Table, ColumnsOfRows) {
+  const std::vector<ColumnOf<double>> columns = {
+      {"x", [](const double& x) { return NumberOrDash(x); }},
+      {"all digits", ExactNumber, Table::Align::kLeft}};
+  EXPECT_EQ(MakeTable<double>(columns, {1.0 / 3.0, std::nan("")}).ToText(),
+            "     x  all digits\n------  -------------------\n"
+            "0.3333  0.33333333333333331\n     -  nan\n");
 }
 
 TEST(Table, WithoutRows) {
