@@ -9,29 +9,21 @@
 namespace invgrad {
 namespace {
 
-// The pieces of text[begin, end) between the separators, without spaces around
-// them.
-std::vector<GridValue> Split(const std::string& text,
-                             size_t begin,
-                             size_t end,
-                             char separator) {
+// Without the spaces around it.
+std::string Trimmed(const std::string& text) {
   constexpr char kSpace[] = " \t\r\n";
-  std::vector<GridValue> pieces;
-  while (true) {
-    const size_t stop = std::min(text.find(separator, begin), end);
-    const size_t first = std::min(text.find_first_not_of(kSpace, begin), stop);
-    std::string piece = text.substr(first, stop - first);
-    piece.erase(piece.find_last_not_of(kSpace) + 1);
-    pieces.push_back({piece, first});
-    if (stop == end) return pieces;
-    begin = stop + 1;
-  }
+  const size_t begin = text.find_first_not_of(kSpace);
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
 }
 
+// The trimmed pieces between the separators.
 std::vector<std::string> Split(const std::string& text, char separator) {
   std::vector<std::string> pieces;
-  for (const GridValue& piece : Split(text, 0, text.size(), separator)) {
-    pieces.push_back(piece.text);
+  for (size_t begin = 0, end = 0; end < text.size() || pieces.empty();
+       begin = end + 1) {
+    end = std::min(text.find(separator, begin), text.size());
+    pieces.push_back(Trimmed(text.substr(begin, end - begin)));
   }
   return pieces;
 }
@@ -64,7 +56,7 @@ std::vector<Piece> Pieces(const std::string& method) {
     std::string mark = pieces.empty() ? "" : ">";
     for (const std::string& part : Split(phase, ':')) {
       const size_t equals = part.find('=');
-      Piece piece{mark, Split(part.substr(0, equals), '=')[0], {}};
+      Piece piece{mark, Trimmed(part.substr(0, equals)), {}};
       if (equals != std::string::npos) {
         piece.values = Split(part.substr(equals + 1), '|');
       }
@@ -77,68 +69,47 @@ std::vector<Piece> Pieces(const std::string& method) {
 
 }  // namespace
 
-const GridAxis* Grid::Find(const std::string& name) const {
-  for (const GridAxis& axis : axes) {
-    if (axis.name == name) return &axis;
+int Grid::Find(const std::string& name) const {
+  for (size_t k = 0; k < axes.size(); ++k) {
+    if (axes[k].name == name) return static_cast<int>(k);
   }
-  return nullptr;
+  return -1;
 }
 
 bool ParseGrid(const std::string& text, Grid* grid, std::string* error) {
-  *grid = {text, {}};
-  const auto refuse = [&](size_t position, const std::string& message) {
-    *error = GridMessage(text, position, message);
+  grid->axes.clear();
+  const auto refuse = [error](const std::string& message) {
+    *error = "--grid: " + message;
     return false;
   };
-  for (const GridValue& part : Split(text, 0, text.size(), ';')) {
-    const size_t equals = part.text.find('=');
-    const std::string name = Split(part.text.substr(0, equals), '=')[0];
-    if (equals == std::string::npos || name.empty()) {
-      return refuse(part.position, "expected an axis, name=value,value");
+  for (const std::string& part : Split(text, ';')) {
+    const size_t equals = part.find('=');
+    GridAxis axis{Trimmed(part.substr(0, equals)), {}};
+    if (equals == std::string::npos || axis.name.empty()) {
+      return refuse("expected an axis, name=value,value, found '" + part + "'");
     }
-    if (grid->Find(name) != nullptr) {
-      return refuse(part.position, "the axis '" + name + "' is given twice");
+    if (grid->Find(axis.name) >= 0) {
+      return refuse("the axis '" + axis.name + "' is given twice");
     }
-    GridAxis axis{name, part.position, {}};
-    for (const GridValue& value : Split(text,
-                                        part.position + equals + 1,
-                                        part.position + part.text.size(),
-                                        ',')) {
-      if (value.text.empty()) {
-        return refuse(value.position, "expected a value of '" + name + "'");
+    for (const std::string& value : Split(part.substr(equals + 1), ',')) {
+      if (value.empty()) {
+        return refuse("the axis '" + axis.name + "' has an empty value");
       }
-      if (name != "rule" && value.text.find('|') != std::string::npos) {
-        return refuse(value.position,
-                      "'|' is for alternatives of a rule's setting; expected "
-                      "',' between values");
+      if (axis.name != "rule" && value.find('|') != std::string::npos) {
+        return refuse("'" + value +
+                      "': '|' is for alternatives of a rule's setting; "
+                      "expected ',' between values");
       }
-      for (const GridValue& other : axis.values) {
-        if (other.text == value.text && value.text != "...") {
-          return refuse(
-              value.position,
-              fmt::format(
-                  "the value '{}' of '{}' is given twice", value.text, name));
-        }
+      if (value != "..." &&
+          std::count(axis.values.begin(), axis.values.end(), value) > 0) {
+        return refuse(fmt::format(
+            "the value '{}' of '{}' is given twice", value, axis.name));
       }
       axis.values.push_back(value);
     }
     grid->axes.push_back(axis);
   }
   return true;
-}
-
-std::string GridMessage(const std::string& text,
-                        size_t position,
-                        const std::string& message) {
-  std::string line = text;
-  for (char& c : line) {
-    if (std::isspace(static_cast<unsigned char>(c)) != 0) c = ' ';
-  }
-  return fmt::format("--grid: column {}: {}\n  {}\n  {}^",
-                     position + 1,
-                     message,
-                     line,
-                     std::string(position, ' '));
 }
 
 std::vector<RuleAlternative> ExpandRule(const std::string& rule) {

@@ -9,8 +9,7 @@
 // several, in which a setting may list alternatives between which the sweep
 // chooses, "|" between them. Spaces around names and values do not count.
 //
-// Fails:   false, with an *error that names the column, what was expected, and
-//          shows the text with a mark below that column.
+// Fails:   false, with an *error that names the axis and what was expected.
 #ifndef BIN_SWEEP_GRID_H_
 #define BIN_SWEEP_GRID_H_
 
@@ -19,30 +18,19 @@
 
 namespace invgrad {
 
-struct GridValue {
-  std::string text;
-  size_t position = 0;  // in the text of the grid, from 0
-};
-
 struct GridAxis {
   std::string name;
-  size_t position = 0;
-  std::vector<GridValue> values;  // at least one, none twice
+  std::vector<std::string> values;  // at least one, none twice
 };
 
 struct Grid {
-  std::string text;
   std::vector<GridAxis> axes;  // at least one, no name twice
 
-  const GridAxis* Find(const std::string& name) const;
+  // The number of the axis; -1 if there is none.
+  int Find(const std::string& name) const;
 };
 
 bool ParseGrid(const std::string& text, Grid* grid, std::string* error);
-
-// "--grid: column 7: message", the text, and a mark below position 6.
-std::string GridMessage(const std::string& text,
-                        size_t position,
-                        const std::string& message);
 
 // One choice for each setting of a rule that lists alternatives.
 struct RuleAlternative {

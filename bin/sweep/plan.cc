@@ -6,7 +6,7 @@
 #include "bin/support/parse_list.h"
 #include "bin/support/run_directory.h"
 #include "bin/support/training.h"
-#include "fmt/core.h"
+#include "fmt/format.h"
 #include "problems/problems.h"
 
 namespace invgrad {
@@ -45,9 +45,9 @@ enum class Kind { kRule, kSeed, kBatchSize, kNetwork, kProblem, kRuleOption };
 struct Setting {
   Kind kind;
   std::string name;
-  GridValue value;
+  std::string value;
 
-  std::string Text() const { return name + "=" + value.text; }
+  std::string Text() const { return name + "=" + value; }
 };
 
 class Planner {
@@ -69,14 +69,9 @@ class Planner {
  private:
   std::vector<GridAxis>& axes() { return plan_->grid.axes; }
 
-  bool Refuse(size_t position, const std::string& message) {
-    *error_ = GridMessage(plan_->grid.text, position, message);
+  bool Refuse(const std::string& message) {
+    *error_ = "--grid: " + message;
     return false;
-  }
-
-  int NumberOfAxis(const std::string& name) {
-    const GridAxis* const axis = plan_->grid.Find(name);
-    return axis == nullptr ? -1 : static_cast<int>(axis - axes().data());
   }
 
   bool CheckBase() {
@@ -89,39 +84,30 @@ class Planner {
   }
 
   bool ReadSeeds() {
-    const size_t end = plan_->grid.text.size();
-    if (NumberOfAxis("seed") < 0) axes().push_back({"seed", end, {{"1", end}}});
-    plan_->seed_axis = NumberOfAxis("seed");
-    std::vector<GridValue>& values = axes()[plan_->seed_axis].values;
-    std::string list;
-    for (const GridValue& value : values) {
-      list += (list.empty() ? "" : ",") + value.text;
-    }
-    const size_t position = values[0].position;
+    if (plan_->grid.Find("seed") < 0) axes().push_back({"seed", {"1"}});
+    plan_->seed_axis = plan_->grid.Find("seed");
+    std::vector<std::string>& values = axes()[plan_->seed_axis].values;
     std::vector<int> seeds;
     std::string why;
-    if (!ParseSeeds(list, &seeds, &why)) return Refuse(position, why);
-    values.clear();
-    for (const int seed : seeds) {
-      values.push_back({std::to_string(seed), position});
+    if (!ParseSeeds(fmt::format("{}", fmt::join(values, ",")), &seeds, &why)) {
+      return Refuse(why);
     }
+    values.clear();
+    for (const int seed : seeds) values.push_back(std::to_string(seed));
     return true;
   }
 
   bool ReadRules() {
-    plan_->rule_axis = NumberOfAxis("rule");
+    plan_->rule_axis = plan_->grid.Find("rule");
     if (plan_->rule_axis < 0) {
-      return Refuse(plan_->grid.text.size(),
-                    "expected an axis with the rules, rule=method,method");
+      return Refuse("expected an axis with the rules, rule=method,method");
     }
-    for (const GridValue& value : axes()[plan_->rule_axis].values) {
-      plan_->alternatives.push_back(ExpandRule(value.text));
+    for (const std::string& value : axes()[plan_->rule_axis].values) {
+      plan_->alternatives.push_back(ExpandRule(value));
       for (const RuleAlternative& rule : plan_->alternatives.back()) {
         Method method;
         std::string why;
-        if (!ParseMethod(rule.specification, &method, &why)) {
-          return Refuse(value.position, why);
-        }
+        if (!ParseMethod(rule.specification, &method, &why)) return Refuse(why);
       }
     }
     return true;
@@ -154,11 +140,11 @@ class Planner {
 
   static bool Takes(const RuleAlternative& rule,
                     const GridAxis& axis,
-                    const GridValue& value,
+                    const std::string& value,
                     std::string* why) {
     Method method;
     return ParseMethod(
-        fmt::format("{}:{}={}", rule.specification, axis.name, value.text),
+        fmt::format("{}:{}={}", rule.specification, axis.name, value),
         &method,
         why);
   }
@@ -168,10 +154,12 @@ class Planner {
     std::vector<bool>& takers = takers_[axis.name];
     for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
       std::string ignored;
-      takers.push_back(std::any_of(
-          axis.values.begin(), axis.values.end(), [&](const GridValue& value) {
-            return Takes(rule[0], axis, value, &ignored);
-          }));
+      takers.push_back(std::any_of(axis.values.begin(),
+                                   axis.values.end(),
+                                   [&](const std::string& value) {
+                                     return Takes(
+                                         rule[0], axis, value, &ignored);
+                                   }));
     }
     return std::find(takers.begin(), takers.end(), true) != takers.end();
   }
@@ -187,18 +175,17 @@ class Planner {
       for (const std::string& name : OptionsOf(method.last_phase())) {
         if (name == axis.name) {  // it is there: the values are not allowed
           Takes(rule[0], axis, axis.values[0], &why);
-          return Refuse(axis.values[0].position, why);
+          return Refuse(why);
         }
         names.push_back(name);
       }
     }
     std::sort(names.begin(), names.end());
     names.erase(std::unique(names.begin(), names.end()), names.end());
-    return Refuse(axis.position,
-                  UnknownNameMessage("axis", axis.name, names) +
-                      "; expected rule, seed, batch_size, hidden, activation, "
-                      "initialization, or an option of the problem or of a "
-                      "rule of the grid");
+    return Refuse(UnknownNameMessage("axis", axis.name, names) +
+                  "; expected rule, seed, batch_size, hidden, activation, "
+                  "initialization, or an option of the problem or of a rule of "
+                  "the grid");
   }
 
   // The next point of the grid, the last axis changing fastest.
@@ -229,33 +216,11 @@ class Planner {
       SweepJob job;
       std::string why;
       if (!MakeJob(rules[i].specification, settings, &job, &why)) {
-        return RefusePoint(rules[i].specification,
-                           axes()[plan_->rule_axis].values[rule_number],
-                           settings,
-                           why);
+        return Refuse(why);
       }
       plan_->points.push_back({at, static_cast<int>(i), FindOrAddJob(job)});
     }
     return true;
-  }
-
-  // Names the rule or setting that is not allowed by itself; or, if they are
-  // not allowed only together, for `why`, the last one.
-  bool RefusePoint(const std::string& rule,
-                   const GridValue& rule_value,
-                   const std::vector<Setting>& settings,
-                   const std::string& why) {
-    SweepJob ignored;
-    std::string why_alone;
-    if (!MakeJob(rule, {}, &ignored, &why_alone)) {
-      return Refuse(rule_value.position, why_alone);
-    }
-    for (const Setting& setting : settings) {
-      if (!MakeJob(rule, {setting}, &ignored, &why_alone)) {
-        return Refuse(setting.value.position, why_alone);
-      }
-    }
-    return Refuse(settings.back().value.position, why);
   }
 
   bool MakeJob(const std::string& rule,
@@ -272,18 +237,18 @@ class Planner {
         case Kind::kRule:
           break;
         case Kind::kSeed:
-          job->seed = std::stoi(setting.value.text);
+          job->seed = std::stoi(setting.value);
           break;
         case Kind::kBatchSize: {
           int size = 0;
           OptionSet set;
           set.Add("batch_size", &size, {0, 1e9}, "");
-          if (!set.Set("batch_size", setting.value.text, error)) return false;
+          if (!set.Set("batch_size", setting.value, error)) return false;
           batch_size = size;
           break;
         }
         case Kind::kNetwork:
-          *network.Find(setting.name) = setting.value.text;
+          *network.Find(setting.name) = setting.value;
           directory += setting.Text() + "-";
           break;
         case Kind::kProblem:

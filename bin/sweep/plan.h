@@ -6,8 +6,8 @@
 // itself, of a method in phases to the last one: any other is run once, and its
 // result stands at all of the axis' values.
 //
-// Fails:   false, with *error naming the place in the grid, for an axis that is
-//          not known (with the nearest names), a value that is not allowed, a
+// Fails:   false, with *error naming axis or value, for an axis that is not
+//          known (with the nearest names), a value that is not allowed, a
 //          problem without a network, and a batch larger than the data.
 #ifndef BIN_SWEEP_PLAN_H_
 #define BIN_SWEEP_PLAN_H_

@@ -34,10 +34,10 @@ std::vector<ShownAxis> ShownAxes(const SweepPlan& plan) {
       continue;
     }
     ShownAxis candidate{k, axis.name, true, {}};
-    for (const GridValue& value : axis.values) {
+    for (const std::string& value : axis.values) {
       double number = 0.0;
       candidate.is_numeric =
-          candidate.is_numeric && ParseFinite(value.text, &number);
+          candidate.is_numeric && ParseFinite(value, &number);
       if (axis.name == "batch_size" && number == 0.0) {  // all samples
         number = plan.jobs[0].problem->train.num_samples();
       }
@@ -61,8 +61,7 @@ std::map<double, std::string> Labels(const SweepPlan& plan,
                                      const ShownAxis& axis) {
   std::map<double, std::string> labels;
   for (size_t i = 0; i < axis.positions.size(); ++i) {
-    labels.emplace(axis.positions[i],
-                   plan.grid.axes[axis.number].values[i].text);
+    labels.emplace(axis.positions[i], plan.grid.axes[axis.number].values[i]);
   }
   return labels;
 }
@@ -121,13 +120,13 @@ std::vector<double> Medians(const std::vector<SweepBest>& best) {
 // Of the rules: without what they chose between, if that tells them apart.
 std::vector<std::string> RuleTitles(const SweepPlan& plan) {
   std::vector<std::string> titles;
-  for (const GridValue& rule : plan.grid.axes[plan.rule_axis].values) {
-    titles.push_back(WithoutAlternatives(rule.text));
+  for (const std::string& rule : plan.grid.axes[plan.rule_axis].values) {
+    titles.push_back(WithoutAlternatives(rule));
   }
   std::vector<std::string> unique = titles;
   for (size_t i = 0; i < titles.size(); ++i) {
     if (std::count(titles.begin(), titles.end(), titles[i]) > 1) {
-      unique[i] = plan.grid.axes[plan.rule_axis].values[i].text;
+      unique[i] = plan.grid.axes[plan.rule_axis].values[i];
     }
   }
   return unique;
@@ -160,7 +159,7 @@ std::vector<PanelPoints> GroupByPanel(const std::string& picture,
       panel.title += fmt::format("{}{}={}",
                                  panel.title.empty() ? "" : ", ",
                                  axis.name,
-                                 axis.values[at[k]].text);
+                                 axis.values[at[k]]);
     }
     grouped.push_back(std::move(panel));
   }

@@ -150,7 +150,7 @@ Table SweepRuns(const SweepPlan& plan,
   std::vector<ColumnOf<Row>> columns;
   for (size_t k = 0; k < plan.grid.axes.size(); ++k) {
     columns.push_back({plan.grid.axes[k].name, [&plan, k](const Row& row) {
-                         return plan.grid.axes[k].values[row.point->at[k]].text;
+                         return plan.grid.axes[k].values[row.point->at[k]];
                        }});
   }
   const std::vector<ColumnOf<Row>> results = {
@@ -216,7 +216,7 @@ Table SweepTable(const SweepPlan& plan,
            Table::Align::kLeft});
     } else if (k != plan.seed_axis) {
       columns.push_back({axes[k].name, [&axes, k](const SweepBest& one) {
-                           return axes[k].values[one.at[k]].text;
+                           return axes[k].values[one.at[k]];
                          }});
     }
   }
