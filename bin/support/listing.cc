@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/methods/pull_back_method.h"
 #include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/pull_back_method.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
 #include "report/table.h"

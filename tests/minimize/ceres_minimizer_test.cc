@@ -8,6 +8,7 @@
 #include "ceres/first_order_function.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/methods/ceres_methods.h"
 
 namespace invgrad {
 namespace {

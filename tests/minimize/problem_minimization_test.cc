@@ -111,12 +111,12 @@ TEST_F(ProblemMinimization, DefaultsOfAProblemGiveWayToSettings) {
   method.AddCeresDefaults(
       {{"linear_solver", "dense_schur"}, {"num_threads", "2"}});
   const Settings expected = {{"linear_solver", "cgnr"}, {"num_threads", "2"}};
-  EXPECT_EQ(method.ceres_settings, expected);
+  EXPECT_EQ(method.last_phase().ceres_settings, expected);
   // A line search has no linear solver, and a rule is not of Ceres.
   for (const char* text : {"ceres_bfgs", "gauss_newton"}) {
     method = Parse(text);
     method.AddCeresDefaults({{"linear_solver", "dense_schur"}});
-    EXPECT_TRUE(method.ceres_settings.empty()) << text;
+    EXPECT_TRUE(method.last_phase().ceres_settings.empty()) << text;
   }
 }
 

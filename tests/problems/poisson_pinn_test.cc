@@ -16,6 +16,7 @@
 #include "invgrad/methods/method.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/train_problem.h"
 
 namespace invgrad {

@@ -179,7 +179,7 @@ TEST(SweepPlan, ARulesOwnBatchSizeGoesFirst) {
   const SweepPlan plan = Plan("batch_size=8,0;rule=adam,adam:batch_size=4");
   EXPECT_EQ(plan.jobs.size(), 3u);
   EXPECT_EQ(plan.jobs[plan.points[0].job].batch_size, 8);
-  EXPECT_EQ(plan.jobs[plan.points[1].job].method.batch_size, 4);
+  EXPECT_EQ(plan.jobs[plan.points[1].job].method.last_phase().batch_size, 4);
   EXPECT_EQ(plan.jobs[plan.points[2].job].batch_size, 256);
   EXPECT_EQ(plan.jobs[1].name, "1-adam-batch_size-4-batch4-seed1");
   EXPECT_EQ(plan.points[1].job, plan.points[3].job);

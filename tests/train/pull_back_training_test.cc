@@ -217,7 +217,7 @@ TEST(PullBackTraining, SeveralUpdatesPerEvaluationGoFurther) {
 TEST(PullBackTraining, SupervisedTrainingAveragesAndInversionDoesNot) {
   LearningProblem problem =
       CreateLearningProblem("multimodal:num_samples=1000");
-  const auto metric = [&](const Trained& run) {
+  const auto metric = [&](const TrainResult& run) {
     DenseNetwork::Activations forward;
     std::string error;
     EXPECT_TRUE(problem.model->Forward(

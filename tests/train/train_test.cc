@@ -341,7 +341,7 @@ TEST(Trainer, AStepThatIsTakenBackLeavesNoTrace) {
   EXPECT_EQ(result.summary.num_steps, 15);
   EXPECT_EQ(result.summary.num_taken_back, 15);
   EXPECT_EQ(result.summary.num_updates, 15);
-  EXPECT_EQ(result.summary.message, "epochs done");
+  EXPECT_EQ(result.summary.message, "epochs done; 15 of 15 steps taken back");
   EXPECT_EQ(result.history.back().train_loss,
             result.history.front().train_loss);
   EXPECT_EQ(result.history.back().step_norm, 0.0);
@@ -422,7 +422,7 @@ TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
   const Blind problem(0.0);
   JudgingRule rule(IsFinite, JumpAtStepFive);
   const TrainResult result = problem.Train(Epochs(6, 1), &rule);
-  EXPECT_EQ(result.summary.message, "epochs done");
+  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps taken back");
   EXPECT_EQ(result.summary.num_taken_back, 1);
   // Step 5 was judged twice.
   ASSERT_EQ(rule.after.size(), 13u);
@@ -444,7 +444,7 @@ TEST(Trainer, AStepAfterWhichTheTrainLossIsNotFiniteIsTakenBack) {
   const Blind problem(1.0);
   JudgingRule rule(IsFinite, JumpAtStepSix);
   const TrainResult result = problem.Train(Epochs(6, 1), &rule);
-  EXPECT_EQ(result.summary.message, "epochs done");
+  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps taken back");
   for (const HistoryRow& row : result.history) {
     EXPECT_TRUE(std::isfinite(row.train_loss)) << row.step;
   }

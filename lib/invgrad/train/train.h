@@ -218,8 +218,9 @@ class TrainingRun {
   const Model model_;
   const TrainingData data_;
   TrainOptions options_;
-  std::vector<RunPhase> phases_;
   TrainResult result_;
+  // Destroyed first: a solve that is not finished still moves the weights.
+  std::vector<RunPhase> phases_;
   bool has_begun_ = false;
   bool has_ended_ = false;
 
