@@ -209,7 +209,7 @@ bool WriteResults(const SweepPlan& plan,
   const Table table = SweepTable(plan, runs, value, best);
   std::cout << table.ToText();
   if (!WriteFile(FLAGS_output + "/sweep.csv",
-                 SweepRuns(plan, runs, value, best).ToCsv(),
+                 SweepCsv(plan, runs, value, best),
                  error) ||
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;

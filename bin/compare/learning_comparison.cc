@@ -34,89 +34,66 @@ SeedSpread SpreadOf(const std::vector<LearningRunResult>& runs,
 Table LearningTable(const LearningProblem& problem,
                     const LearningComparisonOptions& options,
                     const std::vector<MethodResults>& all) {
-  using Run = LearningRunResult;
-  const auto of_run = [](auto cell,
-                         double HistoryRow::*loss = &HistoryRow::train_loss) {
-    return [cell, loss](const MethodResults& method) {
-      return method.runs.empty() ? "-" : cell(method.MedianRun(loss));
+  Table table;
+  for (const MethodResults& method : all) {
+    const bool has_runs = !method.runs.empty();
+    LearningRunResult none;
+    none.history.emplace_back();
+    const auto median = [&](double HistoryRow::*loss) -> const auto& {
+      return has_runs ? method.MedianRun(loss) : none;
     };
-  };
-  const auto last = [&of_run](double HistoryRow::*loss) {
-    return of_run(
-        [loss](const Run& run) { return NumberOrDash(run.last().*loss); },
-        loss);
-  };
-  const auto label = [](const MethodResults& method) { return method.label; };
-  const auto status = [](const MethodResults& method) {
-    return method.runs.empty() ? method.refusal
-                               : method.MedianRun().summary.message;
-  };
-  const auto spread = [](const MethodResults& method) {
-    return SpreadOf(method.runs, &HistoryRow::train_loss).Text();
-  };
-  std::vector<ColumnOf<MethodResults>> columns = {
-      {"method", label, Table::Align::kLeft},
-      {"train loss", last(&HistoryRow::train_loss)},
-      {"test loss", last(&HistoryRow::test_loss)},
-      {"best train", of_run([](const Run& run) {
-         return FormatNumber(run.BestTrainLoss());
-       })}};
-  if (problem.metric.has_value()) {
-    columns.push_back({problem.metric->name, last(&HistoryRow::metric)});
+    const auto add = [&](const std::string& title, const std::string& cell) {
+      table.Add(title, has_runs ? cell : "-");
+    };
+    const auto add_last = [&](const std::string& title,
+                              double HistoryRow::*loss) {
+      add(title, NumberOrDash(median(loss).last().*loss));
+    };
+    const LearningRunResult& run = median(&HistoryRow::train_loss);
+    table.BeginRow();
+    table.Add("method", method.label, Table::Align::kLeft);
+    add_last("train loss", &HistoryRow::train_loss);
+    add_last("test loss", &HistoryRow::test_loss);
+    add("best train", FormatNumber(run.BestTrainLoss()));
+    if (problem.metric.has_value()) {
+      add_last(problem.metric->name, &HistoryRow::metric);
+    }
+    if (options.seeds.size() > 1) {
+      add("train loss, all seeds",
+          SpreadOf(method.runs, &HistoryRow::train_loss).Text());
+    }
+    AddTimes(run, has_runs, &table);
+    for (const double level : options.levels) {
+      add("s to " + FormatNumber(level),
+          NumberOrDash(run.SecondsToLevel(level)));
+    }
+    add("saturated",
+        fmt::format("{}/{}", run.num_saturated, run.num_hidden_neurons));
+    table.Add("status",
+              has_runs ? run.summary.message : method.refusal,
+              Table::Align::kLeft);
   }
-  if (options.seeds.size() > 1) {
-    columns.push_back({"train loss, all seeds", spread});
-  }
-  columns.push_back({"steps", of_run([](const Run& run) {
-                       return std::to_string(run.summary.num_steps);
-                     })});
-  columns.push_back({"s", of_run([](const Run& run) {
-                       return FormatNumber(run.summary.train_time_in_seconds);
-                     })});
-  columns.push_back({"ms/step", of_run([](const Run& run) {
-                       return NumberOrDash(MillisecondsPerStep(run));
-                     })});
-  for (const double level : options.levels) {
-    columns.push_back(
-        {"s to " + FormatNumber(level), of_run([level](const Run& run) {
-           return NumberOrDash(run.SecondsToLevel(level));
-         })});
-  }
-  columns.push_back({"saturated", of_run([](const Run& run) {
-                       return fmt::format(
-                           "{}/{}", run.num_saturated, run.num_hidden_neurons);
-                     })});
-  columns.push_back({"status", status, Table::Align::kLeft});
-  return MakeTable(columns, all);
+  return table;
 }
 
-Table SummaryTable(const std::vector<MethodResults>& all) {
-  using Run = LearningRunResult;
-  std::vector<Run> runs;
+std::string SummaryCsv(const std::vector<MethodResults>& all) {
+  Table table;
   for (const MethodResults& method : all) {
-    runs.insert(runs.end(), method.runs.begin(), method.runs.end());
+    for (const LearningRunResult& run : method.runs) {
+      table.BeginRow();
+      table.Add("method", run.label);
+      table.Add("seed", std::to_string(run.seed));
+      table.Add("train_loss", ExactNumber(run.last().train_loss));
+      table.Add("test_loss", ExactNumber(run.last().test_loss));
+      table.Add("best_train_loss", ExactNumber(run.BestTrainLoss()));
+      table.Add("metric", ExactNumber(run.last().metric));
+      table.Add("steps", std::to_string(run.summary.num_steps));
+      table.Add("seconds", ExactNumber(run.summary.train_time_in_seconds));
+      table.Add("saturated", std::to_string(run.num_saturated));
+      table.Add("status", run.summary.message);
+    }
   }
-  const auto last = [](double HistoryRow::*field) {
-    return [field](const Run& run) { return ExactNumber(run.last().*field); };
-  };
-  return MakeTable<Run>(
-      {{"method", [](const Run& run) { return run.label; }},
-       {"seed", [](const Run& run) { return std::to_string(run.seed); }},
-       {"train_loss", last(&HistoryRow::train_loss)},
-       {"test_loss", last(&HistoryRow::test_loss)},
-       {"best_train_loss",
-        [](const Run& run) { return ExactNumber(run.BestTrainLoss()); }},
-       {"metric", last(&HistoryRow::metric)},
-       {"steps",
-        [](const Run& run) { return std::to_string(run.summary.num_steps); }},
-       {"seconds",
-        [](const Run& run) {
-          return ExactNumber(run.summary.train_time_in_seconds);
-        }},
-       {"saturated",
-        [](const Run& run) { return std::to_string(run.num_saturated); }},
-       {"status", [](const Run& run) { return run.summary.message; }}},
-      runs);
+  return table.ToCsv();
 }
 
 // Runs one method from one seed, goes on with it, or reads it back if it is
@@ -218,8 +195,7 @@ bool CompareLearning(const LearningProblem& problem,
   const Table table = LearningTable(problem, options, all);
   out << table.ToText();
   if (!WriteTable(options.output + "/table", table, error) ||
-      !WriteFile(
-          options.output + "/summary.csv", SummaryTable(all).ToCsv(), error)) {
+      !WriteFile(options.output + "/summary.csv", SummaryCsv(all), error)) {
     return false;
   }
   DrawLearning(problem, options.output, options.tracked_sample, all);

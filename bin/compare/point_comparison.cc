@@ -1,6 +1,7 @@
 #include "bin/compare/point_comparison.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "bin/support/results.h"
@@ -17,53 +18,37 @@ namespace {
 // A method that could not run has no points.
 Table PointTable(const PointProblem& problem,
                  const std::vector<PointPath>& paths) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const bool is_printed = problem.start.size() <= kMaxPrintedSize;
-  const bool is_known = problem.minimizer.has_value();
-  const auto of_path = [](auto cell) {
-    return [cell](const PointPath& path) {
-      return path.x.empty() ? std::string("-") : cell(path);
+  Table table;
+  for (const PointPath& path : paths) {
+    const bool has_run = !path.x.empty();
+    const auto add = [&](const std::string& title, const std::string& cell) {
+      table.Add(title, has_run ? cell : "-");
     };
-  };
-  const auto number = [&of_path](auto value) {
-    return of_path(
-        [value](const PointPath& path) { return NumberOrDash(value(path)); });
-  };
-  std::vector<ColumnOf<PointPath>> columns = {
-      {"method",
-       [](const PointPath& path) { return path.label; },
-       Table::Align::kLeft},
-      {"steps", of_path([](const PointPath& path) {
-         return std::to_string(path.x.size() - 1);
-       })},
-      {"L at start", of_path([](const PointPath& p) {
-         return FormatNumber(p.loss.front());
-       })},
-      {"L",
-       of_path([](const PointPath& p) { return FormatNumber(p.loss.back()); })},
-      {is_printed ? "x" : "|x|", of_path([is_printed](const PointPath& path) {
-         const Eigen::VectorXd& x = path.x.back();
-         return is_printed ? fmt::format("({:.6g})",
-                                         fmt::join(x.begin(), x.end(), ", "))
-                           : FormatNumber(x.norm());
-       })},
-      {"|x - x*|",
-       number([](const PointPath& path) { return path.distance.back(); })}};
-  if (!is_printed) {
-    columns.push_back(
-        {"mean |x - x*|", of_path([&](const PointPath& path) {
-           return is_known ? FormatNumber((path.x.back() - *problem.minimizer)
-                                              .cwiseAbs()
-                                              .mean())
-                           : "-";
-         })});
+    const Eigen::VectorXd& x = has_run ? path.x.back() : problem.start;
+    table.BeginRow();
+    table.Add("method", path.label, Table::Align::kLeft);
+    add("steps", std::to_string(path.x.size() - 1));
+    add("L at start", FormatNumber(has_run ? path.loss.front() : kNan));
+    add("L", FormatNumber(has_run ? path.loss.back() : kNan));
+    if (is_printed) {
+      add("x", fmt::format("({:.6g})", fmt::join(x.begin(), x.end(), ", ")));
+    } else {
+      add("|x|", FormatNumber(x.norm()));
+    }
+    const Eigen::VectorXd error =
+        problem.minimizer.has_value()
+            ? Eigen::VectorXd(x - *problem.minimizer)
+            : Eigen::VectorXd::Constant(x.size(), kNan);
+    add("|x - x*|", NumberOrDash(error.norm()));
+    if (!is_printed) {
+      add("mean |x - x*|", NumberOrDash(error.cwiseAbs().mean()));
+    }
+    add("s", FormatNumber(path.summary.total_time_in_seconds));
+    table.Add("status", path.status, Table::Align::kLeft);
   }
-  columns.push_back({"s", of_path([](const PointPath& path) {
-                       return FormatNumber(path.summary.total_time_in_seconds);
-                     })});
-  columns.push_back({"status",
-                     [](const PointPath& path) { return path.status; },
-                     Table::Align::kLeft});
-  return MakeTable(columns, paths);
+  return table;
 }
 
 // The colours of all panels are those of `reference`.

@@ -261,9 +261,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   out << table.ToText() << "\n" << summary.ToText();
   if (!WriteTable(options.output + "/table", table, error) ||
       !WriteTable(options.output + "/summary", summary, error) ||
-      !WriteFile(options.output + "/results.csv",
-                 EstimationRuns(rows).ToCsv(),
-                 error)) {
+      !WriteFile(options.output + "/results.csv", EstimationCsv(rows), error)) {
     return false;
   }
   out << "results in " << options.output << "\n";

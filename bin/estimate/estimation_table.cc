@@ -24,9 +24,12 @@ bool IsSolved(const Row& row) {
   return row.digits.has_value() && IsNistSolution(*row.digits);
 }
 
-template <typename Field>
-auto Count(Field field) {
-  return [field](const auto& row) { return std::to_string(row.*field); };
+// Counts of a run or of sums of runs, and seconds.
+template <typename Counts>
+void AddCounts(const Counts& counts, Table* table) {
+  table->Add("iterations", std::to_string(counts.num_iterations));
+  table->Add("accepted", std::to_string(counts.num_accepted));
+  table->Add("rejected", std::to_string(counts.num_rejected));
 }
 
 // Of one method.
@@ -62,35 +65,27 @@ struct Sums {
 }  // namespace
 
 Table EstimationTable(const std::vector<Row>& rows) {
-  std::vector<ColumnOf<Row>> columns = {
-      {"start", [](const Row& row) { return row.start; }, kLeft},
-      {"method", [](const Row& row) { return row.method; }, kLeft},
-      {"initial cost",
-       [](const Row& row) { return FormatNumber(row.initial_cost, 7); }},
-      {"cost", [](const Row& row) { return FormatNumber(row.final_cost, 7); }},
-      {"iterations", Count(&Row::num_iterations)},
-      {"accepted", Count(&Row::num_accepted)},
-      {"rejected", Count(&Row::num_rejected)},
-      {"s", [](const Row& row) { return FormatNumber(row.seconds, 3); }}};
-  if (HasDigits(rows)) {
-    const auto if_known = [](auto cell) {
-      return [cell](const Row& row) {
-        return row.digits.has_value() ? cell(row) : "-";
-      };
-    };
-    columns.push_back({"digits", if_known([](const Row& row) {
-                         return FormatNumber(row.digits->minCoeff(), 3);
-                       })});
-    columns.push_back({"mean digits", if_known([](const Row& row) {
-                         return FormatNumber(row.digits->mean(), 3);
-                       })});
-    columns.push_back({"solved", if_known([](const Row& row) {
-                         return std::string(IsSolved(row) ? "yes" : "no");
-                       })});
+  const bool has_digits = HasDigits(rows);
+  Table table;
+  for (const Row& row : rows) {
+    table.BeginRow();
+    table.Add("start", row.start, kLeft);
+    table.Add("method", row.method, kLeft);
+    table.Add("initial cost", FormatNumber(row.initial_cost, 7));
+    table.Add("cost", FormatNumber(row.final_cost, 7));
+    AddCounts(row, &table);
+    table.Add("s", FormatNumber(row.seconds, 3));
+    if (has_digits) {
+      const bool is_known = row.digits.has_value();
+      table.Add("digits",
+                is_known ? FormatNumber(row.digits->minCoeff(), 3) : "-");
+      table.Add("mean digits",
+                is_known ? FormatNumber(row.digits->mean(), 3) : "-");
+      table.Add("solved", !is_known ? "-" : IsSolved(row) ? "yes" : "no");
+    }
+    table.Add("status", row.status, kLeft);
   }
-  columns.push_back(
-      {"status", [](const Row& row) { return row.status; }, kLeft});
-  return MakeTable(columns, rows);
+  return table;
 }
 
 Table EstimationSummary(const std::vector<Row>& rows) {
@@ -108,59 +103,46 @@ Table EstimationSummary(const std::vector<Row>& rows) {
     if (it == all.end()) it = all.insert(all.end(), Sums{row.method});
     it->Add(row, least_cost[row.start]);
   }
-  const auto share = [](int Sums::*count) {
-    return [count](const Sums& sums) {
-      return fmt::format("{} of {}", sums.*count, sums.num_runs);
+  const bool has_digits = HasDigits(rows);
+  Table table;
+  for (const Sums& sums : all) {
+    const auto mean = [&sums](double digits) {
+      return sums.num_solved > 0 ? FormatNumber(digits / sums.num_solved, 3)
+                                 : "-";
     };
-  };
-  const auto mean = [](double Sums::*digits) {
-    return [digits](const Sums& sums) {
-      return sums.num_solved > 0
-                 ? FormatNumber(sums.*digits / sums.num_solved, 3)
-                 : "-";
-    };
-  };
-  std::vector<ColumnOf<Sums>> columns = {
-      {"method", [](const Sums& sums) { return sums.method; }, kLeft},
-      {"starts", Count(&Sums::num_runs)},
-      {"least cost", share(&Sums::num_least)}};
-  if (HasDigits(rows)) {
-    columns.push_back({"solved", share(&Sums::num_solved)});
-    columns.push_back({"digits", mean(&Sums::worst_digits)});
-    columns.push_back({"mean digits", mean(&Sums::mean_digits)});
+    table.BeginRow();
+    table.Add("method", sums.method, kLeft);
+    table.Add("starts", std::to_string(sums.num_runs));
+    table.Add("least cost",
+              fmt::format("{} of {}", sums.num_least, sums.num_runs));
+    if (has_digits) {
+      table.Add("solved",
+                fmt::format("{} of {}", sums.num_solved, sums.num_runs));
+      table.Add("digits", mean(sums.worst_digits));
+      table.Add("mean digits", mean(sums.mean_digits));
+    }
+    AddCounts(sums, &table);
+    table.Add("s", FormatNumber(sums.seconds, 3));
   }
-  columns.push_back({"iterations", Count(&Sums::num_iterations)});
-  columns.push_back({"accepted", Count(&Sums::num_accepted)});
-  columns.push_back({"rejected", Count(&Sums::num_rejected)});
-  columns.push_back(
-      {"s", [](const Sums& sums) { return FormatNumber(sums.seconds, 3); }});
-  return MakeTable(columns, all);
+  return table;
 }
 
-Table EstimationRuns(const std::vector<Row>& rows) {
-  const auto exact = [](double Row::*field) {
-    return [field](const Row& row) { return ExactNumber(row.*field); };
-  };
-  const auto digits = [](auto summary) {
-    return [summary](const Row& row) {
-      return row.digits.has_value() ? ExactNumber(summary(*row.digits)) : "";
-    };
-  };
-  return MakeTable<Row>(
-      {{"start", [](const Row& row) { return row.start; }},
-       {"method", [](const Row& row) { return row.method; }},
-       {"initial_cost", exact(&Row::initial_cost)},
-       {"final_cost", exact(&Row::final_cost)},
-       {"iterations", Count(&Row::num_iterations)},
-       {"accepted", Count(&Row::num_accepted)},
-       {"rejected", Count(&Row::num_rejected)},
-       {"seconds", exact(&Row::seconds)},
-       {"digits",
-        digits([](const Eigen::VectorXd& all) { return all.minCoeff(); })},
-       {"mean_digits",
-        digits([](const Eigen::VectorXd& all) { return all.mean(); })},
-       {"status", [](const Row& row) { return row.status; }}},
-      rows);
+std::string EstimationCsv(const std::vector<Row>& rows) {
+  Table table;
+  for (const Row& row : rows) {
+    const bool is_known = row.digits.has_value();
+    table.BeginRow();
+    table.Add("start", row.start);
+    table.Add("method", row.method);
+    table.Add("initial_cost", ExactNumber(row.initial_cost));
+    table.Add("final_cost", ExactNumber(row.final_cost));
+    AddCounts(row, &table);
+    table.Add("seconds", ExactNumber(row.seconds));
+    table.Add("digits", is_known ? ExactNumber(row.digits->minCoeff()) : "");
+    table.Add("mean_digits", is_known ? ExactNumber(row.digits->mean()) : "");
+    table.Add("status", row.status);
+  }
+  return table.ToCsv();
 }
 
 }  // namespace invgrad

@@ -36,8 +36,8 @@ Table EstimationTable(const std::vector<EstimationRow>& rows);
 constexpr double kSameCost = 1e-6;
 Table EstimationSummary(const std::vector<EstimationRow>& rows);
 
-// For the CSV file, with all digits.
-Table EstimationRuns(const std::vector<EstimationRow>& rows);
+// With all digits.
+std::string EstimationCsv(const std::vector<EstimationRow>& rows);
 
 }  // namespace invgrad
 

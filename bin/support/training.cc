@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "fmt/core.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
@@ -89,6 +90,15 @@ double MillisecondsPerStep(const LearningRunResult& run) {
              ? 1e3 * run.summary.train_time_in_seconds /
                    static_cast<double>(run.summary.num_steps)
              : HistoryRow::kNone;
+}
+
+void AddTimes(const LearningRunResult& run, bool is_there, Table* table) {
+  const auto add = [&](const std::string& title, const std::string& cell) {
+    table->Add(title, is_there ? cell : "-");
+  };
+  add("steps", std::to_string(run.summary.num_steps));
+  add("s", FormatNumber(run.summary.train_time_in_seconds));
+  add("ms/step", NumberOrDash(MillisecondsPerStep(run)));
 }
 
 }  // namespace invgrad

@@ -11,6 +11,7 @@
 #include "bin/support/learning_run.h"
 #include "invgrad/methods/method.h"
 #include "problems/problem.h"
+#include "report/table.h"
 
 namespace invgrad {
 
@@ -53,6 +54,9 @@ bool LoadCompleteRun(const std::string& directory,
 
 // NaN before the first step.
 double MillisecondsPerStep(const LearningRunResult& run);
+
+// Adds the columns steps, s and ms/step, of a run that `is_there`.
+void AddTimes(const LearningRunResult& run, bool is_there, Table* table);
 
 }  // namespace invgrad
 

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <map>
 #include <utility>
 
 #include "bin/support/training.h"
 #include "fmt/format.h"
-#include "invgrad/io/format.h"
 
 namespace invgrad {
 namespace {
@@ -33,8 +31,8 @@ bool IsBetter(const SeedSpread& a, const SeedSpread& b) {
   return !std::isnan(a.median) && !(a.median >= b.median);
 }
 
-std::string NumberOrEmpty(double value) {
-  return std::isnan(value) ? "" : ExactNumber(value);
+std::string AtEdge(const SweepBest& best) {
+  return fmt::format("{}", fmt::join(best.alternative->at_edge, " "));
 }
 
 }  // namespace
@@ -120,141 +118,88 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
   return all;
 }
 
-Table SweepRuns(const SweepPlan& plan,
-                const std::vector<SweepRun>& runs,
-                const SweepValue& value,
-                const std::vector<SweepBest>& best) {
-  struct Row {
-    const SweepPoint* point;
-    const SweepRun* run;
-    const SweepBest* best;  // null: the point is of another alternative
-  };
-  std::vector<Row> rows;
-  for (const SweepPoint& point : plan.points) {
-    rows.push_back({&point, &runs[point.job], nullptr});
-  }
+std::string SweepCsv(const SweepPlan& plan,
+                     const std::vector<SweepRun>& runs,
+                     const SweepValue& value,
+                     const std::vector<SweepBest>& best) {
+  // Of every point; null if another alternative is the best one there.
+  std::vector<const SweepBest*> best_of(plan.points.size(), nullptr);
   for (const SweepBest& one : best) {
-    for (const int point : one.points) rows[point].best = &one;
+    for (const int point : one.points) best_of[point] = &one;
   }
-  const auto of_run = [](auto cell) {
-    return [cell](const Row& row) {
-      return row.run->result.has_value() ? cell(*row.run->result)
-                                         : std::string();
+  const LearningRunResult none;
+  Table table;
+  for (size_t i = 0; i < plan.points.size(); ++i) {
+    const SweepPoint& point = plan.points[i];
+    const SweepRun& run = runs[point.job];
+    const bool is_there = run.result.has_value();
+    const LearningRunResult& result = is_there ? *run.result : none;
+    const auto add = [&](const std::string& title, double number) {
+      table.Add(title,
+                is_there && !std::isnan(number) ? ExactNumber(number) : "");
     };
-  };
-  const auto mean = [&](double HistoryRow::*field) {
-    return of_run([&value, field](const LearningRunResult& run) {
-      return NumberOrEmpty(TailMean(run.history, field, value.tail));
-    });
-  };
-  std::vector<ColumnOf<Row>> columns;
-  for (size_t k = 0; k < plan.grid.axes.size(); ++k) {
-    columns.push_back({plan.grid.axes[k].name, [&plan, k](const Row& row) {
-                         return plan.grid.axes[k].values[row.point->at[k]];
-                       }});
+    const auto add_mean = [&](const std::string& title,
+                              double HistoryRow::*field) {
+      add(title, is_there ? TailMean(result.history, field, value.tail) : 0.0);
+    };
+    table.BeginRow();
+    for (size_t k = 0; k < point.at.size(); ++k) {
+      const GridAxis& axis = plan.grid.axes[k];
+      table.Add(axis.name, axis.values[point.at[k]]);
+    }
+    const int rule = point.at[plan.rule_axis];
+    table.Add("alternative", plan.alternatives[rule][point.alternative].chosen);
+    add_mean("train_loss", &HistoryRow::train_loss);
+    add_mean("test_loss", &HistoryRow::test_loss);
+    add_mean("metric", &HistoryRow::metric);
+    add("best_train_loss", result.BestTrainLoss());
+    add("steps", static_cast<double>(result.summary.num_steps));
+    add("seconds", result.summary.train_time_in_seconds);
+    add("ms_per_step", MillisecondsPerStep(result));
+    table.Add("best", best_of[i] != nullptr ? "1" : "0");
+    table.Add("at_edge", best_of[i] != nullptr ? AtEdge(*best_of[i]) : "");
+    table.Add("status", run.status);
   }
-  const std::vector<ColumnOf<Row>> results = {
-      {"alternative",
-       [&plan](const Row& row) {
-         return plan
-             .alternatives[row.point->at[plan.rule_axis]]
-                          [row.point->alternative]
-             .chosen;
-       }},
-      {"train_loss", mean(&HistoryRow::train_loss)},
-      {"test_loss", mean(&HistoryRow::test_loss)},
-      {"metric", mean(&HistoryRow::metric)},
-      {"best_train_loss", of_run([](const LearningRunResult& run) {
-         return NumberOrEmpty(run.BestTrainLoss());
-       })},
-      {"steps", of_run([](const LearningRunResult& run) {
-         return std::to_string(run.summary.num_steps);
-       })},
-      {"seconds", of_run([](const LearningRunResult& run) {
-         return NumberOrEmpty(run.summary.train_time_in_seconds);
-       })},
-      {"ms_per_step", of_run([](const LearningRunResult& run) {
-         return NumberOrEmpty(MillisecondsPerStep(run));
-       })},
-      {"best", [](const Row& row) { return row.best != nullptr ? "1" : "0"; }},
-      {"at_edge",
-       [](const Row& row) {
-         return row.best == nullptr
-                    ? ""
-                    : fmt::format(
-                          "{}", fmt::join(row.best->alternative->at_edge, " "));
-       }},
-      {"status", [](const Row& row) { return row.run->status; }}};
-  columns.insert(columns.end(), results.begin(), results.end());
-  return MakeTable(columns, rows);
+  return table.ToCsv();
 }
 
 Table SweepTable(const SweepPlan& plan,
                  const std::vector<SweepRun>& runs,
                  const SweepValue& value,
                  const std::vector<SweepBest>& best) {
-  const auto run_of = [&](const SweepBest& one) -> const SweepRun& {
-    return runs[plan.points[one.median_point()].job];
-  };
-  const auto of_run = [&](auto cell) {
-    return [&run_of, cell](const SweepBest& one) {
-      const SweepRun& run = run_of(one);
-      return run.result.has_value() ? cell(*run.result) : std::string("-");
-    };
-  };
-  std::vector<ColumnOf<SweepBest>> columns;
-  bool has_alternatives = false;
-  for (const auto& rule : plan.alternatives) {
-    has_alternatives = has_alternatives || rule.size() > 1;
-  }
   const std::vector<GridAxis>& axes = plan.grid.axes;
-  for (int k = 0; k < static_cast<int>(axes.size()); ++k) {
-    if (k == plan.rule_axis) {
-      columns.push_back(
-          {"rule",
-           [](const SweepBest& one) { return one.alternative->specification; },
-           Table::Align::kLeft});
-    } else if (k != plan.seed_axis) {
-      columns.push_back({axes[k].name, [&axes, k](const SweepBest& one) {
-                           return axes[k].values[one.at[k]];
-                         }});
+  const bool has_alternatives = std::any_of(
+      plan.alternatives.begin(), plan.alternatives.end(), [](const auto& rule) {
+        return rule.size() > 1;
+      });
+  const LearningRunResult none;
+  Table table;
+  for (const SweepBest& one : best) {
+    table.BeginRow();
+    for (int k = 0; k < static_cast<int>(axes.size()); ++k) {
+      if (k == plan.rule_axis) {
+        table.Add("rule", one.alternative->specification, Table::Align::kLeft);
+      } else if (k != plan.seed_axis) {
+        table.Add(axes[k].name, axes[k].values[one.at[k]]);
+      }
     }
+    if (has_alternatives) {
+      const size_t size = plan.alternatives[one.at[plan.rule_axis]].size();
+      const std::string edge = AtEdge(one);
+      table.Add("best of", size > 1 ? std::to_string(size) : "-");
+      table.Add(
+          "at the edge of", edge.empty() ? "-" : edge, Table::Align::kLeft);
+    }
+    table.Add(value.name, NumberOrDash(one.spread.median));
+    if (axes[plan.seed_axis].values.size() > 1) {
+      table.Add("all seeds", one.spread.Text());
+    }
+    const SweepRun& run = runs[plan.points[one.median_point()].job];
+    const bool is_there = run.result.has_value();
+    AddTimes(is_there ? *run.result : none, is_there, &table);
+    table.Add("status", run.status, Table::Align::kLeft);
   }
-  if (has_alternatives) {
-    columns.push_back({"best of", [&plan](const SweepBest& one) {
-                         const size_t size =
-                             plan.alternatives[one.at[plan.rule_axis]].size();
-                         return size > 1 ? std::to_string(size) : "-";
-                       }});
-    columns.push_back(
-        {"at the edge of",
-         [](const SweepBest& one) {
-           const auto& at_edge = one.alternative->at_edge;
-           return at_edge.empty() ? "-"
-                                  : fmt::format("{}", fmt::join(at_edge, " "));
-         },
-         Table::Align::kLeft});
-  }
-  columns.push_back({value.name, [](const SweepBest& one) {
-                       return NumberOrDash(one.spread.median);
-                     }});
-  if (axes[plan.seed_axis].values.size() > 1) {
-    columns.push_back(
-        {"all seeds", [](const SweepBest& one) { return one.spread.Text(); }});
-  }
-  columns.push_back({"steps", of_run([](const LearningRunResult& run) {
-                       return std::to_string(run.summary.num_steps);
-                     })});
-  columns.push_back({"s", of_run([](const LearningRunResult& run) {
-                       return FormatNumber(run.summary.train_time_in_seconds);
-                     })});
-  columns.push_back({"ms/step", of_run([](const LearningRunResult& run) {
-                       return NumberOrDash(MillisecondsPerStep(run));
-                     })});
-  columns.push_back({"status",
-                     [&](const SweepBest& one) { return run_of(one).status; },
-                     Table::Align::kLeft});
-  return MakeTable(columns, best);
+  return table;
 }
 
 }  // namespace invgrad

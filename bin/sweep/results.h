@@ -60,10 +60,10 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
 // A row a run, all digits: every axis, alternative, train_loss, test_loss,
 // metric, best_train_loss, steps, seconds, ms_per_step, best (1 or 0), at_edge,
 // status. What is not known is empty.
-Table SweepRuns(const SweepPlan& plan,
-                const std::vector<SweepRun>& runs,
-                const SweepValue& value,
-                const std::vector<SweepBest>& best);
+std::string SweepCsv(const SweepPlan& plan,
+                     const std::vector<SweepRun>& runs,
+                     const SweepValue& value,
+                     const std::vector<SweepBest>& best);
 
 // A row a rule and point of the grid.
 Table SweepTable(const SweepPlan& plan,

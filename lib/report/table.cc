@@ -64,6 +64,22 @@ void Table::AddRow(std::vector<std::string> cells) {
   rows_.push_back(std::move(cells));
 }
 
+void Table::BeginRow() {
+  if (!rows_.empty()) CHECK_EQ(rows_.back().size(), columns_.size());
+  rows_.emplace_back();
+}
+
+void Table::Add(const std::string& title,
+                const std::string& cell,
+                Align align) {
+  CHECK(!rows_.empty());
+  const size_t j = rows_.back().size();
+  if (rows_.size() == 1) columns_.push_back({OnOneLine(title), align});
+  CHECK_LT(j, columns_.size());
+  CHECK_EQ(columns_[j].title, OnOneLine(title));
+  rows_.back().push_back(OnOneLine(cell));
+}
+
 std::string Table::ToText() const {
   std::vector<std::string> lines(rows_.size() + 2);
   for (size_t j = 0; j < columns_.size(); ++j) {

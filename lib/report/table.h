@@ -11,9 +11,7 @@
 #ifndef REPORT_TABLE_H_
 #define REPORT_TABLE_H_
 
-#include <functional>
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace invgrad {
@@ -30,8 +28,15 @@ class Table {
   };
 
   explicit Table(std::vector<Column> columns);
-
   void AddRow(std::vector<std::string> cells);
+
+  // Or cell by cell: the first row makes the columns, the others must have the
+  // same ones (CHECKed).
+  Table() = default;
+  void BeginRow();
+  void Add(const std::string& title,
+           const std::string& cell,
+           Align align = Align::kRight);
 
   std::string ToText() const;
   std::string ToMarkdown() const;
@@ -42,30 +47,6 @@ class Table {
   std::vector<Column> columns_;
   std::vector<std::vector<std::string>> rows_;
 };
-
-// A column of a table of rows of one type.
-template <typename Row>
-struct ColumnOf {
-  std::string title;
-  std::function<std::string(const Row&)> cell;
-  Table::Align align = Table::Align::kRight;
-};
-
-template <typename Row>
-Table MakeTable(const std::vector<ColumnOf<Row>>& columns,
-                const std::vector<Row>& rows) {
-  std::vector<Table::Column> titles;
-  for (const auto& column : columns) {
-    titles.push_back({column.title, column.align});
-  }
-  Table table(std::move(titles));
-  for (const Row& row : rows) {
-    std::vector<std::string> cells;
-    for (const auto& column : columns) cells.push_back(column.cell(row));
-    table.AddRow(std::move(cells));
-  }
-  return table;
-}
 
 // As cells: FormatNumber, "-" for NaN; and all digits.
 std::string NumberOrDash(double value, int digits = 4);

@@ -161,13 +161,12 @@ TEST(FindBest, EveryPointAndRuleHasItsOwn) {
   EXPECT_EQ(best[3].spread.median, 6.0);
 }
 
-TEST(SweepRuns, HasALineForEveryRun) {
+TEST(SweepCsv, HasALineForEveryRun) {
   const SweepPlan plan = Plan("lambda=1,0.1;rule=adam:step_size=1|2|4");
   std::vector<SweepRun> runs = Runs({3, 1.0 / 3.0, 2, 1, 5, kNan});
   runs[4] = {std::nullopt, "not run: \"a\", b"};
   const std::string csv =
-      SweepRuns(plan, runs, TrainLoss(), FindBest(plan, runs, TrainLoss()))
-          .ToCsv();
+      SweepCsv(plan, runs, TrainLoss(), FindBest(plan, runs, TrainLoss()));
   EXPECT_EQ(csv,
             "lambda,rule,seed,alternative,train_loss,test_loss,metric,"
             "best_train_loss,steps,seconds,ms_per_step,best,at_edge,status\n"

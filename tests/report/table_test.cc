@@ -60,13 +60,20 @@ TEST(Table, CsvQuotesWhereItMust) {
             "\"a, b\",c\nadam:step_size=1e-3,\n\"\"\"a\"\" b\",1\n");
 }
 
-TEST(Table, ColumnsOfRows) {
-  const std::vector<ColumnOf<double>> columns = {
-      {"x", [](const double& x) { return NumberOrDash(x); }},
-      {"all digits", ExactNumber, Table::Align::kLeft}};
-  EXPECT_EQ(MakeTable<double>(columns, {1.0 / 3.0, std::nan("")}).ToText(),
+TEST(Table, TheFirstRowMakesTheColumns) {
+  Table table;
+  EXPECT_EQ(table.ToText(), "\n\n");
+  for (const double x : {1.0 / 3.0, std::nan("")}) {
+    table.BeginRow();
+    table.Add("x", NumberOrDash(x));
+    table.Add("all digits", ExactNumber(x), Table::Align::kLeft);
+  }
+  EXPECT_EQ(table.ToText(),
             "     x  all digits\n------  -------------------\n"
             "0.3333  0.33333333333333331\n     -  nan\n");
+  table.BeginRow();
+  EXPECT_DEATH(table.Add("y", ""), "title");
+  EXPECT_DEATH(table.BeginRow(), "size");
 }
 
 TEST(Table, WithoutRows) {
