@@ -9,10 +9,11 @@ Sample runs:
   estimate --list
   estimate --input=nist/BoxBOD.dat \
     --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
-  estimate --input=nist --plots=false --methods=ceres_lm,ceres_bfgs
-  estimate --input=problem-16-22106-pre.txt.bz2 --threads=2
-  estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3
-  estimate --input=M3500.g2o --loss=huber:1 \
+  estimate --input=nist --plots=false --overwrite \
+    --methods=ceres_lm,ceres_bfgs
+  estimate --input=problem-16-22106-pre.txt.bz2 --threads=2 --overwrite
+  estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite
+  estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
 docs/results/estimation.md says where the files are published. The run
@@ -281,6 +282,9 @@ int main(int argc, char** argv) {
   return invgrad::RunProgram(
       argc,
       argv,
-      "estimates the parameters of NIST, BAL and g2o files by several methods",
+      "estimates the parameters of NIST, BAL and g2o files by several "
+      "methods\n\n"
+      "  estimate --list\n"
+      "  estimate --input=BoxBOD.dat --methods=ceres_lm,ceres_lm+half_inverse",
       invgrad::Run);
 }

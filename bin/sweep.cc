@@ -6,16 +6,16 @@ Sample runs:
 
   sweep --problem=toy_network --steps=200 --jobs=2 \
     --grid="lambda=1,0.1,0.01; rule=half_inverse,adam:step_size=1e-2|3e-3"
-  sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2 \
+  sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2 --output=runs/sine \
     --grid="xi=1,8,32,64; phi=0,45; rule=sip:step_size=1e-2|3e-3|1e-3,
       adam:step_size=1e-2|3e-3|1e-3"
-  sweep --problem=oscillator_chain --seconds=5 \
+  sweep --problem=oscillator_chain --seconds=5 --output=runs/chains \
     --grid="num_oscillators=2,4; seed=1..3;
       rule=half_inverse,adam:step_size=1e-3|3e-4"
-  sweep --problem=toy_network --epochs=100 --tail=0.1 \
+  sweep --problem=toy_network --epochs=100 --tail=0.1 --output=runs/batches \
     --grid="truncation=1e-3,1e-6,1e-9; batch_size=32,128,0;
       rule=half_inverse,gauss_newton:step_size=auto"
-  sweep --problem=oscillator_chain --epochs=25 \
+  sweep --problem=oscillator_chain --epochs=25 --output=runs/networks \
     --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
 
@@ -274,6 +274,8 @@ int main(int argc, char** argv) {
   return invgrad::RunProgram(
       argc,
       argv,
-      "trains by every rule at every point of a grid of settings",
+      "trains by every rule at every point of a grid of settings\n\n"
+      "  sweep --problem=toy_network --steps=200 --jobs=2 \\\n"
+      "    --grid=\"lambda=1,0.1; rule=half_inverse,adam:step_size=1e-2|1e-3\"",
       invgrad::Run);
 }

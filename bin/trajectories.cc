@@ -32,6 +32,7 @@ restyle it, one CSV a rule, and the flags that repeat the run.
 #include "gflags/gflags.h"
 #include "problems/problems.h"
 #include "report/plot.h"
+#include "report/plot_axis.h"
 
 DEFINE_string(problem,
               "squared_component",
@@ -51,21 +52,6 @@ DEFINE_double(margin,
 namespace invgrad {
 namespace {
 
-struct Interval {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-
-  void Include(double value) {
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-  // Wider at each end, and never empty.
-  Interval Widened() const {
-    const double margin = high > low ? FLAGS_margin * (high - low) : 1.0;
-    return {low - margin, high + margin};
-  }
-};
-
 // The points of all paths in x or in y, and the optimum's.
 struct Panel {
   std::string name;  // "x" or "y"
@@ -73,64 +59,52 @@ struct Panel {
   Eigen::VectorXd goal;  // empty if there is none
 };
 
-std::vector<double> Ticks(const Interval& interval, int num) {
-  std::vector<double> ticks(num);
-  for (int i = 0; i < num; ++i) {
-    ticks[i] = interval.low + (interval.high - interval.low) * i / (num - 1);
-  }
-  return ticks;
-}
-
 // `loss` maps a point of the panel to L, NaN where it has no value.
 Plot MakePlot(const Panel& panel,
               const std::vector<PointPath>& paths,
               const std::function<double(const Eigen::Vector2d&)>& loss) {
-  Interval ranges[2];
-  for (int axis = 0; axis < 2; ++axis) {
-    for (const auto& path : panel.paths) {
-      for (const Eigen::VectorXd& point : path) {
-        if (point.size() == 2 && point.allFinite()) {
-          ranges[axis].Include(point[axis]);
-        }
-      }
-    }
-    if (panel.goal.size() == 2) ranges[axis].Include(panel.goal[axis]);
-    ranges[axis] = ranges[axis].Widened();
-  }
-  ContourField field;
-  field.x = Ticks(ranges[0], FLAGS_grid);
-  field.y = Ticks(ranges[1], FLAGS_grid);
-  field.z.resize(FLAGS_grid, FLAGS_grid);
-  for (int i = 0; i < FLAGS_grid; ++i) {
-    for (int j = 0; j < FLAGS_grid; ++j) {
-      field.z(i, j) = loss(Eigen::Vector2d(field.x[j], field.y[i]));
-    }
-  }
   Plot plot;
   plot.title = panel.name + " space";
   plot.x_label = panel.name + "_0";
   plot.y_label = panel.name + "_1";
-  plot.x_range = {ranges[0].low, ranges[0].high};
-  plot.y_range = {ranges[1].low, ranges[1].high};
-  plot.contours = std::move(field);
-  for (size_t i = 0; i < paths.size(); ++i) {
+  std::vector<double> xs, ys;  // of all points
+  const auto add = [&](const std::string& title,
+                       Series::Style style,
+                       const std::vector<Eigen::VectorXd>& points) {
     Series series;
-    series.title = paths[i].label;
-    series.style = Series::Style::kLinesAndPoints;
-    for (const Eigen::VectorXd& point : panel.paths[i]) {
+    series.title = title;
+    series.style = style;
+    for (const Eigen::VectorXd& point : points) {
       if (point.size() != 2) continue;
       series.x.push_back(point[0]);
       series.y.push_back(point[1]);
+      if (!point.allFinite()) continue;
+      xs.push_back(point[0]);
+      ys.push_back(point[1]);
     }
-    plot.series.push_back(std::move(series));
+    plot.series.push_back(series);
+  };
+  for (size_t i = 0; i < paths.size(); ++i) {
+    add(paths[i].label, Series::Style::kLinesAndPoints, panel.paths[i]);
   }
   if (panel.goal.size() == 2) {
-    Series goal;
-    goal.title = "optimum";
-    goal.style = Series::Style::kPoints;
-    goal.x = {panel.goal[0]};
-    goal.y = {panel.goal[1]};
-    plot.series.push_back(goal);
+    add("optimum", Series::Style::kPoints, {panel.goal});
+  }
+  const Axis x_axis = FitAxis(false, {}, FLAGS_margin, {&xs});
+  const Axis y_axis = FitAxis(false, {}, FLAGS_margin, {&ys});
+  plot.x_range = {x_axis.low, x_axis.high};
+  plot.y_range = {y_axis.low, y_axis.high};
+  ContourField& field = plot.contours.emplace();
+  field.z.resize(FLAGS_grid, FLAGS_grid);
+  for (int i = 0; i < FLAGS_grid; ++i) {
+    const double share = static_cast<double>(i) / (FLAGS_grid - 1);
+    field.x.push_back(x_axis.low + (x_axis.high - x_axis.low) * share);
+    field.y.push_back(y_axis.low + (y_axis.high - y_axis.low) * share);
+  }
+  for (int i = 0; i < FLAGS_grid; ++i) {
+    for (int j = 0; j < FLAGS_grid; ++j) {
+      field.z(i, j) = loss(Eigen::Vector2d(field.x[j], field.y[i]));
+    }
   }
   return plot;
 }
