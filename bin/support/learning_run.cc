@@ -244,7 +244,7 @@ bool RunLearning(const LearningProblem& problem,
   if (!error->empty()) return false;
   result->weights = run.weights();
   result->history = run.history();
-  result->summary = run.result().summary;
+  result->summary = run.summary();
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);

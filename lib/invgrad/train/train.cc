@@ -14,24 +14,8 @@
 namespace invgrad {
 namespace {
 
-constexpr int kNoEpochs = std::numeric_limits<int>::max();
-constexpr long kNoSteps = std::numeric_limits<long>::max();
-
 std::string AtStep(const std::string& what, long step) {
   return fmt::format("{} at step {}", what, step);
-}
-
-// Nothing, if nothing was inverted.
-void RecordCounts(const PullBackCounts& counts, HistoryRow* row) {
-  if (counts.of(PullBackSource::kDerivative) > 0) return;
-  const auto count = [&](PullBackSource source) {
-    return static_cast<double>(counts.of(source));
-  };
-  row->by_inverse = count(PullBackSource::kInverse);
-  row->by_numerical_inverse = count(PullBackSource::kNumericalInverse);
-  row->by_inverse_gradient = count(PullBackSource::kInverseGradient);
-  row->by_gradient = count(PullBackSource::kGradient);
-  row->not_moved = count(PullBackSource::kNone);
 }
 
 // Empty, or what only a look at the values shows to be bad input.
@@ -46,7 +30,7 @@ std::string CheckValues(const TrainingData& data,
 
 // The steps of an earlier phase if nothing ends it before.
 long StepsOfShare(const Phase& phase, long steps_per_epoch) {
-  long steps = kNoSteps;
+  long steps = Budget::kNoSteps;
   if (phase.num_epochs > 0) steps = phase.num_epochs * steps_per_epoch;
   if (phase.num_steps > 0) steps = std::min<long>(steps, phase.num_steps);
   return steps;
@@ -68,12 +52,14 @@ TrainingData::TrainingData(DataSet train, DataSet test)
 TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
     : model_(std::move(model)),
       data_(std::move(data)),
-      options_(std::move(options)) {
+      options_(std::move(options)),
+      budget_{options_.max_num_epochs,
+              options_.max_num_steps,
+              options_.max_time_in_seconds},
+      recorder_(&model_, &data_.test, options_.metric) {
   CHECK_GT(data_.train.num_samples(), 0) << "there are no training samples";
-  if (options_.max_num_epochs == kNoEpochs &&
-      options_.max_num_steps == kNoSteps &&
-      !std::isfinite(options_.max_time_in_seconds)) {
-    options_.max_num_epochs = TrainOptions::kDefaultNumEpochs;
+  if (!budget_.is_finite()) {
+    budget_.max_num_epochs = TrainOptions::kDefaultNumEpochs;
   }
   if (options_.initial_weights.size() == 0) {
     NumpyRandom random(options_.seed);
@@ -81,8 +67,8 @@ TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
         Initialization::kGlorotUniform, &random);
   }
   CHECK_EQ(options_.initial_weights.size(), model_.num_weights());
-  result_.weights = options_.initial_weights;
-  result_.error = CheckValues(data_, result_.weights);
+  weights_ = options_.initial_weights;
+  error_ = CheckValues(data_, weights_);
 }
 
 TrainingRun::TrainingRun(Model model,
@@ -103,7 +89,7 @@ TrainingRun::TrainingRun(Model model,
   if (ParseMethod(method, &parsed, &why)) {
     AddPhases(parsed);
   } else {
-    result_.error = why;
+    error_ = why;
   }
 }
 
@@ -115,8 +101,8 @@ TrainingRun::TrainingRun(Model model,
   CHECK(rule != nullptr);
   if (!error().empty()) return;
   phases_.push_back(
-      {MakeEngine(std::move(rule), model_, data_, options_, &result_.error),
-       kNoSteps});
+      {MakeEngine(std::move(rule), model_, data_, options_, &error_),
+       Budget::kNoSteps});
   Start();
 }
 
@@ -125,16 +111,16 @@ TrainingRun::~TrainingRun() = default;
 void TrainingRun::AddPhases(const Method& method) {
   if (!error().empty()) return;
   for (const Phase& phase : method.phases) {
-    std::unique_ptr<Engine> engine = MakeEngine(
-        phase, model_, data_, options_, result_.weights, &result_.error);
+    std::unique_ptr<Engine> engine =
+        MakeEngine(phase, model_, data_, options_, weights_, &error_);
     if (engine == nullptr) {
       if (method.phases.size() > 1) {
-        result_.error = phase.label + ": " + result_.error;
+        error_ = phase.label + ": " + error_;
       }
       return;
     }
     const long share = &phase == &method.last_phase()
-                           ? kNoSteps
+                           ? Budget::kNoSteps
                            : StepsOfShare(phase, engine->steps_per_epoch());
     phases_.push_back({std::move(engine), share});
   }
@@ -196,11 +182,11 @@ bool TrainingRun::IsRunning() {
         last.train_loss <= options_.target_loss) {
       End(ceres::CONVERGENCE, AtStep("target loss reached", steps_of_phase()));
     } else if (options_.patience > 0 &&
-               evaluations_since_best_ >= options_.patience) {
+               recorder_.rows_since_best() >= options_.patience) {
       End(ceres::CONVERGENCE,
           fmt::format("no improvement in {} evaluations", options_.patience));
-    } else if (!SpentBudget().empty()) {
-      End(ceres::NO_CONVERGENCE, SpentBudget());
+    } else if (!budget_.Spent(position()).empty()) {
+      End(ceres::NO_CONVERGENCE, budget_.Spent(position()));
     } else if (steps_of_phase() < max_num_steps_ ||
                phase_ + 1 == static_cast<int>(phases_.size())) {
       return true;
@@ -214,39 +200,28 @@ bool TrainingRun::IsRunning() {
 void TrainingRun::BeginNextPhase() {
   if (last_evaluation() != step_) Evaluate();
   if (!phases_[phase_ + 1].engine->has_state()) SaveCheckpoint();
-  start_ = {step_, epoch(), seconds_};
+  start_ = position();
   ++phase_;
   LimitPhase();
-  best_loss_ = watched_loss();
-  evaluations_since_best_ = 0;
+  recorder_.BeginPhase();
   CheckStartOfPhase();
 }
 
 void TrainingRun::LimitPhase() {
-  max_num_steps_ = phases_[phase_].max_num_steps;
-  if (options_.max_num_steps < kNoSteps) {
-    max_num_steps_ =
-        std::min(max_num_steps_, options_.max_num_steps - start_.step);
-  }
-  // In steps, as the run's epochs may end within one of the phase.
-  if (options_.max_num_epochs < kNoEpochs) {
-    const double steps = EpochsLeft(start_.epoch) *
-                         static_cast<double>(engine().steps_per_epoch());
-    max_num_steps_ =
-        std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
-  }
+  max_num_steps_ =
+      std::min(phases_[phase_].max_num_steps,
+               budget_.NumStepsFrom(start_, engine().steps_per_epoch()));
 }
 
 bool TrainingRun::TakeStep() {
   const Clock::time_point start = Clock::now();
-  const double budget_in_seconds =
-      options_.max_time_in_seconds - start_.seconds;
+  const double budget_in_seconds = budget_.max_time_in_seconds - start_.seconds;
   const double spent =
       std::max(static_cast<double>(steps_of_phase()) /
                    static_cast<double>(max_num_steps_),
                (seconds_ - start_.seconds) / budget_in_seconds);
   const Engine::StepResult result =
-      engine().Step(std::min(1.0, spent), &result_.weights);
+      engine().Step(std::min(1.0, spent), &weights_);
   seconds_ += std::chrono::duration<double>(Clock::now() - start).count();
   if (!std::isnan(result.batch_loss)) batch_loss_ = result.batch_loss;
   using Outcome = Engine::StepResult::Outcome;
@@ -292,7 +267,7 @@ void TrainingRun::EvaluateIfDue() {
                       last_evaluation() != step_;
   if (is_due) Evaluate();
   if (is_due && !std::isfinite(history().back().train_loss)) {
-    engine().RestoreLastGood(&result_.weights);
+    engine().RestoreLastGood(&weights_);
     End(ceres::FAILURE,
         AtStep("diverged", steps_of_phase()) +
             ": the train loss is not finite");
@@ -308,32 +283,21 @@ void TrainingRun::Evaluate() {
   row.epoch = epoch();
   row.seconds = seconds_;
   row.batch_loss = batch_loss_;
+  row.step_norm = step_norm_;
   row.train_loss = MeanLoss(model_, weights(), data_.train);
-  if (!std::isfinite(row.train_loss) && engine().TakeBack(&result_.weights)) {
+  if (!std::isfinite(row.train_loss) && engine().TakeBack(&weights_)) {
     row.train_loss = MeanLoss(model_, weights(), data_.train);
   }
-  if (data_.test.num_samples() > 0) {
-    row.test_loss = MeanLoss(model_, weights(), data_.test);
-  }
-  row.step_norm = step_norm_;
-  if (options_.metric) row.metric = options_.metric(weights());
-  if (engine().counts() != nullptr) RecordCounts(*engine().counts(), &row);
-  result_.history.push_back(row);
-  if (watched_loss() < best_loss_) {
-    best_loss_ = watched_loss();
-    evaluations_since_best_ = 0;
-  } else {
-    ++evaluations_since_best_;
-  }
+  recorder_.Record(weights(), engine().counts(), row);
   if (options_.on_evaluation) options_.on_evaluation(weights(), history());
 }
 
 void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   has_ended_ = true;
-  TrainSummary& summary = result_.summary;
+  TrainSummary& summary = summary_;
   summary.termination_type = type;
   summary.message = message;
-  if (phases_.size() > 1 && message != SpentBudget()) {
+  if (phases_.size() > 1 && message != budget_.Spent(position())) {
     summary.message = fmt::format("phase {}: {}", phase_ + 1, message);
   }
   std::string reports;
@@ -356,39 +320,10 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   summary.message += reports;
 }
 
-// --- Budget ---
-
 double TrainingRun::epoch() const {
   if (!error().empty()) return 0.0;
   return start_.epoch +
          static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
-}
-
-// The shares of an epoch that the steps of several phases are do not add up
-// exactly: what rounding leaves is nothing.
-double TrainingRun::EpochsLeft(double epoch) const {
-  constexpr double kRounding = 1e-12;
-  return options_.max_num_epochs * (1.0 - kRounding) - epoch;
-}
-
-std::string TrainingRun::SpentBudget() const {
-  if (EpochsLeft(epoch()) <= 0.0) return "epochs done";
-  if (step_ >= options_.max_num_steps) return "steps done";
-  if (seconds_ >= options_.max_time_in_seconds) return "time used up";
-  return "";
-}
-
-double TrainingRun::progress() const {
-  return std::min(1.0,
-                  std::max({epoch() / options_.max_num_epochs,
-                            static_cast<double>(step_) /
-                                static_cast<double>(options_.max_num_steps),
-                            seconds_ / options_.max_time_in_seconds}));
-}
-
-double TrainingRun::watched_loss() const {
-  const HistoryRow& last = history().back();
-  return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
 }
 
 // --- Checkpoint ---
@@ -408,19 +343,19 @@ void TrainingRun::SaveCheckpoint() {
 
 void TrainingRun::Restore() {
   Checkpoint checkpoint;
-  if (ReadCheckpoint(options_.checkpoint_path, &checkpoint, &result_.error)) {
+  if (ReadCheckpoint(options_.checkpoint_path, &checkpoint, &error_)) {
     StateArchive archive(StateArchive::Mode::kRead, &checkpoint);
     VisitState(&archive);
     if (archive.error().empty()) return;
-    result_.error = options_.checkpoint_path + ": " + archive.error();
+    error_ = options_.checkpoint_path + ": " + archive.error();
   }
-  result_.weights = options_.initial_weights;
-  result_.history.clear();
+  weights_ = options_.initial_weights;
+  recorder_.Clear();
 }
 
 void TrainingRun::VisitState(StateArchive* archive) {
   archive->Expect("num_phases", static_cast<long>(phases_.size()));
-  archive->Visit("weights", &result_.weights, model_.num_weights());
+  archive->Visit("weights", &weights_, model_.num_weights());
   archive->Visit("phase", &phase_);
   archive->Require(phase_ >= 0 && phase_ < static_cast<int>(phases_.size()),
                    "phase");
@@ -432,53 +367,15 @@ void TrainingRun::VisitState(StateArchive* archive) {
   archive->Visit("seconds", &seconds_);
   archive->Visit("batch_loss", &batch_loss_);
   archive->Visit("step_norm", &step_norm_);
-  archive->Visit("best_loss", &best_loss_);
-  archive->Visit("evaluations_since_best", &evaluations_since_best_);
-  Eigen::VectorXd rows = PackHistory(history());
-  archive->Visit("history", &rows);
-  archive->Require(UnpackHistory(rows, &result_.history), "history");
+  recorder_.VisitState(archive);
   for (int k = 0; k <= phase_; ++k) {
     archive->set_prefix(fmt::format("phase{}.", k + 1));
     phases_[k].engine->VisitState(archive);
   }
 }
 
-// --- Train ---
-
-namespace {
-
-TrainResult RunToTheEnd(TrainingRun* run) {
-  while (run->Step()) continue;
-  return run->result();
-}
-
-}  // namespace
-
-TrainResult Train(Model model,
-                  TrainingData data,
-                  const std::string& method,
-                  TrainOptions options) {
-  TrainingRun run(
-      std::move(model), std::move(data), method, std::move(options));
-  return RunToTheEnd(&run);
-}
-
-TrainResult Train(Model model,
-                  TrainingData data,
-                  const Method& method,
-                  TrainOptions options) {
-  TrainingRun run(
-      std::move(model), std::move(data), method, std::move(options));
-  return RunToTheEnd(&run);
-}
-
-TrainResult Train(Model model,
-                  TrainingData data,
-                  std::shared_ptr<UpdateRule> rule,
-                  TrainOptions options) {
-  TrainingRun run(
-      std::move(model), std::move(data), std::move(rule), std::move(options));
-  return RunToTheEnd(&run);
+TrainResult TrainingRun::result() const {
+  return {error(), weights(), history(), summary_};
 }
 
 }  // namespace invgrad

@@ -40,9 +40,9 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -52,8 +52,10 @@
 #include "invgrad/core/update_rule.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/train/budget.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/train/history.h"
+#include "invgrad/train/recorder.h"
 
 namespace invgrad {
 
@@ -83,9 +85,9 @@ struct TrainOptions {
 
   // The budget: whichever ends first. 100 epochs, if none is set.
   static constexpr int kDefaultNumEpochs = 100;
-  int max_num_epochs = std::numeric_limits<int>::max();
-  long max_num_steps = std::numeric_limits<long>::max();
-  double max_time_in_seconds = std::numeric_limits<double>::infinity();
+  int max_num_epochs = Budget::kNoEpochs;
+  long max_num_steps = Budget::kNoSteps;
+  double max_time_in_seconds = Budget::kNoSeconds;
 
   // Early stop: train loss <= target_loss; or no new minimum of the test loss
   // (of the train loss, if there are no test data) in so many evaluations. 0:
@@ -158,17 +160,18 @@ class TrainingRun {
   void Stop();
 
   // Empty, or why nothing is done: bad input.
-  const std::string& error() const { return result_.error; }
-  const Eigen::VectorXd& weights() const { return result_.weights; }
-  const History& history() const { return result_.history; }
+  const std::string& error() const { return error_; }
+  const Eigen::VectorXd& weights() const { return weights_; }
+  const History& history() const { return recorder_.history(); }
   // The loss of the last step's batch, before the step; NaN before the first.
   double loss() const { return batch_loss_; }
   long step() const { return step_; }
   double epoch() const;
   // The share of the run's budget that is spent, in [0, 1].
-  double progress() const;
-  // The summary is that of the end once Step() has returned false.
-  const TrainResult& result() const { return result_; }
+  double progress() const { return budget_.Share(position()); }
+  // Of the end, once Step() has returned false.
+  const TrainSummary& summary() const { return summary_; }
+  TrainResult result() const;
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -205,11 +208,7 @@ class TrainingRun {
   const Engine& engine() const { return *phases_[phase_].engine; }
   long steps_of_phase() const { return step_ - start_.step; }
   long last_evaluation() const { return history().back().step; }
-  // The loss that patience watches.
-  double watched_loss() const;
-  double EpochsLeft(double epoch) const;
-  // Empty while something of the run's budget is left.
-  std::string SpentBudget() const;
+  RunPosition position() const { return {step_, epoch(), seconds_}; }
 
   void SaveCheckpoint();
   void Restore();
@@ -218,44 +217,40 @@ class TrainingRun {
   const Model model_;
   const TrainingData data_;
   TrainOptions options_;
-  TrainResult result_;
-  // Destroyed first: a solve that is not finished still moves the weights.
-  std::vector<RunPhase> phases_;
+  Budget budget_;
+  std::string error_;
+  TrainSummary summary_;
   bool has_begun_ = false;
   bool has_ended_ = false;
 
-  // With weights and history the state that a checkpoint holds.
+  // The state that a checkpoint holds.
+  Eigen::VectorXd weights_;
+  Recorder recorder_;
+  // Destroyed before the weights: a solve that is not finished moves them.
+  std::vector<RunPhase> phases_;
   int phase_ = 0;
-  struct Position {
-    long step = 0;
-    double epoch = 0.0;
-    double seconds = 0.0;
-  };
-  Position start_;  // of the phase
+  RunPosition start_;  // of the phase
   long step_ = 0;
   double seconds_ = 0.0;
   double batch_loss_ = HistoryRow::kNone;
   double step_norm_ = HistoryRow::kNone;
-  double best_loss_ = std::numeric_limits<double>::infinity();
-  int evaluations_since_best_ = 0;
 
   long max_num_steps_ = 0;  // of the phase
   Clock::time_point last_checkpoint_ = Clock::now();
 };
 
-// Trains until the run ends.
+// Trains until the run ends. `method` as for a TrainingRun: a specification, a
+// Method, or a rule.
+template <typename MethodOrRule>
 TrainResult Train(Model model,
                   TrainingData data,
-                  const std::string& method,
-                  TrainOptions options = TrainOptions());
-TrainResult Train(Model model,
-                  TrainingData data,
-                  const Method& method,
-                  TrainOptions options);
-TrainResult Train(Model model,
-                  TrainingData data,
-                  std::shared_ptr<UpdateRule> rule,
-                  TrainOptions options);
+                  const MethodOrRule& method,
+                  TrainOptions options = TrainOptions()) {
+  TrainingRun run(
+      std::move(model), std::move(data), method, std::move(options));
+  while (run.Step()) continue;
+  return run.result();
+}
 
 }  // namespace invgrad
 
