@@ -12,30 +12,8 @@
 namespace invgrad {
 namespace {
 
-std::vector<std::string> Names(const std::vector<OptionSet::Row>& options) {
-  std::vector<std::string> names;
-  for (const OptionSet::Row& row : options) names.push_back(row.name);
-  return names;
-}
-
 bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-std::vector<std::string> OptionsOf(const Phase& phase) {
-  std::vector<std::string> names;
-  const auto add = [&names](const std::vector<OptionSet::Row>& options) {
-    for (const OptionSet::Row& row : options) names.push_back(row.name);
-  };
-  if (phase.rule != nullptr) add(phase.rule->options());
-  if (phase.ceres != nullptr) add(phase.ceres->options());
-  if (phase.pull_back.has_value()) {
-    PullBackMethod ways = *phase.pull_back;
-    OptionSet set;
-    ways.Describe(&set);
-    add(set.rows());
-  }
-  return names;
 }
 
 // Where the value of an axis goes.
@@ -116,8 +94,10 @@ class Planner {
   // Finds out what each axis is, and which rules have the options of rules.
   bool SortAxes() {
     const std::string name = base_.problem.substr(0, base_.problem.find(':'));
-    const std::vector<std::string> options =
-        Names(invgrad::FindProblem(name)->options());
+    std::vector<std::string> options;
+    for (const auto& row : invgrad::FindProblem(name)->options()) {
+      options.push_back(row.name);
+    }
     for (const GridAxis& axis : axes()) {
       if (axis.name == "rule") {
         kinds_.push_back(Kind::kRule);
@@ -164,28 +144,21 @@ class Planner {
     return std::find(takers.begin(), takers.end(), true) != takers.end();
   }
 
+  // Says for each rule why it does not take the axis.
   bool RefuseAxis(const GridAxis& axis, std::vector<std::string> names) {
     names.insert(names.end(), {"rule", "seed", "batch_size"});
     const std::vector<std::string>& network = NetworkSettings::Names();
     names.insert(names.end(), network.begin(), network.end());
+    std::string message =
+        fmt::format("{}\n  allowed: {}",
+                    UnknownNameMessage("axis", axis.name, names),
+                    fmt::join(names, ", "));
     for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
-      Method method;
       std::string why;
-      ParseMethod(rule[0].specification, &method, &why);
-      for (const std::string& name : OptionsOf(method.last_phase())) {
-        if (name == axis.name) {  // it is there: the values are not allowed
-          Takes(rule[0], axis, axis.values[0], &why);
-          return Refuse(why);
-        }
-        names.push_back(name);
-      }
+      Takes(rule[0], axis, axis.values[0], &why);
+      message += "\n  and no option of a rule: " + why;
     }
-    std::sort(names.begin(), names.end());
-    names.erase(std::unique(names.begin(), names.end()), names.end());
-    return Refuse(UnknownNameMessage("axis", axis.name, names) +
-                  "; expected rule, seed, batch_size, hidden, activation, "
-                  "initialization, or an option of the problem or of a rule of "
-                  "the grid");
+    return Refuse(message);
   }
 
   // The next point of the grid, the last axis changing fastest.
