@@ -136,8 +136,8 @@ std::string Table::ToCsv() const {
   return text;
 }
 
-std::string NumberOrDash(double value, int digits) {
-  return std::isnan(value) ? "-" : FormatNumber(value, digits);
+std::string NumberOrDash(double value) {
+  return std::isnan(value) ? "-" : FormatNumber(value);
 }
 
 std::string ExactNumber(double value) { return fmt::format("{:.17g}", value); }

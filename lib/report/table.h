@@ -49,7 +49,7 @@ class Table {
 };
 
 // As cells: FormatNumber, "-" for NaN; and all digits.
-std::string NumberOrDash(double value, int digits = 4);
+std::string NumberOrDash(double value);
 std::string ExactNumber(double value);
 
 }  // namespace invgrad
