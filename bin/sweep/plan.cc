@@ -85,7 +85,9 @@ class Planner {
       for (const RuleAlternative& rule : plan_->alternatives.back()) {
         Method method;
         std::string why;
-        if (!ParseMethod(rule.specification, &method, &why)) return Refuse(why);
+        if (!ParseMethod(rule.specification, &method, &why)) {
+          return Refuse(fmt::format("rule={}: {}", value, why));
+        }
       }
     }
     return true;
