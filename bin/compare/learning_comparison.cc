@@ -25,6 +25,7 @@ namespace {
 SeedSpread SpreadOf(const std::vector<LearningRunResult>& runs,
                     double HistoryRow::*loss) {
   std::vector<double> values;
+  values.reserve(runs.size());
   for (const LearningRunResult& run : runs) {
     values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
   }

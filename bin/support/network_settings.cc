@@ -30,6 +30,7 @@ bool SetChoice(const char* setting,
                std::string* error) {
   if (name.empty()) return true;
   std::vector<std::string> names;
+  names.reserve(choices.size());
   for (const auto& choice : choices) names.push_back(choice.first);
   std::string chosen = names[0];
   OptionSet set;

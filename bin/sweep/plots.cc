@@ -113,6 +113,7 @@ bool SpansDecadesAndZero(const std::vector<double>& values) {
 
 std::vector<double> Medians(const std::vector<SweepBest>& best) {
   std::vector<double> medians;
+  medians.reserve(best.size());
   for (const SweepBest& one : best) medians.push_back(one.spread.median);
   return medians;
 }

@@ -100,6 +100,7 @@ void CheckSizes(const Plot& plot) {
 std::vector<std::pair<double, std::string>> NumberedTicks(
     const std::vector<std::string>& labels) {
   std::vector<std::pair<double, std::string>> ticks;
+  ticks.reserve(labels.size());
   for (const std::string& label : labels) {
     ticks.emplace_back(static_cast<double>(ticks.size()), label);
   }
