@@ -33,6 +33,7 @@
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/train/evaluation.h"
 #include "invgrad/train/train.h"
 #include "report/plot.h"
 #include "report/table.h"

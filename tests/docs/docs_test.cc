@@ -1,85 +1,23 @@
-// The documentation says what the code says: quotations are current, links lead
-// somewhere, and the tutorial's program does what its page promises.
-
-#include <sys/wait.h>
+// The documentation says what the code says: quotations and generated pages are
+// current, links and names of files lead somewhere.
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <regex>
+#include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "docs/tutorials/01_shuttlecock.h"
 #include "gtest/gtest.h"
-#include "invgrad/io/atomic_file.h"
+#include "tests/docs/pages.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {
-namespace {
+namespace docs_test {
 
 namespace fs = std::filesystem;
-
-const fs::path kRoot = SourceDir();
-
-std::string Read(const fs::path& path) {
-  std::string text;
-  std::string error;
-  EXPECT_TRUE(ReadFile(path.string(), &text, &error)) << error;
-  return text;
-}
-
-std::vector<std::string> SplitLines(const std::string& text) {
-  std::vector<std::string> lines;
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    lines.push_back(text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return lines;
-}
-
-// README.md and all pages under docs.
-std::vector<fs::path> Pages() {
-  std::vector<fs::path> pages;
-  if (fs::exists(kRoot / "README.md")) pages.push_back(kRoot / "README.md");
-  for (const auto& entry : fs::recursive_directory_iterator(kRoot / "docs")) {
-    if (entry.path().extension() == ".md") pages.push_back(entry.path());
-  }
-  return pages;
-}
-
-// "// [marker]" or "// [/marker]"; not "// [1] A source."
-bool IsMarker(const std::string& text) {
-  return text.rfind("// [", 0) == 0 && text.back() == ']';
-}
-
-// What stands between the lines "// [marker]" and "// [/marker]", without the
-// indentation of the first of them. Markers may overlap; lines that are markers
-// are not part of it. Empty, with a failure, unless both occur exactly once.
-std::string MarkedRegion(const std::string& source, const std::string& marker) {
-  std::string region;
-  size_t indentation = 0;
-  int num_begins = 0;
-  int num_ends = 0;
-  for (const std::string& line : SplitLines(source)) {
-    const size_t first = std::min(line.find_first_not_of(' '), line.size());
-    const std::string text = line.substr(first);
-    if (text == "// [" + marker + "]") {
-      ++num_begins;
-      indentation = first;
-    } else if (text == "// [/" + marker + "]") {
-      ++num_ends;
-    } else if (num_begins == 1 && num_ends == 0 && !IsMarker(text)) {
-      region += (first < indentation ? text : line.substr(indentation)) + "\n";
-    }
-  }
-  EXPECT_EQ(num_begins, 1) << "// [" << marker << "]";
-  EXPECT_EQ(num_ends, 1) << "// [/" << marker << "]";
-  return num_begins == 1 && num_ends == 1 ? region : "";
-}
 
 // A page quotes a file beside it by
 //
@@ -124,7 +62,8 @@ std::string WithoutCode(const std::string& page) {
   std::string text;
   bool is_code = false;
   for (const std::string& line : SplitLines(page)) {
-    if (line.rfind("```", 0) == 0) {
+    if (line.find("```") == line.find_first_not_of(' ') &&
+        line.find("```") != std::string::npos) {
       is_code = !is_code;
     } else if (!is_code) {
       text += line + "\n";
@@ -171,11 +110,11 @@ TEST(Docs, QuotationsAndLinksAreFound) {
 TEST(Docs, QuotationsAreCurrent) {
   int num_quotations = 0;
   for (const fs::path& page : Pages()) {
-    for (const Quotation& quotation : Quotations(Read(page))) {
+    for (const Quotation& quotation : Quotations(ReadText(page))) {
       SCOPED_TRACE(page.string() + ": " + quotation.file + ": " +
                    quotation.marker);
       EXPECT_EQ(quotation.text,
-                MarkedRegion(Read(page.parent_path() / quotation.file),
+                MarkedRegion(ReadText(page.parent_path() / quotation.file),
                              quotation.marker));
       ++num_quotations;
     }
@@ -186,7 +125,7 @@ TEST(Docs, QuotationsAreCurrent) {
 TEST(Docs, LinksLeadToFiles) {
   int num_links = 0;
   for (const fs::path& page : Pages()) {
-    for (const std::string& link : RelativeLinks(Read(page))) {
+    for (const std::string& link : RelativeLinks(ReadText(page))) {
       EXPECT_TRUE(fs::exists(page.parent_path() / link))
           << page << " links to " << link;
       ++num_links;
@@ -195,158 +134,43 @@ TEST(Docs, LinksLeadToFiles) {
   EXPECT_GT(num_links, 0);
 }
 
-// Runs a tutorial's program with `arguments`; returns its exit code and what it
-// printed.
-std::pair<int, std::string> RunTutorial(
-    const std::string& arguments,
-    const std::string& output,
-    const std::string& program = "01_new_problem") {
-  const int status = std::system(("'" + BinDir() + "/" + program + "' " +
-                                  arguments + " > '" + output + "' 2>&1")
-                                     .c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Read(output)};
-}
-
-TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
-  const TemporaryFolder folder;
-  const std::string picture = folder / "picture.png";
-  // A budget of a few steps.
-  const auto [exit_code, text] =
-      RunTutorial("--seconds=0.01 --picture='" + picture + "'", folder / "out");
-  EXPECT_EQ(exit_code, 0) << text;
-  for (const char* word : {"finite differences",
-                           "test loss",
-                           "gradient_descent",
-                           "adam",
-                           "half_inverse",
-                           "gauss_newton",
-                           "levenberg_marquardt",
-                           "ceres_lm"}) {
-    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+// The names of all headers and sources.
+std::set<std::string> SourceNames() {
+  std::set<std::string> names;
+  for (const char* folder : {"bin", "docs", "lib", "problems", "tests"}) {
+    for (const auto& entry :
+         fs::recursive_directory_iterator(SourceRoot() / folder)) {
+      names.insert(entry.path().filename().string());
+    }
   }
-  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
+  return names;
 }
 
-TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
-  const TemporaryFolder folder;
-  const auto [exit_code, text] =
-      RunTutorial("--seconds=0.02", folder / "out", "02_physical_gradients");
-  EXPECT_EQ(exit_code, 0) << text;
-  for (const char* word :
-       {"miss [mm]", "dp_adam", "numerical inverse", "sip"}) {
-    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+// Paths from the root, and headers by their names alone.
+TEST(Docs, FilesInTheTextExist) {
+  const std::regex path("`((bin|docs|lib|problems|tests)/[A-Za-z0-9_./]+)`");
+  const std::regex header("[a-z0-9_]+\\.h\\b");
+  // Tutorial 1 lets the reader add it.
+  const std::string added = "problems/shuttlecock.h";
+  const std::set<std::string> names = SourceNames();
+  int num_files = 0;
+  for (const fs::path& page : Pages()) {
+    const std::string text = WithoutCode(ReadText(page));
+    using Matches = std::sregex_iterator;
+    for (Matches at(text.begin(), text.end(), path); at != Matches(); ++at) {
+      const std::string file = (*at)[1];
+      EXPECT_TRUE(file == added || fs::exists(SourceRoot() / file))
+          << page << " names " << file;
+      ++num_files;
+    }
+    for (Matches at(text.begin(), text.end(), header); at != Matches(); ++at) {
+      const std::string name = at->str();
+      EXPECT_TRUE(fs::path(added).filename() == name || names.count(name) > 0)
+          << page << " names " << name;
+      ++num_files;
+    }
   }
-}
-
-TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
-  const TemporaryFolder folder;
-  const auto [exit_code, text] =
-      RunTutorial("--starts=3", folder / "out", "04_ceres_solve");
-  EXPECT_EQ(exit_code, 0) << text;
-  // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
-  for (const char* word : {"length 1.50",
-                           " proposed, ",
-                           "nobody",
-                           "initial_trust_region_radius = 1",
-                           "control=gain",
-                           " of 3"}) {
-    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
-  }
-}
-
-TEST(CeresSolveTutorial, RefusesUnknownRules) {
-  const TemporaryFolder folder;
-  const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out", "04_ceres_solve");
-  EXPECT_EQ(exit_code, 1);
-  EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
-}
-
-// "20 lines with everything": the page's promise.
-TEST(CeresSolveTutorial, AddsTwentyLines) {
-  const std::string source = Read(kRoot / "docs/tutorials/04_ceres_solve.cc");
-  size_t num_lines = 0;
-  for (const char* marker : {"includes", "rule", "added", "report"}) {
-    num_lines += SplitLines(MarkedRegion(source, marker)).size();
-  }
-  EXPECT_LE(num_lines, 20u);
-}
-
-TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
-  const TemporaryFolder folder;
-  const std::string picture = folder / "picture.png";
-  const auto [exit_code, text] =
-      RunTutorial("--seconds=0.01 --picture='" + picture + "'",
-                  folder / "out",
-                  "05_robot_simulator");
-  EXPECT_EQ(exit_code, 0) << text;
-  for (const char* word : {"calibrated: wheels 0.10",
-                           "finite differences",
-                           "real miss [mm]",
-                           "adam",
-                           "half_inverse",
-                           "ceres_lm"}) {
-    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
-  }
-  EXPECT_EQ(Read(picture).substr(1, 3), "PNG");
-}
-
-// Line for line, but for motions: which of several that are as good is told
-// may depend on rounding.
-TEST(RankReportTutorial, PrintsWhatThePageShows) {
-  const TemporaryFolder folder;
-  const auto [exit_code, text] =
-      RunTutorial("", folder / "out", "03_rank_report");
-  EXPECT_EQ(exit_code, 0) << text;
-  const std::vector<std::string> page =
-      SplitLines(Read(kRoot / "docs/tutorials/03_rank_report.md"));
-  int num_lines = 0;
-  for (const std::string& line : SplitLines(text)) {
-    const std::string start = line.substr(0, 3);
-    if (start == "===" || start == "  +" || start == "  -") continue;
-    EXPECT_GT(std::count(page.begin(), page.end(), line), 0) << line;
-    ++num_lines;
-  }
-  EXPECT_GT(num_lines, 30);
-}
-
-TEST(NewProblemTutorial, RefusesUnknownRules) {
-  const TemporaryFolder folder;
-  const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out");
-  EXPECT_EQ(exit_code, 1);
-  EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
-}
-
-// The header on the page is the program's problem: same physics, and data of
-// the promised size.
-TEST(NewProblemTutorial, HeaderMakesTheSameProblem) {
-  EXPECT_EQ(
-      MarkedRegion(Read(kRoot / "docs/tutorials/01_shuttlecock.h"), "functor"),
-      MarkedRegion(Read(kRoot / "docs/tutorials/01_new_problem.cc"),
-                   "functor"));
-  LearningProblem problem;
-  std::string error;
-  ASSERT_TRUE(Shuttlecock::Create({}, nullptr, &problem, &error)) << error;
-  EXPECT_EQ(problem.train.num_samples(), 512);
-  EXPECT_EQ(problem.test.num_samples(), 512);
-  const Eigen::MatrixXd wrong = Eigen::MatrixXd::Ones(4, 3);
-  EXPECT_FALSE(Shuttlecock::Create({}, &wrong, &problem, &error));
-}
-
-// Falling from rest, q_1 = -l log cosh(T sqrt(g / l)).
-TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
-  const double x[] = {0.0, 0.0};
-  double y[2];
-  ASSERT_TRUE(Flight()(x, y));
-  const double exact =
-      -Flight::kDragLength *
-      std::log(std::cosh(Flight::kTime *
-                         std::sqrt(Flight::kGravity / Flight::kDragLength)));
-  EXPECT_EQ(y[0], 0.0);
-  // Order 4 with h = 0.02 s, in units of l / sqrt(g l) = 0.7 s: about
-  // (0.02 / 0.7)^4 = 7e-7, and constants below one.
-  EXPECT_NEAR(y[1], exact, 1e-6);
+  EXPECT_GT(num_files, 0);
 }
 
 // What compare --list_markdown prints for docs/rules.md or docs/problems.md.
@@ -356,13 +180,14 @@ std::string PrintedPage(const std::string& page) {
   const std::string command =
       BinDir() + "/compare --list_markdown=" + page + " > " + printed;
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
-  return Read(printed);
+  return ReadText(printed);
 }
 
 // docs/rules.md and docs/problems.md are printed from the tables.
 TEST(Docs, GeneratedPagesAreCurrent) {
   for (const std::string page : {"rules", "problems"}) {
-    EXPECT_EQ(PrintedPage(page), Read(kRoot / "docs" / (page + ".md")))
+    EXPECT_EQ(PrintedPage(page),
+              ReadText(SourceRoot() / "docs" / (page + ".md")))
         << "docs/" << page << ".md is not what compare --list_markdown=" << page
         << " prints";
   }
@@ -395,5 +220,5 @@ TEST(Docs, RowsOfGeneratedTablesHaveAsManyCellsAsTheirHeaders) {
   }
 }
 
-}  // namespace
+}  // namespace docs_test
 }  // namespace invgrad

@@ -1,0 +1,178 @@
+// The tutorials' programs do what their pages promise.
+
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "docs/tutorials/01_shuttlecock.h"
+#include "gtest/gtest.h"
+#include "tests/docs/pages.h"
+#include "tests/support/source_tree.h"
+#include "tests/support/temporary_folder.h"
+
+namespace invgrad {
+namespace tutorials_test {
+
+// Runs a tutorial's program with `arguments`; returns its exit code and what it
+// printed.
+std::pair<int, std::string> RunTutorial(
+    const std::string& arguments,
+    const std::string& output,
+    const std::string& program = "01_new_problem") {
+  const int status = std::system(("'" + BinDir() + "/" + program + "' " +
+                                  arguments + " > '" + output + "' 2>&1")
+                                     .c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadText(output)};
+}
+
+TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
+  const TemporaryFolder folder;
+  const std::string picture = folder / "picture.png";
+  // A budget of a few steps.
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.01 --picture='" + picture + "'", folder / "out");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word : {"finite differences",
+                           "test loss",
+                           "gradient_descent",
+                           "adam",
+                           "half_inverse",
+                           "gauss_newton",
+                           "levenberg_marquardt",
+                           "ceres_lm"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
+}
+
+TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.02", folder / "out", "02_physical_gradients");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word :
+       {"miss [mm]", "dp_adam", "numerical inverse", "sip"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+}
+
+TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--starts=3", folder / "out", "04_ceres_solve");
+  EXPECT_EQ(exit_code, 0) << text;
+  // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
+  for (const char* word : {"length 1.50",
+                           " proposed, ",
+                           "nobody",
+                           "initial_trust_region_radius = 1",
+                           "control=gain",
+                           " of 3"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+}
+
+TEST(CeresSolveTutorial, RefusesUnknownRules) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--rules=half_invers", folder / "out", "04_ceres_solve");
+  EXPECT_EQ(exit_code, 1);
+  EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
+}
+
+// "20 lines with everything": the page's promise.
+TEST(CeresSolveTutorial, AddsTwentyLines) {
+  const std::string source =
+      ReadText(SourceRoot() / "docs/tutorials/04_ceres_solve.cc");
+  size_t num_lines = 0;
+  for (const char* marker : {"includes", "rule", "added", "report"}) {
+    num_lines += SplitLines(MarkedRegion(source, marker)).size();
+  }
+  EXPECT_LE(num_lines, 20u);
+}
+
+TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
+  const TemporaryFolder folder;
+  const std::string picture = folder / "picture.png";
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.01 --picture='" + picture + "'",
+                  folder / "out",
+                  "05_robot_simulator");
+  EXPECT_EQ(exit_code, 0) << text;
+  for (const char* word : {"calibrated: wheels 0.10",
+                           "finite differences",
+                           "real miss [mm]",
+                           "adam",
+                           "half_inverse",
+                           "ceres_lm"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
+}
+
+// Line for line, but for motions: which of several that are as good is told
+// may depend on rounding.
+TEST(RankReportTutorial, PrintsWhatThePageShows) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "03_rank_report");
+  EXPECT_EQ(exit_code, 0) << text;
+  const std::vector<std::string> page =
+      SplitLines(ReadText(SourceRoot() / "docs/tutorials/03_rank_report.md"));
+  int num_lines = 0;
+  for (const std::string& line : SplitLines(text)) {
+    const std::string start = line.substr(0, 3);
+    if (start == "===" || start == "  +" || start == "  -") continue;
+    EXPECT_GT(std::count(page.begin(), page.end(), line), 0) << line;
+    ++num_lines;
+  }
+  EXPECT_GT(num_lines, 30);
+}
+
+TEST(NewProblemTutorial, RefusesUnknownRules) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--rules=half_invers", folder / "out");
+  EXPECT_EQ(exit_code, 1);
+  EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
+}
+
+// The header on the page is the program's problem: same physics, and data of
+// the promised size.
+TEST(NewProblemTutorial, HeaderMakesTheSameProblem) {
+  EXPECT_EQ(
+      MarkedRegion(ReadText(SourceRoot() / "docs/tutorials/01_shuttlecock.h"),
+                   "functor"),
+      MarkedRegion(ReadText(SourceRoot() / "docs/tutorials/01_new_problem.cc"),
+                   "functor"));
+  LearningProblem problem;
+  std::string error;
+  ASSERT_TRUE(Shuttlecock::Create({}, nullptr, &problem, &error)) << error;
+  EXPECT_EQ(problem.train.num_samples(), 512);
+  EXPECT_EQ(problem.test.num_samples(), 512);
+  const Eigen::MatrixXd wrong = Eigen::MatrixXd::Ones(4, 3);
+  EXPECT_FALSE(Shuttlecock::Create({}, &wrong, &problem, &error));
+}
+
+// Falling from rest, q_1 = -l log cosh(T sqrt(g / l)).
+TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
+  const double x[] = {0.0, 0.0};
+  double y[2];
+  ASSERT_TRUE(Flight()(x, y));
+  const double exact =
+      -Flight::kDragLength *
+      std::log(std::cosh(Flight::kTime *
+                         std::sqrt(Flight::kGravity / Flight::kDragLength)));
+  EXPECT_EQ(y[0], 0.0);
+  // Order 4 with h = 0.02 s, in units of l / sqrt(g l) = 0.7 s: about
+  // (0.02 / 0.7)^4 = 7e-7, and constants below one.
+  EXPECT_NEAR(y[1], exact, 1e-6);
+}
+
+}  // namespace tutorials_test
+}  // namespace invgrad
