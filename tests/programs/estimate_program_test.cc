@@ -392,15 +392,6 @@ TEST_F(EstimateProgram, RefusesBadFlags) {
   ExpectRefused({good, "stray"}, {"stray"});
 }
 
-TEST_F(EstimateProgram, KeepsTheDirectoryOfAnEarlierRun) {
-  const std::string input = "--input=" + WriteMisra1a();
-  RunQuietly(WriteMisra1a(), "run");
-  const Output again = Run({input, "--output=" + Path("run")});
-  EXPECT_EQ(again.exit_code, 1);
-  ExpectSays(again, {"exists", "--overwrite"});
-  RunQuietly(WriteMisra1a(), "run", {"--overwrite"});
-}
-
 // Published and found by others.
 
 TEST_F(EstimateProgram, SolvesThePublishedRegressions) {

@@ -1,10 +1,12 @@
-#include "bin/support/dump_step.h"
+#include "bin/compare/dump_step.h"
 
 #include <filesystem>
 #include <iostream>
 #include <memory>
 
 #include "bin/support/run_directory.h"
+#include "bin/support/training.h"
+#include "fmt/core.h"
 #include "invgrad/io/npy.h"
 
 namespace invgrad {
@@ -50,35 +52,30 @@ bool DumpMethod(const Model& model,
 
 bool DumpStep(const LearningProblem& problem,
               const std::vector<Method>& methods,
-              const LearningComparisonOptions& options,
-              const Eigen::VectorXd& initial_weights,
+              int batch_size,
+              const Eigen::VectorXd& weights,
               const std::string& directory,
               std::string* error) {
   for (const Method& method : methods) {
-    if (method.phases[0].ceres != nullptr) {
-      *error = "--dump_step: '" + method.label +
-               "' is a minimizer of Ceres and has no step to dump";
-      return false;
-    }
-  }
-  if (std::filesystem::exists(directory)) {
-    *error = "--dump_step=" + directory + " exists; give another directory";
+    if (method.phases[0].ceres == nullptr) continue;
+    *error = fmt::format(
+        "--dump_step: '{}' is a minimizer of Ceres and has no step to dump",
+        method.label);
     return false;
   }
-  const Eigen::VectorXd weights =
-      initial_weights.size() > 0
-          ? initial_weights
-          : InitialWeights(problem, options.seeds.front());
+  if (std::filesystem::exists(directory)) {
+    *error =
+        fmt::format("--dump_step={} exists; give another directory", directory);
+    return false;
+  }
   for (const Method& method : methods) {
-    const DataSet batch =
-        problem.train.Range(0, BatchSize(problem, method.phases[0], options));
-    const std::string method_directory =
-        directory + "/" + FileName(method.label);
-    if (!DumpMethod(
-            *problem.model, batch, method, weights, method_directory, error)) {
+    const DataSet batch = problem.train.Range(
+        0, BatchSize(problem, method.phases[0], batch_size));
+    const std::string folder = directory + "/" + FileName(method.label);
+    if (!DumpMethod(*problem.model, batch, method, weights, folder, error)) {
       return false;
     }
-    std::cout << "wrote " << method_directory << "\n";
+    std::cout << "wrote " << folder << "\n";
   }
   return true;
 }

@@ -6,18 +6,18 @@
 // itself, of a method in phases to the last one: any other is run once, and its
 // result stands at all of the axis' values.
 //
-// Fails:   false, with *error naming the place in the grid, for an axis that
-//          nobody knows (with the nearest names), a value that is not allowed,
-//          a problem without a network, and a batch larger than the data.
-#ifndef BIN_SUPPORT_SWEEP_PLAN_H_
-#define BIN_SUPPORT_SWEEP_PLAN_H_
+// Fails:   false, with *error naming axis or value, for an axis that is not
+//          known (with the nearest names), a value that is not allowed, a
+//          problem without a network, and a batch larger than the data.
+#ifndef BIN_SWEEP_PLAN_H_
+#define BIN_SWEEP_PLAN_H_
 
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "bin/support/network_settings.h"
-#include "bin/support/sweep_grid.h"
+#include "bin/sweep/grid.h"
 #include "invgrad/methods/method.h"
 #include "problems/problem.h"
 
@@ -64,4 +64,4 @@ bool MakeSweepPlan(const SweepBase& base,
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_SWEEP_PLAN_H_
+#endif  // BIN_SWEEP_PLAN_H_

@@ -1,7 +1,8 @@
 // What runs of estimate report: a row a run, a summary a method.
-#ifndef BIN_SUPPORT_ESTIMATION_TABLE_H_
-#define BIN_SUPPORT_ESTIMATION_TABLE_H_
+#ifndef BIN_ESTIMATE_ESTIMATION_TABLE_H_
+#define BIN_ESTIMATE_ESTIMATION_TABLE_H_
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,8 +15,8 @@ namespace invgrad {
 struct EstimationRow {
   std::string start;   // "Misra1a-start1-seed3": runs from there compare
   std::string method;  // its label
-  double initial_cost = 0.0;
-  double final_cost = 0.0;
+  double initial_cost = std::numeric_limits<double>::quiet_NaN();
+  double final_cost = std::numeric_limits<double>::quiet_NaN();
   int num_iterations = 0;
   int num_accepted = 0;  // steps
   int num_rejected = 0;
@@ -23,6 +24,7 @@ struct EstimationRow {
   // Of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   std::string status;
+  bool was_run = true;
 };
 
 Table EstimationTable(const std::vector<EstimationRow>& rows);
@@ -39,4 +41,4 @@ std::string EstimationCsv(const std::vector<EstimationRow>& rows);
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_ESTIMATION_TABLE_H_
+#endif  // BIN_ESTIMATE_ESTIMATION_TABLE_H_

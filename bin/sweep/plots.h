@@ -14,15 +14,15 @@
 // and nothing else. What spans more than a decade is drawn on a logarithmic
 // scale, and numbers that no scale would tell apart, such as 0 beside 1e-6 and
 // 1, side by side. The panels of lines.png have the same axes, with ticks at
-// the grid's values; those of curves.png the same range of values. There are at
-// most 16 panels, the first ones, with a warning if there would be more.
-#ifndef BIN_SUPPORT_SWEEP_PLOTS_H_
-#define BIN_SUPPORT_SWEEP_PLOTS_H_
+// the grid's values; those of curves.png the same range of values. Of more than
+// 16 panels the first 16 are drawn, with a warning.
+#ifndef BIN_SWEEP_PLOTS_H_
+#define BIN_SWEEP_PLOTS_H_
 
 #include <string>
 #include <vector>
 
-#include "bin/support/sweep_results.h"
+#include "bin/sweep/results.h"
 #include "report/plot.h"
 
 namespace invgrad {
@@ -39,14 +39,6 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
                               const SweepValue& value,
                               const std::vector<SweepBest>& best);
 
-// All of them. False with *error set if one cannot be drawn.
-bool DrawSweep(const std::string& directory,
-               const SweepPlan& plan,
-               const std::vector<SweepRun>& runs,
-               const SweepValue& value,
-               const std::vector<SweepBest>& best,
-               std::string* error);
-
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_SWEEP_PLOTS_H_
+#endif  // BIN_SWEEP_PLOTS_H_

@@ -3,14 +3,14 @@
 //
 // A job is a function of its number, run in a child (fork), whose files are all
 // that it leaves. It may return false with an error, which is passed on. While
-// an Interrupt (io/interrupt.h) exists, SIGINT and SIGTERM reach the parent
+// an Interrupt (report/interrupt.h) exists, SIGINT and SIGTERM reach the parent
 // alone: it starts no further job and sends SIGINT to those that run, which
 // should look at IsStopRequested and end early.
 //
 // Fails:   CHECKs that num_processes >= 1. The caller must have no threads that
 //          hold locks, as always with fork.
-#ifndef BIN_SUPPORT_SWEEP_PROCESSES_H_
-#define BIN_SUPPORT_SWEEP_PROCESSES_H_
+#ifndef BIN_SWEEP_PROCESSES_H_
+#define BIN_SWEEP_PROCESSES_H_
 
 #include <functional>
 #include <string>
@@ -44,4 +44,4 @@ bool IsStopRequested();
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_SWEEP_PROCESSES_H_
+#endif  // BIN_SWEEP_PROCESSES_H_

@@ -1,4 +1,4 @@
-#include "bin/support/sweep_processes.h"
+#include "bin/sweep/processes.h"
 
 #include <sys/wait.h>
 #include <unistd.h>

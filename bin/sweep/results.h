@@ -2,19 +2,19 @@
 // alternatives at every point of the grid.
 //
 // The value of a run is its last one, or the mean over the last part of its
-// history, by the seconds of training. A run that failed is worse than any
-// other. Over seeds counts the median, of an even number the lower one of the
-// two in the middle; the alternative with the lowest median is the best, the
-// first one of several.
-#ifndef BIN_SUPPORT_SWEEP_RESULTS_H_
-#define BIN_SUPPORT_SWEEP_RESULTS_H_
+// history, by the seconds of training. Over seeds counts the median (SeedSpread
+// in bin/support/results.h); the alternative with the lowest median is the
+// best, the first one of several.
+#ifndef BIN_SWEEP_RESULTS_H_
+#define BIN_SWEEP_RESULTS_H_
 
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "bin/support/learning_run.h"
-#include "bin/support/sweep_plan.h"
+#include "bin/support/results.h"
+#include "bin/sweep/plan.h"
 #include "report/table.h"
 
 namespace invgrad {
@@ -42,22 +42,14 @@ struct SweepRun {
   std::string status;
 };
 
-// One alternative of a rule at a point of the grid, all seeds.
-struct SweepCell {
-  std::vector<int> points;  // numbers in plan.points, one a seed
-  int median_point = 0;
-  // Of the runs that did not fail; NaN if the median run did, or is missing.
-  double median = HistoryRow::kNone;
-  double low = HistoryRow::kNone;
-  double high = HistoryRow::kNone;
-  int num_failed = 0;  // or missing
-};
-
-// A rule at a point of the grid: its best alternative.
+// A rule at a point of the grid: its best alternative, all seeds.
 struct SweepBest {
   std::vector<int> at;  // for every axis, which of its values; seed: 0
   const RuleAlternative* alternative = nullptr;  // in the plan
-  SweepCell cell;
+  std::vector<int> points;  // numbers in plan.points, one a seed
+  SeedSpread spread;        // of their values
+
+  int median_point() const { return points[spread.median_run]; }
 };
 
 // In the order of the plan's points. `runs`: one a job of the plan.
@@ -65,14 +57,15 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
                                 const std::vector<SweepRun>& runs,
                                 const SweepValue& value);
 
-// Every axis, alternative, train_loss, test_loss, metric, best_train_loss,
-// steps, seconds, ms_per_step, best (1 or 0), at_edge, status. What is not
-// known is empty.
+// A row a run, all digits: every axis, alternative, train_loss, test_loss,
+// metric, best_train_loss, steps, seconds, ms_per_step, best (1 or 0), at_edge,
+// status. What is not known is empty.
 std::string SweepCsv(const SweepPlan& plan,
                      const std::vector<SweepRun>& runs,
                      const SweepValue& value,
                      const std::vector<SweepBest>& best);
 
+// A row a rule and point of the grid.
 Table SweepTable(const SweepPlan& plan,
                  const std::vector<SweepRun>& runs,
                  const SweepValue& value,
@@ -80,4 +73,4 @@ Table SweepTable(const SweepPlan& plan,
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_SWEEP_RESULTS_H_
+#endif  // BIN_SWEEP_RESULTS_H_

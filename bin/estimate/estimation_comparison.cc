@@ -1,46 +1,24 @@
-#include "bin/support/estimation_comparison.h"
+#include "bin/estimate/estimation_comparison.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
-#include <sstream>
 #include <utility>
 
-#include "bin/support/estimation_table.h"
+#include "bin/estimate/estimation_table.h"
+#include "bin/support/live_run.h"
 #include "bin/support/program.h"
+#include "bin/support/results.h"
 #include "bin/support/run_directory.h"
+#include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/problem_minimization.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
-#include "report/progress.h"
 
 namespace invgrad {
-
 namespace {
-
-// Shows a run, and ends it on Ctrl-C.
-class Observer final : public ceres::IterationCallback {
- public:
-  Observer(std::string label, bool shows_progress)
-      : shows_progress_(shows_progress) {
-    state_.label = std::move(label);
-  }
-
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
-    state_.step = iteration.iteration;
-    state_.loss = iteration.cost;
-    if (shows_progress_) progress_.Update(state_);
-    return Interrupt::IsRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                                    : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const bool shows_progress_;
-  ProgressState state_;
-  Progress progress_;
-};
 
 std::string Status(const Method& method, const MinimizerSummary& summary) {
   std::string status;
@@ -68,11 +46,6 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   return status;
 }
 
-// Of a run that failed at its start, Ceres and we say -1.
-double KnownCost(double cost) {
-  return cost >= 0.0 ? cost : std::numeric_limits<double>::quiet_NaN();
-}
-
 EstimationRow MakeRow(const std::string& start,
                       const Method& method,
                       const MinimizerSummary& summary,
@@ -80,8 +53,9 @@ EstimationRow MakeRow(const std::string& start,
   EstimationRow row;
   row.start = start;
   row.method = method.label;
-  row.initial_cost = KnownCost(summary.initial_cost);
-  row.final_cost = KnownCost(summary.final_cost);
+  // Of a run that failed at its start, Ceres and we say -1.
+  if (summary.initial_cost >= 0.0) row.initial_cost = summary.initial_cost;
+  if (summary.final_cost >= 0.0) row.final_cost = summary.final_cost;
   row.num_iterations = summary.num_steps();
   for (size_t k = 1; k < summary.iterations.size(); ++k) {
     ++(summary.iterations[k].step_is_successful ? row.num_accepted
@@ -94,34 +68,25 @@ EstimationRow MakeRow(const std::string& start,
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {
-  std::ostringstream csv;
-  csv.precision(std::numeric_limits<double>::max_digits10);
-  csv << "iteration,cost,seconds,accepted\n";
+  std::string csv = "iteration,cost,seconds,accepted\n";
   for (const ceres::IterationSummary& iteration : summary.iterations) {
-    csv << iteration.iteration << ',' << iteration.cost << ','
-        << iteration.cumulative_time_in_seconds << ','
-        << (iteration.step_is_successful ? 1 : 0) << '\n';
+    csv += fmt::format("{},{:.17g},{:.17g},{:d}\n",
+                       iteration.iteration,
+                       iteration.cost,
+                       iteration.cumulative_time_in_seconds,
+                       iteration.step_is_successful);
   }
-  return csv.str();
+  return csv;
 }
 
-Plot CostPanel(const std::string& x_label) {
-  Plot plot;
-  plot.x_label = x_label;
-  plot.y_label = "cost";
-  plot.log_y = true;
-  return plot;
-}
-
-// A rejected step leaves the cost where it was.
+// Costs against iterations and against seconds.
 void AddCosts(const std::string& label,
               const MinimizerSummary& summary,
-              Plot* against_iterations,
-              Plot* against_seconds) {
+              std::vector<Plot>* panels) {
   Series iterations;
   iterations.title = label;
   Series seconds = iterations;
-  double cost = summary.initial_cost;
+  double cost = summary.initial_cost;  // a rejected step leaves it where it was
   for (const ceres::IterationSummary& iteration : summary.iterations) {
     if (iteration.step_is_successful) cost = iteration.cost;
     iterations.x.push_back(iteration.iteration);
@@ -129,9 +94,24 @@ void AddCosts(const std::string& label,
     seconds.x.push_back(iteration.cumulative_time_in_seconds);
     seconds.y.push_back(cost);
   }
-  against_iterations->series.push_back(std::move(iterations));
-  against_seconds->series.push_back(std::move(seconds));
+  (*panels)[0].series.push_back(std::move(iterations));
+  (*panels)[1].series.push_back(std::move(seconds));
 }
+
+class Observer final : public ceres::IterationCallback {
+ public:
+  explicit Observer(const std::string& label) : live_(label) {}
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    return live_.Update({iteration.iteration, iteration.cost})
+               ? ceres::SOLVER_CONTINUE
+               : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+
+ private:
+  LiveRun live_;
+};
 
 class Comparison {
  public:
@@ -155,51 +135,45 @@ class Comparison {
       *error = folder + ": " + failure.message();
       return false;
     }
-    const auto set_start = [&]() {
-      estimation->SetStart(start);
-      if (options_.perturbation > 0.0) {
-        NumpyRandom random(static_cast<std::uint32_t>(seed));
-        estimation->Perturb(options_.perturbation, &random);
-      }
-    };
-    set_start();
+    SetStart(start, seed, estimation);
     std::vector<Plot> panels;
     estimation->Draw("start", &panels);
-    std::vector<Plot> costs = {CostPanel("iteration"), CostPanel("seconds")};
+    std::vector<Plot> costs(2);
+    costs[0].x_label = "iteration";
+    costs[1].x_label = "seconds";
+    costs[0].y_label = costs[1].y_label = "cost";
+    costs[0].log_y = costs[1].log_y = true;
     for (const Method& method : methods_) {
       if (Interrupt::IsRequested()) break;
-      set_start();
+      SetStart(start, seed, estimation);
       MinimizerSummary summary;
       std::string why;
       if (!Minimize(name, method, estimation, &summary, &why)) {
         EstimationRow row;
         row.start = name;
         row.method = method.label;
-        row.initial_cost = std::numeric_limits<double>::quiet_NaN();
-        row.final_cost = row.initial_cost;
         row.status = "not run: " + why;
+        row.was_run = false;
         rows_.push_back(std::move(row));
         continue;
       }
       rows_.push_back(MakeRow(name, method, summary, *estimation));
       estimation->Draw(method.label, &panels);
-      AddCosts(method.label, summary, &costs[0], &costs[1]);
+      AddCosts(method.label, summary, &costs);
       const std::string file = folder + "/" + FileName(method.label);
       if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) {
         return false;
       }
-      // Not a reason to lose the other runs: estimates that are not finite,
-      // say.
+      // Estimates that are not finite are no reason to lose the other runs.
       if (!estimation->Write(file + estimation->Extension(), &why)) {
         Warn(why);
         rows_.back().status += "; no result file: " + why;
       }
     }
-    if (options_.plots) {
-      DrawPicture(folder + "/result.png", panels);
-      if (!costs.front().series.empty()) {
-        DrawPicture(folder + "/cost.png", costs);
-      }
+    DrawPicture(folder + "/result.png", panels);
+    if (!costs[0].series.empty()) {
+      MuteAllButTheLowest(&costs);
+      DrawPicture(folder + "/cost.png", costs);
     }
     return true;
   }
@@ -210,10 +184,18 @@ class Comparison {
                         int seed) const {
     std::string name = input.name;
     if (input.estimation->num_starts() > 1) {
-      name += "-start" + std::to_string(start + 1);
+      name += fmt::format("-start{}", start + 1);
     }
-    if (options_.perturbation > 0.0) name += "-seed" + std::to_string(seed);
+    if (options_.perturbation > 0.0) name += fmt::format("-seed{}", seed);
     return name;
+  }
+
+  void SetStart(int start, int seed, Estimation* estimation) const {
+    estimation->SetStart(start);
+    if (options_.perturbation > 0.0) {
+      NumpyRandom random(static_cast<std::uint32_t>(seed));
+      estimation->Perturb(options_.perturbation, &random);
+    }
   }
 
   bool Minimize(const std::string& name,
@@ -232,7 +214,7 @@ class Comparison {
     if (options_.function_tolerance >= 0.0) {
       minimizer.function_tolerance = options_.function_tolerance;
     }
-    Observer observer(name + " " + method.label, options_.shows_progress);
+    Observer observer(name + " " + method.label);
     minimizer.callbacks.push_back(&observer);
     Method with_defaults = method;
     with_defaults.AddCeresDefaults(
@@ -248,23 +230,10 @@ class Comparison {
                            error);
   }
 
-  static void DrawPicture(const std::string& path,
-                          const std::vector<Plot>& panels) {
-    std::string error;
-    if (!WritePlots(path, panels, &error)) Warn(error);
-  }
-
   const std::vector<Method>& methods_;
   const EstimationComparisonOptions& options_;
   std::vector<EstimationRow> rows_;
 };
-
-bool WriteTable(const Table& table,
-                const std::string& path,
-                std::string* error) {
-  return WriteFile(path + ".txt", table.ToText(), error) &&
-         WriteFile(path + ".md", table.ToMarkdown(), error);
-}
 
 }  // namespace
 
@@ -286,18 +255,20 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
     }
   }
-  const Table table = EstimationTable(comparison.rows());
-  const Table summary = EstimationSummary(comparison.rows());
+  const std::vector<EstimationRow>& rows = comparison.rows();
+  const Table table = EstimationTable(rows);
+  const Table summary = EstimationSummary(rows);
   out << table.ToText() << "\n" << summary.ToText();
-  if (!WriteTable(table, options.output + "/table", error) ||
-      !WriteTable(summary, options.output + "/summary", error) ||
-      !WriteFile(options.output + "/results.csv",
-                 EstimationCsv(comparison.rows()),
-                 error)) {
+  if (!WriteTable(options.output + "/table", table, error) ||
+      !WriteTable(options.output + "/summary", summary, error) ||
+      !WriteFile(options.output + "/results.csv", EstimationCsv(rows), error)) {
     return false;
   }
   out << "results in " << options.output << "\n";
-  return true;
+  *error = "no method could run";
+  return std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
+    return row.was_run;
+  });
 }
 
 }  // namespace invgrad

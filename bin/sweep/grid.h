@@ -1,6 +1,6 @@
 // The grid of a sweep: axes and their values, as one line of text.
 //
-//   num_oscillators=2,4; rule=half_inverse,adam:step_size=1e-3|3e-4; seed=1,2,3
+//   num_oscillators=2,4; rule=half_inverse,adam:step_size=1e-3|3e-4; seed=1..3
 //
 //   grid = axis { ";" axis }
 //   axis = name "=" value { "," value }
@@ -9,41 +9,28 @@
 // several, in which a setting may list alternatives between which the sweep
 // chooses, "|" between them. Spaces around names and values do not count.
 //
-// Fails:   false, with an *error that names the column, what was expected and
-//          what was found, and shows the text with a mark below that column.
-#ifndef BIN_SUPPORT_SWEEP_GRID_H_
-#define BIN_SUPPORT_SWEEP_GRID_H_
+// Fails:   false, with an *error that names the axis and what was expected.
+#ifndef BIN_SWEEP_GRID_H_
+#define BIN_SWEEP_GRID_H_
 
 #include <string>
-#include <utility>
 #include <vector>
 
 namespace invgrad {
 
-struct GridValue {
-  std::string text;
-  size_t position = 0;  // in the text of the grid, from 0
-};
-
 struct GridAxis {
   std::string name;
-  size_t position = 0;
-  std::vector<GridValue> values;  // at least one, none twice
+  std::vector<std::string> values;  // at least one, none twice
 };
 
 struct Grid {
-  std::string text;
   std::vector<GridAxis> axes;  // at least one, no name twice
 
-  const GridAxis* Find(const std::string& name) const;
+  // The number of the axis; -1 if there is none.
+  int Find(const std::string& name) const;
 };
 
 bool ParseGrid(const std::string& text, Grid* grid, std::string* error);
-
-// "--grid: column 7: message", the text, and a mark below position 6.
-std::string GridMessage(const std::string& text,
-                        size_t position,
-                        const std::string& message);
 
 // One choice for each setting of a rule that lists alternatives.
 struct RuleAlternative {
@@ -55,7 +42,7 @@ struct RuleAlternative {
 };
 
 // A value of the axis `rule` with all its alternatives, the last setting
-// changing fastest.
+// changing fastest. Does not check the settings.
 std::vector<RuleAlternative> ExpandRule(const std::string& rule);
 
 // "adam:beta=0.9" of "adam:step_size=1e-3|3e-4:beta=0.9".
@@ -66,4 +53,4 @@ bool ParseFinite(const std::string& text, double* number);
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_SWEEP_GRID_H_
+#endif  // BIN_SWEEP_GRID_H_

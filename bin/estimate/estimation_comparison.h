@@ -9,8 +9,8 @@
 //
 // START is the name of the input, with -startK if it has several starts and
 // -seedS if they are perturbed.
-#ifndef BIN_SUPPORT_ESTIMATION_COMPARISON_H_
-#define BIN_SUPPORT_ESTIMATION_COMPARISON_H_
+#ifndef BIN_ESTIMATE_ESTIMATION_COMPARISON_H_
+#define BIN_ESTIMATE_ESTIMATION_COMPARISON_H_
 
 #include <memory>
 #include <ostream>
@@ -38,12 +38,10 @@ struct EstimationComparisonOptions {
   double function_tolerance = -1.0;  // < 0: what is usual for the input
   MakeLossFunction make_loss;
   int num_threads = 1;
-  bool plots = true;
-  bool shows_progress = true;
 };
 
 // A method that cannot take a problem gets a row that says so. False, with
-// *error set, if a file cannot be written.
+// *error set, if a file cannot be written, or if no method could run.
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
                         const EstimationComparisonOptions& options,
@@ -52,4 +50,4 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_ESTIMATION_COMPARISON_H_
+#endif  // BIN_ESTIMATE_ESTIMATION_COMPARISON_H_
