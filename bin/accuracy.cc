@@ -14,18 +14,14 @@
 // route svd otherwise, whose error is about epsilon / truncation. A cell holds
 // the error and, in brackets, what the route estimated.
 //
-//   auto             the route that a rule takes with its default tolerances
-//   sgesdd           LAPACK's SVD in single precision, which the code that came
-//                    with the paper uses
-//   gram/svd float   the route in double precision with the factors delta of
-//                    the network's Jacobian (network_jacobian.h) rounded to
-//                    single precision
+//   auto        the route that a rule takes with its default tolerances
+//   gram, svd   the routes, whatever their error
+//   sgesdd      LAPACK's SVD in single precision, which the code that came with
+//               the paper uses
 
 #include <lapacke.h>
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <iostream>
 #include <limits>
 #include <memory>
@@ -36,8 +32,8 @@
 #include "bin/support/parse_list.h"
 #include "bin/support/program.h"
 #include "bin/support/spectral_reference.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/chain/network_jacobian.h"
 #include "invgrad/rules/spectral_rule.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
@@ -64,12 +60,6 @@ using Eigen::MatrixXd;
 using Eigen::MatrixXf;
 using Eigen::VectorXd;
 using Eigen::VectorXf;
-
-std::string Text(const char* format, double number) {
-  char text[32];
-  std::snprintf(text, sizeof text, format, number);
-  return text;
-}
 
 // J = U S V^T by LAPACK's sgesdd.
 class SingleSvd {
@@ -114,32 +104,11 @@ class SingleSvd {
   bool converged_ = false;
 };
 
-// J with its factors delta in single precision. A column block of J, a unit's
-// incoming weights and bias, is a delta^T; the bias has a = 1.
-MatrixXd WithSingleFactors(const DenseNetwork& network, const MatrixXd& J) {
-  MatrixXd rounded = J;
-  for (int l = 0; l < network.num_layers(); ++l) {
-    const int fan_in = network.widths()[l] + 1;
-    for (int unit = 0; unit < network.widths()[l + 1]; ++unit) {
-      auto block =
-          rounded.middleCols(network.offset(l) + unit * fan_in, fan_in);
-      for (Index row = 0; row < J.rows(); ++row) {
-        const double delta = block(row, fan_in - 1);
-        if (delta == 0.0) continue;
-        block.row(row) *=
-            static_cast<double>(static_cast<float>(delta)) / delta;
-      }
-    }
-  }
-  return rounded;
-}
-
 double RelativeError(const VectorXd& d, const VectorXd& exact) {
   return (d - exact).norm() / exact.norm();
 }
 
-void Measure(const LearningProblem& problem,
-             const Linearization& at_weights,
+void Measure(const Linearization& at_weights,
              const std::vector<double>& truncations) {
   const JacobianOperator& J = *at_weights.jacobian;
   const VectorXd& g = at_weights.loss_gradient;
@@ -148,30 +117,19 @@ void Measure(const LearningProblem& problem,
   std::unique_ptr<const SpectralReference> reference;
   if (J.rows() <= FLAGS_long_double_rows) {
     reference = std::make_unique<SpectralReference>(dense);
-    std::cout << "s_min / s_max = "
-              << Text("%.1e",
-                      static_cast<double>(reference->s(static_cast<int>(
-                                              reference->s().size() - 1)) /
-                                          reference->s(0)))
-              << "\n\n";
+    const LongVector& s = reference->s();
+    std::cout << fmt::format("s_min / s_max = {:.1e}\n\n",
+                             static_cast<double>(s[s.size() - 1] / s[0]));
   }
   const SingleSvd single(dense);
-  const DenseJacobian rounded(
-      WithSingleFactors(problem.model->network(), dense));
   const SpectralRule::Options rule = SpectralRule::Options::HalfInverse();
-  SpectralStepOptions options;
-  options.threshold_tolerance = rule.threshold_tolerance;
-
   Table table({{"tau"},
                {"rank"},
                {"route", Table::Align::kLeft},
                {"auto"},
                {"gram"},
-               {"cascade"},
                {"svd"},
-               {"sgesdd"},
-               {"gram float"},
-               {"svd float"}});
+               {"sgesdd"}});
   for (const double tau : truncations) {
     const SpectralFilter filter = SpectralFilter::HalfInverse(tau);
     SpectralStepSummary summary;
@@ -186,39 +144,36 @@ void Measure(const LearningProblem& problem,
         continue;
       }
     }
-    // The error by a route, with its estimate in brackets if wanted.
-    const auto cell = [&](const JacobianOperator& jacobian,
-                          SpectralRoute route,
-                          bool with_estimate) -> std::string {
+    // The error by a route, with its estimate in brackets.
+    const auto cell = [&](SpectralRoute route) -> std::string {
+      constexpr double kInfinity = std::numeric_limits<double>::infinity();
+      SpectralStepOptions options;
       options.route = route;
-      // A route that is asked for by name does its best: the cascade splits at
-      // 1e-3 s_max.
-      options.tolerance = route == SpectralRoute::kAuto ? rule.tolerance : 1e-8;
+      const bool is_auto = route == SpectralRoute::kAuto;
+      options.tolerance = is_auto ? rule.tolerance : kInfinity;
+      options.threshold_tolerance =
+          is_auto ? rule.threshold_tolerance : kInfinity;
       VectorXd d;
-      if (!SpectralStep(jacobian, g, filter, options, &d, &summary)) {
-        return "refused";
-      }
-      std::string text = Text("%.1e", RelativeError(d, exact));
-      if (with_estimate) text += Text(" (%.0e)", summary.estimated_error);
+      if (!SpectralStep(J, g, filter, options, &d, &summary)) return "refused";
+      std::string text = fmt::format(
+          "{:.1e} ({:.0e})", RelativeError(d, exact), summary.estimated_error);
       if (summary.num_undecided > 0) {
-        text += ", " + std::to_string(summary.num_undecided) + " undecided";
+        text += fmt::format(", {} undecided", summary.num_undecided);
       }
       return text;
     };
-    const std::string by_auto = cell(J, SpectralRoute::kAuto, true);
+    const std::string by_auto = cell(SpectralRoute::kAuto);
     const std::string route = SpectralRouteName(summary.route);
     const std::string rank = std::to_string(summary.rank);
-    table.AddRow({Text("%.0e", tau),
-                  rank,
-                  route,
-                  by_auto,
-                  cell(J, SpectralRoute::kGram, true),
-                  cell(J, SpectralRoute::kCascade, true),
-                  reference != nullptr ? cell(J, SpectralRoute::kSvd, true)
-                                       : "reference",
-                  Text("%.1e", RelativeError(single.Step(filter, g), exact)),
-                  cell(rounded, SpectralRoute::kGram, false),
-                  cell(rounded, SpectralRoute::kSvd, false)});
+    const double single_error = RelativeError(single.Step(filter, g), exact);
+    table.AddRow(
+        {fmt::format("{:.0e}", tau),
+         rank,
+         route,
+         by_auto,
+         cell(SpectralRoute::kGram),
+         reference != nullptr ? cell(SpectralRoute::kSvd) : "reference",
+         fmt::format("{:.1e}", single_error)});
   }
   std::cout << table.ToMarkdown() << "\n" << std::flush;
 }
@@ -258,14 +213,16 @@ int Run() {
                                   &error)) {
         return Fail(specification.text + ": " + error);
       }
-      std::cout << "**" << specification.text << "**, "
-                << (num_steps == 0 ? std::string("initial weights")
-                                   : "after " + std::to_string(num_steps) +
-                                         " steps of Adam")
-                << ": J " << at_weights.jacobian->rows() << " x "
-                << at_weights.jacobian->cols() << "\n"
+      std::cout << fmt::format(
+                       "**{}**, {}: J {} x {}\n",
+                       specification.text,
+                       num_steps == 0
+                           ? "initial weights"
+                           : fmt::format("after {} steps of Adam", num_steps),
+                       at_weights.jacobian->rows(),
+                       at_weights.jacobian->cols())
                 << std::flush;
-      Measure(*problem.learning, at_weights, truncations);
+      Measure(at_weights, truncations);
     }
   }
   return 0;

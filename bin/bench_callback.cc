@@ -1,23 +1,25 @@
-// Times ceres::Solve with an UpdateCallback beside ceres::Solve alone, as
-// ratios of one run.
-//
-// Sample runs:
-//
-//   bench_callback --input=problem-16-22106-pre.txt.bz2
-//       --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
-//   bench_callback --steps=300     # without a file: an expensive functor
-//
-//   plain       ceres::Solve
-//   declining   an UpdateCallback whose rule always declines
-//   asking      the same, of a rule that asks for the Jacobian first: all that
-//               proposals cost when none is made
-//   cached      the same on a CachedProblem, which is made anew each time
-//   linearize   one linearization at the start, by evaluations
-//   remembered  the same from what a CachedProblem remembers
-//
-// One thread, so that times are those of the work. The problem is the bundle
-// adjustment of --input, or else the identification of a pendulum from samples,
-// each of which is a roll-out of up to --steps time steps.
+/*
+Times ceres::Solve with an UpdateCallback beside ceres::Solve alone, as
+ratios of one run.
+
+Sample runs:
+
+  bench_callback --input=problem-16-22106-pre.txt.bz2 \
+    --benchmark_repetitions=9 --benchmark_enable_random_interleaving=true
+  bench_callback --steps=300     # without a file: an expensive functor
+
+  plain       ceres::Solve
+  declining   an UpdateCallback whose rule always declines
+  asking      the same with a rule that needs the Jacobian: all that proposals
+              cost when none is made
+  cached      the same on a CachedProblem, which is made anew each time
+  linearize   one linearization at the start, by evaluations
+  remembered  the same from what a CachedProblem remembers
+
+One thread, so that times are those of the work. The problem is the bundle
+adjustment of --input, or else the identification of a pendulum from samples,
+each of which is a roll-out of up to --steps time steps.
+*/
 
 #include <cmath>
 #include <cstdio>
@@ -154,18 +156,16 @@ void SolveDeclining(bool needs_jacobian,
                     Instance* instance,
                     ceres::Solver::Summary* summary) {
   DecliningRule rule(needs_jacobian);
-  UpdateCallback callback({}, &rule, &instance->problem);
-  instance->options.callbacks.push_back(&callback);
-  instance->options.update_state_every_iteration = true;
+  UpdateCallback callback(&rule, &instance->problem);
+  callback.AddTo(&instance->options);
   ceres::Solve(instance->options, &instance->problem, summary);
 }
 
 void SolveCached(Instance* instance, ceres::Solver::Summary* summary) {
   DecliningRule rule(/*needs_jacobian=*/true);
   CachedProblem cached({}, &instance->problem);
-  UpdateCallback callback({}, &rule, &cached);
-  instance->options.callbacks.push_back(&callback);
-  instance->options.update_state_every_iteration = true;
+  UpdateCallback callback(&rule, cached.problem());
+  callback.AddTo(&instance->options);
   ceres::Solve(instance->options, cached.problem(), summary);
 }
 

@@ -13,11 +13,11 @@
 // whole linear algebra of a step, from the Jacobian's factors (or, for a full
 // SVD, from the dense J) to d:
 //
-//   gram, cascade, svd   the routes of spectral_step.h
-//   golub_kahan          likewise, with --truncation=1e-3 or more
-//   dgesdd, sgesdd       LAPACK's SVD of J in double and single precision
-//   bdcsvd               Eigen's
-//   step                 linearization (network, physics, factors) and gram
+//   gram, svd        the routes of spectral_step.h, with a rule's tolerances
+//   golub_kahan      golub_kahan.h, with --truncation=1e-3 or more
+//   dgesdd, sgesdd   LAPACK's SVD of J in double and single precision
+//   bdcsvd           Eigen's
+//   step             linearization (network, physics, factors) and gram
 //
 // After the usual lines, ratios of the same run, GF/s and multiples of the
 // limit: the time of the Gram matrix' and the reduction's arithmetic,
@@ -44,12 +44,14 @@
 #include "benchmark/benchmark.h"
 #include "bin/support/program.h"
 #include "bin/support/ratio_reporter.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/network_jacobian.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/rules/spectral_rule.h"
+#include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
 
@@ -143,49 +145,63 @@ struct Case {
 // Repeats `step` under the clock; `step` returns what the line says about it.
 using Step = std::function<std::string(const Case&)>;
 
+std::string Label(int rank, double estimated_error) {
+  return fmt::format("rank {}, error < {:.1e}", rank, estimated_error);
+}
+
+// A step by `route`, of the linearization that it is given.
+std::string SpectralStepAt(const Linearization& at,
+                           const SpectralFilter& filter,
+                           SpectralRoute route,
+                           SpectralWorkspace* workspace) {
+  const SpectralRule::Options rule;
+  SpectralStepOptions options;
+  options.route = route;
+  options.tolerance = rule.tolerance;
+  options.threshold_tolerance = rule.threshold_tolerance;
+  Eigen::VectorXd d;
+  SpectralStepSummary summary;
+  return SpectralStep(*at.jacobian,
+                      at.loss_gradient,
+                      filter,
+                      options,
+                      workspace,
+                      &d,
+                      &summary)
+             ? Label(summary.rank, summary.estimated_error)
+             : summary.message;
+}
+
 Step RouteStep(SpectralRoute route) {
   auto workspace = std::make_shared<SpectralWorkspace>();
-  return [route, workspace](const Case& at) -> std::string {
-    SpectralStepOptions options;
-    options.route = route;
-    Eigen::VectorXd d;
-    SpectralStepSummary summary;
-    if (!SpectralStep(at.J(),
-                      at.g(),
-                      at.filter(),
-                      options,
-                      workspace.get(),
-                      &d,
-                      &summary)) {
-      return summary.message;
-    }
-    char text[100];
-    std::snprintf(text,
-                  sizeof(text),
-                  "rank %d, error < %.1e",
-                  summary.rank,
-                  summary.estimated_error);
-    return text;
+  return [route, workspace](const Case& at) {
+    return SpectralStepAt(at.at_weights, at.filter(), route, workspace.get());
   };
 }
 
-std::string FullStep(const Case& at) {
-  static auto& workspace = *new SpectralWorkspace;
-  Linearization linearization;
-  at.Linearize(&linearization);
-  SpectralStepOptions options;
-  options.route = SpectralRoute::kGram;
-  Eigen::VectorXd d;
-  SpectralStepSummary summary;
-  CHECK(SpectralStep(*linearization.jacobian,
-                     linearization.loss_gradient,
-                     at.filter(),
-                     options,
-                     &workspace,
-                     &d,
-                     &summary))
-      << summary.message;
-  return "";
+Step FullStep() {
+  auto workspace = std::make_shared<SpectralWorkspace>();
+  return [workspace](const Case& at) {
+    Linearization linearization;
+    at.Linearize(&linearization);
+    return SpectralStepAt(
+        linearization, at.filter(), SpectralRoute::kGram, workspace.get());
+  };
+}
+
+Step KrylovStep() {
+  auto basis = std::make_shared<Eigen::MatrixXd>();
+  return [basis](const Case& at) {
+    GolubKahanOptions options;
+    options.tolerance = 1e-6;
+    options.max_iterations = std::min(at.J().rows(), at.J().cols());
+    Eigen::VectorXd d;
+    GolubKahanSummary summary;
+    GolubKahanStep(
+        at.J(), at.g(), at.filter(), options, basis.get(), &d, &summary);
+    return summary.converged ? Label(summary.rank, summary.estimated_error)
+                             : summary.message;
+  };
 }
 
 // V phi(S) U^T g from a thin SVD.
@@ -267,15 +283,12 @@ struct RouteRow {
 const std::vector<RouteRow>& RouteRows() {
   static const auto& rows = *new std::vector<RouteRow>{
       {"gram", false, [] { return RouteStep(SpectralRoute::kGram); }},
-      {"step", false, [] { return Step(FullStep); }},
-      {"cascade", false, [] { return RouteStep(SpectralRoute::kCascade); }},
-      {"golub_kahan",
-       false,
-       [] { return RouteStep(SpectralRoute::kGolubKahan); }},
+      {"step", false, FullStep},
+      {"golub_kahan", false, KrylovStep},
       {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},
-      {"dgesdd", true, [] { return LapackStep<double>(); }},
-      {"sgesdd", true, [] { return LapackStep<float>(); }},
-      {"bdcsvd", true, [] { return EigenStep(); }},
+      {"dgesdd", true, LapackStep<double>},
+      {"sgesdd", true, LapackStep<float>},
+      {"bdcsvd", true, EigenStep},
   };
   return rows;
 }
@@ -290,16 +303,14 @@ std::vector<std::string> Split(const std::string& list) {
 
 bool IsWanted(const CaseRow& row, const RouteRow& route) {
   const std::string name = route.name;
-  if (row.full_svd_is_impossible && (route.is_full_svd || name == "cascade")) {
-    return false;
-  }
+  if (row.full_svd_is_impossible && route.is_full_svd) return false;
   if (!FLAGS_routes.empty()) {
     const std::vector<std::string> wanted = Split(FLAGS_routes);
     return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
   }
   // It is for truncations that keep a small share of the values.
   if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
-  return !(row.full_svd_is_slow && (route.is_full_svd || name == "cascade"));
+  return !(row.full_svd_is_slow && route.is_full_svd);
 }
 
 // The dgemm rate of this run, in flops a second.
@@ -334,45 +345,44 @@ double PeakMemory(const CaseRow& row, const RouteRow& route) {
   return usage.ru_maxrss / 1024.0;
 }
 
-// Whether `rows` has a row of that name; says so if not.
+// The row of that name; null, and a message, if there is none.
 template <typename Row>
-bool HasRow(const char* flag,
-            const std::vector<Row>& rows,
-            const std::string& name) {
+const Row* FindRow(const char* flag,
+                   const std::vector<Row>& rows,
+                   const std::string& name) {
+  std::string names;
   for (const Row& row : rows) {
-    if (name == row.name) return true;
+    if (name == row.name) return &row;
+    names += std::string(" ") + row.name;
   }
-  std::fprintf(stderr, "--%s: there is no '%s', but", flag, name.c_str());
-  for (const Row& row : rows) std::fprintf(stderr, " %s", row.name);
-  std::fprintf(stderr, "\n");
-  return false;
+  fmt::print(stderr, "--{}={}: allowed are{}\n", flag, name, names);
+  return nullptr;
 }
 
 bool ReadFlags(std::vector<const CaseRow*>* cases) {
   if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
-    std::fprintf(stderr, "--truncation: allowed are [0, 1)\n");
+    fmt::print(
+        stderr, "--truncation={}: allowed are [0, 1)\n", FLAGS_truncation);
     return false;
   }
   for (const std::string& name : Split(FLAGS_routes)) {
-    if (!HasRow("routes", RouteRows(), name)) return false;
+    if (FindRow("routes", RouteRows(), name) == nullptr) return false;
   }
   for (const std::string& name : Split(FLAGS_cases)) {
-    if (!HasRow("cases", CaseRows(), name)) return false;
-    for (const CaseRow& row : CaseRows()) {
-      if (name == row.name) cases->push_back(&row);
-    }
+    cases->push_back(FindRow("cases", CaseRows(), name));
+    if (cases->back() == nullptr) return false;
   }
   return true;
 }
 
 void PrintMemory(const std::vector<const CaseRow*>& cases) {
-  std::printf("peak memory of a process that makes one step, MB\n");
+  fmt::print("peak memory of a process that makes one step, MB\n");
   for (const CaseRow* row : cases) {
     for (const RouteRow& route : RouteRows()) {
       if (!IsWanted(*row, route)) continue;
-      std::printf("%-30s %8.0f\n",
-                  (std::string(row->name) + "/" + route.name).c_str(),
-                  PeakMemory(*row, route));
+      fmt::print("{:<30} {:8.0f}\n",
+                 fmt::format("{}/{}", row->name, route.name),
+                 PeakMemory(*row, route));
       std::fflush(stdout);
     }
   }
@@ -403,7 +413,7 @@ void Register(const std::shared_ptr<const Case>& at) {
 void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
                  const RatioReporter& reporter,
                  double gemm_rate) {
-  std::printf("\nRatios of this run (medians of the repetitions)\n");
+  fmt::print("\nRatios of this run (medians of the repetitions)\n");
   for (const auto& at : cases) {
     const std::string name = at->row->name;
     for (const RouteRow& route : RouteRows()) {
@@ -411,13 +421,14 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
       reporter.PrintRatio(name + "/" + route.name, name + "/gram");
     }
   }
-  std::printf("\ndgemm: %.1f GF/s\n", gemm_rate * 1e-9);
+  fmt::print("\ndgemm: {:.1f} GF/s\n", gemm_rate * 1e-9);
   for (const auto& at : cases) {
     const double seconds =
         reporter.Median(std::string(at->row->name) + "/gram");
     if (std::isnan(seconds)) continue;
-    std::printf(
-        "%-15s %5d x %7d: %9.3f GF, %5.1f GF/s, %5.2f times the limit\n",
+    fmt::print(
+        "{:<15} {:5} x {:7}: {:9.3f} GF, {:5.1f} GF/s, {:5.2f} times the "
+        "limit\n",
         at->row->name,
         at->J().rows(),
         at->J().cols(),

@@ -1,24 +1,26 @@
-// Times a training step of several methods on one problem, as ratios of one
-// run.
-//
-// Sample runs:
-//
-//   bench_training
-//   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse
-//       --benchmark_repetitions=5
-//
-// One thread. A benchmark's iteration is a whole run of --steps steps from the
-// same weights, batches and linearizations included, evaluations of the loss
-// not; the ratios are to the first method.
+/*
+Times a training step of several methods on one problem, as ratios of one
+run.
+
+Sample runs:
+
+  bench_training
+  bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse \
+    --benchmark_repetitions=5
+
+One thread. A benchmark's iteration is a whole run of --steps steps from the
+same weights, batches and linearizations included, evaluations of the loss
+not; the ratios are to the first method.
+*/
 
 #include <cstdio>
 #include <string>
 #include <vector>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/learning_comparison.h"
 #include "bin/support/program.h"
 #include "bin/support/ratio_reporter.h"
+#include "bin/support/training.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
@@ -37,9 +39,8 @@ namespace {
 void TrainSteps(benchmark::State& state,
                 const LearningProblem& problem,
                 const Method& method) {
-  LearningComparisonOptions comparison;
   TrainOptions options;
-  options.batch_size = BatchSize(problem, comparison);
+  options.batch_size = BatchSize(problem, /*flag_batch_size=*/-1);
   options.max_num_steps = FLAGS_steps;
   options.initial_weights = InitialWeights(problem, 1);
   options.inverse = problem.inverse;

@@ -1,22 +1,26 @@
-// Estimates the parameters of public test problems: nonlinear regression (NIST
-// StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
-// minimizers, and rules that propose steps to them, side by side from the same
-// starts.
-//
-// Sample runs:
-//
-//   estimate --list
-//   estimate --input=nist/BoxBOD.dat
-//       --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
-//   estimate --input=nist --plots=false --methods=ceres_lm,ceres_bfgs
-//   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2
-//   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1,2,3
-//   estimate --input=M3500.g2o --loss=huber:1
-//       --methods=ceres_lm,ceres_lm:linear_solver=cgnr
-//
-// The run directory holds the flags that repeat the run, versions, tables,
-// results in the input's own format, iterations (CSV) and pictures (PNG).
-// Ctrl-C ends the method that runs, skips the others, and keeps what there is.
+/*
+Estimates the parameters of public test problems: nonlinear regression (NIST
+StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
+minimizers, and rules that propose steps to them, side by side from the same
+starts.
+
+Sample runs:
+
+  estimate --list
+  estimate --input=nist/BoxBOD.dat \
+    --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
+  estimate --input=nist --plots=false --overwrite \
+    --methods=ceres_lm,ceres_bfgs
+  estimate --input=problem-16-22106-pre.txt.bz2 --threads=2 --overwrite
+  estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite
+  estimate --input=M3500.g2o --loss=huber:1 --overwrite \
+    --methods=ceres_lm,ceres_lm:linear_solver=cgnr
+
+docs/results/estimation.md says where the files are published. The run
+directory holds the flags that repeat the run, versions, tables, results in
+the input's own format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
+method that runs, skips the others, and keeps what there is.
+*/
 
 #include <algorithm>
 #include <cmath>
@@ -27,11 +31,12 @@
 #include <utility>
 #include <vector>
 
-#include "bin/support/estimation_comparison.h"
+#include "bin/estimate/estimation_comparison.h"
 #include "bin/support/listing.h"
 #include "bin/support/parse_list.h"
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/minimize/problem_minimization.h"
@@ -44,12 +49,12 @@ DEFINE_string(input,
               "",
               "files, or folders of them, comma-separated: .dat (NIST), .txt "
               "or .txt.bz2 (BAL), .g2o");
-DEFINE_string(format, "", "nist, bal or g2o, whatever the files' names end in");
+DEFINE_string(format, "", "nist, bal or g2o; empty: as the files' names end");
 DEFINE_string(
     information_root,
     "lower",
-    "which Cholesky factor of an edge's information weights it "
-    "(g2o): lower, as Ceres' examples; upper, as the format means it");
+    "which Cholesky factor of an edge's information weights its residual "
+    "(g2o): lower, as in Ceres' examples; upper, as the format defines it");
 DEFINE_string(start, "both", "of a NIST file: 1, 2, both");
 DEFINE_string(
     methods,
@@ -66,20 +71,16 @@ DEFINE_double(perturb,
               "standard deviation of noise on the starts: relative (NIST), in "
               "sizes of the scene and radians (BAL), in units of the graph and "
               "radians (g2o)");
-DEFINE_string(seeds, "1", "seeds of the noise");
+DEFINE_string(seeds, "1", "seeds of the noise: 1,2,5 or 1..20");
 DEFINE_int32(max_iterations, 0, "of a run; 0: 10000, 50, 200 (nist, bal, g2o)");
 DEFINE_double(seconds,
               0.0,
-              "no iteration of a run begins after it; 0: no limit");
+              "time after which a run begins no iteration; 0: no limit");
 DEFINE_double(function_tolerance,
               -1.0,
               "a relative change of the cost that ends a run; -1: 2.2e-16 "
               "(nist), 1e-6 (bal, g2o)");
 DEFINE_int32(threads, 1, "of Ceres and of the linear algebra");
-DEFINE_string(output, "runs/estimate", "directory of the results");
-DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
-DEFINE_bool(progress, true, "show live how the runs are doing");
-DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
 namespace {
@@ -126,8 +127,7 @@ bool CheckFlags(std::string* error) {
          CheckFlag("threads",
                    FLAGS_threads >= 1 && FLAGS_threads <= 256,
                    "1 to 256",
-                   error) &&
-         CheckFlag("output", !FLAGS_output.empty(), "a directory", error);
+                   error);
 }
 
 // The files that --input names, and those in the folders that it names whose
@@ -213,7 +213,7 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
 void PrintEstimateListing(std::ostream& out) {
   out << "Formats (--input)\n"
          "  .dat            NIST StRD, nonlinear regression (nist)\n"
-         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal)\n"
+         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are .txt\n"
          "  .g2o            pose graphs in 2D and 3D (g2o)\n"
          "\nModels of NIST's files\n";
   for (const NistModel& model : NistModels()) {
@@ -254,7 +254,6 @@ int Run() {
   }
   std::vector<EstimationInput> inputs;
   if (!ReadInputs(&inputs, &error)) return Fail(error);
-  options.output = FLAGS_output;
   if (FLAGS_start != "2") options.starts.push_back(0);
   if (FLAGS_start != "1") options.starts.push_back(1);
   options.perturbation = FLAGS_perturb;
@@ -262,18 +261,16 @@ int Run() {
   options.max_time_in_seconds = FLAGS_seconds;
   options.function_tolerance = FLAGS_function_tolerance;
   options.num_threads = FLAGS_threads;
-  options.plots = FLAGS_plots;
-  options.shows_progress = FLAGS_progress;
   SetBlasThreads(FLAGS_threads);
   for (const EstimationInput& input : inputs) {
     std::cout << input.name << ": " << input.estimation->Description() << "\n";
   }
   std::cout << "\n";
-  const ExistingDirectory existing = FLAGS_overwrite
-                                         ? ExistingDirectory::kOverwrite
-                                         : ExistingDirectory::kRefuse;
-  return PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), &error) &&
-                 CompareEstimations(inputs, methods, options, std::cout, &error)
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {
+    return Fail(error);
+  }
+  options.output = FLAGS_output;
+  return CompareEstimations(inputs, methods, options, std::cout, &error)
              ? 0
              : Fail(error);
 }
@@ -285,6 +282,9 @@ int main(int argc, char** argv) {
   return invgrad::RunProgram(
       argc,
       argv,
-      "estimates the parameters of NIST, BAL and g2o files by several methods",
+      "estimates the parameters of NIST, BAL and g2o files by several "
+      "methods\n\n"
+      "  estimate --list\n"
+      "  estimate --input=BoxBOD.dat --methods=ceres_lm,ceres_lm+half_inverse",
       invgrad::Run);
 }

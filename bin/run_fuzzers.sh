@@ -24,7 +24,8 @@ case "${1:-}" in
     ;;
 esac
 
-install_missing clang libclang-rt-dev libeigen3-dev libgoogle-glog-dev libbz2-dev
+install_missing clang libclang-rt-dev libeigen3-dev libgoogle-glog-dev libbz2-dev \
+  libfmt-dev
 
 fuzz_dir="$root/build/fuzz"
 mkdir -p "$fuzz_dir"
@@ -42,7 +43,7 @@ compile() {
     -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -I "$root" -I "$root/lib" -isystem /usr/include/eigen3 \
     "$root/tests/fuzz/${1}_fuzz.cc" "$root/problems/estimation/$1.cc" \
-    "${sources[@]}" -lbz2 -lglog -o "$fuzz_dir/$1"
+    "${sources[@]}" -lbz2 -lglog -lfmt -o "$fuzz_dir/$1"
 }
 
 # Runs it; what it printed is shown only if it found something.

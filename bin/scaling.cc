@@ -1,17 +1,17 @@
-// Asks how the first step of each rule scales with the loss and with units.
-//
-//   L = c (y_0 + y_1),   y = (u_0 x_0, u_1 x_1)
-//
-// A step proportional to c^p has p in the first column; one that is right for
-// every scale of the loss would have p = -1 for the distance to a given
-// decrease of L. The other columns: the step along x_0 when the unit of x_0
-// changes, and the step along x_0 when only the unit of x_1 changes: a rule
-// that mixes units has a number other than zero there.
-//
-// Sample runs:
-//
-//   scaling
-//   scaling --rules=adam,half_inverse,power:kappa=0.75
+/*
+Shows how the first step of each rule scales with the loss and with units.
+
+  L = c (y_0 + y_1),   y = (u_0 x_0, u_1 x_1)
+
+A step proportional to c^p has p in the first column. The other columns have
+the exponents of the step along x_0 when the unit of x_0 changes, and when
+only the unit of x_1 changes: the last one is not zero if a rule mixes units.
+
+Sample runs:
+
+  scaling
+  scaling --rules=adam,half_inverse,power:kappa=0.75
+*/
 
 #include <cmath>
 #include <iostream>
@@ -19,7 +19,9 @@
 #include <vector>
 
 #include "bin/support/program.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
 #include "report/table.h"
@@ -39,10 +41,9 @@ bool FirstStep(const Specification& rule_text,
                Eigen::VectorXd* step,
                std::string* error) {
   PhysicsProblem problem;
-  const std::string text = "linear_scale:c=" + std::to_string(c) +
-                           ":unit_0=" + std::to_string(unit_0) +
-                           ":unit_1=" + std::to_string(unit_1);
-  const std::unique_ptr<UpdateRule> rule = CreateRule(rule_text, error);
+  const std::string text =
+      fmt::format("linear_scale:c={}:unit_0={}:unit_1={}", c, unit_0, unit_1);
+  const std::unique_ptr<UpdateRule> rule = MakeRule(rule_text, error);
   if (rule == nullptr || !CreateProblem(text, nullptr, &problem, error)) {
     return false;
   }
@@ -55,11 +56,8 @@ bool FirstStep(const Specification& rule_text,
 // p in |a / b| = 2^p.
 std::string Exponent(double a, double b) {
   const double exponent = std::log2(std::abs(a / b));
-  char text[32];
   // Minus zero is zero, and so is what rounding leaves.
-  std::snprintf(
-      text, sizeof text, "%.3g", std::abs(exponent) < 1e-6 ? 0.0 : exponent);
-  return text;
+  return fmt::format("{:.3g}", std::abs(exponent) < 1e-6 ? 0.0 : exponent);
 }
 
 int Run() {
@@ -82,7 +80,7 @@ int Run() {
         !FirstStep(rule, 2.0, 1.0, 1.0, &double_loss, &error) ||
         !FirstStep(rule, 1.0, 2.0, 1.0, &double_unit_0, &error) ||
         !FirstStep(rule, 1.0, 1.0, 2.0, &double_unit_1, &error)) {
-      // Nobody asked for this one: it needs more than the problem has.
+      // The rule needs more than the problem has. An error only if it was named.
       if (FLAGS_rules.empty()) {
         table.AddRow({rule.text, "-", "-", "-"});
         refusals += rule.text + ": " + error + "\n";
@@ -103,9 +101,10 @@ int Run() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  return invgrad::RunProgram(argc,
-                             argv,
-                             "asks how the first step of each rule scales with "
-                             "the loss and with units",
-                             invgrad::Run);
+  return invgrad::RunProgram(
+      argc,
+      argv,
+      "shows how the first step of each rule scales with "
+      "the loss and with units",
+      invgrad::Run);
 }

@@ -17,12 +17,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
+#include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "Eigen/Core"
 #include "bin/support/program.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/core/blas.h"
@@ -30,7 +33,6 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "report/plot.h"
-#include "report/table.h"
 
 DEFINE_string(output_directory, "runs/step_cost", "must exist");
 DEFINE_int32(largest_width, 900, "of the hidden layers, at m = 1,024");
@@ -41,16 +43,12 @@ namespace invgrad {
 namespace {
 
 constexpr int kOutputs = 64;
-constexpr int kFixedBatch = 16;  // m = 1,024
-constexpr int kFixedWidth = 200;
 
-struct Point {
-  int m;
-  int n;
-  double seconds;
-};
+// The width of the hidden layers and the batch size.
+using Size = std::pair<int, int>;
 
-NetworkJacobian MakeJacobian(int width, int batch_size) {
+NetworkJacobian MakeJacobian(const Size& size) {
+  const auto [width, batch_size] = size;
   const DenseNetwork network({kOutputs, width, width, kOutputs},
                              Activation::kTanh);
   NumpyRandom random(1);
@@ -68,20 +66,21 @@ NetworkJacobian MakeJacobian(int width, int batch_size) {
       random.Rand(batch_size * kOutputs, kOutputs).transpose());
 }
 
-// The least of some steps, none but the first cold.
-Point Measure(const JacobianOperator& J, SpectralRoute route) {
+// Seconds: the least of some steps, none but the first cold; of a single one if
+// it takes more than a second.
+double Measure(const JacobianOperator& J, SpectralRoute route) {
   using Clock = std::chrono::steady_clock;
   const Eigen::VectorXd g = Eigen::VectorXd::Ones(J.rows());
   SpectralStepOptions options;
   options.route = route;
+  options.tolerance = std::numeric_limits<double>::infinity();
+  options.threshold_tolerance = std::numeric_limits<double>::infinity();
   SpectralWorkspace workspace;
   SpectralStepSummary summary;
   Eigen::VectorXd d;
-  double least = 0.0;
+  double least = std::numeric_limits<double>::infinity();
   double total = 0.0;
-  constexpr int kMostSteps = 20;
-  constexpr double kEnoughSeconds = 1.0;
-  for (int i = 0; i < kMostSteps && (i < 2 || total < kEnoughSeconds); ++i) {
+  for (int i = 0; i < 20 && (i < 2 || total < 1.0); ++i) {
     const Clock::time_point start = Clock::now();
     if (!SpectralStep(J,
                       g,
@@ -90,93 +89,71 @@ Point Measure(const JacobianOperator& J, SpectralRoute route) {
                       &workspace,
                       &d,
                       &summary)) {
-      std::cerr << summary.message << "\n";
+      Warn(summary.message);
     }
     const double seconds =
         std::chrono::duration<double>(Clock::now() - start).count();
-    if (i == 0 && seconds > kEnoughSeconds && route == SpectralRoute::kSvd) {
-      return {J.rows(), J.cols(), seconds};
-    }
-    least = i < 2 ? seconds : std::min(least, seconds);
+    if (i == 0 && seconds > 1.0 && route == SpectralRoute::kSvd) return seconds;
+    if (i > 0) least = std::min(least, seconds);
     total += seconds;
   }
-  return {J.rows(), J.cols(), least};
+  return least;
 }
 
-// p of y ~ x^p, by least squares over the upper half of the points.
-double Exponent(const std::vector<double>& x, const std::vector<double>& y) {
-  const size_t first = x.size() / 2;
-  const double count = static_cast<double>(x.size() - first);
-  double mean_x = 0.0;
-  double mean_y = 0.0;
-  for (size_t i = first; i < x.size(); ++i) {
-    mean_x += std::log(x[i]) / count;
-    mean_y += std::log(y[i]) / count;
-  }
-  double xy = 0.0;
-  double xx = 0.0;
-  for (size_t i = first; i < x.size(); ++i) {
-    xy += (std::log(x[i]) - mean_x) * (std::log(y[i]) - mean_y);
-    xx += std::pow(std::log(x[i]) - mean_x, 2);
-  }
-  return xy / xx;
-}
-
-struct Curve {
-  std::string route;
-  std::vector<double> x;
-  std::vector<double> seconds;
-};
-
-// One route over growing problems, until it takes too long.
-Curve MeasureCurve(SpectralRoute route,
-                   const std::vector<std::pair<int, int>>& sizes,
-                   bool by_weights,
-                   double most_seconds,
-                   std::string* csv) {
-  Curve curve{SpectralRouteName(route), {}, {}};
-  for (const auto& [width, batch_size] : sizes) {
-    const NetworkJacobian J = MakeJacobian(width, batch_size);
-    const Point point = Measure(J, route);
-    curve.x.push_back(by_weights ? point.n : point.m);
-    curve.seconds.push_back(point.seconds);
-    char line[200];
-    std::snprintf(line,
-                  sizeof line,
-                  "%s,%s,%d,%d,%.6g\n",
-                  by_weights ? "n" : "m",
-                  curve.route.c_str(),
-                  point.m,
-                  point.n,
-                  point.seconds);
+// One route over growing problems, until a step takes more than `most_seconds`,
+// with the exponent of the upper half in its title.
+Series MeasureCurve(SpectralRoute route,
+                    const std::vector<Size>& sizes,
+                    bool by_weights,
+                    double most_seconds,
+                    std::string* csv) {
+  const std::string name = SpectralRouteName(route);
+  Series curve;
+  curve.style = Series::Style::kLinesAndPoints;
+  for (const Size& size : sizes) {
+    const NetworkJacobian J = MakeJacobian(size);
+    curve.x.push_back(by_weights ? J.cols() : J.rows());
+    curve.y.push_back(Measure(J, route));
+    const std::string line = fmt::format("{},{},{},{},{:.6g}\n",
+                                         by_weights ? "n" : "m",
+                                         name,
+                                         J.rows(),
+                                         J.cols(),
+                                         curve.y.back());
     *csv += line;
     std::cout << line << std::flush;
-    if (point.seconds > most_seconds) break;
+    if (curve.y.back() > most_seconds) break;
   }
+  // p of y ~ x^p, by least squares.
+  const auto upper_logarithms = [](const std::vector<double>& values) {
+    const Eigen::Map<const Eigen::ArrayXd> all(
+        values.data(), static_cast<Eigen::Index>(values.size()));
+    const Eigen::ArrayXd logs = all.tail(all.size() - all.size() / 2).log();
+    return Eigen::ArrayXd(logs - logs.mean());
+  };
+  const Eigen::ArrayXd x = upper_logarithms(curve.x);
+  const double exponent =
+      (x * upper_logarithms(curve.y)).sum() / x.square().sum();
+  curve.title = fmt::format("{}: exponent {:.2f}", name, exponent);
   return curve;
 }
 
-Plot Panel(const std::string& title,
-           const std::string& x_label,
-           const std::vector<Curve>& curves) {
+Plot MeasurePanel(const std::string& title,
+                  const std::string& x_label,
+                  const std::vector<Size>& sizes,
+                  bool by_weights,
+                  std::string* csv) {
   Plot plot;
   plot.title = title;
   plot.x_label = x_label;
   plot.y_label = "seconds a step";
   plot.log_x = true;
   plot.log_y = true;
-  for (const Curve& curve : curves) {
-    char exponent[50];
-    std::snprintf(exponent,
-                  sizeof exponent,
-                  ": exponent %.2f",
-                  Exponent(curve.x, curve.seconds));
-    Series series;
-    series.title = curve.route + exponent;
-    series.x = curve.x;
-    series.y = curve.seconds;
-    series.style = Series::Style::kLinesAndPoints;
-    plot.series.push_back(series);
+  for (const auto& [route, most_seconds] :
+       {std::pair(SpectralRoute::kGram, 1e9),
+        std::pair(SpectralRoute::kSvd, FLAGS_svd_seconds)}) {
+    plot.series.push_back(
+        MeasureCurve(route, sizes, by_weights, most_seconds, csv));
   }
   return plot;
 }
@@ -185,41 +162,24 @@ int Run() {
   if (FLAGS_largest_width < 30) return Fail("--largest_width: at least 30");
   if (FLAGS_largest_batch < 4) return Fail("--largest_batch: at least 4");
   SetBlasThreads(1);
-  std::vector<std::pair<int, int>> by_weights;
+  std::vector<Size> by_weights;
   for (double width = 30.0; width <= FLAGS_largest_width; width *= 1.4) {
-    by_weights.emplace_back(static_cast<int>(width), kFixedBatch);
+    by_weights.emplace_back(static_cast<int>(width), 16);
   }
-  std::vector<std::pair<int, int>> by_rows;
+  std::vector<Size> by_rows;
   for (double batch = 2.0; batch <= FLAGS_largest_batch; batch *= 1.4142136) {
-    by_rows.emplace_back(kFixedWidth, static_cast<int>(std::lround(batch)));
+    by_rows.emplace_back(200, static_cast<int>(std::lround(batch)));
   }
   std::string csv = "against,route,m,n,seconds\n";
   std::cout << csv;
-  std::vector<Plot> panels;
-  Table table({{"route", Table::Align::kLeft},
-               {"against"},
-               {"exponent of the upper half"}});
-  for (const bool weights : {true, false}) {
-    std::vector<Curve> curves;
-    for (const SpectralRoute route :
-         {SpectralRoute::kGram, SpectralRoute::kSvd}) {
-      curves.push_back(
-          MeasureCurve(route,
-                       weights ? by_weights : by_rows,
-                       weights,
-                       route == SpectralRoute::kSvd ? FLAGS_svd_seconds : 1e9,
-                       &csv));
-      char exponent[50];
-      std::snprintf(exponent,
-                    sizeof exponent,
-                    "%.2f",
-                    Exponent(curves.back().x, curves.back().seconds));
-      table.AddRow({curves.back().route, weights ? "n" : "m", exponent});
+  const std::vector<Plot> panels = {
+      MeasurePanel("m = 1,024", "weights n", by_weights, true, &csv),
+      MeasurePanel("n = 66,064", "rows m", by_rows, false, &csv)};
+  for (const Plot& panel : panels) {
+    for (const Series& curve : panel.series) {
+      std::cout << panel.x_label << ", " << curve.title << "\n";
     }
-    panels.push_back(weights ? Panel("m = 1,024", "weights n", curves)
-                             : Panel("n = 66,064", "rows m", curves));
   }
-  std::cout << "\n" << table.ToText();
   std::string error;
   const std::string path = FLAGS_output_directory + "/step_cost";
   if (!WriteFile(path + ".csv", csv, &error) ||

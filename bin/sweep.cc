@@ -1,70 +1,75 @@
-// Trains by every rule at every point of a grid of settings, in parallel.
-//
-// Sample runs:
-//
-//   sweep --problem=toy_network --steps=200 --jobs=2
-//       --grid="lambda=1,0.1,0.01;rule=half_inverse,adam:step_size=1e-2|3e-3"
-//   sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2
-//       --grid="xi=1,8,32,64;phi=0,45;rule=sip:step_size=1e-2|3e-3|1e-3,
-//       adam:step_size=1e-2|3e-3|1e-3"
-//   sweep --problem=oscillator_chain --seconds=5
-//       --grid="num_oscillators=2,4;rule=half_inverse,adam:step_size=1e-3|3e-4;
-//       seed=1,2,3"
-//   sweep --problem=toy_network --epochs=100 --tail=0.1
-//       --grid="truncation=1e-3,1e-6,1e-9;batch_size=32,128,0;
-//       rule=half_inverse,gauss_newton:step_size=auto"
-//
-//   sweep --problem=oscillator_chain --epochs=25
-//       --grid="initialization=glorot,he;hidden=20,20-20,20-20-20;
-//       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
-//
-// Axes are separated by ";", values by ",". Every combination is run, each in a
-// process of its own: options of the problem and of the rules, rules, batch
-// sizes, seeds, and the network: hidden, activation, initialization
-// (network_settings.h). A rule may list alternatives of its settings, "|"
-// between them: the best one at each point of the grid is found, tabled and
-// drawn, with a remark if it is the smallest or largest that was tried.
-//
-//   DIR/flags.txt, DIR/versions.txt    see run_directory.h
-//   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
-//   DIR/sweep.csv                      one line a run
-//   DIR/table.txt, DIR/table.md        the best alternatives
-//   DIR/lines.png, heat_map.png, curves.png   see sweep_plots.h
-//
-// Run again, it goes on where it was stopped and skips what is done. Ctrl-C
-// ends it, with the results so far.
+/*
+Trains by every rule at every point of a grid of settings, several runs at a
+time.
+
+Sample runs:
+
+  sweep --problem=toy_network --steps=200 --jobs=2 \
+    --grid="lambda=1,0.1,0.01; rule=half_inverse,adam:step_size=1e-2|3e-3"
+  sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2 --output=runs/sine \
+    --grid="xi=1,8,32,64; phi=0,45; rule=sip:step_size=1e-2|3e-3|1e-3,
+      adam:step_size=1e-2|3e-3|1e-3"
+  sweep --problem=oscillator_chain --seconds=5 --output=runs/chains \
+    --grid="num_oscillators=2,4; seed=1..3;
+      rule=half_inverse,adam:step_size=1e-3|3e-4"
+  sweep --problem=toy_network --epochs=100 --tail=0.1 --output=runs/batches \
+    --grid="truncation=1e-3,1e-6,1e-9; batch_size=32,128,0;
+      rule=half_inverse,gauss_newton:step_size=auto"
+  sweep --problem=oscillator_chain --epochs=25 --output=runs/networks \
+    --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
+      rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
+
+Axes are separated by ";", values by ",". Every combination is run, each in a
+process of its own. An axis is `rule`, `seed`, `batch_size`, an option of the
+problem or of the rules, or a setting of the network: hidden, activation,
+initialization (network_settings.h). A rule may list alternatives of its
+settings, "|" between them: the best one at each point of the grid is found,
+tabled and drawn, with a remark if it is the smallest or largest of them.
+
+  DIR/flags.txt, DIR/versions.txt    see run_directory.h
+  DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
+  DIR/sweep.csv                      one line a run
+  DIR/table.txt, DIR/table.md        the best alternatives
+  DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
+
+Run again, it goes on where it was stopped and skips what is done. Ctrl-C
+ends it, with the results so far.
+*/
 
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "bin/support/learning_comparison.h"
 #include "bin/support/learning_run.h"
 #include "bin/support/listing.h"
+#include "bin/support/live_run.h"
 #include "bin/support/program.h"
+#include "bin/support/results.h"
 #include "bin/support/run_directory.h"
-#include "bin/support/sweep_grid.h"
-#include "bin/support/sweep_plan.h"
-#include "bin/support/sweep_plots.h"
-#include "bin/support/sweep_processes.h"
-#include "bin/support/sweep_results.h"
+#include "bin/support/training.h"
 #include "bin/support/training_flags.h"
+#include "bin/sweep/grid.h"
+#include "bin/sweep/plan.h"
+#include "bin/sweep/plots.h"
+#include "bin/sweep/processes.h"
+#include "bin/sweep/results.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
 #include "report/interrupt.h"
 #include "report/progress.h"
 
-DEFINE_bool(list, false, "print the problems and rules with their options");
+DEFINE_bool(list, false, "print the problems and methods with their options");
 DEFINE_string(problem,
               "oscillator_chain",
               "name[:key=value...]: what is the same at all points");
 DEFINE_string(grid,
               "",
-              "axis=value,value;axis=value,...: an axis is rule, seed, "
+              "\"axis=value,value; axis=value,...\": an axis is rule, seed, "
               "batch_size, hidden, activation, initialization, or an option "
               "of the problem or of the rules");
 DEFINE_string(value,
@@ -73,13 +78,9 @@ DEFINE_string(value,
               "of these that the problem has");
 DEFINE_double(tail,
               0.0,
-              "part of the training time over whose end the value is averaged; "
-              "0: the last value alone");
+              "share of the training time at its end over which the value is "
+              "averaged; 0: the last value alone");
 DEFINE_int32(jobs, 1, "how many runs at a time, each with one core");
-DEFINE_string(output, "runs/sweep", "directory of the results");
-DEFINE_bool(overwrite, false, "replace the directory, do not go on with it");
-DEFINE_bool(progress, true, "show live how far it is");
-DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
 namespace {
@@ -88,11 +89,8 @@ bool CheckFlags(std::string* error) {
   return CheckTrainingFlags(error) &&
          CheckFlag(
              "tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)", error) &&
-         CheckFlag("jobs",
-                   FLAGS_jobs >= 1 && FLAGS_jobs <= 1024,
-                   "1 to 1024",
-                   error) &&
-         CheckFlag("output", !FLAGS_output.empty(), "a directory", error);
+         CheckFlag(
+             "jobs", FLAGS_jobs >= 1 && FLAGS_jobs <= 1024, "1 to 1024", error);
 }
 
 std::string Directory(const SweepJob& job) {
@@ -110,20 +108,20 @@ TrainOptions TrainOptionsOf(const SweepJob& job) {
 // Reads the run of a job if it is done. False if its files are damaged.
 bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
   LearningRunResult result;
-  if (!LoadLearningRun(Directory(job), *job.problem, &result, error)) {
-    return error->empty();
-  }
-  run->status = result.summary.message;
-  if (!HasBudgetLeft(result, TrainOptionsOf(job))) {
-    run->result = std::move(result);
-  }
+  const bool is_complete = LoadCompleteRun(
+      Directory(job), *job.problem, TrainOptionsOf(job), &result, error);
+  if (!error->empty()) return false;
+  if (!result.summary.message.empty()) run->status = result.summary.message;
+  if (is_complete) run->result = std::move(result);
   return true;
 }
 
 bool RunJob(const SweepJob& job, std::string* error) {
   LearningRunOptions options;
   options.train = TrainOptionsOf(job);
-  options.on_step = [](const TrainingRun&) { return !IsStopRequested(); };
+  options.on_step = [](const TrainingRun& /*run*/) {
+    return !IsStopRequested();
+  };
   options.directory = Directory(job);
   LearningRunResult result;
   return RunLearning(*job.problem,
@@ -135,50 +133,30 @@ bool RunJob(const SweepJob& job, std::string* error) {
                      error);
 }
 
-// Shows how many of the jobs have ended.
-class LiveLine {
- public:
-  explicit LiveLine(int num_skipped) : num_skipped_(num_skipped) {}
-
-  void Update(const std::vector<ProcessStatus>& statuses) {
-    int num_ended = 0;
-    int num_running = 0;
-    double done = 0.0;  // jobs, with parts of those that run
-    for (const ProcessStatus& status : statuses) {
-      if (status.state == ProcessStatus::State::kRunning) {
-        ++num_running;
-        if (FLAGS_seconds > 0.0) {
-          done += std::min(status.seconds / FLAGS_seconds, 1.0);
-        }
-      } else if (status.state != ProcessStatus::State::kWaiting) {
-        ++num_ended;
-        done += 1.0;
+// How many of the jobs have ended.
+ProgressState StateOf(const std::vector<ProcessStatus>& statuses,
+                      int num_skipped) {
+  int num_ended = 0, num_running = 0;
+  double done = 0.0;  // jobs, with the shares of those that run
+  for (const ProcessStatus& status : statuses) {
+    if (status.state == ProcessStatus::State::kRunning) {
+      ++num_running;
+      if (FLAGS_seconds > 0.0) {
+        done += std::min(status.seconds / FLAGS_seconds, 1.0);
       }
+    } else if (status.state != ProcessStatus::State::kWaiting) {
+      ++num_ended;
+      done += 1.0;
     }
-    ProgressState state;
-    state.label = std::to_string(num_skipped_ + num_ended) + "/" +
-                  std::to_string(num_skipped_ + statuses.size()) + " done, " +
-                  std::to_string(num_running) + " running";
-    state.step = ProgressState::kNoStep;
-    state.fraction = done / static_cast<double>(statuses.size());
-    progress_.Update(state);
   }
-
- private:
-  const int num_skipped_;
-  Progress progress_;
-};
-
-// Once for every batch size and number of samples.
-void WarnOfLeftOutSamples(const SweepPlan& plan) {
-  std::set<std::string> warnings;
-  for (const SweepJob& job : plan.jobs) {
-    AddLeftOutSamples(job.method,
-                      job.batch_size,
-                      job.problem->train.num_samples(),
-                      &warnings);
-  }
-  for (const std::string& warning : warnings) Warn(warning);
+  ProgressState state;
+  state.label = fmt::format("{}/{} done, {} running",
+                            num_skipped + num_ended,
+                            num_skipped + statuses.size(),
+                            num_running);
+  state.step = ProgressState::kNoStep;
+  state.fraction = done / static_cast<double>(statuses.size());
+  return state;
 }
 
 // Runs the jobs that are not done yet, and reads all results.
@@ -198,7 +176,7 @@ bool RunJobs(const SweepPlan& plan,
   }
   std::vector<ProcessStatus> statuses;
   {
-    LiveLine live(num_skipped);
+    Progress progress;
     statuses = RunInProcesses(
         static_cast<int>(to_run.size()),
         FLAGS_jobs,
@@ -206,7 +184,7 @@ bool RunJobs(const SweepPlan& plan,
           return RunJob(plan.jobs[to_run[i]], why);
         },
         [&](const std::vector<ProcessStatus>& now) {
-          if (FLAGS_progress) live.Update(now);
+          if (FLAGS_progress) progress.Update(StateOf(now, num_skipped));
         });
   }
   for (size_t i = 0; i < to_run.size(); ++i) {
@@ -223,6 +201,30 @@ bool RunJobs(const SweepPlan& plan,
   return true;
 }
 
+bool WriteResults(const SweepPlan& plan,
+                  const std::vector<SweepRun>& runs,
+                  const SweepValue& value,
+                  std::string* error) {
+  const std::vector<SweepBest> best = FindBest(plan, runs, value);
+  const Table table = SweepTable(plan, runs, value, best);
+  std::cout << table.ToText();
+  if (!WriteFile(FLAGS_output + "/sweep.csv",
+                 SweepCsv(plan, runs, value, best),
+                 error) ||
+      !WriteTable(FLAGS_output + "/table", table, error)) {
+    return false;
+  }
+  DrawPicture(FLAGS_output + "/lines.png", SweepLines(plan, value, best));
+  DrawPicture(FLAGS_output + "/heat_map.png", SweepHeatMaps(plan, value, best));
+  DrawPicture(FLAGS_output + "/curves.png",
+              SweepCurves(plan, runs, value, best));
+  std::cout << "results in " << FLAGS_output << "\n";
+  *error = "no run is complete";
+  return std::any_of(runs.begin(), runs.end(), [](const SweepRun& run) {
+    return run.result.has_value();
+  });
+}
+
 int Run() {
   if (FLAGS_list) {
     PrintListing(std::cout);
@@ -235,49 +237,34 @@ int Run() {
   if (FLAGS_grid.empty()) {
     return Fail(
         "--grid is missing; for example "
-        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1,2,3\"");
+        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1..3\"");
   }
   Grid grid;
   SweepPlan plan;
   SweepValue value;
-  SweepBase base;
-  base.problem = FLAGS_problem;
-  base.network = NetworkOfFlags();
-  base.batch_size = FLAGS_batch_size;
+  const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
   if (!ParseGrid(FLAGS_grid, &grid, &error) ||
-      !MakeSweepPlan(base, grid, &plan, &error)) {
-    return Fail(error);
-  }
-  if (!FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {
+      !MakeSweepPlan(base, grid, &plan, &error) ||
+      !FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {
     return Fail(error);
   }
   SetBlasThreads(1);
-  const ExistingDirectory existing = FLAGS_overwrite
-                                         ? ExistingDirectory::kOverwrite
-                                         : ExistingDirectory::kResume;
-  if (!PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), &error)) {
+  if (!PrepareRunDirectory(ExistingDirectory::kResume, &error)) {
     return Fail(error);
   }
-  WarnOfLeftOutSamples(plan);
+  std::set<std::string> warnings;
+  for (const SweepJob& job : plan.jobs) {
+    AddLeftOutSamples(job.method,
+                      job.batch_size,
+                      job.problem->train.num_samples(),
+                      &warnings);
+  }
+  for (const std::string& warning : warnings) Warn(warning);
   const Interrupt interrupt;
   std::vector<SweepRun> runs;
-  if (!RunJobs(plan, &runs, &error)) return Fail(error);
-  const std::vector<SweepBest> best = FindBest(plan, runs, value);
-  const Table table = SweepTable(plan, runs, value, best);
-  std::cout << table.ToText();
-  if (!WriteFile(FLAGS_output + "/sweep.csv",
-                 SweepCsv(plan, runs, value, best),
-                 &error) ||
-      !WriteFile(FLAGS_output + "/table.txt", table.ToText(), &error) ||
-      !WriteFile(FLAGS_output + "/table.md", table.ToMarkdown(), &error)) {
-    return Fail(error);
-  }
-  if (FLAGS_plots &&
-      !DrawSweep(FLAGS_output, plan, runs, value, best, &error)) {
-    Warn(error);
-  }
-  std::cout << "results in " << FLAGS_output << "\n";
-  return 0;
+  return RunJobs(plan, &runs, &error) && WriteResults(plan, runs, value, &error)
+             ? 0
+             : Fail(error);
 }
 
 }  // namespace
@@ -287,6 +274,8 @@ int main(int argc, char** argv) {
   return invgrad::RunProgram(
       argc,
       argv,
-      "trains by every rule at every point of a grid of settings",
+      "trains by every rule at every point of a grid of settings\n\n"
+      "  sweep --problem=toy_network --steps=200 --jobs=2 \\\n"
+      "    --grid=\"lambda=1,0.1; rule=half_inverse,adam:step_size=1e-2|1e-3\"",
       invgrad::Run);
 }

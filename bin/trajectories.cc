@@ -1,34 +1,39 @@
-// Draws the ways of update rules through a two-dimensional problem, over the
-// contours of its loss, in x space and in y space.
-//
-// Sample runs:
-//
-//   trajectories --steps=10
-//       --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
-//   trajectories --problem=squared_component:start_0=-2 --output=runs/from_left
-//       --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse
-//   trajectories --problem=sine_point --steps=40
-//       --margin=0.8
-//       --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
-//   trajectories --problem=linear_scale --steps=5
-//       --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
-//
-// The directory holds trajectories.png (left x, right y), trajectories.gp to
-// restyle it, one CSV a rule, and the flags that repeat the run.
+/*
+Draws the paths of methods through a two-dimensional problem, over the
+contours of its loss, in x space and in y space.
+
+Sample runs:
+
+  trajectories --steps=10 \
+    --rules=gradient_descent:step_size=0.01,newton:step_size=0.3333
+  trajectories --problem=squared_component:start_0=-2 \
+    --rules=ceres_lm,ceres_bfgs,ceres_lm+half_inverse --output=runs/from_left
+  trajectories --problem=sine_point --steps=40 --margin=0.8 --overwrite \
+    --rules=gradient_descent:step_size=2e-3,physical_gradient:y_step_size=0.3
+  trajectories --problem=linear_scale --steps=5 --output=runs/linear \
+    --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
+
+The directory holds trajectories.png (left x, right y), trajectories.gp to
+restyle it, one CSV a rule, and the flags that repeat the run.
+*/
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
+#include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
-#include "bin/support/point_comparison.h"
+#include "bin/compare/point_path.h"
 #include "bin/support/program.h"
+#include "bin/support/results.h"
 #include "bin/support/run_directory.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "problems/problems.h"
 #include "report/plot.h"
+#include "report/plot_axis.h"
 
 DEFINE_string(problem,
               "squared_component",
@@ -37,32 +42,16 @@ DEFINE_string(rules,
               "gradient_descent:step_size=0.01,newton:step_size=0.3333333333,"
               "physical_gradient:y_step_size=0.3,half_inverse:step_size=0.1,"
               "ceres_lm,ceres_bfgs",
-              "rules, name[:key=value...],...; compare --list shows all");
+              "rules or minimizers of Ceres, name[:key=value...],...; "
+              "`compare --list` shows all");
 DEFINE_int32(steps, 10, "iterations of every rule");
 DEFINE_int32(grid, 101, "points of the contours' grid along each axis");
 DEFINE_double(margin,
               0.1,
               "margin on each side, as a share of the paths' extent");
-DEFINE_string(output, "runs/trajectories", "directory of the results");
-DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
 
 namespace invgrad {
 namespace {
-
-struct Interval {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-
-  void Include(double value) {
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-  // Wider at each end, and never empty.
-  Interval Widened() const {
-    const double margin = high > low ? FLAGS_margin * (high - low) : 1.0;
-    return {low - margin, high + margin};
-  }
-};
 
 // The points of all paths in x or in y, and the optimum's.
 struct Panel {
@@ -71,64 +60,52 @@ struct Panel {
   Eigen::VectorXd goal;  // empty if there is none
 };
 
-std::vector<double> Ticks(const Interval& interval, int num) {
-  std::vector<double> ticks(num);
-  for (int i = 0; i < num; ++i) {
-    ticks[i] = interval.low + (interval.high - interval.low) * i / (num - 1);
-  }
-  return ticks;
-}
-
 // `loss` maps a point of the panel to L, NaN where it has no value.
 Plot MakePlot(const Panel& panel,
               const std::vector<PointPath>& paths,
               const std::function<double(const Eigen::Vector2d&)>& loss) {
-  Interval ranges[2];
-  for (int axis = 0; axis < 2; ++axis) {
-    for (const auto& path : panel.paths) {
-      for (const Eigen::VectorXd& point : path) {
-        if (point.size() == 2 && point.allFinite()) {
-          ranges[axis].Include(point[axis]);
-        }
-      }
-    }
-    if (panel.goal.size() == 2) ranges[axis].Include(panel.goal[axis]);
-    ranges[axis] = ranges[axis].Widened();
-  }
-  ContourField field;
-  field.x = Ticks(ranges[0], FLAGS_grid);
-  field.y = Ticks(ranges[1], FLAGS_grid);
-  field.z.resize(FLAGS_grid, FLAGS_grid);
-  for (int i = 0; i < FLAGS_grid; ++i) {
-    for (int j = 0; j < FLAGS_grid; ++j) {
-      field.z(i, j) = loss(Eigen::Vector2d(field.x[j], field.y[i]));
-    }
-  }
   Plot plot;
   plot.title = panel.name + " space";
   plot.x_label = panel.name + "_0";
   plot.y_label = panel.name + "_1";
-  plot.x_range = {ranges[0].low, ranges[0].high};
-  plot.y_range = {ranges[1].low, ranges[1].high};
-  plot.contours = std::move(field);
-  for (size_t i = 0; i < paths.size(); ++i) {
+  std::vector<double> xs, ys;  // of all points
+  const auto add = [&](const std::string& title,
+                       Series::Style style,
+                       const std::vector<Eigen::VectorXd>& points) {
     Series series;
-    series.title = paths[i].label;
-    series.style = Series::Style::kLinesAndPoints;
-    for (const Eigen::VectorXd& point : panel.paths[i]) {
+    series.title = title;
+    series.style = style;
+    for (const Eigen::VectorXd& point : points) {
       if (point.size() != 2) continue;
       series.x.push_back(point[0]);
       series.y.push_back(point[1]);
+      if (!point.allFinite()) continue;
+      xs.push_back(point[0]);
+      ys.push_back(point[1]);
     }
-    plot.series.push_back(std::move(series));
+    plot.series.push_back(series);
+  };
+  for (size_t i = 0; i < paths.size(); ++i) {
+    add(paths[i].label, Series::Style::kLinesAndPoints, panel.paths[i]);
   }
   if (panel.goal.size() == 2) {
-    Series goal;
-    goal.title = "optimum";
-    goal.style = Series::Style::kPoints;
-    goal.x = {panel.goal[0]};
-    goal.y = {panel.goal[1]};
-    plot.series.push_back(goal);
+    add("optimum", Series::Style::kPoints, {panel.goal});
+  }
+  const Axis x_axis = FitAxis(false, {}, FLAGS_margin, {&xs});
+  const Axis y_axis = FitAxis(false, {}, FLAGS_margin, {&ys});
+  plot.x_range = {x_axis.low, x_axis.high};
+  plot.y_range = {y_axis.low, y_axis.high};
+  ContourField& field = plot.contours.emplace();
+  field.z.resize(FLAGS_grid, FLAGS_grid);
+  for (int i = 0; i < FLAGS_grid; ++i) {
+    const double share = static_cast<double>(i) / (FLAGS_grid - 1);
+    field.x.push_back(x_axis.low + (x_axis.high - x_axis.low) * share);
+    field.y.push_back(y_axis.low + (y_axis.high - y_axis.low) * share);
+  }
+  for (int i = 0; i < FLAGS_grid; ++i) {
+    for (int j = 0; j < FLAGS_grid; ++j) {
+      field.z(i, j) = loss(Eigen::Vector2d(field.x[j], field.y[i]));
+    }
   }
   return plot;
 }
@@ -164,28 +141,28 @@ std::vector<Plot> MakePlots(const PointProblem& problem,
 }
 
 void Print(const PointPath& path) {
-  std::cout << path.label << "  (" << path.status << ")\n";
-  std::printf("  %4s  %14s  %14s  %14s  %14s  %12s\n",
-              "step",
-              "x_0",
-              "x_1",
-              "y_0",
-              "y_1",
-              "L");
+  fmt::print("{}  ({})\n", path.label, path.status);
+  fmt::print("  {:>4}  {:>14}  {:>14}  {:>14}  {:>14}  {:>12}\n",
+             "step",
+             "x_0",
+             "x_1",
+             "y_0",
+             "y_1",
+             "L");
   for (size_t k = 0; k < path.x.size(); ++k) {
     if (path.y[k].size() != 2) continue;
-    std::printf("  %4zu  %14.8g  %14.8g  %14.8g  %14.8g  %12.5g\n",
-                k,
-                path.x[k][0],
-                path.x[k][1],
-                path.y[k][0],
-                path.y[k][1],
-                path.loss[k]);
+    fmt::print("  {:>4}  {:14.8g}  {:14.8g}  {:14.8g}  {:14.8g}  {:12.5g}\n",
+               k,
+               path.x[k][0],
+               path.x[k][1],
+               path.y[k][0],
+               path.y[k][1],
+               path.loss[k]);
   }
   if (path.x.size() > 1 && path.x[1] != path.x[0]) {
     const Eigen::VectorXd step = path.x[1] - path.x[0];
-    std::printf("  diagonal length of the first step: %.6f\n",
-                -step.sum() / step.norm());
+    fmt::print("  diagonal length of the first step: {:.6f}\n",
+               -step.sum() / step.norm());
   }
 }
 
@@ -210,11 +187,12 @@ int Run() {
   }
   if (!problem.point.has_value() || problem.point->start.size() != 2 ||
       problem.point->target.size() != 2) {
-    return Fail("--problem=" + FLAGS_problem +
-                " does not map two unknowns to two outputs; "
-                "squared_component, linear_scale and sine_point do");
+    return Fail(
+        fmt::format("--problem={} does not map two unknowns to two outputs; "
+                    "squared_component, linear_scale and sine_point do",
+                    FLAGS_problem));
   }
-  PointComparisonOptions options;
+  PointPathOptions options;
   options.max_num_iterations = FLAGS_steps;
   options.gradient_tolerance = 0.0;
   std::vector<PointPath> paths;
@@ -225,26 +203,20 @@ int Run() {
     }
     paths.push_back(std::move(path));
   }
-  if (!PrepareRunDirectory(FLAGS_output,
-                           FLAGS_overwrite ? ExistingDirectory::kOverwrite
-                                           : ExistingDirectory::kRefuse,
-                           FlagFileText(),
-                           &error)) {
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {
     return Fail(error);
   }
   for (const PointPath& path : paths) {
     Print(path);
+    const std::string name = FileName(path.label);
     if (!WritePathCsv(
-            FLAGS_output + "/" + FileName(path.label) + ".csv", path, &error)) {
+            fmt::format("{}/{}.csv", FLAGS_output, name), path, &error)) {
       return Fail(error);
     }
   }
-  if (!WritePlots(FLAGS_output + "/trajectories.png",
-                  MakePlots(*problem.point, paths),
-                  &error)) {
-    Warn(error);
-  }
-  std::cout << "results in " << FLAGS_output << "\n";
+  DrawPicture(FLAGS_output + "/trajectories.png",
+              MakePlots(*problem.point, paths));
+  fmt::print("results in {}\n", FLAGS_output);
   return 0;
 }
 
@@ -255,6 +227,6 @@ int main(int argc, char** argv) {
   return invgrad::RunProgram(
       argc,
       argv,
-      "draws the ways of update rules through a two-dimensional problem",
+      "draws the paths of methods through a two-dimensional problem",
       invgrad::Run);
 }

@@ -3,7 +3,7 @@
 //
 //   y = exp(x),   L = 1/2 (y - y*)^2,   y* = exp(x*),   x* uniform in (-12, 0]
 //
-// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, which sees y*;
+// Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, its input is y*;
 //          x, y: 1.
 // Units:   none.
 // Data:    np.random.seed(data_seed); x* = -12 np.random.rand(2 N), the first N
@@ -24,6 +24,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -34,11 +35,7 @@ struct Exponential {
     int data_seed = 0;
     void Describe(OptionSet* set) {
       set->Add("range", &range, {0.0, 700.0, true}, "x* is in (-range, 0]");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
     }
   };
 

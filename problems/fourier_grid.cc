@@ -12,7 +12,7 @@ namespace invgrad {
 
 namespace {
 
-// FFTW executes plans in parallel, but makes and destroys one at a time.
+// FFTW can execute plans in parallel, but not make or destroy them.
 std::mutex& PlannerMutex() {
   static auto& mutex = *new std::mutex;
   return mutex;
@@ -71,8 +71,8 @@ FourierGrid::FourierGrid(int rows, int cols) : rows_(rows), cols_(cols) {
 FourierGrid::~FourierGrid() = default;
 
 void FourierGrid::Forward(const double* x, std::complex<double>* modes) const {
-  // A transform from one array to another leaves its input as it is, unless it
-  // is the one from complex to real numbers.
+  // An out-of-place transform does not write its input, except the one from
+  // complex to real numbers.
   fftw_execute_dft_r2c(plans_->forward, const_cast<double*>(x), AsFftw(modes));
 }
 

@@ -10,9 +10,9 @@
 // Cost:    N log N a transform; the plans are made once, by the constructor.
 // Fails:   a grid without cells is CHECKed.
 //
-// Several threads may share a grid. FFTW's fixed choice of algorithm
-// (FFTW_ESTIMATE), whatever the alignment of the arrays, makes results the same
-// bit for bit from run to run on one machine.
+// Several threads may share a grid. The algorithm does not depend on timings or
+// the alignment of arrays (FFTW_ESTIMATE, FFTW_UNALIGNED), so that results on
+// one machine are the same bit for bit.
 //
 // Source: Frigo, Johnson. The Design and Implementation of FFTW3. Proceedings
 //         of the IEEE 93 (2), 2005.

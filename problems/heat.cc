@@ -3,9 +3,9 @@
 #include <limits>
 #include <memory>
 
+#include "fmt/core.h"
 #include "invgrad/chain/loss.h"
 #include "problems/heat_states.h"
-#include "problems/sample_data.h"
 #include "problems/spectral_diffusion.h"
 
 namespace invgrad {
@@ -27,7 +27,7 @@ Eigen::MatrixXd Diffuse(const Simulator& simulator,
   for (Eigen::Index n = 0; n < states.cols(); ++n) {
     if (!simulator.Evaluate(
             states.col(n).data(), nullptr, outputs.col(n).data(), nullptr)) {
-      // Data of a user may overflow; who checks the data set names them.
+      // Data of a user may overflow; DataSet::IsFinite reports it.
       outputs.col(n).setConstant(std::numeric_limits<double>::quiet_NaN());
     }
   }
@@ -43,38 +43,29 @@ bool CreateLearning(const HeatLearningOptions& options,
                     std::string* error) {
   const auto simulator = MakeSimulator(options.physics, rows);
   const int size = simulator->num_inputs();
-  if (!CheckDataMemory(
-          data,
-          options.num_samples,
-          size,
-          3.0 * size,
-          ":resolution=" + std::to_string(options.physics.resolution),
-          error)) {
+  const auto generate = [&](int num_rows) {
+    return RandomHeatStates(
+        num_rows, rows, options.physics.resolution, options.data_seed);
+  };
+  if (!MakeData({options.num_samples,
+                 size,
+                 3.0 * size,
+                 fmt::format(":resolution={}", options.physics.resolution)},
+                data,
+                generate,
+                problem,
+                error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, size, error)) return false;
-    problem->data = *data;
-  } else {
-    problem->data = RandomHeatStates(2 * options.num_samples,
-                                     rows,
-                                     options.physics.resolution,
-                                     options.data_seed);
   }
   DataSet all;
   all.solutions = problem->data.transpose();
   all.targets = Diffuse(*simulator, all.solutions);
   all.inputs = all.targets;
-  all.contexts.resize(0, all.num_samples());
   SplitSamples(all, 128, problem);
-  problem->metric =
-      Metric{"x_l1", [](const Eigen::MatrixXd& x, const DataSet& samples) {
-               return (x - samples.solutions).cwiseAbs().mean();
-             }};
+  problem->metric = SolutionDistance("x_l1");
   problem->inverse =
       std::make_shared<HeatInverse>(simulator, options.physics.uncertainty);
   problem->num_epochs = 25;
-  problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(
       DenseNetwork({size, hidden, hidden, size}, Activation::kRelu),
       simulator,

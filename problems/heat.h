@@ -1,35 +1,32 @@
-// The heat equation backwards: from a state that diffusion has smoothed to the
-// one before.
+// The heat equation backwards: from a smoothed state to the one before.
 //
 //   y = P(x): du/dt = nu laplace(u), periodic, u(0) = x, y = u(t)
 //   L = 1/2 |y - y*|^2,   y* = P(x_gt)
 //
-//   heat         two dimensions; the network sees y* and puts out x
+//   heat         two dimensions; a network maps y* to x
 //   heat_1d      the same in one
 //   heat_state   two dimensions, no network: one x is sought, from x = 0
 //
 // Discretization: exact in time and in Fourier space
-//          (spectral_diffusion.h). The box has the side 64 whatever the number
-//          n of cells a side, dx = 64 / n, so that nu_t = 8 is as hard at each
+//          (spectral_diffusion.h). The box has the side 64 for any number n of
+//          cells a side, dx = 64 / n, so that nu_t = 8 is equally hard for all
 //          n: a mode with m waves across the box decays by
 //          exp(-nu_t (2 pi m / 64)^2) = exp(-0.077 m^2). n = 64 is the
-//          published problem. What n < 64 leaves out are modes that decay still
-//          more: the weakest one reaches y by 5e-5 at n = 16, by 1e-69 at
-//          n = 64.
+//          published problem. A grid with n < 64 lacks the modes that decay
+//          most: the weakest mode decays by 5e-5 at n = 16, by 1e-69 at n = 64.
 // Shapes:  network input, x, y: n^2, row by row, or n in one dimension.
 // Inverse: heat_inverse.h, local.
-// Metric:  x_l1 = mean |x - x_gt|: L says little about x, as most modes hardly
-//          reach y.
+// Metric:  x_l1 = mean |x - x_gt|. L is insensitive to most modes of x.
 // Data:    random rectangles (heat_states.h). The release draws a new batch
-//          every step; here N states are drawn once, and as many again for
+//          every step. Here N states are drawn once, and as many again for
 //          testing. x_gt is the data's solution. heat_state takes the first of
 //          the states.
 // Settings: B 128, loss summed over the batch, Adam and SIP with step size 1e-3
 //          for 6000 s. Published is a U-net at n = 64; here dense networks with
 //          ReLU, n^2-128-128-n^2 (heat; 115,328 weights at n = 16) and
 //          n-64-64-n (heat_1d).
-// Facts:   x_gt minimizes L, with L = 0, and in double precision so does
-//          everything that differs from it in modes with nu t |k|^2 > 36.
+// Facts:   x_gt minimizes L, with L = 0. In double precision so does every x
+//          that differs from it only in modes with nu t |k|^2 > 36.
 //          Published for heat, the sum of |x - x_gt| over 4096 cells, with the
 //          network's mean corrected and negative values cut off: Adam 125.0,
 //          SIP 50.4.
@@ -43,6 +40,7 @@
 #include "Eigen/Core"
 #include "problems/heat_inverse.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -74,11 +72,7 @@ struct HeatLearningOptions {
   int data_seed = 0;
   void Describe(int max_resolution, OptionSet* set) {
     physics.Describe(max_resolution, set);
-    set->Add("num_samples",
-             &num_samples,
-             {1, 1e6},
-             "training samples; as many again are for testing");
-    set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+    DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
   }
 };
 

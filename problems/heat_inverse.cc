@@ -57,8 +57,8 @@ double HeatInverse::Action(double amplitude,
                            double expected,
                            double uncertainty) {
   if (amplitude == 0.0) return 0.0;  // 0 inf where nothing is expected
-  // log(s_k / n_k) = 1/2 |D_k|^2 (1 / u^2 - 1 / e_k^2), without any square:
-  // they may underflow, and 0 inf or inf - inf would tell nothing.
+  // log(s_k / n_k) = 1/2 |D_k|^2 (1 / u^2 - 1 / e_k^2), without squares: they
+  // may underflow, and 0 inf and inf - inf are NaN.
   const double per_u = 1.0 / uncertainty;
   const double per_e = 1.0 / expected;
   const double log_odds =

@@ -1,5 +1,5 @@
-// The inverse of diffusion that amplifies a mode only if it is likely to be
-// signal and not noise.
+// An inverse of diffusion. It amplifies only modes that are more likely signal
+// than noise.
 //
 //   x = x_0 + F^-1(exp(alpha_k nu t |k|^2) D_k),   D = F(y - P(x_0))
 //
@@ -9,29 +9,28 @@
 //   alpha_k = 0           for 1/2 < p_k < 0.68 (less than one sigma)
 //             2 p_k - 1   otherwise
 //
-// e_k is what is left in y of white noise of variance one in x, u the
+// e_k is the amplitude in y of white noise of variance one in x; u is the
 // uncertainty of a mode if that of a cell is r |dy| + a. alpha = 1 is the exact
-// inverse, alpha = 0 leaves a mode as it is, alpha = -1 diffuses it once more.
+// inverse, alpha = 0 leaves a mode unchanged, alpha = -1 diffuses it once more.
 //
 // Shapes:  x, x_0, y: the cells of the grid.
 // Units:   a is one of y's; r is a number.
 // Cost:    four transforms.
 // Facts:   no mode with |D_k| < 1.22 u is amplified, and none by more than
 //          sqrt(N) / u, so that noise in y cannot overwhelm x however small
-//          exp(-nu t |k|^2) is. Where e_k <= u a mode moves by |D_k| at
-//          most. As u shrinks with y - P(x_0), repeating the step from the new
-//          x reaches modes that the first one could not tell from noise, down
-//          to u = a sqrt(N).
+//          exp(-nu t |k|^2) is. If e_k <= u, a mode changes by at most |D_k|.
+//          u shrinks with y - P(x_0). So a second step from the new x restores
+//          modes that the first one could not distinguish from noise, down to
+//          u = a sqrt(N).
 // Fails:   Invert returns false where an input is not finite. Sizes that do not
 //          fit, and a < 1e-100 or r < 0, are CHECKed.
 //
 // Source: PBDL, chapter physgrad-code, inv_diffuse and apply_damping, and the
 //         code of Holl, Koltun, Thuerey, NeurIPS 2022, heat/inv_diffuse.py.
-//         There p_k = 0 where s_k and n_k both underflow, and the exponent is
-//         cut off at 88. Here their ratio is formed first and does not
-//         underflow, and the bound above makes a cut-off unnecessary. There e_k
-//         has the length of a side for sqrt(N), which in two dimensions is the
-//         same.
+//         There p_k = 0 if s_k and n_k both underflow, and the exponent is cut
+//         off at 88. Here the ratio is computed first and does not underflow,
+//         and the bound above makes a cut-off unnecessary. There e_k has the
+//         length of a side in place of sqrt(N), the same in two dimensions.
 #ifndef PROBLEMS_HEAT_INVERSE_H_
 #define PROBLEMS_HEAT_INVERSE_H_
 

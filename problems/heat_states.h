@@ -7,15 +7,15 @@
 // with U from [0, 1). A cell holds the mean over its area.
 //
 // Shapes:  states: one a row, the cells of a grid of rows x cols, row by row;
-//          rows = 1 is one dimension, where the rectangles are intervals.
-// Units:   the box has the side L = 64, the published number of cells, however
-//          many there are.
+//          rows = 1 is one dimension; the rectangles are then intervals.
+// Units:   the box has the side L = 64, the published number of cells, for any
+//          number of cells.
 // Data:    numpy's stream: for every state U for c; then, for each of ten
 //          rectangles, of which c are used, p, h (one U an axis, rows first)
 //          and s.
 // Source:  Holl, Koltun, Thuerey, NeurIPS 2022, arXiv 2109.15048, and its code,
 //          heat/inv_diffuse.py, generate_heat_example. There PhiFlow draws the
-//          numbers, and finds a cell's share in a rectangle from the distance
+//          numbers and computes a cell's share in a rectangle from the distance
 //          of its centre.
 #ifndef PROBLEMS_HEAT_STATES_H_
 #define PROBLEMS_HEAT_STATES_H_

@@ -1,4 +1,5 @@
-// A linear loss in two different units: what scaling does to each rule's step.
+// A linear loss in two different units: the effect of scaling on each rule's
+// step.
 //
 //   y = P(x) = (u_0 x_0, u_1 x_1),   L = c (y_0 + y_1)
 //
@@ -11,11 +12,10 @@
 //              half-inverse        -eta c u_i^-1/2
 //              Gauss-Newton        -eta c u_i^-1
 //            Adam (first step)     -eta
-//          A large c, to which x should react little, makes every step but
-//          Adam's large: the loss is sensitive, and the step should be short.
-//          The Hessian is zero: Newton has no step of its own and falls back
-//          to gradient descent (its fallback_step_size); the automatic step
-//          size does not exist.
+//          A large c makes every step but Adam's large, although a sensitive
+//          loss calls for short steps. The Hessian is zero: Newton falls back
+//          to gradient descent (its fallback_step_size), and there is no
+//          automatic step size.
 // Optimum: none; L is unbounded below.
 // Source:  PBDL, chapter physgrad, "Units" and "Function sensitivity",
 //          arXiv 2109.05237.

@@ -3,12 +3,11 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 namespace {
@@ -21,33 +20,25 @@ struct Square {
   }
 };
 
-bool Invert(const InverseSimulator::ConstVectorRef& y,
-            const InverseSimulator::ConstVectorRef& x0,
-            const InverseSimulator::ConstVectorRef& /*context*/,
-            Eigen::VectorXd* x,
-            std::string* why) {
-  if (y[0] < 0.0) {
-    *why = "y < 0 has no pre-image";
-    return false;
-  }
-  x->setConstant(1, std::copysign(std::sqrt(y[0]), x0[0]));
-  return true;
+std::optional<Eigen::VectorXd> Invert(
+    const InverseSimulator::ConstVectorRef& y,
+    const InverseSimulator::ConstVectorRef& x_now) {
+  if (y[0] < 0.0) return std::nullopt;
+  return Eigen::VectorXd::Constant(1, std::copysign(std::sqrt(y[0]), x_now[0]));
 }
 
 // Right for y up to 1/4 only.
-bool InvertWrongly(const InverseSimulator::ConstVectorRef& y,
-                   const InverseSimulator::ConstVectorRef& x0,
-                   const InverseSimulator::ConstVectorRef& context,
-                   Eigen::VectorXd* x,
-                   std::string* why) {
+std::optional<Eigen::VectorXd> InvertWrongly(
+    const InverseSimulator::ConstVectorRef& y,
+    const InverseSimulator::ConstVectorRef& x_now) {
   if (y[0] > 0.75) throw std::runtime_error("y > 0.75");
-  if (!Invert(y, x0, context, x, why)) return false;
+  std::optional<Eigen::VectorXd> x = Invert(y, x_now);
   if (y[0] > 0.5) {
     *x *= std::numeric_limits<double>::quiet_NaN();
   } else if (y[0] > 0.25) {
     *x *= 0.5;
   }
-  return true;
+  return x;
 }
 
 }  // namespace
@@ -56,31 +47,24 @@ bool Multimodal::Create(const Options& options,
                         const Eigen::MatrixXd* data,
                         LearningProblem* problem,
                         std::string* error) {
-  if (!CheckDataMemory(data, options.num_samples, 1, 3, "", error)) {
+  const auto generate = [&options](int num_rows) {
+    return UniformData(1.0, -1.0, num_rows, 1, options.data_seed);
+  };
+  if (!MakeData(
+          {options.num_samples, 1, 3.0, ""}, data, generate, problem, error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, 1, error)) return false;
-    problem->data = *data;
-  } else {
-    const Eigen::MatrixXd uniform =
-        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-            .Rand(2 * options.num_samples, 1);
-    problem->data = 1.0 - 2.0 * uniform.array();
   }
   DataSet all;
   all.solutions = problem->data.transpose();
   all.targets = all.solutions.cwiseAbs2();
   all.inputs = all.targets;
-  all.contexts.resize(0, all.inputs.cols());
   SplitSamples(all, 100, problem);
   problem->model = std::make_shared<Model>(
       DenseNetwork({1, 32, 32, 1}, Activation::kTanh),
       std::make_shared<AutoDiffSimulator<Square, 1, 1>>(),
       std::make_shared<SquaredNormLoss>(1, 0.5),
       Reduction::kMean);
-  problem->inverse = std::make_shared<FunctionInverse>(
-      options.wrong_inverse ? InvertWrongly : Invert);
+  problem->inverse = Inverse(options.wrong_inverse ? InvertWrongly : Invert);
   problem->metric = Metric{
       "distance", [](const Eigen::MatrixXd& x, const DataSet& samples) {
         return (x.cwiseAbs() - samples.solutions.cwiseAbs()).cwiseAbs().mean();

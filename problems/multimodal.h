@@ -1,9 +1,9 @@
 // A simulator with two pre-images for every target: supervised training
-// averages them, an inverse keeps to one.
+// averages them, an inverse returns one.
 //
 //   y = x^2,   L = 1/2 (y - y*)^2,   y* = (x*)^2,   x* uniform in (-1, 1]
 //
-// Shapes:  network 1-32-32-1, tanh, which sees y*;  x, y: 1.
+// Shapes:  network 1-32-32-1, tanh, its input is y*;  x, y: 1.
 // Units:   none.
 // Data:    np.random.seed(data_seed); x* = 1 - 2 np.random.rand(2 N), the first
 //          N for training; x* is the data's solution.
@@ -19,6 +19,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -28,11 +29,7 @@ struct Multimodal {
     int data_seed = 0;
     bool wrong_inverse = false;
     void Describe(OptionSet* set) {
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       set->Add("wrong_inverse",
                &wrong_inverse,
                "an inverse that is wrong for y in (0.25, 0.5), NaN in (0.5, "

@@ -1,6 +1,6 @@
 #include "problems/oscillator_chain.h"
 
-#include "problems/sample_data.h"
+#include "fmt/core.h"
 
 namespace invgrad {
 
@@ -43,21 +43,18 @@ bool OscillatorChain::Create(const Options& options,
     batch_size = 128;
   }
   const int state_size = 2 * options.num_oscillators;
-  if (!CheckDataMemory(
-          data,
-          options.num_samples,
-          state_size,
-          3.0 * state_size,
-          ":num_oscillators=" + std::to_string(options.num_oscillators),
-          error)) {
+  const auto generate = [&](int num_rows) {
+    return UniformData(0.0, 1.0, num_rows, state_size, options.data_seed);
+  };
+  if (!MakeData({options.num_samples,
+                 state_size,
+                 3.0 * state_size,
+                 fmt::format(":num_oscillators={}", options.num_oscillators)},
+                data,
+                generate,
+                problem,
+                error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, state_size, error)) return false;
-    problem->data = *data;
-  } else {
-    problem->data = NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-                        .Rand(2 * options.num_samples, state_size);
   }
   DataSet all;
   all.inputs = problem->data.transpose();
@@ -66,7 +63,6 @@ bool OscillatorChain::Create(const Options& options,
   SplitSamples(all, batch_size, problem);
   AddTargetNoise(options.noise, options.data_seed, problem);
   problem->num_epochs = 25;
-  problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(
       DenseNetwork({state_size, 20, 20, 20, physics.num_steps}, activation),
       // Two oscillators and their force are five variables: one pass of Jets.

@@ -5,8 +5,8 @@
 //              + (i = last) control u(t)
 //   x = (u_1, ..., u_Nt),   y = (q, v)(T),   L = |y - y*|^2,   y* = (q, v)(0)
 //
-// The network sees the state (q, v)(0) and puts out the force of every time
-// step. The ends of the chain are free.
+// The network maps the state (q, v)(0) to the forces of all time steps. The
+// ends of the chain are free.
 //
 // Discretization: classical Runge-Kutta (order 4), Nt steps of dt, u
 //          constant in a step.
@@ -35,16 +35,16 @@
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
 // The longest chain.
 constexpr int kMaxOscillators = 16;
 
-// One Runge-Kutta step: state (q, v), control u -> next state. With a number of
-// oscillators that is known to the compiler, which unrolls its loops, or with
-// kNumOscillators = 0 for num_oscillators of them.
+// One Runge-Kutta step: state (q, v), control u -> next state. kNumOscillators
+// is a number at compile time, so that loops are unrolled, or 0 for
+// num_oscillators at run time.
 template <int kNumOscillators>
 class OscillatorStep {
  public:
@@ -116,11 +116,7 @@ struct OscillatorChain {
                &num_oscillators,
                {2, kMaxOscillators},
                "length of the chain");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       DescribeTargetNoise(&noise, set);
     }
   };

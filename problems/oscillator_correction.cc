@@ -4,9 +4,8 @@
 #include <cstdint>
 #include <memory>
 
+#include "fmt/core.h"
 #include "invgrad/chain/trajectory_simulator.h"
-#include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -106,23 +105,20 @@ bool OscillatorCorrection::Create(const Options& options,
                                   LearningProblem* problem,
                                   std::string* error) {
   const int state_size = 2 * options.num_oscillators;
-  if (!CheckDataMemory(
-          data,
-          options.num_samples,
-          state_size,
-          state_size * (2.0 + options.horizon),
-          ":num_oscillators=" + std::to_string(options.num_oscillators) +
-              ":horizon=" + std::to_string(options.horizon),
-          error)) {
+  const auto generate = [&](int num_rows) {
+    return UniformData(-1.0, 1.0, num_rows, state_size, options.data_seed);
+  };
+  if (!MakeData({options.num_samples,
+                 state_size,
+                 state_size * (2.0 + options.horizon),
+                 fmt::format(":num_oscillators={}:horizon={}",
+                             options.num_oscillators,
+                             options.horizon)},
+                data,
+                generate,
+                problem,
+                error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, state_size, error)) return false;
-    problem->data = *data;
-  } else {
-    problem->data = NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-                        .Rand(2 * options.num_samples, state_size);
-    problem->data.array() = -1.0 + 2.0 * problem->data.array();
   }
   DataSet all;
   all.inputs = problem->data.transpose();
@@ -136,7 +132,6 @@ bool OscillatorCorrection::Create(const Options& options,
   }
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
-  problem->initialization = Initialization::kGlorotUniform;
   // Two oscillators and their corrections are eight variables.
   if (options.num_oscillators == 2) {
     SetModel<2, 8>(options, problem);

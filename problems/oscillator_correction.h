@@ -1,14 +1,14 @@
-// A coarse simulator of coupled oscillators, corrected by the network at every
-// step, must follow a fine one: solver in the loop.
+// A coarse simulator of coupled oscillators, which the network corrects at
+// every step, must follow a fine one: solver in the loop.
 //
 //   s_{t+1} = coarse(s_t) + dt u_t,   u_t = f(s_t; theta),   t = 0 .. T-1
 //   coarse:   v <- v + dt a(q),   q <- q + dt v
 //   L = 1/T sum_t |s_{t+1} - s*_{t+1}|^2,   s* the fine solution from s_0
 //
 // with a(q) of the chain with cubic springs, without force
-// (oscillator_chain.h). The network sees the states that its own corrections
-// led to, not those of the fine solution: the gradient through the loop is what
-// tells the two apart [1].
+// (oscillator_chain.h). The network's inputs are the states that its own
+// corrections led to, not those of the fine solution, and the gradient goes
+// through the loop [1].
 //
 // Discretization: coarse: semi-implicit Euler (order 1), T = horizon steps of
 //          dt. Fine: classical Runge-Kutta (order 4), 16 steps of dt / 16.
@@ -18,8 +18,8 @@
 // Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
 //          2 num_oscillators)), the states at the start, the first N rows for
 //          training, the others for testing.
-// Facts:   the fine step is a smooth map of the state, so that a network could
-//          make L as small as it likes. Without correction (u = 0) L is of
+// Facts:   the fine step is a smooth map of the state, so that a large network
+//          can make L arbitrarily small. Without correction (u = 0) L is of
 //          order dt^2: 0.10 by default.
 // Source:  [1] for the setting (there the Navier-Stokes equations); the chain:
 //          oscillator_chain.h.
@@ -34,6 +34,7 @@
 
 #include "problems/oscillator_chain.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -51,11 +52,7 @@ struct OscillatorCorrection {
                "length of the chain");
       set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
       set->Add("dt", &dt, {1e-9, 1}, "length of a coarse step");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
     }
   };
 

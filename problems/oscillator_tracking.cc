@@ -4,10 +4,9 @@
 #include <cstdint>
 #include <memory>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/chain/trajectory_simulator.h"
-#include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -108,8 +107,8 @@ void SetModel(const OscillatorTracking::Options& options,
       simulator);
 }
 
-// The best feedback of the linear problem, from the end of the horizon to its
-// start (Facts of the header), and what it costs to deviate from it.
+// The best feedback of the linear problem, computed backwards from the end of
+// the horizon (Facts of the header), and the cost of deviations from it.
 struct Regulator {
   Eigen::MatrixXd A;          // ns x ns, s_{t+1} = A s_t + B u_t
   Eigen::VectorXd B;          // ns
@@ -144,7 +143,7 @@ struct Regulator {
       const double R = y[1] * y[1];
       const Eigen::MatrixXd W = Pi + error_row * error_row.transpose();
       curvature[t] = R + B.dot(W * B);
-      // No force changes the loss if the curvature is zero: none is as good.
+      // If the curvature is zero, no force changes the loss.
       gains.col(t).setZero();
       if (curvature[t] > 0.0) {
         gains.col(t) = A.transpose() * (W * B) / curvature[t];
@@ -157,7 +156,7 @@ struct Regulator {
     }
   }
 
-  // L - s_0^T Pi_0 s_0, as a sum of squares too, so that nothing cancels:
+  // L - s_0^T Pi_0 s_0 as a sum of squares, which avoids cancellation:
   // sum_t (R + B^T W B) (u_t + K_t s_t)^2.
   double Regret(const Eigen::VectorXd& x, Eigen::VectorXd state) const {
     double sum = 0.0;
@@ -192,23 +191,20 @@ bool OscillatorTracking::Create(const Options& options,
                                 LearningProblem* problem,
                                 std::string* error) {
   const int state_size = StateSize(options);
-  if (!CheckDataMemory(
-          data,
-          options.num_samples,
-          state_size,
-          2.0 * state_size + 2.0 * options.horizon,
-          ":num_oscillators=" + std::to_string(options.num_oscillators) +
-              ":horizon=" + std::to_string(options.horizon),
-          error)) {
+  const auto generate = [&](int num_rows) {
+    return UniformData(-1.0, 1.0, num_rows, state_size, options.data_seed);
+  };
+  if (!MakeData({options.num_samples,
+                 state_size,
+                 2.0 * (state_size + options.horizon),
+                 fmt::format(":num_oscillators={}:horizon={}",
+                             options.num_oscillators,
+                             options.horizon)},
+                data,
+                generate,
+                problem,
+                error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, state_size, error)) return false;
-    problem->data = *data;
-  } else {
-    problem->data = NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-                        .Rand(2 * options.num_samples, state_size);
-    problem->data.array() = -1.0 + 2.0 * problem->data.array();
   }
   DataSet all;
   all.inputs = problem->data.transpose();
@@ -216,7 +212,6 @@ bool OscillatorTracking::Create(const Options& options,
   all.targets = Eigen::MatrixXd::Zero(2 * options.horizon, all.num_samples());
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
-  problem->initialization = Initialization::kGlorotUniform;
   // Two oscillators, reference and force are nine variables: two passes of
   // Jets.
   if (options.num_oscillators == 2) {

@@ -1,5 +1,5 @@
-// A chain of coupled oscillators whose last mass must follow a reference, under
-// a force that the network chooses anew at every step: closed-loop control.
+// A chain of coupled oscillators whose last mass must follow a reference. The
+// network chooses the force at every step: closed-loop control.
 //
 //   q' = v,   v' = the chain of oscillator_chain.h with the force u(t)
 //   p(t) = a_1 + a_2,   a_i' = omega_i b_i,   b_i' = -omega_i a_i
@@ -8,8 +8,8 @@
 //
 // weight_t is 1, and end_weight at the last step. The reference p is a mixture
 // of two sinusoids, whose amplitudes and phases differ from sample to sample.
-// What generates it is part of the state, so that the network sees where the
-// reference goes: a full-information regulator [1].
+// The state includes that of the reference's generator, so that the network can
+// anticipate the reference: a full-information regulator [1].
 //
 // Discretization: T = horizon steps of dt, u constant in a step; classical
 //          Runge-Kutta (order 4) for the chain, the exact rotation for (a, b).
@@ -20,11 +20,10 @@
 // Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
 //          2 num_oscillators + 4)), the states at the start, the first N rows
 //          for training, the others for testing.
-// Metric:  with coupling=linear, regret: by how much the mean L exceeds the
-//          least that any force could reach. The last mass starts off the
-//          reference, so that L itself has a floor (0.4 by default) which hides
-//          how good a controller is.
-// Facts:   coupling=linear is a linear-quadratic problem. The floor is
+// Metric:  with coupling=linear, regret: the mean L minus its minimum over all
+//          forces. The last mass starts off the reference, so that this minimum
+//          (0.4 by default) hides the differences between controllers.
+// Facts:   coupling=linear is a linear-quadratic problem. The minimum is
 //          s_0^T Pi_0 s_0 with the Riccati recursion
 //            Pi_T = 0,   K_t = (R + B^T W B)^-1 B^T W A,   W = Pi_{t+1} + Q_t,
 //            Pi_t = A^T W A - K_t^T (R + B^T W B) K_t
@@ -44,6 +43,7 @@
 
 #include "problems/oscillator_chain.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -76,11 +76,7 @@ struct OscillatorTracking {
                &end_weight,
                {0, 1e6},
                "weight of the last squared error; of the others: 1");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
     }
   };
 

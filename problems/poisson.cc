@@ -6,10 +6,10 @@
 #include <memory>
 #include <vector>
 
+#include "fmt/core.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -65,30 +65,27 @@ bool Poisson::Create(const Options& options,
                      std::string* error) {
   const int n = options.resolution;
   const int size = n * n;
-  if (!CheckDataMemory(data,
-                       options.num_samples,
-                       size,
-                       3.0 * size,
-                       ":resolution=" + std::to_string(n),
-                       error)) {
+  const auto generate = [&](int num_rows) {
+    return SmoothFields(num_rows, n, options.data_seed);
+  };
+  if (!MakeData({options.num_samples,
+                 size,
+                 3.0 * size,
+                 fmt::format(":resolution={}", n)},
+                data,
+                generate,
+                problem,
+                error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, size, error)) return false;
-    problem->data = *data;
-  } else {
-    problem->data = SmoothFields(2 * options.num_samples, n, options.data_seed);
   }
   const Eigen::SparseMatrix<double, Eigen::RowMajor> A = Laplacian(n);
   DataSet all;
   all.solutions = problem->data.transpose();
   all.inputs = A * all.solutions;
   all.targets = all.inputs;
-  all.contexts.resize(0, all.num_samples());
   SplitSamples(all, 64, problem);
   AddTargetNoise(options.noise, options.data_seed, problem);
   problem->num_epochs = 25;
-  problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(
       DenseNetwork({size, 64, 128, 64, size}, Activation::kTanh),
       std::make_shared<LinearSimulator>(A, Eigen::VectorXd::Zero(size)),

@@ -4,7 +4,7 @@
 //   laplace(x)_ij = x_{i-1,j} + x_{i+1,j} + x_{i,j-1} + x_{i,j+1} - 4 x_ij,
 //   x = 0 outside the grid
 //
-// The network sees y* and puts out x.
+// The network maps y* to x.
 //
 // Discretization: the 5-point stencil, dx = 1, order 2.
 // Shapes:  network input, x, y: n^2, n = resolution, entry n i + j for x_ij.
@@ -16,7 +16,7 @@
 //          it multiplies all k) but not its stream: ours is numpy's, seeded by
 //          data_seed, two normal numbers for each k_1 and each k_2 in it, in
 //          the order 0, 1, .. n - 1 of the discrete Fourier transform. The
-//          release draws a new batch every step; here N fields are drawn once,
+//          release draws a new batch every step. Here N fields are drawn once,
 //          and as many again for testing. x_gt is the data's solution.
 // Settings: n 8, network 64-64-128-64-64 tanh (24,896 weights), B 64, loss
 //          summed over the batch; half-inverse: step size 0.01, truncation
@@ -35,7 +35,7 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -47,11 +47,7 @@ struct Poisson {
     double noise = 0.0;
     void Describe(OptionSet* set) {
       set->Add("resolution", &resolution, {2, 32}, "cells a side, n");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e6},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
       DescribeTargetNoise(&noise, set);
     }
   };

@@ -1,5 +1,5 @@
-// The Poisson equation in the unit square, whose solution is a network: a
-// physics-informed network.
+// The Poisson equation in the unit square, solved by a physics-informed
+// network.
 //
 //   -Lap u = f in (0, 1)^2,   u = 0 on its boundary,   u = network(a; theta)
 //   f = 2 pi^2 sin(pi a_1) sin(pi a_2)
@@ -8,9 +8,9 @@
 //
 //   L = 1 / (2 N_int) sum_int (Lap u + f)^2 + 1 / (2 N_bd) sum_bd (u - u*)^2
 //
-// A sample is a point a. The simulator is the equation: it sees the network's
-// 2-jet x = (u, d_1 u, d_2 u, Lap u) at the point (two_jet.h) and puts out its
-// residual. L is the mean of 1/2 y^2 over all N = N_int + N_bd points, with
+// A sample is a point a. The simulator is the equation: it maps the network's
+// 2-jet x = (u, d_1 u, d_2 u, Lap u) at the point (two_jet.h) to the residual.
+// L is the mean of 1/2 y^2 over all N = N_int + N_bd points, with
 //
 //   y = sqrt(N / N_int) (Lap u + f)   or   y = sqrt(N / N_bd) (u - u*)
 //
@@ -22,7 +22,7 @@
 //          grid, and the midpoints of N_bd / 4 pieces of each side.
 //          points=random: np.random.seed(data_seed); np.random.rand(N_int, 2);
 //          rand(N_bd, 2), of which the first is the place along a side, and the
-//          second, times 4, tells which one. An array as data has rows (a_1,
+//          second, times 4, the number of the side. Data are rows (a_1,
 //          a_2, 1 at the boundary or 0 inside). All points are one batch.
 //          For testing 100 x 100 midpoints of cells, none at the boundary;
 //          their loss is the mean of 1/2 (Lap u + f)^2. Solutions: u*'s 2-jet.

@@ -1,10 +1,9 @@
 // A problem is physics, data, and what is known about its optimum.
 //
-// There are two kinds. In a point problem the simulator's input x itself is
-// sought; in a learning problem a network in front of the simulator is trained.
-// A new problem is one header and one row in problems.cc; the programs' flags,
-// the listing, the conformance tests and docs/problems.md are made from the
-// table.
+// There are two kinds. A point problem is to find the simulator's input x; a
+// learning problem is to train a network in front of the simulator.
+// A new problem is one header and one row in problems.cc. The programs' flags,
+// the listing, the conformance tests and docs/problems.md come from the table.
 #ifndef PROBLEMS_PROBLEM_H_
 #define PROBLEMS_PROBLEM_H_
 
@@ -20,10 +19,11 @@
 #include "invgrad/chain/model.h"
 #include "invgrad/core/option_set.h"
 #include "invgrad/inverse/inverse_simulator.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
+
+class ChainObjective;  // minimize/chain_objective.h
 
 struct PointProblem {
   // y = P(x), L(y, y*), y* and the start.
@@ -35,17 +35,15 @@ struct PointProblem {
   // Known facts, where there are any.
   std::optional<Eigen::VectorXd> minimizer;
   std::optional<double> minimum;
-  // If x is a field on a grid, row by row, the number of its rows: pictures
-  // then show it. 0: it is not.
+  // The number of rows if x is a field on a grid, row by row, for pictures; 0
+  // otherwise.
   int field_rows = 0;
 
-  ChainObjective MakeObjective() const {
-    return ChainObjective(simulator, loss, target, start);
-  }
+  ChainObjective MakeObjective() const;
 };
 
-// How good a model is, where the loss does not tell: the distance of x from the
-// true one, say. The smaller the better.
+// The quality of a model beside its loss, for example the distance of x from
+// the true one. Smaller is better.
 struct Metric {
   std::string name;  // "x_distance"
   // `x`: |x| x N, the network's outputs for the N samples of `data`. NaN where
@@ -56,16 +54,16 @@ struct Metric {
 struct LearningProblem {
   std::shared_ptr<const Model> model;
   std::shared_ptr<const InverseSimulator> inverse;  // null: none is known
-  std::optional<Metric>
-      metric;  // of the test data, or, without, the train data
+  // Of the test data; of the train data if there are no test data.
+  std::optional<Metric> metric;
   DataSet train;
   DataSet test;  // may have no samples
   Initialization initialization = Initialization::kGlorotUniform;
-  // The published settings, used where the command line says nothing.
+  // The published settings: the defaults of a run.
   int batch_size = 0;  // 0: all samples
   int num_epochs = 100;
-  // The array that `data` (see ProblemRow::create) would have to be to give
-  // the same problem.
+  // The array that gives the same problem if passed as `data` to
+  // ProblemRow::create.
   Eigen::MatrixXd data;
 };
 
@@ -80,9 +78,9 @@ struct ProblemRow {
   std::string equation;  // one line
   std::string source;
   std::function<std::vector<OptionSet::Row>()> options;
-  // `data`, if not null, replaces the generated data of a learning problem;
-  // point problems refuse it. False with *error set if a setting or the data
-  // are not allowed.
+  // `data`, if not null, replaces the generated data of a learning problem; for
+  // a point problem it is an error. False with *error set if a setting or the
+  // data are not allowed.
   std::function<bool(const Settings& settings,
                      const Eigen::MatrixXd* data,
                      PhysicsProblem* problem,

@@ -1,5 +1,6 @@
 #include "problems/problems.h"
 
+#include "fmt/core.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
@@ -41,42 +42,35 @@ std::optional<typename Definition::Options> ReadOptions(
 
 template <typename Definition>
 ProblemRow Point(const char* name, const char* equation, const char* source) {
-  return {name,
-          equation,
-          source,
-          OptionsOf<Definition>,
-          [name](const Settings& settings,
-                 const Eigen::MatrixXd* data,
-                 PhysicsProblem* problem,
-                 std::string* error) {
-            if (data != nullptr) {
-              *error = std::string(name) + " has no data to replace";
-              return false;
-            }
-            const auto options = ReadOptions<Definition>(settings, error);
-            return options.has_value() &&
-                   Definition::Create(
-                       *options, &problem->point.emplace(), error);
-          }};
+  const auto create = [name](const Settings& settings,
+                             const Eigen::MatrixXd* data,
+                             PhysicsProblem* problem,
+                             std::string* error) {
+    if (data != nullptr) {
+      *error = fmt::format("{} has no data to replace", name);
+      return false;
+    }
+    const auto options = ReadOptions<Definition>(settings, error);
+    return options.has_value() &&
+           Definition::Create(*options, &problem->point.emplace(), error);
+  };
+  return {name, equation, source, OptionsOf<Definition>, create};
 }
 
 template <typename Definition>
 ProblemRow Learning(const char* name,
                     const char* equation,
                     const char* source) {
-  return {name,
-          equation,
-          source,
-          OptionsOf<Definition>,
-          [](const Settings& settings,
-             const Eigen::MatrixXd* data,
-             PhysicsProblem* problem,
-             std::string* error) {
-            const auto options = ReadOptions<Definition>(settings, error);
-            return options.has_value() &&
-                   Definition::Create(
-                       *options, data, &problem->learning.emplace(), error);
-          }};
+  const auto create = [](const Settings& settings,
+                         const Eigen::MatrixXd* data,
+                         PhysicsProblem* problem,
+                         std::string* error) {
+    const auto options = ReadOptions<Definition>(settings, error);
+    return options.has_value() &&
+           Definition::Create(
+               *options, data, &problem->learning.emplace(), error);
+  };
+  return {name, equation, source, OptionsOf<Definition>, create};
 }
 
 }  // namespace
@@ -167,8 +161,8 @@ bool CreateProblem(const std::string& specification,
   std::vector<Specification> parsed;
   if (!ParseSpecifications(specification, &parsed, error)) return false;
   if (parsed.size() != 1) {
-    *error = "one problem is wanted, not " + std::to_string(parsed.size()) +
-             ": '" + specification + "'";
+    *error = fmt::format(
+        "one problem is wanted, not {}: '{}'", parsed.size(), specification);
     return false;
   }
   const ProblemRow* row = FindProblem(parsed[0].name);
@@ -180,7 +174,7 @@ bool CreateProblem(const std::string& specification,
   }
   std::string why;
   if (!row->create(parsed[0].settings, data, problem, &why)) {
-    *error = "problem " + row->name + ": " + why;
+    *error = fmt::format("problem {}: {}", row->name, why);
     return false;
   }
   return true;

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <memory>
 
+#include "fmt/core.h"
 #include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -27,15 +27,12 @@ Eigen::MatrixXd DrawTargets(int num_targets, int seed) {
 }
 
 bool AreTargets(const Eigen::MatrixXd& data, std::string* error) {
-  if (!CheckDataShape(data, kStateSize, error)) return false;
-  for (Eigen::Index s = 0; s < data.rows(); ++s) {
-    const double norm = data.row(s).norm();
-    // As good as single precision is.
-    if (!(std::abs(norm - 1.0) < 1e-6)) {
-      *error = "row " + std::to_string(s) +
-               " of the data must have norm 1, found " + std::to_string(norm);
-      return false;
-    }
+  const Eigen::VectorXd norms = data.rowwise().norm();
+  for (Eigen::Index s = 0; s < norms.size(); ++s) {
+    if (std::abs(norms[s] - 1.0) < 1e-6) continue;  // single precision
+    *error = fmt::format(
+        "row {} of the data must have norm 1, found {:f}", s, norms[s]);
+    return false;
   }
   return true;
 }
@@ -73,15 +70,16 @@ bool QuantumDipole::Create(const Options& options,
                            const Eigen::MatrixXd* data,
                            LearningProblem* problem,
                            std::string* error) {
-  if (!CheckDataMemory(
-          data, options.num_samples, kStateSize, 3.0 * kStateSize, "", error)) {
+  const auto generate = [&options](int num_rows) {
+    return DrawTargets(num_rows, options.data_seed);
+  };
+  if (!MakeData({options.num_samples, kStateSize, 3.0 * kStateSize, ""},
+                data,
+                generate,
+                problem,
+                error) ||
+      !AreTargets(problem->data, error)) {
     return false;
-  }
-  if (data != nullptr) {
-    if (!AreTargets(*data, error)) return false;
-    problem->data = *data;
-  } else {
-    problem->data = DrawTargets(2 * options.num_samples, options.data_seed);
   }
   DataSet all;
   all.inputs = problem->data.transpose();
@@ -90,7 +88,6 @@ bool QuantumDipole::Create(const Options& options,
       SchroedingerSimulator::Eigenstate(1).replicate(1, all.num_samples());
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
-  problem->initialization = Initialization::kGlorotUniform;
   problem->model = std::make_shared<Model>(
       DenseNetwork({kStateSize, 20, 20, 20, options.num_steps},
                    Activation::kTanh),

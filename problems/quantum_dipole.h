@@ -1,10 +1,10 @@
-// A quantum particle in a box that a dipole field must carry from the ground
+// A quantum particle in a box. A dipole field must move it from the ground
 // state to a superposition of the second and the third eigenstate.
 //
 //   i d psi/dt = (-d_xx + u(t) x) psi,   x in [0, 2],   psi(0) = es(1)
 //   y = psi(T),   L = 1 - |<y*|y>|^2,   y* = cos(a) es(2) + sin(a) es(3)
 //
-// The network sees the target y* and puts out the field of every time step.
+// The network maps the target y* to the field of all time steps.
 // The simulator and its discretization: schroedinger.h.
 //
 // Shapes:  state, network input, y: 28 (14 points: real part, imaginary part);
@@ -25,15 +25,15 @@
 //          is conserved, y^T J = 0 for every sample, and a batch has B singular
 //          values that are zero.
 // rescale: multiplies the gradient of each sample's L in y, and its Hessian, by
-//          1 / |Re <y*|y>|, a factor that is not differentiated; L is reported
-//          as it is. The gradient's own factor |<y*|y>|, which stops samples
-//          that are far from their targets, is so taken out. But g is then the
-//          derivative of no function: gradient checks fail, and step_size=auto
-//          minimizes the model of another loss than the reported one. As L does
-//          not depend on the phase of y and Re <y*|y> does, the factor grows
-//          without bound where the phase comes near i or -i, however good y is;
-//          where Re <y*|y> = 0 there is no gradient, and the run diverges. The
-//          release has it as an option, off in its runs.
+//          1 / |Re <y*|y>|, a factor that is not differentiated; the reported L
+//          is without it. This removes the gradient's own factor |<y*|y>|,
+//          which stops samples that are far from their targets. But g is then
+//          not the derivative of a function: gradient checks fail, and
+//          step_size=auto minimizes the model of another loss than the reported
+//          one. L does not depend on the phase of y, but Re <y*|y> does: the
+//          factor is unbounded for phases near i or -i, however good y is. If
+//          Re <y*|y> = 0, there is no gradient, and the run diverges. The
+//          release has this option, off in its runs.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
 //          and its code, Quantum_dipole/.
 #ifndef PROBLEMS_QUANTUM_DIPOLE_H_
@@ -45,6 +45,7 @@
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/loss.h"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 #include "problems/schroedinger.h"
 
 namespace invgrad {
@@ -89,11 +90,7 @@ struct QuantumDipole {
     void Describe(OptionSet* set) {
       set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
       set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       set->Add("rescale",
                &rescale,
                "multiply each sample's gradient by 1 / |Re <y*|y>|");

@@ -7,7 +7,6 @@
 #include "glog/logging.h"
 #include "invgrad/io/numpy_generator.h"
 #include "problems/regression.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 namespace {
@@ -77,25 +76,12 @@ bool RandomPolynomial::Create(const Options& options,
                               LearningProblem* problem,
                               std::string* error) {
   constexpr int kNumColumns = kNumVariables + 1;
-  // The array is copied once.
-  if (!CheckDataMemory(data,
-                       options.num_samples,
-                       2.0 * kNumColumns,
-                       kNumColumns,
-                       "",
-                       error)) {
-    return false;
-  }
-  Eigen::MatrixXd samples;
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, kNumColumns, error)) return false;
-    samples = *data;
-  } else {
-    samples.resize(2 * options.num_samples, kNumColumns);
-    const auto normal = [&options](std::uint32_t crc, int rows, int cols) {
-      return Stream(options.data_seed, crc).StandardNormal(rows, cols);
-    };
-    const int n = options.num_samples;
+  const auto normal = [&options](std::uint32_t crc, int rows, int cols) {
+    return Stream(options.data_seed, crc).StandardNormal(rows, cols);
+  };
+  const auto generate = [&](int num_rows) {
+    const int n = num_rows / 2;
+    Eigen::MatrixXd samples(num_rows, kNumColumns);
     samples.topLeftCorner(n, kNumVariables) =
         normal(kTraining, n, kNumVariables);
     samples.bottomLeftCorner(n, kNumVariables) =
@@ -103,8 +89,16 @@ bool RandomPolynomial::Create(const Options& options,
     const int num_monomials = static_cast<int>(Exponents().rows());
     samples.rightCols(1) = Evaluate(normal(kCoefficients, num_monomials, 1),
                                     samples.leftCols(kNumVariables));
+    return samples;
+  };
+  if (!MakeData({options.num_samples, kNumColumns, kNumColumns, ""},
+                data,
+                generate,
+                problem,
+                error) ||
+      !MakeRegression(Variance::kBiased, problem, error)) {
+    return false;
   }
-  if (!MakeRegression(samples, Variance::kBiased, problem, error)) return false;
   AddTargetNoise(options.noise, options.data_seed, problem);
   return true;
 }

@@ -1,5 +1,5 @@
-// A random polynomial of degree 4 in 6 variables, of which a small network
-// learns only a part.
+// A random polynomial of degree 4 in 6 variables, too complex for a small
+// network to learn in full.
 //
 //   t(a) = sum_k c_k m_k(a),   m_k(a) = prod_j a_j^{p_kj} / sqrt(E_k)
 //   E_k = prod_j (2 p_kj - 1)!!,   sum_j p_kj <= 4,   c_k, a_j standard normal
@@ -18,10 +18,11 @@
 // Facts:   published losses on the same test samples: half-inverse,
 //          half_inverse:step_size=0.1:truncation=1e-8, 0.084 +- 0.024 (15
 //          seeds), Sven 0.139, Adam 0.238, SGD 0.318.
-//          Here, by that half-inverse and --shuffle: 0.06 to 0.21, median 0.095
-//          (seeds 1 to 15); by half_inverse:step_size=0.12:schedule=cosine
-//          0.079 to 0.110, median 0.088. Without --shuffle losses are 1.2
-//          to 1.5 times as large.
+//          Here, by that half-inverse and shuffled batches: 0.06 to 0.21,
+//          median 0.095 (seeds 1 to 15); by
+//          half_inverse:step_size=0.12:schedule=cosine 0.079 to 0.110, median
+//          0.088. Losses are 1.2 to 1.5 times as large if batches are not
+//          shuffled.
 // Source:  the Sven benchmark, random polynomial; arXiv 2604.01279.
 #ifndef PROBLEMS_RANDOM_POLYNOMIAL_H_
 #define PROBLEMS_RANDOM_POLYNOMIAL_H_
@@ -30,7 +31,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 

@@ -3,21 +3,20 @@
 #include <cmath>
 #include <memory>
 
+#include "fmt/core.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/simulator.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {
 
-bool MakeRegression(const Eigen::MatrixXd& samples,
-                    Variance variance,
+bool MakeRegression(Variance variance,
                     LearningProblem* problem,
                     std::string* error) {
-  const int num_inputs = static_cast<int>(samples.cols()) - 1;
+  const int num_inputs = static_cast<int>(problem->data.cols()) - 1;
   DataSet all;
-  all.inputs = samples.leftCols(num_inputs).transpose();
-  all.targets = samples.rightCols(1).transpose();
-  all.contexts.resize(0, all.num_samples());
+  all.inputs = problem->data.leftCols(num_inputs).transpose();
+  all.targets = problem->data.rightCols(1).transpose();
   SplitSamples(all, 32, problem);
 
   const Eigen::ArrayXXd targets = problem->train.targets;
@@ -27,9 +26,10 @@ bool MakeRegression(const Eigen::MatrixXd& samples,
       std::sqrt((targets - mean).square().sum() /
                 (variance == Variance::kUnbiased ? count - 1.0 : count));
   if (!(deviation > 0.0 && std::isfinite(deviation))) {
-    *error = "the training targets (the last column of the first " +
-             std::to_string(targets.size()) +
-             " samples) have no positive, finite standard deviation";
+    *error = fmt::format(
+        "the training targets (the last column of the first {} samples) have "
+        "no positive, finite standard deviation",
+        targets.size());
     return false;
   }
   for (DataSet* part : {&problem->train, &problem->test}) {
@@ -43,7 +43,6 @@ bool MakeRegression(const Eigen::MatrixXd& samples,
       Reduction::kSum);
   problem->initialization = Initialization::kPytorch;
   problem->num_epochs = 20;
-  problem->data = samples;
   return true;
 }
 

@@ -1,5 +1,5 @@
-// What the regression problems have in common: a network alone, without
-// physics behind it, on standardized targets.
+// What the regression problems have in common: a network without a simulator,
+// on standardized targets.
 //
 //   y = x = f(a),   L = |y - y*|^2,   y* = (t - mean t) / std t
 //
@@ -12,7 +12,7 @@
 //          half_inverse:step_size=lr:truncation=tau. Gradients are B times
 //          those of the mean. Losses are reported as means all the same.
 // Settings: B 32, 20 epochs, of which the last, incomplete batch is left out.
-//          The benchmark shuffles: --shuffle.
+//          The benchmark shuffles its batches.
 // Source:  the Sven benchmark, sambt/sven-experiments,
 //          experiments/datasets/all_datasets.py and optimizers/hig.py;
 //          arXiv 2604.01279.
@@ -21,7 +21,6 @@
 
 #include <string>
 
-#include "Eigen/Core"
 #include "problems/problem.h"
 
 namespace invgrad {
@@ -30,10 +29,10 @@ namespace invgrad {
 // as numpy does.
 enum class Variance { kUnbiased, kBiased };
 
-// samples: 2 N x (|a| + 1), a and t; the first N are for training. False, with
-// *error set, if the training targets have no positive, finite deviation.
-bool MakeRegression(const Eigen::MatrixXd& samples,
-                    Variance variance,
+// From problem->data, 2 N x (|a| + 1), a and t; the first N are for training.
+// False, with *error set, if the training targets have no positive, finite
+// deviation.
+bool MakeRegression(Variance variance,
                     LearningProblem* problem,
                     std::string* error);
 

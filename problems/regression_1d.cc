@@ -1,11 +1,8 @@
 #include "problems/regression_1d.h"
 
 #include <cmath>
-#include <cstdint>
 
-#include "invgrad/io/numpy_random.h"
 #include "problems/regression.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -17,24 +14,17 @@ bool Regression1d::Create(const Options& options,
                           const Eigen::MatrixXd* data,
                           LearningProblem* problem,
                           std::string* error) {
-  // The array is copied once.
-  if (!CheckDataMemory(data, options.num_samples, 4, 2, "", error)) {
+  const auto generate = [&options](int num_rows) {
+    Eigen::MatrixXd samples(num_rows, 2);
+    samples.col(0) = UniformData(-1.0, 1.0, num_rows, 1, options.data_seed);
+    samples.col(1) = samples.col(0).unaryExpr(&Target);
+    return samples;
+  };
+  if (!MakeData(
+          {options.num_samples, 2, 2.0, ""}, data, generate, problem, error) ||
+      !MakeRegression(Variance::kUnbiased, problem, error)) {
     return false;
   }
-  Eigen::MatrixXd samples;
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, 2, error)) return false;
-    samples = *data;
-  } else {
-    samples.resize(2 * options.num_samples, 2);
-    NumpyRandom random(static_cast<std::uint32_t>(options.data_seed));
-    for (auto sample : samples.rowwise()) {
-      sample[0] = 2.0 * random.Rand() - 1.0;
-      sample[1] = Target(sample[0]);
-    }
-  }
-  if (!MakeRegression(samples, Variance::kUnbiased, problem, error))
-    return false;
   AddTargetNoise(options.noise, options.data_seed, problem);
   return true;
 }

@@ -1,5 +1,4 @@
-// A smooth function of one variable: how far a rule gets where nothing is in
-// its way.
+// A smooth function of one variable: the accuracy of a rule on an easy problem.
 //
 //   t(a) = exp(-10 a^2) sin 2a,   a uniform in [-1, 1)
 //
@@ -13,13 +12,13 @@
 // Facts:   t is odd. The samples are points of a line, so J of a batch of 32 is
 //          singular: at the start its singular values fall from 7 to 2e-6 at
 //          the ninth, and on to rounding error. What minimizes the batch's
-//          linear model is far outside of where it holds: there the
-//          half-inverse wants a small, fixed step size. Published losses on
+//          linear model is far outside of its range of validity: the
+//          half-inverse needs a small, fixed step size. Published losses on
 //          10,000 other samples: half-inverse,
 //          half_inverse:step_size=0.005:truncation=1e-6, 1.8e-9 +- 1.0e-9 (15
 //          seeds), Sven 5.1e-7, Adam 3.3e-5, SGD 1.1e-3.
-//          Here, by that half-inverse and --shuffle: 0.9e-9 to 10e-9, median
-//          3.1e-9 (seeds 1 to 15).
+//          Here, by that half-inverse and shuffled batches: 0.9e-9 to 10e-9,
+//          median 3.1e-9 (seeds 1 to 15).
 // Source:  the Sven benchmark, toy_1d; arXiv 2604.01279.
 #ifndef PROBLEMS_REGRESSION_1D_H_
 #define PROBLEMS_REGRESSION_1D_H_
@@ -28,7 +27,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
-#include "problems/target_noise.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -38,11 +37,7 @@ struct Regression1d {
     int data_seed = 0;
     double noise = 0.0;
     void Describe(OptionSet* set) {
-      set->Add("num_samples",
-               &num_samples,
-               {2, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(2, 1e7, &num_samples, &data_seed, set);
       DescribeTargetNoise(&noise, set);
     }
   };

@@ -1,47 +1,103 @@
 #include "problems/sample_data.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 
+#include "fmt/core.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
+
+void DescribeSamples(
+    int min, double max, int* num_samples, int* data_seed, OptionSet* set) {
+  set->Add("num_samples",
+           num_samples,
+           {1.0 * min, max},
+           "training samples; as many again are for testing");
+  set->Add("data_seed", data_seed, {0, 2147483647}, "np.random.seed");
+}
+
+bool MakeData(const SampleSize& size,
+              const Eigen::MatrixXd* data,
+              const std::function<Eigen::MatrixXd(int num_rows)>& generate,
+              LearningProblem* problem,
+              std::string* error) {
+  const double num_all = data != nullptr ? static_cast<double>(data->rows())
+                                         : 2.0 * size.num_samples;
+  const std::string who =
+      data != nullptr
+          ? fmt::format("data of {} samples{}", data->rows(), size.settings)
+          : fmt::format("num_samples={}{}", size.num_samples, size.settings);
+  // The array, and a DataSet that SplitSamples copies.
+  const double bytes =
+      sizeof(double) * num_all * (size.num_columns + 2.0 * size.num_values);
+  if (!FitsInMemory(who, {{"its data", bytes}}, 0.0, error)) return false;
+  if (data == nullptr) {
+    problem->data = generate(2 * size.num_samples);
+    return true;
+  }
+  if (!CheckDataShape(*data, size.num_columns, error)) return false;
+  problem->data = *data;
+  return true;
+}
 
 bool CheckDataShape(const Eigen::MatrixXd& data,
                     int num_columns,
                     std::string* error) {
   if (data.cols() == num_columns && data.rows() >= 2) return true;
-  *error = "data must have shape (2 samples or more, " +
-           std::to_string(num_columns) + "), found (" +
-           std::to_string(data.rows()) + ", " + std::to_string(data.cols()) +
-           ")";
+  *error = fmt::format(
+      "data must have shape (2 samples or more, {}), found ({}, {})",
+      num_columns,
+      data.rows(),
+      data.cols());
   return false;
 }
 
-bool CheckDataMemory(const Eigen::MatrixXd* data,
-                     int num_samples,
-                     double num_columns,
-                     double num_rows,
-                     const std::string& settings,
-                     std::string* error) {
-  const double num_all =
-      data != nullptr ? static_cast<double>(data->rows()) : 2.0 * num_samples;
-  const std::string who =
-      data != nullptr ? "data of " + std::to_string(data->rows()) + " samples"
-                      : "num_samples=" + std::to_string(num_samples);
-  return FitsInMemory(
-      who + settings,
-      {{"its data", sizeof(double) * num_all * (num_columns + 2.0 * num_rows)}},
-      0.0,
-      error);
+Eigen::MatrixXd UniformData(
+    double low, double high, int rows, int cols, int seed) {
+  const Eigen::MatrixXd u =
+      NumpyRandom(static_cast<std::uint32_t>(seed)).Rand(rows, cols);
+  return low + (high - low) * u.array();
 }
 
-void SplitSamples(const DataSet& samples,
-                  int batch_size,
-                  LearningProblem* problem) {
+void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem) {
   const int num_train = samples.num_samples() / 2;
+  if (samples.contexts.cols() == 0) {
+    samples.contexts.resize(0, samples.num_samples());
+  }
   problem->train = samples.Range(0, num_train);
   problem->test = samples.Range(num_train, samples.num_samples() - num_train);
   problem->batch_size = std::min(batch_size, num_train);
+}
+
+Metric SolutionDistance(const std::string& name) {
+  return {name, [](const Eigen::MatrixXd& x, const DataSet& samples) {
+            return (x - samples.solutions).cwiseAbs().mean();
+          }};
+}
+
+void DescribeTargetNoise(double* noise, OptionSet* set) {
+  set->Add("noise",
+           noise,
+           {0.0, 1e6},
+           "deviation of noise in the training targets, over their root mean "
+           "square");
+}
+
+void AddTargetNoise(double noise, int data_seed, LearningProblem* problem) {
+  if (noise == 0.0) return;
+  Eigen::MatrixXd& targets = problem->train.targets;
+  const double deviation =
+      noise *
+      std::sqrt(targets.squaredNorm() / static_cast<double>(targets.size()));
+  NumpyRandom random(static_cast<std::uint32_t>(data_seed) ^ 0x9e3779b9U);
+  for (Eigen::Index i = 0; i < targets.size(); i += 2) {
+    const Eigen::Vector2d z = random.NormalPair();
+    targets.data()[i] += deviation * z[0];
+    if (i + 1 < targets.size()) targets.data()[i + 1] += deviation * z[1];
+  }
 }
 
 }  // namespace invgrad

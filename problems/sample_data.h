@@ -1,7 +1,9 @@
-// What learning problems whose samples are one array have in common.
+// What learning problems whose samples are one array have in common: options,
+// the array itself, its division into training and test samples, and noise.
 #ifndef PROBLEMS_SAMPLE_DATA_H_
 #define PROBLEMS_SAMPLE_DATA_H_
 
+#include <functional>
 #include <string>
 
 #include "Eigen/Core"
@@ -10,29 +12,60 @@
 
 namespace invgrad {
 
+// The options num_samples (in [min, max]) and data_seed.
+void DescribeSamples(
+    int min, double max, int* num_samples, int* data_seed, OptionSet* set);
+
+// What the memory of a problem's samples depends on.
+struct SampleSize {
+  int num_samples = 0;    // for training; as many again are for testing
+  int num_columns = 0;    // of the array, which has a row for each sample
+  double num_values = 0;  // of a sample, in all arrays of a DataSet
+  // The options beside num_samples that the size depends on, for messages:
+  // ":resolution=32".
+  std::string settings;
+};
+
+// Sets problem->data to `data`, or, if that is null, to
+// generate(2 num_samples). False with *error set if the problem does not fit
+// into memory (this is checked first), or `data` has other than num_columns
+// columns or fewer than two rows.
+bool MakeData(const SampleSize& size,
+              const Eigen::MatrixXd* data,
+              const std::function<Eigen::MatrixXd(int num_rows)>& generate,
+              LearningProblem* problem,
+              std::string* error);
+
 // Whether the data have `num_columns` columns and two rows or more; if not,
-// *error says what they have.
+// *error states their shape.
 bool CheckDataShape(const Eigen::MatrixXd& data,
                     int num_columns,
                     std::string* error);
 
-// Whether the data of a problem fit into memory, before they are made: an array
-// of `num_columns` numbers a sample, and a DataSet of `num_rows` in all its
-// arrays, which SplitSamples has twice. There are `data->rows()` samples, or,
-// if it is null, twice num_samples. *error names num_samples and `settings`
-// (":resolution=32"), on which the size of a sample depends.
-bool CheckDataMemory(const Eigen::MatrixXd* data,
-                     int num_samples,
-                     double num_columns,
-                     double num_rows,
-                     const std::string& settings,
-                     std::string* error);
+// np.random.seed(seed); np.random.uniform(low, high, (rows, cols))
+Eigen::MatrixXd UniformData(
+    double low, double high, int rows, int cols, int seed);
 
-// The first half of the samples is for training, the others are for testing. A
+// The first half of the samples is for training, the second for testing. A
 // batch has `batch_size` samples, or all for training if they are fewer.
-void SplitSamples(const DataSet& samples,
-                  int batch_size,
-                  LearningProblem* problem);
+// Samples without contexts get empty ones.
+void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem);
+
+// mean |x - x*| over the data's solutions x*.
+Metric SolutionDistance(const std::string& name);
+
+// The option `noise` of problems whose training targets may be noisy:
+//
+//   y*_i += noise rms(y*) z_i,   z_i standard normal
+//
+// rms(y*) is the root mean square of all entries of the training targets. With
+// L = c |y - y*|^2 the training loss of a perfect network is then
+// c |y*| noise^2 rms^2; its test loss is still zero.
+//
+// Stream:  np.random.seed(data_seed ^ 0x9e3779b9), normal numbers sample by
+//          sample: independent of the data's own, which noise does not change.
+void DescribeTargetNoise(double* noise, OptionSet* set);
+void AddTargetNoise(double noise, int data_seed, LearningProblem* problem);
 
 }  // namespace invgrad
 

@@ -6,10 +6,10 @@
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 
-// The loops over kWidth functions and over lanes have lengths that the compiler
-// knows, and write to local arrays, so that it makes vector instructions of
-// them without having to ask which pointers overlap. It must not unroll the
-// upward loops of Solve first, as GCC 12 would: a tenth of the Jacobian's time.
+// The loops over kWidth functions and over lanes have constant lengths and
+// write to local arrays, which cannot overlap, so that the compiler vectorizes
+// them. GCC 12 must not unroll the upward loops of Solve first: the Jacobian
+// would take a tenth longer.
 
 namespace invgrad {
 
@@ -31,7 +31,7 @@ Eigen::VectorXd SchroedingerSimulator::Eigenstate(int n) {
 // Divided by its off-diagonal -i / scale, A becomes tridiag(1, a_k, 1) with
 //   a_k = i scale - 2 - dx^2 u x_k,
 // whose pivots d_k = a_k - 1 / d_{k-1} have |Im d_k| >= |scale|. Successive
-// pivots wait for each other, steps do not: several go side by side.
+// pivots depend on each other, steps do not: several are computed side by side.
 void SchroedingerSimulator::Factor(const double* x, Step* steps) const {
   constexpr int kLanes = 8;
   for (int first = 0; first < num_steps_; first += kLanes) {
@@ -56,8 +56,8 @@ void SchroedingerSimulator::Factor(const double* x, Step* steps) const {
   }
 }
 
-// Gaussian elimination. Where the off-diagonals are one, its factors hold
-// nothing but the inverse pivots e_k:
+// Gaussian elimination. With off-diagonals of one, its factors are the inverse
+// pivots e_k:
 //   down  p_k = e_k (b_k - p_{k-1}),   up  p_k -= e_k p_{k+1}.
 template <int kWidth>
 void SchroedingerSimulator::Solve(const GridFunction& inverse_pivots,
@@ -225,11 +225,11 @@ void SchroedingerSimulator::ChainBack(const double* w,
   }
 }
 
-bool SchroedingerSimulator::PullBack(const double* x,
-                                     const double* context,
-                                     const Covector& covector,
-                                     double* y,
-                                     double* x_bar) const {
+bool SchroedingerSimulator::Adjoint(const double* x,
+                                    const double* context,
+                                    const Covector& covector,
+                                    double* y,
+                                    double* x_bar) const {
   Scratch<Step> steps(num_steps_);
   if (!RollOut(x, context, steps.data(), y)) return false;
   double w[kStateSize];

@@ -1,4 +1,4 @@
-// The Schroedinger equation of a particle in a box that a dipole field drives.
+// The Schroedinger equation of a particle in a box under a dipole field.
 //
 //   i d psi/dt = H psi,   H = -d_xx + u(t) x,   psi(0) = psi(length) = 0
 //
@@ -25,8 +25,8 @@
 // Units:   hbar = 2 m = 1; |psi|^2 sums to 1 without the weight dx.
 // Cost:    a step factors A_t once. J: 14 solves a step, side by side;
 //          pull-back: one solve; Hessian: N / 2 solves a step.
-// Fails:   returns false if a value is not finite. The pivots of A_t have real
-//          parts of at least one whatever u is: nothing else can fail. CHECKs
+// Fails:   returns false if a value is not finite. The elimination cannot fail:
+//          the pivots of A_t have real parts of at least one for any u. CHECKs
 //          that num_steps > 0 and dt is finite and not zero.
 // Facts:   the norm is conserved: y^T J = 0, so J is never of full rank.
 //
@@ -65,11 +65,12 @@ class SchroedingerSimulator final : public Simulator {
                 const double* context,
                 double* y,
                 double* jacobian) const override;
-  bool PullBack(const double* x,
-                const double* context,
-                const Covector& covector,
-                double* y,
-                double* x_bar) const override;
+  bool Adjoint(const double* x,
+               const double* context,
+               const Covector& covector,
+               double* y,
+               double* x_bar) const override;
+  bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
                        const double* w,

@@ -1,17 +1,15 @@
 #include "problems/sine.h"
 
 #include <cmath>
+#include <optional>
 
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr int kBatchSize = 100;
 
 class SinePhysics {
  public:
@@ -36,17 +34,13 @@ class SinePhysics {
     return true;
   }
 
-  // The pre-image of y closest to x0.
-  bool Invert(const InverseSimulator::ConstVectorRef& y,
-              const InverseSimulator::ConstVectorRef& x0,
-              Eigen::VectorXd* x,
-              std::string* why) const {
-    if (!(std::abs(y[0]) <= 1.0)) {
-      *why = "|y_0| > 1 has no pre-image";
-      return false;
-    }
+  // The pre-image of y closest to x_now.
+  std::optional<Eigen::VectorXd> Invert(
+      const InverseSimulator::ConstVectorRef& y,
+      const InverseSimulator::ConstVectorRef& x_now) const {
+    if (!(std::abs(y[0]) <= 1.0)) return std::nullopt;
     double h0[2];
-    Scale(x0.data(), h0);
+    Scale(x_now.data(), h0);
     const double angle = std::asin(y[0]);
     const double rising = NearestOfPeriod(angle, h0[0]);
     const double falling = NearestOfPeriod(kPi - angle, h0[0]);
@@ -55,9 +49,7 @@ class SinePhysics {
                          : falling;
     const double a = h / scale_0_;
     const double b = y[1] / scale_1_;
-    x->resize(2);
-    *x << cos_ * a + sin_ * b, cos_ * b - sin_ * a;
-    return true;
+    return Eigen::Vector2d(cos_ * a + sin_ * b, cos_ * b - sin_ * a);
   }
 
  private:
@@ -74,12 +66,9 @@ class SinePhysics {
 
 std::shared_ptr<const InverseSimulator> MakeInverse(
     const SinePhysics& physics) {
-  return std::make_shared<FunctionInverse>(
-      [physics](const InverseSimulator::ConstVectorRef& y,
-                const InverseSimulator::ConstVectorRef& x0,
-                const InverseSimulator::ConstVectorRef& /*context*/,
-                Eigen::VectorXd* x,
-                std::string* why) { return physics.Invert(y, x0, x, why); });
+  return Inverse([physics](const auto& y, const auto& x_now) {
+    return physics.Invert(y, x_now);
+  });
 }
 
 // The mean distance of x to the closest solution, times `scale`.
@@ -89,12 +78,10 @@ Metric MakeMetric(const SinePhysics& physics,
   return {name,
           [physics, scale](const Eigen::MatrixXd& x, const DataSet& data) {
             double sum = 0.0;
-            Eigen::VectorXd closest;
-            std::string ignored;
             for (int s = 0; s < data.num_samples(); ++s) {
               // Targets are in range.
-              physics.Invert(data.targets.col(s), x.col(s), &closest, &ignored);
-              sum += (x.col(s) - closest).norm();
+              sum += (x.col(s) - *physics.Invert(data.targets.col(s), x.col(s)))
+                         .norm();
             }
             return scale * sum / data.num_samples();
           }};
@@ -108,27 +95,21 @@ bool Sine::Create(const Options& options,
                   const Eigen::MatrixXd* data,
                   LearningProblem* problem,
                   std::string* error) {
-  if (!CheckDataMemory(data, options.num_samples, 2, 4, "", error)) {
+  const auto generate = [&options](int num_rows) {
+    return UniformData(-1.0, 1.0, num_rows, 2, options.data_seed);
+  };
+  if (!MakeData(
+          {options.num_samples, 2, 4.0, ""}, data, generate, problem, error)) {
     return false;
   }
-  if (data != nullptr) {
-    if (!CheckDataShape(*data, 2, error)) return false;
-    if ((data->col(0).array().abs() > 1.0).any()) {
-      *error = "the first column is y*_0; allowed: [-1, 1]";
-      return false;
-    }
-    problem->data = *data;
-  } else {
-    Eigen::MatrixXd uniform =
-        NumpyRandom(static_cast<std::uint32_t>(options.data_seed))
-            .Rand(2 * options.num_samples, 2);
-    problem->data = 2.0 * uniform.array() - 1.0;
+  if ((problem->data.col(0).array().abs() > 1.0).any()) {
+    *error = "the first column is y*_0; allowed: [-1, 1]";
+    return false;
   }
   DataSet all;
   all.inputs = problem->data.transpose();
-  all.contexts.resize(0, all.inputs.cols());
   all.targets = all.inputs;
-  SplitSamples(all, kBatchSize, problem);
+  SplitSamples(all, 100, problem);
   const SinePhysics physics(options.xi, options.phi);
   problem->model = std::make_shared<Model>(
       DenseNetwork({2, 32, 64, 32, 2}, Activation::kRelu),
@@ -140,7 +121,6 @@ bool Sine::Create(const Options& options,
       MakeMetric(physics,
                  options.metric,
                  options.metric == "distance" ? 1.0 : 1.0 / options.xi);
-  problem->num_epochs = 100;
   return true;
 }
 
@@ -153,10 +133,7 @@ bool SinePoint::Create(const Options& options,
   problem->loss = std::make_shared<SquaredNormLoss>(2, 0.5);
   problem->target = Eigen::Vector2d(options.target_0, options.target_1);
   problem->start = Eigen::Vector2d(options.start_0, options.start_1);
-  Eigen::VectorXd closest;
-  std::string ignored;
-  physics.Invert(problem->target, problem->start, &closest, &ignored);
-  problem->minimizer = closest;
+  problem->minimizer = physics.Invert(problem->target, problem->start);
   problem->minimum = 0.0;
   return true;
 }

@@ -4,10 +4,10 @@
 //   h = diag(10 / xi, 10 xi) R(phi) x,   y = (sin h_0, h_1)
 //   L = 1/2 |y - y*|^2,   y* uniform in [-1, 1]^2
 //
-// Shapes:  network 2-32-64-32-2, ReLU, 4,354 weights, which sees y*;
+// Shapes:  network 2-32-64-32-2, ReLU, 4,354 weights, its input is y*;
 //          x, y: 2.
 // Units:   none. R(phi) = [cos phi, -sin phi; sin phi, cos phi]; the paper's
-//          text has sin(x_0) / xi and no 10: here is what its code does.
+//          text has sin(x_0) / xi and no 10; this is what its code does.
 // Data:    np.random.seed(data_seed); 2 np.random.rand(2 N, 2) - 1, the first N
 //          for training. (The code draws new samples for every step.)
 // Inverse: of the two families h_0 = asin y_0 + 2 pi k and
@@ -26,6 +26,7 @@
 
 #include "Eigen/Core"
 #include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -39,11 +40,7 @@ struct Sine {
     void Describe(OptionSet* set) {
       set->Add("xi", &xi, {0.0, 1e6, true}, "conditioning");
       set->Add("phi", &phi, {-360.0, 360.0}, "rotation, degrees");
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e7},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
       set->Add("metric",
                &metric,
                {"distance", "relative_distance"},

@@ -41,11 +41,11 @@ bool SpectralDiffusion::Evaluate(const double* x,
   return true;
 }
 
-bool SpectralDiffusion::PullBack(const double* x,
-                                 const double* /*context*/,
-                                 const Covector& covector,
-                                 double* y,
-                                 double* x_bar) const {
+bool SpectralDiffusion::Adjoint(const double* x,
+                                const double* /*context*/,
+                                const Covector& covector,
+                                double* y,
+                                double* x_bar) const {
   if (!Diffuse(x, y)) return false;
   Scratch<double> w(num_outputs());
   return covector(y, w.data()) && Diffuse(w.data(), x_bar);

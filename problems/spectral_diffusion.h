@@ -32,11 +32,12 @@ class SpectralDiffusion final : public Simulator {
                 const double* context,
                 double* y,
                 double* jacobian) const override;
-  bool PullBack(const double* x,
-                const double* context,
-                const Covector& covector,
-                double* y,
-                double* x_bar) const override;
+  bool Adjoint(const double* x,
+               const double* context,
+               const Covector& covector,
+               double* y,
+               double* x_bar) const override;
+  bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
                        const double* w,

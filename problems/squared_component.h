@@ -8,14 +8,15 @@
 // Optimum: x = (0, 0), L = 0; the Hessian is singular there in x_1, so Newton's
 //          method converges only linearly, x_1 <- (1 - eta / 3) x_1, while
 //          x_0 <- (1 - eta) x_0.
-// Inverse: x = (y_0, sign(x0_1) sqrt(y_1)), of the two pre-images the one on
-//          the side of x0.
+// Inverse: x = (y_0, sign(x_now_1) sqrt(y_1)), of the two pre-images the one on
+//          the side of x_now.
 // Source:  PBDL, chapter physgrad-comparison, arXiv 2109.05237.
 #ifndef PROBLEMS_SQUARED_COMPONENT_H_
 #define PROBLEMS_SQUARED_COMPONENT_H_
 
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "invgrad/chain/autodiff_simulator.h"
@@ -41,18 +42,11 @@ struct SquaredComponent {
     return true;
   }
 
-  static bool Invert(const InverseSimulator::ConstVectorRef& y,
-                     const InverseSimulator::ConstVectorRef& x0,
-                     const InverseSimulator::ConstVectorRef& /*context*/,
-                     Eigen::VectorXd* x,
-                     std::string* why) {
-    if (y[1] < 0.0) {
-      *why = "y_1 < 0 has no pre-image";
-      return false;
-    }
-    x->resize(2);
-    *x << y[0], std::copysign(std::sqrt(y[1]), x0[1]);
-    return true;
+  static std::optional<Eigen::VectorXd> Invert(
+      const InverseSimulator::ConstVectorRef& y,
+      const InverseSimulator::ConstVectorRef& x_now) {
+    if (y[1] < 0.0) return std::nullopt;
+    return Eigen::Vector2d(y[0], std::copysign(std::sqrt(y[1]), x_now[1]));
   }
 
   static bool Create(const Options& options,
@@ -61,7 +55,7 @@ struct SquaredComponent {
     problem->simulator =
         std::make_shared<AutoDiffSimulator<SquaredComponent, 2, 2>>(
             SquaredComponent());
-    problem->inverse = std::make_shared<FunctionInverse>(Invert);
+    problem->inverse = Inverse(Invert);
     problem->loss = std::make_shared<SquaredNormLoss>(2, 1.0);
     problem->target = Eigen::Vector2d::Zero();
     problem->start = Eigen::Vector2d(options.start_0, options.start_1);

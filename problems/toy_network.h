@@ -1,5 +1,5 @@
-// A small network behind an ill-conditioned scaling: where gradient descent
-// stalls, Gauss-Newton saturates the neurons, and the half-inverse does
+// A small network with an ill-conditioned scaling of its outputs. Gradient
+// descent stalls, Gauss-Newton saturates the neurons, the half-inverse does
 // neither.
 //
 //   y = P(f(a)) = (f_0, lambda f_1),   y*(a) = (sin 6a, cos 9a)
@@ -7,7 +7,7 @@
 //
 // Shapes:  network 1-7-2, tanh, 30 weights;  x = f(a): 2;  y: 2.
 // Units:   lambda scales the network's second output, not its target: at
-//          lambda = 0.01 the network must put out 100 cos 9a.
+//          lambda = 0.01 its output must be 100 cos 9a.
 // Data:    num_samples equidistant a in [-1, 1] (the book does not say which);
 //          no test data.
 // Facts:   L = 1/2 |y*|^2 averages to about 1/2 at y = 0. Final losses read off
@@ -22,6 +22,7 @@
 #include <memory>
 #include <string>
 
+#include "fmt/core.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "problems/problem.h"
@@ -48,7 +49,9 @@ struct ToyNetwork {
     a.col(0) = Eigen::VectorXd::LinSpaced(options.num_samples, -1.0, 1.0);
     if (data != nullptr) a = *data;
     if (a.cols() != 1 || a.rows() == 0) {
-      *error = "toy_network: data must have shape (samples, 1)";
+      *error = fmt::format("data must have shape (samples, 1), found ({}, {})",
+                           a.rows(),
+                           a.cols());
       return false;
     }
     Eigen::SparseMatrix<double, Eigen::RowMajor> scale(2, 2);

@@ -1,8 +1,8 @@
-// The linearization that a joint rule meets in training: on the first batch of
-// a learning problem, at its initial weights or after some steps of Adam.
+// A linearization as it occurs in training: on the first batch of a learning
+// problem, at its initial weights or after some steps of Adam.
 //
-// Spectra of real Jacobians change in training: what is measured at the initial
-// weights only says little about the rest of a run.
+// The spectra of Jacobians change in training, so that measurements at the
+// initial weights alone are not representative.
 #ifndef PROBLEMS_TRAINED_LINEARIZATION_H_
 #define PROBLEMS_TRAINED_LINEARIZATION_H_
 

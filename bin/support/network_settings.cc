@@ -1,72 +1,76 @@
 #include "bin/support/network_settings.h"
 
-#include <algorithm>
-#include <iterator>
 #include <limits>
 #include <memory>
+#include <sstream>
 #include <utility>
 
+#include "fmt/core.h"
 #include "invgrad/core/option_set.h"
 
 namespace invgrad {
 
 namespace {
 
-constexpr std::pair<const char*, Initialization> kInitializations[] = {
-    {"glorot", Initialization::kGlorotUniform},
-    {"he", Initialization::kHeUniform},
-    {"pytorch", Initialization::kPytorch}};
+const std::vector<std::pair<std::string, Initialization>>& Initializations() {
+  static const auto& all =
+      *new std::vector<std::pair<std::string, Initialization>>{
+          {"glorot", Initialization::kGlorotUniform},
+          {"he", Initialization::kHeUniform},
+          {"pytorch", Initialization::kPytorch}};
+  return all;
+}
 
-// Replaces *value by the one of that name, if a name is given. `values`: pairs
-// of a name and a value.
-template <typename Values, typename Value>
+// Replaces *value by the one of that name, if a name is given.
+template <typename Value>
 bool SetChoice(const char* setting,
                const std::string& name,
-               const Values& values,
+               const std::vector<std::pair<std::string, Value>>& choices,
                Value* value,
                std::string* error) {
   if (name.empty()) return true;
   std::vector<std::string> names;
-  names.reserve(std::size(values));
-  for (const auto& [known, ignored] : values) names.emplace_back(known);
+  names.reserve(choices.size());
+  for (const auto& choice : choices) names.push_back(choice.first);
   std::string chosen = names[0];
   OptionSet set;
   set.Add(setting, &chosen, names, "");
   if (!set.Set(setting, name, error)) return false;
-  for (const auto& [known, its_value] : values) {
+  for (const auto& [known, its_value] : choices) {
     if (known == chosen) *value = its_value;
   }
   return true;
 }
 
-// "20-20-20"
+// "20-20-20". A network's weights are numbered by an int.
 bool ParseWidths(const std::string& text,
+                 int num_outputs,
                  std::vector<int>* widths,
                  std::string* error) {
   constexpr double kMaxWidth = 1e6;
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find('-', begin), text.size());
+  std::istringstream parts(text + "-");
+  for (std::string part; std::getline(parts, part, '-');) {
     int width = 1;
     OptionSet set;
     set.Add("width", &width, {1.0, kMaxWidth}, "");
-    std::string why;
-    if (!set.Set("width", text.substr(begin, end - begin), &why)) {
-      *error = "hidden=" + text + ": " + why +
-               "; expected a width for each hidden layer, as in 20-20-20";
+    if (!set.Set("width", part, error)) {
+      *error = fmt::format(
+          "hidden={}: {}; expected a width for each hidden layer, as in "
+          "20-20-20",
+          text,
+          *error);
       return false;
     }
     widths->push_back(width);
-    begin = end + 1;
   }
-  return true;
-}
-
-// A network's weights are numbered by an int.
-bool CheckNumWeights(const std::vector<int>& widths, std::string* error) {
+  widths->push_back(num_outputs);
   constexpr int kMaxNumWeights = std::numeric_limits<int>::max();
-  if (DenseNetwork::CountWeights(widths) <= kMaxNumWeights) return true;
-  *error = "the network would have more than the " +
-           std::to_string(kMaxNumWeights) + " weights that are allowed";
+  if (DenseNetwork::CountWeights(*widths) <= kMaxNumWeights) return true;
+  *error = fmt::format(
+      "hidden={}: the network would have more than the {} weights that are "
+      "allowed",
+      text,
+      kMaxNumWeights);
   return false;
 }
 
@@ -98,10 +102,7 @@ bool SetNetwork(const NetworkSettings& settings,
   std::vector<int> widths = own.widths();
   if (!settings.hidden.empty()) {
     widths = {own.num_inputs()};
-    if (!ParseWidths(settings.hidden, &widths, error)) return false;
-    widths.push_back(own.num_outputs());
-    if (!CheckNumWeights(widths, error)) {
-      *error = "hidden=" + settings.hidden + ": " + *error;
+    if (!ParseWidths(settings.hidden, own.num_outputs(), &widths, error)) {
       return false;
     }
   }
@@ -109,7 +110,7 @@ bool SetNetwork(const NetworkSettings& settings,
           "activation", settings.activation, activations, &activation, error) ||
       !SetChoice("initialization",
                  settings.initialization,
-                 kInitializations,
+                 Initializations(),
                  &initialization,
                  error)) {
     return false;

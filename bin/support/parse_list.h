@@ -7,7 +7,8 @@
 
 namespace invgrad {
 
-// "1,2,5": integers from 0 to 2^31 - 1, at least one, none twice.
+// "1,2,5", "1..20" or "1,2,...,20": integers from 0 to 2^31 - 1, at least one,
+// none twice, at most 10000.
 bool ParseSeeds(const std::string& text,
                 std::vector<int>* seeds,
                 std::string* error);

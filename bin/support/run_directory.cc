@@ -11,10 +11,15 @@
 #include "Eigen/Core"
 #include "bin/support/program.h"
 #include "ceres/version.h"
-#include "gflags/gflags.h"
+#include "fmt/core.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/version.h"
+
+DEFINE_string(output,
+              "",
+              "directory of the results; empty: runs/ and the program's name");
+DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
 
 namespace invgrad {
 
@@ -60,13 +65,18 @@ std::string CpuName() {
 }
 
 std::string VersionsText() {
-  std::ostringstream text;
-  text << "invgrad " << INVGRAD_VERSION << "\nceres " << CERES_VERSION_STRING
-       << "\neigen " << EIGEN_WORLD_VERSION << "." << EIGEN_MAJOR_VERSION << "."
-       << EIGEN_MINOR_VERSION << "\nblas " << BlasName() << "\nblas threads "
-       << BlasThreads() << "\ncompiler " << __VERSION__ << "\ncpu " << CpuName()
-       << "\n";
-  return text.str();
+  return fmt::format(
+      "invgrad {}\nceres {}\neigen {}.{}.{}\nblas {}\nblas threads {}\n"
+      "compiler {}\ncpu {}\n",
+      INVGRAD_VERSION,
+      CERES_VERSION_STRING,
+      EIGEN_WORLD_VERSION,
+      EIGEN_MAJOR_VERSION,
+      EIGEN_MINOR_VERSION,
+      BlasName(),
+      BlasThreads(),
+      __VERSION__,
+      CpuName());
 }
 
 bool SameFlags(const std::string& path,
@@ -79,19 +89,67 @@ bool SameFlags(const std::string& path,
     *error = path + ": cannot be read; is this the directory of a run?";
     return false;
   }
-  const auto before = ParseFlagText(text.str());
+  auto before = ParseFlagText(text.str());
   for (const auto& [name, value] : ParseFlagText(flags)) {
-    if (FlagsThatMayChange().count(name) > 0) continue;
-    const auto it = before.find(name);
-    const std::string old_value = it == before.end() ? "" : it->second;
-    if (old_value != value) {
-      *error = path + ": the run to resume had --" + name + "=" + old_value +
-               ", now it is --" + name + "=" + value +
-               "; give another --output, or --overwrite";
-      return false;
-    }
+    if (FlagsThatMayChange().count(name) > 0 || before[name] == value) continue;
+    *error = fmt::format(
+        "{0}: the run to resume had --{1}={2}, now it is --{1}={3}; give "
+        "another --output, or --overwrite",
+        path,
+        name,
+        before[name],
+        value);
+    return false;
   }
   return true;
+}
+
+// The program's flags (program.h), one "--name=value" a line, but for those
+// that say what to do with an existing directory.
+std::string FlagFileText() {
+  std::string text;
+  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+    if (flag.name != "overwrite" && flag.name != "resume") {
+      text += fmt::format("--{}={}\n", flag.name, flag.current_value);
+    }
+  }
+  return text;
+}
+
+// Whether the directory may be used, or used again; removes it if need be.
+bool MakeRoom(const std::string& path,
+              ExistingDirectory existing,
+              const std::string& flags,
+              std::string* error) {
+  std::error_code failure;
+  const std::string flag_file = path + "/flags.txt";
+  if (!fs::exists(path, failure) ||
+      (fs::is_directory(path, failure) && fs::is_empty(path, failure))) {
+    return true;
+  }
+  if (existing == ExistingDirectory::kResume) {
+    return SameFlags(flag_file, flags, error);
+  }
+  if (existing == ExistingDirectory::kRefuse) {
+    gflags::CommandLineFlagInfo info;
+    *error = fmt::format(
+        "--output={} exists; give another directory, or --overwrite{}",
+        path,
+        gflags::GetCommandLineFlagInfo("resume", &info)
+            ? ", or --resume to go on with its run"
+            : "");
+    return false;
+  }
+  if (!fs::exists(flag_file, failure)) {
+    *error = fmt::format(
+        "--overwrite: {} is not the directory of a run (it has no flags.txt) "
+        "and is left alone",
+        path);
+    return false;
+  }
+  fs::remove_all(path, failure);
+  if (failure) *error = path + ": " + failure.message();
+  return !failure;
 }
 
 }  // namespace
@@ -100,53 +158,23 @@ bool PrepareRunDirectory(const std::string& path,
                          ExistingDirectory existing,
                          const std::string& flags,
                          std::string* error) {
+  if (!MakeRoom(path, existing, flags, error)) return false;
   std::error_code failure;
-  const std::string flag_file = path + "/flags.txt";
-  const bool exists = fs::exists(path, failure);
-  const bool is_empty =
-      exists && fs::is_directory(path, failure) && fs::is_empty(path, failure);
-  if (exists && !is_empty) {
-    if (existing == ExistingDirectory::kRefuse) {
-      gflags::CommandLineFlagInfo info;
-      *error = "--output=" + path + " exists; give another directory, or " +
-               "--overwrite";
-      if (gflags::GetCommandLineFlagInfo("resume", &info)) {
-        *error += ", or --resume to go on with its run";
-      }
-      return false;
-    }
-    if (existing == ExistingDirectory::kOverwrite) {
-      if (!fs::exists(flag_file, failure)) {
-        *error = "--overwrite: " + path + " is not the directory of a run " +
-                 "(it has no flags.txt) and is left alone";
-        return false;
-      }
-      fs::remove_all(path, failure);
-      if (failure) {
-        *error = path + ": " + failure.message();
-        return false;
-      }
-    } else if (!SameFlags(flag_file, flags, error)) {
-      return false;
-    }
-  }
   fs::create_directories(path, failure);
   if (failure) {
     *error = "--output=" + path + ": " + failure.message();
     return false;
   }
-  return WriteFile(flag_file, flags, error) &&
+  return WriteFile(path + "/flags.txt", flags, error) &&
          WriteFile(path + "/versions.txt", VersionsText(), error);
 }
 
-std::string FlagFileText() {
-  std::string text;
-  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
-    if (flag.name != "overwrite" && flag.name != "resume") {
-      text += "--" + flag.name + "=" + flag.current_value + "\n";
-    }
+bool PrepareRunDirectory(ExistingDirectory existing, std::string* error) {
+  if (FLAGS_output.empty()) {
+    FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
   }
-  return text;
+  if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
+  return PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), error);
 }
 
 std::string FileName(const std::string& label) {

@@ -1,5 +1,5 @@
-// The directory that a run leaves behind: refused if it exists, unless the user
-// asked to overwrite or to resume it.
+// The directory that a run leaves behind, and its flags --output and
+// --overwrite. A program has them if it uses something of this file.
 //
 //   flags.txt      a gflags flag file that repeats the run
 //   versions.txt   what it ran with
@@ -8,22 +8,28 @@
 
 #include <string>
 
+#include "gflags/gflags.h"
+
+DECLARE_string(output);
+DECLARE_bool(overwrite);
+
 namespace invgrad {
 
+// What to do with a directory that is not empty. kRefuse: fail. kOverwrite:
+// empty it, if an earlier run made it. kResume: keep it, if the earlier run had
+// the same flags, but for those that steer output and budget.
 enum class ExistingDirectory { kRefuse, kOverwrite, kResume };
 
-// Makes `path` (and its parents) and writes flags.txt and versions.txt.
-// kOverwrite empties a directory that an earlier run of this library made, and
-// refuses any other. kResume wants the flags of the earlier run, but for those
-// that steer output and budget. False with *error set if it may not or cannot.
+// Makes `path` (and its parents) and writes flags.txt and versions.txt. False
+// with *error set if it may not or cannot.
 bool PrepareRunDirectory(const std::string& path,
                          ExistingDirectory existing,
                          const std::string& flags,
                          std::string* error);
 
-// The program's flags (program.h), one "--name=value" a line, but for those
-// that say what to do with an existing directory.
-std::string FlagFileText();
+// The same for --output, by default runs/PROGRAM, with the program's flags.
+// --overwrite goes before `existing`.
+bool PrepareRunDirectory(ExistingDirectory existing, std::string* error);
 
 // "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6".
 std::string FileName(const std::string& label);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "Eigen/Eigenvalues"
 #include "Eigen/QR"
 #include "Eigen/SVD"
 
@@ -18,6 +19,15 @@ LongMatrix RandomMatrices::Orthonormal(int m, int n) {
       LongMatrix::NullaryExpr(m, n, [this]() { return normal_(generator_); });
   return Eigen::HouseholderQR<LongMatrix>(A).householderQ() *
          LongMatrix::Identity(m, n);
+}
+
+Eigen::MatrixXd RandomMatrices::Symmetric(int m) {
+  Eigen::MatrixXd A(m, m);
+  for (int j = 0; j < m; ++j) {
+    A.col(j) = Vector(m);
+    A.row(j).head(j) = A.col(j).head(j).transpose();
+  }
+  return A;
 }
 
 Eigen::MatrixXd RandomMatrices::WithSpectrum(int m,
@@ -38,6 +48,12 @@ Eigen::VectorXd LogUniform(int size, double smallest) {
 
 double TauAbove(const Eigen::VectorXd& s, int i) {
   return std::sqrt(s[i - 1] * s[i]) / s[0];
+}
+
+SymmetricEigen::SymmetricEigen(const Eigen::MatrixXd& K) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(K);
+  values = eigen.eigenvalues();
+  U = eigen.eigenvectors();
 }
 
 // A = Q R, or A^T if A is wide, and R = U S V^T: reducing the long side first
@@ -69,21 +85,22 @@ const LongVector& SpectralReference::s() const {
   return decompositions_->svd.singularValues();
 }
 
+LongVector SpectralReference::Components(const Eigen::VectorXd& g) const {
+  const auto& [is_wide, qr, svd] = *decompositions_;
+  const LongVector long_g = g.cast<long double>();
+  if (is_wide) return svd.matrixV().transpose() * long_g;
+  const LongVector rotated = qr.householderQ().transpose() * long_g;
+  return svd.matrixU().transpose() * rotated.head(s().size());
+}
+
 LongVector SpectralReference::Step(const SpectralFilter& filter,
                                    const Eigen::VectorXd& g) const {
   const auto& [is_wide, qr, svd] = *decompositions_;
-  const Eigen::Index k = s().size();
-  LongVector c = g.cast<long double>();
-  if (is_wide) {
-    c = svd.matrixV().transpose() * c;
-  } else {
-    c = (qr.householderQ().transpose() * c).eval();
-    c = (svd.matrixU().transpose() * c.head(k)).eval();
-  }
-  for (Eigen::Index i = 0; i < k; ++i) c[i] *= Phi(filter, s()[i]);
+  LongVector c = Components(g);
+  for (Eigen::Index i = 0; i < c.size(); ++i) c[i] *= Phi(filter, s()[i]);
   if (!is_wide) return svd.matrixV() * c;
   LongVector d = LongVector::Zero(qr.rows());
-  d.head(k) = svd.matrixU() * c;
+  d.head(c.size()) = svd.matrixU() * c;
   return qr.householderQ() * d;
 }
 

@@ -1,5 +1,6 @@
 // The filtered step in long double, straight from the definition, and spectra
-// to test against it.
+// to test against it. Eigen's decompositions take long to compile: they are
+// compiled once, here.
 #ifndef BIN_SUPPORT_SPECTRAL_REFERENCE_H_
 #define BIN_SUPPORT_SPECTRAL_REFERENCE_H_
 
@@ -21,6 +22,8 @@ class RandomMatrices {
   Eigen::VectorXd Vector(int size);
   // m x n, with orthonormal columns; n <= m.
   LongMatrix Orthonormal(int m, int n);
+  // Symmetric, entries normal with variance one.
+  Eigen::MatrixXd Symmetric(int m);
   // U diag(s) V^T with k = min(m, n) values.
   Eigen::MatrixXd WithSpectrum(int m, int n, const Eigen::VectorXd& s);
 
@@ -35,6 +38,14 @@ Eigen::VectorXd LogUniform(int size, double smallest);
 // A threshold in the middle (of the logarithms) of the gap above s[i].
 double TauAbove(const Eigen::VectorXd& s, int i);
 
+// K = U diag(values) U^T for a symmetric K, values ascending.
+struct SymmetricEigen {
+  explicit SymmetricEigen(const Eigen::MatrixXd& K);
+
+  Eigen::VectorXd values;
+  Eigen::MatrixXd U;
+};
+
 class SpectralReference {
  public:
   explicit SpectralReference(const Eigen::MatrixXd& J);
@@ -42,6 +53,9 @@ class SpectralReference {
 
   const LongVector& s() const;
   long double s(int i) const { return s()[i]; }
+
+  // U^T g.
+  LongVector Components(const Eigen::VectorXd& g) const;
 
   LongVector Step(const SpectralFilter& filter, const Eigen::VectorXd& g) const;
 
@@ -52,7 +66,6 @@ class SpectralReference {
  private:
   long double Phi(const SpectralFilter& filter, long double value) const;
 
-  // Here and not in the header, because compilers take seconds for them.
   struct Decompositions;
   std::unique_ptr<Decompositions> decompositions_;
 };

@@ -24,9 +24,8 @@
 // (root of the mean square of |X_j - truth|).
 
 #include <cmath>
-#include <iostream>
-#include <memory>
-#include <string>
+#include <cstdio>
+#include <optional>
 #include <vector>
 
 #include "Eigen/Core"
@@ -40,19 +39,15 @@
 #include "ceres/sphere_manifold.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/rules/rules.h"
-#include "report/table.h"
 
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
-using invgrad::FormatNumber;
 using invgrad::NumpyGenerator;
-using invgrad::Table;
 
 constexpr int kNumCameras = 10;
 constexpr int kNumPoints = 60;
@@ -160,12 +155,11 @@ double PointError(const Scene& scene, const Scene& truth) {
   return std::sqrt(sum / kNumPoints);
 }
 
-// Adjusts the scene and adds a row to the table; returns the points' error.
+// Adjusts the scene and prints a row; returns the points' error.
 double Adjust(const std::vector<Vector2d>& pixels,
               const Scene& truth,
               Scene scene,
-              bool with_half_inverse,
-              Table* table) {
+              bool with_half_inverse) {
   // Build.
   ceres::Problem problem;
   for (int i = 0; i < kNumCameras; ++i) {
@@ -192,16 +186,11 @@ double Adjust(const std::vector<Vector2d>& pixels,
   options.max_num_iterations = 100;
   options.logging_type = ceres::SILENT;
 
-  std::string error;
-  const auto rule = invgrad::CreateRule(
-      {"", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}}, &error);
-  CHECK(rule != nullptr) << error;
-  std::unique_ptr<invgrad::UpdateCallback> callback;
+  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  std::optional<invgrad::UpdateCallback> callback;
   if (with_half_inverse) {
-    callback = std::make_unique<invgrad::UpdateCallback>(
-        invgrad::UpdateCallback::Options{}, rule.get(), &problem);
-    options.callbacks.push_back(callback.get());
-    options.update_state_every_iteration = true;
+    callback.emplace(rule.get(), &problem);
+    callback->AddTo(&options);
   }
 
   // Solve.
@@ -211,13 +200,14 @@ double Adjust(const std::vector<Vector2d>& pixels,
 
   // Report.
   const double point_error = PointError(scene, truth);
-  table->AddRow({with_half_inverse ? "LM + half-inverse" : "LM",
-                 FormatNumber(summary.initial_cost),
-                 FormatNumber(summary.final_cost),
-                 std::to_string(summary.iterations.size() - 1),
-                 FormatNumber(error_at_start, 3),
-                 FormatNumber(point_error, 3),
-                 callback ? callback->summary().BriefReport() : "-"});
+  std::printf("%-17s  %13.4g  %7.4g  %10zu  %14.3g  %15.3g  %s\n",
+              with_half_inverse ? "LM + half-inverse" : "LM",
+              summary.initial_cost,
+              summary.final_cost,
+              summary.iterations.size() - 1,
+              error_at_start,
+              point_error,
+              callback ? callback->summary().BriefReport().c_str() : "-");
   return point_error;
 }
 
@@ -229,18 +219,18 @@ int main(int /*argc*/, char** argv) {
   const Scene truth = TrueScene(&random);
   const std::vector<Vector2d> pixels = Photograph(truth, &random);
   const Scene start = Perturbed(truth, &random);
-  Table table({{"solver", Table::Align::kLeft},
-               {"cost at start"},
-               {"cost"},
-               {"iterations"},
-               {"error at start"},
-               {"error of points"},
-               {"proposals", Table::Align::kLeft}});
-  const double lm = Adjust(pixels, truth, start, false, &table);
-  const double half_inverse = Adjust(pixels, truth, start, true, &table);
-  std::cout << table.ToText();
+  std::printf("%-17s  %13s  %7s  %10s  %14s  %15s  %s\n",
+              "solver",
+              "cost at start",
+              "cost",
+              "iterations",
+              "error at start",
+              "error of points",
+              "proposals");
+  const double lm = Adjust(pixels, truth, start, false);
+  const double half_inverse = Adjust(pixels, truth, start, true);
   const bool is_found = lm < kTolerance && half_inverse < kTolerance;
-  std::cout << (is_found ? "truth found" : "truth missed") << " (tolerance "
-            << kTolerance << ")\n";
+  std::printf(
+      "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;
 }

@@ -18,8 +18,8 @@
 // truth.
 
 #include <cmath>
-#include <iostream>
-#include <memory>
+#include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,15 +30,10 @@
 #include "ceres/solver.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/rules/rules.h"
-#include "report/table.h"
 
 namespace {
-
-using invgrad::FormatNumber;
-using invgrad::Table;
 
 const Eigen::Vector3d kTruth(2.5, 1.3, 0.5);  // a, b, c
 const Eigen::Vector3d kStart(1.0, 0.1, 0.0);
@@ -79,12 +74,11 @@ std::vector<Sample> Measure() {
   return samples;
 }
 
-// Fits and adds a row to the table; returns the largest error of a, b and c.
+// Fits and prints a row; returns the largest error of a, b and c.
 double Fit(const std::string& label,
            const std::vector<Sample>& samples,
            bool is_robust,
-           bool with_half_inverse,
-           Table* table) {
+           bool with_half_inverse) {
   // Build.
   Eigen::Vector3d abc = kStart;
   ceres::Problem problem;
@@ -102,16 +96,11 @@ double Fit(const std::string& label,
   options.max_num_iterations = 200;
   options.logging_type = ceres::SILENT;
 
-  std::string error;
-  const auto rule = invgrad::CreateRule(
-      {"", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}}, &error);
-  CHECK(rule != nullptr) << error;
-  std::unique_ptr<invgrad::UpdateCallback> callback;
+  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  std::optional<invgrad::UpdateCallback> callback;
   if (with_half_inverse) {
-    callback = std::make_unique<invgrad::UpdateCallback>(
-        invgrad::UpdateCallback::Options{}, rule.get(), &problem);
-    options.callbacks.push_back(callback.get());
-    options.update_state_every_iteration = true;
+    callback.emplace(rule.get(), &problem);
+    callback->AddTo(&options);
   }
 
   // Solve.
@@ -120,15 +109,16 @@ double Fit(const std::string& label,
 
   // Report.
   const double largest_error = (abc - kTruth).cwiseAbs().maxCoeff();
-  table->AddRow({label,
-                 FormatNumber(summary.initial_cost),
-                 FormatNumber(summary.final_cost),
-                 std::to_string(summary.iterations.size() - 1),
-                 FormatNumber(abc[0]),
-                 FormatNumber(abc[1]),
-                 FormatNumber(abc[2]),
-                 FormatNumber(largest_error, 2),
-                 callback ? callback->summary().BriefReport() : "-"});
+  std::printf("%-31s  %13.4g  %6.4g  %10zu  %5.3f  %5.3f  %6.3f  %5.2g  %s\n",
+              label.c_str(),
+              summary.initial_cost,
+              summary.final_cost,
+              summary.iterations.size() - 1,
+              abc[0],
+              abc[1],
+              abc[2],
+              largest_error,
+              callback ? callback->summary().BriefReport().c_str() : "-");
   return largest_error;
 }
 
@@ -137,23 +127,23 @@ double Fit(const std::string& label,
 int main(int /*argc*/, char** argv) {
   google::InitGoogleLogging(argv[0]);
   const std::vector<Sample> samples = Measure();
-  Table table({{"fit", Table::Align::kLeft},
-               {"cost at start"},
-               {"cost"},
-               {"iterations"},
-               {"a"},
-               {"b"},
-               {"c"},
-               {"largest error"},
-               {"proposals", Table::Align::kLeft}});
-  Fit("squared loss, LM", samples, false, false, &table);
-  Fit("squared loss, LM + half-inverse", samples, false, true, &table);
-  const double lm = Fit("Cauchy loss, LM", samples, true, false, &table);
+  std::printf("%-31s  %13s  %6s  %10s  %5s  %5s  %6s  %5s  %s\n",
+              "fit",
+              "cost at start",
+              "cost",
+              "iterations",
+              "a",
+              "b",
+              "c",
+              "error",
+              "proposals");
+  Fit("squared loss, LM", samples, false, false);
+  Fit("squared loss, LM + half-inverse", samples, false, true);
+  const double lm = Fit("Cauchy loss, LM", samples, true, false);
   const double half_inverse =
-      Fit("Cauchy loss, LM + half-inverse", samples, true, true, &table);
-  std::cout << table.ToText();
+      Fit("Cauchy loss, LM + half-inverse", samples, true, true);
   const bool is_found = lm < kTolerance && half_inverse < kTolerance;
-  std::cout << (is_found ? "truth found" : "truth missed") << " (tolerance "
-            << kTolerance << ")\n";
+  std::printf(
+      "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;
 }

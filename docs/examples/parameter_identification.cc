@@ -29,8 +29,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
-#include <memory>
+#include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,15 +40,10 @@
 #include "ceres/solver.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/rules/rules.h"
-#include "report/table.h"
 
 namespace {
-
-using invgrad::FormatNumber;
-using invgrad::Table;
 
 // alpha, beta, gamma, delta, u(0), v(0)
 using Parameters = Eigen::Matrix<double, 6, 1>;
@@ -169,16 +164,11 @@ Outcome Identify(const CountError& count_error,
   options.initial_trust_region_radius = radius;
   options.logging_type = ceres::SILENT;
 
-  std::string error;
-  const auto rule = invgrad::CreateRule(
-      {"", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}}, &error);
-  CHECK(rule != nullptr) << error;
-  std::unique_ptr<invgrad::UpdateCallback> callback;
+  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  std::optional<invgrad::UpdateCallback> callback;
   if (with_half_inverse) {
-    callback = std::make_unique<invgrad::UpdateCallback>(
-        invgrad::UpdateCallback::Options{}, rule.get(), &problem);
-    options.callbacks.push_back(callback.get());
-    options.update_state_every_iteration = true;
+    callback.emplace(rule.get(), &problem);
+    callback->AddTo(&options);
   }
 
   // Solve.
@@ -190,11 +180,9 @@ Outcome Identify(const CountError& count_error,
           callback ? callback->summary() : invgrad::UpdateCallback::Summary()};
 }
 
-// Adds a row about all outcomes of a solver to the table; returns the one of
-// least cost.
+// Prints a row about all outcomes of a solver; returns the one of least cost.
 Outcome Report(const std::string& solver,
-               const std::vector<Outcome>& outcomes,
-               Table* table) {
+               const std::vector<Outcome>& outcomes) {
   Outcome best = *std::min_element(
       outcomes.begin(), outcomes.end(), [](const auto& a, const auto& b) {
         return a.cost < b.cost;
@@ -205,17 +193,15 @@ Outcome Report(const std::string& solver,
   }
   CHECK(!num_iterations.empty()) << solver << " has never found the truth";
   std::sort(num_iterations.begin(), num_iterations.end());
-  std::vector<std::string> row = {
-      solver,
-      std::to_string(num_iterations.size()) + " of " +
-          std::to_string(outcomes.size()),
-      std::to_string(num_iterations[num_iterations.size() / 2]),
-      FormatNumber(best.cost)};
-  for (const double parameter : best.estimate) {
-    row.push_back(FormatNumber(parameter, 3));
-  }
-  row.push_back(FormatNumber(best.LargestError(), 2));
-  table->AddRow(row);
+  std::printf("%-20s  %4zu of %zu  %19d  %10.4g",
+              solver.c_str(),
+              num_iterations.size(),
+              outcomes.size(),
+              num_iterations[num_iterations.size() / 2],
+              best.cost);
+  for (const double parameter : best.estimate)
+    std::printf("  %6.3g", parameter);
+  std::printf("  %13.2g\n", best.LargestError());
   return best;
 }
 
@@ -244,28 +230,20 @@ int main(int /*argc*/, char** argv) {
     proposals.num_rejected += counts.num_rejected;
     proposals.num_ceres_steps += counts.num_ceres_steps;
   }
-  Table table({{"solver", Table::Align::kLeft},
-               {"truth found"},
-               {"iterations (median)"},
-               {"least cost"},
-               {"alpha"},
-               {"beta"},
-               {"gamma"},
-               {"delta"},
-               {"u(0)"},
-               {"v(0)"},
-               {"largest error"}});
-  const Outcome best_lm = Report("LM", lm, &table);
-  const Outcome best_short_lm =
-      Report("LM, initial radius 1", short_lm, &table);
-  const Outcome best_half_inverse =
-      Report("LM + half-inverse", half_inverse, &table);
-  std::cout << table.ToText() << "found only by LM: " << num_only_lm
-            << ", only by LM + half-inverse: " << num_only_half_inverse
-            << "\nproposals: " << proposals.BriefReport() << "\n";
+  std::printf(
+      "%-20s  truth found  iterations (median)  least cost   alpha    beta   "
+      "gamma   delta    u(0)    v(0)  largest error\n",
+      "solver");
+  const Outcome best_lm = Report("LM", lm);
+  const Outcome best_short_lm = Report("LM, initial radius 1", short_lm);
+  const Outcome best_half_inverse = Report("LM + half-inverse", half_inverse);
+  std::printf("found only by LM: %d, only by LM + half-inverse: %d\n",
+              num_only_lm,
+              num_only_half_inverse);
+  std::printf("proposals: %s\n", proposals.BriefReport().c_str());
   const bool is_found = best_lm.IsTruth() && best_short_lm.IsTruth() &&
                         best_half_inverse.IsTruth();
-  std::cout << (is_found ? "truth found" : "truth missed") << " (tolerance "
-            << kTolerance << ")\n";
+  std::printf(
+      "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;
 }

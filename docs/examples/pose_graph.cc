@@ -20,9 +20,8 @@
 // truth (root of the mean square).
 
 #include <cmath>
-#include <iostream>
-#include <memory>
-#include <string>
+#include <cstdio>
+#include <optional>
 #include <vector>
 
 #include "Eigen/Core"
@@ -33,18 +32,14 @@
 #include "ceres/solver.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/rules/rules.h"
-#include "report/table.h"
 
 namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-using invgrad::FormatNumber;
 using invgrad::NumpyGenerator;
-using invgrad::Table;
 
 constexpr int kNumPoses = 60;
 constexpr int kPosesATurn = 20;
@@ -134,13 +129,12 @@ double PositionError(const std::vector<Pose>& poses,
   return std::sqrt(sum / kNumPoses);
 }
 
-// Optimizes the poses and adds a row to the table; returns the positions'
+// Optimizes the poses and prints a row; returns the positions'
 // error.
 double Optimize(const std::vector<Constraint>& constraints,
                 const std::vector<Pose>& truth,
                 std::vector<Pose> poses,
-                bool with_half_inverse,
-                Table* table) {
+                bool with_half_inverse) {
   // Build.
   ceres::Problem problem;
   for (const Constraint& constraint : constraints) {
@@ -168,16 +162,11 @@ double Optimize(const std::vector<Constraint>& constraints,
   options.max_num_iterations = 200;
   options.logging_type = ceres::SILENT;
 
-  std::string error;
-  const auto rule = invgrad::CreateRule(
-      {"", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}}, &error);
-  CHECK(rule != nullptr) << error;
-  std::unique_ptr<invgrad::UpdateCallback> callback;
+  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  std::optional<invgrad::UpdateCallback> callback;
   if (with_half_inverse) {
-    callback = std::make_unique<invgrad::UpdateCallback>(
-        invgrad::UpdateCallback::Options{}, rule.get(), &problem);
-    options.callbacks.push_back(callback.get());
-    options.update_state_every_iteration = true;
+    callback.emplace(rule.get(), &problem);
+    callback->AddTo(&options);
   }
 
   // Solve.
@@ -186,12 +175,13 @@ double Optimize(const std::vector<Constraint>& constraints,
 
   // Report.
   const double position_error = PositionError(poses, truth);
-  table->AddRow({with_half_inverse ? "LM + half-inverse" : "LM",
-                 FormatNumber(summary.initial_cost),
-                 FormatNumber(summary.final_cost),
-                 std::to_string(summary.iterations.size() - 1),
-                 FormatNumber(position_error, 3),
-                 callback ? callback->summary().BriefReport() : "-"});
+  std::printf("%-17s  %13.4g  %7.4g  %10zu  %18.3g  %s\n",
+              with_half_inverse ? "LM + half-inverse" : "LM",
+              summary.initial_cost,
+              summary.final_cost,
+              summary.iterations.size() - 1,
+              position_error,
+              callback ? callback->summary().BriefReport().c_str() : "-");
   return position_error;
 }
 
@@ -210,19 +200,18 @@ int main(int /*argc*/, char** argv) {
   for (int i = kPosesATurn; i < kNumPoses; ++i) {
     constraints.push_back(Measure(truth, i - kPosesATurn, i, &random));
   }
-  Table table({{"solver", Table::Align::kLeft},
-               {"cost at start"},
-               {"cost"},
-               {"iterations"},
-               {"error of positions"},
-               {"proposals", Table::Align::kLeft}});
-  std::cout << "error of the odometry: "
-            << FormatNumber(PositionError(start, truth), 3) << "\n";
-  const double lm = Optimize(constraints, truth, start, false, &table);
-  const double half_inverse = Optimize(constraints, truth, start, true, &table);
-  std::cout << table.ToText();
+  std::printf("error of the odometry: %.3g\n", PositionError(start, truth));
+  std::printf("%-17s  %13s  %7s  %10s  %18s  %s\n",
+              "solver",
+              "cost at start",
+              "cost",
+              "iterations",
+              "error of positions",
+              "proposals");
+  const double lm = Optimize(constraints, truth, start, false);
+  const double half_inverse = Optimize(constraints, truth, start, true);
   const bool is_found = lm < kTolerance && half_inverse < kTolerance;
-  std::cout << (is_found ? "truth found" : "truth missed") << " (tolerance "
-            << kTolerance << ")\n";
+  std::printf(
+      "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;
 }

@@ -10,8 +10,10 @@
 //   02_physical_gradients --rules=sip,sip:curvature_weight=1
 
 #include <cmath>
+#include <cstdio>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,7 +30,6 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/train/train.h"
-#include "report/table.h"
 
 // [rules]
 DEFINE_string(rules,
@@ -45,11 +46,9 @@ namespace {
 using invgrad::DataSet;
 using invgrad::FormatNumber;
 using invgrad::HistoryRow;
-using invgrad::InverseSimulator;
 using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::Table;
 using invgrad::TrainOptions;
 using invgrad::TrainResult;
 
@@ -80,29 +79,23 @@ double Unwrapped(double angle, double to) {
   return angle + 2.0 * kPi * std::round((to - angle) / (2.0 * kPi));
 }
 
-// The angles that bring the tip to y, by the law of cosines. Of the two arms,
-// elbow up and elbow down, the one that bends as x0 does.
-bool InvertArm(const InverseSimulator::ConstVectorRef& y,
-               const InverseSimulator::ConstVectorRef& x0,
-               const InverseSimulator::ConstVectorRef& /*context*/,
-               Eigen::VectorXd* x,
-               std::string* why) {
+// The angles that bring the tip to y, by the law of cosines; none if y is out
+// of reach. Of the two arms, elbow up and elbow down, the one that bends as
+// x_now does.
+std::optional<Eigen::VectorXd> InvertArm(const Eigen::Vector2d& y,
+                                         const Eigen::Vector2d& x_now) {
   const double upper = Arm::kUpper;
   const double lower = Arm::kLower;
   const double cosine =
       (y.squaredNorm() - upper * upper - lower * lower) / (2.0 * upper * lower);
-  if (std::abs(cosine) > 1.0) {
-    *why = "y is out of the arm's reach";
-    return false;
-  }
+  if (std::abs(cosine) > 1.0) return std::nullopt;
   const double elbow =
-      std::copysign(std::acos(cosine), std::sin(Arm::kRest + x0[1]));
+      std::copysign(std::acos(cosine), std::sin(Arm::kRest + x_now[1]));
   const double shoulder =
       std::atan2(y[1], y[0]) -
       std::atan2(lower * std::sin(elbow), upper + lower * cosine);
-  x->resize(2);
-  *x << Unwrapped(shoulder, x0[0]), Unwrapped(elbow - Arm::kRest, x0[1]);
-  return true;
+  return Eigen::Vector2d(Unwrapped(shoulder, x_now[0]),
+                         Unwrapped(elbow - Arm::kRest, x_now[1]));
 }
 // [/inverse]
 
@@ -143,7 +136,7 @@ int Run() {
       std::make_shared<invgrad::AutoDiffSimulator<Arm, 2, 2>>(),
       std::make_shared<invgrad::SquaredNormLoss>(2, 0.5),
       invgrad::Reduction::kMean);
-  const auto inverse = std::make_shared<invgrad::FunctionInverse>(InvertArm);
+  const auto inverse = invgrad::Inverse(InvertArm);
   // [/model]
   NumpyRandom random(FLAGS_seed);
   const Eigen::VectorXd initial_weights = model.network().InitialWeights(
@@ -152,13 +145,14 @@ int Run() {
   const DataSet train = DrawTargets(1024, &data_random);
   const DataSet test = DrawTargets(1024, &data_random);
 
-  Table table({{"rule", Table::Align::kLeft},
-               {"test loss"},
-               {"miss [mm]"},
-               {"ms/step"},
-               {"inverse"},
-               {"numerical"},
-               {"others"}});
+  std::printf("%-52s  %9s  %9s  %7s  %11s  %11s  %6s\n",
+              "rule",
+              "test loss",
+              "miss [mm]",
+              "ms/step",
+              "inverse",
+              "numerical",
+              "others");
   for (const Method& method : methods) {
     std::cerr << "training: " << method.label << "\n";
     // [train]
@@ -177,20 +171,19 @@ int Run() {
 
     // [row]
     const HistoryRow& last = result.history.back();
-    table.AddRow({method.label,
-                  FormatNumber(last.test_loss, 3),
-                  FormatNumber(1e3 * std::sqrt(2.0 * last.test_loss), 3),
-                  FormatNumber(1e3 * result.summary.train_time_in_seconds /
-                                   result.summary.num_steps,
-                               3),
-                  CountText(last.by_inverse),
-                  CountText(last.by_numerical_inverse),
-                  CountText(last.by_inverse_gradient + last.by_gradient +
-                            last.not_moved)});
+    std::printf(
+        "%-52s  %9.3g  %9.3g  %7.3g  %11s  %11s  %6s\n",
+        method.label.c_str(),
+        last.test_loss,
+        1e3 * std::sqrt(2.0 * last.test_loss),
+        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
+        CountText(last.by_inverse).c_str(),
+        CountText(last.by_numerical_inverse).c_str(),
+        CountText(last.by_inverse_gradient + last.by_gradient + last.not_moved)
+            .c_str());
     std::cerr << "  " << result.summary.message << "\n";
     // [/row]
   }
-  std::cout << table.ToText();
   return 0;
 }
 

@@ -3,8 +3,6 @@
 //
 // 03_rank_report.md explains this program piece by piece.
 //
-// Sample runs:
-//
 //   03_rank_report
 
 #include <array>
@@ -16,7 +14,6 @@
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "gflags/gflags.h"
 #include "invgrad/rank/gauge.h"
 #include "invgrad/rank/rank_report.h"
 
@@ -30,8 +27,8 @@ using invgrad::RankReport;
 constexpr int kNumPoses = 8;
 
 // [odometry]
-// What the wheels measured between two poses (x, y, angle): turns of the wheel
-// forward and sideways, and the angle from the gyroscope.
+// Measurements between two poses (x, y, angle): turns of the wheel forward and
+// sideways, and the angle from the gyroscope.
 // calibration: the wheel's radius [m], and the camera's time offset [s].
 struct Odometry {
   template <typename T>
@@ -52,7 +49,7 @@ struct Odometry {
 // [/odometry]
 
 // [distance]
-// The distance of two poses by a tape measure.
+// The distance of two poses, measured by a tape.
 struct Distance {
   template <typename T>
   bool operator()(const T* a, const T* b, T* r) const {
@@ -72,8 +69,7 @@ struct Robot {
   double calibration[2] = {0.1, 0.0};
 };
 
-// A loop of eight poses, with each of them measured from the one before and
-// from the one before that.
+// A loop of eight poses. Each of them is measured from the two before it.
 void AddOdometry(Robot* robot, ceres::Problem* problem) {
   const double turn = 6.283185307179586 / kNumPoses;
   for (int i = 0; i < kNumPoses; ++i) {
@@ -99,10 +95,10 @@ void AddOdometry(Robot* robot, ceres::Problem* problem) {
 // [/robot]
 
 // [gauge]
-// A larger wheel on a longer way turns as often.
-Gauge WheelAndWay(const Robot& robot) {
+// A larger wheel on a longer path makes the same turns.
+Gauge WheelAndPath(const Robot& robot) {
   Gauge gauge;
-  gauge.name = "size of the way and of the wheel";
+  gauge.name = "size of the path and of the wheel";
   gauge.generators = {"scale"};
   gauge.motions = [&robot](const GaugeComponent& component,
                            Eigen::MatrixXd* motions) {
@@ -150,7 +146,7 @@ int Run() {
   // [/report]
 
   // [own]
-  options.gauges = {WheelAndWay(robot)};
+  options.gauges = {WheelAndPath(robot)};
   problem.SetParameterBlockConstant(robot.poses[0].data());
   std::cout << "=== pose 0 held, and a gauge of our own\n";
   if (!Print(options, problem)) return 1;
@@ -171,8 +167,4 @@ int Run() {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  gflags::SetUsageMessage("what the residuals of a robot do not determine");
-  gflags::ParseCommandLineFlags(&argc, &argv, true);
-  return Run();
-}
+int main() { return Run(); }

@@ -19,8 +19,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
+#include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,9 +31,7 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
-#include "report/table.h"
 // [includes]
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
@@ -46,15 +45,13 @@ DEFINE_string(rules,
               "half_inverse,"
               "power:kappa=0.75:step_size=auto:rho=1,"
               "gauss_newton:step_size=auto:rho=1",
-              "what proposes; `compare --list` shows all rules and options");
+              "the rules that propose, see docs/rules.md");
 DEFINE_int32(starts, 500, "starts of each solver");
 
 namespace {
 
 using Eigen::Vector4d;
-using invgrad::FormatNumber;
 using invgrad::Specification;
-using invgrad::Table;
 
 constexpr int kNumAngles = 30;
 constexpr double kNoise = 0.05;       // [rad]
@@ -135,11 +132,11 @@ struct Outcome {
   }
 };
 
-// By Ceres alone if `proposals` is null.
+// By Ceres alone if `rule_text` is null.
 Outcome Solve(const Swing& swing,
               const Vector4d& start,
               double radius,
-              const Specification* proposals) {
+              const char* rule_text) {
   // [solve]
   Vector4d parameters = start;
   ceres::Problem problem;
@@ -156,16 +153,11 @@ Outcome Solve(const Swing& swing,
 
   // [added]
   std::unique_ptr<invgrad::UpdateRule> rule;
-  std::unique_ptr<invgrad::UpdateCallback> callback;
-  if (proposals != nullptr) {
-    std::string error;
-    rule = invgrad::CreateRule(*proposals, &error);
-    CHECK(rule != nullptr) << error;
-    CHECK(invgrad::UpdateCallback::IsSupported({}, problem, &error)) << error;
-    callback = std::make_unique<invgrad::UpdateCallback>(
-        invgrad::UpdateCallback::Options{}, rule.get(), &problem);
-    options.callbacks.push_back(callback.get());
-    options.update_state_every_iteration = true;
+  std::optional<invgrad::UpdateCallback> callback;
+  if (rule_text != nullptr) {
+    rule = invgrad::MakeRule(rule_text);
+    callback.emplace(rule.get(), &problem);
+    callback->AddTo(&options);
   }
   // [/added]
 
@@ -173,39 +165,36 @@ Outcome Solve(const Swing& swing,
   Outcome outcome;
   ceres::Solve(options, &problem, &outcome.solver);
   outcome.parameters = parameters;
-  if (callback != nullptr) outcome.proposals = callback->summary();
+  if (callback) outcome.proposals = callback->summary();
   // [/report]
   return outcome;
 }
 
 // One solve, as it would be reported.
-void ReportOne(const Swing& swing, const Specification& half_inverse) {
+void ReportOne(const Swing& swing, const char* rule_text) {
   const Vector4d start(std::log(0.5), std::log(0.5), swing.angles.front(), 0.0);
-  for (const Specification* proposals :
-       {static_cast<const Specification*>(nullptr), &half_inverse}) {
-    const Outcome outcome = Solve(swing, start, kCeresRadius, proposals);
-    std::cout << outcome.solver.BriefReport() << "\n  length "
-              << FormatNumber(std::exp(outcome.parameters[0])) << " m, damping "
-              << FormatNumber(std::exp(outcome.parameters[1])) << " / s\n";
-    if (proposals != nullptr) {
-      std::cout << "  " << outcome.proposals.BriefReport() << "\n";
-    }
+  const Outcome outcome = Solve(swing, start, kCeresRadius, rule_text);
+  std::printf("%s\n  length %.4g m, damping %.4g / s\n",
+              outcome.solver.BriefReport().c_str(),
+              std::exp(outcome.parameters[0]),
+              std::exp(outcome.parameters[1]));
+  if (rule_text != nullptr) {
+    std::printf("  %s\n", outcome.proposals.BriefReport().c_str());
   }
 }
 
-// A row about the solves from all starts.
-void AddRow(const std::string& label,
-            const Swing& swing,
-            double radius,
-            const Specification* proposals,
-            Table* table) {
+// Prints a row about the solves from all starts.
+void PrintRow(const char* label,
+              const Swing& swing,
+              double radius,
+              const char* rule_text) {
   invgrad::NumpyGenerator random(1);
   std::vector<int> num_iterations;  // of the solves that have found the truth
   double seconds = 0.0;
   for (int i = 0; i < FLAGS_starts; ++i) {
     Vector4d start(Truth()[0], Truth()[1], swing.angles.front(), 0.0);
     start.head<2>() += random.StandardNormal(2, 1);
-    const Outcome outcome = Solve(swing, start, radius, proposals);
+    const Outcome outcome = Solve(swing, start, radius, rule_text);
     seconds += outcome.solver.total_time_in_seconds;
     if (outcome.IsTruth()) {
       num_iterations.push_back(
@@ -213,52 +202,46 @@ void AddRow(const std::string& label,
     }
   }
   std::sort(num_iterations.begin(), num_iterations.end());
-  table->AddRow(
-      {label,
-       std::to_string(num_iterations.size()) + " of " +
-           std::to_string(FLAGS_starts),
-       num_iterations.empty()
-           ? "-"
-           : std::to_string(num_iterations[num_iterations.size() / 2]),
-       FormatNumber(1e3 * seconds / FLAGS_starts, 2)});
+  const std::string median =
+      num_iterations.empty()
+          ? "-"
+          : std::to_string(num_iterations[num_iterations.size() / 2]);
+  std::printf("%-55s  %4zu of %d  %19s  %10.2g\n",
+              label,
+              num_iterations.size(),
+              FLAGS_starts,
+              median.c_str(),
+              1e3 * seconds / FLAGS_starts);
 }
 
 int Run() {
   std::string error;
   std::vector<Specification> rules;
   if (!invgrad::ParseSpecifications(FLAGS_rules, &rules, &error)) {
-    std::cerr << "--rules: " << error << "\n";
+    std::fprintf(stderr, "--rules: %s\n", error.c_str());
     return 1;
   }
   for (const Specification& rule : rules) {
-    if (invgrad::CreateRule(rule, &error) == nullptr) {
-      std::cerr << "--rules: " << error << "\n";
+    if (invgrad::MakeRule(rule, &error) == nullptr) {
+      std::fprintf(stderr, "--rules: %s\n", error.c_str());
       return 1;
     }
   }
   if (FLAGS_starts < 1) {
-    std::cerr << "--starts: must be at least 1\n";
+    std::fprintf(stderr, "--starts: must be at least 1\n");
     return 1;
   }
   const Swing swing = Measure();
+  ReportOne(swing, nullptr);
+  ReportOne(swing, "half_inverse:step_size=auto:rho=1");
 
-  // [rule]
-  const Specification half_inverse = {
-      "", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}};
-  // [/rule]
-  ReportOne(swing, half_inverse);
-
-  Table table({{"proposed by", Table::Align::kLeft},
-               {"truth found"},
-               {"iterations (median)"},
-               {"ms a solve"}});
-  AddRow("nobody", swing, kCeresRadius, nullptr, &table);
-  AddRow(
-      "nobody; initial_trust_region_radius = 1", swing, 1.0, nullptr, &table);
+  std::printf("\n%-55s  truth found  iterations (median)  ms a solve\n",
+              "proposed by");
+  PrintRow("nobody", swing, kCeresRadius, nullptr);
+  PrintRow("nobody; initial_trust_region_radius = 1", swing, 1.0, nullptr);
   for (const Specification& rule : rules) {
-    AddRow(rule.text, swing, kCeresRadius, &rule, &table);
+    PrintRow(rule.text.c_str(), swing, kCeresRadius, rule.text.c_str());
   }
-  std::cout << "\n" << table.ToText();
   return 0;
 }
 
@@ -268,8 +251,8 @@ int main(int argc, char** argv) {
   gflags::SetUsageMessage("proposes half-inverse steps to ceres::Solve");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   google::InitGoogleLogging(argv[0]);
-  // A start that cannot be simulated is a failure in the table; Ceres would
-  // also log it as an error.
+  // Ceres logs an error for each start that cannot be simulated; the table
+  // counts it as not found.
   FLAGS_minloglevel = google::GLOG_FATAL;
   return Run();
 }

@@ -6,14 +6,17 @@
 // Sample runs:
 //
 //   05_robot_simulator
-//   05_robot_simulator --seconds=2 --picture=/tmp/robot.png
+//   05_robot_simulator --seconds=2 --folder=/tmp
 //   05_robot_simulator --nocalibrate --rules=half_inverse:step_size=auto
 
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <fstream>
 #include <iostream>
 #include <limits>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -35,8 +38,6 @@
 #include "invgrad/methods/method.h"
 #include "invgrad/train/evaluation.h"
 #include "invgrad/train/train.h"
-#include "report/plot.h"
-#include "report/table.h"
 
 DEFINE_string(rules,
               "adam:step_size=3e-2:schedule=cosine,"
@@ -48,7 +49,7 @@ DEFINE_string(rules,
 DEFINE_bool(calibrate, true, "train with the geometry found by Ceres");
 DEFINE_double(seconds, 6.0, "training time of each rule");
 DEFINE_int32(seed, 1, "of the initial weights");
-DEFINE_string(picture, "05_robot_simulator.png", "where the picture goes");
+DEFINE_string(folder, ".", "where robot_losses.txt and robot_paths.txt go");
 
 namespace {
 
@@ -59,9 +60,6 @@ using invgrad::HistoryRow;
 using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::Plot;
-using invgrad::Series;
-using invgrad::Table;
 using invgrad::TrainOptions;
 using invgrad::TrainResult;
 
@@ -223,30 +221,28 @@ DataSet DrawStarts(int num_samples, NumpyRandom* random) {
 // [/data]
 
 // [paths]
-// Where the robot drives: one series a start.
-void AddPaths(const Model& model,
-              const Eigen::VectorXd& weights,
-              const DataSet& starts,
-              Plot* plot) {
+// The ways of the robot, x and y a line, with an empty line between two starts:
+// what gnuplot reads as separate curves.
+std::string Paths(const Model& model,
+                  const Eigen::VectorXd& weights,
+                  const DataSet& starts) {
   std::string error;
   invgrad::DenseNetwork::Activations activations;
   CHECK(model.Forward(weights, starts, false, &activations, &error)) << error;
   const Eigen::MatrixXd controls = model.SimulatorInputs(activations);
+  std::ostringstream text;
   for (int s = 0; s < starts.num_samples(); ++s) {
     Vector3d pose = starts.contexts.col(s);
-    Series path;
-    path.style = Series::Style::kLinesAndPoints;
-    for (int t = 0; t <= kNumSteps; ++t) {
-      path.x.push_back(pose[0]);
-      path.y.push_back(pose[1]);
-      if (t == kNumSteps) break;
+    for (int t = 0; t < kNumSteps; ++t) {
+      text << pose[0] << " " << pose[1] << "\n";
       Vector3d next;
       CHECK(model.feedback()->Advance(
           pose.data(), controls.col(s).data() + 2 * t, next.data()));
       pose = next;
     }
-    plot->series.push_back(path);
+    text << pose[0] << " " << pose[1] << "\n\n";
   }
+  return text.str();
 }
 // [/paths]
 
@@ -280,20 +276,19 @@ int Run() {
   const DataSet train = DrawStarts(256, &data_random);
   const DataSet test = DrawStarts(256, &data_random);
 
-  Table table({{"rule", Table::Align::kLeft},
-               {"train loss"},
-               {"test loss"},
-               {"miss [mm]"},
-               {"real miss [mm]"},
-               {"steps"},
-               {"ms/step"},
-               {"status", Table::Align::kLeft}});
+  std::printf("%-38s  %10s  %9s  %9s  %14s  %5s  %7s  %s\n",
+              "rule",
+              "train loss",
+              "test loss",
+              "miss [mm]",
+              "real miss [mm]",
+              "steps",
+              "ms/step",
+              "status");
   // The root of the mean of |y|^2, in which 1 mrad counts as 1 mm.
-  const auto miss = [](double loss) {
-    return FormatNumber(1e3 * std::sqrt(2.0 * loss), 3);
-  };
-  Plot losses;
-  Plot paths;  // by the rule with the least test loss
+  const auto miss = [](double loss) { return 1e3 * std::sqrt(2.0 * loss); };
+  std::ofstream losses(FLAGS_folder + "/robot_losses.txt");
+  std::string paths;  // by the rule with the least test loss
   double least_loss = std::numeric_limits<double>::infinity();
   for (const Method& method : methods) {
     // [train]
@@ -311,46 +306,32 @@ int Run() {
     const double real_loss = invgrad::MeanLoss(reality, result.weights, test);
     // [/train]
     const HistoryRow& last = result.history.back();
-    table.AddRow({method.label,
-                  FormatNumber(last.train_loss, 3),
-                  FormatNumber(last.test_loss, 3),
-                  miss(last.test_loss),
-                  miss(real_loss),
-                  std::to_string(result.summary.num_steps),
-                  FormatNumber(1e3 * result.summary.train_time_in_seconds /
-                                   result.summary.num_steps,
-                               3),
-                  result.summary.message});
-    Series curve;
-    curve.title = method.label;
+    std::printf(
+        "%-38s  %10.3g  %9.3g  %9.3g  %14.3g  %5ld  %7.3g  %s\n",
+        method.label.c_str(),
+        last.train_loss,
+        last.test_loss,
+        miss(last.test_loss),
+        miss(real_loss),
+        static_cast<long>(result.summary.num_steps),
+        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
+        result.summary.message.c_str());
+    // A block a rule, begun by its name.
+    losses << '"' << method.label << "\"\n";
     for (const HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
-      curve.x.push_back(row.seconds);
-      curve.y.push_back(row.test_loss);
+      losses << row.seconds << " " << row.test_loss << "\n";
     }
-    losses.series.push_back(curve);
+    losses << "\n\n";
     if (last.test_loss < least_loss) {
       least_loss = last.test_loss;
-      paths.title = method.label;
-      paths.series.clear();
-      AddPaths(model, result.weights, test.Range(0, 12), &paths);
+      paths = Paths(model, result.weights, test.Range(0, 12));
     }
   }
-  std::cout << table.ToText();
-
-  losses.title = "parking";
-  losses.x_label = "seconds of training";
-  losses.y_label = "test loss";
-  losses.log_x = true;
-  losses.log_y = true;
-  losses.y_range.low = 1e-17;  // leaves room for the legend
-  losses.legend = Plot::Legend::kBottomLeft;
-  paths.x_label = "x [m]";
-  paths.y_label = "y [m]";
-  paths.equal_aspect = true;
-  paths.legend = Plot::Legend::kNone;
-  if (!invgrad::WritePlots(FLAGS_picture, {losses, paths}, &error)) {
-    std::cerr << error << "\n";
+  std::ofstream paths_file(FLAGS_folder + "/robot_paths.txt");
+  paths_file << paths;
+  if (!losses.flush() || !paths_file.flush()) {
+    std::cerr << "cannot write to the folder " << FLAGS_folder << "\n";
     return 1;
   }
   return 0;

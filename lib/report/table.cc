@@ -1,9 +1,12 @@
 #include "report/table.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/io/format.h"
 
 namespace invgrad {
 namespace {
@@ -23,6 +26,13 @@ std::string Padded(const std::string& text, size_t width, Table::Align align) {
 std::string OnOneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
+}
+
+std::string CsvField(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + '"';
 }
 
 void TrimEnd(std::string* line) {
@@ -52,6 +62,22 @@ void Table::AddRow(std::vector<std::string> cells) {
     cell = OnOneLine(cell);
   }
   rows_.push_back(std::move(cells));
+}
+
+void Table::BeginRow() {
+  if (!rows_.empty()) CHECK_EQ(rows_.back().size(), columns_.size());
+  rows_.emplace_back();
+}
+
+void Table::Add(const std::string& title,
+                const std::string& cell,
+                Align align) {
+  CHECK(!rows_.empty());
+  const size_t j = rows_.back().size();
+  if (rows_.size() == 1) columns_.push_back({OnOneLine(title), align});
+  CHECK_LT(j, columns_.size());
+  CHECK_EQ(columns_[j].title, OnOneLine(title));
+  rows_.back().push_back(OnOneLine(cell));
 }
 
 std::string Table::ToText() const {
@@ -94,5 +120,26 @@ std::string Table::ToMarkdown() const {
   }
   return text;
 }
+
+std::string Table::ToCsv() const {
+  std::string text;
+  for (const Column& column : columns_) {
+    text += (text.empty() ? "" : ",") + CsvField(column.title);
+  }
+  text += '\n';
+  for (const auto& row : rows_) {
+    for (size_t j = 0; j < row.size(); ++j) {
+      text += (j > 0 ? "," : "") + CsvField(row[j]);
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+std::string NumberOrDash(double value) {
+  return std::isnan(value) ? "-" : FormatNumber(value);
+}
+
+std::string ExactNumber(double value) { return fmt::format("{:.17g}", value); }
 
 }  // namespace invgrad

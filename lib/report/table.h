@@ -1,4 +1,4 @@
-// A table of text with aligned columns, for a terminal or as Markdown.
+// A table of text: aligned for a terminal, as Markdown, or as CSV.
 //
 //   rule          ms/step  status
 //   ------------  -------  --------
@@ -16,7 +16,7 @@
 
 namespace invgrad {
 
-// As a cell of a Markdown table: a "|" in it is not the end of the cell.
+// Escapes the "|" that would end a cell of a Markdown table.
 std::string MarkdownCell(const std::string& text);
 
 class Table {
@@ -28,16 +28,29 @@ class Table {
   };
 
   explicit Table(std::vector<Column> columns);
-
   void AddRow(std::vector<std::string> cells);
+
+  // Or cell by cell: the first row makes the columns, the others must have the
+  // same ones (CHECKed).
+  Table() = default;
+  void BeginRow();
+  void Add(const std::string& title,
+           const std::string& cell,
+           Align align = Align::kRight);
 
   std::string ToText() const;
   std::string ToMarkdown() const;
+  // RFC 4180, with quotes only where they are needed.
+  std::string ToCsv() const;
 
  private:
   std::vector<Column> columns_;
   std::vector<std::vector<std::string>> rows_;
 };
+
+// As cells: FormatNumber, "-" for NaN; and all digits.
+std::string NumberOrDash(double value);
+std::string ExactNumber(double value);
 
 }  // namespace invgrad
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "fmt/core.h"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/bundle_adjustment.h"
 
@@ -11,10 +12,10 @@ namespace invgrad {
 namespace {
 
 constexpr int kMaxPointsDrawn = 6000;
-// The reduced camera matrix is filled with a few cameras.
+// With few cameras the reduced camera matrix is dense.
 constexpr int kMaxDenseCameras = 500;
 
-// Without the fraction `tail` at either end, and with some room.
+// Without the fraction `tail` at either end, and with a margin.
 AxisRange QuantileRange(std::vector<double> values, double tail) {
   std::sort(values.begin(), values.end());
   const size_t cut = static_cast<size_t>(tail * values.size());
@@ -32,13 +33,14 @@ AxisRange Union(const AxisRange& a, const AxisRange& b) {
 
 class BalEstimation final : public Estimation {
  public:
-  BalEstimation(BalData data, bool is_compressed)
-      : start_(std::move(data)), data_(start_), is_compressed_(is_compressed) {}
+  explicit BalEstimation(BalData data)
+      : start_(std::move(data)), data_(start_) {}
 
   std::string Description() const override {
-    return std::to_string(data_.cameras.cols()) + " cameras, " +
-           std::to_string(data_.points.cols()) + " points, " +
-           std::to_string(data_.observations.size()) + " observations";
+    return fmt::format("{} cameras, {} points, {} observations",
+                       data_.cameras.cols(),
+                       data_.points.cols(),
+                       data_.observations.size());
   }
 
   void SetStart(int /*start*/) override { data_ = start_; }
@@ -67,15 +69,13 @@ class BalEstimation final : public Estimation {
     return PointsFirst(&data_);
   }
 
-  std::string Extension() const override {
-    return is_compressed_ ? ".txt.bz2" : ".txt";
-  }
+  std::string Extension() const override { return ".txt"; }
 
   bool Write(const std::string& path, std::string* error) const override {
     return WriteBalFile(path, data_, error);
   }
 
-  // From above: the cameras of these data sets look along a horizontal axis.
+  // Top view: the cameras of these data sets look along a horizontal axis.
   void Draw(const std::string& label,
             std::vector<Plot>* panels) const override {
     Plot plot;
@@ -99,7 +99,8 @@ class BalEstimation final : public Estimation {
       cameras.x.push_back(center[0]);
       cameras.y.push_back(center[2]);
     }
-    // Some points are far away. Panels are alike, to be compared.
+    // Quantiles, because some points are far away. All panels have the ranges
+    // of the first.
     if (panels->empty()) {
       plot.x_range =
           Union(QuantileRange(points.x, 0.02), QuantileRange(cameras.x, 0.0));
@@ -117,7 +118,6 @@ class BalEstimation final : public Estimation {
  private:
   const BalData start_;
   BalData data_;
-  const bool is_compressed_;
 };
 
 }  // namespace
@@ -126,9 +126,7 @@ std::unique_ptr<Estimation> ReadBalEstimation(const std::string& path,
                                               std::string* error) {
   BalData data;
   if (!ReadBalFile(path, &data, error)) return nullptr;
-  const bool is_compressed =
-      path.size() > 4 && path.compare(path.size() - 4, 4, ".bz2") == 0;
-  return std::make_unique<BalEstimation>(std::move(data), is_compressed);
+  return std::make_unique<BalEstimation>(std::move(data));
 }
 
 }  // namespace invgrad

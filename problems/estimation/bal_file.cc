@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <string_view>
 #include <utility>
 
+#include "fmt/format.h"
 #include "invgrad/io/atomic_file.h"
 #include "problems/estimation/bzip2.h"
 #include "problems/estimation/text_cursor.h"
@@ -39,9 +41,7 @@ class BalParser {
 
   bool Parse(BalData* data) {
     BalData read;
-    if (!ParseCounts() || !ParseObservations(&read.observations)) {
-      return false;
-    }
+    if (!ParseCounts() || !ParseObservations(&read.observations)) return false;
     read.cameras.resize(kCameraSize, num_cameras_);
     read.points.resize(kPointSize, num_points_);
     if (!ParseValues("a camera's value", &read.cameras) ||
@@ -72,12 +72,14 @@ class BalParser {
         2 * (kCameraSize * num_cameras_ + kPointSize * num_points_) - 1;
     if (cursor_.num_bytes_left() < min_size) {
       return cursor_.Fail(
-          "the text is too short for " + std::to_string(num_cameras_) +
-              " cameras, " + std::to_string(num_points_) + " points and " +
-              std::to_string(num_observations_) + " observations",
-          "at least " + std::to_string(min_size) +
-              " bytes behind this line, not " +
-              std::to_string(cursor_.num_bytes_left()));
+          fmt::format("the text is too short for {} cameras, {} points and {} "
+                      "observations",
+                      num_cameras_,
+                      num_points_,
+                      num_observations_),
+          fmt::format("at least {} bytes behind this line, not {}",
+                      min_size,
+                      cursor_.num_bytes_left()));
     }
     return true;
   }
@@ -109,9 +111,7 @@ class BalParser {
     for (Eigen::Index i = 0; i < values->size(); ++i) {
       while (cursor_.PeekToken().empty() && cursor_.NextLine()) {
       }
-      if (!cursor_.ReadNumber(expected, values->data() + i)) {
-        return false;
-      }
+      if (!cursor_.ReadNumber(expected, values->data() + i)) return false;
     }
     return true;
   }
@@ -121,14 +121,6 @@ class BalParser {
   long num_points_ = 0;
   long num_observations_ = 0;
 };
-
-template <typename Matrix>
-void AppendValues(const Matrix& values, std::string* text) {
-  for (Eigen::Index i = 0; i < values.size(); ++i) {
-    AppendNumber(values.data()[i], text);
-    *text += '\n';
-  }
-}
 
 }  // namespace
 
@@ -141,24 +133,21 @@ bool ParseBal(const std::string& text,
 
 std::string BalText(const BalData& data) {
   std::string text;
-  AppendNumber(static_cast<long>(data.cameras.cols()), &text);
-  text += ' ';
-  AppendNumber(static_cast<long>(data.points.cols()), &text);
-  text += ' ';
-  AppendNumber(static_cast<long>(data.observations.size()), &text);
-  text += '\n';
-  for (const BalData::Observation& observation : data.observations) {
-    AppendNumber(static_cast<long>(observation.camera), &text);
-    text += ' ';
-    AppendNumber(static_cast<long>(observation.point), &text);
-    text += ' ';
-    AppendNumber(observation.x, &text);
-    text += ' ';
-    AppendNumber(observation.y, &text);
-    text += '\n';
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out,
+                 "{} {} {}\n",
+                 data.cameras.cols(),
+                 data.points.cols(),
+                 data.observations.size());
+  for (const auto& [camera, point, x, y] : data.observations) {
+    fmt::format_to(out, "{} {} {} {}\n", camera, point, x, y);
   }
-  AppendValues(data.cameras, &text);
-  AppendValues(data.points, &text);
+  for (const double value : data.cameras.reshaped()) {
+    fmt::format_to(out, "{}\n", value);
+  }
+  for (const double value : data.points.reshaped()) {
+    fmt::format_to(out, "{}\n", value);
+  }
   return text;
 }
 
@@ -171,11 +160,12 @@ bool CheckBal(const BalData& data, std::string* error) {
   for (const BalData::Observation& observation : data.observations) {
     if (observation.camera < 0 || observation.camera >= data.cameras.cols() ||
         observation.point < 0 || observation.point >= data.points.cols()) {
-      *error = "an observation is of camera " +
-               std::to_string(observation.camera) + " and point " +
-               std::to_string(observation.point) + "; there are " +
-               std::to_string(data.cameras.cols()) + " and " +
-               std::to_string(data.points.cols());
+      *error = fmt::format(
+          "an observation is of camera {} and point {}; there are {} and {}",
+          observation.camera,
+          observation.point,
+          data.cameras.cols(),
+          data.points.cols());
       return false;
     }
     if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
@@ -192,12 +182,8 @@ bool CheckBal(const BalData& data, std::string* error) {
 
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error) {
   std::string bytes;
-  if (!ReadFile(path, &bytes, error)) {
-    return false;
-  }
-  if (!IsBzip2(path)) {
-    return ParseBal(bytes, path, data, error);
-  }
+  if (!ReadFile(path, &bytes, error)) return false;
+  if (!IsBzip2(path)) return ParseBal(bytes, path, data, error);
   std::string text;
   std::string problem;
   if (!DecompressBzip2(bytes, MaxTextSize(bytes.size()), &text, &problem)) {
@@ -215,21 +201,7 @@ bool WriteBalFile(const std::string& path,
     *error = "cannot write " + path + ": " + problem;
     return false;
   }
-  const std::string text = BalText(data);
-  if (!IsBzip2(path)) {
-    return WriteFile(path, text, error);
-  }
-  std::string bytes;
-  if (!CompressBzip2(text, &bytes, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  if (text.size() > MaxTextSize(bytes.size())) {
-    *error = "cannot write " + path +
-             ": compressed, so long a text would not be read again";
-    return false;
-  }
-  return WriteFile(path, bytes, error);
+  return WriteFile(path, BalText(data), error);
 }
 
 }  // namespace invgrad

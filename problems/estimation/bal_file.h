@@ -1,5 +1,5 @@
-// Reads and writes the bundle adjustment problems of "Bundle Adjustment in the
-// Large", as text or compressed by bzip2.
+// Reads the bundle adjustment problems of "Bundle Adjustment in the Large", as
+// text or compressed by bzip2, and writes them as text.
 //
 //   cameras points observations
 //   camera point x y            one line an observation
@@ -10,13 +10,13 @@
 //
 // The values are one a line in the published files; any space separates them.
 //
-// Cost:    linear in the size of the text; memory is bounded by it, whatever
-//          counts it claims.
+// Cost:    linear in the size of the text, which bounds the memory too,
+//          whatever counts the text claims.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
-//          text is empty, cut off, goes on behind its end, names a camera or a
-//          point that it does not have, or holds a number that is not finite;
-//          for .bz2 also if it cannot be decompressed, or becomes longer than
-//          2 GiB, or than 64 MiB and a hundred times its compressed size.
+//          text is empty, cut off, continues after its end, names a camera or a
+//          point that it does not have, or has a number that is not finite;
+//          for .bz2 also if it cannot be decompressed, or its text is longer
+//          than 2 GiB, or than 64 MiB and a hundred times its compressed size.
 //          *data is then unchanged.
 //
 // [1] Agarwal, Snavely, Seitz, Szeliski. Bundle Adjustment in the Large. ECCV
@@ -44,7 +44,7 @@ struct BalData {
   Eigen::Matrix<double, 3, Eigen::Dynamic> points;   // one a column
 };
 
-// `file` is what messages call the text.
+// `file`: the name of the text in messages.
 bool ParseBal(const std::string& text,
               const std::string& file,
               BalData* data,
@@ -53,13 +53,15 @@ bool ParseBal(const std::string& text,
 // The text that ParseBal reads back as `data`, bit for bit.
 std::string BalText(const BalData& data);
 
-// True if there is a camera, a point and an observation, all indices are of
-// cameras and points, and all numbers are finite: what ParseBal promises and
-// what can be written. Otherwise *error says what is not.
+// What ParseBal guarantees and WriteBalFile needs: there is a camera, a point
+// and an observation, all indices are valid, and all numbers are finite. If
+// not, *error says which condition fails.
 bool CheckBal(const BalData& data, std::string* error);
 
-// Decompresses and compresses if the path ends in ".bz2".
+// Decompresses if the path ends in ".bz2".
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error);
+
+// A plain text, whatever the path.
 bool WriteBalFile(const std::string& path,
                   const BalData& data,
                   std::string* error);

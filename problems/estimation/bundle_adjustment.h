@@ -33,7 +33,7 @@ void AddBundleAdjustment(const MakeLossFunction& make_loss,
                          BalData* data,
                          ceres::Problem* problem);
 
-// Points are eliminated first, as Schur's complement wants it.
+// Points are eliminated first, for the Schur complement.
 std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirst(BalData* data);
 
 // The place of a camera, -R^T translation.

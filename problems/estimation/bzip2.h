@@ -1,7 +1,7 @@
-// Compresses bytes as bzip2 does, and decompresses them without trusting them.
+// Decompresses what bzip2 wrote. The bytes need not be trusted.
 //
-// Cost:    of decompression: linear in the size of the result, which is never
-//          allocated beyond twice of what has come out, nor beyond `max_size`.
+// Cost:    linear in the size of the result. Never allocates more than twice
+//          what has been decompressed, nor more than `max_size`.
 // Fails:   returns false; *error says what is wrong with the bytes (cut off,
 //          damaged, more than max_size), *result is unchanged.
 #ifndef PROBLEMS_ESTIMATION_BZIP2_H_
@@ -13,12 +13,7 @@
 
 namespace invgrad {
 
-// At most 2^32 - 1 bytes.
-bool CompressBzip2(std::string_view bytes,
-                   std::string* result,
-                   std::string* error);
-
-// Takes several streams, one behind the other, as pbzip2 writes them.
+// Accepts several streams in succession, as pbzip2 writes them.
 bool DecompressBzip2(std::string_view bytes,
                      size_t max_size,
                      std::string* result,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "fmt/core.h"
 #include "problems/estimation/bal_estimation.h"
 #include "problems/estimation/nist_estimation.h"
 #include "problems/estimation/pose_graph_estimation.h"
@@ -84,11 +85,14 @@ std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
   for (const Kind& row : Kinds()) {
     if (row.name == kind) return row.read(path, options, error);
     for (const std::string& end : row.extensions) {
-      known += (known.empty() ? "" : ", ") + end + " (" + row.name + ")";
+      known +=
+          fmt::format("{}{} ({})", known.empty() ? "" : ", ", end, row.name);
     }
   }
-  *error = path + ": what kind of file? Its name should end in " + known +
-           ", or a format be given";
+  *error = fmt::format(
+      "{}: unknown kind of file; expected a name that ends in {}, or a format",
+      path,
+      known);
   return nullptr;
 }
 

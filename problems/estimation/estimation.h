@@ -1,13 +1,14 @@
 // An estimation problem that is read from a file: parameters with a start, a
-// ceres::Problem on them, a result file in the input's own format, pictures.
+// ceres::Problem on them, a result file in the input's own format
+// (uncompressed), pictures.
 //
 //   kind   file                        parameters           module
 //   nist   .dat                        b                    nist_models.h
 //   bal    .txt, .txt.bz2              cameras and points   bundle_adjustment.h
 //   g2o    .g2o                        poses                pose_graph.h
 //
-// The kinds differ in what is usual for them: tolerances, the linear solver of
-// a trust region, and its order of elimination.
+// Each kind has its usual tolerances, linear solver of a trust region, and
+// order of elimination.
 #ifndef PROBLEMS_ESTIMATION_ESTIMATION_H_
 #define PROBLEMS_ESTIMATION_ESTIMATION_H_
 
@@ -31,18 +32,18 @@ class Estimation {
  public:
   virtual ~Estimation() = default;
 
-  // A line for those who read the table: sizes.
+  // The sizes, on one line.
   virtual std::string Description() const = 0;
   virtual int num_starts() const { return 1; }
-  // Puts the parameters to a start, counted from 0.
+  // Sets the parameters to a start, counted from 0.
   virtual void SetStart(int start) = 0;
   // Normal noise on the parameters that are estimated.
   virtual void Perturb(double sigma, NumpyRandom* random) = 0;
 
-  // A new problem, whose parameter blocks lie in this object.
+  // A new problem, whose parameter blocks are members of this object.
   virtual std::unique_ptr<ceres::Problem> MakeProblem(
       const MakeLossFunction& make_loss) = 0;
-  // Iterations and tolerances that are usual.
+  // The usual iterations and tolerances.
   virtual void SetBudget(MinimizerOptions* options) const = 0;
   // A value of the option linear_solver of Ceres' trust regions.
   virtual std::string LinearSolver() const = 0;
@@ -51,29 +52,29 @@ class Estimation {
     return nullptr;
   }
 
-  // The digits of every parameter that agree with certified values, if the file
-  // has them.
+  // For each parameter, the digits that agree with the certified value, if the
+  // file has certified values.
   virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
 
-  // Of the input: ".dat".
+  // Of the result file: ".dat".
   virtual std::string Extension() const = 0;
   // The current parameters, in the input's format.
   virtual bool Write(const std::string& path, std::string* error) const = 0;
 
-  // Adds the current parameters to a picture of several panels, which is empty
-  // at first: curves to one panel, or a panel.
+  // Adds the current parameters to a picture of several panels, empty at first:
+  // as curves in one panel, or as a panel.
   virtual void Draw(const std::string& label,
                     std::vector<Plot>* panels) const = 0;
 };
 
-// What --format may be.
+// The names of the kinds.
 const std::vector<std::string>& EstimationKinds();
 
-// The kind that a file's ending says; empty: none.
+// The kind of files with this extension; empty: none.
 std::string EstimationKindOf(const std::string& path);
 
 struct ReadEstimationOptions {
-  std::string kind;  // empty: what the extension says
+  std::string kind;  // empty: that of the extension
   InformationRoot information_root = InformationRoot::kLower;  // of g2o
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <string_view>
 #include <unordered_map>
@@ -9,6 +10,7 @@
 #include <utility>
 
 #include "Eigen/Cholesky"
+#include "fmt/format.h"
 #include "invgrad/io/atomic_file.h"
 #include "problems/estimation/text_cursor.h"
 
@@ -22,8 +24,8 @@ constexpr long kMaxId = std::numeric_limits<long>::max();
 int PoseSize(int dimension) { return dimension == 2 ? 3 : 7; }
 int TangentSize(int dimension) { return dimension == 2 ? 3 : 6; }
 
-// Length one up to the rounding of a normalization, which a second one would
-// change in the last bit: such quaternions are left alone.
+// Length one up to the rounding of a normalization. Such quaternions are not
+// normalized again, which would change the last bit.
 bool HasLengthOne(const Eigen::Vector4d& quaternion) {
   constexpr double kTolerance = 16 * std::numeric_limits<double>::epsilon();
   return std::abs(quaternion.squaredNorm() - 1.0) <= kTolerance;
@@ -32,20 +34,16 @@ bool HasLengthOne(const Eigen::Vector4d& quaternion) {
 // False if it is zero.
 bool NormalizeQuaternion(PoseGraph::Pose* pose) {
   Eigen::Vector4d quaternion = pose->tail<4>();
-  if (HasLengthOne(quaternion)) {
-    return true;
-  }
+  if (HasLengthOne(quaternion)) return true;
   const double largest = quaternion.cwiseAbs().maxCoeff();
-  if (largest == 0.0) {
-    return false;
-  }
-  quaternion /= largest;  // whose square cannot overflow or vanish
+  if (largest == 0.0) return false;
+  quaternion /= largest;  // so that squares cannot overflow or vanish
   pose->tail<4>() = quaternion / quaternion.norm();
   return true;
 }
 
 bool IsPositiveDefinite(const Information& information) {
-  // Eigen takes NaN, from entries near overflow, for a positive pivot.
+  // To Eigen, NaN from entries near overflow is a positive pivot.
   const Eigen::LLT<Information> factorization(information);
   return factorization.info() == Eigen::Success &&
          factorization.matrixLLT().allFinite();
@@ -60,16 +58,12 @@ class G2oParser {
 
   bool Parse(PoseGraph* graph) {
     while (cursor_.NextLine()) {
-      if (!ParseLine()) {
-        return false;
-      }
+      if (!ParseLine()) return false;
     }
     if (read_.ids.empty()) {
       return cursor_.FailAtToken("", "a VERTEX_SE2 or a VERTEX_SE3:QUAT");
     }
-    if (!ResolveEdges() || !ResolveFixed()) {
-      return false;
-    }
+    if (!ResolveEdges() || !ResolveFixed()) return false;
     read_.poses = Eigen::Map<const Eigen::MatrixXd>(
         poses_.data(), PoseSize(read_.dimension), read_.ids.size());
     *graph = std::move(read_);
@@ -77,7 +71,7 @@ class G2oParser {
   }
 
  private:
-  // Ids may be used before their vertex comes.
+  // Ids may be used before the line of their vertex.
   struct IdsOfEdge {
     long line;
     long from;
@@ -90,37 +84,23 @@ class G2oParser {
 
   bool ParseLine() {
     const std::string_view tag = cursor_.NextToken();
-    if (tag.empty() || tag[0] == '#') {
-      return true;
-    }
-    if (tag == "VERTEX_SE2") {
-      return SetDimension(2) && ParseVertex();
-    }
-    if (tag == "VERTEX_SE3:QUAT") {
-      return SetDimension(3) && ParseVertex();
-    }
-    if (tag == "EDGE_SE2") {
-      return SetDimension(2) && ParseEdge();
-    }
-    if (tag == "EDGE_SE3:QUAT") {
-      return SetDimension(3) && ParseEdge();
-    }
-    if (tag == "FIX") {
-      return ParseFixed();
-    }
+    if (tag.empty() || tag[0] == '#') return true;
+    if (tag == "VERTEX_SE2") return SetDimension(2) && ParseVertex();
+    if (tag == "VERTEX_SE3:QUAT") return SetDimension(3) && ParseVertex();
+    if (tag == "EDGE_SE2") return SetDimension(2) && ParseEdge();
+    if (tag == "EDGE_SE3:QUAT") return SetDimension(3) && ParseEdge();
+    if (tag == "FIX") return ParseFixed();
     return cursor_.FailAtToken(tag,
                                "VERTEX_SE2, VERTEX_SE3:QUAT, EDGE_SE2, "
                                "EDGE_SE3:QUAT or FIX");
   }
 
   bool SetDimension(int dimension) {
-    if (read_.dimension == 0) {
-      read_.dimension = dimension;
-    }
+    if (read_.dimension == 0) read_.dimension = dimension;
     return read_.dimension == dimension ||
-           cursor_.Fail("a tag of SE" + std::to_string(dimension),
-                        "SE" + std::to_string(read_.dimension) +
-                            " as in the lines before");
+           cursor_.Fail(
+               fmt::format("a tag of SE{}", dimension),
+               fmt::format("SE{} as in the lines before", read_.dimension));
   }
 
   bool ParseId(long* id) {
@@ -130,9 +110,7 @@ class G2oParser {
   bool ParsePose(PoseGraph::Pose* pose) {
     pose->resize(PoseSize(read_.dimension));
     for (double& value : *pose) {
-      if (!cursor_.ReadNumber("a pose's coordinate", &value)) {
-        return false;
-      }
+      if (!cursor_.ReadNumber("a pose's coordinate", &value)) return false;
     }
     return read_.dimension == 2 || NormalizeQuaternion(pose) ||
            cursor_.Fail("the quaternion is zero", "a rotation");
@@ -145,7 +123,7 @@ class G2oParser {
       return false;
     }
     if (!columns_.emplace(id, static_cast<int>(read_.ids.size())).second) {
-      return cursor_.Fail("vertex " + std::to_string(id) + " is there twice",
+      return cursor_.Fail(fmt::format("vertex {} is there twice", id),
                           "another id");
     }
     read_.ids.push_back(id);
@@ -162,7 +140,7 @@ class G2oParser {
     }
     if (ids.from == ids.to) {
       return cursor_.Fail(
-          "the edge joins vertex " + std::to_string(ids.to) + " with itself",
+          fmt::format("the edge joins vertex {} with itself", ids.to),
           "two vertices");
     }
     const int size = TangentSize(read_.dimension);
@@ -176,9 +154,7 @@ class G2oParser {
         edge.information(j, i) = edge.information(i, j);
       }
     }
-    if (!cursor_.ReadLineEnd()) {
-      return false;
-    }
+    if (!cursor_.ReadLineEnd()) return false;
     if (!IsPositiveDefinite(edge.information)) {
       return cursor_.Fail("the information matrix is not positive definite",
                           "the inverse of a covariance");
@@ -191,9 +167,7 @@ class G2oParser {
   bool ParseFixed() {
     do {
       FixedId fixed = {cursor_.line_number(), 0};
-      if (!ParseId(&fixed.id)) {
-        return false;
-      }
+      if (!ParseId(&fixed.id)) return false;
       fixed_.push_back(fixed);
     } while (!cursor_.PeekToken().empty());
     return true;
@@ -202,9 +176,8 @@ class G2oParser {
   bool FindColumn(long line, long id, int* column) const {
     const auto found = columns_.find(id);
     if (found == columns_.end()) {
-      return cursor_.FailOnLine(line,
-                                "there is no vertex " + std::to_string(id),
-                                "the id of a vertex");
+      return cursor_.FailOnLine(
+          line, fmt::format("there is no vertex {}", id), "the id of a vertex");
     }
     *column = found->second;
     return true;
@@ -225,13 +198,11 @@ class G2oParser {
     std::unordered_set<int> columns;
     for (const FixedId& fixed : fixed_) {
       int column = 0;
-      if (!FindColumn(fixed.line, fixed.id, &column)) {
-        return false;
-      }
+      if (!FindColumn(fixed.line, fixed.id, &column)) return false;
       if (!columns.insert(column).second) {
         return cursor_.FailOnLine(
             fixed.line,
-            "vertex " + std::to_string(fixed.id) + " is fixed twice",
+            fmt::format("vertex {} is fixed twice", fixed.id),
             "each vertex once");
       }
       read_.fixed.push_back(column);
@@ -241,7 +212,7 @@ class G2oParser {
 
   TextCursor cursor_;
   PoseGraph read_;
-  std::vector<double> poses_;  // one behind the other
+  std::vector<double> poses_;  // all coordinates
   std::unordered_map<long, int> columns_;
   std::vector<IdsOfEdge> ids_of_edges_;  // of read_.edges
   std::vector<FixedId> fixed_;
@@ -264,16 +235,12 @@ bool CheckEdge(const PoseGraph& graph, const PoseGraph::Edge& edge) {
 }
 
 template <typename Vector>
-void AppendRow(const Vector& values, std::string* text) {
-  for (Eigen::Index i = 0; i < values.size(); ++i) {
-    *text += ' ';
-    AppendNumber(values(i), text);
+std::string Join(const Vector& values) {
+  std::string text;
+  for (const double value : values) {
+    fmt::format_to(std::back_inserter(text), " {}", value);
   }
-}
-
-void AppendId(long id, std::string* text) {
-  *text += ' ';
-  AppendNumber(id, text);
+  return text;
 }
 
 }  // namespace
@@ -288,25 +255,24 @@ bool ParseG2o(const std::string& text,
 std::string G2oText(const PoseGraph& graph) {
   const std::string kind = graph.dimension == 2 ? "SE2" : "SE3:QUAT";
   std::string text;
+  const auto out = std::back_inserter(text);
   for (size_t i = 0; i < graph.ids.size(); ++i) {
-    text += "VERTEX_" + kind;
-    AppendId(graph.ids[i], &text);
-    AppendRow(graph.poses.col(i), &text);
-    text += '\n';
+    fmt::format_to(
+        out, "VERTEX_{} {}{}\n", kind, graph.ids[i], Join(graph.poses.col(i)));
   }
   for (const int column : graph.fixed) {
-    text += "FIX";
-    AppendId(graph.ids[column], &text);
-    text += '\n';
+    fmt::format_to(out, "FIX {}\n", graph.ids[column]);
   }
   for (const PoseGraph::Edge& edge : graph.edges) {
-    text += "EDGE_" + kind;
-    AppendId(graph.ids[edge.from], &text);
-    AppendId(graph.ids[edge.to], &text);
-    AppendRow(edge.measurement, &text);
-    for (int i = 0; i < edge.information.rows(); ++i) {
-      AppendRow(edge.information.row(i).tail(edge.information.cols() - i),
-                &text);
+    fmt::format_to(out,
+                   "EDGE_{} {} {}{}",
+                   kind,
+                   graph.ids[edge.from],
+                   graph.ids[edge.to],
+                   Join(edge.measurement));
+    const auto& information = edge.information;
+    for (int i = 0; i < information.rows(); ++i) {
+      text += Join(information.row(i).tail(information.cols() - i));
     }
     text += '\n';
   }
@@ -325,25 +291,27 @@ bool CheckG2o(const PoseGraph& graph, std::string* error) {
   for (int i = 0; i < num_poses; ++i) {
     if (graph.ids[i] < 0 || !ids.insert(graph.ids[i]).second ||
         !CheckPose(graph.dimension, graph.poses.col(i))) {
-      *error = "pose " + std::to_string(i) +
-               " has an id that is negative or used twice, is not finite, or "
-               "has a quaternion of other length than one";
+      *error = fmt::format(
+          "pose {} has an id that is negative or used twice, is not finite, or "
+          "has a quaternion of other length than one",
+          i);
       return false;
     }
   }
   std::unordered_set<int> fixed;
   for (const int column : graph.fixed) {
     if (column < 0 || column >= num_poses || !fixed.insert(column).second) {
-      *error = "pose " + std::to_string(column) +
-               " is fixed and does not exist, or is fixed twice";
+      *error = fmt::format(
+          "pose {} is fixed and does not exist, or is fixed twice", column);
       return false;
     }
   }
   for (size_t i = 0; i < graph.edges.size(); ++i) {
     if (!CheckEdge(graph, graph.edges[i])) {
-      *error = "edge " + std::to_string(i) +
-               " does not join two poses by a measurement of their dimension "
-               "and a positive definite information matrix";
+      *error = fmt::format(
+          "edge {} does not join two poses by a measurement of their dimension "
+          "and a positive definite information matrix",
+          i);
       return false;
     }
   }

@@ -7,13 +7,13 @@
 //   FIX id ...
 //
 // An information matrix is given by its upper triangle, row by row. Lines may
-// be in any order; blank ones and those that start with # are skipped. One file
-// is of one dimension. Other tags are refused by name.
+// be in any order; blank ones and those that start with # are skipped. A file
+// has one dimension. Other tags are errors.
 //
-// Cost:    linear in the size of the text; memory is bounded by it.
+// Cost:    linear in the size of the text, which bounds the memory too.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
-//          text has no vertex, a line has other than its count of numbers, an
-//          id is used twice or not known, an edge joins a pose with itself,
+//          text has no vertex, a line has a wrong count of numbers, an id is
+//          used twice or not defined, an edge joins a pose with itself,
 //          dimensions are mixed, a number is not finite, a quaternion is zero,
 //          or an information matrix is not positive definite. *graph is then
 //          unchanged.
@@ -49,7 +49,7 @@ struct PoseGraph {
   std::vector<Edge> edges;
 };
 
-// `file` is what messages call the text.
+// `file`: the name of the text in messages.
 bool ParseG2o(const std::string& text,
               const std::string& file,
               PoseGraph* graph,
@@ -58,10 +58,10 @@ bool ParseG2o(const std::string& text,
 // The text that ParseG2o reads back as `graph`, bit for bit.
 std::string G2oText(const PoseGraph& graph);
 
-// True if `graph` is what ParseG2o promises and what can be written: columns
-// are in range, ids differ, sizes are those of the dimension, numbers are
-// finite, quaternions have length one, information matrices are symmetric and
-// positive definite. Otherwise *error says what is not.
+// What ParseG2o guarantees and WriteG2oFile needs: columns are in range, ids
+// differ, sizes are those of the dimension, numbers are finite, quaternions
+// have length one, information matrices are symmetric and positive definite. If
+// not, *error says which condition fails.
 bool CheckG2o(const PoseGraph& graph, std::string* error);
 
 bool ReadG2oFile(const std::string& path, PoseGraph* graph, std::string* error);

@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "glog/logging.h"
+#include "fmt/core.h"
 #include "problems/estimation/nist_file.h"
 #include "problems/estimation/nist_models.h"
 #include "problems/estimation/normal_numbers.h"
@@ -26,9 +26,10 @@ class NistEstimation final : public Estimation {
       : data_(std::move(data)), model_(model), b_(data_.starts.col(0)) {}
 
   std::string Description() const override {
-    return std::to_string(data_.responses.size()) + " observations, " +
-           std::to_string(data_.num_parameters()) + " parameters; " +
-           model_.formula;
+    return fmt::format("{} observations, {} parameters; {}",
+                       data_.responses.size(),
+                       data_.num_parameters(),
+                       model_.formula);
   }
 
   int num_starts() const override {
@@ -56,7 +57,7 @@ class NistEstimation final : public Estimation {
     return problem;
   }
 
-  // All digits that there are, as Ceres' own examples/nist.cc.
+  // Full accuracy, as in Ceres' examples/nist.cc.
   void SetBudget(MinimizerOptions* options) const override {
     constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
     options->max_num_iterations = 10000;
@@ -73,7 +74,7 @@ class NistEstimation final : public Estimation {
 
   std::string Extension() const override { return ".dat"; }
 
-  // The estimates stand in place of both starts.
+  // The estimates replace both starts.
   bool Write(const std::string& path, std::string* error) const override {
     NistData result = data_;
     result.starts.colwise() = b_;
@@ -123,7 +124,7 @@ class NistEstimation final : public Estimation {
         points.x.push_back(static_cast<double>(i + 1));
       }
     }
-    // A start may be orders of magnitude away: the data is what is looked at.
+    // The range of the data: a start may be orders of magnitude away.
     const auto [low, high] =
         std::minmax_element(points.y.begin(), points.y.end());
     const double margin = 0.15 * (*high - *low);
@@ -137,8 +138,8 @@ class NistEstimation final : public Estimation {
   Eigen::VectorXd b_;
 };
 
-// Whether the certified parameters have the certified sum of squares, as far as
-// their ten digits tell: an almost exact fit has a sum of rounding errors.
+// Whether the certified parameters have the certified sum of squares, up to
+// their ten digits. The sum of an almost exact fit consists of rounding errors.
 bool FitsCertificate(const NistModel& model, const NistData& data) {
   const double tolerance = 1e-6 * data.certified_sum_of_squares +
                            1e-12 * data.responses.squaredNorm();

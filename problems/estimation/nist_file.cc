@@ -1,14 +1,17 @@
 #include "problems/estimation/nist_file.h"
 
 #include <algorithm>
-#include <charconv>
+#include <cctype>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <map>
+#include <set>
 #include <string_view>
-#include <system_error>
 #include <utility>
 #include <vector>
 
+#include "fmt/format.h"
 #include "invgrad/io/atomic_file.h"
 #include "problems/estimation/text_cursor.h"
 
@@ -17,14 +20,12 @@ namespace {
 
 constexpr long kLargestCount = std::numeric_limits<int>::max();
 
-// What a line of the head states; line 0 if none did.
+// What a line of the head states: a range of lines, or a count.
 struct Statement {
   long line = 0;
   long first = 0;  // line, or the count itself
   long last = 0;   // line
 };
-
-bool IsMissing(const Statement& statement) { return statement.line == 0; }
 
 class NistParser {
  public:
@@ -34,42 +35,43 @@ class NistParser {
       : cursor_(text, file, error) {}
 
   bool Parse(NistData* data) {
-    if (!ParseHead() || !CheckLines() || !CheckCounts() || !ParseParameters() ||
-        !ParseSummary() || !ParseData()) {
-      return false;
-    }
+    if (!ParseHead() || !CheckLines() || !CheckCounts()) return false;
+    if (!ParseParameters() || !ParseSummary() || !ParseData()) return false;
     *data = std::move(read_);
     return true;
   }
 
  private:
+  bool Has(std::string_view kind) const { return head_.count(kind) > 0; }
+  const Statement& Get(std::string_view kind) const { return head_.at(kind); }
+
   // The head ends where the starting values begin.
   bool ParseHead() {
-    while (cursor_.line_number() + 1 < starts_.first || IsMissing(starts_)) {
+    while (!Has("Starting") ||
+           cursor_.line_number() + 1 < Get("Starting").first) {
       if (!cursor_.NextLine()) {
         return cursor_.FailAtToken("",
                                    "'Starting Values (lines A to B)' and the "
                                    "starting values on these lines");
       }
-      if (!ParseHeadLine()) {
-        return false;
-      }
+      if (!ParseHeadLine()) return false;
     }
-    return Require(!read_.name.empty(), "'Dataset Name: NAME'") &&
-           Require(!IsMissing(certified_),
-                   "'Certified Values (lines A to B)'") &&
-           Require(!IsMissing(data_), "'Data (lines A to B)'") &&
-           Require(!IsMissing(num_predictors_), "'P Predictors'") &&
-           Require(!IsMissing(num_observations_), "'M Observations'") &&
-           Require(!IsMissing(num_parameters_), "'N Parameters'");
+    constexpr std::string_view kEnd = "the head ends";
+    if (read_.name.empty()) return cursor_.Fail(kEnd, "'Dataset Name: NAME'");
+    constexpr std::pair<std::string_view, std::string_view> kNeeded[] = {
+        {"Certified", "'Certified Values (lines A to B)'"},
+        {"Data", "'Data (lines A to B)'"},
+        {"Predictor", "'P Predictors'"},
+        {"Observation", "'M Observations'"},
+        {"Parameter", "'N Parameters'"}};
+    for (const auto& [kind, expected] : kNeeded) {
+      if (!Has(kind)) return cursor_.Fail(kEnd, expected);
+    }
+    return true;
   }
 
-  bool Require(bool is_there, std::string_view expected) const {
-    return is_there || cursor_.Fail("the head ends", expected);
-  }
-
-  // Only the first statement of a kind counts: the prose of other lines may
-  // begin like one.
+  // The first statement of a kind counts. Prose on other lines may begin like
+  // one.
   bool ParseHeadLine() {
     const std::string_view first = cursor_.NextToken();
     const std::string_view second = cursor_.PeekToken();
@@ -79,129 +81,107 @@ class NistParser {
       return !read_.name.empty() ||
              cursor_.FailAtToken("", "the data set's name");
     }
-    if (second == "Values" && first == "Starting" && IsMissing(starts_)) {
-      cursor_.NextToken();
-      return ParseLines(&starts_);
+    const bool is_data = first == "Data" && second == "(lines";
+    const bool is_values =
+        second == "Values" && (first == "Starting" || first == "Certified");
+    if ((is_data || is_values) && !Has(first)) {
+      if (is_values) cursor_.NextToken();
+      return ParseLines(first);
     }
-    if (second == "Values" && first == "Certified" && IsMissing(certified_)) {
-      cursor_.NextToken();
-      return ParseLines(&certified_);
-    }
-    if (second == "(lines" && first == "Data" && IsMissing(data_)) {
-      return ParseLines(&data_);
-    }
-    // The counts stand below the prose.
+    // The counts are below the prose.
     is_below_prose_ = is_below_prose_ || first == "Data:";
-    if (is_below_prose_) {
-      ParseCount(first, second);
-    }
+    if (is_below_prose_) ParseCount(first, second);
     return true;
   }
 
   // "(lines 41 to  43)".
-  bool ParseLines(Statement* lines) {
-    if (!cursor_.ReadWord("(lines") ||
+  bool ParseLines(std::string_view kind) {
+    Statement& lines = head_[kind];
+    lines.line = cursor_.line_number();
+    if (!cursor_.ReadWords("(lines") ||
         !cursor_.ReadInteger("the first line's number",
-                             cursor_.line_number() + 1,
+                             lines.line + 1,
                              kLargestCount,
-                             &lines->first) ||
-        !cursor_.ReadWord("to")) {
+                             &lines.first) ||
+        !cursor_.ReadWords("to")) {
       return false;
     }
     const std::string_view token = cursor_.NextToken();
-    const char* end = token.data() + token.size();
-    const auto result = std::from_chars(token.data(), end, lines->last);
-    if (result.ec != std::errc() || end - result.ptr != 1 ||
-        *result.ptr != ')') {
+    if (token.empty() || token.back() != ')' ||
+        !ParseInteger(token.substr(0, token.size() - 1), &lines.last)) {
       return cursor_.FailAtToken(token, "the last line's number and ')'");
     }
-    if (lines->last < lines->first || lines->last > cursor_.num_lines()) {
-      return cursor_.Fail("lines " + std::to_string(lines->first) + " to " +
-                              std::to_string(lines->last) + " are claimed",
-                          "lines in order, up to line " +
-                              std::to_string(cursor_.num_lines()) +
-                              ", where the text ends");
-    }
-    lines->line = cursor_.line_number();
-    return true;
+    return (lines.last >= lines.first && lines.last <= cursor_.num_lines()) ||
+           cursor_.Fail(
+               fmt::format(
+                   "lines {} to {} are claimed", lines.first, lines.last),
+               fmt::format("lines in order, up to line {}, where the text ends",
+                           cursor_.num_lines()));
   }
 
   // "14 Observations", "1 Predictor Variable", "2 Parameters (b1 and b2)".
   void ParseCount(std::string_view number, std::string_view word) {
-    Statement* statement = nullptr;
-    if (word == "Predictor" || word == "Predictors") {
-      statement = &num_predictors_;
-    } else if (word == "Parameter" || word == "Parameters") {
-      statement = &num_parameters_;
-    } else if (word == "Observation" || word == "Observations") {
-      statement = &num_observations_;
-    } else {
-      return;
-    }
+    if (!word.empty() && word.back() == 's') word.remove_suffix(1);
     long count = 0;
-    const char* end = number.data() + number.size();
-    const auto result = std::from_chars(number.data(), end, count);
-    if (IsMissing(*statement) && result.ec == std::errc() &&
-        result.ptr == end) {
-      *statement = {cursor_.line_number(), count, 0};
+    if ((word == "Predictor" || word == "Parameter" || word == "Observation") &&
+        ParseInteger(number, &count)) {
+      head_.insert({word, {cursor_.line_number(), count, 0}});
     }
   }
 
   bool CheckLines() const {
-    if (certified_.first != starts_.first || certified_.last < starts_.last) {
-      return cursor_.FailOnLine(certified_.line,
+    const Statement& certified = Get("Certified");
+    if (certified.first != Get("Starting").first ||
+        certified.last < Get("Starting").last) {
+      return cursor_.FailOnLine(certified.line,
                                 "the certified values are on other lines",
                                 "lines that begin with the starting values'");
     }
-    return data_.first > certified_.last ||
-           cursor_.FailOnLine(data_.line,
-                              "the data are not below the certified values",
-                              "line " + std::to_string(certified_.last + 1) +
-                                  " at the earliest");
+    return Get("Data").first > certified.last ||
+           cursor_.FailOnLine(
+               Get("Data").line,
+               "the data are not below the certified values",
+               fmt::format("line {} at the earliest", certified.last + 1));
   }
 
-  // The counts stated must be those of the lines claimed, which are there.
+  // The counts must agree with the ranges of lines.
   bool CheckCounts() const {
-    const long num_starts = starts_.last - starts_.first + 1;
-    const long num_rows = data_.last - data_.first + 1;
-    if (num_parameters_.first != num_starts) {
-      return FailAtCount(
-          num_parameters_,
-          " parameters are claimed",
-          std::to_string(num_starts) + ", as many as lines of starting values");
-    }
-    if (num_observations_.first != num_rows) {
-      return FailAtCount(
-          num_observations_,
-          " observations are claimed",
-          std::to_string(num_rows) + ", as many as lines of data");
-    }
-    if (num_observations_.first < num_parameters_.first) {
-      return FailAtCount(
-          num_observations_,
-          " observations are claimed",
-          "no fewer than the " + std::to_string(num_starts) + " parameters");
-    }
-    return num_predictors_.first >= 1 ||
-           FailAtCount(num_predictors_, " predictors are claimed", "1 or more");
+    const long num_starts = Get("Starting").last - Get("Starting").first + 1;
+    const long num_rows = Get("Data").last - Get("Data").first + 1;
+    return CheckCount("Parameter",
+                      Get("Parameter").first == num_starts,
+                      fmt::format("{}, as many as lines of starting values",
+                                  num_starts)) &&
+           CheckCount("Observation",
+                      Get("Observation").first == num_rows,
+                      fmt::format("{}, as many as lines of data", num_rows)) &&
+           CheckCount(
+               "Observation",
+               num_rows >= num_starts,
+               fmt::format("no fewer than the {} parameters", num_starts)) &&
+           CheckCount("Predictor", Get("Predictor").first >= 1, "1 or more");
   }
 
-  bool FailAtCount(const Statement& count,
-                   std::string_view what,
-                   std::string_view expected) const {
+  bool CheckCount(std::string kind,
+                  bool is_right,
+                  std::string_view expected) const {
+    if (is_right) return true;
+    const Statement& count = Get(kind);
+    kind[0] = static_cast<char>(std::tolower(kind[0]));
     return cursor_.FailOnLine(
-        count.line, std::to_string(count.first) + std::string(what), expected);
+        count.line,
+        fmt::format("{} {}s are claimed", count.first, kind),
+        expected);
   }
 
   bool ParseParameters() {
-    const long n = num_parameters_.first;
+    const long n = Get("Parameter").first;
     read_.starts.resize(n, 2);
     read_.certified.resize(n);
     read_.standard_deviations.resize(n);
     for (long i = 0; i < n; ++i) {
       cursor_.NextLine();
-      if (!cursor_.ReadWord("b" + std::to_string(i + 1)) ||
-          !cursor_.ReadWord("=") ||
+      if (!cursor_.ReadWords(fmt::format("b{} =", i + 1)) ||
           !cursor_.ReadNumber("starting value 1", &read_.starts(i, 0)) ||
           !cursor_.ReadNumber("starting value 2", &read_.starts(i, 1)) ||
           !cursor_.ReadNumber("the certified value", &read_.certified(i)) ||
@@ -222,40 +202,35 @@ class NistParser {
 
   // What follows the parameters, up to the last line of certified values.
   bool ParseSummary() {
-    bool has_sum = false;
-    bool has_deviation = false;
-    bool has_degrees = false;
-    bool has_observations = false;
-    while (cursor_.line_number() < certified_.last && cursor_.NextLine()) {
+    std::set<std::string_view> lines;
+    while (cursor_.line_number() < Get("Certified").last &&
+           cursor_.NextLine()) {
       const std::string_view word = cursor_.NextToken();
-      bool is_read = true;
-      if (word.empty()) {
-        continue;
-      }
-      if (word == "Residual" && cursor_.PeekToken() == "Sum" && !has_sum) {
-        is_read = SkipWords({"Sum", "of", "Squares:"}) &&
+      if (word.empty()) continue;
+      const bool is_sum = word == "Residual" && cursor_.PeekToken() == "Sum";
+      const std::string_view line = is_sum ? "Sum" : word;
+      const bool is_new = lines.insert(line).second;
+      bool is_read = false;
+      if (is_new && line == "Sum") {
+        is_read = cursor_.ReadWords("Sum of Squares:") &&
                   ReadNonNegative("the residual sum of squares",
                                   &read_.certified_sum_of_squares);
-        has_sum = true;
-      } else if (word == "Residual" && !has_deviation) {
+      } else if (is_new && line == "Residual") {
         double deviation = 0.0;  // follows from the sum of squares
         is_read =
-            SkipWords({"Standard", "Deviation:"}) &&
+            cursor_.ReadWords("Standard Deviation:") &&
             ReadNonNegative("the residual standard deviation", &deviation);
-        has_deviation = true;
-      } else if (word == "Degrees" && !has_degrees) {
+      } else if (is_new && line == "Degrees") {
         // Rat43.dat states 9, and has 15 observations and 4 parameters.
         long degrees = 0;
-        is_read = SkipWords({"of", "Freedom:"}) &&
+        is_read = cursor_.ReadWords("of Freedom:") &&
                   cursor_.ReadInteger(
                       "the degrees of freedom", 0, kLargestCount, &degrees);
-        has_degrees = true;
-      } else if (word == "Number" && !has_observations) {
-        long count = num_observations_.first;
-        is_read = SkipWords({"of", "Observations:"}) &&
+      } else if (is_new && line == "Number") {
+        long count = Get("Observation").first;
+        is_read = cursor_.ReadWords("of Observations:") &&
                   cursor_.ReadInteger(
                       "the number of observations", count, count, &count);
-        has_observations = true;
       } else {
         return cursor_.FailAtToken(
             word,
@@ -263,50 +238,36 @@ class NistParser {
             "Deviation:', 'Degrees of Freedom:' and 'Number of "
             "Observations:'");
       }
-      if (!is_read || !cursor_.ReadLineEnd()) {
-        return false;
-      }
+      if (!is_read || !cursor_.ReadLineEnd()) return false;
     }
-    constexpr std::string_view kEnd = "the certified values end";
-    return (has_sum || cursor_.Fail(kEnd, "'Residual Sum of Squares:'")) &&
-           (has_observations ||
-            cursor_.Fail(kEnd, "'Number of Observations:'"));
-  }
-
-  bool SkipWords(const std::vector<std::string_view>& words) {
-    return std::all_of(
-        words.begin(), words.end(), [this](std::string_view word) {
-          return cursor_.ReadWord(word);
-        });
+    if (lines.count("Sum") > 0 && lines.count("Number") > 0) return true;
+    return cursor_.Fail("the certified values end",
+                        lines.count("Sum") > 0 ? "'Number of Observations:'"
+                                               : "'Residual Sum of Squares:'");
   }
 
   bool ParseData() {
-    const long m = num_observations_.first;
-    const long p = num_predictors_.first;
-    while (cursor_.line_number() + 1 < data_.first) {
-      cursor_.NextLine();  // blank, and the names of the columns
+    const long m = Get("Observation").first;
+    const long p = Get("Predictor").first;
+    while (cursor_.line_number() + 1 < Get("Data").first) {
+      cursor_.NextLine();  // a blank line and the names of the columns
     }
     // "0 0\n" is the shortest row of one predictor.
-    if ((cursor_.num_bytes_left() + 1) / (2 * m) <= p) {
-      return FailAtCount(num_predictors_,
-                         " predictors are claimed",
-                         "as many as there are in the lines of data");
+    if (!CheckCount("Predictor",
+                    p < (cursor_.num_bytes_left() + 1) / (2 * m),
+                    "as many as there are in the lines of data")) {
+      return false;
     }
     read_.responses.resize(m);
     read_.predictors.resize(m, p);
     for (long i = 0; i < m; ++i) {
       cursor_.NextLine();
-      if (!cursor_.ReadNumber("a response", &read_.responses(i))) {
-        return false;
-      }
+      if (!cursor_.ReadNumber("a response", &read_.responses(i))) return false;
       for (long j = 0; j < p; ++j) {
-        if (!cursor_.ReadNumber("a predictor", &read_.predictors(i, j))) {
-          return false;
-        }
+        double* predictor = &read_.predictors(i, j);
+        if (!cursor_.ReadNumber("a predictor", predictor)) return false;
       }
-      if (!cursor_.ReadLineEnd()) {
-        return false;
-      }
+      if (!cursor_.ReadLineEnd()) return false;
     }
     return cursor_.ReadTextEnd();
   }
@@ -314,49 +275,16 @@ class NistParser {
   TextCursor cursor_;
   NistData read_;
   bool is_below_prose_ = false;
-  Statement starts_;
-  Statement certified_;
-  Statement data_;
-  Statement num_predictors_;
-  Statement num_observations_;
-  Statement num_parameters_;
-};
-
-// Builds a text whose parts begin on given lines.
-class LineWriter {
- public:
-  void Append(const std::string& line) {
-    text_ += line + '\n';
-    ++num_lines_;
-  }
-  void AppendRow(const std::string& head, const std::vector<double>& values) {
-    std::string line = head;
-    for (const double value : values) {
-      line += "  ";
-      AppendNumber(value, &line);
-    }
-    Append(line);
-  }
-  // Blank lines, so that the next one has this number.
-  void SkipTo(long line) {
-    while (num_lines_ + 1 < line) {
-      Append("");
-    }
-  }
-  const std::string& text() const { return text_; }
-
- private:
-  std::string text_;
-  long num_lines_ = 0;
+  // Starting, Certified, Data: lines; Predictor, Parameter, Observation:
+  // counts.
+  std::map<std::string_view, Statement> head_;
 };
 
 std::string Lines(long first, long last) {
-  return "(lines " + std::to_string(first) + " to " + std::to_string(last) +
-         ")";
+  return fmt::format("(lines {} to {})\n", first, last);
 }
-
-std::string Count(long count, const std::string& thing) {
-  return std::to_string(count) + " " + thing + (count == 1 ? "" : "s");
+std::string Count(long count, std::string_view thing) {
+  return fmt::format("{} {}{}\n", count, thing, count == 1 ? "" : "s");
 }
 
 }  // namespace
@@ -376,57 +304,52 @@ std::string NistText(const NistData& data) {
   const long last_start = kFirstStart + n - 1;
   const long last_certified = last_start + 5;
   const long first_row = std::max(kFirstRow, last_certified + 2);
-  const long degrees_of_freedom = m - n;
 
-  LineWriter writer;
-  writer.Append("NIST/ITL StRD");
-  writer.Append("Dataset Name:  " + data.name);
-  writer.Append("");
-  writer.Append("File Format:   ASCII");
-  writer.Append("               Starting Values   " +
-                Lines(kFirstStart, last_start));
-  writer.Append("               Certified Values  " +
-                Lines(kFirstStart, last_certified));
-  writer.Append("               Data              " +
-                Lines(first_row, first_row + m - 1));
-  writer.Append("");
-  writer.Append("Data:          1 Response");
-  writer.Append("               " + Count(data.predictors.cols(), "Predictor"));
-  writer.Append("               " + Count(m, "Observation"));
-  writer.Append("");
-  writer.Append("Model:");
-  writer.Append("               " + Count(n, "Parameter"));
-
-  writer.SkipTo(kFirstStart - 1);
-  writer.Append(
-      "        Start 1     Start 2     Parameter     Standard Deviation");
+  std::string text;
+  const auto out = std::back_inserter(text);
+  // Blank lines up to this one.
+  const auto skip_to = [&text](long line) {
+    const long next = std::count(text.begin(), text.end(), '\n') + 1;
+    text.append(std::max(line - next, 0L), '\n');
+  };
+  const std::string indent(15, ' ');
+  text += "NIST/ITL StRD\nDataset Name:  " + data.name + "\n\n";
+  text += "File Format:   ASCII\n";
+  text += indent + "Starting Values   " + Lines(kFirstStart, last_start);
+  text += indent + "Certified Values  " + Lines(kFirstStart, last_certified);
+  text += indent + "Data              " + Lines(first_row, first_row + m - 1);
+  text += "\nData:          1 Response\n";
+  text += indent + Count(data.predictors.cols(), "Predictor");
+  text += indent + Count(m, "Observation");
+  text += "\nModel:\n" + indent + Count(n, "Parameter");
+  skip_to(kFirstStart - 1);
+  text += "        Start 1     Start 2     Parameter     Standard Deviation\n";
   for (long i = 0; i < n; ++i) {
-    writer.AppendRow("  b" + std::to_string(i + 1) + " =",
-                     {data.starts(i, 0),
-                      data.starts(i, 1),
-                      data.certified(i),
-                      data.standard_deviations(i)});
+    fmt::format_to(out,
+                   "  b{} =  {}  {}  {}  {}\n",
+                   i + 1,
+                   data.starts(i, 0),
+                   data.starts(i, 1),
+                   data.certified(i),
+                   data.standard_deviations(i));
   }
-  writer.Append("");
-  writer.AppendRow("Residual Sum of Squares:", {data.certified_sum_of_squares});
-  writer.AppendRow(
-      "Residual Standard Deviation:",
-      {degrees_of_freedom == 0
-           ? 0.0
-           : std::sqrt(data.certified_sum_of_squares / degrees_of_freedom)});
-  writer.Append("Degrees of Freedom:  " + std::to_string(degrees_of_freedom));
-  writer.Append("Number of Observations:  " + std::to_string(m));
-
-  writer.SkipTo(first_row - 1);
-  writer.Append("Data:   y  x");
+  const double sum = data.certified_sum_of_squares;
+  fmt::format_to(out, "\nResidual Sum of Squares:  {}\n", sum);
+  fmt::format_to(out,
+                 "Residual Standard Deviation:  {}\n",
+                 std::sqrt(sum / static_cast<double>(std::max(m - n, 1L))));
+  fmt::format_to(out, "Degrees of Freedom:  {}\n", m - n);
+  fmt::format_to(out, "Number of Observations:  {}\n", m);
+  skip_to(first_row - 1);
+  text += "Data:   y  x\n";
   for (long i = 0; i < m; ++i) {
-    std::vector<double> row = {data.responses(i)};
-    for (long j = 0; j < data.predictors.cols(); ++j) {
-      row.push_back(data.predictors(i, j));
+    fmt::format_to(out, "      {}", data.responses(i));
+    for (const double x : data.predictors.row(i)) {
+      fmt::format_to(out, "  {}", x);
     }
-    writer.AppendRow("    ", row);
+    text += '\n';
   }
-  return writer.text();
+  return text;
 }
 
 bool CheckNist(const NistData& data, std::string* error) {

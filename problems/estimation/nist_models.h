@@ -1,4 +1,4 @@
-// The nonlinear regression models of NIST's StRD, 27 data sets, by name.
+// The nonlinear regression models of NIST's StRD: 27 data sets by name.
 //
 //   residual_i = y_i - f(x_i; b),   log y_i in place of y_i for Nelson
 //
@@ -6,10 +6,11 @@
 // Fails:   residuals are not finite where f is not, for instance a power of a
 //          negative number; Ceres then rejects the step.
 //
-// Roszman1 has two rows, as the files that go round do not agree on the branch
-// of arctan[b3 / (x - b4)]. NIST's own b1 = 0.2020 is that of (-pi/2, pi/2),
-// -atan2(b3, b4 - x) where the data are; the copy in Ceres has b1 = 1.2020,
-// that of (0, pi), atan2(b3, x - b4). Both are smooth where x passes b4.
+// Roszman1 has two rows, because two versions of the file exist, with different
+// branches of arctan[b3 / (x - b4)]. NIST's b1 = 0.2020 belongs to the branch
+// in (-pi/2, pi/2), -atan2(b3, b4 - x) for the data; the copy in Ceres has b1 =
+// 1.2020, of the branch in (0, pi), atan2(b3, x - b4). Both are smooth at x =
+// b4.
 //
 // [1] https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml
 #ifndef PROBLEMS_ESTIMATION_NIST_MODELS_H_
@@ -40,8 +41,8 @@ struct NistModel {
 const std::vector<NistModel>& NistModels();
 
 // The model of the file; of several with its name, the one whose sum of squares
-// at the certified values is nearest to the certified one. Null, with *error
-// saying what there is, if no model has the name and the sizes.
+// at the certified values is nearest to the certified one. Null with *error set
+// if no model has the name and the sizes.
 const NistModel* FindNistModel(const NistData& data, std::string* error);
 
 // sum_i residual_i^2 at b.
@@ -49,7 +50,7 @@ double SumOfSquares(const NistModel& model,
                     const NistData& data,
                     const Eigen::VectorXd& b);
 
-// Digits that agree with the certified values, one a parameter:
+// The number of digits of each parameter that agree with the certified value:
 //
 //   -log10(|estimate - certified| / |certified|), in [0, kMaxNistDigits]
 //

@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "fmt/core.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/pose_graph.h"
 
@@ -11,7 +12,7 @@ namespace invgrad {
 
 namespace {
 
-// Lines are drawn in portions: a series with more points is thinned.
+// Longer lines are drawn as several series, because long series are thinned.
 constexpr size_t kMaxPointsOfSeries = 6000;
 
 class PoseGraphEstimation final : public Estimation {
@@ -20,9 +21,10 @@ class PoseGraphEstimation final : public Estimation {
       : start_(std::move(graph)), graph_(start_), root_(root) {}
 
   std::string Description() const override {
-    return std::to_string(graph_.poses.cols()) + " poses, " +
-           std::to_string(graph_.edges.size()) + " edges, " +
-           std::to_string(graph_.dimension) + "D";
+    return fmt::format("{} poses, {} edges, {}D",
+                       graph_.poses.cols(),
+                       graph_.edges.size(),
+                       graph_.dimension);
   }
 
   void SetStart(int /*start*/) override { graph_ = start_; }
@@ -47,7 +49,7 @@ class PoseGraphEstimation final : public Estimation {
 
   std::string Extension() const override { return ".g2o"; }
 
-  // Every step of a manifold leaves a quaternion's length to rounding.
+  // Steps on the manifold change a quaternion's length by rounding errors.
   bool Write(const std::string& path, std::string* error) const override {
     PoseGraph graph = graph_;
     if (graph.dimension == 3) {
@@ -69,7 +71,7 @@ class PoseGraphEstimation final : public Estimation {
   }
 
  private:
-  // From above; of a 3D graph the orthographic view from (1, 1, 1).
+  // Top view; of a 3D graph the orthographic view from (1, 1, 1).
   Eigen::Vector2d Project(int j) const {
     const auto pose = graph_.poses.col(j);
     if (graph_.dimension == 2) return pose.head<2>();

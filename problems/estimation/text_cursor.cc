@@ -5,12 +5,14 @@
 #include <cmath>
 #include <system_error>
 
+#include "fmt/core.h"
+
 namespace invgrad {
 namespace {
 
 constexpr std::string_view kSpace = " \t\r\v\f";
 
-// A token of a damaged file may be long and hold any bytes.
+// A token of a damaged file may be long and have any bytes.
 std::string Quote(std::string_view token) {
   constexpr size_t kMaxSize = 40;
   std::string quoted = "'";
@@ -25,13 +27,6 @@ bool ParseAll(std::string_view token, T* value) {
   const char* end = token.data() + token.size();
   const auto result = std::from_chars(token.data(), end, *value);
   return result.ec == std::errc() && result.ptr == end;
-}
-
-template <typename T>
-void Append(T value, std::string* text) {
-  char buffer[32];  // the longest double has 24 characters
-  const auto result = std::to_chars(buffer, buffer + sizeof(buffer), value);
-  text->append(buffer, result.ptr);
 }
 
 }  // namespace
@@ -79,7 +74,7 @@ bool TextCursor::ReadNumber(std::string_view expected, double* value) {
   const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
   if (!ParseAll(token.substr(has_plus ? 1 : 0), value) ||
       !std::isfinite(*value)) {
-    return FailAtToken(token, std::string(expected) + ": a finite double");
+    return FailAtToken(token, fmt::format("{}: a finite double", expected));
   }
   return true;
 }
@@ -90,18 +85,23 @@ bool TextCursor::ReadInteger(std::string_view expected,
                              long* value) {
   const std::string_view token = NextToken();
   if (!ParseAll(token, value) || *value < min || *value > max) {
-    const std::string range = min == max
-                                  ? std::to_string(min)
-                                  : "an integer from " + std::to_string(min) +
-                                        " to " + std::to_string(max);
-    return FailAtToken(token, std::string(expected) + ": " + range);
+    return FailAtToken(
+        token,
+        min == max
+            ? fmt::format("{}: {}", expected, min)
+            : fmt::format("{}: an integer from {} to {}", expected, min, max));
   }
   return true;
 }
 
-bool TextCursor::ReadWord(std::string_view word) {
-  const std::string_view token = NextToken();
-  return token == word || FailAtToken(token, Quote(word));
+bool TextCursor::ReadWords(std::string_view words) {
+  while (!words.empty()) {
+    const std::string_view word = words.substr(0, words.find(' '));
+    words.remove_prefix(std::min(word.size() + 1, words.size()));
+    const std::string_view token = NextToken();
+    if (token != word) return FailAtToken(token, Quote(word));
+  }
+  return true;
 }
 
 bool TextCursor::ReadLineEnd() {
@@ -112,9 +112,7 @@ bool TextCursor::ReadLineEnd() {
 bool TextCursor::ReadTextEnd() {
   do {
     const std::string_view token = NextToken();
-    if (!token.empty()) {
-      return FailAtToken(token, "the text's end");
-    }
+    if (!token.empty()) return FailAtToken(token, "the text's end");
   } while (NextLine());
   return true;
 }
@@ -126,25 +124,23 @@ bool TextCursor::Fail(std::string_view what, std::string_view expected) const {
 bool TextCursor::FailOnLine(long line_number,
                             std::string_view what,
                             std::string_view expected) const {
-  *error_ = std::string(file_) + ":" +
-            std::to_string(std::max(line_number, 1L)) + ": " +
-            std::string(what) + "; expected " + std::string(expected);
+  *error_ = fmt::format("{}:{}: {}; expected {}",
+                        file_,
+                        std::max(line_number, 1L),
+                        what,
+                        expected);
   return false;
 }
 
 bool TextCursor::FailAtToken(std::string_view token,
                              std::string_view expected) const {
-  if (!token.empty()) {
-    return Fail("found " + Quote(token), expected);
-  }
-  if (num_lines_ == 0) {
-    return Fail("the text is empty", expected);
-  }
+  if (!token.empty()) return Fail("found " + Quote(token), expected);
+  if (num_lines_ == 0) return Fail("the text is empty", expected);
   return Fail(rest_.empty() ? "the text ends" : "the line ends", expected);
 }
 
-void AppendNumber(double value, std::string* text) { Append(value, text); }
-
-void AppendNumber(long value, std::string* text) { Append(value, text); }
+bool ParseInteger(std::string_view token, long* value) {
+  return ParseAll(token, value);
+}
 
 }  // namespace invgrad

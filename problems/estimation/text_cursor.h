@@ -1,5 +1,5 @@
-// Reads the lines, tokens and numbers of a text, and appends numbers to one
-// such that they read back bit for bit; neither knows a locale.
+// Reads the lines, tokens and numbers of a text, and writes numbers that read
+// back bit for bit. Independent of the locale.
 //
 //   TextCursor cursor(text, "x.g2o", &error);
 //   while (cursor.NextLine()) {
@@ -8,7 +8,7 @@
 //     ...
 //
 // Tokens are separated by spaces, tabs and carriage returns, so that lines may
-// end as in Windows. Every member that reads returns false, like Fail, with
+// end as in Windows. The Read functions return false, as Fail does, with
 // *error = "FILE:LINE: found 'nan'; expected an angle: a finite double".
 //
 // Cost:    linear in the size of the text, which must outlive the cursor.
@@ -24,15 +24,15 @@ class TextCursor {
  public:
   TextCursor(std::string_view text, std::string_view file, std::string* error);
 
-  // Of all the text; what follows the last line's end is a line unless empty.
+  // In the whole text; what follows the last line's end is a line unless empty.
   long num_lines() const { return num_lines_; }
-  // Counted from 1; 0 before the first call of NextLine.
+  // From 1; 0 before the first call of NextLine.
   long line_number() const { return line_number_; }
-  // Bytes behind the current line.
+  // After the current line.
   long num_bytes_left() const { return static_cast<long>(rest_.size()); }
 
-  // Goes to the begin of the next line; false, and the cursor stays at the last
-  // line's end, if there is none.
+  // Moves to the start of the next line. If there is none, returns false and
+  // stays at the end of the last line.
   bool NextLine();
   // Empty at the line's end.
   std::string_view NextToken();
@@ -41,32 +41,31 @@ class TextCursor {
   // `expected` completes "expected ...", for example "the focal length".
   bool ReadNumber(std::string_view expected, double* value);
   bool ReadInteger(std::string_view expected, long min, long max, long* value);
-  // Takes exactly this token.
-  bool ReadWord(std::string_view word);
+  // Exactly these tokens, separated by single spaces: "of Squares:".
+  bool ReadWords(std::string_view words);
   bool ReadLineEnd();
-  // Only blank lines follow.
+  // No more tokens, on this line and those that follow.
   bool ReadTextEnd();
 
-  // Says what is wrong on the current line.
+  // Sets *error to a message about the current line.
   bool Fail(std::string_view what, std::string_view expected) const;
   bool FailOnLine(long line_number,
                   std::string_view what,
                   std::string_view expected) const;
-  // Fail with "found 'token'", "the line ends" or "the text ends".
+  // Fails with "found 'token'", "the line ends" or "the text ends".
   bool FailAtToken(std::string_view token, std::string_view expected) const;
 
  private:
-  std::string_view rest_;  // behind line_
-  std::string_view line_;  // what of the current line is unread
+  std::string_view rest_;  // after the current line
+  std::string_view line_;  // the unread part of the current line
   std::string_view file_;
   std::string* error_;
   long num_lines_;
   long line_number_ = 0;
 };
 
-// The fewest digits that read back as the same double.
-void AppendNumber(double value, std::string* text);
-void AppendNumber(long value, std::string* text);
+// Whether all of the token is an integer.
+bool ParseInteger(std::string_view token, long* value);
 
 }  // namespace invgrad
 

@@ -16,8 +16,8 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/ceres/problem_linearizer.h"
-#include "invgrad/ceres/second_order_cost_function.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
 
@@ -105,23 +105,18 @@ TEST(CachedProblem, LinearizesWithoutEvaluations) {
   for (const int mode : {0, 1, 2}) {  // Ceres alone, callback, cached callback
     Fixture f;
     CachedProblem cached({}, &f.problem);
-    std::string error;
-    const auto rule =
-        CreateRule({"", "half_inverse", {{"step_size", "auto"}}}, &error);
-    std::unique_ptr<UpdateCallback> callback;
-    if (mode == 1) {
-      callback = std::make_unique<UpdateCallback>(
-          UpdateCallback::Options(), rule.get(), &f.problem);
-    } else if (mode == 2) {
-      callback = std::make_unique<UpdateCallback>(
-          UpdateCallback::Options(), rule.get(), &cached);
-    }
+    ceres::Problem* const problem = mode == 2 ? cached.problem() : &f.problem;
+    const auto rule = MakeRule("half_inverse:step_size=auto");
     ceres::Solver::Options options;
     options.logging_type = ceres::SILENT;
     options.update_state_every_iteration = true;
-    if (callback != nullptr) options.callbacks.push_back(callback.get());
+    std::unique_ptr<UpdateCallback> callback;
+    if (mode > 0) {
+      callback = std::make_unique<UpdateCallback>(rule.get(), problem);
+      callback->AddTo(&options);
+    }
     ceres::Solver::Summary summary;
-    ceres::Solve(options, mode == 2 ? cached.problem() : &f.problem, &summary);
+    ceres::Solve(options, problem, &summary);
     counts[mode] = f.counts;
     num_states[mode] = summary.num_successful_steps;  // the start is one
     if (mode > 0) {
@@ -255,13 +250,11 @@ TEST(CachedProblem, CallsTheEvaluationCallback) {
   CachedProblem::Options cached_options;
   cached_options.evaluation_callback = &prepares;
   CachedProblem cached(cached_options, &problem);
-  std::string error;
-  const auto rule = CreateRule({"", "gauss_newton", {}}, &error);
-  UpdateCallback callback({}, rule.get(), &cached);
+  const auto rule = MakeRule("gauss_newton");
+  UpdateCallback callback(rule.get(), cached.problem());
   ceres::Solver::Options options;
   options.logging_type = ceres::SILENT;
-  options.update_state_every_iteration = true;
-  options.callbacks.push_back(&callback);
+  callback.AddTo(&options);
   ceres::Solver::Summary summary;
   ceres::Solve(options, cached.problem(), &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;

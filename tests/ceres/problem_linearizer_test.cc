@@ -17,7 +17,7 @@
 #include "ceres/problem.h"
 #include "ceres/product_manifold.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 
 namespace invgrad {
 namespace problem_linearizer_test {

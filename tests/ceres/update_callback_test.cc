@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -114,13 +115,12 @@ struct TwoBlockRosenbrock {
   }
 };
 
-ceres::Solver::Options SolverOptions(ceres::IterationCallback* callback) {
+ceres::Solver::Options SolverOptions(UpdateCallback* callback) {
   ceres::Solver::Options options;
   options.logging_type = ceres::SILENT;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 500;
-  options.update_state_every_iteration = true;
-  if (callback != nullptr) options.callbacks.push_back(callback);
+  if (callback != nullptr) callback->AddTo(&options);
   return options;
 }
 
@@ -129,7 +129,7 @@ TEST(UpdateCallback, PowerRulesConvergeOnRosenbrock) {
     SCOPED_TRACE(kappa);
     TwoBlockRosenbrock p;
     PowerRule rule(kappa);
-    UpdateCallback callback(Options(), &rule, &p.problem);
+    UpdateCallback callback(&rule, &p.problem);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
@@ -167,7 +167,7 @@ TEST(UpdateCallback, TheCandidateIsTheRules) {
     *step = wanted;
     return true;
   });
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Options solver_options = SolverOptions(&callback);
   solver_options.max_num_iterations = 1;
   ceres::Solver::Summary summary;
@@ -210,7 +210,7 @@ TEST(UpdateCallback, BacksOffThenLeavesToCeres) {
   });
   Options options;
   options.min_relative_model_decrease = -1e300;
-  UpdateCallback callback(options, &rule, &problem);
+  UpdateCallback callback(&rule, &problem, options);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &problem, &summary);
   EXPECT_NEAR(x, 1.0, 1e-6);
@@ -251,7 +251,7 @@ TEST(UpdateCallback, TheScaleRecovers) {
   Options options;
   options.by_merit = false;
   options.min_relative_model_decrease = -1e300;
-  UpdateCallback callback(options, &rule, &problem);
+  UpdateCallback callback(&rule, &problem, options);
   ceres::Solver::Options solver_options = SolverOptions(&callback);
   solver_options.max_num_iterations = 3;
   ceres::Solver::Summary summary;
@@ -300,7 +300,7 @@ TEST(UpdateCallback, ARuleThatJudgesIsToldWhatBecameOfItsSteps) {
   Options options;
   options.by_merit = false;
   options.min_relative_model_decrease = -1e300;
-  UpdateCallback callback(options, &rule, &problem);
+  UpdateCallback callback(&rule, &problem, options);
   ceres::Solver::Options solver_options = SolverOptions(&callback);
   solver_options.max_num_iterations = 4;
   ceres::Solver::Summary summary;
@@ -316,13 +316,10 @@ TEST(UpdateCallback, RulesWithControlConvergeOnRosenbrock) {
   for (const char* name :
        {"half_inverse", "gauss_newton", "levenberg_marquardt"}) {
     SCOPED_TRACE(name);
-    std::string error;
-    const auto rule = CreateRule(
-        {"", name, {{"control", "gain"}, {"step_size", "auto"}, {"rho", "1"}}},
-        &error);
-    ASSERT_NE(rule, nullptr) << error;
+    const auto rule =
+        MakeRule(std::string(name) + ":control=gain:step_size=auto:rho=1");
     TwoBlockRosenbrock p;
-    UpdateCallback callback(Options(), rule.get(), &p.problem);
+    UpdateCallback callback(rule.get(), &p.problem);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
@@ -345,7 +342,7 @@ TEST(UpdateCallback, AWrongRuleDoesNotStopCeres) {
   });
   Options options;
   options.min_relative_model_decrease = -1e300;
-  UpdateCallback callback(options, &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem, options);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
@@ -361,7 +358,7 @@ TEST(UpdateCallback, SmallPromisesAreLeftToCeres) {
     *step = -1e-6 * at_x.cost / at_x.gradient.squaredNorm() * at_x.gradient;
     return true;
   });
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
   EXPECT_NEAR(p.x, 1.0, 1e-6);
@@ -432,7 +429,7 @@ TEST(UpdateCallback, ManifoldsLossesAndConstantBlocks) {
     for (const int num_threads : {1, 2}) {
       PoseProblem p;
       PowerRule rule(kappa);
-      UpdateCallback callback(Options(), &rule, &p.problem);
+      UpdateCallback callback(&rule, &p.problem);
       ceres::Solver::Options options = SolverOptions(&callback);
       options.num_threads = num_threads;
       // The fixed cost of the anchors would hide the end.
@@ -461,7 +458,7 @@ TEST(UpdateCallback, OtherTrustRegions) {
     SCOPED_TRACE(i);
     TwoBlockRosenbrock p;
     PowerRule rule(0.5);
-    UpdateCallback callback(Options(), &rule, &p.problem);
+    UpdateCallback callback(&rule, &p.problem);
     ceres::Solver::Options options = SolverOptions(&callback);
     variants[i](&options);
     ceres::Solver::Summary summary;
@@ -481,7 +478,7 @@ TEST(UpdateCallback, WithoutProposalsItIsPlainCeres) {
 
   PoseProblem p;
   FunctionRule rule = FailingRule();
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
   ASSERT_EQ(summary.iterations.size(), plain_summary.iterations.size());
@@ -538,7 +535,7 @@ TEST(UpdateCallback, ARuleThatNeedsNothingIsAskedFirst) {
     problem.AddResidualBlock(
         new CountingExp(&num_evaluations[has_callback]), nullptr, &x);
     ContentRule rule;
-    UpdateCallback callback(Options(), &rule, &problem);
+    UpdateCallback callback(&rule, &problem);
     ceres::Solver::Summary summary;
     ceres::Solve(
         SolverOptions(has_callback ? &callback : nullptr), &problem, &summary);
@@ -589,7 +586,7 @@ TEST(UpdateCallback, ManifoldsAreThereForItsOwnStepsOnly) {
     int& num_questions_;
   };
   Sometimes rule(&power, &num_questions);
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
   Watch watch(&p);
   ceres::Solver::Options options = SolverOptions(&callback);
   options.callbacks.push_back(&watch);
@@ -608,7 +605,7 @@ TEST(UpdateCallback, IsForOneSolve) {
   TwoBlockRosenbrock p;
   PowerRule rule(0.5);
   {
-    UpdateCallback callback(Options(), &rule, &p.problem);
+    UpdateCallback callback(&rule, &p.problem);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
@@ -621,7 +618,7 @@ TEST(UpdateCallback, IsForOneSolve) {
     EXPECT_EQ(p.x, -1.2);
     EXPECT_EQ(p.y, 1.0);
   }
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
@@ -638,12 +635,10 @@ TEST(UpdateCallback, RestoresManifolds) {
                                     ? new ceres::QuaternionManifold
                                     : &owned_here;
     PoseProblem p(problem_options, manifold);
-    Options options;
-    options.manifold_ownership = ownership;
     // Twice: a second callback after the first.
     for (int i = 0; i < 2; ++i) {
       PowerRule rule(0.5);
-      UpdateCallback callback(options, &rule, &p.problem);
+      UpdateCallback callback(&rule, &p.problem);
       EXPECT_NE(p.problem.GetManifold(p.q), manifold);
       EXPECT_TRUE(p.problem.HasManifold(p.t));
       ceres::Solver::Summary summary;
@@ -655,6 +650,79 @@ TEST(UpdateCallback, RestoresManifolds) {
     ceres::Solve(SolverOptions(nullptr), &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   }
+}
+
+// Problems that own their manifolds and problems that do not, some of them moved
+// or at the address of an earlier one. Freed memory that is used or freed again
+// is found by the sanitizers.
+TEST(UpdateCallback, ManifoldsAreDeletedOnce) {
+  const auto solve = [](double* x, ceres::Problem* problem) {
+    *x = 0.0;
+    PowerRule rule(0.5);
+    UpdateCallback callback(&rule, problem);
+    ceres::Solver::Summary summary;
+    ceres::Solve(SolverOptions(&callback), problem, &summary);
+    EXPECT_NEAR(*x, 10.0, 1e-6);
+    EXPECT_GT(callback.summary().num_accepted, 0);
+  };
+  for (int round = 0; round < 3; ++round) {
+    for (const ceres::Ownership ownership :
+         {ceres::TAKE_OWNERSHIP, ceres::DO_NOT_TAKE_OWNERSHIP}) {
+      ceres::Problem::Options options;
+      options.manifold_ownership = ownership;
+      const auto new_problem = [&options](double* x) {
+        auto problem = std::make_unique<ceres::Problem>(options);
+        problem->AddResidualBlock(
+            new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset),
+            nullptr,
+            x);
+        return problem;
+      };
+      double x = 0.0;
+      double y = 0.0;
+      std::unique_ptr<ceres::Problem> first = new_problem(&x);
+      solve(&x, first.get());
+      // The second object has the first one's manifolds, and the first object
+      // becomes another problem.
+      ceres::Problem second(std::move(*first));
+      *first = std::move(*new_problem(&y));
+      solve(&y, first.get());
+      solve(&x, &second);
+      solve(&y, first.get());
+    }
+  }
+}
+
+// However many callbacks a problem has, one after the other, they use as many
+// manifolds as one.
+TEST(UpdateCallback, AProblemKeepsItsWrappers) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(0.5);
+  std::vector<const ceres::Manifold*> first;
+  for (int i = 0; i < 3; ++i) {
+    UpdateCallback callback(&rule, &p.problem);
+    const std::vector<const ceres::Manifold*> now = {
+        p.problem.GetManifold(&p.x), p.problem.GetManifold(&p.y)};
+    if (i == 0) first = now;
+    EXPECT_EQ(now, first);
+    TwoBlockRosenbrock other;
+    UpdateCallback of_other(&rule, &other.problem);
+    EXPECT_EQ(
+        std::count(
+            first.begin(), first.end(), other.problem.GetManifold(&other.x)),
+        0);
+  }
+}
+
+TEST(UpdateCallback, NoticesAProblemThatIsDestroyedFirst) {
+  EXPECT_DEATH(
+      {
+        PowerRule rule(0.5);
+        auto p = std::make_unique<TwoBlockRosenbrock>();
+        UpdateCallback callback(&rule, &p->problem);
+        p.reset();
+      },
+      "destroyed before its UpdateCallback");
 }
 
 #pragma GCC diagnostic push
@@ -673,10 +741,8 @@ TEST(UpdateCallback, RestoresLocalParameterizations) {
     PoseProblem p(problem_options, nullptr);
     p.problem.SetParameterization(p.q, parameterization);
     {
-      Options options;
-      options.manifold_ownership = ownership;
       PowerRule rule(0.5);
-      UpdateCallback callback(options, &rule, &p.problem);
+      UpdateCallback callback(&rule, &p.problem);
       ceres::Solver::Options solver_options = SolverOptions(&callback);
       solver_options.function_tolerance = 1e-16;
       ceres::Solver::Summary summary;
@@ -691,10 +757,27 @@ TEST(UpdateCallback, RestoresLocalParameterizations) {
 }
 #pragma GCC diagnostic pop
 
-TEST(UpdateCallback, NoticesThatItDoesNotSeeTheState) {
+// The compiler refuses options.callbacks.push_back(&callback), which would
+// forget the flag.
+static_assert(
+    !std::is_convertible_v<UpdateCallback*, ceres::IterationCallback*>);
+
+TEST(UpdateCallback, AddToSetsTheFlag) {
   TwoBlockRosenbrock p;
   PowerRule rule(1.0);
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options options;
+  EXPECT_FALSE(options.update_state_every_iteration);
+  callback.AddTo(&options);
+  EXPECT_TRUE(options.update_state_every_iteration);
+  ASSERT_EQ(options.callbacks.size(), 1u);
+  EXPECT_EQ(options.callbacks[0], callback.iteration_callback());
+}
+
+TEST(UpdateCallback, NoticesAnotherStateAtTheFirstAcceptedStep) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(1.0);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Options options = SolverOptions(&callback);
   options.update_state_every_iteration = false;
   ceres::Solver::Summary summary;
@@ -707,7 +790,7 @@ TEST(UpdateCallback, NoticesThatItDoesNotSeeTheState) {
 TEST(UpdateCallback, NoticesALineSearch) {
   TwoBlockRosenbrock p;
   PowerRule rule(1.0);
-  UpdateCallback callback(Options(), &rule, &p.problem);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Options options = SolverOptions(&callback);
   options.minimizer_type = ceres::LINE_SEARCH;
   ceres::Solver::Summary summary;
@@ -726,7 +809,7 @@ TEST(UpdateCallback, RefusesBoundsAndLargeBlocks) {
   EXPECT_NE(error.find("parameter block 1"), std::string::npos) << error;
   EXPECT_NE(error.find("bounds"), std::string::npos) << error;
   PowerRule rule(1.0);
-  EXPECT_DEATH(UpdateCallback(Options(), &rule, &p.problem), "bounds");
+  EXPECT_DEATH(UpdateCallback(&rule, &p.problem), "bounds");
   // Bounds of a constant block do not matter.
   p.problem.SetParameterBlockConstant(&p.y);
   EXPECT_TRUE(UpdateCallback::IsSupported(Options(), p.problem, &error));
@@ -785,7 +868,7 @@ TEST(UpdateCallback, FailingPlus) {
     });
     Options options;
     options.min_relative_model_decrease = -1e300;
-    UpdateCallback callback(options, &rule, &problem);
+    UpdateCallback callback(&rule, &problem, options);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), &problem, &summary);
     EXPECT_EQ(callback.summary().num_rejected, 3);
@@ -797,8 +880,8 @@ TEST(UpdateCallback, FailingPlus) {
 TEST(UpdateCallback, OneOfAProblemAtATime) {
   TwoBlockRosenbrock p;
   PowerRule rule(0.5);
-  UpdateCallback callback(Options(), &rule, &p.problem);
-  EXPECT_DEATH(UpdateCallback(Options(), &rule, &p.problem), "still alive");
+  UpdateCallback callback(&rule, &p.problem);
+  EXPECT_DEATH(UpdateCallback(&rule, &p.problem), "still exists");
 }
 
 struct FourthPower {
@@ -829,7 +912,7 @@ TEST(UpdateCallback, ABadProposalDoesNotSilenceTheRule) {
     Options options;
     options.by_merit = false;
     options.min_relative_model_decrease = -1e300;
-    UpdateCallback callback(options, &rule, &problem);
+    UpdateCallback callback(&rule, &problem, options);
     ceres::Solver::Options solver_options = SolverOptions(&callback);
     solver_options.trust_region_strategy_type = strategy;
     solver_options.max_num_iterations = 30;
@@ -867,7 +950,7 @@ TEST(UpdateCallback, TheScaleRecoversFromSmallPromises) {
   });
   Options options;
   options.by_merit = false;
-  UpdateCallback callback(options, &rule, &problem);
+  UpdateCallback callback(&rule, &problem, options);
   ceres::Solver::Options solver_options = SolverOptions(&callback);
   // Ceres' own steps are short enough for 50 of them to stay above 99.99.
   solver_options.initial_trust_region_radius = 1e-6;
@@ -916,7 +999,7 @@ TEST(UpdateCallback, EvaluationCallback) {
   ceres::Problem problem(problem_options);
   problem.AddResidualBlock(new PreparedCost(&prepared), nullptr, &x);
   PowerRule rule(0.5);
-  UpdateCallback callback(Options(), &rule, &problem);
+  UpdateCallback callback(&rule, &problem);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)

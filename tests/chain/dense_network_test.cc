@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 #include <tuple>
 #include <vector>
 
@@ -11,6 +10,7 @@
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/core/nested_jet.h"
 #include "invgrad/io/numpy_random.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace dense_network_test {
@@ -21,13 +21,6 @@ using Eigen::VectorXd;
 // Networks of up to four layers and about fifty weights: sums of that many
 // terms of order one differ by some 1e-15 between two orders of summation.
 constexpr double kRounding = 1e-13;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
 
 // The functor's outputs for weights moved along constant directions.
 template <typename T>
@@ -167,47 +160,6 @@ TEST_P(DenseNetworkTest, HessianIsTheFunctorsNestedJet) {
       }
       EXPECT_NEAR(hessian(row, col), expected, 10 * kRounding)
           << row << ", " << col;
-    }
-  }
-}
-
-// Against tangents of the first derivatives, by nested Jets of one sample.
-TEST_P(DenseNetworkTest, InputSecondDerivativesAreTheFunctorsNestedJets) {
-  using Jet = NestedJet<1>;
-  const int num_inputs = network_.num_inputs();
-  const MatrixXd w = RandomMatrix(network_.num_outputs(), batch_size_, 6);
-  MatrixXd in_inputs;
-  MatrixXd in_weights;
-  for (int i = 0; i < num_inputs; ++i) {
-    network_.InputSecondDerivatives(
-        weights_, activations_, w, i, &in_inputs, &in_weights);
-    ASSERT_EQ(in_inputs.rows(), num_inputs);
-    ASSERT_EQ(in_inputs.cols(), batch_size_);
-    ASSERT_EQ(in_weights.rows(), network_.num_weights());
-    ASSERT_EQ(in_weights.cols(), batch_size_);
-    for (int s = 0; s < batch_size_; ++s) {
-      for (int k = 0; k < num_inputs + network_.num_weights(); ++k) {
-        std::vector<Jet> weights;
-        std::vector<Jet> inputs;
-        for (const double v : weights_) weights.emplace_back(InnerJet<1>(v));
-        for (const double v : inputs_.col(s)) {
-          inputs.emplace_back(InnerJet<1>(v));
-        }
-        Jet& other = k < num_inputs ? inputs[k] : weights[k - num_inputs];
-        other.v[0] = InnerJet<1>(1.0);
-        inputs[i].a.v[0] = 1.0;
-        std::vector<Jet> outputs(network_.num_outputs());
-        ASSERT_TRUE(NetworkFunctor(network_)(
-            weights.data(), inputs.data(), outputs.data()));
-        double expected = 0.0;
-        for (int j = 0; j < network_.num_outputs(); ++j) {
-          expected += w(j, s) * outputs[j].v[0].v[0];
-        }
-        EXPECT_NEAR(
-            k < num_inputs ? in_inputs(k, s) : in_weights(k - num_inputs, s),
-            expected,
-            kRounding);
-      }
     }
   }
 }

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -15,19 +14,13 @@
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/core/nested_jet.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace model_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
 
 // A pendulum under a torque, semi-implicit Euler; refuses torques beyond 50.
 struct PendulumStep {

@@ -1,7 +1,6 @@
 #include "invgrad/chain/network_jacobian.h"
 
 #include <cmath>
-#include <random>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -11,19 +10,13 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/network_functor.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace network_jacobian_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
 
 // Widths, batch size, outputs per sample and calls per sample: tiles of one
 // sample and of many, with and without a remainder.

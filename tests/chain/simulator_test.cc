@@ -1,6 +1,7 @@
 #include "invgrad/chain/simulator.h"
 
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -8,6 +9,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/core/scratch.h"
+#include "tests/support/without_hessian.h"
 
 namespace invgrad {
 namespace simulator_test {
@@ -33,9 +35,9 @@ struct Curved {
   }
 };
 
-// The pull-back of a constant covector by PullBack and by J must agree.
-void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
-                                        const VectorXd& x) {
+// Of a constant covector.
+void ExpectAdjointIsTransposedJacobian(const Simulator& simulator,
+                                       const VectorXd& x) {
   const int rows = simulator.num_outputs();
   const int cols = simulator.num_inputs();
   RowMajorMatrix J(rows, cols);
@@ -53,7 +55,7 @@ void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
     Eigen::Map<VectorXd>(out, rows) = w;
     return true;
   };
-  ASSERT_TRUE(simulator.PullBack(
+  ASSERT_TRUE(simulator.Adjoint(
       x.data(), nullptr, covector, value.data(), pulled.data()));
   EXPECT_EQ(value, y);
   EXPECT_EQ(seen, y);
@@ -61,7 +63,7 @@ void ExpectPullBackIsTransposedJacobian(const Simulator& simulator,
   EXPECT_LT((pulled - J.transpose() * w).norm(), 1e-14);
 
   const auto refuse = [](const double*, double*) { return false; };
-  EXPECT_FALSE(simulator.PullBack(
+  EXPECT_FALSE(simulator.Adjoint(
       x.data(), nullptr, refuse, value.data(), pulled.data()));
 }
 
@@ -73,7 +75,7 @@ TEST(IdentitySimulatorTest, IsTheIdentity) {
   ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
   EXPECT_EQ(y, x);
   EXPECT_EQ(J, MatrixXd::Identity(3, 3));
-  ExpectPullBackIsTransposedJacobian(simulator, x);
+  ExpectAdjointIsTransposedJacobian(simulator, x);
   MatrixXd H = MatrixXd::Ones(3, 3);
   ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, y.data(), H.data()));
   EXPECT_EQ(H, MatrixXd::Zero(3, 3));
@@ -90,7 +92,7 @@ TEST(LinearSimulatorTest, IsItsMatrix) {
   ASSERT_TRUE(simulator.Evaluate(x.data(), nullptr, y.data(), J.data()));
   EXPECT_EQ(y, Vector2d(7.5, 5.75));
   EXPECT_EQ(J, A);
-  ExpectPullBackIsTransposedJacobian(simulator, x);
+  ExpectAdjointIsTransposedJacobian(simulator, x);
   MatrixXd H = MatrixXd::Ones(3, 3);
   ASSERT_TRUE(simulator.WeightedHessian(x.data(), nullptr, y.data(), H.data()));
   EXPECT_EQ(H, MatrixXd::Zero(3, 3));
@@ -105,7 +107,7 @@ TEST(AutoDiffSimulatorTest, IsTheClosedForm) {
   RowMajorMatrix expected(3, 2);
   expected << -1.3, 0.7, std::cos(0.7), 0.0, 0.0, 3.0 * 1.3 * 1.3;
   EXPECT_LT((J - expected).norm(), 1e-15);
-  ExpectPullBackIsTransposedJacobian(simulator, x);
+  ExpectAdjointIsTransposedJacobian(simulator, x);
 
   const Vector3d w(2.0, -1.0, 0.5);
   Matrix2d H;
@@ -156,6 +158,16 @@ TEST(AutoDiffSimulatorTest, FailsWithTheFunctorOrAnInfinity) {
   const Vector2d refused(-1.0, 1.0);
   EXPECT_FALSE(
       simulator.WeightedHessian(refused.data(), nullptr, w.data(), H.data()));
+}
+
+TEST(SimulatorTest, NeedsSizesAndJacobianOnly) {
+  const FirstOrderSimulator simulator;
+  ExpectAdjointIsTransposedJacobian(simulator, VectorXd::Constant(1, 3.0));
+  std::string error;
+  EXPECT_FALSE(CheckHasHessian(simulator, &error));
+  EXPECT_NE(error.find("no second derivatives"), std::string::npos) << error;
+  EXPECT_TRUE(CheckHasHessian(IdentitySimulator(2), &error));
+  EXPECT_TRUE(CheckHasHessian(AutoDiffSimulator<Curved, 2, 3>(), &error));
 }
 
 TEST(AllFiniteTest, SeesEveryEntry) {

@@ -81,10 +81,8 @@ class TimeSteppingSimulatorTest : public testing::Test {
 
 // State and control have four entries together: strides that divide it, do not,
 // and exceed it.
-using Strides = testing::Types<std::integral_constant<int, 1>,
-                               std::integral_constant<int, 2>,
+using Strides = testing::Types<std::integral_constant<int, 2>,
                                std::integral_constant<int, 3>,
-                               std::integral_constant<int, 4>,
                                std::integral_constant<int, 6>>;
 TYPED_TEST_SUITE(TimeSteppingSimulatorTest, Strides);
 
@@ -114,7 +112,7 @@ TYPED_TEST(TimeSteppingSimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
   }
 }
 
-TYPED_TEST(TimeSteppingSimulatorTest, PullBackIsTheTransposedJacobian) {
+TYPED_TEST(TimeSteppingSimulatorTest, AdjointIsTheTransposedJacobian) {
   VectorXd y(2);
   RowMajorMatrix J(2, kNumInputs);
   ASSERT_TRUE(this->simulator_.Evaluate(
@@ -126,11 +124,11 @@ TYPED_TEST(TimeSteppingSimulatorTest, PullBackIsTheTransposedJacobian) {
     w[1] = -2.0 * at[1];
     return true;
   };
-  ASSERT_TRUE(this->simulator_.PullBack(this->controls_.data(),
-                                        this->start_.data(),
-                                        covector,
-                                        value.data(),
-                                        pulled.data()));
+  ASSERT_TRUE(this->simulator_.Adjoint(this->controls_.data(),
+                                       this->start_.data(),
+                                       covector,
+                                       value.data(),
+                                       pulled.data()));
   EXPECT_EQ(value, y);
   const Eigen::Vector2d w(3.0 * y[0], -2.0 * y[1]);
   EXPECT_LT((pulled - J.transpose() * w).norm(), kRounding);
@@ -224,7 +222,7 @@ TEST(TimeSteppingSimulator, FailsWithTheStepOrAnInfinity) {
   for (const auto& c : kCases) {
     EXPECT_FALSE(simulator.Evaluate(c.controls, &c.start, &y, nullptr));
     EXPECT_FALSE(simulator.Evaluate(c.controls, &c.start, &y, J));
-    EXPECT_FALSE(simulator.PullBack(c.controls, &c.start, covector, &y, J));
+    EXPECT_FALSE(simulator.Adjoint(c.controls, &c.start, covector, &y, J));
     EXPECT_FALSE(simulator.WeightedHessian(c.controls, &c.start, &w, H));
   }
   const double start = 1.0;

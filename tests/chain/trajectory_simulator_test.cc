@@ -1,7 +1,6 @@
 #include "invgrad/chain/trajectory_simulator.h"
 
 #include <cmath>
-#include <type_traits>
 #include <vector>
 
 #include "Eigen/Core"
@@ -63,46 +62,38 @@ std::vector<T> Trajectory(const std::vector<T>& controls,
   return y;
 }
 
-template <typename Stride>
+// The strides of autodiff_step.h are time_stepping_simulator_test.cc's part.
 class TrajectorySimulatorTest : public testing::Test {
  protected:
-  const TrajectorySimulator<PendulumStep, Terms, Stride::value> simulator_{
+  const TrajectorySimulator<PendulumStep, Terms> simulator_{
       PendulumStep(), Terms(), 2, kNumControls, kNumOutputs, kNumSteps};
   const VectorXd controls_ = VectorXd::LinSpaced(kNumInputs, -0.9, 0.7);
   const VectorXd start_ = Eigen::Vector2d(0.8, -0.4);
   const VectorXd w_ = VectorXd::LinSpaced(kNumSteps * kNumOutputs, -1.0, 1.5);
 };
 
-// State and control have four entries together: strides that divide it, do not,
-// and exceed it.
-using Strides = testing::Types<std::integral_constant<int, 2>,
-                               std::integral_constant<int, 3>,
-                               std::integral_constant<int, 6>>;
-TYPED_TEST_SUITE(TrajectorySimulatorTest, Strides);
-
 // All values are of order one, and some hundred operations lie between the
 // controls and the outputs.
 constexpr double kRounding = 1e-13;
 
-TYPED_TEST(TrajectorySimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
+TEST_F(TrajectorySimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
   using Jet = ceres::Jet<double, kNumInputs>;
   std::vector<Jet> jets(kNumInputs);
-  for (int i = 0; i < kNumInputs; ++i) jets[i] = Jet(this->controls_[i], i);
-  const std::vector<Jet> expected = Trajectory(jets, this->start_);
+  for (int i = 0; i < kNumInputs; ++i) jets[i] = Jet(controls_[i], i);
+  const std::vector<Jet> expected = Trajectory(jets, start_);
 
-  const auto& simulator = this->simulator_;
-  ASSERT_EQ(simulator.num_inputs(), kNumInputs);
-  ASSERT_EQ(simulator.num_outputs(), kNumSteps * kNumOutputs);
-  ASSERT_EQ(simulator.num_context(), 2);
-  VectorXd y(simulator.num_outputs());
-  VectorXd value(simulator.num_outputs());
+  ASSERT_EQ(simulator_.num_inputs(), kNumInputs);
+  ASSERT_EQ(simulator_.num_outputs(), kNumSteps * kNumOutputs);
+  ASSERT_EQ(simulator_.num_context(), 2);
+  VectorXd y(simulator_.num_outputs());
+  VectorXd value(simulator_.num_outputs());
   RowMajorMatrix J =
-      RowMajorMatrix::Constant(simulator.num_outputs(), kNumInputs, 9.0);
-  ASSERT_TRUE(simulator.Evaluate(
-      this->controls_.data(), this->start_.data(), y.data(), J.data()));
-  ASSERT_TRUE(simulator.Evaluate(
-      this->controls_.data(), this->start_.data(), value.data(), nullptr));
-  for (int i = 0; i < simulator.num_outputs(); ++i) {
+      RowMajorMatrix::Constant(simulator_.num_outputs(), kNumInputs, 9.0);
+  ASSERT_TRUE(
+      simulator_.Evaluate(controls_.data(), start_.data(), y.data(), J.data()));
+  ASSERT_TRUE(simulator_.Evaluate(
+      controls_.data(), start_.data(), value.data(), nullptr));
+  for (int i = 0; i < simulator_.num_outputs(); ++i) {
     EXPECT_NEAR(y[i], expected[i].a, kRounding);
     EXPECT_NEAR(value[i], expected[i].a, kRounding);
     EXPECT_LT((J.row(i).transpose() - expected[i].v).norm(), kRounding);
@@ -112,46 +103,41 @@ TYPED_TEST(TrajectorySimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
   }
 }
 
-TYPED_TEST(TrajectorySimulatorTest, PullBackIsTheTransposedJacobian) {
-  const auto& simulator = this->simulator_;
-  VectorXd y(simulator.num_outputs());
-  RowMajorMatrix J(simulator.num_outputs(), kNumInputs);
-  ASSERT_TRUE(simulator.Evaluate(
-      this->controls_.data(), this->start_.data(), y.data(), J.data()));
+TEST_F(TrajectorySimulatorTest, AdjointIsTheTransposedJacobian) {
+  VectorXd y(simulator_.num_outputs());
+  RowMajorMatrix J(simulator_.num_outputs(), kNumInputs);
+  ASSERT_TRUE(
+      simulator_.Evaluate(controls_.data(), start_.data(), y.data(), J.data()));
   VectorXd value(y.size());
   VectorXd pulled(kNumInputs);
   const auto covector = [&y](const double* at, double* w) {
     for (int i = 0; i < y.size(); ++i) w[i] = (i - 4) * at[i];
     return true;
   };
-  ASSERT_TRUE(simulator.PullBack(this->controls_.data(),
-                                 this->start_.data(),
-                                 covector,
-                                 value.data(),
-                                 pulled.data()));
+  ASSERT_TRUE(simulator_.Adjoint(
+      controls_.data(), start_.data(), covector, value.data(), pulled.data()));
   EXPECT_EQ(value, y);
   VectorXd w(y.size());
   covector(y.data(), w.data());
   EXPECT_LT((pulled - J.transpose() * w).norm(), kRounding * w.norm());
 }
 
-TYPED_TEST(TrajectorySimulatorTest,
-           HessianIsThatOfNestedJetsThroughTheRollOut) {
+TEST_F(TrajectorySimulatorTest, HessianIsThatOfNestedJetsThroughTheRollOut) {
   using Jet = NestedJet<kNumInputs>;
   std::vector<Jet> jets(kNumInputs);
   for (int i = 0; i < kNumInputs; ++i) {
-    jets[i] = MakeHessianJet<kNumInputs>(this->controls_[i], i);
+    jets[i] = MakeHessianJet<kNumInputs>(controls_[i], i);
   }
-  const std::vector<Jet> y = Trajectory(jets, this->start_);
+  const std::vector<Jet> y = Trajectory(jets, start_);
   MatrixXd expected = MatrixXd::Zero(kNumInputs, kNumInputs);
   for (int i = 0; i < kNumInputs; ++i) {
     for (std::size_t j = 0; j < y.size(); ++j) {
-      expected.col(i) += this->w_[j] * y[j].v[i].v;
+      expected.col(i) += w_[j] * y[j].v[i].v;
     }
   }
   MatrixXd H = MatrixXd::Constant(kNumInputs, kNumInputs, 9.0);
-  ASSERT_TRUE(this->simulator_.WeightedHessian(
-      this->controls_.data(), this->start_.data(), this->w_.data(), H.data()));
+  ASSERT_TRUE(simulator_.WeightedHessian(
+      controls_.data(), start_.data(), w_.data(), H.data()));
   EXPECT_LT((H - expected).cwiseAbs().maxCoeff(), kRounding);
   EXPECT_EQ(H, H.transpose());
   EXPECT_GT(expected.cwiseAbs().maxCoeff(), 0.1);
@@ -226,7 +212,7 @@ TEST(TrajectorySimulator, FailsWithTheOutputOrAnInfinity) {
     const double x[] = {0.0, 1.0, 0.0, last};
     EXPECT_FALSE(simulator.Evaluate(x, start.data(), y, nullptr));
     EXPECT_FALSE(simulator.Evaluate(x, start.data(), y, J));
-    EXPECT_FALSE(simulator.PullBack(x, start.data(), covector, y, J));
+    EXPECT_FALSE(simulator.Adjoint(x, start.data(), covector, y, J));
     EXPECT_FALSE(simulator.WeightedHessian(x, start.data(), w, H));
   }
   const double x[] = {0.0, 1.0, 0.0, 1.0};

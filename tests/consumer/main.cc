@@ -50,15 +50,11 @@ void Minimize() {
       new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
       nullptr,
       x);
-  std::string error;
-  auto rule = invgrad::CreateRule(
-      {"", "half_inverse", {{"step_size", "auto"}, {"rho", "1"}}}, &error);
-  CHECK(rule != nullptr) << error;
   ceres::Solver::Options options;
   ceres::Solver::Summary summary;
-  invgrad::UpdateCallback callback({}, rule.get(), &problem);
-  options.callbacks.push_back(&callback);
-  options.update_state_every_iteration = true;
+  auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  invgrad::UpdateCallback callback(rule.get(), &problem);
+  callback.AddTo(&options);
   options.max_num_iterations = 200;
   ceres::Solve(options, &problem, &summary);
   LOG(INFO) << callback.summary().BriefReport();

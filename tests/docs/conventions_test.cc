@@ -169,7 +169,7 @@ Linearization Problem(Change change) {
 // The second of two steps at one place, so that what a rule remembers counts.
 Eigen::VectorXd SecondStep(const Specification& specification, Change change) {
   std::string error;
-  const std::unique_ptr<UpdateRule> rule = CreateRule(specification, &error);
+  const std::unique_ptr<UpdateRule> rule = MakeRule(specification, &error);
   EXPECT_NE(rule, nullptr) << error;
   const Linearization at_x = Problem(change);
   Eigen::VectorXd step;

@@ -7,7 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
-#include "problems/estimation/bzip2.h"
+#include "tests/support/compress_bzip2.h"
 #include "tests/support/damaged_text.h"
 #include "tests/support/published_data.h"
 #include "tests/support/reader_check.h"
@@ -77,7 +77,7 @@ TEST(BalFile, ReadsEveryEndOfLinesAndOfTheText) {
   }
 }
 
-TEST(BalFile, WritesWhatItReads) {
+TEST(BalFile, ReadsWhatIsWritten) {
   const TemporaryFolder folder;
   BalData data;
   std::string error;
@@ -85,9 +85,12 @@ TEST(BalFile, WritesWhatItReads) {
   data.observations[0].x = std::numeric_limits<double>::denorm_min();
   data.observations[0].y = std::numeric_limits<double>::max();
   data.cameras(1, 1) = 1.0 / 3.0;
+  ASSERT_TRUE(WriteBalFile(folder / "x.txt", data, &error)) << error;
+  ASSERT_TRUE(
+      WriteFile(folder / "x.txt.bz2", CompressBzip2(BalText(data)), &error))
+      << error;
   for (const std::string name : {"x.txt", "x.txt.bz2"}) {
     BalData back;
-    ASSERT_TRUE(WriteBalFile(folder / name, data, &error)) << error;
     ASSERT_TRUE(ReadBalFile(folder / name, &back, &error)) << error;
     ASSERT_EQ(back.observations.size(), data.observations.size());
     for (size_t i = 0; i < data.observations.size(); ++i) {
@@ -101,11 +104,8 @@ TEST(BalFile, WritesWhatItReads) {
     EXPECT_EQ(back.points, data.points);
   }
   std::string text;
-  std::string compressed;
   ASSERT_TRUE(ReadFile(folder / "x.txt", &text, &error)) << error;
-  ASSERT_TRUE(ReadFile(folder / "x.txt.bz2", &compressed, &error)) << error;
   EXPECT_EQ(text, BalText(data));
-  EXPECT_EQ(compressed.substr(0, 3), "BZh");
 }
 
 TEST(BalFile, WritesNoOtherData) {
@@ -264,9 +264,7 @@ TEST(BalFile, SaysWhichFileCannotBeRead) {
                 ": the compressed text is damaged; expected what "
                 "bzip2 writes");
   // What is compressed is checked like any text.
-  std::string bytes;
-  ASSERT_TRUE(CompressBzip2("1 1\n", &bytes, &error)) << error;
-  ASSERT_TRUE(WriteFile(path, bytes, &error)) << error;
+  ASSERT_TRUE(WriteFile(path, CompressBzip2("1 1\n"), &error)) << error;
   EXPECT_FALSE(ReadBalFile(path, &data, &error));
   EXPECT_EQ(error,
             path +
@@ -278,10 +276,8 @@ TEST(BalFile, SaysWhichFileCannotBeRead) {
 TEST(BalFile, DoesNotDecompressABomb) {
   const TemporaryFolder folder;
   const std::string path = folder / "bomb.bz2";
-  std::string stream;
+  const std::string stream = CompressBzip2(std::string(1 << 20, ' '));
   std::string error;
-  ASSERT_TRUE(CompressBzip2(std::string(1 << 20, ' '), &stream, &error))
-      << error;
   std::string bytes;
   for (int i = 0; i < 65; ++i) {
     bytes += stream;

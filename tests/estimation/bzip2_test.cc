@@ -4,18 +4,12 @@
 #include <string>
 
 #include "gtest/gtest.h"
+#include "tests/support/compress_bzip2.h"
 
 namespace invgrad {
 namespace bzip2_test {
 
-std::string Compress(const std::string& bytes) {
-  std::string result;
-  std::string error;
-  EXPECT_TRUE(CompressBzip2(bytes, &result, &error)) << error;
-  return result;
-}
-
-// Of what fails, the result must be as it was.
+// A failure leaves the result unchanged.
 std::string DecompressionError(const std::string& bytes, size_t max_size) {
   std::string result = "sentinel";
   std::string error;
@@ -32,7 +26,7 @@ TEST(Bzip2, GivesBackWhatWasCompressed) {
   }
   for (const std::string& bytes :
        {std::string(), std::string("a"), std::string(1 << 22, 'z'), noise}) {
-    const std::string compressed = Compress(bytes);
+    const std::string compressed = CompressBzip2(bytes);
     std::string result;
     std::string error;
     // The limit is the size itself: all of it fits, and no byte less would.
@@ -45,14 +39,14 @@ TEST(Bzip2, GivesBackWhatWasCompressed) {
                     std::to_string(bytes.size() - 1) + " bytes");
     }
     ASSERT_TRUE(DecompressBzip2(
-        Compress("ab") + compressed, bytes.size() + 2, &result, &error))
+        CompressBzip2("ab") + compressed, bytes.size() + 2, &result, &error))
         << error;
     EXPECT_EQ(result, "ab" + bytes);
   }
 }
 
 TEST(Bzip2, RefusesWhatIsNotWhole) {
-  const std::string compressed = Compress("some text, some more text");
+  const std::string compressed = CompressBzip2("some text, some more text");
   for (size_t size = 0; size < compressed.size(); ++size) {
     EXPECT_EQ(DecompressionError(compressed.substr(0, size), 1000),
               "the compressed text is cut off; expected what bzip2 writes");
@@ -60,7 +54,7 @@ TEST(Bzip2, RefusesWhatIsNotWhole) {
 }
 
 TEST(Bzip2, RefusesWhatIsDamaged) {
-  const std::string compressed = Compress("some text, some more text");
+  const std::string compressed = CompressBzip2("some text, some more text");
   const std::string damaged =
       "the compressed text is damaged; expected what bzip2 writes";
   EXPECT_EQ(DecompressionError("no bzip2", 1000), damaged);

@@ -4,18 +4,13 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <random>
+#include <optional>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/parallel_samples.h"
-#include "invgrad/inverse/pull_back_counts.h"
+#include "tests/inverse/bend_chain.h"
 
 namespace invgrad {
 namespace chain_pull_back_test {
@@ -23,149 +18,7 @@ namespace chain_pull_back_test {
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
-using ConstVectorRef = InverseSimulator::ConstVectorRef;
 using Options = ChainPullBack::Options;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
-
-// y = (exp x0, x1 + x0^2), for x0 < 5 only.
-struct Bend {
-  template <typename T>
-  bool operator()(const T* x, T* y) const {
-    using std::exp;
-    if (!(x[0] < T(5.0))) return false;
-    y[0] = exp(x[0]);
-    y[1] = x[1] + x[0] * x[0];
-    return true;
-  }
-};
-
-// x = (log y0, y1 - log^2 y0), refused where y0 <= 0.
-bool InvertBend(const ConstVectorRef& y,
-                const ConstVectorRef& /*x0*/,
-                const ConstVectorRef& /*context*/,
-                VectorXd* x,
-                std::string* why) {
-  if (!(y[0] > 0.0)) {
-    *why = "y_0 <= 0";
-    return false;
-  }
-  const double x0 = std::log(y[0]);
-  *x = Vector2d(x0, y[1] - x0 * x0);
-  return true;
-}
-
-// L = scale (d0^4 / 4 + d0^2 / 2 + 3 d1^2), d = y - y*: its curvature differs
-// from sample to sample.
-struct Quartic {
-  template <typename T>
-  bool operator()(const T* y, const double* target, T* loss) const {
-    const T d0 = y[0] - target[0];
-    const T d1 = y[1] - target[1];
-    *loss = scale * (0.25 * d0 * d0 * d0 * d0 + 0.5 * d0 * d0 + 3.0 * d1 * d1);
-    return true;
-  }
-  double scale = 1.0;
-};
-
-std::shared_ptr<const Loss> QuarticLoss(double scale = 1.0) {
-  return std::make_shared<AutoDiffLoss<Quartic, 2>>(Quartic{scale});
-}
-
-constexpr int kNumSamples = 5;
-
-std::shared_ptr<const Simulator> BendSimulator() {
-  return std::make_shared<AutoDiffSimulator<Bend, 2, 2>>();
-}
-
-Model MakeModel(std::shared_ptr<const Loss> loss,
-                Reduction reduction = Reduction::kMean,
-                std::shared_ptr<const Simulator> simulator = BendSimulator()) {
-  return Model(DenseNetwork({3, 4, 2}, Activation::kTanh),
-               std::move(simulator),
-               std::move(loss),
-               reduction);
-}
-
-DataSet RandomData(int num_samples = kNumSamples) {
-  DataSet data;
-  data.inputs = RandomMatrix(3, num_samples, 11);
-  data.contexts.resize(0, num_samples);
-  data.solutions = RandomMatrix(2, num_samples, 12);
-  data.targets.resize(2, num_samples);
-  for (int s = 0; s < num_samples; ++s) {
-    Bend()(data.solutions.col(s).data(), data.targets.col(s).data());
-  }
-  return data;
-}
-
-VectorXd RandomWeights(const Model& model) {
-  return RandomMatrix(model.num_weights(), 1, 14);
-}
-
-std::shared_ptr<const InverseSimulator> BendInverse() {
-  return std::make_shared<FunctionInverse>(InvertBend);
-}
-
-Options Ways(LossWay loss, SimulatorWay simulator) {
-  Options options;
-  options.loss = loss;
-  options.simulator.way = simulator;
-  return options;
-}
-
-Options Physical() { return Ways(LossWay::kNewton, SimulatorWay::kInverse); }
-
-LinearizationParts AllParts() {
-  LinearizationParts parts;
-  parts.gradient = parts.jacobian = parts.hessian = true;
-  return parts;
-}
-
-Linearization Linearized(ChainPullBack* chain,
-                         const VectorXd& weights,
-                         const DataSet& data) {
-  Linearization at;
-  std::string error;
-  EXPECT_TRUE(chain->Linearize(weights, data, AllParts(), &at, &error))
-      << error;
-  return at;
-}
-
-// x of all samples.
-MatrixXd NetworkOutputs(const Model& model,
-                        const VectorXd& weights,
-                        const DataSet& data) {
-  DenseNetwork::Activations activations;
-  std::string error;
-  EXPECT_TRUE(model.Forward(weights, data, false, &activations, &error));
-  return activations.outputs;
-}
-
-// The d_x of every sample, from g = -scale d_x (L2).
-MatrixXd WeightedChange(const Model& model, const Linearization& at) {
-  const int num_samples = static_cast<int>(at.loss_gradient.size()) / 2;
-  return at.loss_gradient.reshaped(2, num_samples) /
-         -model.BatchScale(num_samples);
-}
-
-// The gradient of a function of the weights by central differences: h^2 and
-// rounding leave 1e-9.
-template <typename Function>
-VectorXd Differences(const Function& function, const VectorXd& weights) {
-  const double h = 1e-5;
-  VectorXd gradient(weights.size());
-  for (Eigen::Index i = 0; i < weights.size(); ++i) {
-    const VectorXd e = h * VectorXd::Unit(weights.size(), i);
-    gradient[i] = (function(weights + e) - function(weights - e)) / (2.0 * h);
-  }
-  return gradient;
-}
 
 // --- The adjoint ---
 
@@ -223,10 +76,7 @@ TEST_P(ProxyTest, DerivativesAreThoseWithTheWantedInputHeld) {
       const Vector2d d = y - data.targets.col(s);
       y[0] -= 0.4 * (d[0] * d[0] * d[0] + d[0]) / (3.0 * d[0] * d[0] + 1.0);
       y[1] -= 0.4 * d[1];
-      VectorXd solution;
-      std::string why;
-      ASSERT_TRUE(InvertBend(y, x.col(s), VectorXd(), &solution, &why)) << why;
-      wanted.col(s) = solution;
+      wanted.col(s) = InvertBend(y, x.col(s)).value();
     }
     // The kinks of the L1 proxy are far.
     ASSERT_GT((wanted - x).cwiseAbs().minCoeff(), 1e-3);
@@ -326,144 +176,6 @@ INSTANTIATE_TEST_SUITE_P(Proxies,
                          testing::Values(ChainPullBack::Proxy::kL2,
                                          ChainPullBack::Proxy::kL1));
 
-// --- Curvature weights ---
-
-// w_s, from the curvatures of the proxy.
-VectorXd SampleWeights(const Model& model, const Linearization& at) {
-  const int num_samples = static_cast<int>(at.loss_gradient.size()) / 2;
-  const VectorXd curvature =
-      at.loss_hessian_times(VectorXd::Ones(2 * num_samples));
-  const MatrixXd by_sample = curvature.reshaped(2, num_samples);
-  EXPECT_EQ(by_sample.row(0), by_sample.row(1));
-  return by_sample.row(0).transpose() / model.BatchScale(num_samples);
-}
-
-TEST(CurvatureWeightTest, IsTheFormula) {
-  const DataSet data = RandomData();
-  const Model model = MakeModel(QuarticLoss());
-  const VectorXd weights = RandomWeights(model);
-  const MatrixXd x = NetworkOutputs(model, weights, data);
-  ChainPullBack unweighted(&model, BendInverse(), Physical());
-  const MatrixXd d_x =
-      WeightedChange(model, Linearized(&unweighted, weights, data));
-  for (const double gamma : {0.25, 0.5, 1.0}) {
-    VectorXd powers(kNumSamples);
-    for (int s = 0; s < kNumSamples; ++s) {
-      Vector2d y = Vector2d::Zero();
-      Bend()(x.col(s).data(), y.data());
-      const Vector2d d = y - data.targets.col(s);
-      const double H_00 = 3.0 * d[0] * d[0] + 1.0;
-      const double d_y0 = -(d[0] * d[0] * d[0] + d[0]) / H_00;
-      const double curvature =
-          (H_00 * d_y0 * d_y0 + 6.0 * d[1] * d[1]) / d_x.col(s).squaredNorm();
-      powers[s] = std::pow(curvature, gamma);
-    }
-    const VectorXd expected = powers / powers.mean();
-    ASSERT_GT(expected.maxCoeff() / expected.minCoeff(), 1.2);
-    Options options = Physical();
-    options.curvature_weight = gamma;
-    ChainPullBack chain(&model, BendInverse(), options);
-    const Linearization at = Linearized(&chain, weights, data);
-    const VectorXd w = SampleWeights(model, at);
-    EXPECT_LT((w - expected).norm(), 1e-12);
-    EXPECT_NEAR(w.mean(), 1.0, 1e-14);
-    EXPECT_LT((WeightedChange(model, at) - d_x * expected.asDiagonal()).norm(),
-              1e-12);
-  }
-}
-
-TEST(CurvatureWeightTest, ZeroIsThePublishedMethodToTheBit) {
-  const DataSet data = RandomData();
-  const Model model = MakeModel(QuarticLoss());
-  const VectorXd weights = RandomWeights(model);
-  Options options = Physical();
-  ChainPullBack plain(&model, BendInverse(), options);
-  options.curvature_weight = 0.0;
-  ChainPullBack zero(&model, BendInverse(), options);
-  const Linearization a = Linearized(&plain, weights, data);
-  const Linearization b = Linearized(&zero, weights, data);
-  EXPECT_EQ(a.gradient, b.gradient);
-  EXPECT_EQ(SampleWeights(model, b), VectorXd::Ones(kNumSamples));
-}
-
-// For a linear P and a quadratic L, and up to the common factor mean(c), the
-// weighted proxy |d_x|^2 / 2 is the second-order change of L along d_x.
-TEST(CurvatureWeightTest, OneMakesTheProxyFollowTheLoss) {
-  MatrixXd A(2, 2);
-  A << 3.0, 1.0, -0.5, 0.2;
-  const auto linear = std::make_shared<LinearSimulator>(
-      LinearSimulator::Matrix(A.sparseView()), Vector2d(0.3, -1.0));
-  const Model model = MakeModel(QuarticLoss(), Reduction::kMean, linear);
-  const DataSet data = RandomData();
-  const VectorXd weights = RandomWeights(model);
-  Options options = Physical();
-  options.simulator.round_trip = 1e-10;
-  options.curvature_weight = 1.0;
-  ChainPullBack chain(&model, nullptr, options);
-  const Linearization at = Linearized(&chain, weights, data);
-  ASSERT_EQ(chain.counts().of(PullBackSource::kNumericalInverse), kNumSamples);
-  const VectorXd w = SampleWeights(model, at);
-  const MatrixXd d_x =
-      WeightedChange(model, at) * w.cwiseInverse().asDiagonal();
-  const MatrixXd x = NetworkOutputs(model, weights, data);
-  VectorXd ratio(kNumSamples);
-  for (int s = 0; s < kNumSamples; ++s) {
-    const Vector2d y = A * x.col(s) + Vector2d(0.3, -1.0);
-    double loss = 0.0;
-    Eigen::Matrix2d H;
-    ASSERT_TRUE(model.loss().Evaluate(
-        y.data(), data.targets.col(s).data(), &loss, nullptr, H.data()));
-    const Vector2d d_y = A * d_x.col(s);
-    ratio[s] = w[s] * d_x.col(s).squaredNorm() / d_y.dot(H * d_y);
-  }
-  EXPECT_LT(ratio.maxCoeff() / ratio.minCoeff() - 1.0, 1e-8);
-  EXPECT_GT(w.maxCoeff() / w.minCoeff(), 1.2);
-}
-
-// c_s has the unit of L, w_s has none; a sample at its target has no c_s.
-TEST(CurvatureWeightTest, DoesNotDependOnTheUnitOfTheLoss) {
-  DataSet data = RandomData();
-  const Model model = MakeModel(QuarticLoss());
-  const VectorXd weights = RandomWeights(model);
-  Options options = Physical();
-  options.curvature_weight = 0.5;
-  for (const bool one_is_done : {false, true}) {
-    if (one_is_done) {
-      const MatrixXd x = NetworkOutputs(model, weights, data);
-      Bend()(x.col(2).data(), data.targets.col(2).data());
-    }
-    ChainPullBack chain(&model, BendInverse(), options);
-    const Linearization at = Linearized(&chain, weights, data);
-    const VectorXd w = SampleWeights(model, at);
-    EXPECT_NEAR(w.mean(), 1.0, 1e-14);
-    if (one_is_done) {
-      EXPECT_EQ(w[2], 1.0);
-    }
-    for (const double unit : {1e-6, 1e6}) {
-      const Model scaled = MakeModel(QuarticLoss(unit));
-      ChainPullBack other(&scaled, BendInverse(), options);
-      const Linearization in_units = Linearized(&other, weights, data);
-      EXPECT_LT((SampleWeights(scaled, in_units) - w).norm(), 1e-12);
-      EXPECT_LT((in_units.gradient - at.gradient).norm(), 1e-12);
-    }
-  }
-}
-
-// The curvature is that along d_x; a cut does not turn d_x.
-TEST(CurvatureWeightTest, DoesNotDependOnTheCut) {
-  const DataSet data = RandomData();
-  const Model model = MakeModel(QuarticLoss());
-  const VectorXd weights = RandomWeights(model);
-  Options options = Physical();
-  options.curvature_weight = 1.0;
-  ChainPullBack whole(&model, BendInverse(), options);
-  const VectorXd w = SampleWeights(model, Linearized(&whole, weights, data));
-  options.max_change = 0.1;
-  ChainPullBack cut(&model, BendInverse(), options);
-  EXPECT_LT((SampleWeights(model, Linearized(&cut, weights, data)) - w).norm(),
-            1e-12);
-}
-
 // --- Other terms of d_x ---
 
 TEST(ChainPullBackTest, ChangesAreCutToTheirMaximum) {
@@ -511,7 +223,7 @@ TEST(ChainPullBackTest, SupervisedTrainingSeesTheSolutionsOnly) {
   const Model model = MakeModel(QuarticLoss());
   const VectorXd weights = RandomWeights(model);
   Options options = Physical();
-  options.is_supervised = true;
+  options.simulator.way = SimulatorWay::kData;
   ChainPullBack chain(&model, BendInverse(), options);
   EXPECT_TRUE(chain.needs_solutions());
   const Linearization at = Linearized(&chain, weights, data);
@@ -533,14 +245,10 @@ TEST(ChainPullBackTest, SupervisedTrainingSeesTheSolutionsOnly) {
 
 // An inverse that refuses where y0 <= 0 and is wrong where y0 > 2.
 std::shared_ptr<const InverseSimulator> UnreliableInverse() {
-  return std::make_shared<FunctionInverse>([](const ConstVectorRef& y,
-                                              const ConstVectorRef& x0,
-                                              const ConstVectorRef& context,
-                                              VectorXd* x,
-                                              std::string* why) {
-    if (!InvertBend(y, x0, context, x, why)) return false;
-    if (y[0] > 2.0) *x = x0;
-    return true;
+  return Inverse([](const auto& y, const auto& x_now) {
+    std::optional<VectorXd> x = InvertBend(y, x_now);
+    if (x.has_value() && y[0] > 2.0) *x = x_now;
+    return x;
   });
 }
 
@@ -652,68 +360,6 @@ TEST(ChainPullBackDeathTest, LaterUpdatesNeedAFirst) {
   EXPECT_DEATH(chain.LinearizeAgain(
                    RandomWeights(model), RandomData(), AllParts(), &at, &error),
                "LinearizeAgain follows Linearize");
-}
-
-TEST(PullBackCountsTest, ReportsSourcesAndTheFirstFailure) {
-  PullBackCounts counts;
-  EXPECT_EQ(counts.Report(), "");
-  SimulatorPullBack::Result result;
-  result.source = PullBackSource::kInverse;
-  counts.BeginStep();
-  counts.Add(result, 0);
-  counts.Add(result, 1);
-  EXPECT_EQ(counts.Report(), "2 inverse");
-  counts.BeginStep();
-  result.source = PullBackSource::kNumericalInverse;
-  result.why = "y_0 <= 0";
-  counts.Add(result, 17);
-  result.source = PullBackSource::kNone;
-  result.why = "another";
-  counts.Add(result, 18);
-  EXPECT_EQ(counts.Report(),
-            "2 inverse, 1 numerical inverse, 1 not moved "
-            "(first at step 2, sample 17: y_0 <= 0)");
-  EXPECT_EQ(counts.of(PullBackSource::kInverse), 2);
-  EXPECT_EQ(counts.of(PullBackSource::kInverseGradient), 0);
-}
-
-TEST(PullBackCountsTest, GoOnFromTheirState) {
-  PullBackCounts counts;
-  SimulatorPullBack::Result result;
-  for (int i = 0; i < 3; ++i) {
-    counts.BeginStep();
-    for (int source = 1; source < kNumPullBackSources; ++source) {
-      result.source = static_cast<PullBackSource>(source);
-      for (int k = 0; k < source; ++k) counts.Add(result, k);
-    }
-  }
-  PullBackCounts restored;
-  ASSERT_TRUE(restored.SetState(counts.State()));
-  EXPECT_EQ(restored.State(), counts.State());
-  EXPECT_EQ(restored.Report(), counts.Report());
-  result.why = "late";
-  for (PullBackCounts* of : {&counts, &restored}) {
-    of->BeginStep();
-    of->Add(result, 5);
-  }
-  EXPECT_EQ(restored.Report(), counts.Report());
-  EXPECT_NE(restored.Report().find("first at step 4, sample 5: late"),
-            std::string::npos);
-
-  const VectorXd before = restored.State();
-  EXPECT_FALSE(restored.SetState(VectorXd::Ones(before.size() + 1)));
-  EXPECT_FALSE(restored.SetState(VectorXd()));
-  EXPECT_EQ(restored.State(), before);
-}
-
-TEST(ParallelSamplesTest, CallsEverySampleOnce) {
-  for (const int count : {0, 1, 2, 7, 100}) {
-    for (const int num_threads : {1, 2, 3, 8}) {
-      std::vector<int> calls(count, 0);
-      ParallelSamples(count, num_threads, [&](int s) { ++calls[s]; });
-      EXPECT_EQ(calls, std::vector<int>(count, 1));
-    }
-  }
 }
 
 }  // namespace chain_pull_back_test

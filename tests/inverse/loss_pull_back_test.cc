@@ -67,17 +67,6 @@ struct Indefinite {
   }
 };
 
-// L = 1/2 (d0^2 - d1^2): a saddle at y*.
-struct Saddle {
-  template <typename T>
-  bool operator()(const T* y, const double* target, T* loss) const {
-    const T d0 = y[0] - target[0];
-    const T d1 = y[1] - target[1];
-    *loss = 0.5 * (d0 * d0 - d1 * d1);
-    return true;
-  }
-};
-
 // L = (d0 + d1)^2: flat along (1, -1).
 struct Valley {
   template <typename T>
@@ -209,18 +198,6 @@ TEST(LossPullBackTest, SaddleFreeNewtonSolvesWithTheAbsoluteHessian) {
   EXPECT_LT((newton + eta * H.inverse() * g).norm(), 1e-13);
   EXPECT_LT(saddle_free.dot(g), 0.0);  // descends
   EXPECT_GT((saddle_free - newton).norm(), 0.1);
-}
-
-TEST(LossPullBackTest, ASaddleDrawsNewtonAndRepelsSaddleFreeNewton) {
-  const Vector2d target(0.5, -0.25);
-  const Vector2d d(0.75, 0.125);
-  const auto loss = MakeLoss<2>(Saddle());
-  const VectorXd newton =
-      Change(loss, LossWay::kNewton, 1.0, target + d, target);
-  const VectorXd saddle_free =
-      Change(loss, LossWay::kSaddleFreeNewton, 1.0, target + d, target);
-  EXPECT_LT((newton + d).norm(), 1e-15);
-  EXPECT_LT((saddle_free - Vector2d(-d[0], d[1])).norm(), 1e-15);
 }
 
 TEST(LossPullBackTest, NewtonRefusesASingularHessian) {

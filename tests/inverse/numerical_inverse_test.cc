@@ -10,9 +10,9 @@
 #include "Eigen/Core"
 #include "Eigen/LU"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/time_stepping_simulator.h"
+#include "tests/support/make_simulator.h"
 
 namespace invgrad {
 namespace numerical_inverse_test {
@@ -101,16 +101,6 @@ struct OscillatorStep {
     return true;
   }
 };
-
-template <int kIn, int kOut, typename Functor>
-std::shared_ptr<const Simulator> MakeSimulator(Functor functor = Functor()) {
-  return std::make_shared<AutoDiffSimulator<Functor, kIn, kOut>>(functor);
-}
-
-std::shared_ptr<const Simulator> MakeLinear(const MatrixXd& A) {
-  return std::make_shared<LinearSimulator>(
-      LinearSimulator::Matrix(A.sparseView()), VectorXd::Zero(A.rows()));
-}
 
 VectorXd Forward(const Simulator& simulator,
                  const VectorXd& x,
@@ -301,7 +291,7 @@ TEST(NumericalInverseTest, FailsWithoutAValueAtTheStart) {
   std::string why;
   EXPECT_FALSE(inverse.Invert(
       VectorXd::Zero(1), VectorXd::Constant(1, -1.0), VectorXd(), &x, &why));
-  EXPECT_EQ(why, "the simulator has no finite value at x_0");
+  EXPECT_EQ(why, "the simulator has no finite value at x_now");
 }
 
 TEST(NumericalInverseTest, ZeroWantedChangeLeavesTheStart) {

@@ -127,21 +127,14 @@ class CountingSimulator final : public Simulator {
     num_jacobians += jacobian != nullptr ? 1 : 0;
     return simulator_.Evaluate(x, context, y, jacobian);
   }
-  bool PullBack(const double* x,
-                const double* context,
-                const Covector& covector,
-                double* y,
-                double* x_bar) const override {
+  bool Adjoint(const double* x,
+               const double* context,
+               const Covector& covector,
+               double* y,
+               double* x_bar) const override {
     ++num_pull_backs;
-    return simulator_.PullBack(x, context, covector, y, x_bar);
+    return simulator_.Adjoint(x, context, covector, y, x_bar);
   }
-  bool WeightedHessian(const double* x,
-                       const double* context,
-                       const double* w,
-                       double* hessian) const override {
-    return simulator_.WeightedHessian(x, context, w, hessian);
-  }
-
   mutable int num_jacobians = 0;
   mutable int num_pull_backs = 0;
 

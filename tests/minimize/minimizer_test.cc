@@ -18,7 +18,7 @@
 #include "ceres/rotation.h"
 #include "ceres/sized_cost_function.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
@@ -185,15 +185,6 @@ struct Powell {
   }
 };
 
-std::unique_ptr<UpdateRule> Create(const std::string& text) {
-  std::vector<Specification> specifications;
-  std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  std::unique_ptr<UpdateRule> rule = CreateRule(specifications.at(0), &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 // Steps that are too long for the function, and steps that are not. With a
 // fixed step size a low exponent is slow in Rosenbrock's valley; those that
 // find theirs arrive.
@@ -225,7 +216,7 @@ TEST(Minimizer, WithControlTheCostNeverRises) {
             nullptr,
             x);
       }
-      const auto rule = Create(text);
+      const auto rule = MakeRule(text);
       MinimizerSummary summary;
       Minimize(NoTolerances(300), rule.get(), &problem, &summary);
       EXPECT_NE(summary.termination_type, ceres::FAILURE) << summary.message;

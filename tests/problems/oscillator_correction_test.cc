@@ -93,9 +93,7 @@ TEST(OscillatorCorrection, ShortTrainingBeatsTheCoarseSimulator) {
                                   &coarse,
                                   &error))
       << error;
-  const auto rule =
-      CreateRule({"", "half_inverse", {{"step_size", "auto"}}}, &error);
-  ASSERT_NE(rule, nullptr) << error;
+  const auto rule = MakeRule("half_inverse:step_size=auto");
   NumpyRandom random(0);
   VectorXd weights =
       problem.model->network().InitialWeights(problem.initialization, &random);

@@ -100,7 +100,7 @@ TEST_P(LinearTracking, OptimalControlsAreThoseOfTheRegulator) {
   for (int s = 0; s < 3; ++s) {
     const VectorXd state = problem.train.contexts.col(s);
     const VectorXd x = regulator.OptimalControls(state);
-    ASSERT_TRUE(simulator.PullBack(
+    ASSERT_TRUE(simulator.Adjoint(
         x.data(),
         state.data(),
         [&y](const double* at, double* w) {
@@ -173,9 +173,7 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
   const double bound =
       Regulator(OscillatorTracking::Options()).Bound(problem.train);
   std::string error;
-  const auto rule =
-      CreateRule({"", "half_inverse", {{"step_size", "auto"}}}, &error);
-  ASSERT_NE(rule, nullptr) << error;
+  const auto rule = MakeRule("half_inverse:step_size=auto");
   NumpyRandom random(0);
   VectorXd weights =
       problem.model->network().InitialWeights(problem.initialization, &random);
@@ -238,14 +236,6 @@ TEST(OscillatorTracking, AForceWithoutWeightCostsNothing) {
 TEST(OscillatorTracking, NothingIsKnownOfTheBestForceWithCubicCoupling) {
   EXPECT_FALSE(CreateLearningProblem("oscillator_tracking:coupling=cubic")
                    .metric.has_value());
-}
-
-TEST(OscillatorTracking, DataOfAnotherShapeAreRefused) {
-  PhysicsProblem problem;
-  std::string error;
-  const MatrixXd data = MatrixXd::Zero(10, 5);
-  EXPECT_FALSE(CreateProblem("oscillator_tracking", &data, &problem, &error));
-  EXPECT_NE(error.find("(10, 5)"), std::string::npos) << error;
 }
 
 }  // namespace oscillator_tracking_test

@@ -51,14 +51,16 @@ double MetricOf(const LearningProblem& problem, const VectorXd& weights) {
                                   problem.test);
 }
 
-// Without test data; from the initial weights unless others are given.
+// Without test data; from the initial weights of seed 0 unless others are
+// given.
 TrainResult Train(LearningProblem problem,
                   const std::string& method,
                   TrainOptions options,
                   const VectorXd* start = nullptr) {
   problem.test = problem.train.Range(0, 0);
   options.batch_size = 0;
-  if (start != nullptr) options.initial_weights = *start;
+  options.initial_weights =
+      start != nullptr ? *start : InitialWeights(problem, /*seed=*/0);
   return TrainProblem(problem, method, options);
 }
 
@@ -179,7 +181,7 @@ TEST(PoissonPinn, LossOnAGridIsOfOrderTwo) {
     const LearningProblem problem = CreateLearningProblem(
         "poisson_pinn:num_interior=" + std::to_string(n * n) +
         ":num_boundary=" + std::to_string(4 * n));
-    return Cost(problem, 3.0 * InitialWeights(problem, 0));
+    return Cost(problem, 3.0 * InitialWeights(problem, /*seed=*/0));
   };
   const double at_16 = loss(16), at_32 = loss(32), at_64 = loss(64);
   EXPECT_NEAR(std::log2((at_16 - at_32) / (at_32 - at_64)), 2.0, 0.05);

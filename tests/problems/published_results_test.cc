@@ -9,6 +9,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/train/train.h"
 #include "problems/problems.h"

@@ -1,10 +1,8 @@
-#include "problems/target_noise.h"
-
+// The option `noise` of problems (sample_data.h).
 #include <cmath>
 #include <string>
 
 #include "gtest/gtest.h"
-#include "problems/problems.h"
 #include "tests/support/create_problem.h"
 
 namespace invgrad {

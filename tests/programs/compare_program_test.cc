@@ -249,6 +249,44 @@ TEST_F(CompareProgram, ADivergingMethodIsARowAndTheOthersGoOn) {
   EXPECT_TRUE(fs::exists(Path("run") + "/ceres_bfgs-seed1/weights.npy"));
 }
 
+TEST_F(CompareProgram, FailsIfNoMethodCouldRun) {
+  // A trust region needs a squared norm, which this problem has not.
+  for (const char* rules : {"--rules=ceres_lm", "--rules=ceres_lm,adam"}) {
+    const Output output = Run({"--problem=quantum_dipole:num_samples=4",
+                               rules,
+                               "--steps=1",
+                               "--plots=false",
+                               "--overwrite",
+                               "--output=" + Path("run")});
+    const bool has_run = std::string(rules) != "--rules=ceres_lm";
+    EXPECT_EQ(output.exit_code, has_run ? 0 : 1) << output.text;
+    ExpectSays(output, {"not run: a trust region needs"});
+    EXPECT_EQ(
+        output.text.find("compare: no method could run") == std::string::npos,
+        has_run)
+        << output.text;
+    EXPECT_TRUE(fs::exists(Path("run") + "/table.txt"));
+  }
+  const Output point = Run({"--problem=squared_component",
+                            "--rules=adam:steps=1>newton",
+                            "--plots=false",
+                            "--output=" + Path("point")});
+  EXPECT_EQ(point.exit_code, 1);
+  ExpectSays(point, {"no method could run"});
+}
+
+// A line would not be seen.
+TEST_F(CompareProgram, NeuronsOfOneEpochAreDrawnAsPoints) {
+  std::vector<std::string> arguments = SmallRun("run");
+  arguments[2] = "--epochs=1";
+  arguments[4] = "--plots";
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  const std::string script = ReadAll(Path("run") + "/neurons.gp");
+  EXPECT_NE(script.find("$panel1_series59 using 1:2 with linespoints"),
+            std::string::npos);
+  EXPECT_NE(script.find("title \"layer 3\""), std::string::npos);
+}
+
 TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
   std::vector<std::string> arguments = SmallRun("run");
   arguments[1] = "--rules=half_inverse,adam:step_size=1e-2";
@@ -331,7 +369,7 @@ TEST_F(CompareProgram, PhasesAreOneRunThatGoesOn) {
     ExpectSays(output, {"epochs done"});
   }
   const std::string directory = "/" + label + "-seed1";
-  EXPECT_TRUE(fs::exists(Path("run") + directory + "/checkpoint-phase1"));
+  EXPECT_TRUE(fs::exists(Path("run") + directory + "/checkpoint"));
   const std::string weights = directory + "/weights.npy";
   EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
   // 2 steps an epoch, then 4 of the command line's batch size.

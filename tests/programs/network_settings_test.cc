@@ -90,18 +90,6 @@ TEST(NetworkSettings, WhatIsNotGivenStays) {
   EXPECT_EQ(problem.initialization, Initialization::kHeUniform);
 }
 
-TEST(NetworkSettings, FieldsHaveTheirNames) {
-  NetworkSettings settings;
-  for (const std::string& name : NetworkSettings::Names()) {
-    ASSERT_NE(settings.Find(name), nullptr);
-    *settings.Find(name) = name;
-  }
-  EXPECT_EQ(settings.hidden, "hidden");
-  EXPECT_EQ(settings.activation, "activation");
-  EXPECT_EQ(settings.initialization, "initialization");
-  EXPECT_EQ(settings.Find("widths"), nullptr);
-}
-
 TEST(NetworkSettings, SaysWhatItRefusesAndChangesNothing) {
   const std::vector<std::pair<NetworkSettings, std::string>> cases = {
       {{"20-x", "", ""}, "hidden=20-x: width=x"},

@@ -23,11 +23,29 @@ TEST(ParseSeeds, TakesEveryIntegerOfItsRange) {
   EXPECT_EQ(seeds, (std::vector<int>{3, 0, std::numeric_limits<int>::max()}));
 }
 
+TEST(ParseSeeds, ExpandsRanges) {
+  const auto parse = [](const std::string& text) {
+    std::vector<int> seeds;
+    std::string error;
+    EXPECT_TRUE(ParseSeeds(text, &seeds, &error)) << error;
+    return seeds;
+  };
+  EXPECT_EQ(parse("3..6"), (std::vector<int>{3, 4, 5, 6}));
+  EXPECT_EQ(parse("1,...,4"), (std::vector<int>{1, 2, 3, 4}));
+  EXPECT_EQ(parse("9,1,3,...,7"), (std::vector<int>{9, 1, 3, 5, 7}));
+  EXPECT_EQ(parse("2147483645..2147483647,0"),
+            (std::vector<int>{2147483645, 2147483646, 2147483647, 0}));
+  EXPECT_EQ(parse("1,2,...,20").size(), 20u);
+}
+
 TEST(ParseSeeds, SaysWhatItRefuses) {
   std::vector<int> seeds;
   std::string error;
   for (const char* text :
-       {"-1", "2147483648", "1.5", "x", "1,x", "1,1", "1,,2", "", ","}) {
+       {"-1",     "2147483648", "1.5",     "x",    "1,x",       "1,1",
+        "1,,2",   "",           ",",       "...",  "1,...",     "...,3",
+        "3..1",   "1..",        "..3",     "1..x", "1,3,...,6", "3,2,...,9",
+        "2,1..3", "1...3",      "0..10000"}) {
     SCOPED_TRACE(text);
     error.clear();
     EXPECT_FALSE(ParseSeeds(text, &seeds, &error));

@@ -1,7 +1,5 @@
 // Jobs in processes: order, errors, crashes, interrupts.
 
-#include "bin/support/sweep_processes.h"
-
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "bin/sweep/processes.h"
 #include "gtest/gtest.h"
 #include "report/interrupt.h"
 #include "tests/support/temporary_folder.h"

@@ -1,7 +1,5 @@
 // Values of runs, and which alternative is the best.
 
-#include "bin/support/sweep_results.h"
-
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -10,7 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "bin/support/sweep_plots.h"
+#include "bin/sweep/plots.h"
+#include "bin/sweep/results.h"
 #include "gtest/gtest.h"
 
 namespace invgrad {
@@ -83,7 +82,7 @@ TEST(FindSweepValue, TakesTheMetricThenTheTestLoss) {
   };
   EXPECT_EQ(find("auto"), "train loss");
   EXPECT_EQ(find("metric"),
-            "--value=metric is not to be had; allowed: auto, train_loss");
+            "--value=metric is not there; allowed: auto, train_loss");
   LearningProblem problem = *plan.jobs[0].problem;
   problem.test = problem.train;
   plan.jobs[0].problem = std::make_shared<LearningProblem>(problem);
@@ -117,10 +116,10 @@ TEST(FindBest, TakesTheLowestMedianOverTheSeeds) {
   EXPECT_EQ(best[0].alternative->chosen, "step_size=3");
   EXPECT_EQ(best[0].alternative->at_edge,
             std::vector<std::string>({"step_size"}));
-  EXPECT_EQ(best[0].cell.median, 0.2);
-  EXPECT_EQ(best[0].cell.low, 0.1);
-  EXPECT_EQ(best[0].cell.high, 9.0);
-  EXPECT_EQ(plan.jobs[plan.points[best[0].cell.median_point].job].seed, 3);
+  EXPECT_EQ(best[0].spread.median, 0.2);
+  EXPECT_EQ(best[0].spread.low, 0.1);
+  EXPECT_EQ(best[0].spread.high, 9.0);
+  EXPECT_EQ(plan.jobs[plan.points[best[0].median_point()].job].seed, 3);
 }
 
 TEST(FindBest, AFailedRunIsWorseThanAnyOther) {
@@ -131,14 +130,14 @@ TEST(FindBest, AFailedRunIsWorseThanAnyOther) {
         FindBest(plan, Runs({0.1, 3, 9, kNan, 4, 9, kNan, 5, 9}), TrainLoss());
     EXPECT_EQ(best[0].alternative->chosen, "step_size=2");
     EXPECT_TRUE(best[0].alternative->at_edge.empty());
-    EXPECT_EQ(best[0].cell.median, 4.0);
+    EXPECT_EQ(best[0].spread.median, 4.0);
   }
   {
     const std::vector<SweepBest> best =
         FindBest(plan, Runs(std::vector<double>(9, kNan)), TrainLoss());
     EXPECT_EQ(best[0].alternative->chosen, "step_size=1");
-    EXPECT_TRUE(std::isnan(best[0].cell.median));
-    EXPECT_EQ(best[0].cell.num_failed, 3);
+    EXPECT_TRUE(std::isnan(best[0].spread.median));
+    EXPECT_EQ(best[0].spread.num_failed, 3);
   }
   {
     // So is one that was not run.
@@ -156,10 +155,10 @@ TEST(FindBest, EveryPointAndRuleHasItsOwn) {
       FindBest(plan, Runs({1, 2, 5, 4, 3, 6}), TrainLoss());
   ASSERT_EQ(best.size(), 4u);
   EXPECT_EQ(best[0].alternative->chosen, "step_size=1");
-  EXPECT_EQ(best[1].cell.median, 5.0);
+  EXPECT_EQ(best[1].spread.median, 5.0);
   EXPECT_EQ(best[2].alternative->chosen, "step_size=2");
   EXPECT_EQ(best[2].at[0], 1);
-  EXPECT_EQ(best[3].cell.median, 6.0);
+  EXPECT_EQ(best[3].spread.median, 6.0);
 }
 
 TEST(SweepCsv, HasALineForEveryRun) {
@@ -205,9 +204,9 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   ASSERT_EQ(maps.size(), 2u);  // one a rule
   EXPECT_EQ(maps[1].title, "half_inverse");
   const HeatMap& map = *maps[1].heat_map;
-  EXPECT_EQ(map.x, (std::vector<double>{0.01, 1.0}));
-  // A batch of 0 is one of all samples.
-  EXPECT_EQ(map.y, (std::vector<double>{4.0, 8.0, 256.0}));
+  EXPECT_EQ(map.x_labels, (std::vector<std::string>{"0.01", "1"}));
+  // A batch of 0 is one of all 256 samples.
+  EXPECT_EQ(map.y_labels, (std::vector<std::string>{"4", "8", "0"}));
   EXPECT_EQ(map.z(2, 0), 12.0);
   EXPECT_TRUE(std::isnan(map.z(0, 0)));
   EXPECT_EQ(map.z(1, 1), 4.0);
@@ -218,8 +217,6 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   ASSERT_EQ(curves.size(), 6u);
   EXPECT_EQ(curves[5].title, "lambda=0.01, batch_size=0");
   EXPECT_EQ(curves[5].series[1].y, (std::vector<double>{12.0}));
-  // One evaluation is a point, as a line of it would not be seen.
-  EXPECT_EQ(curves[5].series[1].style, Series::Style::kPoints);
   EXPECT_TRUE(curves[5].log_y);
   EXPECT_DOUBLE_EQ(*curves[0].y_range.low, std::pow(12.0, -0.04));
   EXPECT_EQ(curves[5].y_range.high, curves[0].y_range.high);

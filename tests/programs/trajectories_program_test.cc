@@ -68,17 +68,6 @@ TEST_F(TrajectoriesProgram, PrintsThePublishedDiagonalLengths) {
   ExpectSays(output, {"1.053930", "1.264911"});
 }
 
-TEST_F(TrajectoriesProgram, FlagFileRepeatsTheRun) {
-  ASSERT_EQ(Run({"--steps=2", "--rules=half_inverse", "--output=" + Path("a")})
-                .exit_code,
-            0);
-  const Output output =
-      Run({"--flagfile=" + Path("a/flags.txt"), "--output=" + Path("b")});
-  ASSERT_EQ(output.exit_code, 0) << output.text;
-  EXPECT_EQ(ReadAll(Path("a/half_inverse.csv")),
-            ReadAll(Path("b/half_inverse.csv")));
-}
-
 TEST_F(TrajectoriesProgram, AnExistingDirectoryIsReplacedOnlyIfAsked) {
   const std::vector<std::string> arguments = {
       "--steps=1", "--rules=adam", "--grid=5", "--output=" + Path("run")};

@@ -84,12 +84,13 @@ class PlotTest : public testing::Test {
   }
 
   // The script that would draw, without drawing.
-  std::string Script(const Plot& plot) {
+  std::string Script(const std::vector<Plot>& plots) {
     const Path path(FakeGnuplot("exit 1"));
     std::string error;
-    WritePlot(folder_ / "script.png", plot, &error);
+    WritePlots(folder_ / "script.png", plots, &error);
     return Read(folder_ / "script.gp");
   }
+  std::string Script(const Plot& plot) { return Script(std::vector{plot}); }
 
   // The lines of a data block.
   static std::vector<std::string> Data(const std::string& script,
@@ -150,16 +151,9 @@ TEST_F(DrawnPlotTest, LinesPointsBandsAndContoursAreDrawn) {
   EXPECT_NE(Read(folder_ / "contours.png"), Read(folder_ / "flat.png"));
 }
 
-TEST_F(DrawnPlotTest, PanelsStandSideBySide) {
+TEST_F(DrawnPlotTest, PanelsStandSideBySideOrInRows) {
   Plot plot;
-  plot.series = {Line({1, 2, 3}, {1, 2, 3})};
-  const auto [width, height] = Draw({plot, plot});
-  EXPECT_EQ(width, 2 * (115 + 640 + 35));
-  EXPECT_EQ(height, 700);
-}
-
-TEST_F(DrawnPlotTest, ManyPanelsStandInRows) {
-  Plot plot;
+  plot.has_legend = false;
   plot.series = {Line({1, 2, 3}, {1, 2, 3})};
   const auto size = [&](int num_panels) {
     return Draw(std::vector<Plot>(num_panels, plot));
@@ -173,11 +167,7 @@ TEST_F(DrawnPlotTest, ManyPanelsStandInRows) {
 
 TEST_F(DrawnPlotTest, HeatMapsHaveAColorBarAndBlankCells) {
   Plot plot;
-  HeatMap map;
-  map.x = {1, 2, 4};
-  map.y = {0, 1};
-  map.z = Eigen::MatrixXd::Random(2, 3);
-  plot.heat_map = map;
+  plot.heat_map.emplace().z = Eigen::MatrixXd::Random(2, 3);
   EXPECT_EQ(Draw({plot}, "alone"), std::make_pair(1200, 800));
   plot.heat_map->z(1, 1) = kNan;
   Draw({plot}, "blank");
@@ -194,21 +184,6 @@ TEST_F(DrawnPlotTest, HeatMapsHaveAColorBarAndBlankCells) {
       EXPECT_EQ(Draw({plot}, "constant"), std::make_pair(1200, 800));
     }
   }
-  plot.heat_map->equal_cells = true;
-  EXPECT_EQ(Draw({plot}, "equal"), std::make_pair(1200, 800));
-}
-
-TEST_F(DrawnPlotTest, SquareFieldsAreSquare) {
-  Plot plot;
-  plot.equal_aspect = true;
-  plot.heat_map.emplace();
-  for (int i = 0; i < 64; ++i) {
-    plot.heat_map->x.push_back(i);
-    plot.heat_map->y.push_back(i);
-  }
-  plot.heat_map->z = Eigen::MatrixXd::Random(64, 64);
-  // 800 less the margins of 55 and 75 is the side of the square.
-  EXPECT_EQ(Draw({plot}), std::make_pair(115 + 670 + 122 + 35, 800));
 }
 
 TEST_F(DrawnPlotTest, NothingToDrawIsStillAPicture) {
@@ -330,60 +305,6 @@ TEST_F(PlotTest, WhatCannotBeDrawnIsAGap) {
   EXPECT_EQ(Data(Script(plot), "$panel0_series0").front(), "1 1");
 }
 
-TEST_F(PlotTest, LongCurvesKeepTheirPeaksGapsAndEnds) {
-  constexpr int kSize = 200000;
-  for (const bool log_x : {false, true}) {
-    Plot plot;
-    plot.log_x = log_x;
-    plot.series = {Line({}, {})};
-    for (int i = 1; i <= kSize; ++i) {
-      plot.series[0].x.push_back(i);
-      plot.series[0].y.push_back(std::sin(0.1 * i));
-    }
-    plot.series[0].y[77777] = 5.0;
-    plot.series[0].y[99999] = -5.0;
-    plot.series[0].y[150000] = kNan;
-    const std::vector<std::string> data = Data(Script(plot), "$panel0_series0");
-    EXPECT_LE(data.size(), 6010u);
-    EXPECT_GE(data.size(), 1000u);
-    EXPECT_EQ(data.front(), "1 0.09983341665");
-    EXPECT_EQ(data.back().substr(0, 7), "200000 ");
-    EXPECT_EQ(std::count(data.begin(), data.end(), "77778 5"), 1);
-    EXPECT_EQ(std::count(data.begin(), data.end(), "100000 -5"), 1);
-    EXPECT_EQ(std::count(data.begin(), data.end(), ""), 1);
-    // On a logarithmic axis the first points are far apart.
-    EXPECT_EQ(std::count(data.begin(), data.end(), "5 0.4794255386"),
-              log_x ? 1 : 0);
-  }
-}
-
-TEST_F(PlotTest, LongPathsKeepTheirExtent) {
-  Plot plot;
-  plot.series = {Line({}, {})};
-  double x_max = -1.0;
-  double y_min = 1.0;
-  for (int i = 0; i < 100000; ++i) {
-    plot.series[0].x.push_back(std::cos(0.01 * i) * (1.0 + 1e-6 * i));
-    plot.series[0].y.push_back(std::sin(0.01 * i));
-    x_max = std::max(x_max, plot.series[0].x.back());
-    y_min = std::min(y_min, plot.series[0].y.back());
-  }
-  double found_x_max = -1.0;
-  double found_y_min = 1.0;
-  const std::vector<std::string> data = Data(Script(plot), "$panel0_series0");
-  EXPECT_LE(data.size(), 6010u);
-  for (const std::string& line : data) {
-    double x = 0.0;
-    double y = 0.0;
-    std::istringstream(line) >> x >> y;
-    found_x_max = std::max(found_x_max, x);
-    found_y_min = std::min(found_y_min, y);
-  }
-  // The script has 10 digits.
-  EXPECT_NEAR(found_x_max, x_max, 1e-9);
-  EXPECT_NEAR(found_y_min, y_min, 1e-9);
-}
-
 TEST_F(PlotTest, RangesAreKeptOrFitted) {
   Plot plot;
   plot.log_y = true;
@@ -401,44 +322,91 @@ TEST_F(PlotTest, RangesAreKeptOrFitted) {
   EXPECT_TRUE(Has(script, "set yrange [0.001:10]"));
 }
 
+TEST_F(PlotTest, OneUnitIsAsLongOnBothAxes) {
+  Plot plot;
+  EXPECT_TRUE(Has(Script(plot), "set size noratio"));
+  plot.equal_aspect = true;
+  EXPECT_TRUE(Has(Script(plot), "set size ratio -1"));
+}
+
 TEST_F(PlotTest, ShortLogarithmicAxesHaveEnoughTicks) {
   Plot plot;
   plot.log_y = true;
   plot.series = {Line({0, 1}, {1, 1})};
   plot.y_range = {0.8, 60.0};
-  EXPECT_TRUE(Has(Script(plot), "set ytics (1, 2, 5, 10, 20, 50)\n"));
-  plot.y_range = {2.0, 3.0};
-  EXPECT_TRUE(Has(Script(plot), "set ytics (2, 2.2, 2.4, 2.6, 2.8, 3)\n"));
+  EXPECT_TRUE(Has(Script(plot),
+                  "set ytics (\"1\" 1, \"2\" 2, \"5\" 5, \"10\" 10, \"20\" 20, "
+                  "\"50\" 50)\n"));
+  // Less than a factor of five is drawn linear.
+  EXPECT_TRUE(Has(Script(plot), "\nset logscale y\n"));
+  plot.y_range = {2.0, 9.9};
+  EXPECT_TRUE(Has(Script(plot), "unset logscale y\n"));
 }
 
-TEST_F(PlotTest, TheLegendLooksForAFreeCorner) {
+TEST_F(PlotTest, PanelsWithTheSameEntriesShareALegend) {
   Plot plot;
-  plot.x_range = {0.0, 1.0};
-  plot.y_range = {0.0, 1.0};
-  plot.series = {Line({0.0, 1.0}, {0.5, 0.5})};
-  EXPECT_TRUE(Has(Script(plot), "set key inside top right"));
-  // The ends are not in the corner, what is between them is.
-  plot.series.push_back(Line({0.6, 1.0}, {1.0, 0.7}));
-  EXPECT_TRUE(Has(Script(plot), "set key inside top right"));
-  plot.series.push_back(Line({0.6, 1.0}, {1.0, 0.9}));
-  EXPECT_TRUE(Has(Script(plot), "set key inside bottom left"));
-  plot.series.push_back(Line({0.0, 0.1}, {0.1, 0.0}));
-  EXPECT_TRUE(Has(Script(plot), "set key inside top left"));
-  plot.series.push_back(Line({0.05}, {0.95}));
-  EXPECT_TRUE(Has(Script(plot), "set key inside bottom right"));
-  plot.series.push_back(Line({0.95}, {0.05}));
-  EXPECT_TRUE(Has(Script(plot), "set key at graph 1.01"));
-  plot.legend = Plot::Legend::kTopLeft;
-  EXPECT_TRUE(Has(Script(plot), "set key inside top left"));
-  plot.legend = Plot::Legend::kNone;
-  EXPECT_TRUE(Has(Script(plot), "unset key"));
-  plot.legend = Plot::Legend::kAuto;
-  for (Series& series : plot.series) {
-    series.title.clear();
+  plot.series = {Line({0, 1}, {0, 1})};
+  const auto num_legends = [this](const std::vector<Plot>& plots) {
+    const std::string script = Script(plots);
+    const size_t first = script.find("set key at graph");
+    return first == std::string::npos                               ? 0
+           : script.find("set key", first + 1) == std::string::npos ? 1
+                                                                    : 2;
+  };
+  EXPECT_EQ(num_legends({plot}), 1);
+  EXPECT_EQ(num_legends({plot, plot, plot}), 1);
+  Plot other = plot;
+  other.series[0].title = "other";
+  EXPECT_EQ(num_legends({plot, other}), 2);
+  plot.has_legend = false;
+  EXPECT_EQ(num_legends({plot}), 0);
+  other.series[0].title.clear();
+  EXPECT_EQ(num_legends({other}), 0);
+}
+
+TEST_F(PlotTest, ALineOfOnePointIsDrawnAsAPoint) {
+  Plot plot;
+  plot.series = {Line({1, 2}, {1, 2})};
+  EXPECT_TRUE(Has(Script(plot), "$panel0_series0 using 1:2 with lines lw"));
+  plot.series = {Line({1, 2}, {kNan, 2})};
+  EXPECT_TRUE(Has(Script(plot), "$panel0_series0 using 1:2 with linespoints"));
+  plot.series = {Line({1, 2}, {kNan, kNan})};
+  EXPECT_TRUE(Has(Script(plot), "NaN with lines lw"));
+}
+
+TEST_F(PlotTest, EightCurvesAtMostKeepColourAndName) {
+  std::vector<Plot> panels(2);
+  for (int i = 0; i < 8; ++i) {
+    for (Plot& panel : panels) {
+      panel.series.push_back(Line({0, 1, 2}, {1, 8.0 - i, kNan}));
+      panel.series.back().title = std::to_string(i);
+    }
   }
-  EXPECT_TRUE(Has(Script(plot), "unset key"));
-  plot.series.assign(7, Line({0.5}, {0.5}));
-  EXPECT_TRUE(Has(Script(plot), "set key at graph 1.01"));
+  std::vector<Plot> eight = panels;
+  MuteAllButTheLowest(&eight);
+  EXPECT_EQ(eight[0].series.size(), 8u);
+  EXPECT_FALSE(eight[0].series[0].is_muted);
+  for (Plot& panel : panels) {
+    panel.series.insert(panel.series.begin() + 2, {Line({}, {}), Series()});
+    panel.series[2].title = "no value";
+    panel.series[3].title = "low";
+  }
+  panels[0].series[3].x =
+      panels[0].series[3].y = {0.5};  // the first one counts
+  MuteAllButTheLowest(&panels);
+  for (const Plot& panel : panels) {
+    ASSERT_EQ(panel.series.size(), 11u);
+    EXPECT_EQ(panel.series.back().title, "2 others");
+    for (int i = 0; i < 10; ++i) {
+      const bool is_muted = i == 0 || i == 2;  // 8 and no value
+      EXPECT_EQ(panel.series[i].is_muted, is_muted) << i;
+      EXPECT_EQ(panel.series[i].title.empty(), is_muted) << i;
+    }
+    EXPECT_EQ(panel.series[1].color, 0);
+    EXPECT_EQ(panel.series[3].color, 1);
+    EXPECT_EQ(panel.series[9].color, 7);
+  }
+  EXPECT_TRUE(Has(Script(panels), "lc rgb '#c4c4c4' title \"2 others\""));
 }
 
 TEST_F(PlotTest, ThirtySeriesLookDifferent) {
@@ -457,7 +425,7 @@ TEST_F(PlotTest, ThirtySeriesLookDifferent) {
   EXPECT_EQ(std::unique(looks.begin(), looks.end()), looks.end());
 }
 
-TEST_F(PlotTest, AutomaticLevelsAreQuantiles) {
+TEST_F(PlotTest, LevelsAreQuantiles) {
   Plot plot;
   ContourField field;
   // z = 1 .. 16 in any monotone scale: the lines lie between the same points.
@@ -468,37 +436,22 @@ TEST_F(PlotTest, AutomaticLevelsAreQuantiles) {
   EXPECT_TRUE(Has(Script(plot),
                   "levels discrete 1.5,2.5,3.5,4.5,5.5,6.5,7.5,8.5,9.5,10.5,"
                   "11.5,12.5,13.5,14.5\n"));
-  plot.contours->levels = {3.25, 4};
-  EXPECT_TRUE(Has(Script(plot), "levels discrete 3.25,4\n"));
 }
 
-TEST_F(PlotTest, CellsMeetMidwayBetweenTheirCenters) {
+TEST_F(PlotTest, CellsAreNumberedOrLabelled) {
   Plot plot;
-  plot.heat_map.emplace();
-  plot.heat_map->x = {1, 2, 6};
-  plot.heat_map->y = {10};
-  plot.heat_map->z = Eigen::RowVector3d(5, kNan, 7);
+  plot.heat_map.emplace().z = Eigen::RowVector3d(5, kNan, 7);
   std::string script = Script(plot);
-  // The outer edges are as far from their centres as the inner ones.
-  EXPECT_EQ(
-      Data(script, "$panel0_cells"),
-      (std::vector<std::string>{"1 10 0.5 1.5 9.5 10.5 5",  // no cell at 2
-                                "6 10 4 8 9.5 10.5 7"}));
-  EXPECT_TRUE(Has(script, "set xrange [0.5:8]"));
-  EXPECT_TRUE(Has(script, "set yrange [9.5:10.5]"));
+  EXPECT_EQ(Data(script, "$panel0_cells"),  // no cell at 1
+            (std::vector<std::string>{"0 0 5", "2 0 7"}));
+  EXPECT_TRUE(Has(script, "set xrange [-0.5:2.5]"));
+  EXPECT_TRUE(Has(script, "set yrange [-0.5:0.5]"));
   EXPECT_TRUE(Has(script, "set cbrange [5:7]"));
-
-  plot.log_x = true;
-  plot.heat_map->x = {1, 100, 10000};
+  EXPECT_TRUE(Has(script, "set xtics auto"));
+  plot.heat_map->x_labels = {"1", "100", "1e4"};
+  plot.heat_map->y_labels = {"10"};
   script = Script(plot);
-  EXPECT_EQ(Data(script, "$panel0_cells").front(), "1 10 0.1 10 9.5 10.5 5");
-  EXPECT_TRUE(Has(script, "set xrange [0.1:100000]"));
-
-  plot.log_x = false;
-  plot.heat_map->equal_cells = true;
-  script = Script(plot);
-  EXPECT_EQ(Data(script, "$panel0_cells").back(), "2 0 1.5 2.5 -0.5 0.5 7");
-  EXPECT_TRUE(Has(script, R"(set xtics ("1" 0, "100" 1, "10000" 2))"));
+  EXPECT_TRUE(Has(script, R"(set xtics ("1" 0, "100" 1, "1e4" 2))"));
   EXPECT_TRUE(Has(script, R"(set ytics ("10" 0))"));
 }
 
@@ -516,8 +469,6 @@ TEST_F(PlotTest, TicksThatAreGivenReplaceRoundNumbers) {
 TEST_F(PlotTest, ColorScalesAreKeptOrFitted) {
   Plot plot;
   plot.heat_map.emplace();
-  plot.heat_map->x = {0, 1};
-  plot.heat_map->y = {0, 1};
   plot.heat_map->z = Eigen::Matrix2d{{1e-4, 0.0}, {1.0, kInfinity}};
   plot.heat_map->z_label = "loss";
   std::string script = Script(plot);
@@ -554,19 +505,8 @@ TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
   EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
   plot.contours.reset();
   plot.heat_map.emplace();
-  plot.heat_map->x = {1};
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
-  plot.heat_map->x = {2, 1};
-  plot.heat_map->y = {1};
-  plot.heat_map->z = Eigen::RowVector2d(1, 2);
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "ascend");
-  plot.heat_map->x = {0, 1};
   plot.log_x = true;
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error),
-               "0 is the center");
-  plot.heat_map->equal_cells = true;
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error),
-               "0 is the center");
+  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "log_x");
 }
 
 }  // namespace plot_test

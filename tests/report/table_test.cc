@@ -1,5 +1,7 @@
 #include "report/table.h"
 
+#include <cmath>
+
 #include "gtest/gtest.h"
 
 namespace invgrad {
@@ -48,6 +50,30 @@ TEST(Table, CellsThatWouldBreakTheTable) {
   EXPECT_EQ(table.ToText(), "a|b\n----------\ntwo lines|\n\n");
   EXPECT_EQ(table.ToMarkdown(),
             "| a\\|b |\n| :--- |\n| two lines\\| |\n|  |\n");
+}
+
+TEST(Table, CsvQuotesWhereItMust) {
+  Table table({{"a, b"}, {"c"}});
+  table.AddRow({"adam:step_size=1e-3", ""});
+  table.AddRow({"\"a\" b", "1"});
+  EXPECT_EQ(table.ToCsv(),
+            "\"a, b\",c\nadam:step_size=1e-3,\n\"\"\"a\"\" b\",1\n");
+}
+
+TEST(Table, TheFirstRowMakesTheColumns) {
+  Table table;
+  EXPECT_EQ(table.ToText(), "\n\n");
+  for (const double x : {1.0 / 3.0, std::nan("")}) {
+    table.BeginRow();
+    table.Add("x", NumberOrDash(x));
+    table.Add("all digits", ExactNumber(x), Table::Align::kLeft);
+  }
+  EXPECT_EQ(table.ToText(),
+            "     x  all digits\n------  -------------------\n"
+            "0.3333  0.33333333333333331\n     -  nan\n");
+  table.BeginRow();
+  EXPECT_DEATH(table.Add("y", ""), "title");
+  EXPECT_DEATH(table.BeginRow(), "size");
 }
 
 TEST(Table, WithoutRows) {

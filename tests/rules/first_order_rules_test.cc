@@ -1,15 +1,12 @@
 // The first-order rules against steps computed by hand. The large epsilons show
 // where it is added.
+#include "invgrad/rules/first_order_rules.h"
+
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/rules/adadelta.h"
-#include "invgrad/rules/adagrad.h"
-#include "invgrad/rules/adam.h"
-#include "invgrad/rules/gradient_descent.h"
-#include "invgrad/rules/rmsprop.h"
 
 namespace invgrad {
 namespace first_order_rules_test {
@@ -203,6 +200,8 @@ TEST(FirstOrderRulesDeathTest, BadOptionsAndChangedSizesAreChecked) {
   options = Adam::Options();
   options.step_size.step_size = std::numeric_limits<double>::quiet_NaN();
   EXPECT_DEATH(Adam{options}, "step_size=nan is not a finite number");
+  options.step_size.step_size = std::nullopt;
+  EXPECT_DEATH(Adam{options}, "no automatic step size");
   Adam rule(Adam::Options{});
   StepFor(&rule, VectorXd::Ones(2));
   EXPECT_DEATH(StepFor(&rule, VectorXd::Ones(3)), "number of unknowns");

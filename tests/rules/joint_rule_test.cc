@@ -19,15 +19,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-std::unique_ptr<UpdateRule> Create(const std::string& text) {
-  std::vector<Specification> specifications;
-  std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  std::unique_ptr<UpdateRule> rule = CreateRule(specifications.at(0), &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 // An infidelity: y = (cos x, sin x), L = 1 - (e_1 . y)^2 = sin(x)^2, whose H_L
 // is negative. Along the circle it curves like 2 cos(2 x).
 Linearization Infidelity(double x) {
@@ -49,7 +40,7 @@ const char* const kRules[] = {
 TEST(JointRule, AutomaticStepsOnALossThatCurvesDownwards) {
   for (const std::string name : kRules) {
     SCOPED_TRACE(name);
-    const auto rule = Create(name + ":step_size=auto:control=gain");
+    const auto rule = MakeRule(name + ":step_size=auto:control=gain");
     double x = 1.2;
     VectorXd step;
     std::string error;
@@ -70,7 +61,7 @@ TEST(JointRule, AutomaticStepsOnALossThatCurvesDownwards) {
 
 TEST(JointRule, WithoutControlSuchALossHasNoAutomaticStep) {
   for (const std::string name : kRules) {
-    const auto rule = Create(name + ":step_size=auto");
+    const auto rule = MakeRule(name + ":step_size=auto");
     VectorXd step;
     std::string error;
     EXPECT_FALSE(rule->ComputeStep(Infidelity(1.2), &step, &error)) << name;
@@ -95,7 +86,7 @@ TEST(JointRule, AtAMinimumTheStepIsZero) {
       at_x.cost = 0.5;
       at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Identity(3, 2));
       at_x.loss_gradient = Eigen::Vector3d(0.0, 0.0, 1.0);
-      const auto rule = Create(text);
+      const auto rule = MakeRule(text);
       VectorXd step;
       std::string error;
       ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
@@ -119,7 +110,7 @@ TEST(JointRule, StepsThatAreTooLongAreShortened) {
   A << 2.0, -1.0, 0.5, 3.0, -1.5, 0.7;
   const Eigen::Vector3d b(1.0, -2.0, 0.5);
   const auto rule =
-      Create("gauss_newton:step_size=2.5:control=gain:adapts=nothing");
+      MakeRule("gauss_newton:step_size=2.5:control=gain:adapts=nothing");
   const VectorXd best = (A.transpose() * A).ldlt().solve(A.transpose() * b);
   VectorXd x = VectorXd::Zero(2);
   int num_taken_back = 0;
@@ -165,7 +156,7 @@ TEST(JointRule, TheFilterIsTheControls) {
                                  "krylov",
                                  "adaptive_power"}) {
     SCOPED_TRACE(name);
-    const auto rule = Create(name + ":step_size=1:control=gain");
+    const auto rule = MakeRule(name + ":step_size=1:control=gain");
     VectorXd& state = *rule->MutableState()[0];
     state[0] = -1.0;
     state[1] = 0.0;

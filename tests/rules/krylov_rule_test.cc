@@ -34,14 +34,6 @@ MatrixXd Dense(const Linearization& at_x) {
   return J;
 }
 
-std::unique_ptr<UpdateRule> Create(const std::string& name,
-                                   const Settings& settings) {
-  std::string error;
-  std::unique_ptr<UpdateRule> rule = CreateRule({"", name, settings}, &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 VectorXd StepOf(UpdateRule* rule, const Linearization& at_x) {
   VectorXd step;
   std::string error;
@@ -52,10 +44,8 @@ VectorXd StepOf(UpdateRule* rule, const Linearization& at_x) {
 VectorXd KrylovStep(const std::string& kappa,
                     int iterations,
                     const Linearization& at_x) {
-  return StepOf(Create("krylov",
-                       {{"step_size", "1"},
-                        {"kappa", kappa},
-                        {"iterations", std::to_string(iterations)}})
+  return StepOf(MakeRule("krylov:step_size=1:kappa=" + kappa +
+                         ":iterations=" + std::to_string(iterations))
                     .get(),
                 at_x);
 }
@@ -74,9 +64,9 @@ TEST(KrylovRule, OneIterationIsAScaledGradient) {
 TEST(KrylovRule, AsManyIterationsAsTheRankAreThePowerRule) {
   for (const auto& [m, n] : {std::pair<int, int>{9, 6}, {6, 9}}) {
     const Linearization at_x = RandomLinearization(m, n);
-    for (const char* kappa : {"-1", "-0.5", "0.5", "1"}) {
-      const VectorXd expected = StepOf(
-          Create("power", {{"kappa", kappa}, {"route", "svd"}}).get(), at_x);
+    for (const std::string kappa : {"-1", "-0.5", "0.5", "1"}) {
+      const VectorXd expected =
+          StepOf(MakeRule("power:route=svd:kappa=" + kappa).get(), at_x);
       for (const int iterations : {6, 40}) {
         EXPECT_LE((KrylovStep(kappa, iterations, at_x) - expected).norm(),
                   1e-10 * expected.norm());
@@ -118,13 +108,12 @@ TEST(KrylovRule, ScalingLaw) {
 TEST(KrylovRule, EveryIterateIsADescentDirection) {
   const Linearization at_x = RandomLinearization(30, 20);
   const MatrixXd J = Dense(at_x);
-  for (const char* kappa : {"-0.5", "0.5", "1"}) {
-    for (const char* iterations : {"1", "2", "5", "12", "20"}) {
-      const VectorXd step = StepOf(
-          Create("krylov",
-                 {{"kappa", kappa}, {"iterations", iterations}, {"rho", "0.5"}})
-              .get(),
-          at_x);
+  for (const std::string kappa : {"-0.5", "0.5", "1"}) {
+    for (const std::string iterations : {"1", "2", "5", "12", "20"}) {
+      const VectorXd step = StepOf(MakeRule("krylov:rho=0.5:kappa=" + kappa +
+                                            ":iterations=" + iterations)
+                                       .get(),
+                                   at_x);
       const VectorXd Jd = J * step;
       EXPECT_LT(at_x.loss_gradient.dot(Jd), 0.0);
       EXPECT_NEAR(Jd.squaredNorm(),
@@ -141,9 +130,8 @@ TEST(KrylovRule, ATruncatedStepEndsWhenItIsDone) {
   });
   at_x.jacobian = std::make_shared<DenseJacobian>(s.asDiagonal());
   at_x.loss_gradient = VectorXd::Ones(40);
-  const std::unique_ptr<UpdateRule> rule = Create(
-      "krylov",
-      {{"step_size", "1"}, {"truncation", "0.105"}, {"tolerance", "1e-6"}});
+  const std::unique_ptr<UpdateRule> rule =
+      MakeRule("krylov:step_size=1:truncation=0.105:tolerance=1e-6");
   const VectorXd step = StepOf(rule.get(), at_x);
   for (int i = 0; i < 40; ++i) {
     EXPECT_NEAR(step[i], s[i] > 0.105 ? -1.0 / std::sqrt(s[i]) : 0.0, 1e-5);
@@ -158,7 +146,7 @@ TEST(KrylovRule, ATruncatedStepEndsWhenItIsDone) {
 TEST(KrylovRule, AZeroGradientIsAStepOfZero) {
   Linearization at_x = RandomLinearization(5, 3);
   at_x.loss_gradient.setZero();
-  EXPECT_TRUE(StepOf(Create("krylov", {}).get(), at_x).isZero(0.0));
+  EXPECT_TRUE(StepOf(MakeRule("krylov").get(), at_x).isZero(0.0));
 }
 
 TEST(KrylovRule, ReportsWhatIsNotFinite) {
@@ -166,7 +154,7 @@ TEST(KrylovRule, ReportsWhatIsNotFinite) {
   at_x.loss_gradient[2] = std::numeric_limits<double>::quiet_NaN();
   VectorXd step;
   std::string error;
-  EXPECT_FALSE(Create("krylov", {})->ComputeStep(at_x, &step, &error));
+  EXPECT_FALSE(MakeRule("krylov")->ComputeStep(at_x, &step, &error));
   EXPECT_EQ(error, "g is not finite: entry 2 is nan");
 }
 

@@ -59,24 +59,17 @@ Linearization AtNetwork(const std::vector<int>& widths,
                    RandomMatrix(m, 1, 4));
 }
 
-std::unique_ptr<UpdateRule> Create(const std::string& text) {
-  std::vector<Specification> specifications;
-  std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  return CreateRule(specifications.at(0), &error);
-}
-
 VectorXd StepOf(const std::string& text, const Linearization& at_x) {
   VectorXd step;
   std::string error;
-  EXPECT_TRUE(Create(text)->ComputeStep(at_x, &step, &error)) << error;
+  EXPECT_TRUE(MakeRule(text)->ComputeStep(at_x, &step, &error)) << error;
   return step;
 }
 
 std::string ErrorOf(const std::string& text, const Linearization& at_x) {
   VectorXd step;
   std::string error;
-  EXPECT_FALSE(Create(text)->ComputeStep(at_x, &step, &error));
+  EXPECT_FALSE(MakeRule(text)->ComputeStep(at_x, &step, &error));
   return error;
 }
 
@@ -389,9 +382,11 @@ TEST(KfacHalfInverse, RefusesAJacobianWithoutLayers) {
   at_x.loss_gradient = VectorXd::Ones(3);
   at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Ones(3, 4));
   const std::string error = ErrorOf("kfac_half_inverse", at_x);
-  EXPECT_EQ(error,
-            "K-FAC needs the Jacobian of a network's layers, and this problem "
-            "has none; half_inverse and layer_half_inverse take any Jacobian");
+  EXPECT_EQ(
+      error,
+      "K-FAC needs the Jacobian of a network's layers, which this problem "
+      "does not have; half_inverse and layer_half_inverse work with any "
+      "Jacobian");
   // Parameter blocks are not layers.
   at_x.jacobian = std::make_shared<DenseJacobian>(MatrixXd::Ones(3, 4),
                                                   std::vector<int>{2, 2});
@@ -401,7 +396,7 @@ TEST(KfacHalfInverse, RefusesAJacobianWithoutLayers) {
 TEST(LayerRules, StepsAreDeterministic) {
   const Linearization at_x = AtNetwork(kWidths, kBatchSize, kOutputs);
   for (const std::string name : kLayerRules) {
-    const std::unique_ptr<UpdateRule> rule = Create(name);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(name);
     VectorXd first;
     VectorXd second;
     std::string error;
@@ -415,14 +410,14 @@ TEST(LayerRules, StepsAreDeterministic) {
 TEST(LayerRules, ReportsSayWhatWasDone) {
   const Linearization at_x = AtNetwork(kWidths, kBatchSize, kOutputs);
   const auto report = [&](const std::string& text) {
-    const std::unique_ptr<UpdateRule> rule = Create(text);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(text);
     VectorXd step;
     std::string error;
     EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
     return rule->LastStepReport();
   };
   EXPECT_EQ(report("layer_half_inverse:truncation=1e-3"),
-            "route gram 1, parameter_gram 2, rank 40 of 43");
+            "route gram 3, rank 40 of 43");
   EXPECT_EQ(report("kfac_half_inverse:truncation=1e-3"),
             "3 layers, rank 47 of 47");
   EXPECT_EQ(report("kfac_half_inverse:kappa=-1:truncation=0"), "3 layers");

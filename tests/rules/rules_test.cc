@@ -20,20 +20,9 @@ namespace rules_test {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-std::unique_ptr<UpdateRule> Create(const std::string& text) {
-  std::vector<Specification> specifications;
-  std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  std::unique_ptr<UpdateRule> rule = CreateRule(specifications.at(0), &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 std::string CreationError(const std::string& text) {
-  std::vector<Specification> specifications;
   std::string error;
-  EXPECT_TRUE(ParseSpecifications(text, &specifications, &error)) << error;
-  EXPECT_EQ(CreateRule(specifications.at(0), &error), nullptr);
+  EXPECT_EQ(MakeRule(text, &error), nullptr);
   return error;
 }
 
@@ -96,7 +85,7 @@ VectorXd StepOf(UpdateRule* rule, const Linearization& at_x) {
 }
 
 VectorXd StepOf(const std::string& text, const Linearization& at_x) {
-  return StepOf(Create(text).get(), at_x);
+  return StepOf(MakeRule(text).get(), at_x);
 }
 
 // Those that decompose J.
@@ -203,8 +192,7 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
 }
 
 TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
-  EXPECT_EQ(CreationError("adm"),
-            "unknown rule 'adm'; did you mean adam? (--list shows all)");
+  EXPECT_EQ(CreationError("adm"), "unknown rule 'adm'; did you mean adam?");
   EXPECT_EQ(CreationError("adam:step_size=-1"),
             "adam: step_size=-1 is out of range; allowed: (0, inf)");
   EXPECT_EQ(CreationError("adam:step_size=auto"),
@@ -214,12 +202,15 @@ TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
             "auto");
   EXPECT_EQ(CreationError("half_inverse:truncaton=1"),
             "half_inverse: unknown option 'truncaton'; did you mean "
-            "truncation? (--list shows all)");
+            "truncation?");
   EXPECT_EQ(CreationError("half_inverse:kappa=1"),
-            "half_inverse: unknown option 'kappa' (--list shows all)");
+            "half_inverse: unknown option 'kappa'; known: step_size, schedule, "
+            "final_fraction, rho, truncation, clamp, damping, "
+            "relative_damping, control, adapts, route, tolerance, "
+            "threshold_tolerance");
   EXPECT_EQ(CreationError("power:route=gradient"),
-            "power: route=gradient is no choice; allowed: one of auto, svd, "
-            "gram, parameter_gram, cascade, golub_kahan, cholesky");
+            "power: route=gradient is no choice; allowed: one of auto, gram, "
+            "svd");
 }
 
 TEST(Rules, ASmallFirstStepDecreasesTheCost) {
@@ -280,7 +271,7 @@ TEST(Rules, WhatIsNotFiniteIsRefused) {
       at_x.gradient[2] = bad;
       VectorXd step;
       std::string error;
-      EXPECT_FALSE(Create(row.name)->ComputeStep(at_x, &step, &error))
+      EXPECT_FALSE(MakeRule(row.name)->ComputeStep(at_x, &step, &error))
           << row.name;
       // "entry 2" of the gradient, "row 2 (sample 2, output 0)" of g.
       EXPECT_NE(error.find(" is not finite: "), std::string::npos)
@@ -296,7 +287,7 @@ TEST(Rules, NeedsAreHonest) {
   const Quadratic problem(6, 4);
   const Linearization full = problem.At(VectorXd::Ones(4));
   for (const RuleRow& row : Rules()) {
-    const std::unique_ptr<UpdateRule> rule = Create(row.name);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(row.name);
     Linearization asked;
     if (rule->Needs().gradient) asked.gradient = full.gradient;
     if (rule->Needs().hessian) asked.hessian = full.hessian;
@@ -336,10 +327,10 @@ TEST(Rules, StateIsComplete) {
         *at = next;
       }
     };
-    const std::unique_ptr<UpdateRule> rule = Create(text);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(text);
     for (int k = 0; k < kNumSteps; ++k) advance(rule.get(), k, &x);
 
-    const std::unique_ptr<UpdateRule> resumed = Create(text);
+    const std::unique_ptr<UpdateRule> resumed = MakeRule(text);
     const std::vector<VectorXd*> saved = rule->MutableState();
     const std::vector<VectorXd*> restored = resumed->MutableState();
     ASSERT_EQ(saved.size(), restored.size());
@@ -447,7 +438,7 @@ TEST(SpectralRules, ReportsSayWhatWasDone) {
   const Quadratic problem(5, 7);
   const Linearization at_x = problem.At(VectorXd::Ones(7));
   const auto report = [&](const std::string& text) {
-    const std::unique_ptr<UpdateRule> rule = Create(text);
+    const std::unique_ptr<UpdateRule> rule = MakeRule(text);
     EXPECT_EQ(rule->LastStepReport(), "");
     StepOf(rule.get(), at_x);
     return rule->LastStepReport();

@@ -65,8 +65,10 @@ TEST(StepSizeOptions, Defaults) {
 
 TEST(StepSizeOptionsDeathTest, AutoHasNoFixedValue) {
   StepSizeOptions options;
-  options.step_size = kNaN;
+  options.step_size = std::nullopt;
   EXPECT_DEATH(options.Scheduled(0.0), "depends on the direction");
+  OptionSet set;
+  EXPECT_DEATH(options.Describe(false, &set), "no automatic step size");
 }
 
 // L = 1/2 |y|^2 at y = g, or 1/2 y . H y with H = diag(h).

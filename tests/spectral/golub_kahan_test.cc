@@ -1,14 +1,13 @@
-#include "invgrad/spectral/routes/golub_kahan.h"
+#include "invgrad/spectral/golub_kahan.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "Eigen/QR"
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/spectral/spectral_step.h"
@@ -21,27 +20,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+using Random = RandomMatrices;
+
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-class Random {
- public:
-  explicit Random(int seed) : generator_(seed) {}
-
-  VectorXd Vector(Index size) {
-    return VectorXd::NullaryExpr(size,
-                                 [this]() { return normal_(generator_); });
-  }
-  MatrixXd Orthonormal(Index rows, Index cols) {
-    const MatrixXd A = MatrixXd::NullaryExpr(
-        rows, cols, [this]() { return normal_(generator_); });
-    return Eigen::HouseholderQR<MatrixXd>(A).householderQ() *
-           MatrixXd::Identity(rows, cols);
-  }
-
- private:
-  std::mt19937 generator_;
-  std::normal_distribution<double> normal_;
-};
 
 // J = U diag(s) V^T, whose exact steps are known by construction.
 struct Factored {
@@ -49,10 +30,10 @@ struct Factored {
   VectorXd s;  // largest first
   MatrixXd V;
 
-  Factored(Index m, Index n, const VectorXd& values, Random* random)
-      : U(random->Orthonormal(m, values.size())),
+  Factored(int m, int n, const VectorXd& values, Random* random)
+      : U(random->Orthonormal(m, values.size()).cast<double>()),
         s(values),
-        V(random->Orthonormal(n, values.size())) {}
+        V(random->Orthonormal(n, values.size()).cast<double>()) {}
 
   MatrixXd J() const { return U * s.asDiagonal() * V.transpose(); }
 
@@ -70,12 +51,6 @@ struct Factored {
   }
 };
 
-VectorXd LogUniform(Index size, double smallest) {
-  return VectorXd::NullaryExpr(size, [=](Index i) {
-    return std::pow(smallest, static_cast<double>(i) / (size - 1));
-  });
-}
-
 GolubKahanOptions Tolerance(double tolerance) {
   GolubKahanOptions options;
   options.tolerance = tolerance;
@@ -87,9 +62,9 @@ GolubKahanSummary StepOf(const JacobianOperator& J,
                          const SpectralFilter& filter,
                          const GolubKahanOptions& options,
                          VectorXd* d) {
-  GolubKahanWorkspace workspace;
+  MatrixXd basis;
   GolubKahanSummary summary;
-  EXPECT_TRUE(GolubKahanStep(J, g, filter, options, &workspace, d, &summary))
+  EXPECT_TRUE(GolubKahanStep(J, g, filter, options, &basis, d, &summary))
       << summary.message;
   EXPECT_EQ(d->size(), J.cols());
   EXPECT_EQ(summary.converged, summary.message.empty());
@@ -109,18 +84,18 @@ TEST(GolubKahanStep, ErrorIsAtMostItsEstimate) {
       SpectralFilter::LevenbergMarquardt(1e-5, 0.0),
       SpectralFilter::LevenbergMarquardt(0.0, 1e-7)};
   for (const double kappa : {-0.5, 0.0, 0.5, 0.75}) {
-    for (const double lambda : {1e-2, 1e-6, 1e-10}) {
+    for (const double lambda : {1e-2, 1e-4, 1e-6}) {
       filters.push_back(SpectralFilter::Power(kappa, 0.0));
       filters.back().relative_damping = lambda;
     }
     filters.push_back(SpectralFilter::Power(kappa, 0.0301));
     filters.back().relative_damping = 1e-4;
   }
-  const std::vector<std::pair<Index, Index>> shapes = {
+  const std::vector<std::pair<int, int>> shapes = {
       {60, 110}, {110, 60}, {80, 80}};
   int num_converged = 0;
   for (const auto& [m, n] : shapes) {
-    const Index k = std::min(m, n);
+    const int k = std::min(m, n);
     const std::vector<VectorXd> spectra = {
         LogUniform(k, 1e-8),
         LogUniform(k, 1e-3),
@@ -163,8 +138,8 @@ TEST(GolubKahanStep, ErrorIsAtMostItsEstimate) {
       }
     }
   }
-  // Exhausted bases that are orthonormal only to epsilon / tau^2 may end above
-  // 1e-6; all others converge.
+  // Roundings of epsilon / tau^2, or epsilon / lambda, may end above 1e-6; all
+  // others converge.
   EXPECT_GE(num_converged,
             0.97 * 3 * 5 * 3 * 4 * static_cast<double>(filters.size()));
 }
@@ -184,7 +159,6 @@ TEST(GolubKahanStep, NeedsALittleMoreIterationsThanTheRank) {
     const GolubKahanSummary coarse = StepOf(J, g, filter, Tolerance(1e-3), &d);
     EXPECT_TRUE(coarse.converged);
     EXPECT_EQ(coarse.rank, tau == 1e-1 ? 50 : 100);
-    EXPECT_EQ(coarse.num_undecided, 0);
     EXPECT_NEAR(coarse.s_max, 1.0, 1e-10);
     EXPECT_NEAR(coarse.s_min_kept, factored.s[coarse.rank - 1], 1e-8);
     EXPECT_LT(coarse.num_iterations, 1.5 * coarse.rank);
@@ -293,7 +267,7 @@ TEST(GolubKahanStep, EndsWhereTheDataSpanAnInvariantSpace) {
 TEST(GolubKahanStep, RankDeficiency) {
   Random random(8);
   for (const auto& [m, n] :
-       std::vector<std::pair<Index, Index>>{{20, 30}, {30, 20}}) {
+       std::vector<std::pair<int, int>>{{20, 30}, {30, 20}}) {
     const Factored factored(m, n, LogUniform(7, 1e-2), &random);
     const VectorXd g = random.Vector(m);
     for (const double kappa : {-0.5, 0.5, 1.0}) {
@@ -439,69 +413,42 @@ class OnlyProducts final : public JacobianOperator {
   DenseJacobian J_;
 };
 
-// One basis is stored where the accuracy of a Gram matrix is enough, that of
-// the smaller side; and a workspace of other sizes does not matter.
-TEST(GolubKahanStep, StoresTheSmallerBasisUnlessTheThresholdIsSmall) {
+// The basis of the smaller side is stored; what it held before does not matter.
+TEST(GolubKahanStep, StoresTheSmallerBasis) {
   Random random(12);
   for (const auto& [m, n] :
-       std::vector<std::pair<Index, Index>>{{40, 90}, {90, 40}}) {
+       std::vector<std::pair<int, int>>{{40, 90}, {90, 40}}) {
     const Factored factored(m, n, LogUniform(40, 1e-8), &random);
     const OnlyProducts J(factored.J());
     const VectorXd g = random.Vector(m);
-    GolubKahanWorkspace workspace;
+    const SpectralFilter filter = SpectralFilter::HalfInverse(1.01e-2);
+    MatrixXd basis;
     GolubKahanSummary summary;
     VectorXd first;
-    const SpectralFilter coarse = SpectralFilter::HalfInverse(1.01e-2);
     ASSERT_TRUE(GolubKahanStep(
-        J, g, coarse, Tolerance(1e-3), &workspace, &first, &summary));
-    EXPECT_EQ(workspace.P.size() > 0, m < n);
-    EXPECT_EQ(workspace.V.size() > 0, m >= n);
-    const SpectralFilter fine = SpectralFilter::HalfInverse(1.01e-6);
+        J, g, filter, Tolerance(1e-3), &basis, &first, &summary));
+    EXPECT_EQ(basis.rows(), 40);
+    EXPECT_LT(factored.RelativeError(filter, g, first), 1e-3);
     VectorXd d;
-    ASSERT_TRUE(
-        GolubKahanStep(J, g, fine, Tolerance(1e-3), &workspace, &d, &summary));
-    EXPECT_EQ(workspace.P.rows(), m);
-    EXPECT_EQ(workspace.V.rows(), n);
-    EXPECT_LT(factored.RelativeError(fine, g, d), 1e-6);
-    GolubKahanOptions one_basis = Tolerance(1e-3);
-    one_basis.always_one_basis = true;
-    one_basis.max_iterations = 20;
-    GolubKahanOptions two_bases = one_basis;
-    two_bases.always_one_basis = false;
-    VectorXd iterate;
-    ASSERT_TRUE(
-        GolubKahanStep(J, g, fine, two_bases, &workspace, &iterate, &summary));
-    workspace = GolubKahanWorkspace();
-    ASSERT_TRUE(
-        GolubKahanStep(J, g, fine, one_basis, &workspace, &d, &summary));
-    EXPECT_FALSE(summary.converged);
-    EXPECT_EQ(workspace.P.size() > 0, m < n);
-    EXPECT_EQ(workspace.V.size() > 0, m >= n);
-    // The smallest value of the iterate is about 1e-4 s_max.
-    EXPECT_LT((d - iterate).norm(), 1e-6 * d.norm());
-    workspace.P.setConstant(11, 3, kNaN);
-    workspace.V.setConstant(7, 50, kNaN);
-    ASSERT_TRUE(GolubKahanStep(
-        J, g, coarse, Tolerance(1e-3), &workspace, &d, &summary));
-    EXPECT_TRUE(d == first);
+    for (const auto& [rows, cols] : {std::pair(11, 3), std::pair(40, 50)}) {
+      basis.setConstant(rows, cols, kNaN);
+      ASSERT_TRUE(
+          GolubKahanStep(J, g, filter, Tolerance(1e-3), &basis, &d, &summary));
+      EXPECT_TRUE(d == first);
+    }
   }
 }
 
 TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
-  GolubKahanWorkspace workspace;
+  MatrixXd basis;
   GolubKahanSummary summary;
   VectorXd d;
   VectorXd g = VectorXd::Ones(3);
   MatrixXd J = MatrixXd::Identity(3, 4);
   const SpectralFilter filter = SpectralFilter::HalfInverse(1e-2);
   g[1] = kNaN;
-  EXPECT_FALSE(GolubKahanStep(DenseJacobian(J),
-                              g,
-                              filter,
-                              GolubKahanOptions(),
-                              &workspace,
-                              &d,
-                              &summary));
+  EXPECT_FALSE(GolubKahanStep(
+      DenseJacobian(J), g, filter, GolubKahanOptions(), &basis, &d, &summary));
   EXPECT_EQ(summary.message, "g is not finite: entry 1 is nan");
   g[1] = 1.0;
   for (const double bad : {kNaN, std::numeric_limits<double>::infinity()}) {
@@ -510,7 +457,7 @@ TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
                                 g,
                                 filter,
                                 GolubKahanOptions(),
-                                &workspace,
+                                &basis,
                                 &d,
                                 &summary));
     EXPECT_EQ(summary.message.rfind("J^T g is not finite: entry", 0), 0u)
@@ -522,7 +469,7 @@ TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
                               VectorXd::Constant(3, 1.7e308),
                               filter,
                               GolubKahanOptions(),
-                              &workspace,
+                              &basis,
                               &d,
                               &summary));
   EXPECT_EQ(summary.message, "the norm of g overflows");
@@ -531,7 +478,7 @@ TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
                               VectorXd::Constant(1, 1e200),
                               SpectralFilter::GaussNewton(1e-2),
                               GolubKahanOptions(),
-                              &workspace,
+                              &basis,
                               &d,
                               &summary));
   EXPECT_EQ(summary.message.rfind("the step is not finite", 0), 0u);
@@ -540,14 +487,14 @@ TEST(GolubKahanStep, RefusesWhatIsNotFinite) {
 TEST(GolubKahanStepDeathTest, WrongCallsAreChecked) {
   testing::FLAGS_gtest_death_test_style = "threadsafe";
   const DenseJacobian J(MatrixXd::Ones(3, 4));
-  GolubKahanWorkspace workspace;
+  MatrixXd basis;
   GolubKahanSummary summary;
   VectorXd d;
   EXPECT_DEATH(GolubKahanStep(J,
                               VectorXd::Ones(4),
                               SpectralFilter(),
                               GolubKahanOptions(),
-                              &workspace,
+                              &basis,
                               &d,
                               &summary),
                "g.size");
@@ -555,7 +502,7 @@ TEST(GolubKahanStepDeathTest, WrongCallsAreChecked) {
                               VectorXd::Ones(3),
                               SpectralFilter(),
                               Tolerance(0.0),
-                              &workspace,
+                              &basis,
                               &d,
                               &summary),
                "tolerance");
@@ -563,7 +510,7 @@ TEST(GolubKahanStepDeathTest, WrongCallsAreChecked) {
                               VectorXd::Ones(3),
                               SpectralFilter::HalfInverse(2.0),
                               GolubKahanOptions(),
-                              &workspace,
+                              &basis,
                               &d,
                               &summary),
                "tau=2");

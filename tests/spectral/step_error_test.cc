@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "Eigen/Eigenvalues"
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 
@@ -42,25 +41,14 @@ VectorXd GramFunction(const SpectralFilter& filter,
                       const MatrixXd& K,
                       double s_max,
                       const VectorXd& b) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(K);
+  const SymmetricEigen eigen(K);
   VectorXd f(b.size());
   for (Index i = 0; i < b.size(); ++i) {
-    const double s = std::sqrt(std::max(eigen.eigenvalues()[i], 0.0));
+    const double s = std::sqrt(std::max(eigen.values[i], 0.0));
     const double phi = filter(s, s_max);
     f[i] = phi == 0.0 ? 0.0 : phi / s;
   }
-  return eigen.eigenvectors() *
-         f.cwiseProduct(eigen.eigenvectors().transpose() * b);
-}
-
-// Symmetric, entries of variance one.
-MatrixXd RandomSymmetric(Index m, RandomMatrices* random) {
-  MatrixXd E(m, m);
-  for (Index j = 0; j < m; ++j) {
-    E.col(j) = random->Vector(static_cast<int>(m));
-    E.row(j).head(j) = E.col(j).head(j).transpose();
-  }
-  return E;
+  return eigen.U * f.cwiseProduct(eigen.U.transpose() * b);
 }
 
 // Perturbations this large are far above rounding and far below the spectrum's
@@ -87,9 +75,7 @@ TEST(StepError, SvdEstimateIsTheMeanChangeOfTheStep) {
     for (const SpectralFilter& filter : Filters()) {
       const SpectralReference reference(J);
       const LongVector step = reference.Step(filter, g);
-      const Eigen::JacobiSVD<MatrixXd> svd(
-          J, Eigen::ComputeThinU | Eigen::ComputeThinV);
-      const VectorXd c = svd.matrixU().transpose() * g;
+      const VectorXd c = reference.Components(g).cast<double>();
       double squared = 0.0;
       for (int draw = 0; draw < kNumDraws; ++draw) {
         MatrixXd perturbed = J;
@@ -103,7 +89,7 @@ TEST(StepError, SvdEstimateIsTheMeanChangeOfTheStep) {
       const double measured = std::sqrt(squared / kNumDraws) / kSize;
       const double outside =
           std::sqrt(std::max(0.0, g.squaredNorm() - c.squaredNorm()));
-      const VectorXd& s = svd.singularValues();
+      const VectorXd s = reference.s().cast<double>();
       const double estimated = Sensitivity(
           SvdStepError(filter, s, s[0], c, m > n ? outside : 0.0, n > m), k);
       // For wide J the estimate counts k columns more than rows, as backward
@@ -118,7 +104,7 @@ TEST(StepError, SvdEstimateIsTheMeanChangeOfTheStep) {
 
 TEST(StepError, GramEstimatesAreTheMeanChangeOfTheStep) {
   RandomMatrices random(2);
-  constexpr Index k = 12;
+  constexpr int k = 12;
   const VectorXd s = Spectrum(k);
   const MatrixXd J = random.WithSpectrum(k, k, s);
   const VectorXd g = random.Vector(k);
@@ -126,10 +112,10 @@ TEST(StepError, GramEstimatesAreTheMeanChangeOfTheStep) {
     const MatrixXd K = parameter_side ? MatrixXd(J.transpose() * J)
                                       : MatrixXd(J * J.transpose());
     const VectorXd b = parameter_side ? VectorXd(J.transpose() * g) : g;
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(K);
-    const VectorXd lambda = eigen.eigenvalues() / eigen.eigenvalues()[k - 1];
-    const VectorXd c = eigen.eigenvectors().transpose() * b;
-    const double s_max = std::sqrt(eigen.eigenvalues()[k - 1]);
+    const SymmetricEigen eigen(K);
+    const VectorXd lambda = eigen.values / eigen.values[k - 1];
+    const VectorXd c = eigen.U.transpose() * b;
+    const double s_max = std::sqrt(eigen.values[k - 1]);
     for (const SpectralFilter& filter : Filters()) {
       const auto step_of = [&](const MatrixXd& gram) {
         const VectorXd y = GramFunction(filter, gram, s_max, b);
@@ -138,9 +124,9 @@ TEST(StepError, GramEstimatesAreTheMeanChangeOfTheStep) {
       const VectorXd step = step_of(K);
       double squared = 0.0;
       for (int draw = 0; draw < kNumDraws; ++draw) {
-        squared += (step_of(K + kSize * RandomSymmetric(k, &random)) - step)
-                       .squaredNorm() /
-                   step.squaredNorm();
+        squared +=
+            (step_of(K + kSize * random.Symmetric(k)) - step).squaredNorm() /
+            step.squaredNorm();
       }
       const double measured = std::sqrt(squared / kNumDraws) / kSize;
       const double estimated = Sensitivity(

@@ -89,5 +89,20 @@ TEST(ClosedLoop, DifferentiablePhysicsIsTheRuleAlone) {
   }
 }
 
+// A closed loop has no exact Hessian.
+TEST(ClosedLoop, NewtonIsRefusedBeforeTheRun) {
+  const LearningProblem problem = CreateLearningProblem(kProblems[0]);
+  TrainOptions options;
+  options.max_num_steps = 1;
+  for (const char* method : {"newton", "newton/joint/saddle_free_newton"}) {
+    const TrainResult run =
+        invgrad::Train(*problem.model, {problem.train, {}}, method, options);
+    EXPECT_NE(run.error.find("closed loop has no exact Hessian"),
+              std::string::npos)
+        << run.error;
+    EXPECT_TRUE(run.history.empty());
+  }
+}
+
 }  // namespace closed_loop_training_test
 }  // namespace invgrad

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -267,12 +268,10 @@ TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
 // What an inverse says stands in files of one line a run.
 TEST(PullBackTraining, ReasonsAreOneLine) {
   LearningProblem problem = CreateLearningProblem("multimodal:num_samples=100");
-  problem.inverse = std::make_shared<FunctionInverse>(
-      [](const InverseSimulator::ConstVectorRef&,
-         const InverseSimulator::ConstVectorRef&,
-         const InverseSimulator::ConstVectorRef&,
-         Eigen::VectorXd*,
-         std::string*) -> bool { throw std::runtime_error("two\nlines\r"); });
+  problem.inverse =
+      Inverse([](const auto&, const auto&) -> std::optional<Eigen::VectorXd> {
+        throw std::runtime_error("two\nlines\r");
+      });
   const TrainResult run = TrainProblem(problem, "sip", Steps(2));
   EXPECT_EQ(run.history.back().by_inverse, 0.0);
   EXPECT_NE(run.summary.message.find("the inverse threw: two lines "),

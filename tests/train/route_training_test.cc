@@ -23,10 +23,8 @@ std::vector<double> Losses(const std::string& problem_text,
   PhysicsProblem physics;
   EXPECT_TRUE(CreateProblem(problem_text, nullptr, &physics, &error)) << error;
   const LearningProblem& problem = *physics.learning;
-  const std::unique_ptr<UpdateRule> rule = CreateRule(
-      {"", "half_inverse", {{"truncation", truncation}, {"route", route}}},
-      &error);
-  EXPECT_NE(rule, nullptr) << error;
+  const std::unique_ptr<UpdateRule> rule =
+      MakeRule("half_inverse:truncation=" + truncation + ":route=" + route);
   NumpyRandom random(1);
   Eigen::VectorXd weights =
       problem.model->network().InitialWeights(problem.initialization, &random);

@@ -50,14 +50,6 @@ struct Regression {
   }
 };
 
-std::unique_ptr<UpdateRule> MakeRule(const std::string& name,
-                                     const Settings& settings) {
-  std::string error;
-  std::unique_ptr<UpdateRule> rule = CreateRule({"", name, settings}, &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 // The caller keeps the rule.
 std::shared_ptr<UpdateRule> Borrowed(UpdateRule* rule) {
   return {std::shared_ptr<void>(), rule};
@@ -101,7 +93,7 @@ TEST(Trainer, OneFullBatchStepOfGradientDescentIsTheGradient) {
   std::string error;
   ASSERT_TRUE(problem.model.Linearize(
       problem.weights, problem.train, parts, &at_start, &error));
-  const auto rule = MakeRule("gradient_descent", {{"step_size", "0.1"}});
+  const auto rule = MakeRule("gradient_descent:step_size=0.1");
   TrainOptions options = Epochs(1, 0);
   const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.num_steps, 1);
@@ -120,13 +112,13 @@ TEST(Trainer, SameInputsGiveTheSameBits) {
   TrainOptions options = Epochs(5, 4);
   options.shuffle = true;
   options.seed = 7;
-  const auto first = MakeRule("half_inverse", {});
-  const auto second = MakeRule("half_inverse", {});
+  const auto first = MakeRule("half_inverse");
+  const auto second = MakeRule("half_inverse");
   const TrainResult a = TrainRegression(problem, options, first.get());
   const TrainResult b = TrainRegression(problem, options, second.get());
   EXPECT_EQ(a.weights, b.weights);
   options.seed = 8;
-  const auto third = MakeRule("half_inverse", {});
+  const auto third = MakeRule("half_inverse");
   EXPECT_NE(TrainRegression(problem, options, third.get()).weights, a.weights);
 }
 
@@ -145,7 +137,7 @@ TEST(Trainer, LossIsPerSampleWhateverTheReduction) {
 
 TEST(Trainer, SamplesThatDoNotFillABatchAreLeftOut) {
   const Regression problem;  // 24 samples
-  const auto rule = MakeRule("adam", {});
+  const auto rule = MakeRule("adam");
   const TrainResult result = TrainRegression(problem, Epochs(3, 7), rule.get());
   EXPECT_EQ(result.summary.num_steps, 3 * 3);
 }
@@ -159,16 +151,16 @@ TEST_P(EveryRuleResumes, BitForBit) {
   std::remove(path.c_str());
   TrainOptions options = Epochs(6, 8);
   options.shuffle = true;
-  const auto whole_rule = MakeRule(GetParam(), {});
+  const auto whole_rule = MakeRule(GetParam());
   const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
 
   options.checkpoint_path = path;
   options.checkpoint_interval_in_seconds = 0.0;
   options.max_num_epochs = 3;
-  const auto first_rule = MakeRule(GetParam(), {});
+  const auto first_rule = MakeRule(GetParam());
   TrainRegression(problem, options, first_rule.get());
   options.max_num_epochs = 6;
-  const auto second_rule = MakeRule(GetParam(), {});
+  const auto second_rule = MakeRule(GetParam());
   const TrainResult resumed =
       TrainRegression(problem, options, second_rule.get());
   std::remove(path.c_str());
@@ -214,7 +206,7 @@ TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
   const TemporaryFolder folder;
   TrainOptions options = Epochs(2, 8);
   options.checkpoint_path = folder / "checkpoint";
-  const auto rule = MakeRule("adam", {});
+  const auto rule = MakeRule("adam");
   const TrainResult before = TrainRegression(problem, options, rule.get());
   options.batch_size = 6;
   const std::string error = Refusal(problem, options, "adam");
@@ -224,7 +216,7 @@ TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
 
 TEST(Trainer, NoBudgetIsNoStep) {
   const Regression problem;
-  const auto rule = MakeRule("adam", {});
+  const auto rule = MakeRule("adam");
   TrainOptions options = Epochs(0, 8);
   EXPECT_EQ(TrainRegression(problem, options, rule.get()).weights,
             problem.weights);
@@ -239,7 +231,7 @@ TEST(Trainer, OneSampleIsAWholeEpoch) {
   Regression problem;
   problem.train = problem.train.Range(0, 1);
   problem.test = problem.test.Range(0, 0);
-  const auto rule = MakeRule("half_inverse", {{"step_size", "auto"}});
+  const auto rule = MakeRule("half_inverse:step_size=auto");
   const TrainResult result = TrainRegression(problem, Epochs(4, 1), rule.get());
   EXPECT_EQ(result.summary.num_steps, 4);
   EXPECT_LT(result.history.back().train_loss,
@@ -489,13 +481,11 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
 TEST(Trainer, ControlledRunsResumeBitForBit) {
   const Regression problem;
   const TemporaryFolder folder;
-  const Settings settings = {{"kappa", "1"},
-                             {"step_size", "1.9"},
-                             {"truncation", "0"},
-                             {"control", "gain"}};
+  const std::string text =
+      "power:kappa=1:step_size=1.9:truncation=0:control=gain";
   TrainOptions options = Epochs(8, 4);
   options.shuffle = true;
-  const auto whole_rule = MakeRule("power", settings);
+  const auto whole_rule = MakeRule(text);
   const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
   EXPECT_GT(whole.summary.num_taken_back, 2);
   EXPECT_LT(whole.summary.num_taken_back, 40);
@@ -506,10 +496,10 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
     TrainOptions stopped = options;
     stopped.checkpoint_path = folder / std::to_string(stop);
     stopped.max_num_steps = stop;
-    const auto first = MakeRule("power", settings);
+    const auto first = MakeRule(text);
     TrainRegression(problem, stopped, first.get());
     stopped.max_num_steps = options.max_num_steps;
-    const auto second = MakeRule("power", settings);
+    const auto second = MakeRule(text);
     const TrainResult resumed = TrainRegression(problem, stopped, second.get());
     EXPECT_EQ(resumed.weights, whole.weights);
     EXPECT_EQ(resumed.summary.num_taken_back, whole.summary.num_taken_back);
@@ -550,7 +540,7 @@ TEST(Trainer, CallbacksEndTheRunAsInCeres) {
     StoppingCallback callback(4, verdict);
     TrainOptions options = Epochs(10, 8);
     options.callbacks.push_back(&callback);
-    const auto rule = MakeRule("adam", {});
+    const auto rule = MakeRule("adam");
     const TrainResult result = TrainRegression(problem, options, rule.get());
     EXPECT_EQ(result.summary.termination_type, type);
     EXPECT_EQ(result.summary.num_steps, 4);
@@ -565,7 +555,7 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
   const TemporaryFolder folder;
   TrainOptions options = Epochs(5, 8);
   options.shuffle = true;
-  const auto whole_rule = MakeRule("adam", {});
+  const auto whole_rule = MakeRule("adam");
   const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
   for (const int step : {0, 4, 5, 6}) {
     SCOPED_TRACE(step);
@@ -573,12 +563,12 @@ TEST(Trainer, AStoppedRunGoesOnWhereItWas) {
     TrainOptions stopped_options = options;
     stopped_options.checkpoint_path = folder / std::to_string(step);
     stopped_options.callbacks.push_back(&callback);
-    const auto first_rule = MakeRule("adam", {});
+    const auto first_rule = MakeRule("adam");
     const TrainResult stopped =
         TrainRegression(problem, stopped_options, first_rule.get());
     EXPECT_EQ(stopped.summary.num_steps, step);
     stopped_options.callbacks.clear();
-    const auto second_rule = MakeRule("adam", {});
+    const auto second_rule = MakeRule("adam");
     const TrainResult resumed =
         TrainRegression(problem, stopped_options, second_rule.get());
     EXPECT_EQ(resumed.weights, whole.weights);
@@ -595,7 +585,7 @@ TEST(Trainer, StopsAtTheTargetLossAndWhenPatienceEnds) {
   const Regression problem;
   TrainOptions options = Epochs(10000, 8);
   options.target_loss = 1e-3;
-  auto rule = MakeRule("half_inverse", {{"step_size", "auto"}});
+  auto rule = MakeRule("half_inverse:step_size=auto");
   TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
   EXPECT_LE(result.history.back().train_loss, 1e-3);
@@ -603,7 +593,7 @@ TEST(Trainer, StopsAtTheTargetLossAndWhenPatienceEnds) {
   options.target_loss = 0.0;
   options.patience = 3;
   // Steps too small to change a weight: there is never a new minimum.
-  rule = MakeRule("gradient_descent", {{"step_size", "1e-300"}});
+  rule = MakeRule("gradient_descent:step_size=1e-300");
   result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
   EXPECT_EQ(result.summary.num_steps, 3 * 3);
@@ -614,7 +604,7 @@ TEST(Trainer, TimeBudgetEndsTheRun) {
   TrainOptions options;
   options.max_time_in_seconds = 0.02;
   options.batch_size = 8;
-  const auto rule = MakeRule("adam", {});
+  const auto rule = MakeRule("adam");
   const TrainResult result = TrainRegression(problem, options, rule.get());
   EXPECT_EQ(result.summary.message, "time used up");
   EXPECT_GE(result.summary.train_time_in_seconds, 0.02);

@@ -14,14 +14,6 @@
 namespace invgrad {
 namespace training_memory_test {
 
-std::unique_ptr<UpdateRule> MakeRule(const std::string& name,
-                                     const Settings& settings = {}) {
-  std::string error;
-  std::unique_ptr<UpdateRule> rule = CreateRule({"", name, settings}, &error);
-  EXPECT_NE(rule, nullptr) << error;
-  return rule;
-}
-
 Model MakeModel(std::vector<int> widths) {
   const int num_outputs = widths.back();
   return Model(DenseNetwork(std::move(widths), Activation::kTanh),
@@ -61,12 +53,12 @@ TEST(TrainingMemory, CountsTheMatricesOfAStep) {
   EXPECT_EQ(BytesOf(parts("half_inverse"), "at least route gram"),
             SpectralStepBytes(SpectralRoute::kGram, 30, 33));
   EXPECT_EQ(BytesOf(TrainingMemory(model, *MakeRule("half_inverse"), false, 12),
-                    "at least route parameter_gram"),
-            SpectralStepBytes(SpectralRoute::kParameterGram, 36, 33));
+                    "at least route gram"),
+            SpectralStepBytes(SpectralRoute::kGram, 36, 33));
   // Of the layer with 18 weights the Gram matrix is larger.
   EXPECT_EQ(
-      BytesOf(parts("layer_half_inverse"), "at least route parameter_gram"),
-      SpectralStepBytes(SpectralRoute::kParameterGram, 30, 18));
+      BytesOf(parts("layer_half_inverse"), "at least route gram"),
+      SpectralStepBytes(SpectralRoute::kGram, 30, 18));
   for (const char* rule : {"adam", "gradient_descent"}) {
     EXPECT_EQ(BytesOf(parts(rule), "Jacobians of the simulator"), 0.0) << rule;
     EXPECT_EQ(BytesOf(parts(rule), "factors of J"), 0.0) << rule;

@@ -15,7 +15,7 @@
 
 namespace invgrad {
 
-// What cost functions of the same sizes share.
+// The sizes of a cost function.
 struct CostFunctionShape {
   explicit CostFunctionShape(const ceres::CostFunction& function)
       : num_residuals(function.num_residuals()),
@@ -26,7 +26,7 @@ struct CostFunctionShape {
   std::ptrdiff_t JacobianSize(std::size_t block) const {
     return std::ptrdiff_t{num_residuals} * block_sizes[block];
   }
-  // Of what is remembered, in doubles.
+  // Of the stored values, in doubles.
   std::ptrdiff_t Size() const {
     return num_parameters + num_residuals +
            std::ptrdiff_t{num_residuals} * num_parameters;
@@ -43,7 +43,7 @@ namespace {
 template <typename Base>
 class CachingCostFunction : public Base {
  public:
-  // `memory` has shape->Size() doubles, `has_jacobian` a byte a parameter
+  // `memory` has shape->Size() doubles, `has_jacobian` a byte for each parameter
   // block, all of them 0. Nothing is owned.
   CachingCostFunction(const Base* own,
                       const CostFunctionShape* shape,
@@ -57,16 +57,16 @@ class CachingCostFunction : public Base {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override {
-    // Without Jacobians it is at a candidate, which is new: not even asked.
+    // Ceres wants no Jacobians at a candidate, which is a new point.
     if (jacobians == nullptr) {
       return own_.Evaluate(parameters, residuals, nullptr);
     }
-    if (Remembers(parameters, jacobians)) {
+    if (IsStored(parameters, jacobians)) {
       Recall(residuals, jacobians);
       return true;
     }
     if (!own_.Evaluate(parameters, residuals, jacobians)) return false;
-    Remember(parameters, residuals, jacobians);
+    Store(parameters, residuals, jacobians);
     return true;
   }
 
@@ -74,19 +74,19 @@ class CachingCostFunction : public Base {
   const Base& own_;
 
  private:
-  bool Remembers(double const* const* parameters, double** jacobians) const {
-    const double* remembered = memory_;
+  bool IsStored(double const* const* parameters, double** jacobians) const {
+    const double* stored = memory_;
     bool any = false;
     for (std::size_t b = 0; b < shape_.block_sizes.size(); ++b) {
       const int size = shape_.block_sizes[b];
-      if (std::memcmp(parameters[b], remembered, sizeof(double) * size) != 0) {
+      if (std::memcmp(parameters[b], stored, sizeof(double) * size) != 0) {
         return false;
       }
       if (jacobians[b] != nullptr) {
         if (has_[b] == 0) return false;
         any = true;
       }
-      remembered += size;
+      stored += size;
     }
     return any;
   }
@@ -102,9 +102,9 @@ class CachingCostFunction : public Base {
     }
   }
 
-  void Remember(double const* const* parameters,
-                const double* residuals,
-                double** jacobians) const {
+  void Store(double const* const* parameters,
+             const double* residuals,
+             double** jacobians) const {
     double* memory = memory_;
     for (std::size_t b = 0; b < shape_.block_sizes.size(); ++b) {
       memory = std::copy_n(parameters[b], shape_.block_sizes[b], memory);
@@ -120,7 +120,7 @@ class CachingCostFunction : public Base {
 
   const CostFunctionShape& shape_;
   double* memory_;  // parameters, residuals, row-major Jacobians of all blocks
-  char* has_;       // whether a block's Jacobian is remembered
+  char* has_;       // whether a block's Jacobian is stored
 };
 
 class CachingSecondOrderCostFunction final
@@ -147,13 +147,13 @@ ceres::CostFunction* MakeCaching(const ceres::CostFunction* own,
       own, shape, memory, has_jacobian);
 }
 
-// The copy shares everything of the user's and owns what remembers.
+// The copy owns its caching cost functions, and nothing of the user's.
 ceres::Problem::Options CopyOptions(ceres::EvaluationCallback* callback) {
   ceres::Problem::Options options;
   options.cost_function_ownership = ceres::TAKE_OWNERSHIP;
   options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  // What it copies, a problem has checked.
+  // The user's problem has been checked.
   options.disable_all_safety_checks = true;
   options.evaluation_callback = callback;
   return options;
@@ -199,7 +199,7 @@ void CachedProblem::CopyResidualBlocks(const ceres::Problem& problem) {
   std::vector<double*> blocks;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     problem.GetParameterBlocksForResidualBlock(ids[i], &blocks);
-    // Ceres takes pointers to what it may own, and owns none of these.
+    // The setters take pointers that the getters return as pointers to const.
     copy_.AddResidualBlock(
         MakeCaching(problem.GetCostFunctionForResidualBlock(ids[i]),
                     shapes[i],
@@ -226,7 +226,7 @@ void CachedProblem::CopyParameterBlocks(const ceres::Problem& problem) {
       copy_.SetParameterBlockConstant(values);
     }
     for (int i = 0; i < size; ++i) {
-      // Where there is no bound these do nothing.
+      // Without a bound these change nothing.
       copy_.SetParameterLowerBound(
           values, i, problem.GetParameterLowerBound(values, i));
       copy_.SetParameterUpperBound(

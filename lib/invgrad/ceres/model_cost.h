@@ -1,12 +1,12 @@
-// A model over a data set as Ceres sees it.
+// The loss of a model over a data set as a cost function of Ceres.
 //
 //   as a cost function   r = sqrt(2 c scale) (y(theta) - y*), so that
 //                        1/2 |r|^2 = scale sum_s c |y_s - y*_s|^2 = L
 //   as a function        L(theta) and its gradient, by one backward pass
 //
-// The weights are one parameter block a neuron (its incoming weights and its
-// bias), in the order of the weight vector: blocks stay small, and a neuron or
-// a layer can be held constant.
+// The weights are one parameter block for each neuron (its incoming weights and
+// its bias), in the order of the weight vector: blocks are small, and a neuron
+// or a layer can be held constant.
 // Cost:    the cost function forms J (m x n); the function does not.
 // Fails:   Evaluate returns false where the model does.
 #ifndef INVGRAD_CERES_MODEL_COST_H_
@@ -22,7 +22,7 @@
 
 namespace invgrad {
 
-// Needs a squared-norm loss (CHECKed; ask Loss::SquaredNormFactor first).
+// CHECKs that the loss is a squared norm (Loss::SquaredNormFactor).
 class ModelCostFunction final : public SecondOrderCostFunction {
  public:
   // Model and data must outlive the function.
@@ -30,7 +30,7 @@ class ModelCostFunction final : public SecondOrderCostFunction {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
-  // By one tangent-of-backward pass a unit, over all samples.
+  // By one tangent-of-backward pass for each unit, over all samples.
   bool WeightedHessian(const double* const* parameters,
                        const double* w,
                        double* hessian) const override;
@@ -55,7 +55,7 @@ class ModelFunction final : public ceres::FirstOrderFunction {
   const DataSet* data_;
 };
 
-// The parameter blocks of `weights` (n), one a neuron.
+// The parameter blocks of `weights` (n), one for each neuron.
 std::vector<double*> NeuronBlocks(const DenseNetwork& network, double* weights);
 
 // Adds the model's cost over `data` to the problem; `weights` must outlive it.

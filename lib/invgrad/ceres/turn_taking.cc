@@ -1,13 +1,12 @@
 #include "invgrad/ceres/turn_taking.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace invgrad {
 namespace {
 
-void Average(double gain, double* merit) {
-  *merit = std::isnan(*merit) ? gain : 0.5 * (*merit + gain);
+void Average(double gain, std::optional<double>* merit) {
+  *merit = *merit ? 0.5 * (**merit + gain) : gain;
 }
 
 }  // namespace
@@ -17,9 +16,9 @@ bool TurnTaking::IsTheRules() {
     --num_turns_left_;
     return false;
   }
-  if (!by_merit_ || std::isnan(rule_merit_)) return true;
-  if (std::isnan(ceres_merit_)) return false;
-  if (num_in_a_row_ >= kMostInARow) {
+  if (!by_merit_ || !rule_merit_) return true;
+  if (!ceres_merit_) return false;
+  if (num_in_a_row_ >= kMaxInARow) {
     num_in_a_row_ = 0;
     return false;
   }
@@ -29,11 +28,11 @@ bool TurnTaking::IsTheRules() {
 
 void TurnTaking::RuleStepped(double gain) {
   Average(gain, &rule_merit_);
-  if (!by_merit_ || std::isnan(ceres_merit_) || rule_merit_ >= ceres_merit_) {
+  if (!by_merit_ || !ceres_merit_ || *rule_merit_ >= *ceres_merit_) {
     next_wait_ = kFirstWait;
   } else {
     Wait();
-    // What it was long ago says nothing about its next turn.
+    // Old gains say nothing about the rule's next turn.
     rule_merit_ = gain;
   }
 }
@@ -45,7 +44,7 @@ void TurnTaking::RuleHadNoStep() { Wait(); }
 void TurnTaking::Wait() {
   num_in_a_row_ = 0;
   num_turns_left_ = next_wait_;
-  next_wait_ = std::min(2 * next_wait_, kLongestWait);
+  next_wait_ = std::min(2 * next_wait_, kMaxWait);
 }
 
 }  // namespace invgrad

@@ -1,27 +1,27 @@
-// Whose turn the next step is, where an update rule and Ceres' trust region
-// take turns at the same problem: that of the one whose steps gain more.
+// Decides whether the next step of a ceres::Solve is an update rule's or Ceres'
+// own: that of the one whose steps gain more.
 //
 //   gain of a step = log(L before / L after),   0 if it was rejected
 //   merit <- (merit + gain) / 2
 //
 // The rule has the first turn and Ceres the second. While the rule's merit is
-// at least Ceres', the rule goes on, and Ceres has every ninth turn, so that
-// its merit is that of the region where the two are now. Otherwise Ceres goes
-// on, and the rule has a turn again after 2 accepted steps, then 4, 8 and 16,
-// as long as it does not gain more; likewise after it had no step.
+// at least Ceres', the rule has the turns, except that Ceres has every ninth
+// one, which keeps its merit up to date. Otherwise Ceres has the turns, and the
+// rule has one again after 2 accepted steps, then 4, 8 and 16, as long as it
+// does not gain more. A rule that had no step waits in the same way.
 #ifndef INVGRAD_CERES_TURN_TAKING_H_
 #define INVGRAD_CERES_TURN_TAKING_H_
 
-#include <limits>
+#include <optional>
 
 namespace invgrad {
 
 class TurnTaking {
  public:
-  // by_merit: false leaves the rule all turns at which it has a step.
+  // by_merit = false: the rule has all turns at which it has a step.
   explicit TurnTaking(bool by_merit) : by_merit_(by_merit) {}
 
-  // At an accepted state, once: whether the next turn is the rule's.
+  // Call it once after each accepted step: whether the next turn is the rule's.
   bool IsTheRules();
 
   void RuleStepped(double gain);
@@ -31,16 +31,15 @@ class TurnTaking {
  private:
   void Wait();
 
-  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   static constexpr int kFirstWait = 2;
-  static constexpr int kLongestWait = 16;
-  static constexpr int kMostInARow = 8;
+  static constexpr int kMaxWait = 16;
+  static constexpr int kMaxInARow = 8;
 
   bool by_merit_;
-  double rule_merit_ = kNone;
-  double ceres_merit_ = kNone;
+  std::optional<double> rule_merit_;  // none before its first step
+  std::optional<double> ceres_merit_;
   int num_in_a_row_ = 0;    // of the rule's turns
-  int num_turns_left_ = 0;  // of Ceres', before the rule's next
+  int num_turns_left_ = 0;  // of Ceres, before the rule's next
   int next_wait_ = kFirstWait;
 };
 

@@ -2,130 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "Eigen/Core"
-#include "ceres/local_parameterization.h"
-#include "ceres/manifold.h"
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/turn_taking.h"
 #include "invgrad/core/linearization.h"
 
 namespace invgrad {
 namespace {
-
-// A block's own manifold, or the Euclidean one, which takes a staged step in
-// the place of the next that it is given. Ceres asks it for sizes and Jacobians
-// once a residual block and evaluation, so it is small, and does the Euclidean
-// case itself.
-class StagingManifold final : public ceres::Manifold {
- public:
-  // `own` is null for a Euclidean block; not owned.
-  StagingManifold(int ambient_size, const ceres::Manifold* own)
-      : ambient_size_(ambient_size),
-        tangent_size_(own != nullptr ? own->TangentSize() : ambient_size),
-        own_(own) {}
-
-  // `step` must stay until it is taken or cleared.
-  void Stage(const double* step) { staged_ = step; }
-  void Clear() { staged_ = nullptr; }
-  bool is_staged() const { return staged_ != nullptr; }
-
-  int AmbientSize() const override { return ambient_size_; }
-  int TangentSize() const override { return tangent_size_; }
-
-  bool Plus(const double* x,
-            const double* delta,
-            double* x_plus_delta) const override {
-    // Written only if something is staged: then Ceres forms its candidate, and
-    // calls Plus once. Inner iterations call it from several threads.
-    if (staged_ != nullptr) {
-      delta = staged_;
-      staged_ = nullptr;
-    }
-    if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
-    std::transform(
-        x, x + ambient_size_, delta, x_plus_delta, std::plus<double>());
-    return true;
-  }
-
-  bool PlusJacobian(const double* x, double* jacobian) const override {
-    if (own_ != nullptr) return own_->PlusJacobian(x, jacobian);
-    SetIdentity(jacobian);
-    return true;
-  }
-  bool RightMultiplyByPlusJacobian(const double* x,
-                                   const int num_rows,
-                                   const double* ambient_matrix,
-                                   double* tangent_matrix) const override {
-    if (own_ != nullptr) {
-      return own_->RightMultiplyByPlusJacobian(
-          x, num_rows, ambient_matrix, tangent_matrix);
-    }
-    std::copy_n(ambient_matrix, num_rows * ambient_size_, tangent_matrix);
-    return true;
-  }
-  bool Minus(const double* y,
-             const double* x,
-             double* y_minus_x) const override {
-    if (own_ != nullptr) return own_->Minus(y, x, y_minus_x);
-    std::transform(y, y + ambient_size_, x, y_minus_x, std::minus<double>());
-    return true;
-  }
-  bool MinusJacobian(const double* x, double* jacobian) const override {
-    if (own_ != nullptr) return own_->MinusJacobian(x, jacobian);
-    SetIdentity(jacobian);
-    return true;
-  }
-
- private:
-  void SetIdentity(double* matrix) const {
-    std::fill_n(matrix, ambient_size_ * ambient_size_, 0.0);
-    for (int i = 0; i < ambient_size_; ++i) matrix[i * ambient_size_ + i] = 1.0;
-  }
-
-  const int ambient_size_;
-  const int tangent_size_;
-  const ceres::Manifold* const own_;
-  mutable const double* staged_ = nullptr;
-};
-
-// Ceres 2.1 still has local parameterizations, and so has code that uses it.
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
-
-// What a block had before it was wrapped.
-struct OwnManifold {
-  // A local parameterization is a manifold too.
-  OwnManifold(const ceres::Problem& problem,
-              double* values,
-              const ceres::Manifold* manifold)
-      : values(values),
-        manifold(manifold),
-        parameterization(manifold == nullptr
-                             ? nullptr
-                             : problem.GetParameterization(values)) {}
-
-  void Restore(ceres::Problem* problem) const {
-    // Ceres takes them as pointers to what it may delete, and hands them out as
-    // pointers to const.
-    if (parameterization != nullptr) {
-      problem->SetParameterization(
-          values, const_cast<ceres::LocalParameterization*>(parameterization));
-    } else {
-      problem->SetManifold(values, const_cast<ceres::Manifold*>(manifold));
-    }
-  }
-
-  double* values;
-  const ceres::Manifold* manifold;  // null: none
-  const ceres::LocalParameterization* parameterization;
-};
-
-#pragma GCC diagnostic pop
 
 bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
   // "If the parameter is not bounded by the user" (ceres/problem.h).
@@ -146,22 +36,25 @@ bool AreSupported(const UpdateCallback::Options& options,
                   std::string* error) {
   const std::vector<double*>& blocks = linearizer.parameter_blocks();
   const auto name = [](int i) {
-    return "parameter block " + std::to_string(i) + " (of those not constant)";
+    return fmt::format("parameter block {} (of those that are not constant)",
+                       i);
   };
   for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
     const int size = linearizer.tangent_size(i);
     if (size > options.max_block_size) {
-      *error = name(i) + " has size " + std::to_string(size) + " > " +
-               std::to_string(options.max_block_size) +
-               " = max_block_size; split it into smaller blocks, or use "
-               "Minimize";
+      *error = fmt::format(
+          "{} has size {}, which is larger than max_block_size = {}; split it "
+          "into smaller blocks, or use Minimize",
+          name(i),
+          size,
+          options.max_block_size);
       return false;
     }
     if (IsBounded(problem, blocks[i], linearizer.ambient_size(i))) {
       *error = name(i) +
-               " has bounds, with which proposals do not work; remove the "
-               "bounds (a change of variables can take their place), or solve "
-               "without UpdateCallback";
+               " has bounds, which UpdateCallback does not support; replace "
+               "them by a change of variables, or solve without "
+               "UpdateCallback";
       return false;
     }
   }
@@ -173,11 +66,6 @@ bool NeedsLinearization(const UpdateRule& rule) {
   return parts.gradient || parts.jacobian || parts.hessian;
 }
 
-UpdateCallback::Options WithSharedManifolds(UpdateCallback::Options options) {
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  return options;
-}
-
 }  // namespace
 
 class UpdateCallback::State {
@@ -185,72 +73,44 @@ class UpdateCallback::State {
   State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
       : options_(options),
         rule_(rule),
-        problem_(problem),
-        // Before wrapping: it moves by the blocks' own manifolds.
         linearizer_(problem, {}),
         needs_linearization_(NeedsLinearization(*rule)),
         turns_(options.by_merit) {
     std::string error;
     CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
-    const std::vector<double*>& blocks = linearizer_.parameter_blocks();
-    own_.reserve(blocks.size());
-    staging_.reserve(blocks.size());
-    for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
-      CHECK(dynamic_cast<const StagingManifold*>(linearizer_.manifold(i)) ==
-            nullptr)
-          << "Another UpdateCallback of this problem is still alive.";
-      own_.emplace_back(*problem, blocks[i], linearizer_.manifold(i));
-      staging_.push_back(new StagingManifold(linearizer_.ambient_size(i),
-                                             linearizer_.manifold(i)));
-      if (options_.manifold_ownership == ceres::DO_NOT_TAKE_OWNERSHIP) {
-        owned_.emplace_back(staging_.back());
-      }
-    }
-    // In a loop of its own, so that Ceres, which visits them all in each of its
-    // evaluations, finds them side by side in memory.
-    for (std::size_t i = 0; i < blocks.size(); ++i) {
-      problem->SetManifold(blocks[i], staging_[i]);
-    }
-  }
-
-  ~State() {
-    for (const OwnManifold& own : own_) {
-      if (own.manifold != nullptr || is_wrapped_) own.Restore(problem_);
-    }
+    staged_.emplace(linearizer_, problem);
   }
 
   ceres::CallbackReturnType OnIteration(
       const ceres::IterationSummary& iteration) {
     const ceres::CallbackReturnType result = PrepareNext(iteration);
-    if (!has_proposal_) SetWrapped(false);
+    if (!has_proposal_) staged_->Unwrap();
     return result;
   }
 
   Summary summary() const {
     Summary summary = summary_;
-    // Ceres ends a run on its tolerances without calling anyone back.
-    if (has_proposal_ && !IsStaged()) ++summary.num_proposed;
+    // Ceres calls no callback after a step that ends the run by a tolerance.
+    if (has_proposal_ && !staged_->IsStaged()) ++summary.num_proposed;
     return summary;
   }
 
  private:
   enum class Outcome { kStep, kNoStep, kAnotherState };
 
-  static constexpr int kMostTurnsLost = 8;
-  // A problem that owns its manifolds remembers each one that it is given, also
-  // those that it has been given before.
-  static constexpr int kMostUnwraps = 32;
+  static constexpr int kMaxNumTurnsLost = 8;
 
   ceres::CallbackReturnType PrepareNext(
       const ceres::IterationSummary& iteration) {
     if (iteration.iteration == 0) {
       if (has_run_) {
         return Abort(
-            "an UpdateCallback is for one solve; make another for the next");
+            "an UpdateCallback works for one solve; construct another one for "
+            "the next");
       }
       has_run_ = true;
       if (iteration.trust_region_radius <= 0.0) {
-        // A trust region has a radius, a line search has not.
+        // A line search has no radius.
         return Abort(
             "UpdateCallback needs Solver::Options::minimizer_type = "
             "TRUST_REGION");
@@ -258,16 +118,15 @@ class UpdateCallback::State {
     } else {
       Count(iteration);
     }
-    // What is still staged was not used: Ceres found no valid step of its own
-    // to replace. (Of a Plus that failed, some blocks may be left; none may
-    // stay.)
-    const bool was_passed_over = IsStaged();
+    // If all blocks are still staged, Ceres found no valid step of its own that
+    // they could replace. (If a Plus failed, some blocks may still be staged.)
+    const bool was_passed_over = staged_->IsStaged();
     const bool was_proposed = has_proposal_ && !was_passed_over;
     if (was_proposed && rule_->JudgesSteps()) {
-      // Whatever the rule thinks of it, Ceres has decided.
+      // Ceres has decided; the rule's verdict is not used.
       rule_->KeepsStep(iteration.cost, fraction_);
     }
-    for (StagingManifold* manifold : staging_) manifold->Clear();
+    staged_->Clear();
     has_proposal_ = false;
 
     if (iteration.iteration == 0) {
@@ -291,25 +150,15 @@ class UpdateCallback::State {
     } else if (was_proposed) {
       BackOff();
     } else {
-      // Ceres finds its trust region too large, so nothing was taken from it.
+      // The trust region is too large for Ceres itself.
       lost_radius_ = 0.0;
       summary_.message = "Ceres' own step was rejected at this state";
     }
     return ceres::SOLVER_CONTINUE;
   }
 
-  // Whether Ceres has moved no block since the last call. (Blocks that no
-  // residual block names are never moved, and a Plus that fails ends a move.)
-  bool IsStaged() const {
-    return !staging_.empty() &&
-           std::all_of(
-               staging_.begin(), staging_.end(), [](const auto* manifold) {
-                 return manifold->is_staged();
-               });
-  }
-
   void Count(const ceres::IterationSummary& iteration) {
-    if (!has_proposal_ || IsStaged()) {
+    if (!has_proposal_ || staged_->IsStaged()) {
       ++summary_.num_ceres_steps;
       return;
     }
@@ -323,14 +172,15 @@ class UpdateCallback::State {
 
   ceres::CallbackReturnType Propose(const ceres::IterationSummary& iteration) {
     if (iteration.step_is_nonmonotonic) {
-      // Ceres shows the state of the least cost, which is another one.
+      // The blocks hold the state of the least cost, which is another one.
       summary_.message = "the last step was nonmonotonic";
       return ceres::SOLVER_CONTINUE;
     }
     if (iteration.trust_region_radius < lost_radius_ && num_turns_lost_ > 0) {
       --num_turns_lost_;
       summary_.message =
-          "Ceres' trust region has not recovered from a rejected proposal";
+          "Ceres' trust region is still smaller than before a rejected "
+          "proposal";
       return ceres::SOLVER_CONTINUE;
     }
     lost_radius_ = 0.0;
@@ -349,13 +199,14 @@ class UpdateCallback::State {
         break;
     }
     return Abort(
-        "UpdateCallback does not see the solver's state; set "
-        "Solver::Options::update_state_every_iteration = true, and let no "
-        "other callback change the blocks");
+        "the parameter blocks do not hold the solver's state; add the "
+        "UpdateCallback by AddTo, leave "
+        "Solver::Options::update_state_every_iteration = true, and change no "
+        "parameter block in another callback");
   }
 
-  // Sets step_, or else summary_.message. A rule that needs no linearization is
-  // asked first: if it has no step, none is made.
+  // Sets step_, or else summary_.message. For a rule that needs no
+  // linearization the problem is linearized only if there is a step.
   Outcome ComputeStep(const ceres::IterationSummary& iteration) {
     Linearization at_x;
     at_x.cost = iteration.cost;
@@ -374,14 +225,14 @@ class UpdateCallback::State {
     }
     if (IsPromising(at_x)) return Outcome::kStep;
     summary_.message =
-        "the linear model promises too small a decrease of the cost";
-    // Perhaps because of the scale, which no other proposal would mend.
+        "the linear model predicts too small a decrease of the cost";
+    // The scale may be the reason, and only a proposal could raise it.
     scale_ = std::min(2.0 * scale_, 1.0);
     return Outcome::kNoStep;
   }
 
-  // Of what the rule needs, and of J for the linear model. kStep: there may be
-  // one.
+  // Computes the parts that the rule needs, and J for the linear model. kStep:
+  // the rule can compute a step.
   Outcome Linearize(const ceres::IterationSummary& iteration,
                     Linearization* at_x) {
     LinearizationParts parts = rule_->Needs();
@@ -389,8 +240,8 @@ class UpdateCallback::State {
     if (!linearizer_.Linearize(parts, at_x, &summary_.message)) {
       return Outcome::kNoStep;
     }
-    // The same residual blocks at the same state: the sums differ by rounding.
-    // Both contain the fixed cost of residual blocks that cannot change.
+    // At the same state the two sums differ by rounding. Both contain the fixed
+    // cost of residual blocks that cannot change.
     constexpr double kCostTolerance = 1e-9;
     return std::abs(at_x->cost - iteration.cost) <=
                    kCostTolerance * std::abs(iteration.cost)
@@ -398,7 +249,8 @@ class UpdateCallback::State {
                : Outcome::kAnotherState;
   }
 
-  // L(x) - L(x + step) by the linear model; false for a NaN too.
+  // Whether L(x) - L(x + step), by the linear model, is large enough; false for
+  // NaN.
   bool IsPromising(const Linearization& at_x) const {
     Eigen::VectorXd J_step;
     at_x.jacobian->Times(step_, &J_step);
@@ -408,18 +260,18 @@ class UpdateCallback::State {
   }
 
   void BackOff() {
-    // A rule that judges its steps remembers it itself.
+    // A rule that judges its steps adapts its own step size.
     if (!rule_->JudgesSteps()) scale_ *= 0.5;
     if (num_backoffs_ >= options_.max_num_backoffs) {
-      // Each rejection has shrunk Ceres' trust region, 64 times after three of
-      // them. If proposals went on, Ceres' own steps would become so short that
-      // its function tolerance ended the run far from a minimum (measured: in
-      // Rosenbrock's valley). LM's has recovered after four good steps;
-      // dogleg's does not grow beyond what its steps need.
+      // Each rejection shrinks Ceres' trust region; three shrink it by a factor
+      // of 64. With further proposals Ceres' own steps would become so short
+      // that its function tolerance would end the run far from a minimum
+      // (measured in Rosenbrock's valley). LM's radius recovers within four
+      // good steps; dogleg's does not grow beyond what its steps need.
       lost_radius_ = radius_;
-      num_turns_lost_ = kMostTurnsLost;
-      summary_.message = "the last proposal was rejected " +
-                         std::to_string(num_backoffs_ + 1) + " times";
+      num_turns_lost_ = kMaxNumTurnsLost;
+      summary_.message = fmt::format("the last proposal was rejected {} times",
+                                     num_backoffs_ + 1);
       return;
     }
     ++num_backoffs_;
@@ -428,26 +280,8 @@ class UpdateCallback::State {
     Stage();
   }
 
-  // Blocks that had no manifold wear theirs only while a step is staged, which
-  // spares Ceres products with their Jacobians at its own turns. They must have
-  // begun the solve with them: that is when Ceres decides how much memory an
-  // evaluation has.
-  void SetWrapped(bool wrapped) {
-    if (is_wrapped_ == wrapped) return;
-    if (!wrapped && ++num_unwraps_ > kMostUnwraps) return;
-    is_wrapped_ = wrapped;
-    for (std::size_t i = 0; i < own_.size(); ++i) {
-      if (own_[i].manifold != nullptr) continue;
-      problem_->SetManifold(own_[i].values, wrapped ? staging_[i] : nullptr);
-    }
-  }
-
   void Stage() {
-    SetWrapped(true);
-    for (std::size_t i = 0; i < staging_.size(); ++i) {
-      staging_[i]->Stage(step_.data() +
-                         linearizer_.column(static_cast<int>(i)));
-    }
+    staged_->Stage(step_.data());
     has_proposal_ = true;
   }
 
@@ -459,25 +293,20 @@ class UpdateCallback::State {
 
   const Options options_;
   UpdateRule* rule_;
-  ceres::Problem* problem_;
   const ProblemLinearizer linearizer_;
-  const bool needs_linearization_;         // to compute a step
-  std::vector<OwnManifold> own_;           // in the order of the linearizer's
-  std::vector<StagingManifold*> staging_;  // blocks, both
-  // Those that the problem does not delete.
-  std::vector<std::unique_ptr<StagingManifold>> owned_;
+  const bool needs_linearization_;  // to compute a step
+  std::optional<StagedStep> staged_;
   Eigen::VectorXd step_;  // n: the last proposal
   bool has_run_ = false;
-  bool is_wrapped_ = true;  // the blocks that had no manifold
-  int num_unwraps_ = 0;
   bool has_proposal_ = false;  // staged in the last call
   int num_backoffs_ = 0;       // of the last proposal
   double radius_ = 0.0;        // Ceres', when it was first made
-  double scale_ = 1.0;         // of proposals: what was accepted lately
-  double fraction_ = 1.0;      // of the rule's step that step_ is
-  double lost_radius_ = 0.0;   // Ceres has the turn below it,
-  int num_turns_lost_ = 0;     // but no more turns than these
-  double cost_ = 0.0;          // at the last accepted state
+  double scale_ = 1.0;         // of proposals: that of the last accepted ones
+  double fraction_ = 1.0;      // step_ / the rule's step
+  // Ceres has the turn while its radius is smaller,
+  double lost_radius_ = 0.0;
+  int num_turns_lost_ = 0;  // but no more turns than these
+  double cost_ = 0.0;       // at the last accepted state
   TurnTaking turns_;
   Summary summary_;
 };
@@ -488,20 +317,24 @@ bool UpdateCallback::IsSupported(const Options& options,
   return AreSupported(options, problem, ProblemLinearizer(&problem, {}), error);
 }
 
-UpdateCallback::UpdateCallback(const Options& options,
-                               UpdateRule* rule,
-                               ceres::Problem* problem) {
+UpdateCallback::UpdateCallback(UpdateRule* rule, ceres::Problem* problem)
+    : UpdateCallback(rule, problem, Options()) {}
+
+UpdateCallback::UpdateCallback(UpdateRule* rule,
+                               ceres::Problem* problem,
+                               const Options& options) {
   CHECK(rule != nullptr);
   CHECK(problem != nullptr);
   state_ = std::make_unique<State>(options, rule, problem);
 }
 
-UpdateCallback::UpdateCallback(const Options& options,
-                               UpdateRule* rule,
-                               CachedProblem* problem)
-    : UpdateCallback(WithSharedManifolds(options), rule, problem->problem()) {}
-
 UpdateCallback::~UpdateCallback() = default;
+
+void UpdateCallback::AddTo(ceres::Solver::Options* options) {
+  CHECK(options != nullptr);
+  options->callbacks.push_back(this);
+  options->update_state_every_iteration = true;
+}
 
 ceres::CallbackReturnType UpdateCallback::operator()(
     const ceres::IterationSummary& iteration) {
@@ -513,10 +346,11 @@ UpdateCallback::Summary UpdateCallback::summary() const {
 }
 
 std::string UpdateCallback::Summary::BriefReport() const {
-  return std::to_string(num_proposed) + " proposed, " +
-         std::to_string(num_accepted) + " accepted, " +
-         std::to_string(num_rejected) + " rejected, " +
-         std::to_string(num_ceres_steps) + " steps of Ceres";
+  return fmt::format("{} proposed, {} accepted, {} rejected, {} steps of Ceres",
+                     num_proposed,
+                     num_accepted,
+                     num_rejected,
+                     num_ceres_steps);
 }
 
 }  // namespace invgrad

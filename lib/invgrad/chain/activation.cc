@@ -12,8 +12,8 @@ struct Derivatives {
   double fourth = 0.0;
 };
 
-// Applies function(z, &derivatives) to every entry. The compiler drops what the
-// null pointers do not ask for.
+// Applies function(z, &derivatives) to every entry. The compiler drops the
+// derivatives of null pointers.
 template <typename Function>
 void ForEach(int size,
              double* z,

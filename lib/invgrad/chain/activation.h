@@ -3,8 +3,8 @@
 //   linear z,   tanh z,   ReLU max(z, 0),   sigmoid 1 / (1 + e^-z),
 //   GELU z Phi(z) with Phi the normal distribution function [1]
 //
-// ReLU has slope 0 at z = 0, as in TensorFlow and PyTorch. NaN travels through
-// every one of them.
+// ReLU has slope 0 at z = 0, as in TensorFlow and PyTorch. NaN propagates
+// through all of them.
 //
 // [1] Hendrycks, Gimpel. Gaussian Error Linear Units. 2016. arXiv 1606.08415.
 //     The exact form, not its tanh approximation.
@@ -41,7 +41,7 @@ T Activate(Activation activation, const T& z) {
     case Activation::kRelu:
       return z <= T(0.0) ? T(0.0) : z;
     case Activation::kSigmoid:
-      // The argument of exp is never positive, so that nothing overflows.
+      // The argument of exp is never positive: no overflow.
       if (z < T(0.0)) {
         const T e = exp(z);
         return e / (T(1.0) + e);

@@ -54,6 +54,7 @@ class AutoDiffSimulator final : public Simulator {
     return AllFinite(y, kOut) && AllFinite(jacobian, J_transposed.size());
   }
 
+  bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
                        const double* w,

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -34,9 +35,11 @@ bool IsArrayFinite(const char* name,
   for (Eigen::Index sample = 0; sample < array.cols(); ++sample) {
     for (Eigen::Index entry = 0; entry < array.rows(); ++entry) {
       if (std::isfinite(array(entry, sample))) continue;
-      *error = std::string(name) + ": entry " + std::to_string(entry) +
-               " of sample " + std::to_string(sample) + " is " +
-               std::to_string(array(entry, sample));
+      *error = fmt::format("{}: entry {} of sample {} is {}",
+                           name,
+                           entry,
+                           sample,
+                           array(entry, sample));
       return false;
     }
   }

@@ -12,14 +12,21 @@
 namespace invgrad {
 
 struct DataSet {
-  Eigen::MatrixXd inputs;    // |a| x N: what the network sees
-  Eigen::MatrixXd contexts;  // |c| x N: the simulator's own data; 0 x N if none
+  Eigen::MatrixXd inputs;    // |a| x N: a
+  Eigen::MatrixXd contexts;  // |c| x N: c; 0 x N if none
   Eigen::MatrixXd targets;   // |y| x N: y*
-  // |x| x N: an x with P(x) = y*, where the data were made from one; 0 x N if
-  // none is known. What supervised training learns.
+  // |x| x N: an x with P(x) = y*, for supervised training; 0 x N if none is
+  // known.
   Eigen::MatrixXd solutions;
 
   int num_samples() const { return static_cast<int>(inputs.cols()); }
+
+  // c of a sample; without contexts a null vector of size 0.
+  Eigen::Map<const Eigen::VectorXd> Context(int sample) const {
+    // An array without rows may come without columns too.
+    return {contexts.rows() == 0 ? nullptr : contexts.col(sample).data(),
+            contexts.rows()};
+  }
 
   // The samples `indices`, in that order.
   DataSet Select(const std::vector<int>& indices) const;

@@ -4,12 +4,12 @@
 //   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
 //
 // or, where the physics is a differential equation in a, with its derivatives
-// in the input: every quantity is then a 2-jet (two_jet.h), which has T = |a| +
-// 2 columns a sample in place of one,
+// in the input: every quantity is then a 2-jet (two_jet.h) with T = |a| + 2
+// columns a sample in place of one,
 //
 //   x = (f, d_1 f, .., d_|a| f, Lap f)
 //
-// and is differentiated in the weights by the same functions as ever.
+// The same functions differentiate both in the weights.
 //
 // Shapes:  widths: L + 1 numbers, widths[0] = |a|, widths[L] = |x|;
 //          batches have one column a sample;
@@ -17,11 +17,11 @@
 //          after layer, and in a layer unit after unit: the unit's incoming
 //          weights, then its bias. In numpy: hstack([W, b[:, None]]).ravel()
 //          for each layer.
-// Cost:    forward 2 n B; the backward pass twice that; the Hessian n^2 B. Of
-//          jets T times of all that, and T^2 times the Hessian.
-//          Batches go through BLAS, nothing is allocated a sample.
-// Fails:   never by itself: values that are not finite travel through. Sizes
-//          that do not fit are CHECKed.
+// Cost:    forward 2 n B; the backward pass twice that; the Hessian n^2 B. With
+//          jets T times as much, the Hessian T^2 times. Batches go through
+//          BLAS, nothing is allocated a sample.
+// Fails:   never: values that are not finite propagate. Sizes that do not fit
+//          are CHECKed.
 // The network is a description: weights are an argument, never a member.
 #ifndef INVGRAD_CHAIN_DENSE_NETWORK_H_
 #define INVGRAD_CHAIN_DENSE_NETWORK_H_
@@ -51,7 +51,7 @@ class DenseNetwork {
   // linear.
   DenseNetwork(std::vector<int> widths, Activation hidden);
 
-  // n. A double: no widths overflow it.
+  // n, as a double: no widths overflow it.
   static double CountWeights(const std::vector<int>& widths);
 
   int num_inputs() const { return widths_.front(); }
@@ -61,28 +61,33 @@ class DenseNetwork {
   const std::vector<int>& widths() const { return widths_; }
   Activation hidden_activation() const { return hidden_; }
 
-  // Where layer l = 0 .. num_layers() - 1 begins in the weights, and how many
-  // it has: column-major, (widths[l] + 1) x widths[l + 1].
+  // The first weight of layer l = 0 .. num_layers() - 1, and the number of its
+  // weights.
   int offset(int layer) const { return offsets_[layer]; }
   int layer_size(int layer) const {
     return offsets_[layer + 1] - offsets_[layer];
   }
 
+  // That layer of `weights`: (widths[l] + 1) x widths[l + 1], a column a unit,
+  // whose last entry is the bias.
+  Eigen::Map<const Eigen::MatrixXd> LayerWeights(
+      int layer, const Eigen::VectorXd& weights) const;
+
   Eigen::VectorXd InitialWeights(Initialization initialization,
                                  NumpyRandom* random) const;
 
-  // What a forward pass leaves for the derivatives. Layer l = 0 .. L - 1.
+  // The forward pass's values for the derivatives. Layer l = 0 .. L - 1.
   struct Activations {
     // inputs[l]: (widths[l] + 1) x B, a_l with a last row of ones: the bias
     // is the weight of the one.
     std::vector<Eigen::MatrixXd> inputs;
     // slopes[l]: widths[l + 1] x B, phi'(z); empty for the last layer.
     std::vector<Eigen::MatrixXd> slopes;
-    // curvatures[l]: phi''(z) likewise; only if asked for.
+    // curvatures[l]: phi''(z) likewise; only with want_curvatures.
     std::vector<Eigen::MatrixXd> curvatures;
     Eigen::MatrixXd outputs;  // widths[L] x B: x
-    // T: 1, or of ForwardJets the channels of a jet. Then there are B T columns
-    // in place of B, and the ones of the last row are jets too, (1, 0, .., 0).
+    // T: 1, or after ForwardJets the channels of a jet. Then B T columns take
+    // the place of B, and the ones of the last row are jets, (1, 0, .., 0).
     int num_channels = 1;
 
     int batch_size() const { return static_cast<int>(outputs.cols()); }
@@ -122,25 +127,14 @@ class DenseNetwork {
   // H = sum_s [J_s^T X_s J_s + sum_i w_{i,s} d2f_i/dtheta2] (n x n, symmetric):
   // the exact Hessian in the weights of sum_s F_s(f(a_s)), given the covectors
   // w_s = dF_s/dx and the Hessians X_s = d2F_s/dx2. One tangent-of-backward
-  // pass a unit (and channel), not a weight: a weight moves its unit's z by its
-  // own input, so its tangent is the unit's, scaled sample by sample. Needs
-  // curvatures. X_s is |x| x |x|, of jets widths[L] T of them.
+  // pass a unit (and channel), not a weight: a weight moves its unit's z in
+  // proportion to its input, so its tangent is the unit's, scaled sample by
+  // sample. Needs curvatures. X_s is |x| x |x|, |x| = widths[L] T with jets.
   void Hessian(const Eigen::VectorXd& weights,
                const Activations& activations,
                const Eigen::MatrixXd& output_covectors,
                const std::vector<Eigen::MatrixXd>& output_hessians,
                Eigen::MatrixXd* hessian) const;
-
-  // The second derivatives of F_s = w_s . f(a_s; theta) in input i and in all
-  // inputs (|a| x B: column s is d2F_s/da da_i) or all weights (n x B: column s
-  // is d2F_s/dtheta da_i), for output covectors w: widths[L] x B. One
-  // tangent-of-backward pass. Needs curvatures. Not of jets (CHECKed).
-  void InputSecondDerivatives(const Eigen::VectorXd& weights,
-                              const Activations& activations,
-                              const Eigen::MatrixXd& output_covectors,
-                              int i,
-                              Eigen::MatrixXd* in_inputs,
-                              Eigen::MatrixXd* in_weights) const;
 
   // "4-20-20-20-24 tanh"
   std::string Name() const;

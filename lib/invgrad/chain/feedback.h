@@ -5,22 +5,22 @@
 //
 // The simulator itself stays open: y = P(x; s_0) for given controls x. Loss,
 // simulator and every pull-back to x are therefore those of a chain without a
-// loop; only from x on to the weights the loop counts. With K_t = du_t/ds_t,
+// loop; the loop only matters between x and the weights. With K_t = du_t/ds_t,
 // K = diag(K_t), and S = ds/dx of the open simulator, strictly lower block
 // triangular,
 //
 //   dx = df + K S dx = (I - K S)^-1 df
 //
-// where df is the change of the controls with all states held fixed. So a
-// covector of x, and each row of J_y_x, is multiplied by (I - K S)^-1, by a
+// where df is the change of the controls with all states held fixed. CloseLoop
+// multiplies a covector of x, or each row of J_y_x, by (I - K S)^-1, by a
 // recursion backwards in time that forms neither K nor S. With
 // A_t = ds_{t+1}/ds_t and B_t = ds_{t+1}/du_t:
 //
 //   p = 0;   for t = T-1 .. 0:   x_bar_t += B_t^T p
 //                                p = A_t^T p + K_t^T x_bar_t
 //
-// which is backpropagation through time [1] with the network's part of each
-// step taken by its input Jacobian K_t.
+// which is backpropagation through time [1]; the input Jacobian K_t stands for
+// the network's part of each step. Second derivatives are not available.
 //
 // Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;
 //          B_t: ns x nc.
@@ -37,7 +37,7 @@
 
 namespace invgrad {
 
-// What the loop needs of a simulator that steps through time.
+// The functions of a simulator that the loop calls.
 class Feedback {
  public:
   virtual ~Feedback() = default;
@@ -56,13 +56,6 @@ class Feedback {
   virtual bool StepJacobians(const double* x,
                              const double* start,
                              double* M) const = 0;
-
-  // Computes H = sum_t w_t . d2s_t/dx2 (T nc x T nc, symmetric) over the states
-  // s_1 .. s_T of the open roll-out; w: w_1 .. w_T, each ns.
-  virtual bool StateHessian(const double* x,
-                            const double* start,
-                            const double* w,
-                            double* hessian) const = 0;
 };
 
 // Multiplies every column of x_bar (T nc x any number), covectors of one

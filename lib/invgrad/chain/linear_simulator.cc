@@ -37,11 +37,11 @@ bool LinearSimulator::Evaluate(const double* x,
   return AllFinite(y, num_outputs());
 }
 
-bool LinearSimulator::PullBack(const double* x,
-                               const double* context,
-                               const Covector& covector,
-                               double* y,
-                               double* x_bar) const {
+bool LinearSimulator::Adjoint(const double* x,
+                              const double* context,
+                              const Covector& covector,
+                              double* y,
+                              double* x_bar) const {
   if (!Evaluate(x, context, y, nullptr)) return false;
   Scratch<double> w(num_outputs());
   if (!covector(y, w.data())) return false;

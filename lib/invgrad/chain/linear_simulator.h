@@ -3,7 +3,7 @@
 //   y = A x + b,   J = A
 //
 // Shapes:  A: |y| x |x|, sparse;  b: |y|.
-// Cost:    the entries of A that are stored; J writes |y| |x|.
+// Cost:    one pass over the stored entries of A; J takes |y| |x| more.
 // Fails:   returns false if y is not finite. Sizes that do not fit are CHECKed.
 #ifndef INVGRAD_CHAIN_LINEAR_SIMULATOR_H_
 #define INVGRAD_CHAIN_LINEAR_SIMULATOR_H_
@@ -26,11 +26,12 @@ class LinearSimulator final : public Simulator {
                 const double* context,
                 double* y,
                 double* jacobian) const override;
-  bool PullBack(const double* x,
-                const double* context,
-                const Covector& covector,
-                double* y,
-                double* x_bar) const override;
+  bool Adjoint(const double* x,
+               const double* context,
+               const Covector& covector,
+               double* y,
+               double* x_bar) const override;
+  bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
                        const double* w,

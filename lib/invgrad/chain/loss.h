@@ -53,8 +53,8 @@ class SquaredNormLoss final : public Loss {
   double factor_;
 };
 
-// L = y* . y: the covector y* as a loss, whose Hessian in what is before y is
-// that of the outputs, weighted by y*.
+// L = y* . y: the covector y* as a loss. Its Hessian in x or theta is that of
+// the outputs, weighted by y*.
 class DotProductLoss final : public Loss {
  public:
   explicit DotProductLoss(int size);

@@ -1,14 +1,11 @@
 #include "invgrad/chain/model.h"
 
 #include <algorithm>
-#include <cmath>
-#include <functional>
 #include <utility>
 #include <vector>
 
 #include "glog/logging.h"
-#include "invgrad/chain/closed_loop_hessian.h"
-#include "invgrad/chain/network_jacobian.h"
+#include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/two_jet.h"
 #include "invgrad/core/scratch.h"
 
@@ -18,52 +15,24 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-bool SampleError(int sample, const std::string& what, std::string* error) {
-  *error = "sample " + std::to_string(sample) + ": " + what;
-  return false;
-}
-
 // Samples that are predicted at a time: their activations stay in the cache.
 constexpr int kPieceSize = 512;
 
 constexpr char kNetworkFailed[] = "the network's output is not finite";
-constexpr char kLossFailed[] = "the loss has no finite value";
 constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
 constexpr char kNoNextState[] =
     "the simulator has no finite value: there is no finite state after";
 
-const double* Context(const DataSet& batch, int sample) {
-  return batch.contexts.rows() == 0 ? nullptr
-                                    : batch.contexts.col(sample).data();
-}
-
-bool SimulatorError(const Simulator& simulator,
-                    const Eigen::Map<const MatrixXd>& x,
-                    const DataSet& batch,
-                    int sample,
-                    std::string* error) {
-  return SampleError(
-      sample,
-      SimulatorFailure(simulator, x.col(sample).data(), Context(batch, sample)),
-      error);
-}
-
-// As far as the open roll-out knows, which has already succeeded.
+// The open roll-out has succeeded; DescribeFailure may still name a step.
 bool LoopError(const Simulator& simulator,
                const Eigen::Map<const MatrixXd>& x,
                const DataSet& batch,
                int sample,
                std::string* error) {
-  const std::string where =
-      simulator.DescribeFailure(x.col(sample).data(), Context(batch, sample));
+  const std::string where = simulator.DescribeFailure(
+      x.col(sample).data(), batch.Context(sample).data());
   return SampleError(
       sample, kLoopFailed + (where.empty() ? "" : ": " + where), error);
-}
-
-bool CheckCost(double cost, std::string* error) {
-  if (std::isfinite(cost)) return true;
-  *error = "the cost of the batch is not finite";
-  return false;
 }
 
 bool CheckOutputs(const DenseNetwork::Activations& activations,
@@ -100,15 +69,6 @@ void StoreCall(const DenseNetwork::Activations& call,
   store(call.outputs, &all->outputs);
 }
 
-// Backward passes can overflow where the forward one did not.
-bool CheckDerivatives(const VectorXd& gradient,
-                      const MatrixXd& hessian,
-                      std::string* error) {
-  if (gradient.allFinite() && hessian.allFinite()) return true;
-  *error = "a derivative in the weights is not finite";
-  return false;
-}
-
 void CheckSizes(const Model& model,
                 const VectorXd& weights,
                 const DataSet& batch) {
@@ -119,25 +79,6 @@ void CheckSizes(const Model& model,
   if (batch.contexts.rows() > 0) {
     CHECK_EQ(batch.contexts.cols(), batch.num_samples());
   }
-}
-
-void CheckTargets(const Model& model, const DataSet& batch) {
-  CHECK_EQ(batch.targets.rows(), model.loss().size());
-  CHECK_EQ(batch.targets.cols(), batch.num_samples());
-}
-
-// v -> H_L v.
-std::function<VectorXd(const VectorXd&)> LossHessianTimes(MatrixXd blocks) {
-  return [blocks = std::move(blocks)](const VectorXd& v) {
-    CHECK_EQ(v.size(), blocks.cols());
-    const Eigen::Index size = blocks.rows();
-    VectorXd Hv(v.size());
-    for (Eigen::Index row = 0; row < v.size(); row += size) {
-      Hv.segment(row, size).noalias() =
-          blocks.middleCols(row, size) * v.segment(row, size);
-    }
-    return Hv;
-  };
 }
 
 }  // namespace
@@ -275,7 +216,7 @@ bool Model::CloseLoop(const VectorXd& weights,
     if (!invgrad::CloseLoop(
             *feedback_,
             x.col(s).data(),
-            Context(batch, s),
+            batch.Context(s).data(),
             K.topRows(feedback_->state_size()).middleCols(s * num_x, num_x),
             x_bar.middleCols(s * per_sample, per_sample))) {
       return LoopError(*simulator_, x, batch, s, error);
@@ -284,191 +225,16 @@ bool Model::CloseLoop(const VectorXd& weights,
   return true;
 }
 
-bool Model::Linearize(const VectorXd& weights,
-                      const DataSet& batch,
-                      const LinearizationParts& parts,
-                      Linearization* linearization,
-                      std::string* error) const {
-  linearization->gradient.resize(0);
-  linearization->loss_gradient.resize(0);
-  linearization->jacobian.reset();
-  linearization->loss_hessian_times = nullptr;
-  linearization->hessian.resize(0, 0);
-  if (parts.jacobian || parts.hessian) {
-    return LinearizeThroughJacobians(
-        weights, batch, parts, linearization, error);
-  }
-  if (parts.gradient) {
-    return CostAndGradient(
-        weights, batch, &linearization->cost, &linearization->gradient, error);
-  }
-  return Cost(weights, batch, &linearization->cost, error);
-}
-
-bool Model::CostAndGradient(const VectorXd& weights,
-                            const DataSet& batch,
-                            double* cost,
-                            VectorXd* gradient,
-                            std::string* error) const {
-  CheckTargets(*this, batch);
-  const double scale = BatchScale(batch.num_samples());
-  Scratch<DenseNetwork::Activations> scratch(1);
-  DenseNetwork::Activations& activations = scratch[0];
-  if (!Forward(weights, batch, false, &activations, error)) return false;
-  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
-  VectorXd y(loss_->size());
-  MatrixXd x_bar(x.rows(), x.cols());
-  *cost = 0.0;
-  int s = 0;
-  bool loss_failed = false;
-  const auto loss_gradient = [&](const double* at, double* g) {
-    double loss = 0.0;
-    loss_failed =
-        !loss_->Evaluate(at, batch.targets.col(s).data(), &loss, g, nullptr);
-    *cost += scale * loss;
-    Eigen::Map<VectorXd>(g, loss_->size()) *= scale;
-    return !loss_failed;
-  };
-  // By reference, which std::function holds without allocating.
-  const Simulator::Covector covector = std::cref(loss_gradient);
-  for (; s < batch.num_samples(); ++s) {
-    if (!simulator_->PullBack(x.col(s).data(),
-                              Context(batch, s),
-                              covector,
-                              y.data(),
-                              x_bar.col(s).data())) {
-      return loss_failed ? SampleError(s, kLossFailed, error)
-                         : SimulatorError(*simulator_, x, batch, s, error);
-    }
-  }
-  if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
-  x_bar.resize(network_.num_outputs(), activations.batch_size());
-  network_.Backward(weights, activations, x_bar, gradient);
-  return CheckCost(*cost, error) &&
-         CheckDerivatives(*gradient, MatrixXd(), error);
-}
-
-bool Model::LinearizeThroughJacobians(const VectorXd& weights,
-                                      const DataSet& batch,
-                                      const LinearizationParts& parts,
-                                      Linearization* linearization,
-                                      std::string* error) const {
-  CheckTargets(*this, batch);
-  const int batch_size = batch.num_samples();
-  const Eigen::Index num_x = simulator_->num_inputs();
-  const Eigen::Index num_y = loss_->size();
-  const double scale = BatchScale(batch_size);
-  const std::optional<double> factor = loss_->SquaredNormFactor();
-  const bool want_loss_hessians = parts.hessian || !factor.has_value();
-
-  DenseNetwork::Activations activations;
-  if (!Forward(weights, batch, parts.hessian, &activations, error)) {
-    return false;
-  }
-  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
-  VectorXd y(num_y);
-  MatrixXd jacobians(num_x, num_y * batch_size);
-  MatrixXd loss_gradients(num_y, batch_size);
-  MatrixXd loss_hessians;  // the blocks of H_L, side by side
-  if (want_loss_hessians) loss_hessians.resize(num_y, num_y * batch_size);
-  linearization->cost = 0.0;
-  for (int s = 0; s < batch_size; ++s) {
-    // A row-major Jacobian is a block of columns.
-    if (!simulator_->Evaluate(x.col(s).data(),
-                              Context(batch, s),
-                              y.data(),
-                              jacobians.col(s * num_y).data())) {
-      return SimulatorError(*simulator_, x, batch, s, error);
-    }
-    double value = 0.0;
-    if (!loss_->Evaluate(y.data(),
-                         batch.targets.col(s).data(),
-                         &value,
-                         loss_gradients.col(s).data(),
-                         want_loss_hessians
-                             ? loss_hessians.col(s * num_y).data()
-                             : nullptr)) {
-      return SampleError(s, kLossFailed, error);
-    }
-    linearization->cost += scale * value;
-  }
-  loss_gradients *= scale;
-  loss_hessians *= scale;
-  linearization->loss_gradient = loss_gradients.reshaped();
-  if (!CheckCost(linearization->cost, error)) return false;
-
-  if (parts.hessian) {
-    // d2L_s/dx2 = J_s^T H_L J_s + sum_i g_i d2y_i/dx2.
-    MatrixXd x_bar(num_x, batch_size);
-    std::vector<MatrixXd> x_hessians(batch_size);
-    for (int s = 0; s < batch_size; ++s) {
-      const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
-      x_bar.col(s).noalias() = J_transposed * loss_gradients.col(s);
-      x_hessians[s].resize(num_x, num_x);
-      if (!simulator_->WeightedHessian(x.col(s).data(),
-                                       Context(batch, s),
-                                       loss_gradients.col(s).data(),
-                                       x_hessians[s].data())) {
-        return SimulatorError(*simulator_, x, batch, s, error);
-      }
-      x_hessians[s].noalias() += J_transposed *
-                                 loss_hessians.middleCols(s * num_y, num_y) *
-                                 J_transposed.transpose();
-    }
-    if (num_calls() == 1) {
-      x_bar.resize(network_.num_outputs(), activations.batch_size());
-      network_.Hessian(
-          weights, activations, x_bar, x_hessians, &linearization->hessian);
-    } else {
-      if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
-      int failed = 0;
-      if (!ClosedLoopHessian(network_,
-                             *feedback_,
-                             weights,
-                             activations,
-                             batch.contexts,
-                             x_bar,
-                             x_hessians,
-                             &linearization->hessian,
-                             &failed)) {
-        return LoopError(*simulator_, x, batch, failed, error);
-      }
-    }
-  }
-
-  if (!CloseLoop(weights, batch, activations, jacobians, error)) return false;
-  const auto jacobian = std::make_shared<NetworkJacobian>(
-      network_, weights, std::move(activations), std::move(jacobians));
-  if (parts.gradient) {
-    jacobian->TransposeTimes(linearization->loss_gradient,
-                             &linearization->gradient);
-  }
-  if (!CheckDerivatives(
-          linearization->gradient, linearization->hessian, error)) {
-    return false;
-  }
-  if (!parts.jacobian) {
-    linearization->loss_gradient.resize(0);
-    return true;
-  }
-  linearization->jacobian = jacobian;
-  if (factor.has_value()) {
-    const double c = 2.0 * *factor * scale;
-    linearization->loss_hessian_times = [c](const VectorXd& v) -> VectorXd {
-      return c * v;
-    };
-  } else {
-    linearization->loss_hessian_times =
-        LossHessianTimes(std::move(loss_hessians));
-  }
-  return true;
+void Model::CheckTargets(const DataSet& batch) const {
+  CHECK_EQ(batch.targets.rows(), loss_->size());
+  CHECK_EQ(batch.targets.cols(), batch.num_samples());
 }
 
 bool Model::Cost(const VectorXd& weights,
                  const DataSet& batch,
                  double* cost,
                  std::string* error) const {
-  CheckTargets(*this, batch);
+  CheckTargets(batch);
   MatrixXd outputs;
   if (!Predict(weights, batch, &outputs, error)) return false;
   *cost = 0.0;
@@ -516,7 +282,7 @@ bool Model::PredictPiece(const VectorXd& weights,
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations[0]);
   for (int s = 0; s < batch.num_samples(); ++s) {
     if (!simulator_->Evaluate(x.col(s).data(),
-                              Context(batch, s),
+                              batch.Context(s).data(),
                               outputs.col(s).data(),
                               nullptr)) {
       return SimulatorError(*simulator_, x, batch, s, error);

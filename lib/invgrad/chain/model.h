@@ -6,31 +6,32 @@
 // steps: g = dL/dy carries the factor.
 //
 // With feedback (feedback.h) the network is in the simulator's loop over time:
-// it is called T times a sample, x_s is what it put out,
+// it is called T times a sample, x_s holds its outputs,
 //
 //   x_s = (u_0, .., u_{T-1}),   u_t = f(a_{s,t}; theta)
 //
 // and a_{s,t} is a_s, from the second call on with the state s_t in place of
-// its first ns entries. What follows them, a set point say, is the same at all
-// calls; a reference signal is part of the state, by what generates it.
+// its first ns entries. The other entries, a set point say, are the same at all
+// calls; a reference signal is part of the state, together with its generator.
 //
-// With NetworkOutput::kTwoJet the simulator sees the network's derivatives in
-// its input as well: a differential equation's residual is then a simulator, a
-// function of them and of the sample's context (a physics-informed network),
+// With NetworkOutput::kTwoJet the network's derivatives in its input are inputs
+// of the simulator as well: a differential equation's residual is then a
+// simulator, a function of them and of the sample's context (a physics-informed
+// network),
 //
 //   x_s = (f, d_1 f, .., d_|a| f, Lap f)(a_s; theta)
 //
 // Shapes:  theta: n;  y: |y| B stacked sample by sample, as g and the rows of
 //          J = dy/dtheta are. Activations: B columns; with feedback B T, a
 //          sample's calls side by side; with jets the same, T = |a| + 2.
-// Cost:    gradient: forward, PullBack of each sample, backward. Jacobian: one
+// Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h).
-//          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian.
-//          Nothing is allocated a sample but by the Hessian. With feedback: T
-//          passes in place of one, an input Jacobian of the network, and one
-//          CloseLoop a sample; for the Hessian closed_loop_hessian.h. With
-//          jets: T passes, for the Hessian T^2.
+//          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian;
+//          not with feedback. Nothing is allocated a sample but by the Hessian.
+//          With feedback: T passes in place of one, an input Jacobian of the
+//          network, and one CloseLoop a sample. With jets: T passes, for the
+//          Hessian T^2.
 // Fails:   Linearize, Cost and Predict return false with a message naming the
 //          sample (its column in the batch) if a simulator or loss fails or a
 //          value is not finite; of a roll-out also the time step. Empty batches
@@ -55,7 +56,7 @@ namespace invgrad {
 
 enum class Reduction { kMean, kSum };
 
-// What the simulator sees of the network.
+// The simulator's inputs: the network's outputs, or their 2-jets (two_jet.h).
 enum class NetworkOutput { kValue, kTwoJet };
 
 class Model {
@@ -90,7 +91,7 @@ class Model {
   const Feedback* feedback() const { return feedback_.get(); }  // may be null
   NetworkOutput network_output() const { return output_; }
 
-  // T: how often the network is called a sample.
+  // T: calls of the network a sample.
   int num_calls() const {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
@@ -117,7 +118,7 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
-  // The network's part of the chain, from which SimulatorInputs reads x. False,
+  // The network's part of the chain; SimulatorInputs reads x from it. False,
   // with the sample named, if an output is not finite or, with feedback, a step
   // fails.
   bool Forward(const Eigen::VectorXd& weights,
@@ -130,15 +131,20 @@ class Model {
   Eigen::Map<const Eigen::MatrixXd> SimulatorInputs(
       const DenseNetwork::Activations& activations) const;
 
-  // Makes covectors of x with every input of the network held fixed (x_bar: |x|
-  // x B k, k for each sample) those with the loop closed, in place; without
-  // feedback they are the same. False, with the sample named, where the physics
-  // has no finite derivative.
+  // Closes the loop for covectors of x that hold every input of the network
+  // fixed (x_bar: |x| x B k, k for each sample), in place; without feedback
+  // they stay as they are. False, with the sample named, where the physics has
+  // no finite derivative.
   bool CloseLoop(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const DenseNetwork::Activations& activations,
                  Eigen::Ref<Eigen::MatrixXd> x_bar,
                  std::string* error) const;
+
+  // False, with a message that says what to do, if Linearize cannot compute
+  // these parts: the Hessian in a closed loop, or of a simulator without
+  // WeightedHessian.
+  bool CanLinearize(const LinearizationParts& parts, std::string* error) const;
 
   // Fills cost and the wanted parts; the others are left empty.
   bool Linearize(const Eigen::VectorXd& weights,
@@ -160,7 +166,7 @@ class Model {
                std::string* error) const;
 
  private:
-  // One of feedback and jets at most.
+  // At most one of feedback and jets.
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
@@ -168,12 +174,13 @@ class Model {
         std::shared_ptr<const Feedback> feedback,
         NetworkOutput output);
 
+  void CheckTargets(const DataSet& batch) const;
   // Predict, all samples at once.
   bool PredictPiece(const Eigen::VectorXd& weights,
                     const DataSet& batch,
                     Eigen::Ref<Eigen::MatrixXd> outputs,
                     std::string* error) const;
-  // Linearize without J, by pull-back.
+  // Linearize without J, by the simulator's adjoint.
   bool CostAndGradient(const Eigen::VectorXd& weights,
                        const DataSet& batch,
                        double* cost,

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "fmt/format.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 
@@ -92,8 +93,8 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view bytes,
   Lines lines(bytes);
   std::string_view text;
   if (!lines.Take(&text) || text != kMagic) {
-    *problem = "not a network (it does not begin with the line '" +
-               std::string(kMagic) + "')";
+    *problem = fmt::format(
+        "not a network (it does not begin with the line '{}')", kMagic);
     return std::nullopt;
   }
   std::vector<int> widths;
@@ -105,9 +106,9 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view bytes,
   }
   const double wanted = DenseNetwork::CountWeights(widths);
   if (wanted > std::numeric_limits<int>::max()) {
-    *problem = "line 2 asks for more than the " +
-               std::to_string(std::numeric_limits<int>::max()) +
-               " weights that are allowed";
+    *problem =
+        fmt::format("line 2 asks for more than the {} weights that are allowed",
+                    std::numeric_limits<int>::max());
     return std::nullopt;
   }
   Activation activation = Activation::kLinear;
@@ -122,32 +123,32 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view bytes,
   int count = 0;
   if (!lines.TakeValue("weights", &text) || !ParseNumber(text, &count) ||
       count != wanted) {
-    *problem = "line 4 is not 'weights " +
-               std::to_string(static_cast<int>(wanted)) +
-               "', as many as its widths have";
+    *problem =
+        fmt::format("line 4 is not 'weights {}', as many as its widths have",
+                    static_cast<int>(wanted));
     return std::nullopt;
   }
   // A digit and the end of its line are the least that a weight takes.
   if (lines.num_bytes() / 2 < static_cast<size_t>(count)) {
-    *problem = "too short for " + std::to_string(count) + " weights";
+    *problem = fmt::format("too short for {} weights", count);
     return std::nullopt;
   }
   constexpr int kHeaderLines = 4;
   Eigen::VectorXd values(count);
   for (int i = 0; i < count; ++i) {
     if (!lines.Take(&text)) {
-      *problem = "ends within weight " + std::to_string(i + 1) + " of " +
-                 std::to_string(count);
+      *problem = fmt::format("ends within weight {} of {}", i + 1, count);
       return std::nullopt;
     }
     if (!ParseNumber(text, &values[i]) || !std::isfinite(values[i])) {
-      *problem = "line " + std::to_string(kHeaderLines + 1 + i) +
-                 " is not a finite number: " + Quoted(text);
+      *problem = fmt::format("line {} is not a finite number: {}",
+                             kHeaderLines + 1 + i,
+                             Quoted(text));
       return std::nullopt;
     }
   }
   if (lines.num_bytes() > 0) {
-    *problem = "goes on after its " + std::to_string(count) + " weights";
+    *problem = fmt::format("goes on after its {} weights", count);
     return std::nullopt;
   }
   *weights = std::move(values);
@@ -161,12 +162,11 @@ bool WriteNetwork(const std::string& path,
                   const Eigen::VectorXd& weights,
                   std::string* error) {
   CHECK_EQ(weights.size(), network.num_weights());
-  std::string text(kMagic);
-  text += "\nwidths";
-  for (const int width : network.widths()) text += " " + std::to_string(width);
-  text += "\nactivation ";
-  text += ActivationName(network.hidden_activation());
-  text += "\nweights " + std::to_string(weights.size()) + "\n";
+  std::string text = fmt::format("{}\nwidths {}\nactivation {}\nweights {}\n",
+                                 kMagic,
+                                 fmt::join(network.widths(), " "),
+                                 ActivationName(network.hidden_activation()),
+                                 weights.size());
   for (const double weight : weights) {
     char digits[32];  // the shortest text that gives back a double: at most 24
     const auto [end, status] =
@@ -187,7 +187,7 @@ std::optional<DenseNetwork> ReadNetwork(const std::string& path,
   if (!ReadFile(path, &bytes, error)) return std::nullopt;
   std::string problem;
   std::optional<DenseNetwork> network = ParseNetwork(bytes, weights, &problem);
-  if (!network.has_value()) *error = "file " + path + ": " + problem;
+  if (!network.has_value()) *error = fmt::format("file {}: {}", path, problem);
   return network;
 }
 

@@ -22,17 +22,16 @@
 //
 // In numpy: np.loadtxt("network.txt", skiprows=4).
 //
-// Nothing else belongs to a network: its inputs and outputs are in the units of
-// the problem that it was trained on.
+// Inputs and outputs are in the units of the problem that the network was
+// trained on.
 //
 // Cost:    20 bytes a weight.
 // Fails:   returns false (nothing), with a message that names the file and
-//          what is wrong with it; *weights is then unchanged. A file that ends
-//          early, numbers that do not fit each other and weights that are not
-//          finite, as diverged training leaves them, are refused by
-//          ReadNetwork; no file makes it allocate more than a few times the
-//          file's own size. Weights that do not fit the network are CHECKed by
-//          WriteNetwork.
+//          what is wrong with it; *weights is then unchanged. ReadNetwork
+//          refuses truncated files, numbers that do not fit each other and
+//          weights that are not finite, as after diverged training; it never
+//          allocates more than a few times the file's size. Weights that do not
+//          fit the network are CHECKed by WriteNetwork.
 #ifndef INVGRAD_CHAIN_NETWORK_FILE_H_
 #define INVGRAD_CHAIN_NETWORK_FILE_H_
 
@@ -44,8 +43,7 @@
 
 namespace invgrad {
 
-// Atomically (atomic_file.h). Takes weights that are not finite: what training
-// left is kept as it is.
+// Atomically (atomic_file.h). Also writes weights that are not finite.
 bool WriteNetwork(const std::string& path,
                   const DenseNetwork& network,
                   const Eigen::VectorXd& weights,

@@ -2,9 +2,9 @@
 //
 //   x = f(a; theta)
 //
-// For a network inside any autodiff functor, and the oracle of DenseNetwork's
-// batched derivatives. Differentiating all weights by it is hopeless beyond a
-// few hundred: use Model or DenseNetwork.
+// For a network inside any autodiff functor, and the reference for the tests of
+// DenseNetwork. Too slow for the derivatives in more than a few hundred
+// weights: use Model or DenseNetwork.
 //
 // Shapes:  weights: n, laid out as in dense_network.h;  inputs: |a|;
 //          outputs: |x|.

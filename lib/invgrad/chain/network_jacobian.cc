@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/chain/two_jet.h"
 #include "invgrad/core/blas.h"
@@ -80,10 +81,7 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
       Gemm(Op::kNone,
            Op::kNone,
            1.0,
-           Eigen::Map<const MatrixXd>(weights_.data() + network_.offset(k),
-                                      widths[k] + 1,
-                                      widths[k + 1])
-               .topRows(widths[k]),
+           network_.LayerWeights(k, weights_).topRows(widths[k]),
            *above,
            0.0,
            delta);
@@ -130,9 +128,10 @@ void NetworkJacobian::ToDense(MatrixXd* J) const {
 }
 
 std::string NetworkJacobian::RowName(int row) const {
-  return JacobianOperator::RowName(row) + " (sample " +
-         std::to_string(row / outputs_per_sample_) + ", output " +
-         std::to_string(row % outputs_per_sample_) + ")";
+  return fmt::format("{} (sample {}, output {})",
+                     JacobianOperator::RowName(row),
+                     row / outputs_per_sample_,
+                     row % outputs_per_sample_);
 }
 
 }  // namespace invgrad

@@ -3,9 +3,9 @@
 //
 //   J = dy/dtheta,   row (s, j) = J_s(j, :) df(a_s)/dtheta,   J_s = dy_s/dx_s
 //
-// What it keeps is the forward pass's activations and the J_s. With a_{l,s} the
-// input of layer l for sample s (and a last 1 for the bias), and delta_{l,sj}
-// the derivative of y_{s,j} in the layer's z, row (s, j) of J holds the outer
+// It keeps the forward pass's activations and the J_s. With a_{l,s} the input
+// of layer l for sample s (and a last 1 for the bias), and delta_{l,sj} the
+// derivative of y_{s,j} in the layer's z, row (s, j) of J holds the outer
 // products a_{l,s} delta_{l,sj}^T of all layers, and so (layer_jacobian.h)
 //
 //   (J J^T)_{(s,j),(t,k)} =

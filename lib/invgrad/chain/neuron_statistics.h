@@ -1,4 +1,4 @@
-// How the hidden neurons of a network behave over a data set.
+// Statistics of a network's hidden neurons over a data set.
 //
 //   mean = E[a],  deviation = sqrt(E[(a - mean)^2]),
 //   flat_share = P(|phi'(z)| < 0.1)

@@ -1,7 +1,7 @@
 // Runs a function on each of `count` samples, in contiguous shares on threads.
 //
 // The samples must not depend on each other; then the result does not depend on
-// the number of threads. One thread: no thread is started.
+// the number of threads. With one thread no other is started.
 #ifndef INVGRAD_CHAIN_PARALLEL_SAMPLES_H_
 #define INVGRAD_CHAIN_PARALLEL_SAMPLES_H_
 

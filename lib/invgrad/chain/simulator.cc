@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "Eigen/Core"
+#include "fmt/core.h"
+#include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
@@ -18,15 +20,14 @@ bool AllFinite(const double* values, std::ptrdiff_t size) {
 std::string AtTimeStep(const std::string& what,
                        std::ptrdiff_t t,
                        std::ptrdiff_t num_steps) {
-  return what + " time step " + std::to_string(t + 1) + " of " +
-         std::to_string(num_steps);
+  return fmt::format("{} time step {} of {}", what, t + 1, num_steps);
 }
 
-bool Simulator::PullBack(const double* x,
-                         const double* context,
-                         const Covector& covector,
-                         double* y,
-                         double* x_bar) const {
+bool Simulator::Adjoint(const double* x,
+                        const double* context,
+                        const Covector& covector,
+                        double* y,
+                        double* x_bar) const {
   const int rows = num_outputs();
   const int cols = num_inputs();
   Scratch<double> jacobian(static_cast<std::size_t>(rows) * cols);
@@ -38,6 +39,25 @@ bool Simulator::PullBack(const double* x,
       Eigen::Map<const Eigen::MatrixXd>(jacobian.data(), cols, rows) *
       Eigen::Map<const Eigen::VectorXd>(w.data(), rows);
   return AllFinite(x_bar, cols);
+}
+
+bool Simulator::WeightedHessian(const double* /*x*/,
+                                const double* /*context*/,
+                                const double* /*w*/,
+                                double* /*hessian*/) const {
+  LOG(FATAL) << "the simulator has no WeightedHessian; ask "
+                "has_weighted_hessian() first";
+  return false;
+}
+
+bool CheckHasHessian(const Simulator& simulator, std::string* error) {
+  if (simulator.has_weighted_hessian()) return true;
+  *error =
+      "the simulator has no second derivatives: choose a method without the "
+      "exact Hessian, write the simulator as a functor "
+      "(autodiff_simulator.h), or override has_weighted_hessian and "
+      "WeightedHessian";
+  return false;
 }
 
 std::string SimulatorFailure(const Simulator& simulator,
@@ -59,11 +79,11 @@ bool IdentitySimulator::Evaluate(const double* x,
   return AllFinite(y, size_);
 }
 
-bool IdentitySimulator::PullBack(const double* x,
-                                 const double* /*context*/,
-                                 const Covector& covector,
-                                 double* y,
-                                 double* x_bar) const {
+bool IdentitySimulator::Adjoint(const double* x,
+                                const double* /*context*/,
+                                const Covector& covector,
+                                double* y,
+                                double* x_bar) const {
   std::copy(x, x + size_, y);
   return AllFinite(y, size_) && covector(y, x_bar) && AllFinite(x_bar, size_);
 }

@@ -2,16 +2,16 @@
 //
 //   y = P(x; c),   J = dP/dx
 //
-// Shapes:  x: num_inputs;  c: num_context, what belongs to a sample and is not
+// Shapes:  x: num_inputs;  c: num_context, the data of a sample that is not
 //          controlled (an initial state);  y: num_outputs;
 //          J: num_outputs x num_inputs, row-major.
 // Fails:   every function returns false where the physics has no finite value;
 //          its outputs are then unspecified.
 // Implementations are immutable, so that several threads may share one.
 //
-// A simulator is written as functors on a scalar type T and differentiated by
-// Jets: see autodiff_simulator.h, time_stepping_simulator.h,
-// linear_simulator.h.
+// Most simulators are functors on a scalar type T, differentiated by Jets: see
+// autodiff_simulator.h, time_stepping_simulator.h, linear_simulator.h. An
+// implementation of one's own needs the two sizes and Evaluate.
 #ifndef INVGRAD_CHAIN_SIMULATOR_H_
 #define INVGRAD_CHAIN_SIMULATOR_H_
 
@@ -45,33 +45,39 @@ class Simulator {
                         double* jacobian) const = 0;
 
   // Given y, writes a covector w (num_outputs), usually dL/dy. If it returns
-  // false, so does PullBack.
+  // false, so does Adjoint.
   using Covector = std::function<bool(const double* y, double* w)>;
 
-  // Computes y and x_bar = J^T w(y) (num_inputs), by one forward and one
-  // backward pass where that is cheaper than J. By default through J.
-  virtual bool PullBack(const double* x,
-                        const double* context,
-                        const Covector& covector,
-                        double* y,
-                        double* x_bar) const;
+  // Computes y and x_bar = J^T w(y) (num_inputs). The default forms J; override
+  // it where one forward and one backward pass are cheaper.
+  virtual bool Adjoint(const double* x,
+                       const double* context,
+                       const Covector& covector,
+                       double* y,
+                       double* x_bar) const;
 
   // Computes H = sum_i w_i d2P_i/dx2, num_inputs x num_inputs, symmetric.
+  // Optional: only Newton's methods call it. Override both functions or none.
+  virtual bool has_weighted_hessian() const { return false; }
   virtual bool WeightedHessian(const double* x,
                                const double* context,
                                const double* w,
-                               double* hessian) const = 0;
+                               double* hessian) const;
 
-  // After one of the functions above has failed: where, for a message; empty if
-  // there is nothing to say but that it failed. Evaluates once more.
+  // Where one of the functions above failed at (x, context), for a message;
+  // empty if there is no more to say. Evaluates once more.
   virtual std::string DescribeFailure(const double* /*x*/,
                                       const double* /*context*/) const {
     return "";
   }
 };
 
-// What a message says where it has failed: "the simulator has no finite value"
-// and, if known, ": " and where.
+// False, with a message that says what to do, if the simulator has no
+// WeightedHessian.
+bool CheckHasHessian(const Simulator& simulator, std::string* error);
+
+// The message for a failed call: "the simulator has no finite value" and, if
+// known, ": " and where.
 std::string SimulatorFailure(const Simulator& simulator,
                              const double* x,
                              const double* context);
@@ -86,11 +92,12 @@ class IdentitySimulator final : public Simulator {
                 const double* context,
                 double* y,
                 double* jacobian) const override;
-  bool PullBack(const double* x,
-                const double* context,
-                const Covector& covector,
-                double* y,
-                double* x_bar) const override;
+  bool Adjoint(const double* x,
+               const double* context,
+               const Covector& covector,
+               double* y,
+               double* x_bar) const override;
+  bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
                        const double* w,

@@ -1,5 +1,5 @@
-// The 2-jet of a function of d variables: value, gradient and Laplacian, which
-// is what a second-order differential equation asks of it.
+// The 2-jet of a function of d variables: value, gradient and Laplacian, the
+// terms of many second-order differential equations.
 //
 //   j = (v, d_1 v, .., d_d v, Lap v)          T = d + 2 channels
 //
@@ -8,10 +8,10 @@
 //   phi(z):  phi,  phi' d_i z,         phi' Lap z + phi'' sum_i (d_i z)^2
 //   s z:     s z,  s d_i z + z d_i s,  s Lap z + 2 sum_i d_i s d_i z + z Lap s
 //
-// A network carries them along in its forward pass [1]. Its derivatives need no
-// further rule: as da = phi'(z) dz, also the jets' tangents are a product, with
-// the jet of the slope phi'(z). It is symmetric in its factors, so that the
-// same holds for curvatures and all second derivatives.
+// A network propagates them in its forward pass [1]. Its derivatives need no
+// further rule: since da = phi'(z) dz, the jets' tangents are a product with
+// the jet of the slope phi'(z). The product is symmetric in its factors, so
+// that the same holds for curvatures and all second derivatives.
 //
 // Shapes:  matrices have a column a channel, T side by side for each sample and
 //          a row a function. T = 1 are plain values, for which products go

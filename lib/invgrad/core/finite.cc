@@ -1,7 +1,8 @@
 #include "invgrad/core/finite.h"
 
 #include <cmath>
-#include <sstream>
+
+#include "fmt/core.h"
 
 namespace invgrad {
 
@@ -11,15 +12,11 @@ bool CheckFinite(const std::string& name,
   for (Eigen::Index j = 0; j < values.cols(); ++j) {
     for (Eigen::Index i = 0; i < values.rows(); ++i) {
       if (std::isfinite(values(i, j))) continue;
-      std::ostringstream message;
-      message << name << " is not finite: entry ";
-      if (values.cols() == 1) {
-        message << i;
-      } else {
-        message << "(" << i << ", " << j << ")";
-      }
-      message << " is " << values(i, j);
-      *error = message.str();
+      const std::string entry = values.cols() == 1
+                                    ? fmt::format("{}", i)
+                                    : fmt::format("({}, {})", i, j);
+      *error = fmt::format(
+          "{} is not finite: entry {} is {}", name, entry, values(i, j));
       return false;
     }
   }

@@ -1,4 +1,4 @@
-// Tells which entry of a vector or matrix is not a finite number.
+// Finds an entry of a vector or matrix that is not a finite number.
 //
 // Cost:    one pass.
 #ifndef INVGRAD_CORE_FINITE_H_

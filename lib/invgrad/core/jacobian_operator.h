@@ -5,8 +5,8 @@
 // Shapes:  J: m x n (m = rows, n = cols);  v: n;  w: m.
 // Cost:    stated by each implementation; a dense J costs 2 m n for a product
 //          and m^2 n for the Gram matrix.
-// Fails:   never by itself: entries that are not finite travel through. Sizes
-//          that do not fit are CHECKed.
+// Fails:   never; entries that are not finite give results that are not finite.
+//          Sizes are CHECKed.
 #ifndef INVGRAD_CORE_JACOBIAN_OPERATOR_H_
 #define INVGRAD_CORE_JACOBIAN_OPERATOR_H_
 
@@ -38,19 +38,18 @@ class JacobianOperator {
   // specified.
   virtual void Gram(Eigen::MatrixXd* JJt) const = 0;
 
-  // J: m x n. The default of every other form of J.
+  // J: m x n.
   virtual void ToDense(Eigen::MatrixXd* J) const = 0;
 
-  // The same of J^T J: n x n. By default from the dense J.
+  // The lower triangle of J^T J: n x n. By default from the dense J.
   virtual void ParameterGram(Eigen::MatrixXd* JtJ) const;
 
   // What a message calls a row: "row 12", and what it belongs to if known.
   virtual std::string RowName(int row) const;
 
-  // The columns in groups that belong together, from the first to the last: the
-  // layers of a network, the parameter blocks of a ceres::Problem. None if
-  // nothing is known of groups, as by default. The blocks may refer to this
-  // operator, which must outlive them.
+  // The columns in groups, from the first to the last: the layers of a network,
+  // the parameter blocks of a ceres::Problem. By default none. The blocks may
+  // refer to this operator, which must outlive them.
   virtual std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
       const;
 };

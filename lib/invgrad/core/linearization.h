@@ -1,4 +1,4 @@
-// A problem seen from its current point: all that an update rule may ask for.
+// A problem at its current point: all that an update rule can read.
 //
 //   L(y(x + d)) ~ L + g . (J d) + 1/2 (J d) . H_L (J d)
 //
@@ -25,12 +25,15 @@
 
 namespace invgrad {
 
-// What a rule needs. The cost is always computed; each further part costs time,
-// so nothing is computed that nobody asked for.
+// The parts to compute. The cost is always computed; each further part costs
+// time.
 struct LinearizationParts {
   bool gradient = false;  // J^T g
   bool jacobian = false;  // g, J and H_L
   bool hessian = false;   // d2L/dx2, exact
+
+  static LinearizationParts Gradient() { return {true, false, false}; }
+  static LinearizationParts Jacobian() { return {false, true, false}; }
 };
 
 struct Linearization {

@@ -4,9 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <iterator>
 #include <limits>
+
+#include "fmt/core.h"
 
 namespace invgrad {
 
@@ -30,9 +31,11 @@ double ProcessBytes() {
 
 std::string LimitText(double limit) {
   if (limit > 0.0) return FormatBytes(limit);
-  return FormatBytes(MemoryLimit()) + " (three quarters of " +
-         (ProcessBytes() < MachineBytes() ? "what this process may have)"
-                                          : "this machine's memory)");
+  return fmt::format("{} (three quarters of {})",
+                     FormatBytes(MemoryLimit()),
+                     ProcessBytes() < MachineBytes()
+                         ? "what this process may have"
+                         : "this machine's memory");
 }
 
 }  // namespace
@@ -45,14 +48,12 @@ std::string FormatBytes(double bytes) {
   static constexpr const char* kUnits[] = {
       "bytes", "kB", "MB", "GB", "TB", "PB", "EB"};
   const char* const* unit = kUnits;
-  // What would be rounded to 1000 is 1 of the next unit.
+  // 999.5 would be printed as 1e+03.
   while (bytes >= 999.5 && unit + 1 < std::end(kUnits)) {
     bytes /= 1000.0;
     ++unit;
   }
-  char text[64];
-  std::snprintf(text, sizeof(text), "%.3g %s", bytes, *unit);
-  return text;
+  return fmt::format("{:.3g} {}", bytes, *unit);
 }
 
 double TotalBytes(const std::vector<MemoryPart>& parts) {
@@ -75,20 +76,25 @@ bool FitsInMemory(const std::string& who,
       parts.begin(), parts.end(), [](const MemoryPart& a, const MemoryPart& b) {
         return a.bytes > b.bytes;
       });
-  *error = who + " needs " + FormatBytes(total);
+  std::string list;
   if (parts.size() == 1) {
-    *error += " for " + parts[0].name;
+    list = "for " + parts[0].name;
   } else {
-    // What is less than a hundredth explains nothing.
-    std::string list;
+    // Parts below a hundredth are left out.
     for (const MemoryPart& part : parts) {
       if (part.bytes < 0.01 * total) break;
-      list += (list.empty() ? "" : ", ") + part.name + " " +
-              FormatBytes(part.bytes);
+      list += fmt::format("{}{} {}",
+                          list.empty() ? "(" : ", ",
+                          part.name,
+                          FormatBytes(part.bytes));
     }
-    *error += " (" + list + ")";
+    list += ")";
   }
-  *error += "; the limit is " + LimitText(limit);
+  *error = fmt::format("{} needs {} {}; the limit is {}",
+                       who,
+                       FormatBytes(total),
+                       list,
+                       LimitText(limit));
   return false;
 }
 

@@ -1,4 +1,4 @@
-// How much memory a computation may ask for, and how a refusal says it.
+// The memory that a computation may allocate, and the message of a refusal.
 //
 //   batch_size=100000 needs 35 GB (Gram matrix 32 GB, activations 2.6 GB, ...);
 //   the limit is 17.6 GB (three quarters of this machine's memory)
@@ -13,14 +13,14 @@
 
 namespace invgrad {
 
-// Three quarters of the machine's memory, or of what the process may have of it
-// (ulimit -v) if that is less.
+// Three quarters of the machine's memory, or of the process's limit (ulimit -v)
+// if that is smaller.
 double MemoryLimit();
 
 // "17.6 GB", three digits.
 std::string FormatBytes(double bytes);
 
-// What a part of a computation holds at the same time as all others.
+// Memory that one part of a computation holds at the same time as the others.
 struct MemoryPart {
   std::string name;  // "Gram matrix"
   double bytes = 0.0;
@@ -28,11 +28,11 @@ struct MemoryPart {
 
 double TotalBytes(const std::vector<MemoryPart>& parts);
 
-// Whether that fits into `limit`; 0: MemoryLimit(). Allocates nothing.
+// Whether `bytes` fit into `limit`; 0: MemoryLimit(). Allocates nothing.
 bool FitsInMemory(double bytes, double limit);
 
-// Whether the parts do. If not, *error says what `who` needs for which parts,
-// the largest first.
+// Whether the parts fit. If not, *error lists them, the largest first, as needs
+// of `who`.
 bool FitsInMemory(const std::string& who,
                   std::vector<MemoryPart> parts,
                   double limit,

@@ -87,7 +87,7 @@ INVGRAD_NESTED_JET_COMPARISON(==)
 INVGRAD_NESTED_JET_COMPARISON(!=)
 #undef INVGRAD_NESTED_JET_COMPARISON
 
-// What fmin, fmax and fdim ask of the numbers inside a Jet.
+// For fmin, fmax and fdim.
 template <int M>
 bool isless(const InnerJet<M>& x, const InnerJet<M>& y) {
   return std::isless(x.a, y.a);
@@ -106,7 +106,7 @@ ceres::Jet<InnerJet<M>, N> pow(double base,
 
 }  // namespace invgrad
 
-// The standard's default would say that infinity is 0.
+// The standard's default has infinity() == 0.
 template <int M>
 struct std::numeric_limits<invgrad::InnerJet<M>>
     : std::numeric_limits<ceres::Jet<double, M>> {};

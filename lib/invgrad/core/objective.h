@@ -1,8 +1,7 @@
 // A function with a current point that an iteration can linearize and move.
 //
-// The loops (minimizer.h) see nothing else, so that a ceres::Problem
-// (problem_linearizer.h) and a simulator with a loss (chain_objective.h) are
-// minimized by the same code.
+// Minimize (minimizer.h) uses only this interface, for a ceres::Problem
+// (problem_linearizer.h) and for a simulator with a loss (chain_objective.h).
 #ifndef INVGRAD_CORE_OBJECTIVE_H_
 #define INVGRAD_CORE_OBJECTIVE_H_
 
@@ -33,8 +32,8 @@ class Objective {
   virtual Eigen::VectorXd State() const = 0;
   virtual void SetState(const Eigen::VectorXd& state) = 0;
 
-  // Moves the point by a tangent step (n). False, and nothing moved, if it
-  // cannot be moved so.
+  // Moves the point by a tangent step (n). If that fails, returns false and
+  // moves nothing.
   virtual bool Plus(const Eigen::VectorXd& step) = 0;
 };
 

@@ -7,49 +7,28 @@
 //     }
 //   };
 //
-// The default of an option is the value that its field has when it is added;
-// it is written nowhere else. Command lines, listings and documentation are
-// made from the set. Numbers are read as in C, whatever the locale: all of the
-// text must belong to the number, and it must be finite.
+// The default of an option is the value of its field when it is added. Command
+// lines, listings and documentation are made from the set. Numbers are read as
+// in C, independently of the locale: all of the text must belong to the number,
+// and it must be finite.
 //
 // Fails:   Set and SetAll return false with a message that names the option,
 //          the value, and what is allowed (the nearest names for an unknown
 //          option): "step_size=-1 is out of range; allowed: (0, inf) or auto".
-//          The field is then unchanged. Adding a name twice, or a default that
-//          the option itself would refuse, is CHECKed.
+//          The field is then unchanged. CHECKs that no name is added twice and
+//          that defaults are allowed.
 #ifndef INVGRAD_CORE_OPTION_SET_H_
 #define INVGRAD_CORE_OPTION_SET_H_
 
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "invgrad/core/specification.h"
+
 namespace invgrad {
-
-// "name:key=value:key=value", split.
-struct Specification {
-  std::string text;  // as it was written
-  std::string name;
-  std::vector<std::pair<std::string, std::string>> settings;
-};
-
-// Splits "a:x=1:y=2,b". False for an empty name, a setting without '=', or an
-// empty key; *error tells where.
-bool ParseSpecifications(const std::string& text,
-                         std::vector<Specification>* specifications,
-                         std::string* error);
-
-// The candidates nearest to `name` by edit distance, nearest first, at most
-// three; those too far to be a misspelling are left out.
-std::vector<std::string> NearestNames(
-    const std::string& name, const std::vector<std::string>& candidates);
-
-// "unknown rule 'adm'; did you mean adam? (--list shows all)"
-std::string UnknownNameMessage(const std::string& what,
-                               const std::string& name,
-                               const std::vector<std::string>& candidates);
 
 // The interval of allowed values; `open_low` and `open_high` exclude its ends.
 // Infinity and NaN are never allowed.
@@ -67,6 +46,11 @@ class OptionSet {
            double* field,
            const Range& range,
            const std::string& help);
+  // A number in the range, or "auto": no value.
+  void Add(const std::string& name,
+           std::optional<double>* field,
+           const Range& range,
+           const std::string& help);
   void Add(const std::string& name,
            int* field,
            const Range& range,
@@ -77,18 +61,12 @@ class OptionSet {
            std::string* field,
            const std::vector<std::string>& choices,
            const std::string& help);
-  // "auto" or a number in the range; the field holds NaN for "auto".
-  void AddNumberOrAuto(const std::string& name,
-                       double* field,
-                       const Range& range,
-                       const std::string& help);
 
   bool Set(const std::string& name,
            const std::string& value,
            std::string* error);
   // Refuses an option that is given twice.
-  bool SetAll(const std::vector<std::pair<std::string, std::string>>& settings,
-              std::string* error);
+  bool SetAll(const Settings& settings, std::string* error);
 
   struct Row {
     std::string name;
@@ -109,8 +87,8 @@ class OptionSet {
   std::vector<Setter> setters_;
 };
 
-// CHECKs that all fields have values that the options allow, for Options that
-// were filled in by a program and not from text.
+// CHECKs that all fields have allowed values, for Options that a program has
+// filled in.
 template <typename Options>
 void CheckOptions(Options options) {
   OptionSet set;

@@ -1,9 +1,9 @@
-// An array that borrows its memory from the thread and gives it back.
+// An array in memory that the thread keeps for the next one.
 //
-// For functions that are called once a sample: after the first call nothing is
-// allocated. Nested and recursive uses get arrays of their own.
+// For functions that are called once a sample: only the first call allocates.
+// Nested and recursive uses get arrays of their own.
 //
-// Shapes:  size() elements, whose values are those of some earlier use.
+// Shapes:  size() elements, not initialized: with values of an earlier use.
 #ifndef INVGRAD_CORE_SCRATCH_H_
 #define INVGRAD_CORE_SCRATCH_H_
 

@@ -4,9 +4,8 @@
 //   A = U diag(s) V^T
 //
 // Shapes:  A: m x n;  U: m x k;  s: k, descending;  V: n x k;  k = min(m, n).
-// Cost:    about 4 m n k + 22 k^3, by Eigen's BDCSVD. It is compiled once,
-// here,
-//          because that takes half a minute.
+// Cost:    about 4 m n k + 22 k^3, by Eigen's BDCSVD, which takes half a minute
+//          to compile: other files use this class instead.
 // Fails:   s has NaN if A has.
 //
 // For batches see spectral_step.h, for tall matrices of which only products are

@@ -5,8 +5,12 @@
 // Shapes:  step: n, the size of the tangent space of x (of x itself, where no
 //          manifold is set).
 // The rule owns its step size, because some rules apply it before a nonlinear
-// inverse; it owns its memory (momentum and the like), so one rule object
+// inverse, and its memory (momentum and the like), so that one rule object
 // belongs to one run.
+//
+// A rule must define Needs and ComputeStep; the other methods have defaults.
+// RegisterRule (rules.h) gives it a name; docs/tutorials/06_own_rule.md is an
+// example.
 #ifndef INVGRAD_CORE_UPDATE_RULE_H_
 #define INVGRAD_CORE_UPDATE_RULE_H_
 
@@ -19,7 +23,8 @@
 
 namespace invgrad {
 
-// A network's Jacobian before it is computed. Doubles: no product overflows.
+// Sizes of the Jacobian of a network and a simulator, for forecasts of memory
+// before it is computed. Doubles, so that no product overflows.
 struct JacobianSizes {
   struct Layer {
     double fan_in = 0.0;  // with the bias
@@ -28,7 +33,8 @@ struct JacobianSizes {
   double rows = 0.0;  // m
   double cols = 0.0;  // n, the sum of the layers' fan_in fan_out
   std::vector<Layer> layers;
-  // What J keeps once its Gram matrix, its layers or J itself are asked for.
+  // Memory of the factors from which J, its Gram matrix and its layers are
+  // computed.
   double factor_bytes = 0.0;
 };
 
@@ -40,30 +46,29 @@ class UpdateRule {
   virtual LinearizationParts Needs() const = 0;
 
   // Computes the step (n) from the linearization at the current point. Returns
-  // false, and leaves *step unspecified, if there is no finite step; then
-  // *error says why. Both pointers must not be null.
+  // false, with *error and an unspecified *step, if there is no finite step.
+  // The pointers are not null.
   virtual bool ComputeStep(const Linearization& at_x,
                            Eigen::VectorXd* step,
                            std::string* error) = 0;
 
   // The arrays that a checkpoint must hold so that a resumed run continues bit
   // for bit; counters are arrays of size 1. The pointers live as long as the
-  // rule. Arrays may still be empty (before the first step), and a restored
-  // array must have the effect of never having stopped.
+  // rule. Arrays may be empty before the first step.
   virtual std::vector<Eigen::VectorXd*> MutableState() { return {}; }
 
-  // Whether the loop is to tell where each step led, by KeepsStep: one
-  // evaluation of the cost a step.
+  // Whether the loop shall evaluate the cost after each step and call KeepsStep.
   virtual bool JudgesSteps() const { return false; }
 
-  // Tells the cost, of what the last step was computed from, where the step
-  // led, or `fraction` of it; NaN if it has no finite value there. False: the
-  // step is to be taken back.
+  // Called with the cost after the last step, or after `fraction` of it, over
+  // the same samples; NaN if it is not finite. False: the step shall be taken
+  // back.
   virtual bool KeepsStep(double /*cost*/, double /*fraction*/) { return true; }
 
-  // What ComputeStep holds in memory beside the linearization, estimated: for
-  // this J, or, where the rule needs none, its n. By default a few vectors of
-  // weights.
+  // Estimated memory of ComputeStep in addition to the linearization, from which
+  // a training run is refused before it allocates more than the machine has.
+  // By default some vectors, and the factorization of a Hessian that the rule
+  // needs.
   virtual std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const;
 
   // What the last step did, in a few words for a progress line or a table
@@ -71,8 +76,8 @@ class UpdateRule {
   virtual std::string LastStepReport() const { return ""; }
 };
 
-// Gives an array of a rule's memory its initial value at the first step: `size`
-// entries `value` if it is empty. CHECKs that its size fits otherwise.
+// Initializes an array of a rule's memory at the first step: `size` entries
+// `value` if it is empty. Otherwise CHECKs its size.
 void InitializeOnce(Eigen::Index size, double value, Eigen::VectorXd* array);
 
 }  // namespace invgrad

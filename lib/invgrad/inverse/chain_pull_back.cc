@@ -9,6 +9,7 @@
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/parallel_samples.h"
+#include "invgrad/chain/sample_error.h"
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
@@ -22,12 +23,6 @@ using Eigen::VectorXd;
 // Of a sample that does not move.
 constexpr double kNoCurvature = -1.0;
 
-// An array without rows may come without columns too.
-Map<const VectorXd> ContextOf(const DataSet& batch, int sample) {
-  const Index size = batch.contexts.rows();
-  return {size == 0 ? nullptr : batch.contexts.col(sample).data(), size};
-}
-
 }  // namespace
 
 ChainPullBack::ChainPullBack(const Model* model,
@@ -35,9 +30,11 @@ ChainPullBack::ChainPullBack(const Model* model,
                              const Options& options)
     : model_(*model),
       options_(options),
-      loss_pull_back_(model->shared_loss(), options.loss, options.y_step_size),
-      simulator_pull_back_(
-          model->shared_simulator(), std::move(inverse), options.simulator) {
+      loss_pull_back_(model->shared_loss(), options.loss, options.y_step_size) {
+  if (!is_supervised()) {
+    simulator_pull_back_.emplace(
+        model->shared_simulator(), std::move(inverse), options.simulator);
+  }
   CHECK_GE(options.curvature_weight, 0.0);
   CHECK_LE(options.curvature_weight, 1.0);
   CHECK_GT(options.max_change, 0.0);
@@ -121,12 +118,12 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
             x.col(s), batch, s, covector, y.data(), &sample.result)) {
       if (sample.error.empty()) {
         sample.error = SimulatorFailure(
-            model_.simulator(), x.col(s).data(), ContextOf(batch, s).data());
+            model_.simulator(), x.col(s).data(), batch.Context(s).data());
       }
       return;
     }
     const double length = d_x_.col(s).norm();
-    if (length > options_.max_change && !options_.is_supervised) {
+    if (length > options_.max_change && !is_supervised()) {
       d_x_.col(s) *= options_.max_change / length;
     }
     if (!is_weighted || length == 0.0) return;
@@ -149,18 +146,13 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
   *cost = 0.0;
   for (int s = 0; s < num_samples; ++s) {
     const Sample& sample = samples[s];
-    if (!sample.error.empty()) {
-      *error = "sample " + std::to_string(s) + ": " + sample.error;
-      return false;
-    }
+    if (!sample.error.empty()) return SampleError(s, sample.error, error);
     *cost += scale * sample.loss;
     curvatures[s] = sample.curvature;
     counts_.Add(sample.result, s);
   }
   SetWeights(curvatures);
-  if (std::isfinite(*cost)) return true;
-  *error = "the cost of the batch is not finite";
-  return false;
+  return CheckCost(*cost, error);
 }
 
 bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
@@ -170,16 +162,16 @@ bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
                                    double* y,
                                    SimulatorPullBack::Result* result) {
   auto d_x = d_x_.col(sample);
-  if (options_.is_supervised) {
-    // Only for the loss; what is wanted does not come from y.
+  if (is_supervised()) {
+    // Only for the loss: x~ does not depend on y.
     Scratch<double> ignored(model_.loss().size());
     d_x = batch.solutions.col(sample) - x;
     return model_.simulator().Evaluate(
-               x.data(), ContextOf(batch, sample).data(), y, nullptr) &&
+               x.data(), batch.Context(sample).data(), y, nullptr) &&
            wanted_change(y, ignored.data());
   }
-  if (!simulator_pull_back_(
-          x, ContextOf(batch, sample), wanted_change, y, d_x, result)) {
+  if (!(*simulator_pull_back_)(
+          x, batch.Context(sample), wanted_change, y, d_x, result)) {
     return false;
   }
   if (options_.data_weight > 0.0) {
@@ -220,7 +212,7 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
   linearization->jacobian.reset();
   linearization->loss_hessian_times = nullptr;
   linearization->hessian.resize(0, 0);
-  // What one call of the network puts out.
+  // The outputs of one call of the network.
   const Index width = network.num_outputs() * activations_.num_channels;
   const Index num_calls = g.size() / width;
   // A column for every call, or for every channel of its jet.
@@ -241,9 +233,8 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
     network.Hessian(
         weights, activations_, covectors, x_hessians, &linearization->hessian);
   }
-  if (!linearization->gradient.allFinite() ||
-      !linearization->hessian.allFinite()) {
-    *error = "a derivative in the weights is not finite";
+  if (!CheckDerivatives(
+          linearization->gradient, linearization->hessian, error)) {
     return false;
   }
   if (!parts.jacobian) return true;

@@ -6,32 +6,30 @@
 //   L2 proxy   scale sum_s w_s 1/2 |f(a_s; theta) - x~_s|^2
 //   L1 proxy   scale sum_s w_s |f(a_s; theta) - x~_s|_1
 //
-// and what an update rule gets to see is the proxy: y = x, J = dx/dtheta, g =
-// the proxy's gradient in x, H_L = its Hessian. Any rule will do: a first-order
-// rule makes it scale-invariant physics training, a spectral rule inverts the
-// network too.
+// An update rule then linearizes the proxy: y = x, J = dx/dtheta, g = the
+// proxy's gradient in x, H_L = its Hessian. A first-order rule makes it
+// scale-invariant physics training, a spectral rule inverts the network too.
 //
-// Curvature weights: an inverse gives every sample the same say, however little
-// its x matters to the loss. With c_s = d_y . H_L d_y / |d_x|^2, the curvature
-// of the loss along d_x,
+// Curvature weights: an inverse weighs all samples alike, however little their
+// x matters to the loss. With c_s = d_y . H_L d_y / |d_x|^2, the curvature of
+// the loss along d_x,
 //
 //   w_s = c_s^gamma / mean(c^gamma)
 //
-// where the mean is over the samples that move; the others have weight one. No
-// c_s is taken below zero, and |d_x| is that before any cut.
+// where the mean is over the samples that move; the others have weight one. A
+// negative c_s counts as zero, and |d_x| is that before any cut.
 // gamma = 1 makes the L2 proxy follow the loss to second order along every
 // d_x; gamma = 0 (w = 1) is the published method.
 //
-// Besides, |d_x| may be cut to max_change, and the data's own solutions x* may
-// enter: d_x += data_weight (x* - x) is the gradient step of an additional
-// data_weight / 2 |x - x*|^2, the loss called physics-informed; and
-// `supervised` puts x~ = x* in place of any pull-back.
+// Options: |d_x| may be cut to max_change. With the data's solutions x*,
+// d_x += data_weight (x* - x) is the gradient step of an additional
+// data_weight / 2 |x - x*|^2, the loss called physics-informed; the way `data`
+// has x~ = x*, without a pull-back (supervised training).
 //
 // With feedback (model.h) x holds the network's outputs of all calls, and the
-// network's inputs, the states at these calls, count as given: x~ is what the
-// calls should have put out. Only the adjoint sees that an output moves the
-// states, and with them the later outputs: it is the gradient of the closed
-// loop.
+// network's inputs, the states at these calls, are held fixed. Only the way
+// `adjoint` closes the loop: an output then moves the states and with them the
+// later outputs.
 //
 // Several updates: after Linearize, LinearizeAgain moves towards the same x~
 // without another evaluation of the simulator.
@@ -40,8 +38,8 @@
 // Cost:    a forward and a backward pass of the network and one simulator
 //          pull-back a sample, on num_threads threads.
 // Fails:   Linearize returns false with a message that names the sample if the
-//          network, simulator or loss has no finite value. A sample that cannot
-//          be pulled back does not move (PullBackCounts).
+//          network, simulator or loss has no finite value. A sample without a
+//          pull-back does not move (PullBackCounts).
 //
 // Source:  Holl, Koltun, Thuerey. Scale-invariant Learning by Physics
 // Inversion.
@@ -52,6 +50,7 @@
 
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "Eigen/Core"
@@ -75,12 +74,12 @@ class ChainPullBack final : public BatchObjective {
     double curvature_weight = 0.0;  // gamma in [0, 1]
     double max_change = std::numeric_limits<double>::infinity();
     double data_weight = 0.0;
-    bool is_supervised = false;
     int updates_per_evaluation = 1;
     int num_threads = 1;
   };
 
-  // `inverse` as for SimulatorPullBack. The model must outlive this object.
+  // `inverse` as for SimulatorPullBack; the way joint is CHECKed. The model
+  // must outlive this object.
   ChainPullBack(const Model* model,
                 std::shared_ptr<const InverseSimulator> inverse,
                 const Options& options);
@@ -102,7 +101,7 @@ class ChainPullBack final : public BatchObjective {
 
   // Whether the data must have solutions.
   bool needs_solutions() const {
-    return options_.is_supervised || options_.data_weight > 0.0;
+    return is_supervised() || options_.data_weight > 0.0;
   }
   bool is_proxy() const override { return true; }
   int updates_per_step() const override {
@@ -113,11 +112,14 @@ class ChainPullBack final : public BatchObjective {
   PullBackCounts* mutable_counts() override { return &counts_; }
 
  private:
+  bool is_supervised() const {
+    return options_.simulator.way == SimulatorWay::kData;
+  }
   bool PullBackSamples(const Eigen::MatrixXd& x,
                        const DataSet& batch,
                        double* cost,
                        std::string* error);
-  // Of one sample; the change's source in *result.
+  // One sample's d_x; its source in *result.
   bool PullBackSample(const InverseSimulator::ConstVectorRef& x,
                       const DataSet& batch,
                       int sample,
@@ -125,7 +127,7 @@ class ChainPullBack final : public BatchObjective {
                       double* y,
                       SimulatorPullBack::Result* result);
   void SetWeights(const Eigen::VectorXd& curvatures);
-  // At the weights of activations_, which it may take away.
+  // At the weights of activations_, which it may move from.
   bool LinearizeProxy(const Eigen::VectorXd& weights,
                       const LinearizationParts& parts,
                       Linearization* linearization,
@@ -134,10 +136,10 @@ class ChainPullBack final : public BatchObjective {
   const Model& model_;
   Options options_;
   LossPullBack loss_pull_back_;
-  SimulatorPullBack simulator_pull_back_;
+  std::optional<SimulatorPullBack> simulator_pull_back_;  // not for data
 
   PullBackCounts counts_;
-  // Of the last batch; memory that the next one uses again.
+  // Of the last batch; its memory is used again by the next one.
   DenseNetwork::Activations activations_;
   Eigen::MatrixXd d_x_;             // |x| x B
   Eigen::MatrixXd wanted_x_;        // |x| x B: x~

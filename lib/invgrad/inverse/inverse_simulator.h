@@ -1,20 +1,27 @@
 // An inverse simulator carries a wanted output back to an input.
 //
-//   x = P^-1(y; x_0, c)   such that   P(x; c) = y
+//   x = P^-1(y; x_now, c)   such that   P(x; c) = y
 //
-//   global     knows one input for every output and does not look at x_0
-//   local      of all inputs that give y, the one closest to x_0 (the current
-//              input): the only sensible kind where P is not injective
-//   numerical  found by a solver that starts at x_0 (numerical_inverse.h)
-//   Newton     steps from x_0 towards y, and may stop short of it
+//   global     returns one input for every output and does not read x_now
+//   local      of all inputs that give y, returns the one closest to x_now, the
+//              current input: the only sensible kind where P is not injective
+//   numerical  a solver that starts at x_now (numerical_inverse.h)
+//   Newton     steps from x_now towards y, and may stop short of it
 //              (newton_inverse.h)
 //
-// Shapes:  x, x_0: num_inputs of the simulator;  y: num_outputs;
+// One's own is a function, with or without the sample's context c:
+//
+//   auto inverse = Inverse([](const auto& y, const auto& x_now)
+//                              -> std::optional<Eigen::VectorXd> {
+//     if (y[0] < 0.0) return std::nullopt;
+//     return Eigen::VectorXd(y.cwiseSqrt());
+//   });
+//
+// Shapes:  x, x_now: num_inputs of the simulator;  y: num_outputs;
 //          c: num_context.
-// Fails:   Invert returns false with *why set ("no pre-image: |y_0| > 1"). Who
-//          calls it expects everything of an inverse that a user wrote:
-//          exceptions, wrong sizes, NaN and wrong answers are caught sample by
-//          sample (simulator_pull_back.h), never trusted.
+// Fails:   std::nullopt, or Invert returns false with *why set ("no pre-image:
+//          |y_0| > 1"). Exceptions, wrong sizes, NaN and wrong answers of an
+//          inverse are caught sample by sample (simulator_pull_back.h).
 // Implementations are immutable, so that several threads may share one.
 //
 // Source: Holl, Koltun, Thuerey. Scale-invariant Learning by Physics Inversion.
@@ -23,7 +30,10 @@
 #define INVGRAD_INVERSE_INVERSE_SIMULATOR_H_
 
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "Eigen/Core"
@@ -38,39 +48,42 @@ class InverseSimulator {
 
   // *x may have any size on entry; no allocation if it has the right one.
   virtual bool Invert(const ConstVectorRef& y,
-                      const ConstVectorRef& x0,
+                      const ConstVectorRef& x_now,
                       const ConstVectorRef& context,
                       Eigen::VectorXd* x,
                       std::string* why) const = 0;
 
   // Whether P(x) = y is promised, to rounding or to the inverse's own
-  // tolerance. Answers of one that only comes nearer are not held against y.
+  // tolerance. If not, the answer is not tested against y.
   virtual bool reaches_target() const { return true; }
 };
 
-// A user's function, global or local.
-class FunctionInverse final : public InverseSimulator {
- public:
-  using Function = std::function<bool(const ConstVectorRef& y,
-                                      const ConstVectorRef& x0,
-                                      const ConstVectorRef& context,
-                                      Eigen::VectorXd* x,
-                                      std::string* why)>;
+using InverseFunction = std::function<std::optional<Eigen::VectorXd>(
+    const InverseSimulator::ConstVectorRef& y,
+    const InverseSimulator::ConstVectorRef& x_now,
+    const InverseSimulator::ConstVectorRef& context)>;
 
-  explicit FunctionInverse(Function function)
-      : function_(std::move(function)) {}
+// As Inverse, for functions with a context.
+std::shared_ptr<const InverseSimulator> InverseWithContext(
+    InverseFunction function);
 
-  bool Invert(const ConstVectorRef& y,
-              const ConstVectorRef& x0,
-              const ConstVectorRef& context,
-              Eigen::VectorXd* x,
-              std::string* why) const override {
-    return function_(y, x0, context, x, why);
+// The inverse simulator of function(y, x_now) or function(y, x_now, context),
+// which returns x or std::nullopt; several threads may call it at once.
+template <typename Function>
+std::shared_ptr<const InverseSimulator> Inverse(Function function) {
+  using Vector = const InverseSimulator::ConstVectorRef&;
+  if constexpr (std::is_invocable_v<const Function&, Vector, Vector, Vector>) {
+    return InverseWithContext(std::move(function));
+  } else {
+    static_assert(std::is_invocable_v<const Function&, Vector, Vector>,
+                  "Inverse takes a function of (y, x_now) or of (y, x_now, "
+                  "context) that returns std::optional<Eigen::VectorXd>");
+    return InverseWithContext([function = std::move(function)](
+                                  Vector y, Vector x_now, Vector /*context*/) {
+      return std::optional<Eigen::VectorXd>(function(y, x_now));
+    });
   }
-
- private:
-  Function function_;
-};
+}
 
 }  // namespace invgrad
 

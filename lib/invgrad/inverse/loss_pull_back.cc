@@ -5,6 +5,7 @@
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
 #include "glog/logging.h"
+#include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/simulator.h"
 #include "invgrad/core/scratch.h"
 
@@ -16,9 +17,7 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr char kLossFailed[] = "the loss has no finite value";
-
-// Eigenvalues below this share of the largest are taken for zero.
+// Eigenvalues below this share of the largest count as zero.
 constexpr double kZeroEigenvalue = 1e-12;
 
 // *g <- |H|^-1 g.
@@ -79,8 +78,8 @@ bool LossPullBack::Step(const double* y,
     const Map<const MatrixXd> H(hessian.data(), size, size);
     if (!(way_ == LossWay::kNewton ? Solve(H, &d) : SolveSaddleFree(H, &d))) {
       *why = way_ == LossWay::kNewton
-                 ? "the Hessian of the loss is singular; saddle_free_newton "
-                   "takes it"
+                 ? "the Hessian of the loss is singular; use "
+                   "saddle_free_newton"
                  : "the eigenvalues of the loss's Hessian do not converge";
       return false;
     }

@@ -5,8 +5,8 @@
 //   Newton              d_y = -eta H_L^-1 g
 //   saddle-free Newton  d_y = -eta |H_L|^-1 g
 //
-// with H_L in y only: the step does not depend on what stands before y. For L =
-// c |y - y*|^2 both Newton steps are eta (y* - y), without a Hessian.
+// with H_L in y only: the step does not depend on simulator and network. For
+// L = c |y - y*|^2 both Newton steps are eta (y* - y), without a Hessian.
 //
 // Shapes:  y, y*, g, d_y: loss size;  H_L: size x size, of one sample.
 // Units:   a Newton step has those of y; a gradient step [L]/[y].
@@ -26,10 +26,9 @@
 #include <string>
 
 #include "invgrad/chain/loss.h"
+#include "invgrad/inverse/ways.h"
 
 namespace invgrad {
-
-enum class LossWay { kGradient, kNewton, kSaddleFreeNewton };
 
 class LossPullBack {
  public:
@@ -53,10 +52,9 @@ class LossPullBack {
   double step_size_;  // eta
 };
 
-// The loss as seen by what stands before it, if its change is pulled back: the
-// value is that of L, the gradient is -d_y, and the Hessian that of 1/2 |y -
-// y~|^2 with y~ = y + d_y held fixed (of eta L, for a gradient step). A joint
-// update of network and simulator towards y~ is an update with this loss.
+// The loss for a joint update of network and simulator towards y~ = y + d_y:
+// the value of L, the gradient -d_y, and the Hessian of 1/2 |y - y~|^2 with y~
+// held fixed (of eta L, for a gradient step).
 class PulledBackLoss final : public Loss {
  public:
   explicit PulledBackLoss(LossPullBack pull_back);

@@ -17,8 +17,8 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// What rounding may do to an eigenvalue that is the geometric mean, and to the
-// slope along a direction that P does not depend on.
+// Relative rounding errors of an eigenvalue that is the geometric mean, and of
+// the slope along a direction that P does not depend on.
 constexpr double kEigenvalueRounding = 1e-12;
 constexpr double kFlatSlope = 1e-14;
 
@@ -76,19 +76,21 @@ NewtonInverse::NewtonInverse(std::shared_ptr<const Simulator> simulator,
                              const Options& options)
     : simulator_(std::move(simulator)), options_(options) {
   CHECK(simulator_ != nullptr);
+  std::string error;
+  CHECK(CheckHasHessian(*simulator_, &error)) << error;
   CHECK_GE(options.num_steps, 1);
   CHECK_GT(options.max_loss_change, 0.0);
   CHECK_GE(options.damping, 0.0);
 }
 
 bool NewtonInverse::Invert(const ConstVectorRef& y,
-                           const ConstVectorRef& x0,
+                           const ConstVectorRef& x_now,
                            const ConstVectorRef& context,
                            VectorXd* x,
                            std::string* why) const {
   const Index n = simulator_->num_inputs();
   const Index m = simulator_->num_outputs();
-  CHECK_EQ(x0.size(), n);
+  CHECK_EQ(x_now.size(), n);
   CHECK_EQ(y.size(), m);
   CHECK_EQ(context.size(), simulator_->num_context());
   Scratch<double> r_values(m);
@@ -99,7 +101,7 @@ bool NewtonInverse::Invert(const ConstVectorRef& y,
   const Map<const MatrixXd> J_transposed(J_values.data(), n, m);
   Map<VectorXd> g(g_values.data(), n);
   Map<MatrixXd> H(H_values.data(), n, n);
-  *x = x0;
+  *x = x_now;
   for (int step = 0; step < options_.num_steps; ++step) {
     if (!simulator_->Evaluate(
             x->data(), context.data(), r.data(), J_values.data())) {

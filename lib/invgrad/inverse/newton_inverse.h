@@ -3,7 +3,7 @@
 //
 //   F(x) = 1/2 |P(x; c) - y|^2,   g = J^T (P - y),
 //   H = J^T J + sum_i (P_i - y_i) d2P_i/dx2 = Q diag(lambda) Q^T
-//   x = x_0 - Q d,   |d_i| = |Q^T g|_i / (|lambda_i| + damping)
+//   x = x_now - Q d,   |d_i| = |Q^T g|_i / (|lambda_i| + damping)
 //
 // and, where lambda_i is not above the geometric mean of all |lambda|,
 // |d_i| <= max_loss_change / |Q^T g|_i: along directions that curve less than
@@ -16,7 +16,8 @@
 // Units:   max_loss_change in [y]^2; damping in [y]^2 / [x]^2.
 // Cost:    a step: one Jacobian, one WeightedHessian, one symmetric eigenvalue
 //          problem of size n.
-// Fails:   returns false if P or a derivative has no finite value.
+// Fails:   returns false if P or a derivative has no finite value. CHECKs that
+//          the simulator has second derivatives (CheckHasHessian).
 //
 // Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 4.1, and their
 //          code's sin_characterization; Dauphin et al., Identifying and
@@ -44,7 +45,7 @@ class NewtonInverse final : public InverseSimulator {
                 const Options& options);
 
   bool Invert(const ConstVectorRef& y,
-              const ConstVectorRef& x0,
+              const ConstVectorRef& x_now,
               const ConstVectorRef& context,
               Eigen::VectorXd* x,
               std::string* why) const override;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 #include "invgrad/core/small_svd.h"
@@ -122,18 +123,18 @@ NumericalInverse::NumericalInverse(std::shared_ptr<const Simulator> simulator,
 }
 
 bool NumericalInverse::Invert(const ConstVectorRef& y,
-                              const ConstVectorRef& x0,
+                              const ConstVectorRef& x_now,
                               const ConstVectorRef& context,
                               VectorXd* x,
                               std::string* why) const {
   CHECK_EQ(y.size(), simulator_->num_outputs());
-  CHECK_EQ(x0.size(), simulator_->num_inputs());
+  CHECK_EQ(x_now.size(), simulator_->num_inputs());
   CHECK_EQ(context.size(), simulator_->num_context());
   ScaledResidual residual(simulator_.get(), context.data(), y);
-  *x = x0;
+  *x = x_now;
   VectorXd r(y.size());
   if (!residual.Evaluate(*x, &r)) {
-    *why = "the simulator has no finite value at x_0";
+    *why = "the simulator has no finite value at x_now";
     return false;
   }
   const double distance = r.stableNorm();
@@ -144,17 +145,19 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
   }
   residual.set_scale(distance);
   r /= distance;
-  // Quadratic convergence: what is left beyond the tolerance costs an
+  // Quadratic convergence: a thousandth of the tolerance costs one more
   // iteration.
   const double target = std::min(options_.tolerance, 1e-3) * 1e-3;
   const int num_iterations =
       Minimize(residual, target, options_.max_num_iterations, x, &r);
   const double left = r.norm();
-  // y itself is not known better than to rounding.
+  // y itself has a rounding error.
   const double rounding = kRounding * y.stableNorm() / distance;
   if (left <= options_.tolerance + rounding) return true;
-  *why = "the numerical inverse came " + std::to_string(100.0 * (1.0 - left)) +
-         " % of the way in " + std::to_string(num_iterations) + " iterations";
+  *why = fmt::format(
+      "the numerical inverse came {:.6f} % of the way in {} iterations",
+      100.0 * (1.0 - left),
+      num_iterations);
   return false;
 }
 

@@ -1,28 +1,29 @@
 // The inverse of a simulator from its forward functor alone.
 //
-//   x = argmin 1/2 |P(x; c) - y|^2,   from x_0, by Levenberg-Marquardt
+//   x = argmin 1/2 |P(x; c) - y|^2,   from x_now, by Levenberg-Marquardt
 //   d = -V S (S^2 + mu)^-1 U^T r,     J = U S V^T
 //
-// The residual r is divided by its norm at x_0, so that all tolerances are
-// relative to the wanted change. Started at x_0 the iteration finds a pre-image
-// nearby, if not always the closest: a local inverse. The damping mu is the
-// same for all directions, so every step is in the row space of its J: where
-// there are more unknowns than outputs, x moves no farther than it must, and of
-// a linear P it is the closest solution. The singular value decomposition also
-// keeps the accuracy of J, which normal equations halve, and serves every mu
-// that is tried at a point.
+// The residual r is divided by its norm at x_now, so that all tolerances are
+// relative to the wanted change. Started at x_now the iteration finds a nearby
+// pre-image, if not always the closest: a local inverse. The damping mu is the
+// same for all directions, so every step is in the row space of its J: with
+// more unknowns than outputs x moves no farther than necessary, and for a
+// linear P it is the closest solution. Unlike the normal equations the singular
+// value decomposition does not square the condition of J, and one decomposition
+// serves every mu at a point.
 //
-// Ceres' minimizers damp by diag(J^T J): in one output of three inputs they
-// stall or end far from the closest solution, and a ceres::Problem a sample
-// costs more than the solution of a small one. Called at every training step
-// with the network's last x, the iteration starts warm.
+// Ceres' minimizers damp by diag(J^T J): for one output and three inputs they
+// stall or end far from the closest solution, and the setup of a ceres::Problem
+// a sample costs more than the solution of a small one. Called at every
+// training step with the network's last x, the iteration starts warm.
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
 // Cost:    an iteration: one P and, unless the last step was rejected, one
 //          Jacobian with its decomposition.
 // Fails:   returns false, with x the best point found, if |P(x) - y| stays
-//          above tolerance |P(x_0) - y|: y is out of range, or P too crooked
-//          for max_num_iterations. With x = x_0 if P has no value there.
+//          above tolerance |P(x_now) - y|: y is out of range, or P too
+//          nonlinear for max_num_iterations. With x = x_now if P has no value
+//          there.
 //
 // Source:  Madsen, Nielsen, Tingleff. Methods for Non-linear Least Squares
 //          Problems. 2nd edition, DTU 2004, algorithm 3.16.
@@ -48,7 +49,7 @@ class NumericalInverse final : public InverseSimulator {
                    const Options& options);
 
   bool Invert(const ConstVectorRef& y,
-              const ConstVectorRef& x0,
+              const ConstVectorRef& x_now,
               const ConstVectorRef& context,
               Eigen::VectorXd* x,
               std::string* why) const override;

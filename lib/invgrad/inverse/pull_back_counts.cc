@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "fmt/core.h"
+
 namespace invgrad {
 namespace {
 
@@ -18,9 +20,9 @@ constexpr const char* kNames[kNumPullBackSources] = {"derivative",
 void PullBackCounts::Add(const SimulatorPullBack::Result& result, int sample) {
   ++counts_[static_cast<int>(result.source)];
   if (result.why.empty() || !first_failure_.empty()) return;
-  first_failure_ = "step " + std::to_string(num_steps_) + ", sample " +
-                   std::to_string(sample) + ": " + result.why;
-  // A user's words, in a message of one line.
+  first_failure_ =
+      fmt::format("step {}, sample {}: {}", num_steps_, sample, result.why);
+  // A message of one line, whatever the user's inverse says.
   std::replace_if(
       first_failure_.begin(),
       first_failure_.end(),
@@ -33,10 +35,12 @@ std::string PullBackCounts::Report() const {
   std::string text;
   for (int i = 0; i < kNumPullBackSources; ++i) {
     if (counts_[i] == 0) continue;
-    text += (text.empty() ? "" : ", ") + std::to_string(counts_[i]) + " " +
-            kNames[i];
+    text +=
+        fmt::format("{}{} {}", text.empty() ? "" : ", ", counts_[i], kNames[i]);
   }
-  if (!first_failure_.empty()) text += " (first at " + first_failure_ + ")";
+  if (!first_failure_.empty()) {
+    text += fmt::format(" (first at {})", first_failure_);
+  }
   return text;
 }
 

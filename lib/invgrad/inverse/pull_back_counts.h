@@ -1,4 +1,5 @@
-// How the samples of a run were pulled back through the simulator.
+// Counts the ways by which the samples of a run were pulled back through the
+// simulator.
 #ifndef INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
 #define INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
 
@@ -12,21 +13,21 @@ namespace invgrad {
 
 class PullBackCounts {
  public:
-  // How often this source gave a sample its d_x.
+  // The number of samples with a d_x from this source.
   long of(PullBackSource source) const {
     return counts_[static_cast<int>(source)];
   }
 
   void BeginStep() { ++num_steps_; }
-  // The result of sample `sample` in the step that was begun last.
+  // The result of a sample in the current step.
   void Add(const SimulatorPullBack::Result& result, int sample);
 
   // "6400 inverse, 12 numerical inverse (first at step 3, sample 17: why)";
   // empty if nothing was inverted.
   std::string Report() const;
 
-  // What a checkpoint must hold. The text of the first failure is not kept: a
-  // resumed run reports its own first one.
+  // For checkpoints. Without the text of the first failure: a resumed run
+  // reports its own.
   Eigen::VectorXd State() const;
   // False, and nothing set, if the size does not fit.
   bool SetState(const Eigen::VectorXd& state);

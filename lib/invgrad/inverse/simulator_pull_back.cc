@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 #include "invgrad/core/small_svd.h"
@@ -54,8 +55,16 @@ SimulatorPullBack::SimulatorPullBack(
       inverse_(std::move(inverse)),
       options_(options) {
   CHECK(simulator_ != nullptr);
+  CHECK(options.way != SimulatorWay::kJoint &&
+        options.way != SimulatorWay::kData)
+      << "the ways joint and data pull nothing back through the simulator";
   CHECK_GE(options.truncation, 0.0);
   CHECK_GT(options.round_trip, 0.0);
+  if (options.way == SimulatorWay::kNewton) {
+    inverse_ = std::make_shared<NewtonInverse>(simulator_, options.newton);
+  } else if (options.way != SimulatorWay::kInverse) {
+    inverse_ = nullptr;
+  }
   NumericalInverse::Options numerical;
   numerical.max_num_iterations = options.max_num_iterations;
   numerical.tolerance = options.round_trip;
@@ -83,19 +92,22 @@ class SimulatorPullBack::Attempt {
     try {
       is_inverted = inverse.Invert(wanted_, x_, context_, &x_new_, why);
     } catch (const std::exception& exception) {
-      *why = std::string("the inverse threw: ") + exception.what();
+      *why = fmt::format("the inverse threw: {}", exception.what());
       return false;
     } catch (...) {
       *why = "the inverse threw";
       return false;
     }
     if (!is_inverted && !(options_.accept_nearer && ComesNearer())) {
-      if (why->empty()) *why = "the inverse gave up without a reason";
+      if (why->empty()) *why = "the inverse failed without a reason";
       return false;
     }
     if (x_new_.size() != x_.size()) {
-      *why = "the inverse has " + std::to_string(x_new_.size()) +
-             " numbers, wanted " + std::to_string(x_.size());
+      *why = fmt::format(
+          "the inverse returned {} numbers; the simulator has {} "
+          "inputs",
+          x_new_.size(),
+          x_.size());
       return false;
     }
     if (!IsFinite(x_new_)) {
@@ -103,8 +115,8 @@ class SimulatorPullBack::Attempt {
       return false;
     }
     if (inverse.reaches_target() && !ReachesTarget()) {
-      *why = "round trip: |P(x~) - y~| is " +
-             std::to_string(DistanceLeft() / distance_) + " |y~ - y|";
+      *why = fmt::format("round trip: |P(x~) - y~| is {:.6f} |y~ - y|",
+                         DistanceLeft() / distance_);
       return false;
     }
     why->clear();
@@ -187,14 +199,15 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
   result->source = PullBackSource::kDerivative;
   result->why.clear();
   if (options_.way == SimulatorWay::kAdjoint) {
-    return simulator_->PullBack(
+    return simulator_->Adjoint(
         x.data(), context.data(), wanted_change, y, d_x.data());
   }
   const Index m = simulator_->num_outputs();
   const Index n = simulator_->num_inputs();
   Scratch<double> d_y_values(m);
   const Map<const VectorXd> d_y(d_y_values.data(), m);
-  if (options_.way != SimulatorWay::kInverse) {
+  if (options_.way == SimulatorWay::kInverseGradient ||
+      options_.way == SimulatorWay::kHalfInverse) {
     MatrixXd J_transposed(n, m);
     if (!simulator_->Evaluate(
             x.data(), context.data(), y, J_transposed.data()) ||

@@ -4,34 +4,39 @@
 //   adjoint           d_x = J^T d_y
 //   inverse gradient  d_x = V S^-1 U^T d_y,      s > tau s_max,   J = U S V^T
 //   half-inverse      d_x = V S^(-1/2) U^T d_y,  s > tau s_max
-//   inverse           d_x = P^-1(y + d_y; x) - x, by an InverseSimulator
+//   inverse           d_x = P^-1(y + d_y; x) - x, by the given inverse
+//                     simulator, or the numerical one if none is given
+//   numerical         the same, by the numerical inverse (numerical_inverse.h)
+//   newton            the same, by Newton steps (newton_inverse.h)
 //
-// An inverse is not trusted. Its answer x~ is taken if it is finite and has the
-// right size and, if the inverse promises to reach the target, if
+// The answer x~ of an inverse is tested. It is taken if it is finite and has
+// the right size and, if the inverse promises to reach the target, if
 //
 //   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
 //
-// (or only nearer to y + d_y than y is, with `accept_nearer`: for targets that
-// no input reaches). If not, these are tried in turn:
+// (with `accept_nearer`, for targets that no input reaches: if it is nearer to
+// y + d_y than y is). If not, these are tried in turn:
 //
-//   numerical inverse  held to the same test
+//   numerical inverse  with the same test
 //   inverse gradient   taken if it comes nearer to y + d_y than y is
 //   gradient           d_x = t J^T d_y, t = |J^T d_y|^2 / |J J^T d_y|^2, the
 //                      minimizer of |J d_x - d_y| along it, halved until it
 //                      comes nearer
 //   none               d_x = 0: J^T d_y is zero, or nothing comes nearer
 //
-// so that no answer of theirs leads away from y + d_y.
+// so that none of them moves away from y + d_y.
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
-// Cost:    adjoint: one PullBack. Gradients: one J and, for the inverse ones,
-//          its SVD. Inverse: P, the inverse, and P again for the test.
-// Fails:   returns false only if the simulator has no finite value at x or d_y
-//          cannot be had: then there is nothing to pull back. Exceptions of the
-//          given inverse are caught.
+// Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
+//          inverse ones, its SVD. Inverse: P, the inverse, and P again for the
+//          test.
+// Fails:   returns false only if the simulator has no finite value at x or
+//          wanted_change returns false. Exceptions of the given inverse are
+//          caught. CHECKs the ways joint and data, and newton for a simulator
+//          without second derivatives (CheckHasHessian).
 //
-// Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3; the toolbox is
-//          asked for in PBDL, chapter physgrad-discuss.
+// Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3; PBDL, chapter
+//          physgrad-discuss, proposes such a choice.
 #ifndef INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_
 #define INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_
 
@@ -41,16 +46,16 @@
 #include "Eigen/Core"
 #include "invgrad/chain/simulator.h"
 #include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/inverse/newton_inverse.h"
+#include "invgrad/inverse/ways.h"
 
 namespace invgrad {
 
-enum class SimulatorWay { kAdjoint, kInverseGradient, kHalfInverse, kInverse };
-
-// What gave a sample its d_x. The names are those of the history's columns.
+// The source of a sample's d_x. The names are those of the history's columns.
 enum class PullBackSource {
-  kDerivative,        // the way that was asked for needs no test
-  kInverse,           // the inverse that was given
-  kNumericalInverse,  // fall-backs, or asked for
+  kDerivative,        // ways that need no test
+  kInverse,           // the given inverse, or Newton's
+  kNumericalInverse,  // this and the following: chosen, or a fall-back
   kInverseGradient,
   kGradient,
   kNone,
@@ -64,10 +69,11 @@ class SimulatorPullBack {
     double truncation = 1e-5;  // tau
     double round_trip = 1e-3;
     bool accept_nearer = false;
-    int max_num_iterations = 50;  // of the numerical inverse
+    int max_num_iterations = 50;    // of the numerical inverse
+    NewtonInverse::Options newton;  // of the way newton
   };
 
-  // `inverse` may be null: then the numerical inverse is the first choice.
+  // Only the way inverse reads `inverse`, which may be null.
   SimulatorPullBack(std::shared_ptr<const Simulator> simulator,
                     std::shared_ptr<const InverseSimulator> inverse,
                     const Options& options);
@@ -94,6 +100,7 @@ class SimulatorPullBack {
   class Attempt;
 
   std::shared_ptr<const Simulator> simulator_;
+  // The inverse that is tried first; null: the numerical one.
   std::shared_ptr<const InverseSimulator> inverse_;
   std::shared_ptr<const InverseSimulator> numerical_;
   Options options_;

@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -19,19 +20,18 @@ std::string Reason(int error_number) {
   return std::generic_category().message(error_number);
 }
 
-// Opens a name beside `path` that nobody uses: -1 and errno on failure. Not
-// mkstemp, whose files are private; these get the user's usual permissions.
+// Opens an unused name beside `path`: -1 and errno on failure. Not mkstemp,
+// whose files are private; these get the user's usual permissions.
 int OpenTemporary(const std::string& path, std::string* temporary) {
   static std::atomic<unsigned> counter{0};
   constexpr int kMaxTries = 100;
   for (int i = 0; i < kMaxTries; ++i) {
-    *temporary = path + ".tmp" + std::to_string(getpid()) + "-" +
-                 std::to_string(counter++);
+    *temporary = fmt::format("{}.tmp{}-{}", path, getpid(), counter++);
     const int file = open(temporary->c_str(),
                           O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
                           S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH |
                               S_IWOTH);  // less the umask
-    // The name is left from a killed program whose number we were given again.
+    // EEXIST: left by a killed program with the same process id.
     if (file >= 0 || errno != EEXIST) {
       return file;
     }
@@ -93,7 +93,7 @@ bool WriteFile(const std::string& path,
     *error = "cannot write " + path + ": " + Reason(errno);
     return false;
   }
-  // The first error is the one to report; closing happens whatever it was.
+  // Reports the first error; closes in any case.
   int error_number = WriteAll(file, bytes) ? 0 : errno;
   if (close(file) != 0 && error_number == 0) {
     error_number = errno;

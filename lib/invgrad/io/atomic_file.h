@@ -1,4 +1,4 @@
-// Writes whole files so that nobody ever sees half of one, and reads them back.
+// Writes files atomically, and reads them.
 //
 // The bytes go to a temporary name in the same folder, are flushed to the disk
 // and renamed to `path`: a reader, or a program that was killed, finds the old

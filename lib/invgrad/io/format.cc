@@ -1,8 +1,8 @@
 #include "invgrad/io/format.h"
 
-#include <charconv>
 #include <cmath>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -13,18 +13,7 @@ std::string TwoParts(long large,
                      const char* large_unit,
                      long small,
                      const char* small_unit) {
-  return std::to_string(large) + large_unit + (small < 10 ? " 0" : " ") +
-         std::to_string(small) + small_unit;
-}
-
-std::string Fixed(double value, int decimals) {
-  char buffer[340];  // the largest double has 309 digits
-  const auto result = std::to_chars(buffer,
-                                    buffer + sizeof(buffer),
-                                    value,
-                                    std::chars_format::fixed,
-                                    decimals);
-  return std::string(buffer, result.ptr);
+  return fmt::format("{}{} {:02}{}", large, large_unit, small, small_unit);
 }
 
 }  // namespace
@@ -36,10 +25,10 @@ std::string FormatDuration(double seconds) {
   }
   // The bounds are where the shorter form would round up to the next one.
   if (seconds < 0.9995) {
-    return Fixed(seconds, 3) + " s";
+    return fmt::format("{:.3f} s", seconds);
   }
   if (seconds < 59.95) {
-    return Fixed(seconds, 1) + " s";
+    return fmt::format("{:.1f} s", seconds);
   }
   const long whole = std::lround(seconds);
   if (whole < 3600) {
@@ -56,14 +45,7 @@ std::string FormatDuration(double seconds) {
 std::string FormatNumber(double value, int digits) {
   CHECK_GT(digits, 0);
   CHECK_LE(digits, 17);
-  char buffer[40];
-  const auto result = std::to_chars(buffer,
-                                    buffer + sizeof(buffer),
-                                    value,
-                                    std::chars_format::general,
-                                    digits);
-  const std::string text(buffer, result.ptr);
-  return std::isnan(value) ? "nan" : text;
+  return std::isnan(value) ? "nan" : fmt::format("{:.{}g}", value, digits);
 }
 
 }  // namespace invgrad

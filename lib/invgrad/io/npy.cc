@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 
@@ -199,14 +200,14 @@ bool ParseFile(std::string_view bytes,
     return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[i]));
   };
   const std::string truncated =
-      "truncated in the header, at " + std::to_string(bytes.size()) + " bytes";
+      fmt::format("truncated in the header, at {} bytes", bytes.size());
   if (bytes.size() < 12) {  // magic, version and the longest length
     *problem = truncated;
     return false;
   }
   if (byte(6) < 1 || byte(6) > 3 || byte(7) != 0) {
-    *problem = "found .npy version " + std::to_string(byte(6)) + "." +
-               std::to_string(byte(7)) + ", wanted 1.0, 2.0 or 3.0";
+    *problem = fmt::format(
+        "found .npy version {}.{}, wanted 1.0, 2.0 or 3.0", byte(6), byte(7));
     return false;
   }
   const bool is_short = byte(6) == 1;
@@ -222,8 +223,8 @@ bool ParseFile(std::string_view bytes,
   if (!HeaderParser(text).Parse(header)) {
     constexpr size_t kMaxShown = 120;
     const size_t end = text.find_last_not_of(" \n");
-    *problem = "cannot read its header: " +
-               std::string(text.substr(0, std::min(end + 1, kMaxShown)));
+    *problem = fmt::format("cannot read its header: {}",
+                           text.substr(0, std::min(end + 1, kMaxShown)));
     return false;
   }
   *payload = bytes.substr(begin + size);
@@ -260,7 +261,7 @@ bool ReadArray(const std::string& path,
     return false;
   }
   const auto fail = [&path, error](const std::string& problem) {
-    *error = "file " + path + ": " + problem;
+    *error = fmt::format("file {}: {}", path, problem);
     return false;
   };
   NpyHeader header;
@@ -270,16 +271,20 @@ bool ReadArray(const std::string& path,
     return fail(problem);
   }
   if (header.type != "<f8" && header.type != "<f4") {
-    return fail("found type '" + header.type +
-                "', wanted '<f8' or '<f4' (in Python: x.astype('<f8'))");
+    return fail(fmt::format(
+        "found type '{}', wanted '<f8' or '<f4' (in Python: x.astype('<f8'))",
+        header.type));
   }
   const std::vector<std::int64_t>& shape = header.shape;
+  const auto fail_shape = [&] {
+    return fail(fmt::format(
+        "found shape {}, wanted {}", ShapeText(shape), ShapeText(wanted)));
+  };
   const bool is_flat = shape.size() == 1;
   constexpr std::int64_t kMaxSize = std::numeric_limits<int>::max();
   if ((!is_flat && shape.size() != 2) || shape[0] > kMaxSize ||
       (!is_flat && shape[1] > kMaxSize)) {
-    return fail("found shape " + ShapeText(shape) + ", wanted " +
-                ShapeText(wanted));
+    return fail_shape();
   }
   const int rows = shape[0];
   const int cols = is_flat ? 1 : shape[1];
@@ -287,13 +292,15 @@ bool ReadArray(const std::string& path,
   const size_t size = header.type == "<f8" ? sizeof(double) : sizeof(float);
   const std::uint64_t num_values = static_cast<std::uint64_t>(rows) * cols;
   if (payload.size() % size != 0 || payload.size() / size != num_values) {
-    return fail("shape " + ShapeText(shape) + " of '" + header.type +
-                "' does not fit the " + std::to_string(payload.size()) +
-                " bytes after the header (truncated?)");
+    return fail(fmt::format(
+        "shape {} of '{}' does not fit the {} bytes after the header "
+        "(truncated?)",
+        ShapeText(shape),
+        header.type,
+        payload.size()));
   }
   if (!is_wanted(rows, cols)) {
-    return fail("found shape " + ShapeText(shape) + ", wanted " +
-                ShapeText(wanted));
+    return fail_shape();
   }
   *matrix = header.type == "<f8"
                 ? ToMatrix<double>(payload, rows, cols, header.is_fortran_order)
@@ -365,12 +372,12 @@ bool CheckNpyFinite(const std::string& path,
     for (int j = 0; j < matrix.cols(); ++j) {
       const double value = matrix(i, j);
       if (!std::isfinite(value)) {
-        *error = "file " + path + ": " +
-                 (std::isnan(value) ? "nan"
-                  : value > 0.0     ? "inf"
-                                    : "-inf") +
-                 " at row " + std::to_string(i) + ", column " +
-                 std::to_string(j) + " (counted from 0)";
+        *error =
+            fmt::format("file {}: {} at row {}, column {} (counted from 0)",
+                        path,
+                        std::isnan(value) ? "nan" : fmt::format("{}", value),
+                        i,
+                        j);
         return false;
       }
     }

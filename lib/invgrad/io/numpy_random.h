@@ -33,7 +33,7 @@ class NumpyRandom {
   double Uniform(double low, double high);
 
   // np.random.normal(), twice. numpy makes normal numbers in pairs and keeps
-  // the second for the next call; who takes both leaves nothing behind.
+  // the second for the next call; a pair leaves no such state.
   Eigen::Vector2d NormalPair();
 
   // np.random.permutation(n)
@@ -42,7 +42,7 @@ class NumpyRandom {
   // The generator's state as exact doubles, for checkpoints: size 625, the 624
   // words and the position of np.random.get_state().
   Eigen::VectorXd State() const;
-  // False, and nothing changed, if `state` is not one that State() could make.
+  // False, and nothing changed, if `state` is no possible result of State().
   bool SetState(const Eigen::VectorXd& state);
 
  private:

@@ -1,46 +1,33 @@
 #include "invgrad/methods/pull_back_method.h"
 
-#include <algorithm>
+#include <cstddef>
 #include <limits>
+#include <optional>
 #include <utility>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/inverse/newton_inverse.h"
 
 namespace invgrad {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-const std::vector<std::string>& LossNames() {
-  static const auto& names =
-      *new std::vector<std::string>{"gradient", "newton", "saddle_free_newton"};
-  return names;
-}
-
-const std::vector<std::string>& SimulatorNames() {
-  static const auto& names = *new std::vector<std::string>{"joint",
-                                                           "adjoint",
-                                                           "inverse_gradient",
-                                                           "half_inverse",
-                                                           "inverse",
-                                                           "numerical",
-                                                           "newton",
-                                                           "data"};
-  return names;
-}
-
-bool CheckName(const char* what,
-               const std::string& name,
-               const std::vector<std::string>& allowed,
-               std::string* error) {
-  if (std::find(allowed.begin(), allowed.end(), name) != allowed.end()) {
+// *way = the way of that name; false, with the allowed names, if there is none.
+template <typename Way, std::size_t kSize>
+bool SetWay(const char* part,
+            const WayName<Way> (&names)[kSize],
+            const std::string& name,
+            Way* way,
+            std::string* error) {
+  if (const std::optional<Way> found = FindWay(names, name)) {
+    *way = *found;
     return true;
   }
-  *error = std::string("'") + name + "' is no way back through the " + what +
-           "; allowed:";
-  for (const std::string& other : allowed) {
-    *error += (&other == &allowed.front() ? " " : ", ") + other;
+  *error =
+      fmt::format("'{}' is no way back through the {}; allowed:", name, part);
+  for (const WayName<Way>& row : names) {
+    *error += fmt::format("{}{}", &row == names ? " " : ", ", row.name);
   }
   return false;
 }
@@ -50,13 +37,8 @@ bool CheckName(const char* what,
 bool PullBackMethod::SetWays(const std::string& loss,
                              const std::string& simulator,
                              std::string* error) {
-  if (!CheckName("loss", loss, LossNames(), error) ||
-      !CheckName("simulator", simulator, SimulatorNames(), error)) {
-    return false;
-  }
-  loss_ = loss;
-  simulator_ = simulator;
-  return true;
+  return SetWay("loss", kLossWays, loss, &loss_, error) &&
+         SetWay("simulator", kSimulatorWays, simulator, &simulator_, error);
 }
 
 void PullBackMethod::Describe(OptionSet* set) {
@@ -79,17 +61,20 @@ void PullBackMethod::Describe(OptionSet* set) {
            {0.0, kInfinity},
            "longest |d_x| of a sample; 0: any");
   set->Add("threads", &threads_, {1, 1024}, "threads, over the samples");
-  if (simulator_ == "data") return;
+  if (simulator_ == SimulatorWay::kData) return;
   set->Add("data_weight",
            &data_weight_,
            {0.0, kInfinity},
            "weight of 1/2 |x - x*|^2, x* the data's own solution");
-  if (simulator_ == "adjoint") return;
+  if (simulator_ == SimulatorWay::kAdjoint) return;
   set->Add("pull_back_truncation",
            &pull_back_truncation_,
            {0.0, 1.0, false, true},
            "tau of the simulator's (half-)inverse gradient");
-  if (simulator_ == "inverse_gradient" || simulator_ == "half_inverse") return;
+  if (simulator_ == SimulatorWay::kInverseGradient ||
+      simulator_ == SimulatorWay::kHalfInverse) {
+    return;
+  }
   set->Add("round_trip",
            &round_trip_,
            {0.0, kInfinity, true},
@@ -101,7 +86,7 @@ void PullBackMethod::Describe(OptionSet* set) {
            &inverse_iterations_,
            {1, 1e6},
            "at most, of the numerical inverse");
-  if (simulator_ != "newton") return;
+  if (simulator_ != SimulatorWay::kNewton) return;
   set->Add("newton_steps", &newton_steps_, {1, 1e6}, "steps of the inverse");
   set->Add(
       "max_loss_change",
@@ -112,43 +97,42 @@ void PullBackMethod::Describe(OptionSet* set) {
   set->Add("newton_damping", &damping_, {0.0, kInfinity}, "added to |lambda|");
 }
 
-LossWay PullBackMethod::LossWayOf() const {
-  return loss_ == "gradient" ? LossWay::kGradient
-         : loss_ == "newton" ? LossWay::kNewton
-                             : LossWay::kSaddleFreeNewton;
+bool PullBackMethod::CanPullBack(const Simulator& simulator,
+                                 std::string* error) const {
+  return simulator_ != SimulatorWay::kNewton ||
+         CheckHasHessian(simulator, error);
 }
 
 SimulatorPullBack::Options PullBackMethod::SimulatorOptions() const {
   SimulatorPullBack::Options options;
-  options.way = simulator_ == "adjoint" ? SimulatorWay::kAdjoint
-                : simulator_ == "inverse_gradient"
-                    ? SimulatorWay::kInverseGradient
-                : simulator_ == "half_inverse" ? SimulatorWay::kHalfInverse
-                                               : SimulatorWay::kInverse;
+  options.way = simulator_;
   options.truncation = pull_back_truncation_;
   options.round_trip = round_trip_;
   options.accept_nearer = accept_nearer_;
   options.max_num_iterations = inverse_iterations_;
+  options.newton.num_steps = newton_steps_;
+  options.newton.max_loss_change = max_loss_change_;
+  options.newton.damping = damping_;
   return options;
 }
 
 LossPullBack PullBackMethod::MakeLossPullBack(
     std::shared_ptr<const Loss> loss) const {
-  return LossPullBack(std::move(loss), LossWayOf(), y_step_size_);
+  return LossPullBack(std::move(loss), loss_, y_step_size_);
 }
 
 std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
     std::shared_ptr<const Loss> loss) const {
   CHECK(is_joint());
   // Its own gradient: nothing is to be pulled back.
-  if (loss_ == "gradient" && y_step_size_ == 1.0) return loss;
+  if (loss_ == LossWay::kGradient && y_step_size_ == 1.0) return loss;
   return std::make_shared<PulledBackLoss>(MakeLossPullBack(std::move(loss)));
 }
 
 ChainPullBack::Options PullBackMethod::ChainOptions() const {
   CHECK(!is_joint());
   ChainPullBack::Options options;
-  options.loss = LossWayOf();
+  options.loss = loss_;
   options.y_step_size = y_step_size_;
   options.simulator = SimulatorOptions();
   options.proxy =
@@ -156,30 +140,15 @@ ChainPullBack::Options PullBackMethod::ChainOptions() const {
   options.curvature_weight = curvature_weight_;
   if (max_change_ > 0.0) options.max_change = max_change_;
   options.data_weight = data_weight_;
-  options.is_supervised = simulator_ == "data";
   options.updates_per_evaluation = updates_;
   options.num_threads = threads_;
   return options;
 }
 
-std::shared_ptr<const InverseSimulator> PullBackMethod::FirstInverse(
-    std::shared_ptr<const Simulator> simulator,
-    std::shared_ptr<const InverseSimulator> inverse) const {
-  if (simulator_ == "numerical") return nullptr;
-  if (simulator_ != "newton") return inverse;
-  NewtonInverse::Options options;
-  options.num_steps = newton_steps_;
-  options.max_loss_change = max_loss_change_;
-  options.damping = damping_;
-  return std::make_shared<NewtonInverse>(std::move(simulator), options);
-}
-
 SimulatorPullBack PullBackMethod::MakeSimulatorPullBack(
     const std::shared_ptr<const Simulator>& simulator,
     std::shared_ptr<const InverseSimulator> inverse) const {
-  return SimulatorPullBack(simulator,
-                           FirstInverse(simulator, std::move(inverse)),
-                           SimulatorOptions());
+  return SimulatorPullBack(simulator, std::move(inverse), SimulatorOptions());
 }
 
 std::vector<OptionSet::Row> ChainMethodRow::options() const {

@@ -24,6 +24,7 @@
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/inverse/ways.h"
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
@@ -39,7 +40,7 @@ class PullBackMethod {
   // The options that these ways read.
   void Describe(OptionSet* set);
 
-  bool is_joint() const { return simulator_ == "joint"; }
+  bool is_joint() const { return simulator_ == SimulatorWay::kJoint; }
   // Whether a setting is made that means something for batches only.
   bool needs_batches() const {
     return proxy_ != "l2" || curvature_weight_ != 0.0 || updates_ != 1 ||
@@ -48,8 +49,12 @@ class PullBackMethod {
   int updates() const { return updates_; }
   // Whether it needs data with solutions.
   bool needs_solutions() const {
-    return simulator_ == "data" || data_weight_ > 0.0;
+    return simulator_ == SimulatorWay::kData || data_weight_ > 0.0;
   }
+
+  // False, with a message, if these ways need derivatives that the simulator
+  // does not have.
+  bool CanPullBack(const Simulator& simulator, std::string* error) const;
 
   // For ways that are joint: the loss that the rule is to see.
   std::shared_ptr<const Loss> MakeLoss(std::shared_ptr<const Loss> loss) const;
@@ -61,17 +66,11 @@ class PullBackMethod {
       const std::shared_ptr<const Simulator>& simulator,
       std::shared_ptr<const InverseSimulator> inverse) const;
 
-  // The inverse that is tried first: null for the numerical one.
-  std::shared_ptr<const InverseSimulator> FirstInverse(
-      std::shared_ptr<const Simulator> simulator,
-      std::shared_ptr<const InverseSimulator> inverse) const;
-
  private:
-  LossWay LossWayOf() const;
   SimulatorPullBack::Options SimulatorOptions() const;
 
-  std::string loss_ = "newton";
-  std::string simulator_ = "inverse";
+  LossWay loss_ = LossWay::kNewton;
+  SimulatorWay simulator_ = SimulatorWay::kInverse;
   double y_step_size_ = 1.0;
   std::string proxy_ = "l2";
   double curvature_weight_ = 0.0;

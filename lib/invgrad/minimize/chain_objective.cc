@@ -58,11 +58,11 @@ bool ChainObjective::PullBackGradient(Linearization* linearization,
                std::isfinite(linearization->cost) && AllFinite(w, m);
     return has_loss;
   };
-  if (simulator_->PullBack(x_.data(),
-                           nullptr,
-                           loss_gradient,
-                           y.data(),
-                           linearization->gradient.data()) &&
+  if (simulator_->Adjoint(x_.data(),
+                          nullptr,
+                          loss_gradient,
+                          y.data(),
+                          linearization->gradient.data()) &&
       linearization->gradient.allFinite()) {
     return true;
   }

@@ -107,9 +107,17 @@ bool MinimizeByMethod(const Method& method,
     *error = "proxy, curvature_weight, updates and max_change need a network";
     return false;
   }
+  const bool is_pulled_back =
+      phase.pull_back.has_value() && !phase.pull_back->is_joint();
+  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+  if (is_pulled_back
+          ? !phase.pull_back->CanPullBack(objective->simulator(), error)
+          : rule != nullptr && rule->Needs().hessian &&
+                !CheckHasHessian(objective->simulator(), error)) {
+    return false;
+  }
   if (phase.ceres == nullptr) {
-    if (phase.pull_back.has_value() && !phase.pull_back->is_joint() &&
-        phase.MakeRule()->JudgesSteps()) {
+    if (is_pulled_back && rule->JudgesSteps()) {
       *error =
           "control=gain judges by a cost, and the change that is pulled back "
           "to a point has none";

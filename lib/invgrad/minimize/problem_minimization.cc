@@ -93,9 +93,10 @@ std::string MinimizeWithProposals(const Phase& phase,
     return "";
   }
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  UpdateCallback callback(UpdateCallback::Options(), rule.get(), problem);
+  UpdateCallback callback(rule.get(), problem);
   MinimizerOptions with_proposals = options;
-  with_proposals.callbacks.insert(with_proposals.callbacks.begin(), &callback);
+  with_proposals.callbacks.insert(with_proposals.callbacks.begin(),
+                                  callback.iteration_callback());
   MinimizeWithCeres(with_proposals, ceres_options, problem, summary);
   const UpdateCallback::Summary& proposals = callback.summary();
   return proposals.num_proposed > 0 || proposals.message.empty()

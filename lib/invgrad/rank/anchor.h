@@ -1,12 +1,11 @@
 // Which parameters to hold constant so that a problem becomes determined.
 //
-//   null directions left after holding the rows R:  { N c : N_R c = 0 },
-//   so R takes rank(N_R) of them away
+//   null directions left after rows R are held:  { N c : N_R c = 0 },
+//   so R removes rank(N_R) of them
 //
-// Chosen greedily: the block that takes the most away, and of those the first
-// unless another moves a hundred times as much.
-// Held is no more than its rank, so that nothing is held that the residuals do
-// determine, wherever components of the block can be held one by one.
+// The choice is greedy: the block that removes the most, and of those the first
+// unless another one moves a hundred times as much. Of a block whose components
+// can be held one by one, an anchor holds rank-many components and no others.
 //
 // Shapes:  N: n x k, orthonormal columns, rows of comparable units; block b has
 //          rows offsets[b] ... offsets[b + 1] - 1.
@@ -26,8 +25,8 @@ struct Anchor {
   int num_removed = 0;    // directions
 };
 
-// can_hold_rows[b]: rows of block b can be held one by one. At most
-// max_anchors; the sum of their num_removed tells whether they are enough.
+// can_hold_rows[b]: rows of block b can be held one by one. Returns at most
+// max_anchors; they suffice if their num_removed sum up to k.
 std::vector<Anchor> ChooseAnchors(Eigen::MatrixXd N,
                                   const std::vector<int>& offsets,
                                   const std::vector<bool>& can_hold_rows,

@@ -1,37 +1,36 @@
-// Gauge freedoms: motions of all parameter blocks together that residuals
-// between the blocks cannot see.
+// Gauge freedoms: motions of all parameter blocks together that leave the
+// residuals between the blocks unchanged.
 //
-//   x_b -> x_b + e v_b(x),   one ambient motion v a generator
+//   x_b -> x_b + e v_b(x),   each ambient motion v is a generator
 //
-// A pose graph without anchor may be translated and turned as a whole, a
-// reconstruction from images scaled as well. A Gauge knows such motions for
-// blocks of a given layout; whether the residuals are blind to them is tested
-// by J v, so a layout that is guessed wrongly does no harm.
+// A pose graph without anchor may be translated and rotated as a whole, a
+// reconstruction from images scaled as well. A Gauge proposes such motions for
+// blocks of one layout. The rank report tests each proposal by J v, so a layout
+// that does not apply is harmless.
 //
-// The layouts that BuiltInGauges() knows:
+// The layouts that BuiltInGauges() covers:
 //   blocks of one size         translation, one generator a component
 //   (x, y, angle)              in the plane: translation, rotation, scale; as
 //                              blocks of size 3, or of sizes 2 (a position) and
 //                              1 (an angle), or of three blocks of size 1 that
 //                              follow each other in the cost functions
 //   position, rotation         in space, the body's pose in the world: blocks
-//   of
-//                              sizes 3 and 4, or one of size 7 (6 with an angle
-//                              axis), in either order
+//                              of sizes 3 and 4, or one of size 7 (6 with an
+//                              angle axis), in either order
 //   rotation, translation      in space, from the world to the camera, with
 //                              world points of size 3: blocks of size 4 and 3
 //                              next to each other in the cost functions, or one
 //                              of size 7, or of size 6 and more that begins
 //                              with an angle axis and a translation (BAL: 9)
 //   a b                        the common factor of a group of blocks, and the
-//                              factor that a product leaves open between first
-//                              and second arguments
-// Blocks of sizes that are left over do not move; those of sizes 1 to 3 beside
-// poses are tried both ways, as positions and as calibrations.
-// Quaternions are (w, x, y, z) or (x, y, z, w): by their ceres::Manifold if
-// that is a block's own, otherwise both are tried.
+//                              factor between the first and second arguments of
+//                              a product
+// Blocks of other sizes do not move. Blocks of sizes 1 to 3 beside poses are
+// tried both as positions and as calibrations.
+// Quaternions are (w, x, y, z) or (x, y, z, w), as their ceres::Manifold says;
+// with any other manifold both orders are tried.
 //
-// Fails:   a Gauge that does not fit the blocks says so; nothing else.
+// Fails:   a Gauge returns false if it does not fit the blocks.
 //
 // [1] Triggs, McLauchlan, Hartley, Fitzgibbon. Bundle Adjustment: A Modern
 //     Synthesis. 1999, section 9 (gauge freedom).
@@ -55,7 +54,7 @@ struct GaugeBlock {
   const ceres::Manifold* manifold = nullptr;  // null: Euclidean
 };
 
-// Blocks that residuals tie together, and the constant blocks beside them,
+// Blocks that residuals couple, and the constant blocks of these residuals,
 // whose motion is ignored.
 struct GaugeComponent {
   std::vector<GaugeBlock> blocks;
@@ -67,13 +66,13 @@ struct GaugeComponent {
 struct Gauge {
   std::string name;                     // "rigid motion in the plane"
   std::vector<std::string> generators;  // "translation x", ...
-  // The motions: ambient_size x number of generators, which comes zeroed.
-  // False if the blocks are not laid out for this gauge.
+  // Fills the motions: ambient_size x number of generators, zero on entry.
+  // False if the blocks do not have this gauge's layout.
   std::function<bool(const GaugeComponent&, Eigen::MatrixXd* motions)> motions;
 };
 
-// From few generators to many, so that the first of those that explain the most
-// is the simplest.
+// In the order of their number of generators, so that the first gauge that
+// explains the most directions is the simplest.
 std::vector<Gauge> BuiltInGauges();
 
 }  // namespace invgrad

@@ -13,8 +13,8 @@
 namespace invgrad {
 namespace {
 
-// Without symmetries, so that no singular vector is likely to be orthogonal to
-// it, and the same at every call.
+// Without symmetries, so that it is orthogonal to no singular vector of a
+// likely matrix. The same at every call.
 Eigen::VectorXd StartVector(Eigen::Index size) {
   Eigen::VectorXd v(size);
   for (Eigen::Index i = 0; i < size; ++i) {
@@ -52,7 +52,7 @@ double LargestSingularValue(const JacobianOperator& J, double tolerance) {
     diagonal.push_back(alpha);
     w -= alpha * v + beta * previous;
     beta = w.norm();
-    // The start lies in a space that J^T J does not leave.
+    // The Krylov space is invariant.
     const bool is_exhausted =
         beta <= std::numeric_limits<double>::epsilon() * alpha;
     if (step % kStepsBetweenTests == 0 || step == max_steps || is_exhausted) {

@@ -1,11 +1,12 @@
 #include "invgrad/rank/localized_basis.h"
 
+#include <lapacke.h>
+
 #include <algorithm>
 #include <numeric>
 
-#include "Eigen/Eigenvalues"
-#include "Eigen/LU"
-#include "Eigen/QR"
+#include "glog/logging.h"
+#include "invgrad/rank/decompositions.h"
 
 namespace invgrad {
 namespace {
@@ -15,16 +16,15 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // Directions V c that are zero outside of the rows [begin, end), to kNoPart.
-// |V_b c|^2 = |c|^2 tells candidates; their rest says whether they are.
+// |V_b c|^2 = |c|^2 selects candidates; the rows outside decide.
 MatrixXd WithinRows(const Eigen::Ref<const MatrixXd>& V, int begin, int end) {
+  constexpr double kInside = 1.0 - 1e-6;
   const MatrixXd V_b = V.middleRows(begin, end - begin);
   MatrixXd found(V.rows(), 0);
-  // No row is long enough: most blocks end here.
-  if (V_b.squaredNorm() < 1.0 - 1e-6) return found;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(V_b.transpose() * V_b);
-  for (Index i = V.cols() - 1; i >= 0; --i) {
-    if (eigen.eigenvalues()[i] < 1.0 - 1e-6) break;
-    VectorXd v = V * eigen.eigenvectors().col(i);
+  if (V_b.squaredNorm() < kInside) return found;  // true of most blocks
+  const RightSvd svd = ComputeRightSvd(V_b);
+  for (Index i = 0; i < V.cols() && svd.s[i] * svd.s[i] >= kInside; ++i) {
+    VectorXd v = V * svd.V.col(i);
     const double outside =
         v.head(begin).squaredNorm() + v.tail(V.rows() - end).squaredNorm();
     if (outside > kNoPart * kNoPart) continue;
@@ -38,18 +38,26 @@ MatrixXd WithinRows(const Eigen::Ref<const MatrixXd>& V, int begin, int end) {
 
 // The reduced echelon form on pivot rows.
 MatrixXd Echelon(const MatrixXd& V) {
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(V.transpose());
   const Index k = V.cols();
+  MatrixXd WT = V.transpose();
+  const std::vector<int> order = PivotOrder(WT);
   MatrixXd pivots(k, k);
-  for (Index i = 0; i < k; ++i) {
-    pivots.row(i) = V.row(qr.colsPermutation().indices()[i]);
-  }
-  MatrixXd W = pivots.transpose().partialPivLu().solve(V.transpose());
-  W.transposeInPlace();
-  for (Index j = 0; j < k; ++j) {
-    W.col(j).normalize();
+  for (Index i = 0; i < k; ++i) pivots.col(i) = WT.col(order[i]);
+  std::vector<lapack_int> interchanges(static_cast<std::size_t>(k));
+  CHECK_GE(LAPACKE_dgesv(LAPACK_COL_MAJOR,
+                         static_cast<lapack_int>(k),
+                         static_cast<lapack_int>(WT.cols()),
+                         pivots.data(),
+                         static_cast<lapack_int>(k),
+                         interchanges.data(),
+                         WT.data(),
+                         static_cast<lapack_int>(k)),
+           0);
+  MatrixXd W = WT.transpose();
+  for (auto column : W.colwise()) {
+    column.normalize();
     // Rounding, times the condition of the pivots.
-    W.col(j) = (W.col(j).array().abs() < 1e-9).select(0.0, W.col(j));
+    column = (column.array().abs() < 1e-9).select(0.0, column);
   }
   return W;
 }
@@ -71,10 +79,7 @@ MatrixXd OrthogonalRest(const Eigen::Ref<const MatrixXd>& V,
   if (U.cols() == 0) return V;
   const Index rest = V.cols() - U.cols();
   if (rest <= 0) return MatrixXd(V.rows(), 0);
-  // The last columns of the Q of V^T U are orthogonal to it.
-  const Eigen::HouseholderQR<MatrixXd> qr(V.transpose() * U);
-  const MatrixXd Q = qr.householderQ() * MatrixXd::Identity(V.cols(), V.cols());
-  return V * Q.rightCols(rest);
+  return V * ComputeRightSvd(U.transpose() * V).V.rightCols(rest);
 }
 
 LocalizedBasis Localize(const Eigen::Ref<const MatrixXd>& V,
@@ -84,8 +89,8 @@ LocalizedBasis Localize(const Eigen::Ref<const MatrixXd>& V,
   for (std::size_t b = 0; b + 1 < offsets.size(); ++b) {
     const MatrixXd within = WithinRows(V, offsets[b], offsets[b + 1]);
     if (within.cols() == 0) continue;
-    const Index before = basis.single.cols();
-    basis.single.conservativeResize(Eigen::NoChange, before + within.cols());
+    basis.single.conservativeResize(Eigen::NoChange,
+                                    basis.single.cols() + within.cols());
     basis.single.rightCols(within.cols()) =
         within.cols() > 1 ? Echelon(within) : within;
     basis.single_blocks.insert(basis.single_blocks.end(),
@@ -93,17 +98,18 @@ LocalizedBasis Localize(const Eigen::Ref<const MatrixXd>& V,
                                static_cast<int>(b));
   }
   basis.rest = OrthogonalRest(V, basis.single);
-  basis.localized_rest = MatrixXd(V.rows(), 0);
+  basis.localized_rest.resize(V.rows(), basis.rest.cols());
   if (basis.rest.cols() == 0) return basis;
   const MatrixXd W = Echelon(basis.rest);
-  std::vector<int> num_parts(static_cast<std::size_t>(W.cols()));
+  std::vector<int> num_parts;
+  for (const auto column : W.colwise()) {
+    num_parts.push_back(NumParts(column, offsets));
+  }
   std::vector<int> order(num_parts.size());
   std::iota(order.begin(), order.end(), 0);
-  for (const int j : order) num_parts[j] = NumParts(W.col(j), offsets);
   std::stable_sort(order.begin(), order.end(), [&num_parts](int a, int b) {
     return num_parts[a] < num_parts[b];
   });
-  basis.localized_rest.resize(V.rows(), W.cols());
   for (std::size_t j = 0; j < order.size(); ++j) {
     basis.localized_rest.col(static_cast<Index>(j)) = W.col(order[j]);
   }

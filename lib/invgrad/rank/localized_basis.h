@@ -3,17 +3,17 @@
 //
 //   span(W) = span(V)
 //
-// A null space comes out of an SVD as any rotation of itself. Directions within
-// one block are found exactly: c with |V_b c| = |c| is one of block b alone.
-// The others are those of the reduced echelon form on pivot rows that a QR
-// decomposition of V^T with column pivoting chooses: parts of the space with
-// disjoint support come apart.
+// An SVD returns an arbitrary rotation of a null space. Directions within one
+// block are found exactly: if |V_b c| = |c|, then V c is zero outside of block
+// b. The others are those of the reduced echelon form on the pivot rows of a QR
+// decomposition of V^T with column pivoting, which separates parts of disjoint
+// support.
 //
 // Shapes:  V: n x k with orthonormal columns;  W: n x k, columns of length one,
-//          in general not orthogonal. Blocks are rows offsets[b] ...
+//          in general not orthogonal. Block b has rows offsets[b] ...
 //          offsets[b + 1] - 1.
 // Cost:    n k^2.
-// Units:   judges sizes of entries, so rows should have comparable units.
+// Units:   entries are compared by size, so rows should have comparable units.
 #ifndef INVGRAD_RANK_LOCALIZED_BASIS_H_
 #define INVGRAD_RANK_LOCALIZED_BASIS_H_
 
@@ -23,7 +23,7 @@
 
 namespace invgrad {
 
-// A block takes part in a vector of length one if its part is longer.
+// A vector of length one touches a block if its part there is longer.
 constexpr double kNoPart = 1e-5;
 
 struct LocalizedBasis {
@@ -39,7 +39,7 @@ struct LocalizedBasis {
 LocalizedBasis Localize(const Eigen::Ref<const Eigen::MatrixXd>& V,
                         const std::vector<int>& offsets);
 
-// The number of blocks that take part in a vector of length one.
+// The number of blocks that a vector of length one touches.
 int NumParts(const Eigen::Ref<const Eigen::VectorXd>& v,
              const std::vector<int>& offsets);
 

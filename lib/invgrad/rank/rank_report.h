@@ -1,35 +1,35 @@
 // Which parameters, or combinations of them, the residuals do not determine.
 //
 //   A = J D^-1,   D = diag(|J e_i|),   A = U diag(s) V^T:
-//   undetermined   s <= threshold s_max       the motions D^-1 v leave r as it
-//   is weak           s <= weak_threshold s_max  they change it by s / s_max
-//   only
+//   undetermined  s <= threshold s_max       the motions D^-1 v leave r
+//                                            unchanged
+//   weak          s <= weak_threshold s_max  they change r by s / s_max only
 //
 // J is that of ProblemLinearizer: tangent directions of the blocks that are not
 // constant, at the current values, robust losses applied or not. The columns
 // are scaled to length one so that the answer does not depend on the units of
-// the parameters. Columns of zeros are told apart exactly: no residual depends
-// on these parameters.
+// the parameters. Columns of zeros are exact and reported first: no residual
+// depends on these parameters.
 //
-// Undetermined directions are told in the basis that reads best: those within
-// one block, those that touch few blocks, gauge freedoms by name (gauge.h), and
-// then the rest. For every group of blocks that residuals tie together the
-// report says what to hold constant, and how many directions that takes away.
+// Undetermined directions are reported in a readable basis: those within one
+// block, those that touch few blocks, gauge freedoms by name (gauge.h), and
+// then the rest. For every group of blocks that residuals couple the report
+// suggests what to hold constant, and how many directions that removes.
 //
 // Cost:    each group is decomposed by itself: up to max_dense_size parameters
 //          by QR and SVD, larger ones by a sparse Cholesky decomposition and
 //          subspace iteration (smallest_singular.h).
 // Fails:   false with a message if an option is out of range, a cost function
-//          fails or is not finite (named by its residual block), memory does
-//          not suffice or a decomposition fails.
-// Limits:  a rank is that at the current values: symmetric values hide
-//          information, rounding errors invent some. Singular values below
+//          fails or is not finite (the message names its residual block),
+//          memory does not suffice or a decomposition fails.
+// Limits:  the rank is that at the current values: symmetric values may hide
+//          information, rounding errors may add some. Singular values below
 //          about 1e-9 s_max are not resolved.
 //
-// The same question by another name: ceres::Covariance with DENSE_SVD fails
-// with "rank deficient" if the smallest singular value of J itself is below
-// 1e-7 of the largest one (its min_reciprocal_condition_number of 1e-14 is the
-// square). With SPARSE_QR, the default, it sees exact deficiencies only.
+// Compared with Ceres: ceres::Covariance with DENSE_SVD fails with "rank
+// deficient" if the smallest singular value of J itself is below 1e-7 of the
+// largest one (its min_reciprocal_condition_number of 1e-14 is the square).
+// With SPARSE_QR, its default, it detects exact deficiencies only.
 #ifndef INVGRAD_RANK_RANK_REPORT_H_
 #define INVGRAD_RANK_RANK_REPORT_H_
 
@@ -48,19 +48,20 @@ struct RankReport {
   struct Options {
     double threshold = 1e-7;       // in (1e-12, 1)
     double weak_threshold = 1e-4;  // in [threshold, 1)
-    // Not many more directions than these are looked for, per group of blocks,
-    // where the group is larger than max_dense_size.
+    // About the number of directions that are searched for in a group of blocks
+    // with more than max_dense_size parameters.
     int max_directions = 100;
     int max_dense_size = 1000;
-    // r~ and J with the robust losses applied, as the solver sees them.
+    // r and J as the solver uses them, with the robust losses applied.
     bool apply_loss_function = true;
-    // The name of a block; "" or no function: "block i", by the order in which
-    // the residual blocks first name it, those held constant left out.
+    // The name of a block; "" or no function: "block i". i counts the blocks
+    // that are not constant, in the order in which the residual blocks first
+    // name them.
     std::function<std::string(const double* values)> block_name;
-    // Looked for before the built-in ones.
+    // Tried before the built-in ones.
     std::vector<Gauge> gauges;
     bool look_for_built_in_gauges = true;
-    // The problem's own, if it has one. Not owned.
+    // That of the problem, if it has one. Not owned.
     ceres::EvaluationCallback* evaluation_callback = nullptr;
 
     bool IsValid(std::string* error) const;
@@ -74,16 +75,16 @@ struct RankReport {
     int tangent_size = 0;  // its number of columns of J
     int column = 0;        // the first of them
     int group = -1;        // -1: unused
-    // Of each tangent direction: the component that it is, or -1 if it is none,
-    // as for rotations.
+    // Which component each tangent direction is; -1 if it is none, as for
+    // rotations.
     std::vector<int> components;
   };
 
   struct Part {
     int block = 0;
     double share = 0.0;  // of |v|^2; the shares of a direction sum up to 1
-    // Tangent_size: of D^-1 v, in the parameters' units, scaled so that the
-    // direction's entry of largest size is 1.
+    // The block's tangent_size entries of D^-1 v, in the parameters' units,
+    // scaled so that the direction's largest entry is 1.
     Eigen::VectorXd motion;
   };
 
@@ -130,8 +131,8 @@ struct RankReport {
   double s_max = 0.0;  // of A
   double threshold = 0.0;
   double weak_threshold = 0.0;
-  // s / s_max of A, ascending: one for each parameter if all groups are small;
-  // otherwise those that were looked for. Unused parameters have 0.
+  // s / s_max of A, ascending: one for each parameter if all groups are small,
+  // otherwise those that were searched for. Unused parameters have 0.
   Eigen::VectorXd singular_values;
   bool has_all_singular_values = false;
   // The same of J itself, if all groups are small; otherwise empty.
@@ -149,13 +150,13 @@ struct RankReport {
 
   int num_undetermined() const { return num_parameters - rank; }
 
-  // The motions of a direction's parts as one step: num_parameters.
+  // The motions of a direction's parts as one step, of size num_parameters.
   Eigen::VectorXd Step(const Direction& direction) const;
 
   // "`pose 0`[2]", or "`pose 0` tangent 1" if it is no component.
   std::string ComponentName(int block, int tangent) const;
 
-  // A page to read. Lists of blocks and directions are cut at max_items.
+  // The report as text. Lists of blocks and directions end after max_items.
   std::string ToText(int max_items = 10) const;
 };
 

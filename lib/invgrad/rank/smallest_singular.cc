@@ -5,12 +5,9 @@
 #include <random>
 #include <utility>
 
-#include "Eigen/QR"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/jacobian_operator.h"
-#include "invgrad/core/small_svd.h"
-#include "invgrad/spectral/routes/sparse_cholesky.h"
-#include "lapacke.h"
+#include "invgrad/rank/decompositions.h"
+#include "invgrad/rank/sparse_cholesky.h"
 
 namespace invgrad {
 namespace {
@@ -19,9 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using SparseMatrix = Eigen::SparseMatrix<double>;
-
-// Matrices with fewer columns are decomposed faster by one thread (blas.h).
-constexpr Index kThreads = 1000;
 
 // Entries in [-1, 1], the same on every machine.
 MatrixXd RandomMatrix(Index rows, Index cols, std::mt19937* generator) {
@@ -41,80 +35,10 @@ bool IsFinite(const SparseMatrix& A, std::string* error) {
   return false;
 }
 
-// A, or its R if A is much taller than wide: the same s and V. Rows of zeros
-// are added if A is wide, so that V is complete.
-bool Triangle(const SparseMatrix& A, MatrixXd* R, std::string* error) {
-  const Index m = A.rows();
-  const Index n = A.cols();
-  R->setZero(std::max(m, n), n);
-  R->topRows(m) = A;
-  if (m < n + n / 4) return true;
-  VectorXd tau(n);
-  if (LAPACKE_dgeqrf(LAPACK_COL_MAJOR,
-                     static_cast<lapack_int>(m),
-                     static_cast<lapack_int>(n),
-                     R->data(),
-                     static_cast<lapack_int>(m),
-                     tau.data()) != 0) {
-    *error = "LAPACK's QR decomposition failed";
-    return false;
-  }
-  const MatrixXd triangle =
-      R->topRows(n).triangularView<Eigen::Upper>().toDenseMatrix();
-  *R = triangle;
-  return true;
-}
-
-// The SVD of A, which is overwritten; VT is empty if it is not wanted.
-bool Svd(bool with_vectors,
-         MatrixXd* A,
-         VectorXd* s,
-         MatrixXd* VT,
-         std::string* error) {
-  const auto rows = static_cast<lapack_int>(A->rows());
-  const auto cols = static_cast<lapack_int>(A->cols());
-  s->resize(std::min(rows, cols));
-  if (with_vectors) VT->resize(cols, cols);
-  double unused = 0.0;
-  if (LAPACKE_dgesdd(LAPACK_COL_MAJOR,
-                     with_vectors ? 'O' : 'N',  // U overwrites A
-                     rows,
-                     cols,
-                     A->data(),
-                     rows,
-                     s->data(),
-                     &unused,
-                     with_vectors ? rows : 1,
-                     with_vectors ? VT->data() : &unused,
-                     with_vectors ? cols : 1) != 0) {
-    *error = "LAPACK's SVD did not converge";
-    return false;
-  }
-  return true;
-}
-
-MatrixXd Orthonormalized(const MatrixXd& X) {
-  const Eigen::HouseholderQR<MatrixXd> qr(X);
-  return qr.householderQ() * MatrixXd::Identity(X.rows(), X.cols());
-}
-
-// Replaces V by the right singular vectors of A on its span, s ascending.
-void RayleighRitz(const SparseMatrix& A, MatrixXd* V, VectorXd* s) {
-  const MatrixXd AV = A * *V;
-  SmallSvd svd;
-  if (AV.rows() > AV.cols()) {
-    const Eigen::HouseholderQR<MatrixXd> qr(AV);
-    svd.Compute(qr.matrixQR()
-                    .topRows(AV.cols())
-                    .triangularView<Eigen::Upper>()
-                    .toDenseMatrix());
-  } else {
-    MatrixXd padded = MatrixXd::Zero(AV.cols(), AV.cols());
-    padded.topRows(AV.rows()) = AV;
-    svd.Compute(padded);
-  }
-  *s = svd.s.reverse();
-  *V = *V * svd.V.rowwise().reverse();
+bool HasConverged(const VectorXd& s, std::string* error) {
+  if (s.allFinite()) return true;
+  *error = "LAPACK's singular value decomposition did not converge";
+  return false;
 }
 
 }  // namespace
@@ -123,36 +47,23 @@ bool DenseSmallestSingular(const SparseMatrix& A,
                            double limit,
                            SmallestSingular* result,
                            std::string* error) {
-  const Index n = A.cols();
   *result = SmallestSingular();
-  if (n == 0) return true;
-  const SingleBlasThread single_thread(n < kThreads);
-  MatrixXd R;
-  MatrixXd VT;
-  VectorXd s;
-  if (!IsFinite(A, error) || !Triangle(A, &R, error) ||
-      !Svd(true, &R, &s, &VT, error)) {
-    return false;
-  }
-  result->s = s.reverse();
-  const Index k = (s.array() <= limit).count();
-  result->V = VT.bottomRows(k).transpose().rowwise().reverse();
+  if (A.cols() == 0) return true;
+  if (!IsFinite(A, error)) return false;
+  const RightSvd svd = ComputeRightSvd(A);
+  if (!HasConverged(svd.s, error)) return false;
+  const Index k = (svd.s.array() <= limit).count();
+  result->s = svd.s.reverse();
+  result->V = svd.V.rightCols(k).rowwise().reverse();
   return true;
 }
 
 bool DenseSingularValues(const SparseMatrix& A,
                          VectorXd* s,
                          std::string* error) {
-  s->resize(0);
-  if (A.rows() == 0 || A.cols() == 0) return true;
-  const SingleBlasThread single_thread(A.cols() < kThreads);
-  MatrixXd R;
-  if (!IsFinite(A, error) || !Triangle(A, &R, error) ||
-      !Svd(false, &R, s, nullptr, error)) {
-    return false;
-  }
-  s->conservativeResize(std::min(A.rows(), A.cols()));
-  return true;
+  if (!IsFinite(A, error)) return false;
+  *s = SingularValues(A);
+  return HasConverged(*s, error);
 }
 
 bool SparseSmallestSingular(const SparseMatrix& A,
@@ -166,7 +77,7 @@ bool SparseSmallestSingular(const SparseMatrix& A,
   if (n == 0) return true;
   if (!IsFinite(A, error)) return false;
 
-  // The decomposition rounds by a few 1e-16 s_max^2 a pivot; the shift keeps
+  // The decomposition rounds each pivot by a few 1e-16 s_max^2. The shift keeps
   // the pivots of undetermined directions positive.
   const SparseJacobian rows{SparseJacobian::Matrix(A)};
   SparseCholesky cholesky;
@@ -192,13 +103,13 @@ bool SparseSmallestSingular(const SparseMatrix& A,
   for (int iteration = 1;; ++iteration) {
     cholesky.Solve(V);
     V = Orthonormalized(V);
-    RayleighRitz(A, &V, &s);
-    if (!s.allFinite()) {
-      *error = "subspace iteration is not finite";
-      return false;
-    }
+    // Rayleigh-Ritz: the right singular vectors of A on the span of V.
+    const RightSvd svd = ComputeRightSvd(A * V);
+    if (!HasConverged(svd.s, error)) return false;
+    s = svd.s.reverse();
+    V *= svd.V.rowwise().reverse();
     const Index num_small = (s.array() <= limit).count();
-    // Values that are still falling towards the limit count, too.
+    // Also those above the limit that may still fall below it.
     bool settled = last.size() == s.size();
     for (Index i = 0; settled && i < s.size() && s[i] <= 2.0 * limit; ++i) {
       settled = std::abs(s[i] - last[i]) <= 1e-3 * s[i] + 1e-9 * s_max;

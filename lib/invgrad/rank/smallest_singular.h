@@ -2,20 +2,19 @@
 //
 //   A V = U diag(s),   s <= limit
 //
-// Two ways, which agree on what both resolve:
+// Two methods, which agree where both resolve the values:
 //   dense    QR of A, then the SVD of R: all singular values, to a few
 //            roundings of the largest one.
 //   sparse   subspace iteration with (A^T A + shift I)^-1 by a sparse Cholesky
-//            decomposition. The values come from A V and not from A^T A, so
-//            that they are resolved to about 1e-9 s_max, although the
-//            decomposition alone could not tell 1e-8 s_max from zero.
+//            decomposition. The values are those of A V, not of A^T A, and
+//            resolved to about 1e-9 s_max.
 //
 // Shapes:  A: m x n;  s: ascending;  V: n x k, orthonormal columns.
 // Cost:    dense: 2 m n^2 + 22 n^3 and m n numbers. Sparse: one decomposition
 //          of A^T A with AMD's ordering, then about ten times k + 8 solutions.
-// Fails:   returns false with a message if A is not finite or the decomposition
-//          fails. An iteration that does not settle, as among a hundred close
-//          values, gives what it has and is not complete.
+// Fails:   returns false with a message if A is not finite or a decomposition
+//          fails. An iteration that does not converge, as among a hundred close
+//          values, returns what it has, and `complete` is false.
 #ifndef INVGRAD_RANK_SMALLEST_SINGULAR_H_
 #define INVGRAD_RANK_SMALLEST_SINGULAR_H_
 
@@ -27,8 +26,8 @@
 namespace invgrad {
 
 struct SmallestSingular {
-  // Ascending; dense: all n, zeros included for m < n. Sparse: those found, of
-  // which some may be above the limit and not converged.
+  // Ascending; dense: all n, zeros included for m < n. Sparse: those that were
+  // found; those above the limit may not have converged.
   Eigen::VectorXd s;
   // The vectors of those with s <= limit.
   Eigen::MatrixXd V;

@@ -23,10 +23,10 @@ constexpr double kMaxDamping = 100.0;
 
 constexpr double kMaxCurvatureChange = 4.0;
 
-// From here it takes 40 steps to the whole one.
+// It takes 40 doublings from here to the whole step.
 constexpr double kMinStepFactor = 1e-12;
 
-// Changes that are a smaller part of the cost drown in its rounding.
+// Relative changes of the cost below this are rounding.
 constexpr double kRounding = 1e-13;
 
 }  // namespace
@@ -75,21 +75,21 @@ void GainControl::Expect(double cost, const AlongDirection& model, double eta) {
 
 bool GainControl::Judge(double cost, double fraction) {
   const double eta = fraction * eta_ * model_.unit;
-  const double promised = -eta * (model_.slope + 0.5 * eta * model_.curvature);
+  const double predicted = -eta * (model_.slope + 0.5 * eta * model_.curvature);
   const double decrease = cost_ - cost;
   const double rounding = kRounding * std::abs(cost_);
   constexpr double kWorst = -std::numeric_limits<double>::infinity();
   if (!std::isfinite(cost)) {
     last_gain_ = kWorst;
     state_[3] *= kMaxCurvatureChange;
-  } else if (promised > rounding) {
-    last_gain_ = decrease / promised;
+  } else if (predicted > rounding) {
+    last_gain_ = decrease / predicted;
     MeasureCurvature(decrease, eta);
   } else {
     last_gain_ = decrease >= -rounding ? 1.0 : kWorst;
     if (last_gain_ == 1.0) {
-      // That nothing was lost says nothing about the model. But the next batch
-      // may have more to gain.
+      // This says nothing about the model, but the next batch may allow a larger
+      // step.
       GrowStep();
       return true;
     }

@@ -1,34 +1,34 @@
-// Control of a rule's steps by their gain: how much of the decrease of the
-// cost that the quadratic model promised has come.
+// Control of a rule's steps by their gain: the decrease of the cost, divided by
+// the decrease that a quadratic model predicts.
 //
 //   gain = (L(x) - L(x + step)) / (L(x) - M(step))
 //   M(step) = L(x) + g . J step + 1/2 J step . H_L J step
 //
-// A step with gain < 0 is taken back, and so is one of which nothing was
-// promised (because it goes too far already for M) if the cost has risen. What
-// the gain changes for the next step:
+// A step with gain < 0 is taken back. A step for which M predicts no decrease
+// (it is too long) is taken back if the cost has risen. For the next step the
+// gain changes:
 //
 //   exponent   kappa + 0.02 if gain > 0.85, kappa - 0.05 if gain < 0.4,
 //              within [0.3, 1]
 //   damping    relative_damping * max(1/3, 1 - (2 gain - 1)^3) if gain > 0, * 4
 //              if not, within [1e-14, 100], from 1e-6 if it is 0; `damping`
 //              stays as it is
-//   both       the two of them
-//   nothing    neither: steps are accepted or taken back
+//   both       exponent and damping
+//   nothing    neither: steps are kept or taken back
 //
-// Whatever it is, a step that is taken back halves the step size, down to 1e-12
-// of the rule's own, and one that is kept doubles it, up to that. (The next
-// step may be computed from the same point, where nothing else would change.)
+// In all cases a step that is taken back halves the step size, down to 1e-12 of
+// the rule's own, and one that is kept doubles it, up to the rule's own. (The
+// next step may be computed at the same point, where nothing else changes.)
 //
-// In training, x and L are those of the mini-batch that the step was computed
-// from: the gain tells whether the linear model holds over the step, not
-// whether the step is good for other samples. That is left to rho.
+// In training, L is the loss of the mini-batch that the step was computed from:
+// the gain measures the error of the linear model over the step, not the effect
+// of the step on other samples; rho limits that.
 //
 // If the loss does not curve upwards along J step (an infidelity, whose H_L is
-// negative), M has h |J step|^2 in place of J step . H_L J step, where h is
-// measured: the curvature that explains the cost after the last step, which may
-// change by a factor of 4 a step, from |H_L J step| / |J step| at first. With
-// it step_size=auto works for such losses too.
+// negative), M has h |J step|^2 in place of J step . H_L J step. h is the
+// curvature that explains the cost after the last step; it starts at
+// |H_L J step| / |J step| and changes at most by a factor of 4 for each step.
+// With it step_size=auto works for such losses, too.
 //
 // Cost:    one evaluation of the cost a step, and products with J and H_L.
 // Source:  the gain ratio is that of trust-region methods (Conn, Gould, Toint.
@@ -72,20 +72,19 @@ class GainControl {
   SpectralFilter filter() const;
   double step_factor() const { return state_[2]; }
 
-  // Gives the model its curvature if the loss has none.
+  // Replaces a curvature that is not positive by h |w|^2.
   void CompleteModel(AlongDirection* model);
 
-  // Before a step of size eta along the model's direction.
+  // Call before a step of size eta along the model's direction.
   void Expect(double cost, const AlongDirection& model, double eta);
 
-  // After that step, or `fraction` of it, with the cost where it led (NaN: it
-  // has no finite value). False: the step is to be taken back.
+  // Call after that step, or `fraction` of it, with the new cost (NaN: not
+  // finite). False: the step shall be taken back.
   bool Judge(double cost, double fraction);
 
   double last_gain() const { return last_gain_; }
 
-  // What the next step depends on: kappa, relative damping, step factor, h (0:
-  // not known yet).
+  // kappa, relative damping, step factor, h (0: not known yet).
   Eigen::VectorXd* mutable_state() { return &state_; }
 
  private:
@@ -97,7 +96,7 @@ class GainControl {
   const SpectralFilter filter_;
   Eigen::VectorXd state_;
 
-  // What is expected.
+  // Arguments of Expect.
   double cost_ = 0.0;
   AlongDirection model_;
   double eta_ = 0.0;

@@ -1,12 +1,42 @@
 #include "invgrad/rules/joint_rule.h"
 
-#include <sstream>
+#include <limits>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/rules/filter_options.h"
 
 namespace invgrad {
+namespace {
+
+void DescribeFilter(SpectralFilter* filter,
+                    bool kappa_is_a_setting,
+                    OptionSet* set) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (kappa_is_a_setting) {
+    set->Add("kappa",
+             &filter->kappa,
+             {-1.0, 1.0},
+             "exponent: -1 gradient, 1/2 half-inverse, 1 Gauss-Newton");
+  }
+  set->Add("truncation",
+           &filter->tau,
+           {0.0, 1.0, false, true},
+           "tau: singular values s <= tau s_max are dropped");
+  set->Add("clamp",
+           &filter->clamp,
+           "raise small singular values to tau s_max instead");
+  set->Add("damping",
+           &filter->damping,
+           {0.0, kInfinity},
+           "lambda, added to the squared singular values");
+  set->Add("relative_damping",
+           &filter->relative_damping,
+           {0.0, kInfinity},
+           "the same, in units of s_max^2");
+}
+
+}  // namespace
 
 void JointRule::Options::DescribeJoint(OptionSet* set) {
   step_size.Describe(/*allow_auto=*/true, set);
@@ -16,12 +46,6 @@ void JointRule::Options::DescribeJoint(OptionSet* set) {
 
 JointRule::JointRule(const Options& options)
     : options_(options), control_(options.control, options.filter) {}
-
-LinearizationParts JointRule::Needs() const {
-  LinearizationParts parts;
-  parts.jacobian = true;
-  return parts;
-}
 
 bool JointRule::ComputeStep(const Linearization& at_x,
                             Eigen::VectorXd* step,
@@ -36,15 +60,15 @@ bool JointRule::ComputeStep(const Linearization& at_x,
   if (!FindStepSize(at_x, &eta, error)) return false;
   *step = -eta * d_;
   if (!CheckFinite("the step", *step, error)) return false;
-  std::ostringstream report;
-  report.precision(2);
-  report << how;
-  if (options_.step_size.is_auto()) report << ", step size " << eta;
-  if (JudgesSteps()) {
-    report << ", kappa " << filter.kappa << ", damping "
-           << filter.relative_damping << " s_max^2";
+  report_ = how;
+  if (options_.step_size.is_auto()) {
+    report_ += fmt::format(", step size {:.2g}", eta);
   }
-  report_ = report.str();
+  if (JudgesSteps()) {
+    report_ += fmt::format(", kappa {:.2g}, damping {:.2g} s_max^2",
+                           filter.kappa,
+                           filter.relative_damping);
+  }
   return true;
 }
 
@@ -52,16 +76,15 @@ bool JointRule::FindStepSize(const Linearization& at_x,
                              double* eta,
                              std::string* error) {
   const StepSizeOptions& options = options_.step_size;
-  *eta = options.is_auto() ? 1.0 : options.step_size;
-  // Along a direction of zero there is nothing to minimize; it is a step of any
-  // size.
+  *eta = options.step_size.value_or(1.0);
+  // A zero direction is its own step, of any size.
   const bool is_zero = d_.isZero(0.0);
   AlongDirection model;
   if (!is_zero && (options.is_auto() || JudgesSteps())) {
     if (!ModelAlong(at_x, -d_, &model, error)) return false;
     if (JudgesSteps()) {
       control_.CompleteModel(&model);
-      // At a minimum, where only roundings of the slope are left.
+      // At a minimum the slope is rounding.
       if (model.slope >= 0.0) {
         d_.setZero();
         model = AlongDirection();
@@ -70,7 +93,7 @@ bool JointRule::FindStepSize(const Linearization& at_x,
     if (!d_.isZero(0.0) && options.is_auto() &&
         !AutoStepSize(model, options.rho, eta, error)) {
       if (!JudgesSteps() && model.curvature <= 0.0) {
-        *error += "; control=gain measures it";
+        *error += "; control=gain measures the curvature instead";
       }
       return false;
     }

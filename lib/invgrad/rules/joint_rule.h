@@ -1,10 +1,12 @@
-// What the rules have in common that see the Jacobian of network and simulator
+// The common part of the rules that use the Jacobian of network and simulator
 // together: a filter of its singular values, a step size, and control.
 //
 //   step = -eta d,   d = V phi(S) U^T g or an approximation,   J = U S V^T
+//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2)   for s > truncation s_max,
+//                                                  else 0
+//   lambda = damping + relative_damping s_max^2
 //
-// A rule that derives from this one computes d, for the filter that it is
-// given.
+// A derived rule computes d for a given filter.
 //
 // Shapes:  g: m;  J: m x n;  step, d: n.
 // Cost:    that of d; with step_size=auto or control=gain products with J and
@@ -38,7 +40,9 @@ class JointRule : public UpdateRule {
     void DescribeJoint(OptionSet* set);
   };
 
-  LinearizationParts Needs() const final;
+  LinearizationParts Needs() const final {
+    return LinearizationParts::Jacobian();
+  }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) final;
@@ -54,8 +58,8 @@ class JointRule : public UpdateRule {
 
   const Options& joint_options() const { return options_; }
 
-  // Computes d, *direction, and says in *report how. False, with *error, if it
-  // cannot be.
+  // Computes d, *direction; *report describes how. False, with *error, if that
+  // fails.
   virtual bool ComputeDirection(const Linearization& at_x,
                                 const SpectralFilter& filter,
                                 Eigen::VectorXd* direction,

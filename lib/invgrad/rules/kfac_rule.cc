@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <sstream>
 #include <vector>
 
+#include "fmt/core.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layer_jacobian.h"
@@ -29,7 +29,7 @@ struct Factor {
 
 bool Factorize(const MatrixXd& X, Factor* factor, std::string* error) {
   const Index size = X.rows();
-  // In units of the largest entry, whose square could over- or underflow.
+  // Scaled by the largest entry, whose square could over- or underflow.
   const double unit = X.cwiseAbs().maxCoeff();
   factor->root.setZero(size);
   if (unit == 0.0) {
@@ -108,8 +108,8 @@ KfacRule::KfacRule(const Options& options) : JointRule(options) {
 }
 
 std::vector<MemoryPart> KfacRule::StepMemory(const JacobianSizes& J) const {
-  // Of the largest layer: eigenvectors and dsyevd's two matrices. The layer's
-  // deltas, or its inputs, are copied once.
+  // Of the largest layer: eigenvectors, dsyevd's two matrices, and a copy of the
+  // deltas.
   double largest = 0.0;
   for (const JacobianSizes::Layer& layer : J.layers) {
     const double squares =
@@ -138,15 +138,15 @@ bool KfacRule::ComputeDirection(const Linearization& at_x,
   }
   if (layers.empty() || layers.back() == nullptr) {
     *error =
-        "K-FAC needs the Jacobian of a network's layers, and this problem has "
-        "none; half_inverse and layer_half_inverse take any Jacobian";
+        "K-FAC needs the Jacobian of a network's layers, which this problem "
+        "does not have; half_inverse and layer_half_inverse work with any "
+        "Jacobian";
     return false;
   }
   if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
   J.TransposeTimes(at_x.loss_gradient, direction);
   if (!CheckFinite("J^T g", *direction, error)) return false;
-  std::ostringstream text;
-  text << layers.size() << " layers";
+  *report = fmt::format("{} layers", layers.size());
   if (!filter.IsGradientDescent()) {
     int rank = 0;
     Index column = 0;
@@ -156,14 +156,13 @@ bool KfacRule::ComputeDirection(const Linearization& at_x,
                           direction->segment(column, layers[l]->cols()),
                           &rank,
                           error)) {
-        *error = "layer " + std::to_string(l) + ": " + *error;
+        *error = fmt::format("layer {}: {}", l, *error);
         return false;
       }
       column += layers[l]->cols();
     }
-    text << ", rank " << rank << " of " << column;
+    *report += fmt::format(", rank {} of {}", rank, column);
   }
-  *report = text.str();
   return true;
 }
 

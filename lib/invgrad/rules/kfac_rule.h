@@ -1,5 +1,5 @@
-// A half-inverse of each layer of a network, with K-FAC's approximation of
-// J_l^T J_l: two small eigenproblems a layer instead of one of the whole J.
+// A half-inverse step for each layer of a network, with K-FAC's approximation of
+// J_l^T J_l: two small eigenproblems for each layer instead of one for J.
 //
 //   J_l^T J_l = sum_s D_s (x) a_s a_s^T ~ (1 / B) D (x) A,
 //   A = sum_s a_s a_s^T = P diag(lambda) P^T,
@@ -52,8 +52,8 @@ namespace invgrad {
 class KfacRule final : public JointRule {
  public:
   struct Options : JointRule::Options {
-    // Half-inverse; values below 1e-3 s_max are clamped, not dropped, as
-    // K-FAC's damping does: docs/results/layerwise.md.
+    // Half-inverse. Values below 1e-3 s_max are clamped, as K-FAC's damping
+    // does, and not dropped: docs/results/layerwise.md.
     Options();
 
     void Describe(OptionSet* set);

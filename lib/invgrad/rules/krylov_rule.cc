@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <limits>
-#include <sstream>
+#include <optional>
+
+#include "fmt/core.h"
 
 namespace invgrad {
 
 KrylovRule::Options::Options() {
-  step_size.step_size = std::numeric_limits<double>::quiet_NaN();  // auto
+  step_size.step_size = std::nullopt;  // auto
   filter = SpectralFilter::HalfInverse(0.0);
 }
 
@@ -28,7 +30,6 @@ KrylovRule::KrylovRule(const Options& options) : JointRule(options) {
   CheckOptions(options);
   golub_kahan_options_.tolerance = options.tolerance;
   golub_kahan_options_.max_iterations = options.iterations;
-  golub_kahan_options_.always_one_basis = true;
 }
 
 std::vector<MemoryPart> KrylovRule::StepMemory(const JacobianSizes& J) const {
@@ -50,20 +51,18 @@ bool KrylovRule::ComputeDirection(const Linearization& at_x,
                       at_x.loss_gradient,
                       filter,
                       golub_kahan_options_,
-                      &workspace_,
+                      &basis_,
                       direction,
                       &summary)) {
     *error = summary.message;
     return false;
   }
-  std::ostringstream text;
-  text.precision(2);
-  text << summary.num_iterations << " iterations";
+  *report = fmt::format("{} iterations", summary.num_iterations);
   if (summary.s_max > 0.0) {
-    text << ", " << summary.rank << " values down to "
-         << summary.s_min_kept / summary.s_max << " s_max";
+    *report += fmt::format(", {} values down to {:.2g} s_max",
+                           summary.rank,
+                           summary.s_min_kept / summary.s_max);
   }
-  *report = text.str();
   return true;
 }
 

@@ -1,13 +1,13 @@
-// The power rule in a Krylov space, for batches whose J has too many rows for a
-// factorization.
+// The power rule in a Krylov space, for batches whose J is too large to be
+// factorized.
 //
 //   step = -eta V_k R_k^(-kappa) P_k^T g
 //
 // where k Golub-Kahan iterations from J^T g give J V_k = P_k R_k and
 // R_k^(-kappa) = Y S^(-kappa) X^T from the SVD R_k = X S Y^T (golub_kahan.h).
-// k = 1 is gradient descent with a scaled step, k = rank J the power rule;
-// between the two, modes that have not been resolved are treated like one
-// another, by their mean curvature. k takes the place of a truncation.
+// k = 1 is gradient descent with a scaled step, k = rank J the power rule. In
+// between, modes that are not resolved are all scaled by their mean curvature.
+// k acts as a truncation.
 //
 // Shapes:  g: m;  J: m x n;  step: n;  P_k: m x k;  V_k: n x k;  R_k: k x k.
 // Units:   those of the power rule: (g, J) -> c (g, J) multiplies the step by
@@ -16,10 +16,10 @@
 //          O(k^3); min(m, n) k doubles. Neither J nor its Gram matrix is
 //          formed.
 // Fails:   as golub_kahan.h, and if there is no automatic step size. A step
-//          that has not converged to the power rule's is no failure.
+//          that has not converged to the power rule's is not a failure.
 //
-// With a truncation the iteration ends when the step is that of the truncated
-// power rule to `tolerance`, or after `iterations`.
+// With a truncation the iteration ends when the step agrees with that of the
+// truncated power rule to `tolerance`, or after `iterations`.
 //
 // kappa = 1 is Gauss-Newton with the k-th iterate of LSQR [1].
 //
@@ -34,7 +34,7 @@
 #include "Eigen/Core"
 #include "invgrad/core/option_set.h"
 #include "invgrad/rules/joint_rule.h"
-#include "invgrad/spectral/routes/golub_kahan.h"
+#include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_filter.h"
 
 namespace invgrad {
@@ -62,7 +62,7 @@ class KrylovRule final : public JointRule {
                         std::string* error) override;
 
   GolubKahanOptions golub_kahan_options_;
-  GolubKahanWorkspace workspace_;
+  Eigen::MatrixXd basis_;
 };
 
 }  // namespace invgrad

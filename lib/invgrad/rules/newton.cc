@@ -4,9 +4,9 @@
 
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <vector>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/finite.h"
 
@@ -17,9 +17,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Powers of two d with which every row and column of diag(d) H diag(d) has a
-// largest entry near one, so that a well-posed H in unlike units does not look
-// singular. Zero rows keep d = 1.
+// Powers of two d such that every row and column of diag(d) H diag(d) has a
+// largest entry near one: a well-posed H in different units would look singular
+// otherwise. Zero rows keep d = 1.
 //
 // [1] Ruiz. A scaling algorithm to equilibrate both rows and columns norms in
 //     matrices. RAL-TR-2001-034, 2001. Each pass halves the exponents that are
@@ -55,18 +55,8 @@ Newton::Newton(const Options& options) : options_(options) {
 }
 
 LinearizationParts Newton::Needs() const {
-  LinearizationParts parts;
-  parts.gradient = true;
+  LinearizationParts parts = LinearizationParts::Gradient();
   parts.hessian = true;
-  return parts;
-}
-
-std::vector<MemoryPart> Newton::StepMemory(const JacobianSizes& J) const {
-  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-  // The scaled H and its factor; the eigenvectors and dsyevd's two matrices.
-  const double num_matrices = options_.saddle_free ? 3.0 : 2.0;
-  parts.push_back({"factorization of the Hessian",
-                   num_matrices * sizeof(double) * J.cols * J.cols});
   return parts;
 }
 
@@ -118,16 +108,15 @@ bool Newton::NewtonStep(const Linearization& at_x,
     return false;
   }
   const double schedule = options_.step_size.ScheduleFactor(at_x.progress);
-  std::ostringstream report;
   if (info == 0) {
-    *step =
-        -options_.step_size.step_size * schedule * scale.cwiseProduct(solution);
-    report << "Newton step, reciprocal condition " << reciprocal_condition;
+    *step = -*options_.step_size.step_size * schedule *
+            scale.cwiseProduct(solution);
+    report_ = fmt::format("Newton step, reciprocal condition {:.6g}",
+                          reciprocal_condition);
   } else {
     *step = -options_.fallback_step_size * schedule * at_x.gradient;
-    report << "Hessian singular: gradient-descent step";
+    report_ = "Hessian singular: gradient-descent step";
   }
-  report_ = report.str();
   return true;
 }
 
@@ -152,15 +141,13 @@ bool Newton::SaddleFreeStep(const Linearization& at_x,
       components[i] *= options_.fallback_step_size;
       ++num_flat;
     } else {
-      components[i] *= options_.step_size.step_size / std::abs(lambda[i]);
+      components[i] *= *options_.step_size.step_size / std::abs(lambda[i]);
       if (lambda[i] < 0.0) ++num_negative;
     }
   }
   *step = -options_.step_size.ScheduleFactor(at_x.progress) * (V * components);
-  std::ostringstream report;
-  report << num_negative << " negative and " << num_flat << " flat of " << n
-         << " curvatures";
-  report_ = report.str();
+  report_ = fmt::format(
+      "{} negative and {} flat of {} curvatures", num_negative, num_flat, n);
   return true;
 }
 

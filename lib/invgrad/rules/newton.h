@@ -10,15 +10,13 @@
 // Fails:   returns false if the gradient, H or the step is not finite, or if
 //          the eigen-decomposition does not converge.
 //
-// Newton's method is drawn to any stationary point, saddles and maxima
-// included. Where H, with rows and columns brought to the same size, is not
-// invertible to working precision (reciprocal condition below epsilon, by
-// LAPACK's dsysvx), the step is gradient descent's, -fallback_step_size
-// gradient, and LastStepReport() says so.
+// Newton's method converges to any stationary point, also to saddles and
+// maxima. If the equilibrated H is not invertible to working precision
+// (reciprocal condition below epsilon, by LAPACK's dsysvx), the step is
+// -fallback_step_size gradient, and LastStepReport() says so.
 //
-// Saddle-free: curvatures |lambda| <= n epsilon |lambda|_max cannot be told
-// from zero. In these directions, and only in these, the step is gradient
-// descent's with fallback_step_size. For H = 0 that is all of it.
+// Saddle-free: curvatures |lambda| <= n epsilon |lambda|_max count as zero. In
+// these directions the step is -fallback_step_size gradient.
 //
 // [1] Holl, Koltun, Thuerey. Scale-invariant Learning by Physics Inversion.
 //     NeurIPS 2022. arXiv 2109.15048.
@@ -28,7 +26,6 @@
 #define INVGRAD_RULES_NEWTON_H_
 
 #include <string>
-#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/core/option_set.h"
@@ -53,7 +50,6 @@ class Newton final : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) override;
-  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
   std::string LastStepReport() const override { return report_; }
 
  private:

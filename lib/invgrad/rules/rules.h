@@ -1,41 +1,115 @@
-// The table of update rules: name -> one line -> factory.
+// The table of update rules, and rules by their names.
 //
-// A new rule is one pair of files and one row in rules.cc; the flags, the
-// listing, the conformance tests and docs/rules.md are made from the table.
+//   std::unique_ptr<UpdateRule> rule =
+//       MakeRule("half_inverse:step_size=auto:rho=1");
+//
+// An own rule is a class with Needs and ComputeStep (update_rule.h) and one
+// call, after which every use of the table knows the name:
+//
+//   RegisterRule<Mine>("mine", "step = -eta sign(gradient)");
+//
+// Its settings, if it has any, are the fields of a nested struct Options with a
+// method Describe (option_set.h), which the constructor takes.
 #ifndef INVGRAD_RULES_RULES_H_
 #define INVGRAD_RULES_RULES_H_
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <string>
-#include <utility>
+#include <type_traits>
 #include <vector>
 
 #include "invgrad/core/option_set.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/core/update_rule.h"
 
 namespace invgrad {
 
-using Settings = std::vector<std::pair<std::string, std::string>>;
+// The rule that a text such as "adam:step_size=1e-3" describes. CHECKs that
+// there is one; the message names the nearest rules, or what is allowed.
+std::unique_ptr<UpdateRule> MakeRule(const std::string& text);
+
+// The same, or null with *error. For text from a user of the program.
+std::unique_ptr<UpdateRule> MakeRule(const std::string& text,
+                                     std::string* error);
+std::unique_ptr<UpdateRule> MakeRule(const Specification& specification,
+                                     std::string* error);
 
 struct RuleRow {
   std::string name;     // "half_inverse"
   std::string formula;  // "step = -eta V S^(-1/2) U^T g, s > tau s_max"
   std::function<std::vector<OptionSet::Row>()> options;
-  // Null, with *error set, if a setting is unknown or out of range.
+  // Null, with *error, if a setting is unknown or out of range.
   std::function<std::unique_ptr<UpdateRule>(const Settings& settings,
                                             std::string* error)>
       create;
 };
 
-const std::vector<RuleRow>& Rules();
+// All rows, the registered ones last. RegisterRule invalidates iterators.
+const std::deque<RuleRow>& Rules();
 
-// The row of that name or null.
+// The row of that name or null. The row is valid until the program ends.
 const RuleRow* FindRule(const std::string& name);
 
-// The rule that `specification` describes, or null with *error set.
-std::unique_ptr<UpdateRule> CreateRule(const Specification& specification,
-                                       std::string* error);
+// Adds a row. Call it before other threads use the table, for example at the
+// beginning of main. CHECKs that the name is new, and not empty, and has none of
+// the characters ":=,/+>" and space, which have a meaning in specifications.
+void RegisterRule(RuleRow row);
+
+// The options of a rule that has none.
+struct NoOptions {
+  void Describe(OptionSet*) {}
+};
+
+template <typename Rule, typename = void>
+struct RuleOptions {
+  using Type = NoOptions;
+};
+template <typename Rule>
+struct RuleOptions<Rule, std::void_t<typename Rule::Options>> {
+  using Type = typename Rule::Options;
+};
+
+// A row whose settings have the defaults `defaults`.
+template <typename Rule, typename Options = typename RuleOptions<Rule>::Type>
+RuleRow MakeRuleRow(const std::string& name,
+                    const std::string& formula,
+                    const Options& defaults = Options()) {
+  RuleRow row;
+  row.name = name;
+  row.formula = formula;
+  row.options = [defaults]() {
+    Options options = defaults;
+    OptionSet set;
+    options.Describe(&set);
+    return set.rows();
+  };
+  row.create = [name, defaults](
+                   const Settings& settings,
+                   std::string* error) -> std::unique_ptr<UpdateRule> {
+    Options options = defaults;
+    OptionSet set;
+    options.Describe(&set);
+    if (!set.SetAll(settings, error)) {
+      *error = name + ": " + *error;
+      return nullptr;
+    }
+    if constexpr (std::is_same_v<Options, NoOptions>) {
+      return std::make_unique<Rule>();
+    } else {
+      return std::make_unique<Rule>(options);
+    }
+  };
+  return row;
+}
+
+template <typename Rule, typename Options = typename RuleOptions<Rule>::Type>
+void RegisterRule(const std::string& name,
+                  const std::string& formula,
+                  const Options& defaults = Options()) {
+  RegisterRule(MakeRuleRow<Rule>(name, formula, defaults));
+}
 
 }  // namespace invgrad
 

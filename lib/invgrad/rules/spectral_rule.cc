@@ -4,22 +4,15 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <sstream>
+#include <optional>
 #include <vector>
+
+#include "fmt/core.h"
 
 namespace invgrad {
 namespace {
 
-// Those that compute any filter.
-constexpr SpectralRoute kRoutes[] = {SpectralRoute::kAuto,
-                                     SpectralRoute::kSvd,
-                                     SpectralRoute::kGram,
-                                     SpectralRoute::kParameterGram,
-                                     SpectralRoute::kCascade,
-                                     SpectralRoute::kGolubKahan,
-                                     SpectralRoute::kCholesky};
-
-// What the steps of all blocks were like.
+// What the steps of all blocks report.
 struct Totals {
   std::map<SpectralRoute, int> num_blocks;
   int rank = 0;
@@ -39,18 +32,19 @@ struct Totals {
 
   // "route gram, rank 97 of 128", "route gram 3, svd 1, rank 211 of 300".
   std::string Report() const {
-    std::ostringstream report;
     const bool single =
         num_blocks.size() == 1 && num_blocks.begin()->second == 1;
-    const char* separator = "route ";
+    std::string report;
     for (const auto& [route, count] : num_blocks) {
-      report << separator << SpectralRouteName(route);
-      if (!single) report << " " << count;
-      separator = ", ";
+      report += report.empty() ? "route " : ", ";
+      report += SpectralRouteName(route);
+      if (!single) report += fmt::format(" {}", count);
     }
-    if (max_rank > 0) report << ", rank " << rank << " of " << max_rank;
-    if (num_undecided > 0) report << ", " << num_undecided << " undecided";
-    return report.str();
+    if (max_rank > 0) report += fmt::format(", rank {} of {}", rank, max_rank);
+    if (num_undecided > 0) {
+      report += fmt::format(", {} undecided", num_undecided);
+    }
+    return report;
   }
 };
 
@@ -79,7 +73,7 @@ SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
 
 SpectralRule::Options SpectralRule::Options::AdaptivePower() {
   Options options;
-  options.step_size.step_size = std::numeric_limits<double>::quiet_NaN();
+  options.step_size.step_size = std::nullopt;  // auto
   options.control.control = "gain";
   return options;
 }
@@ -96,18 +90,18 @@ void SpectralRule::Options::Describe(OptionSet* set) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   DescribeJoint(set);
   std::vector<std::string> names;
-  for (const SpectralRoute candidate : kRoutes) {
+  for (const SpectralRoute candidate : GeneralSpectralRoutes()) {
     names.emplace_back(SpectralRouteName(candidate));
   }
   set->Add("route", &route, names, "how the step is computed");
   set->Add("tolerance",
            &tolerance,
            {0.0, kInfinity, true},
-           "relative error up to which route=auto keeps an answer");
+           "largest estimated relative error of a step by the Gram matrix");
   set->Add("threshold_tolerance",
            &threshold_tolerance,
            {0.0, kInfinity},
-           "relative error of the truncation up to which it does");
+           "largest relative error of its truncation");
 }
 
 SpectralRule::SpectralRule(const Options& options)
@@ -115,7 +109,7 @@ SpectralRule::SpectralRule(const Options& options)
   CheckOptions(options);
   spectral_options_.tolerance = options.tolerance;
   spectral_options_.threshold_tolerance = options.threshold_tolerance;
-  for (const SpectralRoute candidate : kRoutes) {
+  for (const SpectralRoute candidate : GeneralSpectralRoutes()) {
     if (options.route == SpectralRouteName(candidate)) {
       spectral_options_.route = candidate;
     }
@@ -133,12 +127,11 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
     SpectralRoute route = spectral_options_.route;
     std::string name = "route ";
     if (route == SpectralRoute::kAuto) {
-      // SpectralStep asks again before it takes a dearer one.
+      // SpectralStep checks the memory again before it takes a larger route.
       name = "at least route ";
       route = joint_options().filter.IsGradientDescent()
                   ? SpectralRoute::kGradient
-              : rows <= cols ? SpectralRoute::kGram
-                             : SpectralRoute::kParameterGram;
+                  : SpectralRoute::kGram;
     }
     return {name + SpectralRouteName(route),
             SpectralStepBytes(route,
@@ -147,7 +140,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   };
   MemoryPart step;
   if (layerwise_ && !J.layers.empty()) {
-    // The layers, one after the other, share the memory of the largest.
+    // The layers are computed one after the other, in the same memory.
     for (const JacobianSizes::Layer& layer : J.layers) {
       const MemoryPart part = of_step(J.rows, layer.fan_in * layer.fan_out);
       if (part.bytes > step.bytes) step = part;
@@ -157,10 +150,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   }
   std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
   parts.push_back(step);
-  if (spectral_options_.route != SpectralRoute::kGolubKahan &&
-      spectral_options_.route != SpectralRoute::kCholesky) {
-    parts.push_back({"factors of J", J.factor_bytes});
-  }
+  parts.push_back({"factors of J", J.factor_bytes});
   return parts;
 }
 
@@ -201,7 +191,7 @@ bool SpectralRule::ComputeDirection(const Linearization& at_x,
                       &summary)) {
       *error = summary.message;
       if (blocks.size() > 1) {
-        *error = "columns from " + std::to_string(column) + ": " + *error;
+        *error = fmt::format("columns from {}: {}", column, *error);
       }
       return false;
     }

@@ -1,5 +1,5 @@
-// A spectral filter of J, applied to the loss gradient: of all of J (the joint
-// rules), or of the columns of one layer at a time.
+// A spectral filter of J, applied to the loss gradient: for all of J, or for the
+// columns of one layer at a time.
 //
 //   step = -eta V phi(S) U^T g,             J = U S V^T,   g = dL/dy
 //   step_l = -eta V_l phi(S_l) U_l^T g,     J_l = U_l S_l V_l^T    (layerwise)
@@ -12,30 +12,28 @@
 //   layer_half_inverse    layerwise: s^-kappa for s > truncation s_max of J_l,
 //                         else 0; kappa is 1/2 by default
 //   adaptive_power        s^-kappa for s > truncation s_max, else 0; kappa
-//                         starts from 1/2 and follows the gain
-//                         (gain_control.h), and the step size is automatic: no
-//                         setting is needed
+//                         starts at 1/2 and follows the gain (gain_control.h),
+//                         and the step size is automatic: no setting is needed
 //
-// These are the rows' defaults. Each takes truncation and damping, of the
-// filter s (s^2 + lambda)^(-(1 + kappa) / 2) (spectral_filter.h), and with
-// control=gain kappa, lambda or both follow the gain, from the row's own on.
+// These are the rows' defaults. Each has truncation and damping, of the filter
+// s (s^2 + lambda)^(-(1 + kappa) / 2) (spectral_filter.h). With control=gain
+// kappa, lambda or both follow the gain, starting from the row's own values.
 //
-// The J_l are the ColumnBlocks of J: a network's layers, the parameter blocks
-// of a ceres::Problem that are not constant. What couples them is dropped, so
-// that each layer steps as if the others stood still: where L layers can all
-// correct the outputs, the full steps (kappa = 1) overshoot L times. Where J
-// has no ColumnBlocks, J is the only one.
+// The J_l are the ColumnBlocks of J: a network's layers, or the parameter
+// blocks of a ceres::Problem that are not constant. The coupling between them
+// is neglected: if L layers can all correct the outputs, their full steps
+// (kappa = 1) overshoot L times. If J has no ColumnBlocks, it is the only one.
 //
 // Shapes:  g: m;  J: m x n;  step: n.
 // Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
 //          half-inverse step depends on the units of y, on a factor 1/2 in the
 //          loss, and on sum or mean over a batch. g is used as it is given.
 //          damping has the units of s^2.
-// Cost:    one spectral step, see spectral_step.h; auto two products more.
-//          Layerwise: one for each layer, of size min(m, n_l). That is cheaper
-//          than the joint one if most layers have n_l < m (large batches):
-//          n_l^3 each where the joint step takes min(m, n)^3. Where n_l >= m it
-//          is L times the work.
+// Cost:    one spectral step, see spectral_step.h; step_size=auto two products
+//          more. Layerwise: one step for each layer, of size min(m, n_l). That
+//          is cheaper than the joint step if most layers have n_l < m (large
+//          batches): n_l^3 each in place of min(m, n)^3. For n_l >= m it is L
+//          times the work.
 // Fails:   returns false if g, J or the step is not finite, if a factorization
 //          does not converge, or if there is no automatic step size.
 //
@@ -52,14 +50,13 @@
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/spectral/spectral_filter.h"
 #include "invgrad/spectral/spectral_step.h"
-#include "invgrad/spectral/spectral_workspace.h"
 
 namespace invgrad {
 
 class SpectralRule final : public JointRule {
  public:
   struct Options : JointRule::Options {
-    // Each with the settings of its row.
+    // The settings of the rows.
     static Options Power();
     static Options HalfInverse();
     static Options GaussNewton();
@@ -69,12 +66,12 @@ class SpectralRule final : public JointRule {
 
     bool layerwise = false;
     std::string route = "auto";
-    // Of an estimate that is 20 and more times too high on the problems'
-    // Jacobians (docs/results/accuracy.md). Training cannot tell: see
-    // docs/results/speed.md.
+    // Bound of an error estimate that is at least 20 times the error on the
+    // problems' Jacobians (docs/results/accuracy.md). Training does not depend
+    // on it: see docs/results/speed.md.
     double tolerance = 1e-2;
-    // A value that is within a quarter of the threshold may be on either side
-    // of it: nobody chooses tau more sharply than that.
+    // A value within a quarter of the threshold may fall on either side of it;
+    // tau is rarely known more precisely.
     double threshold_tolerance = 0.25;
 
     void Describe(OptionSet* set);
@@ -82,7 +79,7 @@ class SpectralRule final : public JointRule {
 
   explicit SpectralRule(const Options& options);
 
-  // And the routes' histories, which choose the next step's routes.
+  // Includes the routes' histories, which choose the next step's routes.
   std::vector<Eigen::VectorXd*> MutableState() override;
   std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override;
 
@@ -96,7 +93,7 @@ class SpectralRule final : public JointRule {
   const bool layerwise_;
   SpectralStepOptions spectral_options_;
   SpectralWorkspace workspace_;
-  Eigen::VectorXd histories_;  // one a block, zero before its first step
+  Eigen::VectorXd histories_;  // of all blocks, zero before the first step
   Eigen::VectorXd d_;          // of a block
 };
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/finite.h"
 
@@ -13,13 +13,14 @@ namespace invgrad {
 void StepSizeOptions::Describe(bool allow_auto, OptionSet* set) {
   const Range positive{0.0, std::numeric_limits<double>::infinity(), true};
   if (allow_auto) {
-    set->AddNumberOrAuto("step_size",
-                         &step_size,
-                         positive,
-                         "eta; auto: rho times the minimizer of the linear "
-                         "model along the direction");
+    set->Add("step_size",
+             &step_size,
+             positive,
+             "eta; auto: rho times the minimizer of the linear model along the "
+             "direction");
   } else {
-    set->Add("step_size", &step_size, positive, "eta");
+    CHECK(!is_auto()) << "This rule has no automatic step size.";
+    set->Add("step_size", &*step_size, positive, "eta");
   }
   set->Add("schedule",
            &schedule,
@@ -50,7 +51,7 @@ double StepSizeOptions::ScheduleFactor(double progress) const {
 
 double StepSizeOptions::Scheduled(double progress) const {
   CHECK(!is_auto()) << "An automatic step size depends on the direction.";
-  return step_size * ScheduleFactor(progress);
+  return *step_size * ScheduleFactor(progress);
 }
 
 bool ModelAlong(const Linearization& at_x,
@@ -84,22 +85,26 @@ bool AutoStepSize(const AlongDirection& model,
                   double* step_size,
                   std::string* error) {
   const double eta = -rho * model.slope / model.curvature / model.unit;
-  std::ostringstream message;
-  message << "step_size=auto: ";
+  const double slope = model.slope * model.unit;
+  const double curvature = model.curvature * model.unit * model.unit;
   // Written so that NaN fails.
   if (!(model.slope < 0.0)) {
-    message << "not a descent direction, slope " << model.slope * model.unit;
+    *error = fmt::format(
+        "step_size=auto: not a descent direction, slope {:.6g}", slope);
   } else if (!(model.curvature > 0.0)) {
-    message << "the loss does not curve upwards along the direction, curvature "
-            << model.curvature * model.unit * model.unit;
+    *error = fmt::format(
+        "step_size=auto: the loss does not curve upwards along the direction, "
+        "curvature {:.6g}",
+        curvature);
   } else if (!std::isfinite(eta)) {
-    message << "not finite: slope " << model.slope * model.unit
-            << ", curvature " << model.curvature * model.unit * model.unit;
+    *error = fmt::format(
+        "step_size=auto: not finite: slope {:.6g}, curvature {:.6g}",
+        slope,
+        curvature);
   } else {
     *step_size = eta;
     return true;
   }
-  *error = message.str();
   return false;
 }
 

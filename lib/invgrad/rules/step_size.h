@@ -20,6 +20,7 @@
 #ifndef INVGRAD_RULES_STEP_SIZE_H_
 #define INVGRAD_RULES_STEP_SIZE_H_
 
+#include <optional>
 #include <string>
 
 #include "Eigen/Core"
@@ -29,16 +30,16 @@
 namespace invgrad {
 
 struct StepSizeOptions {
-  double step_size = 1.0;  // eta > 0; NaN: auto
+  std::optional<double> step_size = 1.0;  // eta > 0; no value: auto
   std::string schedule = "constant";
   double final_fraction = 0.01;  // f in (0, 1]
   double rho = 0.3;              // in (0, 2), for auto
 
-  // Adds step_size, schedule and final_fraction; with `allow_auto`, which needs
-  // a Jacobian, step_size may be "auto" and rho is added.
+  // Adds step_size, schedule and final_fraction; with `allow_auto`, for rules
+  // that have a Jacobian, step_size can be "auto" and rho is added.
   void Describe(bool allow_auto, OptionSet* set);
 
-  bool is_auto() const { return step_size != step_size; }
+  bool is_auto() const { return !step_size.has_value(); }
 
   // s(progress).
   double ScheduleFactor(double progress) const;
@@ -47,8 +48,8 @@ struct StepSizeOptions {
   double Scheduled(double progress) const;
 };
 
-// The quadratic model of the loss along a direction d, with w = J d / unit,
-// whose largest entry is one, so that no square over- or underflows:
+// The quadratic model of the loss along a direction d. The largest entry of
+// w = J d / unit is one, so that no square over- or underflows.
 //
 //   L(eta d) ~ L + eta unit slope + (eta unit)^2 / 2 curvature
 struct AlongDirection {

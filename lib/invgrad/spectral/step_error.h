@@ -10,8 +10,8 @@
 //   sum_j f[lambda_i, lambda_j] E_ij s_j c_j              J^T J
 //
 // with c = U^T g, lambda = s^2, f = phi(s) / s and divided differences
-// h[x, y] = (h(x) - h(y)) / (x - y). Estimated is the norm of this change, with
-// the signs of E random, relative to that of the step.
+// h[x, y] = (h(x) - h(y)) / (x - y). The estimate is the norm of this change,
+// with the signs of E random, relative to that of the step.
 //
 // Shapes:  s, c: min(m, n).
 // Cost:    O(min(m, n)^2).

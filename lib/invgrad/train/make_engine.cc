@@ -33,7 +33,7 @@ bool CheckPullBack(const PullBackMethod& pull_back,
   } else if (pull_back.needs_solutions() && train.solutions.rows() == 0) {
     *error = "the training data have no solutions x* to learn from";
   } else {
-    return true;
+    return pull_back.CanPullBack(model.simulator(), error);
   }
   return false;
 }
@@ -59,6 +59,9 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainingData& data,
     const TrainOptions& options,
     std::string* error) {
+  if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
+    return nullptr;
+  }
   batch_size = CheckBatchSize(batch_size, data.train.num_samples(), error);
   if (batch_size < 0 || !TrainingFits(model,
                                       data,
@@ -92,6 +95,7 @@ std::unique_ptr<Engine> MakeCeresEngine(const Phase& phase,
     return nullptr;
   }
   if (phase.rule != nullptr) {
+    if (!model.CanLinearize(phase.MakeRule()->Needs(), error)) return nullptr;
     Eigen::VectorXd any_weights = weights;
     ceres::Problem problem;
     AddModelToProblem(&model, &data.train, &any_weights, &problem);
@@ -125,9 +129,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
           pull_back.MakeLoss(model.shared_loss()), model.reduction()));
     } else {
       objective = std::make_unique<ChainPullBack>(
-          &model,
-          pull_back.FirstInverse(model.shared_simulator(), options.inverse),
-          pull_back.ChainOptions());
+          &model, options.inverse, pull_back.ChainOptions());
     }
   }
   const int batch_size =

@@ -17,15 +17,13 @@ using simd::Pack;
 constexpr int b = BulgeChase::kBandwidth;
 static_assert(b % kPack == 0);
 
-// Column j of the band lies at Column(j), its diagonal first: b rows of the
-// band and b - 1 of the bulge follow. The difference of two columns' addresses
-// is kStride for the same row, so that squares are ordinary matrices.
-// Triangles are read and written in whole packs, with places above the diagonal
-// unchanged.
-constexpr Index kStride = 2 * b + kPack;
+// Column j of the band lies at j (kStride + 1), its diagonal first: b rows of
+// the band and b - 1 of the bulge follow. The difference of two columns'
+// addresses is kStride for the same row, so that squares are ordinary matrices.
+constexpr Index kStride = 2 * b;
 
 // The band is continued by zeros after row m - 1, and all squares are whole.
-Index BandSize(int m) { return (m + 2 * b) * (kStride + 1) + kPack; }
+Index BandSize(int m) { return (m + 2 * b) * (kStride + 1); }
 
 // How many reflectors sweep s needs: those that start above row m - 1.
 int NumReflectors(int m, int s) { return s + 3 > m ? 0 : (m - 3 - s) / b + 1; }
@@ -36,57 +34,32 @@ Index TotalReflectors(int m) {
   return total;
 }
 
-// Packs start at multiples of kPack, so that none lies on two cache lines.
-// Squares start anywhere: the vectors of a square that starts at row r have
-// kPack more places, with zeros before place r % kPack and after the vector.
-constexpr int kPadded = b + kPack;
-
-// The packs of a column of the triangle A, of which the last one also holds
-// rows of the square C below A, and those of A and C together.
-constexpr int kTriangleEnd = kPadded;
-constexpr int kSquareEnd = 2 * b + kPack;
-
-// 1 in the lanes from `lane` on, 0 in those before it; -4 <= lane <= 8.
+// 1 in the lanes from `lane` on, 0 in those before it: for packs of a column
+// that the diagonal crosses. What is above the diagonal belongs to the end of
+// an earlier column and stays unchanged.
 INVGRAD_INLINE inline const double* From(int lane) {
-  static constexpr double kStep[] = {
-      0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
-  return kStep + 8 - lane;
+  static constexpr double kStep[2 * kPack] = {0, 0, 0, 0, 1, 1, 1, 1};
+  return kStep + kPack - lane;
 }
 
-// Four neighbouring columns of the matrix.
-struct Quad {
-  INVGRAD_INLINE Quad(double* A, int shift, int j) {
-    for (int k = 0; k < kPack; ++k) a[k] = A + (shift + j + k) * kStride;
+// The columns j, ..., j + kPack - 1.
+struct Columns {
+  INVGRAD_INLINE Columns(double* A, int j) {
+    for (int k = 0; k < kPack; ++k) a[k] = A + (j + k) * kStride;
   }
   double* a[kPack];
 };
 
-// w + p = A v for the lower triangle of the symmetric A, and w = C v. p is the
-// part from above the diagonal: numbers that are written one by one and read as
-// packs at once would have to wait for each other. Places of w that belong to
-// neither A nor C are undefined.
-INVGRAD_INLINE inline void Multiply(
-    double* A, int shift, const double* v, double* w, double* p) {
-  for (int i = 0; i < kSquareEnd; i += kPack) At(w + i).v = Pack{};
-  for (int i = 0; i < kPadded; i += kPack) At(p + i).v = Pack{};
+// w = [A; C] v for the b x b symmetric A, of which the lower triangle is read,
+// and C below it.
+INVGRAD_INLINE inline void Multiply(double* A, const double* v, double* w) {
+  for (int i = 0; i < 2 * b; i += kPack) At(w + i).v = Pack{};
   for (int j = 0; j < b; j += kPack) {
-    const Quad column(A, shift, j);
-    Pack sum[kPack] = {};
+    const Columns column(A, j);
     Pack v_j[kPack];
-    for (int k = 0; k < kPack; ++k) v_j[k] = Pack{} + v[shift + j + k];
-    // The two packs that the diagonal crosses.
-    for (int i = j; i < j + 2 * kPack; i += kPack) {
-      const Pack v_i = At(v + i).v;
-      Pack w_i = At(w + i).v;
-      for (int k = 0; k < kPack; ++k) {
-        const Pack a = At(column.a[k] + i).v;
-        const int diagonal = shift + j + k - i;
-        w_i += a * (At(From(diagonal)).v * v_j[k]);
-        sum[k] += a * (At(From(diagonal + 1)).v * v_i);
-      }
-      At(w + i).v = w_i;
-    }
-    for (int i = j + 2 * kPack; i < kTriangleEnd; i += kPack) {
+    Pack sum[kPack] = {};
+    for (int k = 0; k < kPack; ++k) v_j[k] = Pack{} + v[j + k];
+    for (int i = j + kPack; i < b; i += kPack) {
       const Pack v_i = At(v + i).v;
       Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
@@ -96,28 +69,33 @@ INVGRAD_INLINE inline void Multiply(
       }
       At(w + i).v = w_i;
     }
-    for (int i = kTriangleEnd; i < kSquareEnd; i += kPack) {
+    for (int i = b; i < 2 * b; i += kPack) {
       Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) w_i += At(column.a[k] + i).v * v_j[k];
       At(w + i).v = w_i;
     }
-    for (int k = 0; k < kPack; ++k) p[shift + j + k] = simd::Sum(sum[k]);
+    // The square on the diagonal.
+    const Pack v_i = At(v + j).v;
+    Pack w_i = At(w + j).v;
+    for (int k = 0; k < kPack; ++k) {
+      const Pack a = At(column.a[k] + j).v;
+      w_i += a * (At(From(k)).v * v_j[k]);
+      sum[k] += a * (At(From(k + 1)).v * v_i);
+    }
+    for (int k = 0; k < kPack; ++k) w_i[k] += simd::Sum(sum[k]);
+    At(w + j).v = w_i;
   }
 }
 
 // A -= v w^T + w v^T, the lower triangle, and C = H (C - w v^T) with
-// H = I - tau u u^T. The places of u are those of C.
-INVGRAD_INLINE inline void Update(double* A,
-                                  int shift,
-                                  const double* v,
-                                  const double* w,
-                                  const double* u,
-                                  double tau) {
-  const double u_w = simd::Dot(kPadded, u, w + b);
+// H = I - tau u u^T and the last b entries of w.
+INVGRAD_INLINE inline void Update(
+    double* A, const double* v, const double* w, const double* u, double tau) {
+  const double u_w = simd::Dot(b, u, w + b);
   for (int j = 0; j < b; j += kPack) {
-    const Quad column(A, shift, j);
+    const Columns column(A, j);
     Pack sum[kPack] = {};
-    for (int i = b; i < kSquareEnd; i += kPack) {
+    for (int i = b; i < 2 * b; i += kPack) {
       const Pack u_i = At(u + i - b).v;
       for (int k = 0; k < kPack; ++k) sum[k] += At(column.a[k] + i).v * u_i;
     }
@@ -125,25 +103,15 @@ INVGRAD_INLINE inline void Update(double* A,
     Pack w_j[kPack];
     Pack z_j[kPack];
     for (int k = 0; k < kPack; ++k) {
-      const int row = shift + j + k;
-      v_j[k] = Pack{} + v[row];
-      w_j[k] = Pack{} + w[row];
-      z_j[k] = Pack{} + tau * (simd::Sum(sum[k]) - u_w * v[row]);
+      v_j[k] = Pack{} + v[j + k];
+      w_j[k] = Pack{} + w[j + k];
+      z_j[k] = Pack{} + tau * (simd::Sum(sum[k]) - u_w * v[j + k]);
+      // The square on the diagonal.
+      simd::Slot& a = At(column.a[k] + j);
+      const Pack mask = At(From(k)).v;
+      a.v = a.v - At(v + j).v * (mask * w_j[k]) - At(w + j).v * (mask * v_j[k]);
     }
-    // The pack with rows of both A and C: here the latter.
-    for (int k = 0; k < kPack; ++k) {
-      At(column.a[k] + b).v -= At(u).v * z_j[k];
-    }
-    for (int i = j; i < j + 2 * kPack; i += kPack) {
-      const Pack v_i = At(v + i).v;
-      const Pack w_i = At(w + i).v;
-      for (int k = 0; k < kPack; ++k) {
-        simd::Slot& a = At(column.a[k] + i);
-        const Pack mask = At(From(shift + j + k - i)).v;
-        a.v = a.v - v_i * (mask * w_j[k]) - w_i * (mask * v_j[k]);
-      }
-    }
-    for (int i = j + 2 * kPack; i < kTriangleEnd; i += kPack) {
+    for (int i = j + kPack; i < b; i += kPack) {
       const Pack v_i = At(v + i).v;
       const Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
@@ -151,7 +119,7 @@ INVGRAD_INLINE inline void Update(double* A,
         a.v = a.v - v_i * w_j[k] - w_i * v_j[k];
       }
     }
-    for (int i = kTriangleEnd; i < kSquareEnd; i += kPack) {
+    for (int i = b; i < 2 * b; i += kPack) {
       const Pack u_i = At(u + i - b).v;
       const Pack w_i = At(w + i).v;
       for (int k = 0; k < kPack; ++k) {
@@ -164,7 +132,7 @@ INVGRAD_INLINE inline void Update(double* A,
 
 // What a reflector leaves of the column that it was made for.
 INVGRAD_INLINE inline void ClearColumn(double beta, double* column) {
-  for (int i = 0; i < b; i += kPack) At(column + i).v = Pack{};
+  std::fill(column, column + b, 0.0);
   column[0] = beta;
 }
 
@@ -178,40 +146,16 @@ INVGRAD_INLINE inline void ChaseOneSquare(double* band,
                                           double tau,
                                           double* u,
                                           double* tau_u) {
-  const int shift = row % kPack;
-  // A(0, 0) is entry (row - shift, row - shift) of the band.
-  double* A = band + (row - shift) * (kStride + 1);
-  alignas(64) double w[kSquareEnd];
-  alignas(64) double p[kPadded];
-  Multiply(A, shift, v, w, p);
-  for (int i = 0; i < kPack; ++i) {
-    if (i < shift) w[i] = p[i] = 0.0;
-    if (i >= shift) w[2 * b + i] = 0.0;
-  }
-  Pack sum = {};
-  for (int i = 0; i < kSquareEnd; i += kPack) {
-    Pack w_i = At(w + i).v;
-    if (i < kPadded) {
-      w_i += At(p + i).v;
-      sum += w_i * At(v + i).v;
-    }
-    At(w + i).v = w_i * tau;
-  }
-  const double c = 0.5 * tau * tau * simd::Sum(sum);
-  for (int i = 0; i < kPadded; i += kPack) At(w + i).v -= c * At(v + i).v;
-
-  double* column = A + shift * kStride + b;  // C's first
-  for (int i = 0; i < kPadded; i += kPack) {
-    At(u + i).v = At(column + i).v - At(w + b + i).v;
-  }
-  for (int i = 0; i < kPack; ++i) {
-    if (i < shift) u[i] = 0.0;
-    if (i >= shift) u[b + i] = 0.0;
-  }
-  const double beta = MakeReflector(b, u + shift, tau_u);
-  Update(A, shift, v, w, u, *tau_u);
-  column += shift;
-  ClearColumn(beta, column);
+  double* A = band + row * (kStride + 1);
+  alignas(64) double w[2 * b];
+  Multiply(A, v, w);
+  const double c = 0.5 * tau * tau * simd::Dot(b, w, v);
+  for (int i = 0; i < 2 * b; ++i) w[i] *= tau;
+  for (int i = 0; i < b; ++i) w[i] -= c * v[i];
+  for (int i = 0; i < b; ++i) u[i] = A[b + i] - w[b + i];
+  const double beta = MakeReflector(b, u, tau_u);
+  Update(A, v, w, u, *tau_u);
+  ClearColumn(beta, A + b);
 }
 
 // How many sweeps are under way: eight squares of 2 b x b are 0.3 MB.
@@ -224,7 +168,7 @@ INVGRAD_INLINE inline void Chase(int m,
   // Where the reflectors of the sweeps under way begin, and one place for the
   // empty ones after the last of a sweep.
   Index first[kSweeps];
-  alignas(64) double none[kPadded];
+  double none[b];
   double tau_none;
   Index next = 0;
   for (int s0 = 0; s0 + 2 < m; s0 += kSweeps) {
@@ -241,20 +185,19 @@ INVGRAD_INLINE inline void Chase(int m,
         const int count = NumReflectors(m, s);
         if (t >= count) continue;
         const int row = s + 1 + t * b;
-        double* u = reflectors + (first[g] + t) * kPadded;
+        double* u = reflectors + (first[g] + t) * b;
         double* tau_u = tau + first[g] + t;
         if (t == 0) {
           double* column = band + s * (kStride + 1) + 1;
-          std::fill(u, u + kPadded, 0.0);
-          std::copy(column, column + b, u + row % kPack);
-          ClearColumn(MakeReflector(b, u + row % kPack, tau_u), column);
+          std::copy(column, column + b, u);
+          ClearColumn(MakeReflector(b, u, tau_u), column);
         }
         const bool last = t + 1 == count;
         ChaseOneSquare(band,
                        row,
                        u,
                        *tau_u,
-                       last ? none : u + kPadded,
+                       last ? none : u + b,
                        last ? &tau_none : tau_u + 1);
       }
     }
@@ -274,10 +217,7 @@ INVGRAD_INLINE inline void Apply(int m,
     // The reflectors of one sweep have no row in common.
     for (int t = 0; t < count; ++t) {
       const int row = s + 1 + t * b;
-      ApplyReflector(b,
-                     reflectors + (first + t) * kPadded + row % kPack,
-                     tau[first + t],
-                     x + row);
+      ApplyReflector(b, reflectors + (first + t) * b, tau[first + t], x + row);
     }
     if (transpose) first += count;
   }
@@ -293,12 +233,11 @@ void BulgeChase::Compute(const Eigen::MatrixXd& K,
   size_ = m;
   diagonal->resize(m);
   off_diagonal->resize(std::max(0, m - 1));
-  double* storage = band_.Reserve(BandSize(m));
-  double* reflectors = reflectors_.Reserve(TotalReflectors(m) * kPadded);
+  double* band = band_.Reserve(BandSize(m));
+  double* reflectors = reflectors_.Reserve(TotalReflectors(m) * b);
   double* tau = tau_.Reserve(TotalReflectors(m));
   padded_x_.Reserve(m + b);
-  std::fill(storage, storage + BandSize(m), 0.0);
-  double* band = storage + kPack;
+  std::fill(band, band + BandSize(m), 0.0);
   for (int j = 0; j < m; ++j) {
     const double* k = K.data() + j * K.rows();
     std::copy(k + j, k + std::min(m, j + b + 1), band + j * (kStride + 1));
@@ -324,7 +263,7 @@ void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) const {
 
 int64_t BulgeChase::Bytes(int m) {
   return static_cast<int64_t>(sizeof(double)) *
-         (BandSize(m) + TotalReflectors(m) * (kPadded + 1) + m + b);
+         (BandSize(m) + TotalReflectors(m) * (b + 1) + m + b);
 }
 
 }  // namespace invgrad

@@ -8,9 +8,9 @@
 // column, which fills the square after it, and so on to the end [1]. What
 // remains of the squares is cleared by the later sweeps.
 //
-// A sweep touches the whole band for little arithmetic. So several sweeps are
-// under way at a time, each one square behind the one before, in a window of
-// the band that stays in the cache.
+// A sweep reads the whole band for little arithmetic. Several sweeps therefore
+// advance together, each one square behind the one before, in a window of the
+// band that stays in the cache.
 //
 // Shapes:  B: m x m;  T: diagonal m, off-diagonal m - 1;
 //          about m^2 / (2 b) reflectors of b rows.

@@ -1,9 +1,8 @@
-// Loops of our own at the speed of the machine, in a library that is built for
-// any x86-64.
+// Vectorized loops in a library that is built for any x86-64.
 //
 // A kernel is written once, with packs of four numbers and functions that are
-// always inlined. Run() compiles it twice, for AVX2 with FMA and for the
-// baseline, and chooses by the CPU:
+// always inlined. Run() compiles it for AVX2 with FMA and for the baseline, and
+// chooses by the processor:
 //
 //   Run([&]() INVGRAD_INLINE { Kernel(m, A, x); });
 //

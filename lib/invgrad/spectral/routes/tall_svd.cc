@@ -2,141 +2,86 @@
 
 #include <lapacke.h>
 
-#include <algorithm>
-
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 
 namespace invgrad {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-namespace {
-
-// LAPACK's answer to a workspace query.
-int QueriedSize(double answer) { return static_cast<int>(answer); }
-
-void GrowTo(size_t size, std::vector<double>* buffer) {
-  if (buffer->size() < size) buffer->resize(size);
-}
-
-}  // namespace
-
-bool TallSvd::Compute(std::string* error) {
-  MatrixXd& A = workspace_.dense;
-  const int p = static_cast<int>(A.rows());
-  const int q = static_cast<int>(A.cols());
+bool TallSvd::Compute(MatrixXd* A) {
+  const int p = static_cast<int>(A->rows());
+  const int q = static_cast<int>(A->cols());
   CHECK_GE(p, q);
   CHECK_GT(q, 0);
-  // Where LAPACK's own SVD would do the same, but form Q.
+  A_ = A;
+  // From here on dgesdd would do the same, but form Q.
   is_reduced_ = 6 * p >= 11 * q;
-  double query = 0.0;
   if (is_reduced_) {
-    workspace_.reflector_scales.resize(q);
-    LAPACKE_dgeqrf_work(
-        LAPACK_COL_MAJOR, p, q, A.data(), p, nullptr, &query, -1);
-    GrowTo(QueriedSize(query), &workspace_.lapack_numbers);
-    LAPACKE_dgeqrf_work(LAPACK_COL_MAJOR,
-                        p,
-                        q,
-                        A.data(),
-                        p,
-                        workspace_.reflector_scales.data(),
-                        workspace_.lapack_numbers.data(),
-                        static_cast<int>(workspace_.lapack_numbers.size()));
-    workspace_.triangle.setZero(q, q);
-    workspace_.triangle.triangularView<Eigen::Upper>() = A.topRows(q);
+    tau_.resize(q);
+    if (LAPACKE_dgeqrf(LAPACK_COL_MAJOR, p, q, A->data(), p, tau_.data()) !=
+        0) {
+      return false;
+    }
+    R_.setZero(q, q);
+    R_.triangularView<Eigen::Upper>() = A->topRows(q);
   }
-  MatrixXd& B = is_reduced_ ? workspace_.triangle : A;
+  MatrixXd& B = is_reduced_ ? R_ : *A;
   const int rows = static_cast<int>(B.rows());
-  workspace_.values.resize(q);
-  workspace_.left.resize(rows, q);
-  workspace_.right.resize(q, q);
-  const size_t num_integers = 8 * workspace_.right.rows();
-  if (workspace_.lapack_integers.size() < num_integers) {
-    workspace_.lapack_integers.resize(num_integers);
-  }
-  const auto dgesdd = [&](double* work, int size) {
-    return LAPACKE_dgesdd_work(LAPACK_COL_MAJOR,
-                               'S',
-                               rows,
-                               q,
-                               B.data(),
-                               rows,
-                               workspace_.values.data(),
-                               workspace_.left.data(),
-                               rows,
-                               workspace_.right.data(),
-                               q,
-                               work,
-                               size,
-                               workspace_.lapack_integers.data());
-  };
-  dgesdd(&query, -1);
-  GrowTo(QueriedSize(query), &workspace_.lapack_numbers);
-  if (dgesdd(workspace_.lapack_numbers.data(),
-             static_cast<int>(workspace_.lapack_numbers.size())) == 0) {
-    return true;
-  }
-  *error = "the SVD of J (dgesdd) did not converge";
-  return false;
+  s_.resize(q);
+  left_.resize(rows, q);
+  right_t_.resize(q, q);
+  return LAPACKE_dgesdd(LAPACK_COL_MAJOR,
+                        'S',
+                        rows,
+                        q,
+                        B.data(),
+                        rows,
+                        s_.data(),
+                        left_.data(),
+                        rows,
+                        right_t_.data(),
+                        q) == 0;
 }
 
-void TallSvd::ApplyReflectors(char transpose, VectorXd* x) const {
-  const MatrixXd& A = workspace_.dense;
-  const int p = static_cast<int>(A.rows());
-  const int q = static_cast<int>(A.cols());
-  GrowTo(1, &workspace_.lapack_numbers);
-  LAPACKE_dormqr_work(LAPACK_COL_MAJOR,
-                      'L',
-                      transpose,
-                      p,
-                      1,
-                      q,
-                      A.data(),
-                      p,
-                      workspace_.reflector_scales.data(),
-                      x->data(),
-                      p,
-                      workspace_.lapack_numbers.data(),
-                      static_cast<int>(workspace_.lapack_numbers.size()));
+void TallSvd::ApplyQ(char transpose, VectorXd* x) const {
+  const int p = static_cast<int>(A_->rows());
+  CHECK_EQ(LAPACKE_dormqr(LAPACK_COL_MAJOR,
+                          'L',
+                          transpose,
+                          p,
+                          1,
+                          static_cast<int>(A_->cols()),
+                          A_->data(),
+                          p,
+                          tau_.data(),
+                          x->data(),
+                          p),
+           0);
 }
 
 void TallSvd::LeftTransposeTimes(const VectorXd& x, VectorXd* y) const {
-  y->resize(workspace_.left.cols());
-  if (!is_reduced_) {
-    Gemv(Op::kTranspose, 1.0, workspace_.left, x, 0.0, *y);
-    return;
-  }
-  VectorXd& rotated = workspace_.product;
-  rotated = x;
-  ApplyReflectors('T', &rotated);
-  Gemv(Op::kTranspose,
-       1.0,
-       workspace_.left,
-       rotated.head(workspace_.left.rows()),
-       0.0,
-       *y);
+  VectorXd rotated = x;
+  if (is_reduced_) ApplyQ('T', &rotated);
+  y->resize(left_.cols());
+  Gemv(Op::kTranspose, 1.0, left_, rotated.head(left_.rows()), 0.0, *y);
 }
 
 void TallSvd::LeftTimes(const VectorXd& x, VectorXd* y) const {
-  y->setZero(workspace_.dense.rows());
-  Gemv(
-      Op::kNone, 1.0, workspace_.left, x, 0.0, y->head(workspace_.left.rows()));
-  if (is_reduced_) ApplyReflectors('N', y);
+  y->setZero(A_->rows());
+  Gemv(Op::kNone, 1.0, left_, x, 0.0, y->head(left_.rows()));
+  if (is_reduced_) ApplyQ('N', y);
 }
 
-// LAPACK returns Z^T.
 void TallSvd::RightTransposeTimes(const VectorXd& x, VectorXd* y) const {
-  y->resize(workspace_.right.rows());
-  Gemv(Op::kNone, 1.0, workspace_.right, x, 0.0, *y);
+  y->resize(right_t_.rows());
+  Gemv(Op::kNone, 1.0, right_t_, x, 0.0, *y);
 }
 
 void TallSvd::RightTimes(const VectorXd& x, VectorXd* y) const {
-  y->resize(workspace_.right.cols());
-  Gemv(Op::kTranspose, 1.0, workspace_.right, x, 0.0, *y);
+  y->resize(right_t_.cols());
+  Gemv(Op::kTranspose, 1.0, right_t_, x, 0.0, *y);
 }
 
 }  // namespace invgrad

@@ -8,7 +8,7 @@
 //
 // Shapes:  A: p x q, p >= q;  W: p x q;  s: q, descending;  Z: q x q.
 // Cost:    2 p q^2 + 22 q^3 by LAPACK's dgeqrf and dgesdd; 8 (p q + 7 q^2)
-//          bytes of the workspace.
+//          bytes, most of which are kept.
 // Accuracy: backward stable: s to a few roundings of s[0].
 // Fails:   Compute returns false if the iteration does not converge.
 //
@@ -17,22 +17,17 @@
 #ifndef INVGRAD_SPECTRAL_ROUTES_TALL_SVD_H_
 #define INVGRAD_SPECTRAL_ROUTES_TALL_SVD_H_
 
-#include <string>
-
 #include "Eigen/Core"
-#include "invgrad/spectral/spectral_workspace.h"
 
 namespace invgrad {
 
 class TallSvd {
  public:
-  // Of workspace->dense, which it destroys. Uses the SVD's buffers of the
-  // workspace, which must outlive it.
-  explicit TallSvd(SpectralWorkspace* workspace) : workspace_(*workspace) {}
+  // Destroys *A, which may hold Q afterwards and must stay alive and unchanged
+  // while W is applied. CHECKs p >= q > 0.
+  bool Compute(Eigen::MatrixXd* A);
 
-  bool Compute(std::string* error);
-
-  const Eigen::VectorXd& s() const { return workspace_.values; }
+  const Eigen::VectorXd& s() const { return s_; }
 
   // *y = W^T x, W x, Z^T x, Z x; `x` and `y` must be different.
   void LeftTransposeTimes(const Eigen::VectorXd& x, Eigen::VectorXd* y) const;
@@ -42,10 +37,15 @@ class TallSvd {
 
  private:
   // *x = Q x or Q^T x.
-  void ApplyReflectors(char transpose, Eigen::VectorXd* x) const;
+  void ApplyQ(char transpose, Eigen::VectorXd* x) const;
 
-  SpectralWorkspace& workspace_;
+  const Eigen::MatrixXd* A_ = nullptr;  // Q's reflectors, if is_reduced_
   bool is_reduced_ = false;
+  Eigen::VectorXd tau_;      // of the reflectors
+  Eigen::MatrixXd R_;        // q x q
+  Eigen::MatrixXd left_;     // W', or W
+  Eigen::MatrixXd right_t_;  // Z^T
+  Eigen::VectorXd s_;
 };
 
 }  // namespace invgrad

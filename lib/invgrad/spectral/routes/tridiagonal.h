@@ -6,8 +6,8 @@
 //   ApplyResolvents: y = sum_j Im[c_j (z_j - T)^-1] h
 //
 // Shapes:  a, h, y: m;  e: m - 1;  z, c: any number N.
-// Units:   entries of T of order one are the caller's business (within 1e+-100,
-//          say): squares of e are taken.
+// Units:   T should have entries of order one (within 1e+-100, say): squares of
+//          e are taken.
 // Cost:    O(m) a shift, several shifts at a time in the processor's vectors:
 //          about 4 cycles a row and shift for counts and 15 for resolvents on
 //          AVX2; each perturbation as much as half a solution more. 640 m
@@ -16,7 +16,7 @@
 //          roundings each [1]. Resolvents are solved with partial pivoting: the
 //          solution is exact for a T changed by a few roundings of
 //          |T| + |z_j|.
-// Fails:   NaN in gives NaN, or a meaningless count, out; both end.
+// Fails:   never; a T with NaN gives NaN, and meaningless counts.
 //
 // [1] Demmel, Dhillon, Ren. On the correctness of some bisection-like parallel
 //     eigenvalue algorithms in floating point arithmetic. ETNA 3 (1995).

@@ -1,10 +1,5 @@
 #include "invgrad/spectral/routes/tridiagonalization.h"
 
-#include <lapacke.h>
-
-#include <algorithm>
-
-#include "glog/logging.h"
 #include "invgrad/spectral/routes/householder.h"
 
 namespace invgrad {
@@ -55,31 +50,6 @@ void Tridiagonalization::ApplyQ(VectorXd* x) const {
     bulge_chase_.ApplyQ(false, x);
     ApplyReflectors(*K_, BulgeChase::kBandwidth, tau_, false, x);
   }
-}
-
-void Tridiagonalization::ApplyQ(MatrixXd* X) const {
-  CHECK(method_ == Method::kOneStage) << "Matrices take one stage";
-  // The width of LAPACK's blocks, and the room that it takes for one.
-  constexpr int kBlock = 64;
-  const int m = static_cast<int>(X->rows());
-  const int k = static_cast<int>(X->cols());
-  CHECK_EQ(m, diagonal_.size());
-  if (m < 2 || k == 0) return;
-  const int work_size = kBlock * k + (kBlock + 1) * kBlock;
-  const int info = LAPACKE_dormtr_work(LAPACK_COL_MAJOR,
-                                       'L',
-                                       'L',
-                                       'N',
-                                       m,
-                                       k,
-                                       K_->data(),
-                                       m,
-                                       tau_.data(),
-                                       X->data(),
-                                       m,
-                                       work_.Reserve(work_size),
-                                       work_size);
-  CHECK_EQ(info, 0);
 }
 
 int64_t Tridiagonalization::Bytes(int m, Method method) {

@@ -1,0 +1,183 @@
+#include "bin/compare/learning_plots.h"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "bin/support/results.h"
+#include "fmt/core.h"
+#include "report/plot.h"
+
+namespace invgrad {
+namespace {
+
+using Results = std::vector<MethodResults>;
+
+Plot CurvePlot(const Results& all,
+               const std::string& title,
+               double HistoryRow::*field,
+               bool against_seconds) {
+  Plot plot;
+  plot.title = plot.y_label = title;
+  plot.x_label = against_seconds ? "seconds of training" : "step";
+  plot.log_x = plot.log_y = true;
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    Series series;
+    series.title = method.label;
+    for (const HistoryRow& row : method.MedianRun().history) {
+      // The start has no place on a logarithmic axis.
+      if (row.step == 0) continue;
+      series.x.push_back(against_seconds ? row.seconds
+                                         : static_cast<double>(row.step));
+      series.y.push_back(row.*field);
+    }
+    plot.series.push_back(series);
+  }
+  return plot;
+}
+
+std::vector<Plot> LossPlots(const LearningProblem& problem,
+                            const Results& all) {
+  // The test loss is what counts, where there is one.
+  const bool has_test_data = problem.test.num_samples() > 0;
+  const std::string title = has_test_data ? "test loss" : "train loss";
+  const auto loss =
+      has_test_data ? &HistoryRow::test_loss : &HistoryRow::train_loss;
+  std::vector<Plot> plots = {CurvePlot(all, title, loss, false),
+                             CurvePlot(all, title, loss, true)};
+  if (problem.metric.has_value()) {
+    plots.push_back(
+        CurvePlot(all, problem.metric->name, &HistoryRow::metric, true));
+  }
+  MuteAllButTheLowest(&plots);
+  return plots;
+}
+
+std::vector<Plot> NeuronPlots(const Results& all) {
+  std::vector<Plot> plots;
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    const LearningRunResult& run = method.MedianRun();
+    if (run.neurons.empty()) continue;
+    Plot plot;
+    plot.title = method.label;
+    plot.x_label = "step";
+    plot.y_label = "mean activation";
+    plot.log_x = true;
+    int layer = 0;
+    for (size_t j = 0; j < run.neurons.front().size(); ++j) {
+      Series series;
+      series.color = run.neurons.front()[j].layer - 1;
+      if (run.neurons.front()[j].layer != layer) {
+        layer = run.neurons.front()[j].layer;
+        series.title = fmt::format("layer {}", layer);
+      }
+      for (size_t i = 0; i < run.neurons.size(); ++i) {
+        if (run.history[i].step == 0) continue;
+        series.x.push_back(static_cast<double>(run.history[i].step));
+        series.y.push_back(run.neurons[i][j].mean);
+      }
+      plot.series.push_back(series);
+    }
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+Plot SamplePathPlot(const LearningProblem& problem,
+                    int tracked_sample,
+                    const Results& all) {
+  Plot plot;
+  plot.title = fmt::format("training sample {} in y space", tracked_sample);
+  plot.x_label = "y_0";
+  plot.y_label = "y_1";
+  for (const MethodResults& method : all) {
+    if (method.runs.empty()) continue;
+    const LearningRunResult& run = method.MedianRun();
+    if (run.sample_path.empty()) continue;
+    Series series;
+    series.title = method.label;
+    for (const Eigen::VectorXd& y : run.sample_path) {
+      series.x.push_back(y[0]);
+      series.y.push_back(y[1]);
+    }
+    plot.series.push_back(series);
+  }
+  Series target;
+  target.title = "target";
+  target.style = Series::Style::kPoints;
+  target.x = {problem.train.targets(0, tracked_sample)};
+  target.y = {problem.train.targets(1, tracked_sample)};
+  plot.series.push_back(target);
+  return plot;
+}
+
+// What a network of one number learned: x over its input, and the solutions
+// that the data were made from.
+Plot MapPlot(const LearningProblem& problem, const Results& all) {
+  const DataSet& data = problem.train;
+  std::vector<int> order(data.num_samples());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int i, int j) {
+    return data.inputs(0, i) < data.inputs(0, j);
+  });
+  const DataSet sorted = data.Select(order);
+  Plot plot;
+  plot.title = "learned map";
+  plot.x_label = "network input";
+  plot.y_label = "x";
+  if (sorted.solutions.rows() == 1) {
+    // First, so that they hide no map; some are enough.
+    constexpr int kNumPoints = 200;
+    Series solutions;
+    solutions.title = "solutions";
+    solutions.style = Series::Style::kPoints;
+    const int spacing = 1 + sorted.num_samples() / kNumPoints;
+    for (int s = 0; s < sorted.num_samples(); s += spacing) {
+      solutions.x.push_back(sorted.inputs(0, s));
+      solutions.y.push_back(sorted.solutions(0, s));
+    }
+    plot.series.push_back(solutions);
+  }
+  for (const MethodResults& method : all) {
+    DenseNetwork::Activations activations;
+    std::string ignored;
+    if (method.runs.empty() ||
+        !problem.model->Forward(method.MedianRun().weights,
+                                sorted,
+                                false,
+                                &activations,
+                                &ignored)) {
+      continue;
+    }
+    Series series;
+    series.title = method.label;
+    series.x.assign(sorted.inputs.data(),
+                    sorted.inputs.data() + sorted.num_samples());
+    series.y.assign(activations.outputs.data(),
+                    activations.outputs.data() + sorted.num_samples());
+    plot.series.push_back(series);
+  }
+  return plot;
+}
+
+}  // namespace
+
+void DrawLearning(const LearningProblem& problem,
+                  const std::string& directory,
+                  int tracked_sample,
+                  const Results& all) {
+  DrawPicture(directory + "/loss.png", LossPlots(problem, all));
+  DrawPicture(directory + "/neurons.png", NeuronPlots(all));
+  if (problem.train.inputs.rows() == 1 &&
+      problem.model->simulator().num_inputs() == 1) {
+    DrawPicture(directory + "/map.png", {MapPlot(problem, all)});
+  }
+  if (tracked_sample >= 0 && problem.train.targets.rows() >= 2) {
+    DrawPicture(directory + "/sample_path.png",
+                {SamplePathPlot(problem, tracked_sample, all)});
+  }
+}
+
+}  // namespace invgrad

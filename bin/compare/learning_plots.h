@@ -1,0 +1,28 @@
+// The pictures of a learning comparison, each of a method's median run.
+//
+//   DIR/loss.png         losses against steps and against seconds; the
+//                        problem's metric, if it has one. Of more than eight
+//                        methods those that end lowest have colour and name
+//   DIR/neurons.png      mean activations of a small network's neurons, a panel
+//                        a method, a colour a layer
+//   DIR/map.png          x over the input, where both are one number
+//   DIR/sample_path.png  the tracked sample in the plane of y_0 and y_1
+#ifndef BIN_COMPARE_LEARNING_PLOTS_H_
+#define BIN_COMPARE_LEARNING_PLOTS_H_
+
+#include <string>
+#include <vector>
+
+#include "bin/compare/learning_comparison.h"
+
+namespace invgrad {
+
+// `tracked_sample`: -1 if there is none.
+void DrawLearning(const LearningProblem& problem,
+                  const std::string& directory,
+                  int tracked_sample,
+                  const std::vector<MethodResults>& all);
+
+}  // namespace invgrad
+
+#endif  // BIN_COMPARE_LEARNING_PLOTS_H_

@@ -1,0 +1,151 @@
+#include "bin/compare/point_comparison.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "bin/support/results.h"
+#include "bin/support/run_directory.h"
+#include "fmt/format.h"
+#include "invgrad/io/format.h"
+#include "invgrad/io/npy.h"
+#include "report/plot.h"
+#include "report/table.h"
+
+namespace invgrad {
+namespace {
+
+// A method that could not run has no points.
+Table PointTable(const PointProblem& problem,
+                 const std::vector<PointPath>& paths) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const bool is_printed = problem.start.size() <= kMaxPrintedSize;
+  Table table;
+  for (const PointPath& path : paths) {
+    const bool has_run = !path.x.empty();
+    const auto add = [&](const std::string& title, const std::string& cell) {
+      table.Add(title, has_run ? cell : "-");
+    };
+    const Eigen::VectorXd& x = has_run ? path.x.back() : problem.start;
+    table.BeginRow();
+    table.Add("method", path.label, Table::Align::kLeft);
+    add("steps", std::to_string(path.x.size() - 1));
+    add("L at start", FormatNumber(has_run ? path.loss.front() : kNan));
+    add("L", FormatNumber(has_run ? path.loss.back() : kNan));
+    if (is_printed) {
+      add("x", fmt::format("({:.6g})", fmt::join(x.begin(), x.end(), ", ")));
+    } else {
+      add("|x|", FormatNumber(x.norm()));
+    }
+    const Eigen::VectorXd error =
+        problem.minimizer.has_value()
+            ? Eigen::VectorXd(x - *problem.minimizer)
+            : Eigen::VectorXd::Constant(x.size(), kNan);
+    add("|x - x*|", NumberOrDash(error.norm()));
+    if (!is_printed) {
+      add("mean |x - x*|", NumberOrDash(error.cwiseAbs().mean()));
+    }
+    add("s", FormatNumber(path.summary.total_time_in_seconds));
+    table.Add("status", path.status, Table::Align::kLeft);
+  }
+  return table;
+}
+
+// The colours of all panels are those of `reference`.
+Plot FieldPlot(const std::string& title,
+               const Eigen::VectorXd& x,
+               int num_rows,
+               const Eigen::VectorXd& reference) {
+  Plot plot;
+  plot.title = title;
+  plot.equal_aspect = true;
+  HeatMap& map = plot.heat_map.emplace();
+  map.z = x.reshaped<Eigen::RowMajor>(num_rows, x.size() / num_rows);
+  map.z_range = {reference.minCoeff(), reference.maxCoeff()};
+  return plot;
+}
+
+// What is left of the runs, where x is too large to be printed.
+bool WriteFinalStates(const PointProblem& problem,
+                      const std::vector<PointPath>& paths,
+                      const std::string& directory,
+                      std::string* error) {
+  std::vector<std::pair<std::string, Eigen::VectorXd>> states;
+  if (problem.minimizer.has_value()) {
+    if (!WriteNpy(directory + "/x-true.npy", *problem.minimizer, error)) {
+      return false;
+    }
+    states.emplace_back("x*", *problem.minimizer);
+  }
+  for (const PointPath& path : paths) {
+    if (path.x.empty()) continue;
+    states.emplace_back(path.label, path.x.back());
+    if (!WriteNpy(fmt::format("{}/x-{}.npy", directory, FileName(path.label)),
+                  path.x.back(),
+                  error)) {
+      return false;
+    }
+  }
+  std::vector<Plot> panels;
+  for (const auto& [title, x] : states) {
+    if (problem.field_rows == 0) break;
+    panels.push_back(
+        FieldPlot(title, x, problem.field_rows, states.front().second));
+  }
+  DrawPicture(directory + "/fields.png", panels);
+  return true;
+}
+
+}  // namespace
+
+bool ComparePoint(const PointProblem& problem,
+                  const std::vector<Method>& methods,
+                  const PointPathOptions& options,
+                  const std::string& directory,
+                  std::ostream& out,
+                  std::string* error) {
+  std::vector<PointPath> paths;
+  std::vector<Plot> plots(1);
+  plots[0].title = "loss";
+  plots[0].x_label = "step";
+  plots[0].y_label = "L";
+  plots[0].log_y = true;
+  for (const Method& method : methods) {
+    PointPath path;
+    std::string why;
+    if (TracePath(problem, method, options, &path, &why)) {
+      const std::string name = FileName(method.label);
+      if (!WritePathCsv(
+              fmt::format("{}/path-{}.csv", directory, name), path, error)) {
+        return false;
+      }
+      Series series;
+      series.title = method.label;
+      series.y = path.loss;
+      for (size_t k = 0; k < path.loss.size(); ++k) {
+        series.x.push_back(static_cast<double>(k));
+      }
+      plots[0].series.push_back(series);
+    } else {
+      path.x.clear();
+      path.status = why;
+    }
+    paths.push_back(std::move(path));
+  }
+  const Table table = PointTable(problem, paths);
+  out << table.ToText();
+  if (!WriteTable(directory + "/table", table, error) ||
+      (problem.start.size() > kMaxPrintedSize &&
+       !WriteFinalStates(problem, paths, directory, error))) {
+    return false;
+  }
+  MuteAllButTheLowest(&plots);
+  DrawPicture(directory + "/loss.png", plots);
+  out << "results in " << directory << "\n";
+  *error = "no method could run";
+  return std::any_of(paths.begin(), paths.end(), [](const PointPath& path) {
+    return !path.x.empty();
+  });
+}
+
+}  // namespace invgrad

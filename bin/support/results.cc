@@ -1,0 +1,70 @@
+#include "bin/support/results.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <numeric>
+#include <system_error>
+
+#include "bin/support/program.h"
+#include "fmt/core.h"
+#include "gflags/gflags.h"
+#include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
+
+DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
+
+namespace invgrad {
+
+bool WriteTable(const std::string& path,
+                const Table& table,
+                std::string* error) {
+  return WriteFile(path + ".txt", table.ToText(), error) &&
+         WriteFile(path + ".md", table.ToMarkdown(), error);
+}
+
+void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels) {
+  if (!FLAGS_plots) return;
+  std::error_code ignored;
+  std::filesystem::remove(path_png, ignored);
+  std::string error;
+  if (!panels.empty() && !WritePlots(path_png, panels, &error)) Warn(error);
+}
+
+SeedSpread::SeedSpread(const std::vector<double>& values)
+    : num_runs(values.size()) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  median = low = high = none;
+  if (values.empty()) return;
+  const auto rank = [&values](size_t i) {
+    return std::isfinite(values[i]) ? values[i]
+                                    : std::numeric_limits<double>::infinity();
+  };
+  std::vector<size_t> order(values.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&rank](size_t a, size_t b) {
+    return rank(a) < rank(b);
+  });
+  median_run = order[(order.size() - 1) / 2];
+  if (std::isfinite(values[median_run])) median = values[median_run];
+  for (const double value : values) {
+    if (std::isfinite(value)) {
+      low = std::fmin(low, value);
+      high = std::fmax(high, value);
+    } else {
+      ++num_failed;
+    }
+  }
+}
+
+std::string SeedSpread::Text() const {
+  std::string text = NumberOrDash(low);
+  if (low < high) text += " - " + FormatNumber(high);
+  if (num_failed > 0) {
+    text += fmt::format(", {} of {} failed or not run", num_failed, num_runs);
+  }
+  return text;
+}
+
+}  // namespace invgrad

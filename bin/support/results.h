@@ -1,0 +1,43 @@
+// What all comparisons leave beside their runs: tables and pictures; and how
+// they summarize a method's runs from several seeds.
+#ifndef BIN_SUPPORT_RESULTS_H_
+#define BIN_SUPPORT_RESULTS_H_
+
+#include <string>
+#include <vector>
+
+#include "report/plot.h"
+#include "report/table.h"
+
+namespace invgrad {
+
+// Writes PATH.txt and PATH.md.
+bool WriteTable(const std::string& path,
+                const Table& table,
+                std::string* error);
+
+// Draws the picture if --plots is set, and removes an earlier one if there are
+// no panels. A picture that cannot be drawn is a warning.
+void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels);
+
+// Values of runs that differ in the seed alone. A value that is not finite is a
+// failed run, which counts as worse than any other.
+struct SeedSpread {
+  explicit SeedSpread(const std::vector<double>& values);
+
+  // "0.1 - 0.3, 1 of 3 failed or not run"
+  std::string Text() const;
+
+  size_t num_runs = 0;
+  size_t num_failed = 0;
+  // The position of the median; of an even number, of the lower of the two.
+  size_t median_run = 0;
+  // NaN if that run failed, or all runs.
+  double median;
+  double low;
+  double high;
+};
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_RESULTS_H_

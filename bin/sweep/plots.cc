@@ -1,0 +1,323 @@
+#include "bin/sweep/plots.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "bin/support/program.h"
+#include "fmt/core.h"
+
+namespace invgrad {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// An axis of the grid with two values or more, other than rule and seed.
+struct ShownAxis {
+  int number = 0;  // in the grid
+  std::string name;
+  bool is_numeric = false;
+  // Where the values stand, in the order of the grid: the numbers themselves,
+  // or 0, 1, 2, ...
+  std::vector<double> positions;
+};
+
+std::vector<ShownAxis> ShownAxes(const SweepPlan& plan) {
+  std::vector<ShownAxis> shown;
+  for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
+    const GridAxis& axis = plan.grid.axes[k];
+    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
+      continue;
+    }
+    ShownAxis candidate{k, axis.name, true, {}};
+    for (const std::string& value : axis.values) {
+      double number = 0.0;
+      candidate.is_numeric =
+          candidate.is_numeric && ParseFinite(value, &number);
+      if (axis.name == "batch_size" && number == 0.0) {  // all samples
+        number = plan.jobs[0].problem->train.num_samples();
+      }
+      candidate.positions.push_back(number);
+    }
+    for (size_t i = 0; i < axis.values.size() && !candidate.is_numeric; ++i) {
+      candidate.positions[i] = static_cast<double>(i);
+    }
+    shown.push_back(candidate);
+  }
+  // Numeric axes first.
+  std::stable_partition(shown.begin(), shown.end(), [](const ShownAxis& axis) {
+    return axis.is_numeric;
+  });
+  return shown;
+}
+
+// The distinct positions in ascending order, and what stands there: "1" and
+// "1.0" are one number.
+std::map<double, std::string> Labels(const SweepPlan& plan,
+                                     const ShownAxis& axis) {
+  std::map<double, std::string> labels;
+  for (size_t i = 0; i < axis.positions.size(); ++i) {
+    labels.emplace(axis.positions[i], plan.grid.axes[axis.number].values[i]);
+  }
+  return labels;
+}
+
+// Replaces positions by 0 for the lowest, 1 for the next one, ...
+void PutSideBySide(const std::map<double, std::string>& labels,
+                   ShownAxis* axis) {
+  axis->is_numeric = false;
+  for (double& position : axis->positions) {
+    position = static_cast<double>(
+        std::distance(labels.begin(), labels.find(position)));
+  }
+}
+
+// The finite values from the lowest to the highest.
+struct Extent {
+  double low = kInfinity;
+  double high = -kInfinity;
+
+  explicit Extent(const std::vector<double>& values) {
+    for (const double value : values) {
+      if (!std::isfinite(value)) continue;
+      low = std::min(low, value);
+      high = std::max(high, value);
+    }
+  }
+  // More than a decade, and all positive.
+  bool NeedsLogScale() const { return low > 0.0 && high > 10.0 * low; }
+  // With a margin that keeps points off the frame. Nothing if it is empty.
+  AxisRange WithMargin(bool is_log) const {
+    if (low >= high) return AxisRange();
+    constexpr double kMargin = 0.04;
+    const double ratio = std::pow(high / low, kMargin);
+    const double margin = kMargin * (high - low);
+    return is_log ? AxisRange{low / ratio, high * ratio}
+                  : AxisRange{low - margin, high + margin};
+  }
+};
+
+// Whether no scale tells the numbers apart: 0 beside 1e-6 and 1, say.
+bool SpansDecadesAndZero(const std::vector<double>& values) {
+  std::vector<double> positive;
+  for (const double value : values) {
+    if (value > 0.0) positive.push_back(value);
+  }
+  const Extent extent(positive);
+  return positive.size() < values.size() && extent.high > 100.0 * extent.low;
+}
+
+std::vector<double> Medians(const std::vector<SweepBest>& best) {
+  std::vector<double> medians;
+  medians.reserve(best.size());
+  for (const SweepBest& one : best) medians.push_back(one.spread.median);
+  return medians;
+}
+
+// Of the rules: without what they chose between, if that tells them apart.
+std::vector<std::string> RuleTitles(const SweepPlan& plan) {
+  std::vector<std::string> titles;
+  for (const std::string& rule : plan.grid.axes[plan.rule_axis].values) {
+    titles.push_back(WithoutAlternatives(rule));
+  }
+  std::vector<std::string> unique = titles;
+  for (size_t i = 0; i < titles.size(); ++i) {
+    if (std::count(titles.begin(), titles.end(), titles[i]) > 1) {
+      unique[i] = plan.grid.axes[plan.rule_axis].values[i];
+    }
+  }
+  return unique;
+}
+
+// The points that agree in all axes but those that a panel shows.
+struct PanelPoints {
+  std::string title;  // "xi=32, phi=45"
+  std::vector<const SweepBest*> points;
+};
+
+// Warns if `picture` must leave panels out.
+std::vector<PanelPoints> GroupByPanel(const std::string& picture,
+                                      const SweepPlan& plan,
+                                      const std::vector<SweepBest>& best,
+                                      const std::set<int>& shown) {
+  std::map<std::vector<int>, PanelPoints> panels;
+  for (const SweepBest& one : best) {
+    std::vector<int> at = one.at;
+    for (const int k : shown) at[k] = 0;
+    panels[at].points.push_back(&one);
+  }
+  std::vector<PanelPoints> grouped;
+  for (auto& [at, panel] : panels) {
+    for (int k = 0; k < static_cast<int>(at.size()); ++k) {
+      const GridAxis& axis = plan.grid.axes[k];
+      if (shown.count(k) > 0 || k == plan.rule_axis || axis.values.size() < 2) {
+        continue;
+      }
+      panel.title += fmt::format("{}{}={}",
+                                 panel.title.empty() ? "" : ", ",
+                                 axis.name,
+                                 axis.values[at[k]]);
+    }
+    grouped.push_back(std::move(panel));
+  }
+  constexpr size_t kMaxPanels = 16;
+  if (grouped.size() > kMaxPanels) {
+    Warn(fmt::format(
+        "{} shows the first {} of {} panels; sweep.csv has all results",
+        picture,
+        kMaxPanels,
+        grouped.size()));
+    grouped.resize(kMaxPanels);
+  }
+  return grouped;
+}
+
+}  // namespace
+
+std::vector<Plot> SweepLines(const SweepPlan& plan,
+                             const SweepValue& value,
+                             const std::vector<SweepBest>& best) {
+  const std::vector<ShownAxis> axes = ShownAxes(plan);
+  if (axes.empty()) return {};
+  ShownAxis x = axes[0];
+  const std::map<double, std::string> labels = Labels(plan, x);
+  if (x.is_numeric && SpansDecadesAndZero(x.positions)) {
+    PutSideBySide(labels, &x);
+  }
+  Plot all;  // what the panels have in common
+  all.x_label = x.name;
+  all.y_label = value.name;
+  all.log_x = x.is_numeric && Extent(x.positions).NeedsLogScale();
+  all.x_range = x.is_numeric
+                    ? Extent(x.positions).WithMargin(all.log_x)
+                    : AxisRange{-0.5, static_cast<double>(labels.size()) - 0.5};
+  for (const auto& [position, label] : labels) {
+    const auto rank = static_cast<double>(all.x_ticks.size());
+    all.x_ticks.emplace_back(x.is_numeric ? position : rank, label);
+  }
+  all.log_y = Extent(Medians(best)).NeedsLogScale();
+  std::vector<double> ys;
+  for (const SweepBest& one : best) {
+    for (const double y : {one.spread.low, one.spread.high}) {
+      if (!all.log_y || y > 0.0) ys.push_back(y);
+    }
+  }
+  all.y_range = Extent(ys).WithMargin(all.log_y);
+  std::vector<Plot> plots;
+  const std::vector<std::string> titles = RuleTitles(plan);
+  const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
+  for (const auto& [title, points] :
+       GroupByPanel("lines.png", plan, best, shown)) {
+    Plot plot = all;
+    plot.title = title;
+    for (size_t rule = 0; rule < titles.size(); ++rule) {
+      std::map<double, const SeedSpread*> spreads;
+      for (const SweepBest* point : points) {
+        if (point->at[plan.rule_axis] == static_cast<int>(rule)) {
+          spreads[x.positions[point->at[x.number]]] = &point->spread;
+        }
+      }
+      Series series;
+      series.title = titles[rule];
+      series.style = Series::Style::kLinesAndPoints;
+      for (const auto& [at_x, spread] : spreads) {
+        series.x.push_back(at_x);
+        series.y.push_back(spread->median);
+        series.y_low.push_back(spread->low);
+        series.y_high.push_back(spread->high);
+      }
+      plot.series.push_back(series);
+    }
+    plots.push_back(plot);
+  }
+  MuteAllButTheLowest(&plots);
+  return plots;
+}
+
+std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
+                                const SweepValue& value,
+                                const std::vector<SweepBest>& best) {
+  std::vector<ShownAxis> axes = ShownAxes(plan);
+  if (axes.size() < 2 || !axes[1].is_numeric) return {};
+  ShownAxis& x = axes[0];
+  ShownAxis& y = axes[1];
+  HeatMap map;
+  map.z_label = value.name;
+  const Extent extent(Medians(best));
+  map.log_z = extent.NeedsLogScale();
+  if (extent.low < extent.high) map.z_range = {extent.low, extent.high};
+  for (auto [axis, names] :
+       {std::make_pair(&x, &map.x_labels), std::make_pair(&y, &map.y_labels)}) {
+    const std::map<double, std::string> labels = Labels(plan, *axis);
+    PutSideBySide(labels, axis);
+    for (const auto& [position, label] : labels) names->push_back(label);
+  }
+  std::vector<Plot> plots;
+  const std::vector<std::string> titles = RuleTitles(plan);
+  const std::set<int> shown = {x.number, y.number, plan.seed_axis};
+  for (const auto& [title, points] :
+       GroupByPanel("heat_map.png", plan, best, shown)) {
+    Plot plot;
+    plot.title = titles[points[0]->at[plan.rule_axis]];
+    if (!title.empty()) plot.title += ", " + title;
+    plot.x_label = x.name;
+    plot.y_label = y.name;
+    map.z.setConstant(
+        map.y_labels.size(), map.x_labels.size(), HistoryRow::kNone);
+    for (const SweepBest* point : points) {
+      map.z(static_cast<Eigen::Index>(y.positions[point->at[y.number]]),
+            static_cast<Eigen::Index>(x.positions[point->at[x.number]])) =
+          point->spread.median;
+    }
+    plot.heat_map = map;
+    plots.push_back(plot);
+  }
+  return plots;
+}
+
+std::vector<Plot> SweepCurves(const SweepPlan& plan,
+                              const std::vector<SweepRun>& runs,
+                              const SweepValue& value,
+                              const std::vector<SweepBest>& best) {
+  std::vector<Plot> plots;
+  std::vector<double> values;  // of all panels, so that they compare
+  for (const auto& [title, points] : GroupByPanel(
+           "curves.png", plan, best, {plan.rule_axis, plan.seed_axis})) {
+    std::vector<Plot> panel(1);
+    Plot& plot = panel[0];
+    plot.title = title;
+    plot.x_label = "seconds of training";
+    plot.y_label = value.name;
+    plot.log_x = true;
+    for (const SweepBest* point : points) {
+      const SweepRun& run = runs[plan.points[point->median_point()].job];
+      Series series;
+      series.title = point->alternative->specification;
+      series.color = point->at[plan.rule_axis];
+      if (run.result.has_value()) {
+        for (const HistoryRow& row : run.result->history) {
+          // The start has no place on a logarithmic axis.
+          if (row.step == 0) continue;
+          series.x.push_back(row.seconds);
+          series.y.push_back(row.*value.field);
+        }
+      }
+      values.insert(values.end(), series.y.begin(), series.y.end());
+      plot.series.push_back(series);
+    }
+    MuteAllButTheLowest(&panel);
+    plots.push_back(plot);
+  }
+  const Extent extent(values);
+  for (Plot& plot : plots) {
+    plot.log_y = extent.NeedsLogScale();
+    plot.y_range = extent.WithMargin(plot.log_y);
+  }
+  return plots;
+}
+
+}  // namespace invgrad

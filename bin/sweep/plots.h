@@ -1,0 +1,44 @@
+// The pictures of a sweep, each of the best alternative of every rule.
+//
+//   DIR/lines.png     the value against the first numeric axis, or if there is
+//                     none against the first other one, its values in the order
+//                     of the grid; a line a rule, the band from the lowest to
+//                     the highest seed; a panel for each point of the other
+//                     axes
+//   DIR/heat_map.png  the value over the first two numeric axes, a panel a rule
+//                     and point of the other axes, in the same colours
+//   DIR/curves.png    the value against seconds of training, of the median
+//                     seed; a panel for each point of the grid
+//
+// A numeric axis is one, other than `seed` and `rule`, with two numbers or more
+// and nothing else. What spans more than a decade is drawn on a logarithmic
+// scale, and numbers that no scale would tell apart, such as 0 beside 1e-6 and
+// 1, side by side. The panels of lines.png have the same axes, with ticks at
+// the grid's values; those of curves.png the same range of values. Of more than
+// 16 panels the first 16 are drawn, with a warning.
+#ifndef BIN_SWEEP_PLOTS_H_
+#define BIN_SWEEP_PLOTS_H_
+
+#include <string>
+#include <vector>
+
+#include "bin/sweep/results.h"
+#include "report/plot.h"
+
+namespace invgrad {
+
+// No panels if the grid has too few axes.
+std::vector<Plot> SweepLines(const SweepPlan& plan,
+                             const SweepValue& value,
+                             const std::vector<SweepBest>& best);
+std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
+                                const SweepValue& value,
+                                const std::vector<SweepBest>& best);
+std::vector<Plot> SweepCurves(const SweepPlan& plan,
+                              const std::vector<SweepRun>& runs,
+                              const SweepValue& value,
+                              const std::vector<SweepBest>& best);
+
+}  // namespace invgrad
+
+#endif  // BIN_SWEEP_PLOTS_H_

@@ -1,0 +1,205 @@
+#include "bin/sweep/results.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <utility>
+
+#include "bin/support/training.h"
+#include "fmt/format.h"
+
+namespace invgrad {
+namespace {
+
+SeedSpread SpreadOf(const SweepPlan& plan,
+                    const std::vector<SweepRun>& runs,
+                    const SweepValue& value,
+                    const std::vector<int>& points) {
+  std::vector<double> values;
+  for (const int point : points) {
+    const std::optional<LearningRunResult>& run =
+        runs[plan.points[point].job].result;
+    values.push_back(run.has_value() && !run->has_failed()
+                         ? TailMean(run->history, value.field, value.tail)
+                         : HistoryRow::kNone);
+  }
+  return SeedSpread(values);
+}
+
+bool IsBetter(const SeedSpread& a, const SeedSpread& b) {
+  return !std::isnan(a.median) && !(a.median >= b.median);
+}
+
+std::string AtEdge(const SweepBest& best) {
+  return fmt::format("{}", fmt::join(best.alternative->at_edge, " "));
+}
+
+}  // namespace
+
+bool FindSweepValue(const SweepPlan& plan,
+                    const std::string& name,
+                    double tail,
+                    SweepValue* value,
+                    std::string* error) {
+  const auto all_have = [&plan](auto has) {
+    return std::all_of(
+        plan.jobs.begin(), plan.jobs.end(), [&has](const SweepJob& job) {
+          return has(*job.problem);
+        });
+  };
+  const bool have_metric = all_have([](const LearningProblem& problem) {
+    return problem.metric.has_value();
+  });
+  const bool have_test = all_have([](const LearningProblem& problem) {
+    return problem.test.num_samples() > 0;
+  });
+  value->tail = tail;
+  if (have_metric && (name == "metric" || name == "auto")) {
+    value->name = plan.jobs[0].problem->metric->name;
+    value->field = &HistoryRow::metric;
+    return true;
+  }
+  if (have_test && (name == "test_loss" || name == "auto")) {
+    value->name = "test loss";
+    value->field = &HistoryRow::test_loss;
+    return true;
+  }
+  if (name == "train_loss" || name == "auto") {
+    value->name = "train loss";
+    value->field = &HistoryRow::train_loss;
+    return true;
+  }
+  *error = fmt::format("--value={} is not there; allowed: auto, train_loss{}{}",
+                       name,
+                       have_test ? ", test_loss" : "",
+                       have_metric ? ", metric" : "");
+  return false;
+}
+
+double TailMean(const History& history,
+                double HistoryRow::*field,
+                double tail) {
+  const double begin = (1.0 - tail) * history.back().seconds;
+  double sum = history.back().*field;
+  int count = 1;
+  for (size_t i = history.size() - 1; i-- > 0 && tail > 0.0;) {
+    if (history[i].seconds < begin) break;
+    sum += history[i].*field;
+    ++count;
+  }
+  return sum / count;
+}
+
+std::vector<SweepBest> FindBest(const SweepPlan& plan,
+                                const std::vector<SweepRun>& runs,
+                                const SweepValue& value) {
+  // The points that differ in the seed alone.
+  std::map<std::pair<std::vector<int>, int>, std::vector<int>> seeds;
+  for (size_t i = 0; i < plan.points.size(); ++i) {
+    std::vector<int> at = plan.points[i].at;
+    at[plan.seed_axis] = 0;
+    seeds[{at, plan.points[i].alternative}].push_back(static_cast<int>(i));
+  }
+  std::vector<SweepBest> all;
+  for (const auto& [key, points] : seeds) {
+    const auto& [at, alternative] = key;
+    const SweepBest candidate{
+        at,
+        &plan.alternatives[at[plan.rule_axis]][alternative],
+        points,
+        SpreadOf(plan, runs, value, points)};
+    if (alternative == 0) {
+      all.push_back(candidate);
+    } else if (IsBetter(candidate.spread, all.back().spread)) {
+      all.back() = candidate;
+    }
+  }
+  return all;
+}
+
+std::string SweepCsv(const SweepPlan& plan,
+                     const std::vector<SweepRun>& runs,
+                     const SweepValue& value,
+                     const std::vector<SweepBest>& best) {
+  // Of every point; null if another alternative is the best one there.
+  std::vector<const SweepBest*> best_of(plan.points.size(), nullptr);
+  for (const SweepBest& one : best) {
+    for (const int point : one.points) best_of[point] = &one;
+  }
+  const LearningRunResult none;
+  Table table;
+  for (size_t i = 0; i < plan.points.size(); ++i) {
+    const SweepPoint& point = plan.points[i];
+    const SweepRun& run = runs[point.job];
+    const bool is_there = run.result.has_value();
+    const LearningRunResult& result = is_there ? *run.result : none;
+    const auto add = [&](const std::string& title, double number) {
+      table.Add(title,
+                is_there && !std::isnan(number) ? ExactNumber(number) : "");
+    };
+    const auto add_mean = [&](const std::string& title,
+                              double HistoryRow::*field) {
+      add(title, is_there ? TailMean(result.history, field, value.tail) : 0.0);
+    };
+    table.BeginRow();
+    for (size_t k = 0; k < point.at.size(); ++k) {
+      const GridAxis& axis = plan.grid.axes[k];
+      table.Add(axis.name, axis.values[point.at[k]]);
+    }
+    const int rule = point.at[plan.rule_axis];
+    table.Add("alternative", plan.alternatives[rule][point.alternative].chosen);
+    add_mean("train_loss", &HistoryRow::train_loss);
+    add_mean("test_loss", &HistoryRow::test_loss);
+    add_mean("metric", &HistoryRow::metric);
+    add("best_train_loss", result.BestTrainLoss());
+    add("steps", static_cast<double>(result.summary.num_steps));
+    add("seconds", result.summary.train_time_in_seconds);
+    add("ms_per_step", MillisecondsPerStep(result));
+    table.Add("best", best_of[i] != nullptr ? "1" : "0");
+    table.Add("at_edge", best_of[i] != nullptr ? AtEdge(*best_of[i]) : "");
+    table.Add("status", run.status);
+  }
+  return table.ToCsv();
+}
+
+Table SweepTable(const SweepPlan& plan,
+                 const std::vector<SweepRun>& runs,
+                 const SweepValue& value,
+                 const std::vector<SweepBest>& best) {
+  const std::vector<GridAxis>& axes = plan.grid.axes;
+  const bool has_alternatives = std::any_of(
+      plan.alternatives.begin(), plan.alternatives.end(), [](const auto& rule) {
+        return rule.size() > 1;
+      });
+  const LearningRunResult none;
+  Table table;
+  for (const SweepBest& one : best) {
+    table.BeginRow();
+    for (int k = 0; k < static_cast<int>(axes.size()); ++k) {
+      if (k == plan.rule_axis) {
+        table.Add("rule", one.alternative->specification, Table::Align::kLeft);
+      } else if (k != plan.seed_axis) {
+        table.Add(axes[k].name, axes[k].values[one.at[k]]);
+      }
+    }
+    if (has_alternatives) {
+      const size_t size = plan.alternatives[one.at[plan.rule_axis]].size();
+      const std::string edge = AtEdge(one);
+      table.Add("best of", size > 1 ? std::to_string(size) : "-");
+      table.Add(
+          "at the edge of", edge.empty() ? "-" : edge, Table::Align::kLeft);
+    }
+    table.Add(value.name, NumberOrDash(one.spread.median));
+    if (axes[plan.seed_axis].values.size() > 1) {
+      table.Add("all seeds", one.spread.Text());
+    }
+    const SweepRun& run = runs[plan.points[one.median_point()].job];
+    const bool is_there = run.result.has_value();
+    AddTimes(is_there ? *run.result : none, is_there, &table);
+    table.Add("status", run.status, Table::Align::kLeft);
+  }
+  return table;
+}
+
+}  // namespace invgrad

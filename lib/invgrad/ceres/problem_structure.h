@@ -1,0 +1,75 @@
+// The structure of a ceres::Problem: which residual block uses which parameter
+// blocks, and where these stand in the Jacobian.
+//
+// Rows follow the residual blocks. Columns are the tangent directions of the
+// parameter blocks that are not constant, in the order in which the residual
+// blocks first use them; blocks that none uses come last. (The order of
+// Problem::GetParameterBlocks is that of the addresses, so it would make runs
+// irreproducible.)
+#ifndef INVGRAD_CERES_PROBLEM_STRUCTURE_H_
+#define INVGRAD_CERES_PROBLEM_STRUCTURE_H_
+
+#include <memory>
+#include <vector>
+
+#include "ceres/cost_function.h"
+#include "ceres/loss_function.h"
+#include "ceres/manifold.h"
+#include "ceres/problem.h"
+#include "invgrad/core/jacobian_operator.h"
+
+namespace invgrad {
+
+struct ProblemStructure {
+  // A parameter block that is not constant.
+  struct ParameterBlock {
+    double* values;
+    int ambient_size;
+    int tangent_size;
+    int column;                       // of J
+    int offset;                       // in the state
+    const ceres::Manifold* manifold;  // null: Euclidean
+  };
+
+  struct ResidualBlock {
+    const ceres::CostFunction* cost_function;
+    const ceres::LossFunction* loss_function;  // may be null
+    int index;                                 // in the problem
+    int row;
+    int size;
+    int first_argument;  // its parameter blocks, in `values` and `arguments`
+    int num_arguments;
+    int row_length;  // of its rows in compressed form
+  };
+
+  // A parameter block of a residual block.
+  struct Argument {
+    int block;  // of parameter_blocks; -1: constant
+    // Where its entries begin in a compressed row of the residual block;
+    // entries are sorted by column.
+    int entry;
+  };
+
+  int num_residuals = 0;   // m
+  int num_parameters = 0;  // n, tangent space
+  int num_ambient = 0;     // length of the state
+  std::vector<ParameterBlock> parameter_blocks;
+  std::vector<ResidualBlock> residual_blocks;
+  std::vector<double*> values;      // of all residual blocks' arguments
+  std::vector<Argument> arguments;  // the same
+  std::vector<int> tangent_sizes;   // of parameter_blocks
+
+  // m x n, with the pattern of J and unspecified entries. CHECKs that an int
+  // can count them.
+  std::shared_ptr<SparseJacobian> NewJacobian() const;
+};
+
+// Of all residual blocks, or of those in `batch` (CHECKed to be the problem's)
+// if it is not empty.
+ProblemStructure ReadStructure(
+    const ceres::Problem& problem,
+    const std::vector<ceres::ResidualBlockId>& batch);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CERES_PROBLEM_STRUCTURE_H_

@@ -1,0 +1,246 @@
+#include "invgrad/ceres/staged_step.h"
+
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <mutex>
+#include <unordered_map>
+
+#include "ceres/local_parameterization.h"
+#include "ceres/manifold.h"
+#include "glog/logging.h"
+
+namespace invgrad {
+
+// A block's own manifold, or the Euclidean one, which replaces the next step
+// that it is given by the staged one. Ceres calls a manifold for each residual
+// block in each evaluation, so the object is small and computes the Euclidean
+// case itself.
+class StagingManifold final : public ceres::Manifold {
+ public:
+  // `num` manifolds for `problem`, whose Init must be called. GiveBack, after
+  // the problem's blocks no longer use them, keeps them for the next Take.
+  static std::vector<StagingManifold*> Take(const ceres::Problem& problem,
+                                            std::size_t num);
+  static void GiveBack(StagingManifold* manifold);
+
+  ~StagingManifold() override;
+
+  // `own` is null for a Euclidean block; not owned.
+  void Init(int ambient_size, const ceres::Manifold* own) {
+    ambient_size_ = ambient_size;
+    tangent_size_ = own != nullptr ? own->TangentSize() : ambient_size;
+    own_ = own;
+    staged_ = nullptr;
+  }
+
+  void Stage(const double* step) { staged_ = step; }
+  bool is_staged() const { return staged_ != nullptr; }
+
+  int AmbientSize() const override { return ambient_size_; }
+  int TangentSize() const override { return tangent_size_; }
+
+  bool Plus(const double* x,
+            const double* delta,
+            double* x_plus_delta) const override {
+    // Written only if something is staged: then Ceres forms its candidate, and
+    // calls Plus once. Inner iterations call Plus from several threads.
+    if (staged_ != nullptr) {
+      delta = staged_;
+      staged_ = nullptr;
+    }
+    if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
+    std::transform(
+        x, x + ambient_size_, delta, x_plus_delta, std::plus<double>());
+    return true;
+  }
+  bool PlusJacobian(const double* x, double* jacobian) const override {
+    if (own_ != nullptr) return own_->PlusJacobian(x, jacobian);
+    SetIdentity(jacobian);
+    return true;
+  }
+  bool RightMultiplyByPlusJacobian(const double* x,
+                                   const int num_rows,
+                                   const double* ambient_matrix,
+                                   double* tangent_matrix) const override {
+    if (own_ != nullptr) {
+      return own_->RightMultiplyByPlusJacobian(
+          x, num_rows, ambient_matrix, tangent_matrix);
+    }
+    std::copy_n(ambient_matrix, num_rows * ambient_size_, tangent_matrix);
+    return true;
+  }
+  bool Minus(const double* y,
+             const double* x,
+             double* y_minus_x) const override {
+    if (own_ != nullptr) return own_->Minus(y, x, y_minus_x);
+    std::transform(y, y + ambient_size_, x, y_minus_x, std::minus<double>());
+    return true;
+  }
+  bool MinusJacobian(const double* x, double* jacobian) const override {
+    if (own_ != nullptr) return own_->MinusJacobian(x, jacobian);
+    SetIdentity(jacobian);
+    return true;
+  }
+
+ private:
+  explicit StagingManifold(const void* problem) : problem_(problem) {}
+
+  void SetIdentity(double* matrix) const {
+    std::fill_n(matrix, ambient_size_ * ambient_size_, 0.0);
+    for (int i = 0; i < ambient_size_; ++i) matrix[i * ambient_size_ + i] = 1.0;
+  }
+
+  int ambient_size_ = 0;
+  int tangent_size_ = 0;
+  const ceres::Manifold* own_ = nullptr;
+  mutable const double* staged_ = nullptr;
+  const void* const problem_;  // its identity
+  bool is_in_use_ = true;      // between Take and GiveBack
+};
+
+namespace {
+
+// The address of the problem's implementation. Unlike that of the Problem it
+// does not change when the problem is moved.
+const void* IdentityOf(const ceres::Problem& problem) {
+  static_assert(sizeof(ceres::Problem) == sizeof(void*),
+                "A ceres::Problem is one pointer to its implementation.");
+  const void* identity = nullptr;
+  std::memcpy(&identity, &problem, sizeof(identity));
+  return identity;
+}
+
+// The manifolds that are not in use, by their problem.
+struct KeptManifolds {
+  std::mutex mutex;
+  std::unordered_map<const void*, std::vector<StagingManifold*>> by_problem;
+};
+
+// Never destroyed, because a static problem may be destroyed later.
+KeptManifolds& Kept() {
+  static KeptManifolds& kept = *new KeptManifolds;
+  return kept;
+}
+
+}  // namespace
+
+std::vector<StagingManifold*> StagingManifold::Take(
+    const ceres::Problem& problem, std::size_t num) {
+  const void* const identity = IdentityOf(problem);
+  const std::lock_guard<std::mutex> lock(Kept().mutex);
+  std::vector<StagingManifold*>& kept = Kept().by_problem[identity];
+  std::vector<StagingManifold*> manifolds;
+  manifolds.reserve(num);
+  while (manifolds.size() < num && !kept.empty()) {
+    manifolds.push_back(kept.back());
+    manifolds.back()->is_in_use_ = true;
+    kept.pop_back();
+  }
+  while (manifolds.size() < num) {
+    manifolds.push_back(new StagingManifold(identity));
+  }
+  return manifolds;
+}
+
+void StagingManifold::GiveBack(StagingManifold* manifold) {
+  const std::lock_guard<std::mutex> lock(Kept().mutex);
+  manifold->is_in_use_ = false;
+  Kept().by_problem[manifold->problem_].push_back(manifold);
+}
+
+// Only a problem that owns its manifolds deletes one, and then it deletes all.
+StagingManifold::~StagingManifold() {
+  CHECK(!is_in_use_)
+      << "A ceres::Problem was destroyed before its UpdateCallback.";
+  const std::lock_guard<std::mutex> lock(Kept().mutex);
+  Kept().by_problem.erase(problem_);
+}
+
+// Ceres 2.1 still has local parameterizations, and user code may set them.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+
+// A block, and what it had before it was wrapped.
+struct StagedStep::Block {
+  double* values;
+  int column;
+  const ceres::Manifold* manifold;  // null: Euclidean
+  const ceres::LocalParameterization* parameterization;
+  StagingManifold* staging;
+};
+
+StagedStep::StagedStep(const ProblemLinearizer& linearizer,
+                       ceres::Problem* problem)
+    : problem_(problem) {
+  const std::vector<double*>& values = linearizer.parameter_blocks();
+  // All at once: Ceres visits all manifolds in each evaluation, and should find
+  // them side by side in memory.
+  const std::vector<StagingManifold*> manifolds =
+      StagingManifold::Take(*problem, values.size());
+  blocks_.reserve(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const int block = static_cast<int>(i);
+    const ceres::Manifold* const own = linearizer.manifold(block);
+    CHECK(dynamic_cast<const StagingManifold*>(own) == nullptr)
+        << "Another UpdateCallback of this problem still exists.";
+    blocks_.push_back(
+        {values[i],
+         linearizer.column(block),
+         own,
+         own == nullptr ? nullptr : problem->GetParameterization(values[i]),
+         manifolds[i]});
+    manifolds[i]->Init(linearizer.ambient_size(block), own);
+  }
+  for (const Block& block : blocks_) {
+    problem->SetManifold(block.values, block.staging);
+  }
+}
+
+StagedStep::~StagedStep() {
+  // In reverse: Take returns them in the order of their construction again.
+  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
+    // The setters take pointers that the getters return as pointers to const.
+    if (block->parameterization != nullptr) {
+      problem_->SetParameterization(
+          block->values,
+          const_cast<ceres::LocalParameterization*>(block->parameterization));
+    } else if (block->manifold != nullptr || is_wrapped_) {
+      problem_->SetManifold(block->values,
+                            const_cast<ceres::Manifold*>(block->manifold));
+    }
+    StagingManifold::GiveBack(block->staging);
+  }
+}
+
+#pragma GCC diagnostic pop
+
+void StagedStep::Stage(const double* step) {
+  SetWrapped(true);
+  for (const Block& block : blocks_) block.staging->Stage(step + block.column);
+}
+
+void StagedStep::Clear() {
+  for (const Block& block : blocks_) block.staging->Stage(nullptr);
+}
+
+bool StagedStep::IsStaged() const {
+  return !blocks_.empty() &&
+         std::all_of(blocks_.begin(), blocks_.end(), [](const Block& block) {
+           return block.staging->is_staged();
+         });
+}
+
+void StagedStep::SetWrapped(bool wrapped) {
+  // A problem that owns its manifolds stores a pointer at each SetManifold.
+  constexpr int kMaxNumUnwraps = 32;
+  if (is_wrapped_ == wrapped) return;
+  if (!wrapped && ++num_unwraps_ > kMaxNumUnwraps) return;
+  is_wrapped_ = wrapped;
+  for (const Block& block : blocks_) {
+    if (block.manifold != nullptr) continue;
+    problem_->SetManifold(block.values, wrapped ? block.staging : nullptr);
+  }
+}
+
+}  // namespace invgrad

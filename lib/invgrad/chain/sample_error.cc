@@ -1,0 +1,40 @@
+#include "invgrad/chain/sample_error.h"
+
+#include <cmath>
+
+#include "fmt/core.h"
+
+namespace invgrad {
+
+bool SampleError(int sample, const std::string& what, std::string* error) {
+  *error = fmt::format("sample {}: {}", sample, what);
+  return false;
+}
+
+bool SimulatorError(const Simulator& simulator,
+                    const Eigen::Map<const Eigen::MatrixXd>& x,
+                    const DataSet& batch,
+                    int sample,
+                    std::string* error) {
+  return SampleError(
+      sample,
+      SimulatorFailure(
+          simulator, x.col(sample).data(), batch.Context(sample).data()),
+      error);
+}
+
+bool CheckCost(double cost, std::string* error) {
+  if (std::isfinite(cost)) return true;
+  *error = "the cost of the batch is not finite";
+  return false;
+}
+
+bool CheckDerivatives(const Eigen::VectorXd& gradient,
+                      const Eigen::MatrixXd& hessian,
+                      std::string* error) {
+  if (gradient.allFinite() && hessian.allFinite()) return true;
+  *error = "a derivative in the weights is not finite";
+  return false;
+}
+
+}  // namespace invgrad

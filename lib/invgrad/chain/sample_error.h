@@ -1,0 +1,36 @@
+// The messages for a sample of a batch that has no finite value.
+#ifndef INVGRAD_CHAIN_SAMPLE_ERROR_H_
+#define INVGRAD_CHAIN_SAMPLE_ERROR_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/chain/data_set.h"
+#include "invgrad/chain/simulator.h"
+
+namespace invgrad {
+
+inline constexpr char kLossFailed[] = "the loss has no finite value";
+
+// *error = "sample 3: what". Returns false.
+bool SampleError(int sample, const std::string& what, std::string* error);
+
+// For a simulator that failed at the sample's x (x: |x| x B). Returns false.
+bool SimulatorError(const Simulator& simulator,
+                    const Eigen::Map<const Eigen::MatrixXd>& x,
+                    const DataSet& batch,
+                    int sample,
+                    std::string* error);
+
+// True if the cost of a batch is finite.
+bool CheckCost(double cost, std::string* error);
+
+// True if both are finite: backward passes can overflow where the forward one
+// did not.
+bool CheckDerivatives(const Eigen::VectorXd& gradient,
+                      const Eigen::MatrixXd& hessian,
+                      std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CHAIN_SAMPLE_ERROR_H_

@@ -1,0 +1,41 @@
+// Reads what the user names by text: "half_inverse:step_size=auto:rho=1".
+//
+// A specification is a name and settings, separated by colons; commas separate
+// specifications. Space around the pieces is ignored.
+#ifndef INVGRAD_CORE_SPECIFICATION_H_
+#define INVGRAD_CORE_SPECIFICATION_H_
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace invgrad {
+
+using Settings = std::vector<std::pair<std::string, std::string>>;
+
+struct Specification {
+  std::string text;  // as it was written
+  std::string name;
+  Settings settings;
+};
+
+// Splits "a:x=1:y=2,b". False, with *error, for an empty name, a setting
+// without '=', or an empty key.
+bool ParseSpecifications(const std::string& text,
+                         std::vector<Specification>* specifications,
+                         std::string* error);
+
+// The candidates nearest to `name` by edit distance, nearest first, at most
+// three; those too far to be a misspelling are left out.
+std::vector<std::string> NearestNames(
+    const std::string& name, const std::vector<std::string>& candidates);
+
+// "unknown rule 'adm'; did you mean adam?", or, if no candidate is near,
+// "unknown rule 'q'; known: adam, newton".
+std::string UnknownNameMessage(const std::string& what,
+                               const std::string& name,
+                               const std::vector<std::string>& candidates);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_SPECIFICATION_H_

@@ -1,0 +1,271 @@
+#include "invgrad/rank/block_groups.h"
+
+#include <algorithm>
+#include <numeric>
+#include <set>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+
+#include "fmt/core.h"
+#include "glog/logging.h"
+#include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/memory_limit.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using RowMajorMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using SparseMatrix = Eigen::SparseMatrix<double>;
+
+// J without its zeros.
+SparseMatrix ToSparse(const JacobianOperator& J) {
+  SparseMatrix result;
+  if (const auto* sparse = dynamic_cast<const SparseJacobian*>(&J)) {
+    result = sparse->matrix();
+  } else {
+    MatrixXd dense;
+    J.ToDense(&dense);
+    result = dense.sparseView(1.0, 0.0);
+  }
+  result.prune([](Index, Index, double value) { return value != 0.0; });
+  result.makeCompressed();
+  return result;
+}
+
+bool CheckMemory(const SparseMatrix& J, std::string* error) {
+  // Copies of J and one triangle, and A^T A.
+  std::vector<double> row_sizes(static_cast<std::size_t>(J.rows()), 0.0);
+  for (Index e = 0; e < J.nonZeros(); ++e) ++row_sizes[J.innerIndexPtr()[e]];
+  const double normal = std::inner_product(
+      row_sizes.begin(), row_sizes.end(), row_sizes.begin(), 0.0);
+  const double n = static_cast<double>(J.cols());
+  constexpr double kBytes = 16.0;  // an entry
+  return FitsInMemory("the rank report",
+                      {{"J", 5.0 * kBytes * static_cast<double>(J.nonZeros())},
+                       {"J^T J", kBytes * std::min(normal, n * n)}},
+                      0.0,
+                      error);
+}
+
+// Disjoint sets, merged by path-halving union-find.
+class UnionFind {
+ public:
+  explicit UnionFind(std::size_t size) : parents_(size) {
+    std::iota(parents_.begin(), parents_.end(), 0);
+  }
+  int Find(int i) {
+    while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
+    return i;
+  }
+  void Join(int i, int j) { parents_[Find(i)] = Find(j); }
+
+ private:
+  std::vector<int> parents_;
+};
+
+// The component that each tangent direction of a block is, or -1.
+std::vector<int> Components(const ceres::Manifold* manifold,
+                            const double* values,
+                            int tangent_size) {
+  std::vector<int> components(static_cast<std::size_t>(tangent_size), -1);
+  if (manifold == nullptr) {
+    std::iota(components.begin(), components.end(), 0);
+  } else if (tangent_size > 0) {
+    RowMajorMatrix P(manifold->AmbientSize(), tangent_size);
+    CHECK(manifold->PlusJacobian(values, P.data()));  // as in Linearize
+    for (int j = 0; j < tangent_size; ++j) {
+      Index i = 0;
+      const double largest = P.col(j).cwiseAbs().maxCoeff(&i);
+      if (P(i, j) == 1.0 && largest == P.col(j).cwiseAbs().sum()) {
+        components[j] = static_cast<int>(i);
+      }
+    }
+  }
+  return components;
+}
+
+void DescribeBlocks(const RankReport::Options& options,
+                    const ceres::Problem& problem,
+                    const ProblemLinearizer& linearizer,
+                    RankReport* report) {
+  const std::vector<double*>& blocks = linearizer.parameter_blocks();
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const int index = static_cast<int>(b);
+    RankReport::Block block;
+    block.values = blocks[b];
+    if (options.block_name) block.name = options.block_name(blocks[b]);
+    if (block.name.empty()) block.name = fmt::format("block {}", b);
+    block.size = linearizer.ambient_size(index);
+    block.tangent_size = linearizer.tangent_size(index);
+    block.column = linearizer.column(index);
+    block.components =
+        Components(linearizer.manifold(index), blocks[b], block.tangent_size);
+    report->blocks.push_back(std::move(block));
+  }
+  report->num_residuals = linearizer.num_residuals();
+  report->num_parameters = linearizer.num_parameters();
+  report->num_constant_blocks =
+      problem.NumParameterBlocks() - static_cast<int>(blocks.size());
+}
+
+void FindUnused(const VectorXd& lengths,
+                const std::vector<std::vector<double*>>& arguments,
+                RankReport* report) {
+  std::unordered_set<const double*> named;
+  for (const std::vector<double*>& blocks : arguments) {
+    named.insert(blocks.begin(), blocks.end());
+  }
+  for (std::size_t b = 0; b < report->blocks.size(); ++b) {
+    const RankReport::Block& block = report->blocks[b];
+    RankReport::Unused unused;
+    unused.block = static_cast<int>(b);
+    unused.in_no_residual = named.count(block.values) == 0;
+    for (int i = 0; i < block.tangent_size; ++i) {
+      if (lengths[block.column + i] == 0.0) unused.tangent.push_back(i);
+    }
+    if (unused.tangent.empty()) continue;
+    unused.whole_block =
+        static_cast<int>(unused.tangent.size()) == block.tangent_size;
+    report->unused.push_back(std::move(unused));
+  }
+  for (const double length : lengths) {
+    if (length == 0.0) continue;
+    if (report->longest_column == 0.0) report->shortest_column = length;
+    report->shortest_column = std::min(report->shortest_column, length);
+    report->longest_column = std::max(report->longest_column, length);
+  }
+}
+
+// Sets each block's group, and fills the groups' blocks and columns. Returns
+// the row that each row of J has in its group, or -1 if it is zero.
+std::vector<int> FindGroups(const SparseMatrix& J,
+                            const VectorXd& lengths,
+                            RankReport* report,
+                            std::vector<BlockGroup>* groups) {
+  UnionFind sets(report->blocks.size());
+  std::vector<int> block_of_row(static_cast<std::size_t>(J.rows()), -1);
+  for (std::size_t b = 0; b < report->blocks.size(); ++b) {
+    const RankReport::Block& block = report->blocks[b];
+    for (int e = J.outerIndexPtr()[block.column];
+         e < J.outerIndexPtr()[block.column + block.tangent_size];
+         ++e) {
+      int& first = block_of_row[J.innerIndexPtr()[e]];
+      if (first < 0) first = static_cast<int>(b);
+      sets.Join(first, static_cast<int>(b));
+    }
+  }
+  std::vector<int> group_of_set(report->blocks.size(), -1);
+  for (std::size_t b = 0; b < report->blocks.size(); ++b) {
+    RankReport::Block& block = report->blocks[b];
+    const auto block_lengths =
+        lengths.segment(block.column, block.tangent_size).array();
+    if (!(block_lengths > 0.0).any()) continue;
+    int& g = group_of_set[sets.Find(static_cast<int>(b))];
+    if (g < 0) {
+      g = static_cast<int>(groups->size());
+      groups->emplace_back();
+    }
+    BlockGroup& group = (*groups)[g];
+    block.group = g;
+    group.blocks.push_back(static_cast<int>(b));
+    group.offsets.push_back(static_cast<int>(group.columns.size()));
+    for (int i = 0; i < block.tangent_size; ++i) {
+      if (block_lengths[i] > 0.0) group.columns.push_back(block.column + i);
+    }
+  }
+  report->num_groups = static_cast<int>(groups->size());
+  std::vector<int> num_rows(groups->size(), 0);
+  std::vector<int> local_rows;
+  for (const int b : block_of_row) {
+    local_rows.push_back(b < 0 ? -1 : num_rows[report->blocks[b].group]++);
+  }
+  for (std::size_t g = 0; g < groups->size(); ++g) {
+    BlockGroup& group = (*groups)[g];
+    group.offsets.push_back(static_cast<int>(group.columns.size()));
+    group.J.resize(num_rows[g], static_cast<Index>(group.columns.size()));
+  }
+  return local_rows;
+}
+
+void FillJacobian(const SparseMatrix& J,
+                  const VectorXd& lengths,
+                  const std::vector<int>& local_rows,
+                  BlockGroup* group) {
+  group->lengths.resize(group->J.cols());
+  for (Index j = 0; j < group->J.cols(); ++j) {
+    group->lengths[j] = lengths[group->columns[j]];
+    group->J.startVec(j);
+    for (SparseMatrix::InnerIterator it(J, group->columns[j]); it; ++it) {
+      group->J.insertBack(local_rows[it.row()], j) = it.value();
+    }
+  }
+  group->J.finalize();
+  group->A = group->J;
+  for (Index j = 0; j < group->A.cols(); ++j) {
+    for (SparseMatrix::InnerIterator it(group->A, j); it; ++it) {
+      it.valueRef() /= group->lengths[j];
+    }
+  }
+}
+
+}  // namespace
+
+bool GroupBlocks(const RankReport::Options& options,
+                 const ceres::Problem& problem,
+                 RankReport* report,
+                 std::vector<BlockGroup>* groups,
+                 std::string* error) {
+  ProblemLinearizer::Options linearizer_options;
+  linearizer_options.apply_loss_function = options.apply_loss_function;
+  linearizer_options.evaluation_callback = options.evaluation_callback;
+  const ProblemLinearizer linearizer(&problem, linearizer_options);
+  LinearizationParts parts;
+  parts.jacobian = true;
+  Linearization linearization;
+  if (!linearizer.Linearize(parts, &linearization, error)) return false;
+  const SparseMatrix J = ToSparse(*linearization.jacobian);
+  linearization = Linearization();
+  if (!CheckMemory(J, error)) return false;
+  DescribeBlocks(options, problem, linearizer, report);
+
+  VectorXd lengths(J.cols());
+  for (Index j = 0; j < J.cols(); ++j) {
+    const int begin = J.outerIndexPtr()[j];
+    lengths[j] = Eigen::Map<const VectorXd>(J.valuePtr() + begin,
+                                            J.outerIndexPtr()[j + 1] - begin)
+                     .stableNorm();
+  }
+  std::vector<ceres::ResidualBlockId> ids;
+  problem.GetResidualBlocks(&ids);
+  std::vector<std::vector<double*>> arguments(ids.size());
+  for (std::size_t r = 0; r < ids.size(); ++r) {
+    problem.GetParameterBlocksForResidualBlock(ids[r], &arguments[r]);
+  }
+  FindUnused(lengths, arguments, report);
+  const std::vector<int> local_rows = FindGroups(J, lengths, report, groups);
+  for (BlockGroup& group : *groups) {
+    FillJacobian(J, lengths, local_rows, &group);
+  }
+
+  std::unordered_map<const double*, int> group_of;
+  for (const RankReport::Block& block : report->blocks) {
+    group_of[block.values] = block.group;
+  }
+  for (const std::vector<double*>& blocks : arguments) {
+    std::set<int> named;
+    for (const double* values : blocks) {
+      const auto it = group_of.find(values);
+      if (it != group_of.end() && it->second >= 0) named.insert(it->second);
+    }
+    for (const int g : named) (*groups)[g].arguments.push_back(blocks);
+  }
+  return true;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,39 @@
+// Decompositions of dense matrices by LAPACK.
+//
+//   A = U diag(s) V^T,   X = Q R,   A P = Q R
+//
+// Eigen's decompositions take up to ten seconds to compile in each file that
+// uses them.
+//
+// Shapes:  A: m x n, any m and n.
+// Cost:    O(m n min(m, n)) and a copy of the argument.
+// Fails:   s and V are NaN if LAPACK's SVD does not converge, as for an A that
+//          is not finite.
+#ifndef INVGRAD_RANK_DECOMPOSITIONS_H_
+#define INVGRAD_RANK_DECOMPOSITIONS_H_
+
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+struct RightSvd {
+  Eigen::VectorXd s;  // n, descending; the last n - m are zero up to rounding
+  Eigen::MatrixXd V;  // n x n: null vectors included
+};
+RightSvd ComputeRightSvd(Eigen::MatrixXd A);
+
+// min(m, n) of them, descending.
+Eigen::VectorXd SingularValues(Eigen::MatrixXd A);
+
+// Q, m x n, of the m x n matrix X, m >= n.
+Eigen::MatrixXd Orthonormalized(Eigen::MatrixXd X);
+
+// The columns of A in the order in which a QR decomposition with column
+// pivoting takes them: P.
+std::vector<int> PivotOrder(Eigen::MatrixXd A);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RANK_DECOMPOSITIONS_H_

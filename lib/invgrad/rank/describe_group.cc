@@ -1,0 +1,262 @@
+#include "invgrad/rank/describe_group.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "invgrad/rank/anchor.h"
+#include "invgrad/rank/gauge_match.h"
+#include "invgrad/rank/localized_basis.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The group's blocks, and the other blocks of its residuals as constant ones.
+GaugeComponent MakeComponent(const ceres::Problem& problem,
+                             const RankReport& report,
+                             const BlockGroup& group) {
+  GaugeComponent component;
+  std::unordered_map<const double*, int> index;
+  const auto add = [&](const double* values, bool is_constant) {
+    const auto [it, is_new] =
+        index.insert({values, static_cast<int>(component.blocks.size())});
+    if (is_new) {
+      GaugeBlock block;
+      block.values = values;
+      block.size = problem.ParameterBlockSize(values);
+      block.offset = component.ambient_size;
+      block.is_constant = is_constant;
+      block.manifold = problem.GetManifold(values);
+      component.ambient_size += block.size;
+      component.blocks.push_back(block);
+    }
+    return it->second;
+  };
+  for (const int b : group.blocks) add(report.blocks[b].values, false);
+  for (const std::vector<double*>& blocks : group.arguments) {
+    std::vector<int> arguments;
+    for (const double* values : blocks) arguments.push_back(add(values, true));
+    component.arguments.push_back(std::move(arguments));
+  }
+  return component;
+}
+
+class GroupDescription {
+ public:
+  GroupDescription(const RankReport::Options& options,
+                   const ceres::Problem& problem,
+                   const BlockGroup& group,
+                   int g,
+                   RankReport* report)
+      : options_(options),
+        problem_(problem),
+        group_(group),
+        g_(g),
+        report_(*report) {}
+
+  // A direction is reported if it is independent of those before it: first
+  // those within one block, then those that touch few blocks, gauge freedoms,
+  // and the rest.
+  void DescribeNullSpace(const MatrixXd& V) {
+    dimension_ = V.cols();
+    reported_.resize(V.rows(), 0);
+    const LocalizedBasis basis = Localize(V, group_.offsets);
+    for (Index j = 0; j < basis.single.cols(); ++j) {
+      Report(basis.single.col(j));
+      const int b = basis.single_blocks[j];
+      if (j == 0 || basis.single_blocks[j - 1] != b) {
+        SuggestWithinBlock(b, basis);
+      }
+    }
+    if (basis.rest.cols() == 0) return;
+    const GaugeMatch gauge =
+        MakeMatcher().Best(options_.threshold * report_.s_max,
+                           static_cast<int>(basis.rest.cols()));
+    const auto touches_few = [&](const VectorXd& v) {
+      return 2 * NumParts(v, group_.offsets) <
+             static_cast<int>(group_.blocks.size());
+    };
+    for (const auto v : basis.localized_rest.colwise()) {
+      if (touches_few(v)) Report(v);
+    }
+    ReportGauge(gauge);
+    for (const auto v : basis.localized_rest.colwise()) {
+      if (!touches_few(v)) Report(v);
+    }
+    constexpr int kMaxAnchors = 20;
+    std::vector<bool> can_hold;
+    for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
+      can_hold.push_back(CanHoldComponents(static_cast<int>(b)));
+    }
+    for (const Anchor& anchor :
+         ChooseAnchors(basis.rest, group_.offsets, can_hold, kMaxAnchors)) {
+      Suggest(anchor.block, anchor);
+    }
+  }
+
+  void DescribeWeak(const MatrixXd& V) {
+    // A gauge freedom that a weak prior removes is named if it explains all of
+    // the weak directions, or this one.
+    const GaugeMatcher matcher = MakeMatcher();
+    const std::string name = matcher.NameOf(V);
+    for (const auto v : V.colwise()) {
+      RankReport::Direction direction = MakeDirection(v);
+      direction.gauge = name.empty() ? matcher.NameOf(v) : name;
+      report_.weak.push_back(std::move(direction));
+    }
+  }
+
+ private:
+  GaugeMatcher MakeMatcher() const {
+    std::vector<double> scale;
+    for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
+      const RankReport::Block& block = report_.blocks[group_.blocks[b]];
+      const std::size_t begin = scale.size();
+      scale.resize(begin + block.tangent_size, 0.0);
+      for (int i = group_.offsets[b]; i < group_.offsets[b + 1]; ++i) {
+        scale[begin + group_.columns[i] - block.column] = group_.lengths[i];
+      }
+    }
+    std::vector<Gauge> gauges = options_.gauges;
+    if (options_.look_for_built_in_gauges) {
+      for (Gauge& gauge : BuiltInGauges()) gauges.push_back(std::move(gauge));
+    }
+    return GaugeMatcher(MakeComponent(problem_, report_, group_),
+                        group_.A,
+                        Eigen::Map<const VectorXd>(
+                            scale.data(), static_cast<Index>(scale.size())),
+                        gauges);
+  }
+
+  // Whether v, of length one, is independent of what was reported, and is now
+  // reported.
+  bool Report(const VectorXd& v) {
+    if (reported_.cols() == dimension_) return false;
+    VectorXd new_part = v;
+    for (int pass = 0; pass < 2; ++pass) {
+      new_part -= reported_ * (reported_.transpose() * new_part);
+    }
+    constexpr double kNew = 1e-4;
+    if (!(new_part.norm() > kNew)) return false;
+    reported_.conservativeResize(Eigen::NoChange, reported_.cols() + 1);
+    reported_.rightCols(1) = new_part.normalized();
+    report_.undetermined.push_back(MakeDirection(v));
+    return true;
+  }
+
+  void ReportGauge(const GaugeMatch& gauge) {
+    RankReport::GaugeFreedom freedom;
+    freedom.group = g_;
+    freedom.name = gauge.name;
+    freedom.num_generators = gauge.num_generators;
+    for (Index j = 0; j < gauge.directions.cols(); ++j) {
+      if (!Report(gauge.directions.col(j))) continue;
+      report_.undetermined.back().gauge = gauge.name;
+      report_.undetermined.back().generator = gauge.generators[j];
+      freedom.directions.push_back(
+          static_cast<int>(report_.undetermined.size()) - 1);
+    }
+    if (freedom.directions.empty()) return;
+    report_.gauges.push_back(std::move(freedom));
+  }
+
+  // Whether each tangent direction of block b of the group is a component.
+  bool CanHoldComponents(int b) const {
+    const std::vector<int>& components =
+        report_.blocks[group_.blocks[b]].components;
+    return std::count(components.begin(), components.end(), -1) == 0;
+  }
+
+  // For the directions within block b of the group.
+  void SuggestWithinBlock(int b, const LocalizedBasis& basis) {
+    const std::vector<int>& blocks = basis.single_blocks;
+    const auto first = std::find(blocks.begin(), blocks.end(), b);
+    const auto count = std::count(blocks.begin(), blocks.end(), b);
+    const int begin = group_.offsets[b];
+    const int size = group_.offsets[b + 1] - begin;
+    const MatrixXd directions =
+        basis.single.block(begin, first - blocks.begin(), size, count);
+    for (const Anchor& anchor :
+         ChooseAnchors(directions, {0, size}, {CanHoldComponents(b)}, 1)) {
+      Suggest(b, anchor);
+    }
+  }
+
+  void Suggest(int b, const Anchor& anchor) {
+    const RankReport::Block& block = report_.blocks[group_.blocks[b]];
+    RankReport::Suggestion suggestion;
+    suggestion.group = g_;
+    suggestion.block = group_.blocks[b];
+    for (const int row : anchor.rows) {
+      suggestion.tangent.push_back(group_.columns[group_.offsets[b] + row] -
+                                   block.column);
+    }
+    suggestion.whole_block =
+        static_cast<int>(anchor.rows.size()) == block.tangent_size;
+    suggestion.num_removed = anchor.num_removed;
+    report_.suggestions.push_back(std::move(suggestion));
+  }
+
+  // v: scaled, of length one, one entry a column of the group.
+  RankReport::Direction MakeDirection(const VectorXd& v) const {
+    RankReport::Direction direction;
+    direction.group = g_;
+    direction.singular_value = (group_.A * v).norm() / report_.s_max;
+    VectorXd motion = v.cwiseQuotient(group_.lengths);
+    Index largest = 0;
+    motion.cwiseAbs().maxCoeff(&largest);
+    motion /= static_cast<double>(motion[largest]);
+    for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
+      const int begin = group_.offsets[b];
+      const int end = group_.offsets[b + 1];
+      const double length = v.segment(begin, end - begin).norm();
+      if (length <= kNoPart) continue;
+      const RankReport::Block& block = report_.blocks[group_.blocks[b]];
+      RankReport::Part part;
+      part.block = group_.blocks[b];
+      part.share = length * length;
+      part.motion = VectorXd::Zero(block.tangent_size);
+      for (int i = begin; i < end; ++i) {
+        part.motion[group_.columns[i] - block.column] = motion[i];
+      }
+      direction.parts.push_back(std::move(part));
+    }
+    std::stable_sort(direction.parts.begin(),
+                     direction.parts.end(),
+                     [](const RankReport::Part& a, const RankReport::Part& b) {
+                       return a.share > b.share;
+                     });
+    return direction;
+  }
+
+  const RankReport::Options& options_;
+  const ceres::Problem& problem_;
+  const BlockGroup& group_;
+  const int g_;
+  RankReport& report_;
+  Index dimension_ = 0;  // of the null space
+  MatrixXd reported_;    // orthonormal, of the span of what was reported
+};
+
+}  // namespace
+
+void DescribeGroup(const RankReport::Options& options,
+                   const ceres::Problem& problem,
+                   const BlockGroup& group,
+                   int g,
+                   const MatrixXd& null_space,
+                   const MatrixXd& weak,
+                   RankReport* report) {
+  GroupDescription description(options, problem, group, g, report);
+  if (null_space.cols() > 0) description.DescribeNullSpace(null_space);
+  if (weak.cols() > 0) description.DescribeWeak(weak);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,38 @@
+// A spectral step of a dense J, for tests.
+#ifndef TESTS_SUPPORT_SPECTRAL_STEP_OF_H_
+#define TESTS_SUPPORT_SPECTRAL_STEP_OF_H_
+
+#include <limits>
+
+#include "gtest/gtest.h"
+#include "invgrad/spectral/spectral_step.h"
+
+namespace invgrad {
+
+// `route` whatever its accuracy; auto with the default tolerances.
+inline SpectralStepOptions Take(SpectralRoute route) {
+  SpectralStepOptions options;
+  options.route = route;
+  if (route != SpectralRoute::kAuto) {
+    options.tolerance = std::numeric_limits<double>::infinity();
+    options.threshold_tolerance = std::numeric_limits<double>::infinity();
+  }
+  return options;
+}
+
+inline Eigen::VectorXd StepOf(const Eigen::MatrixXd& J,
+                              const Eigen::VectorXd& g,
+                              const SpectralFilter& filter,
+                              SpectralRoute route,
+                              SpectralStepSummary* summary) {
+  Eigen::VectorXd d = Eigen::VectorXd::Zero(J.cols());
+  EXPECT_TRUE(
+      SpectralStep(DenseJacobian(J), g, filter, Take(route), &d, summary))
+      << SpectralRouteName(route) << ": " << summary->message;
+  EXPECT_EQ(d.size(), J.cols());
+  return d;
+}
+
+}  // namespace invgrad
+
+#endif  // TESTS_SUPPORT_SPECTRAL_STEP_OF_H_
