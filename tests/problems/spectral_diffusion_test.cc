@@ -123,11 +123,11 @@ TEST(SpectralDiffusion, FailsWhereAValueIsNotFinite) {
     return true;
   };
   EXPECT_FALSE(
-      simulator->PullBack(x.data(), nullptr, ones, y.data(), x_bar.data()));
+      simulator->Adjoint(x.data(), nullptr, ones, y.data(), x_bar.data()));
   x[3] = 0.0;
   EXPECT_TRUE(
-      simulator->PullBack(x.data(), nullptr, ones, y.data(), x_bar.data()));
-  EXPECT_FALSE(simulator->PullBack(
+      simulator->Adjoint(x.data(), nullptr, ones, y.data(), x_bar.data()));
+  EXPECT_FALSE(simulator->Adjoint(
       x.data(),
       nullptr,
       [](const double*, double*) { return false; },

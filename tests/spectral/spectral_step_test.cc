@@ -300,12 +300,7 @@ TEST(SpectralStep, ARuleResumesFromItsStateBitForBit) {
     return at_x;
   };
   const auto create = [] {
-    std::string error;
-    auto rule = CreateRule(
-        {"", "half_inverse", {{"truncation", "1e-10"}, {"tolerance", "1e-6"}}},
-        &error);
-    EXPECT_NE(rule, nullptr) << error;
-    return rule;
+    return MakeRule("half_inverse:truncation=1e-10:tolerance=1e-6");
   };
   constexpr int kSteps = 30;
   for (const int stop : {0, 1, 4, 11, 22}) {
