@@ -10,12 +10,10 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
-#include <string>
 
 #include "Eigen/Core"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/model.h"
-#include "invgrad/chain/network_file.h"
 #include "invgrad/train/train.h"
 
 namespace {
@@ -91,12 +89,6 @@ int main() {
   double angle = 0.0;
   Pendulum()(&push, &angle);
   std::printf("wanted 0.7 rad: push %.4f, angle %.6f\n", push, angle);
-  std::string error;
-  if (!invgrad::WriteNetwork(
-          "pendulum.txt", model.network(), result.weights, &error)) {
-    std::fprintf(stderr, "%s\n", error.c_str());
-    return 1;
-  }
   // [/use]
   return 0;
 }

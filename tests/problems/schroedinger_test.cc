@@ -206,8 +206,7 @@ class SchroedingerDerivatives : public testing::Test {
   const VectorXd controls_ = RandomVector(kNumSteps, 2.0, 7);
 };
 
-// Two controls at a time: with all of them at once the Jets take half a minute
-// to compile.
+// Two controls at a time: Jets of few derivatives compile quickly.
 TEST_F(SchroedingerDerivatives, AreThoseOfNestedJetsThroughTheRollOut) {
   using Jet = NestedJet<1>;
   const VectorXd w = RandomVector(kSize, 1.0, 8);
