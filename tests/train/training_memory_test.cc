@@ -48,7 +48,7 @@ TEST(TrainingMemory, CountsTheMatricesOfAStep) {
   };
   EXPECT_EQ(BytesOf(parts("newton"), "Hessian"), 8.0 * 33 * 33);
   EXPECT_EQ(BytesOf(parts("newton"), "factorization of the Hessian"),
-            2.0 * 8.0 * 33 * 33);
+            3.0 * 8.0 * 33 * 33);
   EXPECT_EQ(BytesOf(parts("half_inverse"), "factors of J"), 8.0 * 30 * 5);
   EXPECT_EQ(BytesOf(parts("half_inverse"), "at least route gram"),
             SpectralStepBytes(SpectralRoute::kGram, 30, 33));
