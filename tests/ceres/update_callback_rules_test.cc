@@ -20,53 +20,31 @@
 #include "invgrad/ceres/cached_problem.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
+#include "tests/ceres/callback_problems.h"
+#include "tests/support/rosenbrock.h"
 
 namespace invgrad {
 namespace update_callback_rules_test {
-
-ceres::Solver::Options SolverOptions(UpdateCallback* callback) {
-  ceres::Solver::Options options;
-  options.logging_type = ceres::SILENT;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 500;
-  if (callback != nullptr) callback->AddTo(&options);
-  return options;
-}
-
-struct Rosenbrock {
-  template <typename T>
-  bool operator()(const T* x, const T* y, T* r) const {
-    r[0] = 1.0 - x[0];
-    r[1] = 10.0 * (y[0] - x[0] * x[0]);
-    return true;
-  }
-};
 
 // Each of them is asked, and at least one of its steps is taken; where a rule
 // is bad at the valley, Ceres' own steps finish it.
 TEST(UpdateCallbackRules, EveryRuleOfTheTable) {
   for (const RuleRow& row : Rules()) {
     SCOPED_TRACE(row.name);
-    double x = -1.2;
-    double y = 1.0;
-    ceres::Problem problem;
-    problem.AddResidualBlock(
+    TwoBlockRosenbrock p(
         new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 1, 1>(
-            new Rosenbrock),
-        nullptr,
-        &x,
-        &y);
+            new Rosenbrock));
     // The whole steps of both blocks, each as if the other stood still, are too
     // long together, and the linear model knows it.
     const std::unique_ptr<UpdateRule> rule =
         MakeRule(row.name == "layer_half_inverse" ? row.name + ":step_size=auto"
                                                   : row.name);
-    UpdateCallback callback(rule.get(), &problem);
+    UpdateCallback callback(rule.get(), &p.problem);
     ceres::Solver::Summary summary;
-    ceres::Solve(SolverOptions(&callback), &problem, &summary);
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
-    EXPECT_NEAR(x, 1.0, 1e-4);
-    EXPECT_NEAR(y, 1.0, 2e-4);
+    EXPECT_NEAR(p.x, 1.0, 1e-4);
+    EXPECT_NEAR(p.y, 1.0, 2e-4);
     if (row.name == "kfac_half_inverse") {
       // Its factors are a network's.
       EXPECT_EQ(callback.summary().num_proposed, 0);
@@ -212,16 +190,9 @@ class Declines final : public UpdateRule {
 // A rule that fails is asked at the accepted states 0, 3, 8, 17, 34, 51: after
 // 2, 4, 8, 16 and again 16 others.
 TEST(UpdateCallbackRules, ARuleThatFailsIsAskedLessAndLess) {
-  double x = -1.2;
-  double y = 1.0;
-  ceres::Problem problem;
-  problem.AddResidualBlock(
-      new ceres::AutoDiffCostFunction<Rosenbrock, 2, 1, 1>(new Rosenbrock),
-      nullptr,
-      &x,
-      &y);
+  TwoBlockRosenbrock p;
   Declines rule;
-  UpdateCallback callback(&rule, &problem);
+  UpdateCallback callback(&rule, &p.problem);
   // A small trust region makes for many accepted steps.
   ceres::Solver::Options options = SolverOptions(&callback);
   options.initial_trust_region_radius = 1e-3;
@@ -229,7 +200,7 @@ TEST(UpdateCallbackRules, ARuleThatFailsIsAskedLessAndLess) {
   options.function_tolerance = 0.0;
   options.parameter_tolerance = 0.0;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  ceres::Solve(options, &p.problem, &summary);
   ASSERT_GT(summary.num_successful_steps, 60);
   int expected = 0;
   int wait = 2;

@@ -1,0 +1,128 @@
+// What UpdateCallback refuses, and what it notices when it is used wrongly.
+
+#include <memory>
+#include <string>
+#include <type_traits>
+
+#include "ceres/iteration_callback.h"
+#include "ceres/solver.h"
+#include "gtest/gtest.h"
+#include "invgrad/ceres/update_callback.h"
+#include "tests/ceres/callback_problems.h"
+#include "tests/support/rosenbrock.h"
+
+namespace invgrad {
+namespace update_callback_misuse_test {
+
+using Options = UpdateCallback::Options;
+
+TEST(UpdateCallback, IsForOneSolve) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(0.5);
+  {
+    UpdateCallback callback(&rule, &p.problem);
+    ceres::Solver::Summary summary;
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+    p.x = -1.2;
+    p.y = 1.0;
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+    EXPECT_NE(callback.summary().message.find("for one solve"),
+              std::string::npos);
+    EXPECT_EQ(p.x, -1.2);
+    EXPECT_EQ(p.y, 1.0);
+  }
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Summary summary;
+  ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(p.x, 1.0, 1e-6);
+}
+
+TEST(UpdateCallback, NoticesAProblemThatIsDestroyedFirst) {
+  EXPECT_DEATH(
+      {
+        PowerRule rule(0.5);
+        auto p = std::make_unique<TwoBlockRosenbrock>();
+        UpdateCallback callback(&rule, &p->problem);
+        p.reset();
+      },
+      "destroyed before its UpdateCallback");
+}
+
+// The compiler refuses options.callbacks.push_back(&callback), which would
+// forget the flag.
+static_assert(
+    !std::is_convertible_v<UpdateCallback*, ceres::IterationCallback*>);
+
+TEST(UpdateCallback, AddToSetsTheFlag) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(1.0);
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options options;
+  EXPECT_FALSE(options.update_state_every_iteration);
+  callback.AddTo(&options);
+  EXPECT_TRUE(options.update_state_every_iteration);
+  ASSERT_EQ(options.callbacks.size(), 1u);
+  EXPECT_EQ(options.callbacks[0], callback.iteration_callback());
+}
+
+TEST(UpdateCallback, NoticesAnotherStateAtTheFirstAcceptedStep) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(1.0);
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options options = SolverOptions(&callback);
+  options.update_state_every_iteration = false;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+  EXPECT_NE(callback.summary().message.find("update_state_every_iteration"),
+            std::string::npos);
+}
+
+TEST(UpdateCallback, NoticesALineSearch) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(1.0);
+  UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options options = SolverOptions(&callback);
+  options.minimizer_type = ceres::LINE_SEARCH;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+  EXPECT_NE(callback.summary().message.find("TRUST_REGION"), std::string::npos);
+  EXPECT_EQ(p.x, -1.2);
+}
+
+TEST(UpdateCallback, RefusesBoundsAndLargeBlocks) {
+  TwoBlockRosenbrock p;
+  std::string error;
+  EXPECT_TRUE(UpdateCallback::IsSupported(Options(), p.problem, &error));
+  p.problem.SetParameterUpperBound(&p.y, 0, 2.0);
+  EXPECT_FALSE(UpdateCallback::IsSupported(Options(), p.problem, &error));
+  EXPECT_NE(error.find("parameter block 1"), std::string::npos) << error;
+  EXPECT_NE(error.find("bounds"), std::string::npos) << error;
+  PowerRule rule(1.0);
+  EXPECT_DEATH(UpdateCallback(&rule, &p.problem), "bounds");
+  // Bounds of a constant block do not matter.
+  p.problem.SetParameterBlockConstant(&p.y);
+  EXPECT_TRUE(UpdateCallback::IsSupported(Options(), p.problem, &error));
+
+  PoseProblem pose;
+  Options options;
+  options.max_block_size = 3;  // a quaternion's tangent space fits exactly
+  EXPECT_TRUE(UpdateCallback::IsSupported(options, pose.problem, &error));
+  options.max_block_size = 2;
+  EXPECT_FALSE(UpdateCallback::IsSupported(options, pose.problem, &error));
+  EXPECT_NE(error.find("max_block_size"), std::string::npos) << error;
+}
+
+TEST(UpdateCallback, OneOfAProblemAtATime) {
+  TwoBlockRosenbrock p;
+  PowerRule rule(0.5);
+  UpdateCallback callback(&rule, &p.problem);
+  EXPECT_DEATH(UpdateCallback(&rule, &p.problem), "still exists");
+}
+
+}  // namespace update_callback_misuse_test
+}  // namespace invgrad
