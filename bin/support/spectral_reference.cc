@@ -10,8 +10,7 @@
 namespace invgrad {
 
 Eigen::VectorXd RandomMatrices::Vector(int size) {
-  return Eigen::VectorXd::NullaryExpr(size,
-                                      [this]() { return normal_(generator_); });
+  return Eigen::VectorXd::NullaryExpr(size, [this]() { return Number(); });
 }
 
 LongMatrix RandomMatrices::Orthonormal(int m, int n) {

@@ -19,6 +19,7 @@ class RandomMatrices {
  public:
   explicit RandomMatrices(int seed) : generator_(seed) {}
 
+  double Number() { return normal_(generator_); }
   Eigen::VectorXd Vector(int size);
   // m x n, with orthonormal columns; n <= m.
   LongMatrix Orthonormal(int m, int n);

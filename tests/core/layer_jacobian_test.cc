@@ -1,24 +1,17 @@
 #include "invgrad/core/layer_jacobian.h"
 
-#include <random>
 #include <tuple>
 #include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace layer_jacobian_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd RandomMatrix(int rows, int cols, unsigned seed) {
-  std::mt19937 generator(seed);
-  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  return MatrixXd::NullaryExpr(
-      rows, cols, [&](Eigen::Index) { return uniform(generator); });
-}
 
 // By the definition, entry by entry.
 MatrixXd Dense(const MatrixXd& inputs, const MatrixXd& deltas, int num_calls) {

@@ -9,31 +9,12 @@
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
 #include "invgrad/methods/ceres_methods.h"
+#include "tests/support/rosenbrock.h"
 
 namespace invgrad {
 namespace ceres_minimizer_test {
 
-struct Rosenbrock {
-  template <typename T>
-  bool operator()(const T* x, T* r) const {
-    r[0] = 1.0 - x[0];
-    r[1] = 10.0 * (x[1] - x[0] * x[0]);
-    return true;
-  }
-};
-
-struct RosenbrockProblem {
-  double x[2] = {-1.2, 1.0};
-  ceres::Problem problem;
-  RosenbrockProblem() {
-    problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
-        nullptr,
-        x);
-  }
-};
-
-// The same, L = 1/2 |r|^2, as a function.
+// Rosenbrock's function, as one function.
 class RosenbrockFunction final : public ceres::FirstOrderFunction {
  public:
   bool Evaluate(const double* x,

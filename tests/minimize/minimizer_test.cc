@@ -2,16 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <limits>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "Eigen/Cholesky"
 #include "Eigen/Core"
-#include "Eigen/QR"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
@@ -20,93 +16,19 @@
 #include "gtest/gtest.h"
 #include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/rules/rules.h"
+#include "tests/minimize/parabola.h"
+#include "tests/support/function_rule.h"
+#include "tests/support/rosenbrock.h"
 
 namespace invgrad {
 namespace minimizer_test {
 
-// A rule made of a function.
-class FunctionRule final : public UpdateRule {
- public:
-  using Function = std::function<bool(
-      const Linearization& at_x, Eigen::VectorXd* step, std::string* error)>;
-  FunctionRule(LinearizationParts needs, Function function)
-      : needs_(needs), function_(std::move(function)) {}
-  LinearizationParts Needs() const override { return needs_; }
-  bool ComputeStep(const Linearization& at_x,
-                   Eigen::VectorXd* step,
-                   std::string* error) override {
-    return function_(at_x, step, error);
-  }
-
- private:
-  LinearizationParts needs_;
-  Function function_;
-};
-
-LinearizationParts Needs(bool gradient, bool jacobian, bool hessian) {
-  LinearizationParts parts;
-  parts.gradient = gradient;
-  parts.jacobian = jacobian;
-  parts.hessian = hessian;
-  return parts;
-}
-
-FunctionRule GradientDescent(double step_size) {
-  return {Needs(true, false, false),
-          [step_size](const auto& at_x, auto* step, std::string*) {
-            *step = -step_size * at_x.gradient;
-            return true;
-          }};
-}
-
-FunctionRule GaussNewton() {
-  return {Needs(false, true, false),
-          [](const auto& at_x, auto* step, std::string*) {
-            Eigen::MatrixXd J;
-            at_x.jacobian->ToDense(&J);
-            *step = -J.householderQr().solve(at_x.loss_gradient);
-            return true;
-          }};
-}
-
 FunctionRule Newton() {
-  return {Needs(true, false, true),
+  return {LinearizationParts{true, false, true},
           [](const auto& at_x, auto* step, std::string*) {
             *step = -at_x.hessian.ldlt().solve(at_x.gradient);
             return true;
           }};
-}
-
-// r = factor (x - target), the minimum is at `target`.
-struct Offset {
-  template <typename T>
-  bool operator()(const T* x, T* r) const {
-    r[0] = factor * (x[0] - target);
-    return true;
-  }
-  double factor;
-  double target;
-};
-
-struct Line {
-  double x = 3.0;
-  ceres::Problem problem;
-  ceres::ResidualBlockId Add(double factor, double target) {
-    return problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<Offset, 1, 1>(
-            new Offset{factor, target}),
-        nullptr,
-        &x);
-  }
-};
-
-MinimizerOptions NoTolerances(int max_num_iterations) {
-  MinimizerOptions options;
-  options.max_num_iterations = max_num_iterations;
-  options.gradient_tolerance = 0.0;
-  options.function_tolerance = 0.0;
-  options.parameter_tolerance = 0.0;
-  return options;
 }
 
 TEST(Minimizer, GradientDescentOnAParabolaInClosedForm) {
@@ -142,31 +64,18 @@ TEST(Minimizer, GradientDescentOnAParabolaInClosedForm) {
             "Maximum number of iterations reached. Number of iterations: 5");
 }
 
-struct Rosenbrock {
-  template <typename T>
-  bool operator()(const T* x, T* r) const {
-    r[0] = 1.0 - x[0];
-    r[1] = 10.0 * (x[1] - x[0] * x[0]);
-    return true;
-  }
-};
-
 // Gauss-Newton solves Rosenbrock's function in two steps: the first makes r_0
 // zero, the second r_1. Newton's method knows the Hessian.
 TEST(Minimizer, Rosenbrock) {
   for (const bool is_newton : {false, true}) {
-    double x[2] = {-1.2, 1.0};
-    ceres::Problem problem;
-    problem.AddResidualBlock(
-        new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
-        nullptr,
-        x);
+    RosenbrockProblem p(
+        new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 2>(new Rosenbrock));
     FunctionRule rule = is_newton ? Newton() : GaussNewton();
     MinimizerSummary summary;
-    Minimize(MinimizerOptions(), &rule, &problem, &summary);
+    Minimize(MinimizerOptions(), &rule, &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    EXPECT_NEAR(x[0], 1.0, 1e-10);
-    EXPECT_NEAR(x[1], 1.0, 1e-10);
+    EXPECT_NEAR(p.x[0], 1.0, 1e-10);
+    EXPECT_NEAR(p.x[1], 1.0, 1e-10);
     if (!is_newton) {
       EXPECT_EQ(summary.num_steps(), 2);
     }
@@ -258,7 +167,7 @@ class CountingLine final : public ceres::SizedCostFunction<1, 1> {
 class RefusingRule final : public UpdateRule {
  public:
   LinearizationParts Needs() const override {
-    return minimizer_test::Needs(true, false, false);
+    return LinearizationParts::Gradient();
   }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
@@ -299,17 +208,13 @@ TEST(Minimizer, ASteppedBackPointIsNotLinearizedAgain) {
 // Dennis and Schnabel, Numerical Methods (1996): the first Newton iterate from
 // (-1.2, 1) is (-1.1752809, 1.3806742); the published digits.
 TEST(Minimizer, FirstNewtonIterateOfRosenbrock) {
-  double x[2] = {-1.2, 1.0};
-  ceres::Problem problem;
-  problem.AddResidualBlock(
-      new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
-      nullptr,
-      x);
+  RosenbrockProblem p(
+      new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 2>(new Rosenbrock));
   FunctionRule rule = Newton();
   MinimizerSummary summary;
-  Minimize(NoTolerances(1), &rule, &problem, &summary);
-  EXPECT_NEAR(x[0], -1.1752809, 1e-7);
-  EXPECT_NEAR(x[1], 1.3806742, 1e-7);
+  Minimize(NoTolerances(1), &rule, &p.problem, &summary);
+  EXPECT_NEAR(p.x[0], -1.1752809, 1e-7);
+  EXPECT_NEAR(p.x[1], 1.3806742, 1e-7);
 }
 
 // Finds the rotation that turns three axes: the step is in the tangent space.
@@ -362,196 +267,6 @@ TEST(Minimizer, MiniBatch) {
   Minimize(options, &rule, &line.problem, &summary);
   EXPECT_EQ(line.x, -2.0);
   EXPECT_EQ(summary.initial_cost, 12.5);
-}
-
-TEST(Minimizer, GradientTolerance) {
-  Line line;
-  line.Add(1.0, 0.0);  // the gradient is x
-  MinimizerOptions options = NoTolerances(100);
-  options.gradient_tolerance = 0.75;  // reached exactly, by halving
-  FunctionRule rule = GradientDescent(0.5);
-  MinimizerSummary summary;
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(line.x, 0.75);
-  EXPECT_NE(summary.message.find("Gradient tolerance"), std::string::npos);
-
-  // At the start there is nothing to do.
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.num_steps(), 0);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-}
-
-TEST(Minimizer, FunctionTolerance) {
-  Line line;
-  line.Add(1.0, 0.0);
-  FunctionRule rule = GradientDescent(0.5);
-  MinimizerSummary summary;
-  MinimizerOptions options = NoTolerances(7);
-  // A step takes three quarters of the cost.
-  options.function_tolerance = 0.74;
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
-  EXPECT_EQ(summary.num_steps(), 7);
-  options.function_tolerance = 0.75;
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(summary.num_steps(), 1);
-  EXPECT_NE(summary.message.find("Function tolerance"), std::string::npos);
-}
-
-TEST(Minimizer, ParameterTolerance) {
-  Line line;
-  line.Add(1.0, 0.0);
-  FunctionRule rule = GradientDescent(0.5);
-  MinimizerSummary summary;
-  MinimizerOptions options = NoTolerances(7);
-  options.parameter_tolerance = 0.4;  // |step| = |x| / 2 until |x| <= 1.6
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(summary.num_steps(), 2);
-  EXPECT_NE(summary.message.find("Parameter tolerance"), std::string::npos);
-}
-
-TEST(Minimizer, TimeBudget) {
-  Line line;
-  line.Add(1.0, 0.0);
-  FunctionRule rule = GradientDescent(0.5);
-  MinimizerSummary summary;
-  MinimizerOptions options;
-  options.max_time_in_seconds = 0.0;
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
-  EXPECT_EQ(summary.num_steps(), 0);
-  EXPECT_NE(summary.message.find("time"), std::string::npos);
-}
-
-TEST(Minimizer, ProgressIsTheShareOfTheBudget) {
-  Line line;
-  line.Add(1.0, 0.0);
-  std::vector<double> progress;
-  FunctionRule rule(Needs(true, false, false),
-                    [&](const auto& at_x, auto* step, std::string*) {
-                      progress.push_back(at_x.progress);
-                      *step = -0.5 * at_x.gradient;
-                      return true;
-                    });
-  MinimizerSummary summary;
-  Minimize(NoTolerances(4), &rule, &line.problem, &summary);
-  // Exactly so, whatever the clock says.
-  EXPECT_EQ(progress, std::vector<double>({0.0, 0.25, 0.5, 0.75}));
-
-  progress.clear();
-  MinimizerOptions options = NoTolerances(4);
-  options.max_time_in_seconds = 100.0;
-  Minimize(options, &rule, &line.problem, &summary);
-  ASSERT_EQ(progress.size(), 4u);
-  EXPECT_GT(progress[0], 0.0);
-}
-
-// Notes what it is shown and says `answer` at iteration `when`.
-class Watcher final : public ceres::IterationCallback {
- public:
-  Watcher(const double* x, int when, ceres::CallbackReturnType answer)
-      : x_(x), when_(when), answer_(answer) {}
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
-    states.push_back(*x_);
-    return iteration.iteration == when_ ? answer_ : ceres::SOLVER_CONTINUE;
-  }
-  std::vector<double> states;
-
- private:
-  const double* x_;
-  int when_;
-  ceres::CallbackReturnType answer_;
-};
-
-TEST(Minimizer, CallbacksSeeEveryState) {
-  Line line;
-  line.Add(1.0, 0.0);
-  FunctionRule rule = GradientDescent(0.5);
-  Watcher continues(&line.x, 2, ceres::SOLVER_CONTINUE);
-  Watcher aborts(&line.x, 2, ceres::SOLVER_ABORT);
-  Watcher never_asked(&line.x, 0, ceres::SOLVER_CONTINUE);
-  MinimizerOptions options = NoTolerances(10);
-  options.callbacks = {&continues, &aborts, &never_asked};
-  MinimizerSummary summary;
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
-  EXPECT_EQ(continues.states, std::vector<double>({3.0, 1.5, 0.75}));
-  EXPECT_EQ(never_asked.states, std::vector<double>({3.0, 1.5}));
-  EXPECT_EQ(line.x, 0.75);
-  EXPECT_EQ(summary.num_steps(), 2);
-
-  Watcher is_content(&line.x, 0, ceres::SOLVER_TERMINATE_SUCCESSFULLY);
-  options.callbacks = {&is_content};
-  Minimize(options, &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
-  EXPECT_EQ(summary.num_steps(), 0);
-  EXPECT_EQ(line.x, 0.75);
-}
-
-// L = x^2 / 2, x_{k+1} = -1e100 x_k: the residual stays finite for three steps,
-// its square only for one.
-TEST(Minimizer, DivergenceEndsAtTheLastFiniteState) {
-  Line line;
-  line.Add(1.0, 0.0);
-  FunctionRule rule = GradientDescent(1e100);
-  MinimizerSummary summary;
-  Minimize(NoTolerances(10), &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(summary.message,
-            "iteration 2: residual block 0: the cost is not finite");
-  EXPECT_DOUBLE_EQ(line.x, -3e100);
-  EXPECT_DOUBLE_EQ(summary.final_cost, 4.5e200);
-  EXPECT_EQ(summary.num_steps(), 1);
-  EXPECT_TRUE(summary.iterations[1].step_is_nonmonotonic);
-}
-
-TEST(Minimizer, RuleFails) {
-  for (const bool returns_nan : {false, true}) {
-    Line line;
-    line.Add(1.0, 0.0);
-    FunctionRule rule(Needs(true, false, false),
-                      [&](const auto& at_x, auto* step, std::string* error) {
-                        *step = std::nan("") * at_x.gradient;
-                        *error = "singular";
-                        return returns_nan;
-                      });
-    MinimizerSummary summary;
-    Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
-    EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-    EXPECT_EQ(summary.message,
-              returns_nan ? "iteration 1: the step is not finite"
-                          : "iteration 1: singular");
-    EXPECT_EQ(line.x, 3.0);
-    EXPECT_EQ(summary.final_cost, 4.5);
-  }
-}
-
-TEST(Minimizer, BadStart) {
-  Line line;
-  line.x = std::numeric_limits<double>::infinity();
-  line.Add(1.0, 0.0);
-  FunctionRule rule = GradientDescent(0.5);
-  MinimizerSummary summary;
-  Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(summary.num_steps(), 0);
-  EXPECT_TRUE(summary.iterations.empty());
-  EXPECT_NE(summary.message.find("residual block 0"), std::string::npos);
-}
-
-TEST(Minimizer, NothingToChange) {
-  Line line;
-  line.Add(1.0, 0.0);
-  line.problem.SetParameterBlockConstant(&line.x);
-  FunctionRule rule = GaussNewton();
-  MinimizerSummary summary;
-  Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
-  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(summary.final_cost, 4.5);
 }
 
 }  // namespace minimizer_test

@@ -6,19 +6,11 @@
 
 #include "ceres/autodiff_cost_function.h"
 #include "gtest/gtest.h"
+#include "tests/support/parse_method.h"
+#include "tests/support/rosenbrock.h"
 
 namespace invgrad {
 namespace problem_minimization_test {
-
-// Rosenbrock's function as residuals: the minimum is 0 at (1, 1).
-struct Rosenbrock {
-  template <typename T>
-  bool operator()(const T* x, T* residual) const {
-    residual[0] = 1.0 - x[0];
-    residual[1] = 10.0 * (x[1] - x[0] * x[0]);
-    return true;
-  }
-};
 
 class ProblemMinimization : public testing::Test {
  protected:
@@ -27,13 +19,6 @@ class ProblemMinimization : public testing::Test {
         new ceres::AutoDiffCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
         nullptr,
         x_);
-  }
-
-  static Method Parse(const std::string& text) {
-    std::vector<Method> methods;
-    std::string error;
-    EXPECT_TRUE(ParseMethods(text, &methods, &error)) << error;
-    return methods.at(0);
   }
 
   bool Run(const Method& method) {
@@ -60,7 +45,7 @@ TEST_F(ProblemMinimization, TakesRulesCeresAndBoth) {
                            "ceres_bfgs",
                            "ceres_lm+half_inverse:step_size=auto:rho=1"}) {
     SCOPED_TRACE(text);
-    ASSERT_TRUE(Run(Parse(text))) << error_;
+    ASSERT_TRUE(Run(ParseMethod(text))) << error_;
     EXPECT_NEAR(summary_.initial_cost, 0.5 * (2.2 * 2.2 + 4.4 * 4.4), 1e-12);
     EXPECT_LT(summary_.final_cost, 1e-12);
     EXPECT_NEAR(x_[0], 1.0, 1e-5);
@@ -74,7 +59,7 @@ TEST_F(ProblemMinimization, RefusesWhatNeedsAChain) {
   for (const char* text : {"adam:steps=5>gauss_newton",
                            "newton/inverse/adam",
                            "adam:batch_size=1"}) {
-    EXPECT_FALSE(Run(Parse(text))) << text;
+    EXPECT_FALSE(Run(ParseMethod(text))) << text;
     EXPECT_FALSE(error_.empty()) << text;
     EXPECT_EQ(x_[0], -1.2);
   }
@@ -94,27 +79,27 @@ TEST_F(ProblemMinimization, RefusesMatricesThatDoNotFit) {
       "ceres_lm:linear_solver=dense_qr",
       "ceres_dogleg:linear_solver=dense_normal_cholesky"};
   for (const std::string& text : methods) {
-    EXPECT_FALSE(Run(Parse(text))) << text;
+    EXPECT_FALSE(Run(ParseMethod(text))) << text;
     EXPECT_NE(error_.find("GB"), std::string::npos) << error_;
   }
   for (size_t i = 0; i < many.size(); i += 2) {
     problem_.SetParameterBlockConstant(&many[i]);
   }
   for (const std::string& text : methods) {
-    EXPECT_TRUE(Run(Parse(text))) << text << ": " << error_;
+    EXPECT_TRUE(Run(ParseMethod(text))) << text << ": " << error_;
     EXPECT_NEAR(x_[0], 1.0, 1e-5);
   }
 }
 
 TEST_F(ProblemMinimization, DefaultsOfAProblemGiveWayToSettings) {
-  Method method = Parse("ceres_lm:linear_solver=cgnr");
+  Method method = ParseMethod("ceres_lm:linear_solver=cgnr");
   method.AddCeresDefaults(
       {{"linear_solver", "dense_schur"}, {"num_threads", "2"}});
   const Settings expected = {{"linear_solver", "cgnr"}, {"num_threads", "2"}};
   EXPECT_EQ(method.last_phase().ceres_settings, expected);
   // A line search has no linear solver, and a rule is not of Ceres.
   for (const char* text : {"ceres_bfgs", "gauss_newton"}) {
-    method = Parse(text);
+    method = ParseMethod(text);
     method.AddCeresDefaults({{"linear_solver", "dense_schur"}});
     EXPECT_TRUE(method.last_phase().ceres_settings.empty()) << text;
   }

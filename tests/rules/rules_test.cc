@@ -1,91 +1,27 @@
 // Conformance of every row of the table of rules.
 #include "invgrad/rules/rules.h"
 
-#include <cmath>
 #include <limits>
 #include <memory>
-#include <random>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/linearization.h"
+#include "tests/rules/quadratic.h"
+#include "tests/rules/step_of.h"
 
 namespace invgrad {
 namespace rules_test {
 
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 std::string CreationError(const std::string& text) {
   std::string error;
   EXPECT_EQ(MakeRule(text, &error), nullptr);
   return error;
-}
-
-// A as the Jacobian of a network of one linear unit over samples with one
-// output each, row s is delta_s (a_s, 1): a J in which every rule finds what it
-// needs. The last column of A must have no zero.
-std::shared_ptr<const JacobianOperator> OneUnit(const MatrixXd& A) {
-  const int num_inputs = static_cast<int>(A.cols()) - 1;
-  const DenseNetwork network({num_inputs, 1}, Activation::kTanh);
-  const VectorXd weights = VectorXd::Zero(A.cols());
-  const VectorXd delta = A.col(num_inputs);
-  DenseNetwork::Activations activations;
-  network.Forward(
-      weights,
-      (delta.cwiseInverse().asDiagonal() * A.leftCols(num_inputs)).transpose(),
-      false,
-      &activations);
-  return std::make_shared<NetworkJacobian>(
-      network, weights, activations, delta.transpose());
-}
-
-// L = 1/2 |A x - b|^2.
-class Quadratic {
- public:
-  Quadratic(int m, int n) {
-    std::mt19937 generator(100 * m + n);
-    std::normal_distribution<double> normal;
-    const auto next = [&]() { return normal(generator); };
-    A_ = MatrixXd::NullaryExpr(m, n, next);
-    b_ = VectorXd::NullaryExpr(m, next);
-  }
-
-  double Cost(const VectorXd& x) const {
-    return 0.5 * (A_ * x - b_).squaredNorm();
-  }
-
-  Linearization At(const VectorXd& x) const {
-    Linearization at_x;
-    at_x.cost = Cost(x);
-    at_x.loss_gradient = A_ * x - b_;
-    at_x.jacobian = OneUnit(A_);
-    at_x.gradient = A_.transpose() * at_x.loss_gradient;
-    at_x.hessian = A_.transpose() * A_;
-    return at_x;
-  }
-
-  const MatrixXd& A() const { return A_; }
-
- private:
-  MatrixXd A_;  // m x n
-  VectorXd b_;  // m
-};
-
-VectorXd StepOf(UpdateRule* rule, const Linearization& at_x) {
-  VectorXd step;
-  std::string error;
-  EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
-  EXPECT_EQ(step.size(), at_x.gradient.size());
-  return step;
-}
-
-VectorXd StepOf(const std::string& text, const Linearization& at_x) {
-  return StepOf(MakeRule(text).get(), at_x);
 }
 
 // Those that decompose J.
@@ -342,116 +278,6 @@ TEST(Rules, StateIsComplete) {
       ASSERT_TRUE(x == resumed_x) << "step " << k;
     }
   }
-}
-
-// (g, J) -> c (g, J) multiplies the step by c^(1 - kappa).
-TEST(SpectralRules, ScalingLaw) {
-  const Quadratic problem(5, 7);
-  const Linearization at_x = problem.At(VectorXd::Ones(7));
-  const double c = 7.0;
-  Linearization scaled = at_x;
-  scaled.loss_gradient = c * at_x.loss_gradient;
-  scaled.jacobian = OneUnit(c * problem.A());
-  const std::vector<std::pair<std::string, double>> cases = {
-      {"half_inverse", 0.5},
-      {"gauss_newton", 1.0},
-      {"power:kappa=-1", -1.0},
-      {"power:kappa=0.75", 0.75},
-      {"levenberg_marquardt", 1.0},
-      {"layer_half_inverse", 0.5},
-      {"kfac_half_inverse", 0.5},
-      {"kfac_half_inverse:kappa=1", 1.0}};
-  for (const auto& [text, kappa] : cases) {
-    const VectorXd step = std::pow(c, 1.0 - kappa) * StepOf(text, at_x);
-    EXPECT_LE((StepOf(text, scaled) - step).norm(), 1e-12 * step.norm())
-        << text;
-  }
-}
-
-// The automatic step size undoes the factor: no step depends on it.
-TEST(SpectralRules, AutomaticStepsDoNotDependOnTheScaleOfTheLoss) {
-  const Quadratic problem(5, 7);
-  const Linearization at_x = problem.At(VectorXd::Ones(7));
-  Linearization scaled = at_x;
-  scaled.loss_gradient = 7.0 * at_x.loss_gradient;
-  scaled.jacobian = OneUnit(7.0 * problem.A());
-  for (const std::string name : kSpectralRules) {
-    const VectorXd step = StepOf(name + ":step_size=auto", at_x);
-    EXPECT_LE((StepOf(name + ":step_size=auto", scaled) - step).norm(),
-              1e-12 * step.norm())
-        << name;
-  }
-  // Gauss-Newton's linear model is solved by a full step, so auto is rho.
-  const VectorXd full = StepOf("gauss_newton", at_x);
-  EXPECT_LE(
-      (StepOf("gauss_newton:step_size=auto:rho=0.5", at_x) - 0.5 * full).norm(),
-      1e-12 * full.norm());
-}
-
-TEST(SpectralRules, GaussNewtonIsLeastSquares) {
-  for (const auto& [m, n] : {std::pair(7, 5), std::pair(5, 7)}) {
-    const Quadratic problem(m, n);
-    const Linearization at_x = problem.At(VectorXd::Ones(n));
-    const VectorXd least_squares =
-        -problem.A().completeOrthogonalDecomposition().solve(
-            at_x.loss_gradient);
-    EXPECT_LE((StepOf("gauss_newton:route=svd", at_x) - least_squares).norm(),
-              1e-13 * least_squares.norm());
-    EXPECT_LE((StepOf("power:kappa=1", at_x) - least_squares).norm(),
-              1e-12 * least_squares.norm());
-    EXPECT_LE(
-        (StepOf("levenberg_marquardt:relative_damping=0", at_x) - least_squares)
-            .norm(),
-        1e-12 * least_squares.norm());
-  }
-}
-
-TEST(SpectralRules, KappaMinusOneIsGradientDescent) {
-  const Quadratic problem(5, 7);
-  const Linearization at_x = problem.At(VectorXd::Ones(7));
-  const VectorXd step = StepOf("gradient_descent:step_size=0.1", at_x);
-  for (const std::string route : {"auto:truncation=0", "svd", "gram"}) {
-    EXPECT_LE(
-        (StepOf("power:kappa=-1:step_size=0.1:route=" + route, at_x) - step)
-            .norm(),
-        1e-14 * step.norm())
-        << route;
-  }
-}
-
-TEST(SpectralRules, LevenbergMarquardtLimits) {
-  const Quadratic problem(5, 7);
-  const Linearization at_x = problem.At(VectorXd::Ones(7));
-  const auto damped = [&](const std::string& damping) {
-    return StepOf("levenberg_marquardt:relative_damping=0:damping=" + damping,
-                  at_x);
-  };
-  const VectorXd gauss_newton = StepOf("gauss_newton", at_x);
-  EXPECT_LE((damped("1e-10") - gauss_newton).norm(),
-            1e-8 * gauss_newton.norm());
-  const VectorXd gradient = at_x.gradient;
-  EXPECT_LE((1e10 * damped("1e10") + gradient).norm(), 1e-8 * gradient.norm());
-  EXPECT_GE((damped("1.0") - gauss_newton).norm(), 1e-2 * gauss_newton.norm());
-}
-
-TEST(SpectralRules, ReportsSayWhatWasDone) {
-  const Quadratic problem(5, 7);
-  const Linearization at_x = problem.At(VectorXd::Ones(7));
-  const auto report = [&](const std::string& text) {
-    const std::unique_ptr<UpdateRule> rule = MakeRule(text);
-    EXPECT_EQ(rule->LastStepReport(), "");
-    StepOf(rule.get(), at_x);
-    return rule->LastStepReport();
-  };
-  EXPECT_EQ(report("half_inverse"), "route gram, rank 5 of 5");
-  EXPECT_EQ(report("half_inverse:route=svd"), "route svd, rank 5 of 5");
-  EXPECT_EQ(report("power:kappa=-1:truncation=0"), "route gradient");
-  EXPECT_EQ(report("gauss_newton:step_size=auto"),
-            "route gram, rank 5 of 5, step size 0.3");
-  const std::string fallback = report("half_inverse:tolerance=1e-16");
-  EXPECT_EQ(fallback.rfind("route svd, rank 5 of 5 (gram: estimated error ", 0),
-            0u)
-      << fallback;
 }
 
 }  // namespace rules_test

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <complex>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -18,10 +17,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Complex = std::complex<double>;
+using Random = RandomMatrices;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPi = 3.14159265358979323846;
 
 struct Matrix {
   std::string name;
@@ -40,19 +39,6 @@ struct Matrix {
     return T;
   }
   VectorXd Eigenvalues() const { return SymmetricEigen(Dense()).values; }
-};
-
-class Random {
- public:
-  explicit Random(int seed) : generator_(seed) {}
-  VectorXd Vector(Index size) {
-    return VectorXd::NullaryExpr(size, [this]() { return Number(); });
-  }
-  double Number() { return normal_(generator_); }
-
- private:
-  std::mt19937 generator_;
-  std::normal_distribution<double> normal_;
 };
 
 // (-1, 2, -1): eigenvalues 2 - 2 cos(k pi / (m + 1)), k = 1 .. m.
@@ -100,7 +86,7 @@ TEST(Tridiagonal, CountsMatchTheClosedForm) {
   for (const Index m : {1, 2, 3, 31, 200}) {
     const Tridiagonal T = SecondDifference(m).Packed();
     for (int k = 1; k <= m; ++k) {
-      const double eigenvalue = 2.0 - 2.0 * std::cos(k * kPi / (m + 1));
+      const double eigenvalue = 2.0 - 2.0 * std::cos(k * M_PI / (m + 1));
       // A few roundings of the entries, of size two.
       const double near = 8.0 * kEpsilon;
       EXPECT_EQ(CountBelow(T, eigenvalue - near), k - 1);
@@ -159,9 +145,8 @@ TEST(Tridiagonal, AnyNumberOfShifts) {
   for (const int count : {0, 1, 3, 15, 16, 17, 31, 67}) {
     std::vector<int> counts(68, -7);
     T.CountBelow(shifts.data(), count, counts.data());
-    for (int k = 0; k < count; ++k) {
+    for (int k = 0; k < count; ++k)
       EXPECT_EQ(counts[k], CountBelow(T, shifts[k]));
-    }
     EXPECT_EQ(counts[count], -7) << "written past the end";
   }
 }
@@ -342,9 +327,8 @@ TEST(Tridiagonal, PerturbationsAreOfSizeOne) {
     changes.row(i).setZero();  // the diagonal
     squared += changes.colwise().squaredNorm().transpose().array();
   }
-  for (const double sum : squared) {
-    EXPECT_NEAR(sum / (kSize * (kSize - 1)), 1.0, 0.3);
-  }
+  const double num_entries = kSize * (kSize - 1);
+  for (const double sum : squared) EXPECT_NEAR(sum / num_entries, 1.0, 0.3);
 }
 
 TEST(Tridiagonal, TimesIsTheProduct) {

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/spectral_step.h"
 
@@ -31,6 +32,15 @@ inline Eigen::VectorXd StepOf(const Eigen::MatrixXd& J,
       << SpectralRouteName(route) << ": " << summary->message;
   EXPECT_EQ(d.size(), J.cols());
   return d;
+}
+
+inline constexpr SpectralRoute kBothRoutes[] = {SpectralRoute::kSvd,
+                                                SpectralRoute::kGram};
+
+// |d - exact| / |exact|
+inline double Distance(const Eigen::VectorXd& d, const LongVector& exact) {
+  return static_cast<double>((d.cast<long double>() - exact).norm() /
+                             exact.norm());
 }
 
 }  // namespace invgrad

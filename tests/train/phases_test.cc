@@ -1,104 +1,23 @@
 // Methods in phases: one run that is, phase by phase, the runs of its parts.
 
-#include <cmath>
-#include <filesystem>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "ceres/iteration_callback.h"
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/minimize/method_minimization.h"
 #include "invgrad/train/train.h"
 #include "problems/problems.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/parse_method.h"
+#include "tests/support/train_options.h"
+#include "tests/train/parabola.h"
 
 namespace invgrad {
 namespace phases_test {
 
-// y = a^2 to be learnt by 1-3-1 from 12 samples, without solutions.
-struct Parabola {
-  Model model;
-  DataSet train;
-  DataSet test;
-  Eigen::VectorXd weights;
-
-  explicit Parabola(int num_hidden = 3)
-      : model(DenseNetwork({1, num_hidden, 1}, Activation::kTanh),
-              std::make_shared<IdentitySimulator>(1),
-              std::make_shared<SquaredNormLoss>(1, 1.0),
-              Reduction::kMean) {
-    NumpyRandom random(5);
-    train.inputs = random.Rand(1, 12);
-    train.contexts.resize(0, 12);
-    train.targets = train.inputs.array().square();
-    test = train.Range(0, 4);
-    weights =
-        model.network().InitialWeights(Initialization::kGlorotUniform, &random);
-  }
-};
-
-Method Parse(const std::string& text) {
-  std::vector<Method> methods;
-  std::string error;
-  EXPECT_TRUE(ParseMethods(text, &methods, &error)) << error;
-  EXPECT_EQ(methods.size(), 1u);
-  return methods.at(0);
-}
-
-TrainResult TrainBy(const std::string& method,
-                    TrainOptions options,
-                    const Parabola& problem,
-                    const Eigen::VectorXd& weights) {
-  options.initial_weights = weights;
-  return Train(problem.model, {problem.train, problem.test}, method, options);
-}
-
-TrainResult TrainBy(const std::string& method, const TrainOptions& options) {
-  const Parabola problem;
-  return TrainBy(method, options, problem, problem.weights);
-}
-
-TrainOptions Epochs(int num_epochs) {
-  TrainOptions options;
-  options.max_num_epochs = num_epochs;
-  options.batch_size = 0;
-  return options;
-}
-
-bool IsSame(double a, double b) {
-  return a == b || (std::isnan(a) && std::isnan(b));
-}
-
-// But for the seconds.
-void ExpectSameRow(const HistoryRow& row, const HistoryRow& expected) {
-  EXPECT_EQ(row.step, expected.step);
-  EXPECT_EQ(row.epoch, expected.epoch);
-  EXPECT_TRUE(IsSame(row.batch_loss, expected.batch_loss));
-  EXPECT_EQ(row.train_loss, expected.train_loss);
-  EXPECT_EQ(row.test_loss, expected.test_loss);
-  EXPECT_TRUE(IsSame(row.step_norm, expected.step_norm));
-  EXPECT_TRUE(IsSame(row.by_inverse, expected.by_inverse));
-}
-
-void ExpectSameRun(const TrainResult& result, const TrainResult& expected) {
-  ASSERT_EQ(result.error, "");
-  EXPECT_EQ(result.weights, expected.weights);
-  EXPECT_EQ(result.summary.num_steps, expected.summary.num_steps);
-  ASSERT_EQ(result.history.size(), expected.history.size());
-  for (size_t i = 0; i < expected.history.size(); ++i) {
-    SCOPED_TRACE(i);
-    ExpectSameRow(result.history[i], expected.history[i]);
-  }
-}
-
-// --- Parsing ---
-
 TEST(Phases, AMethodIsAListOfPhases) {
-  const Method method = Parse(
+  const Method method = ParseMethod(
       "adam:step_size=1e-3:batch_size=4:epochs=5 > sip:steps=7>half_inverse:"
       "truncation=1e-3");
   ASSERT_EQ(method.phases.size(), 3u);
@@ -114,7 +33,7 @@ TEST(Phases, AMethodIsAListOfPhases) {
   EXPECT_EQ(last.rule_settings, (Settings{{"truncation", "1e-3"}}));
   EXPECT_EQ(last.batch_size, -1);
   EXPECT_EQ(last.num_epochs, 0);
-  EXPECT_EQ(Parse("adam").phases.size(), 1u);
+  EXPECT_EQ(ParseMethod("adam").phases.size(), 1u);
 }
 
 TEST(Phases, RefusesSharesThatAreMissingOrHaveNoMeaning) {
@@ -140,8 +59,6 @@ TEST(Phases, RefusesSharesThatAreMissingOrHaveNoMeaning) {
     EXPECT_NE(error.find(words), std::string::npos) << error;
   }
 }
-
-// --- Training ---
 
 class ShuffledOrNot : public ::testing::TestWithParam<bool> {};
 
@@ -186,27 +103,8 @@ TEST_P(ShuffledOrNot, TwoPhasesAreTwoRunsBitForBit) {
 
 INSTANTIATE_TEST_SUITE_P(Phases, ShuffledOrNot, ::testing::Bool());
 
-// Records what it sees, and stops the run at a step.
-class Watcher final : public ceres::IterationCallback {
- public:
-  explicit Watcher(int last_step = -1) : last_step_(last_step) {}
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
-    steps.push_back(iteration.iteration);
-    seconds.push_back(iteration.cumulative_time_in_seconds);
-    return iteration.iteration == last_step_
-               ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-               : ceres::SOLVER_CONTINUE;
-  }
-  std::vector<int> steps;
-  std::vector<double> seconds;
-
- private:
-  const int last_step_;
-};
-
 TEST(Phases, CallbacksSeeOneRun) {
-  Watcher watcher;
+  StopAt watcher;
   TrainOptions options = Epochs(5);
   options.callbacks = {&watcher};
   std::vector<long> evaluated;
@@ -316,109 +214,6 @@ TEST(Phases, EpochsAreThoseOfEachPhase) {
   EXPECT_EQ(epochs[10], 4.5);
 }
 
-TEST(Phases, WhatEndsARunEndsItInAnyPhase) {
-  const std::string method = "adam:batch_size=4:epochs=2>adam:batch_size=4";
-  Watcher early(4);
-  TrainOptions options = Epochs(5);
-  options.callbacks = {&early};
-  TrainResult result = TrainBy(method, options);
-  EXPECT_EQ(result.summary.termination_type, ceres::USER_SUCCESS);
-  EXPECT_EQ(result.summary.num_steps, 4);
-  EXPECT_EQ(result.summary.message, "phase 1: stopped by a callback at step 4");
-
-  Watcher late(8);
-  options.callbacks = {&late};
-  result = TrainBy(method, options);
-  EXPECT_EQ(result.summary.num_steps, 8);
-  EXPECT_EQ(result.summary.message, "phase 2: stopped by a callback at step 2");
-
-  options = Epochs(5);
-  options.target_loss = 1e6;
-  result = TrainBy(method, options);
-  EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(result.summary.num_steps, 0);
-
-  result = TrainBy("gradient_descent:step_size=1e200:epochs=2>adam", Epochs(5));
-  EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
-  EXPECT_EQ(result.summary.message.rfind("phase 1: diverged", 0), 0u)
-      << result.summary.message;
-  // The second phase diverges as a run of its own: at its own step.
-  const std::string diverging = "gradient_descent:step_size=1e200";
-  const std::string alone = TrainBy(diverging, Epochs(5)).summary.message;
-  result = TrainBy("adam:batch_size=4:epochs=2>" + diverging, Epochs(5));
-  EXPECT_EQ(result.summary.message, "phase 2: " + alone);
-  EXPECT_EQ(alone.rfind("diverged at step ", 0), 0u) << alone;
-
-  // No step of any size is a new minimum.
-  options = Epochs(50);
-  options.patience = 2;
-  result = TrainBy(
-      "gradient_descent:step_size=1e-300:epochs=20>gradient_descent", options);
-  EXPECT_EQ(result.summary.termination_type, ceres::CONVERGENCE);
-  EXPECT_EQ(result.summary.num_steps, 2);
-}
-
-TEST(Phases, ARunThatIsStoppedGoesOnBitForBit) {
-  const Parabola problem;
-  const std::string method =
-      "adam:step_size=1e-2:batch_size=4:epochs=3>sip:batch_size=3:steps=5>"
-      "rmsprop:batch_size=5";
-  TrainOptions options = Epochs(8);
-  options.shuffle = true;
-  const TrainResult whole = TrainBy(method, options, problem, problem.weights);
-
-  const TemporaryFolder folder;
-  options.checkpoint_path = folder / "checkpoint";
-  const auto stop_at = [&](int step) {
-    Watcher watcher(step);
-    TrainOptions stopped = options;
-    stopped.callbacks = {&watcher};
-    return TrainBy(method, stopped, problem, problem.weights);
-  };
-  // 9 steps, then 5, then 2 an epoch: within each, at an end, by budgets.
-  for (const int step : {4, 9, 11, 14, 17}) {
-    SCOPED_TRACE(step);
-    EXPECT_EQ(stop_at(step).summary.num_steps, step);
-  }
-  EXPECT_TRUE(std::filesystem::exists(options.checkpoint_path));
-  ExpectSameRun(TrainBy(method, options, problem, problem.weights), whole);
-
-  // A larger budget in epochs goes on too.
-  std::filesystem::remove(options.checkpoint_path);
-  for (const int num_epochs : {2, 4, 8}) {
-    options.max_num_epochs = num_epochs;
-    const TrainResult result =
-        TrainBy(method, options, problem, problem.weights);
-    ASSERT_EQ(result.error, "");
-    if (num_epochs == 8) ExpectSameRun(result, whole);
-  }
-}
-
-TEST(Phases, BadInputOfAnyPhaseIsRefusedBeforeAnythingRuns) {
-  const auto expect = [](const std::string& method,
-                         const std::vector<std::string>& words) {
-    SCOPED_TRACE(method);
-    // With neurons of more weights than a rule can propose.
-    const Parabola problem(3000);
-    Watcher watcher;
-    TrainOptions options = Epochs(5);
-    options.callbacks = {&watcher};
-    const TrainResult result =
-        TrainBy(method, options, problem, problem.weights);
-    EXPECT_NE(result.error, "");
-    for (const std::string& word : words) {
-      EXPECT_NE(result.error.find(word), std::string::npos) << result.error;
-    }
-    EXPECT_EQ(result.weights, problem.weights);
-    EXPECT_TRUE(result.history.empty());
-    EXPECT_TRUE(watcher.steps.empty());
-  };
-  expect("adam:epochs=1>supervised", {"supervised: ", "no solutions"});
-  expect("adam:epochs=1>adam:batch_size=13", {"batch_size=13", "12 training"});
-  expect("adam:epochs=1:batch_size=13>adam", {"batch_size=13", "12 training"});
-  expect("adam:epochs=1>ceres_lm+adam", {"ceres_lm+adam: ", "block"});
-}
-
 // A rule judges its steps by the loss on the same inputs, and a pull-back has
 // to be on the same inputs too: in a closed loop the step moves them.
 TEST(Phases, AControlledPullBackInAClosedLoopIsRefusedBeforeAnythingRuns) {
@@ -438,7 +233,7 @@ TEST(Phases, AControlledPullBackInAClosedLoopIsRefusedBeforeAnythingRuns) {
   for (const std::string& method :
        {"adam:epochs=1>" + phase, phase + ":epochs=1>adam", phase}) {
     SCOPED_TRACE(method);
-    Watcher watcher;
+    StopAt watcher;
     TrainOptions options = Epochs(2);
     options.callbacks = {&watcher};
     options.initial_weights = initial_weights;
@@ -459,7 +254,7 @@ TEST(Phases, AControlledPullBackInAClosedLoopIsRefusedBeforeAnythingRuns) {
 
 TEST(Phases, MemoryIsAskedForBeforeAnythingRuns) {
   const Parabola problem(300);
-  Watcher watcher;
+  StopAt watcher;
   TrainOptions options = Epochs(5);
   options.callbacks = {&watcher};
   options.memory_limit = 1e6;  // a Hessian of 901 weights needs 6.5 MB
@@ -472,39 +267,6 @@ TEST(Phases, MemoryIsAskedForBeforeAnythingRuns) {
             std::string::npos)
       << result.error;
   EXPECT_TRUE(watcher.steps.empty());
-}
-
-TEST(Phases, ACheckpointOfAnotherNetworkIsRefused) {
-  const TemporaryFolder folder;
-  TrainOptions options = Epochs(3);
-  options.checkpoint_path = folder / "checkpoint";
-  const std::string method = "adam:epochs=1>adam";
-  const Parabola small;
-  ASSERT_EQ(TrainBy(method, options, small, small.weights).error, "");
-  const Parabola large(5);
-  const TrainResult result = TrainBy(method, options, large, large.weights);
-  EXPECT_NE(result.error, "");
-  EXPECT_NE(result.error.find("checkpoint: array 'weights'"), std::string::npos)
-      << result.error;
-  EXPECT_EQ(result.weights, large.weights);
-}
-
-TEST(Phases, APointHasNone) {
-  ChainObjective objective(std::make_shared<IdentitySimulator>(1),
-                           std::make_shared<SquaredNormLoss>(1, 1.0),
-                           Eigen::VectorXd::Zero(1),
-                           Eigen::VectorXd::Ones(1));
-  std::vector<Eigen::VectorXd> path;
-  MinimizerSummary summary;
-  std::string error;
-  EXPECT_FALSE(MinimizeByMethod(Parse("adam:steps=1>newton"),
-                                MinimizerOptions(),
-                                nullptr,
-                                &objective,
-                                &path,
-                                &summary,
-                                &error));
-  EXPECT_NE(error.find("phases"), std::string::npos) << error;
 }
 
 }  // namespace phases_test

@@ -1,0 +1,206 @@
+// How a minimization ends, and who is told on the way.
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "ceres/iteration_callback.h"
+#include "gtest/gtest.h"
+#include "invgrad/minimize/minimizer.h"
+#include "tests/minimize/parabola.h"
+#include "tests/support/function_rule.h"
+
+namespace invgrad {
+namespace minimizer_termination_test {
+
+TEST(Minimizer, GradientTolerance) {
+  Line line;
+  line.Add(1.0, 0.0);  // the gradient is x
+  MinimizerOptions options = NoTolerances(100);
+  options.gradient_tolerance = 0.75;  // reached exactly, by halving
+  FunctionRule rule = GradientDescent(0.5);
+  MinimizerSummary summary;
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(line.x, 0.75);
+  EXPECT_NE(summary.message.find("Gradient tolerance"), std::string::npos);
+
+  // At the start there is nothing to do.
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.num_steps(), 0);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+}
+
+TEST(Minimizer, FunctionTolerance) {
+  Line line;
+  line.Add(1.0, 0.0);
+  FunctionRule rule = GradientDescent(0.5);
+  MinimizerSummary summary;
+  MinimizerOptions options = NoTolerances(7);
+  // A step takes three quarters of the cost.
+  options.function_tolerance = 0.74;
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
+  EXPECT_EQ(summary.num_steps(), 7);
+  options.function_tolerance = 0.75;
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(summary.num_steps(), 1);
+  EXPECT_NE(summary.message.find("Function tolerance"), std::string::npos);
+}
+
+TEST(Minimizer, ParameterTolerance) {
+  Line line;
+  line.Add(1.0, 0.0);
+  FunctionRule rule = GradientDescent(0.5);
+  MinimizerSummary summary;
+  MinimizerOptions options = NoTolerances(7);
+  options.parameter_tolerance = 0.4;  // |step| = |x| / 2 until |x| <= 1.6
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(summary.num_steps(), 2);
+  EXPECT_NE(summary.message.find("Parameter tolerance"), std::string::npos);
+}
+
+TEST(Minimizer, TimeBudget) {
+  Line line;
+  line.Add(1.0, 0.0);
+  FunctionRule rule = GradientDescent(0.5);
+  MinimizerSummary summary;
+  MinimizerOptions options;
+  options.max_time_in_seconds = 0.0;
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
+  EXPECT_EQ(summary.num_steps(), 0);
+  EXPECT_NE(summary.message.find("time"), std::string::npos);
+}
+
+TEST(Minimizer, ProgressIsTheShareOfTheBudget) {
+  Line line;
+  line.Add(1.0, 0.0);
+  std::vector<double> progress;
+  FunctionRule rule([&](const auto& at_x, auto* step, std::string*) {
+    progress.push_back(at_x.progress);
+    *step = -0.5 * at_x.gradient;
+    return true;
+  });
+  MinimizerSummary summary;
+  Minimize(NoTolerances(4), &rule, &line.problem, &summary);
+  // Exactly so, whatever the clock says.
+  EXPECT_EQ(progress, std::vector<double>({0.0, 0.25, 0.5, 0.75}));
+
+  progress.clear();
+  MinimizerOptions options = NoTolerances(4);
+  options.max_time_in_seconds = 100.0;
+  Minimize(options, &rule, &line.problem, &summary);
+  ASSERT_EQ(progress.size(), 4u);
+  EXPECT_GT(progress[0], 0.0);
+}
+
+// Notes what it is shown and says `answer` at iteration `when`.
+class Watcher final : public ceres::IterationCallback {
+ public:
+  Watcher(const double* x, int when, ceres::CallbackReturnType answer)
+      : x_(x), when_(when), answer_(answer) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    states.push_back(*x_);
+    return iteration.iteration == when_ ? answer_ : ceres::SOLVER_CONTINUE;
+  }
+  std::vector<double> states;
+
+ private:
+  const double* x_;
+  int when_;
+  ceres::CallbackReturnType answer_;
+};
+
+TEST(Minimizer, CallbacksSeeEveryState) {
+  Line line;
+  line.Add(1.0, 0.0);
+  FunctionRule rule = GradientDescent(0.5);
+  Watcher continues(&line.x, 2, ceres::SOLVER_CONTINUE);
+  Watcher aborts(&line.x, 2, ceres::SOLVER_ABORT);
+  Watcher never_asked(&line.x, 0, ceres::SOLVER_CONTINUE);
+  MinimizerOptions options = NoTolerances(10);
+  options.callbacks = {&continues, &aborts, &never_asked};
+  MinimizerSummary summary;
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+  EXPECT_EQ(continues.states, std::vector<double>({3.0, 1.5, 0.75}));
+  EXPECT_EQ(never_asked.states, std::vector<double>({3.0, 1.5}));
+  EXPECT_EQ(line.x, 0.75);
+  EXPECT_EQ(summary.num_steps(), 2);
+
+  Watcher is_content(&line.x, 0, ceres::SOLVER_TERMINATE_SUCCESSFULLY);
+  options.callbacks = {&is_content};
+  Minimize(options, &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
+  EXPECT_EQ(summary.num_steps(), 0);
+  EXPECT_EQ(line.x, 0.75);
+}
+
+// L = x^2 / 2, x_{k+1} = -1e100 x_k: the residual stays finite for three steps,
+// its square only for one.
+TEST(Minimizer, DivergenceEndsAtTheLastFiniteState) {
+  Line line;
+  line.Add(1.0, 0.0);
+  FunctionRule rule = GradientDescent(1e100);
+  MinimizerSummary summary;
+  Minimize(NoTolerances(10), &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(summary.message,
+            "iteration 2: residual block 0: the cost is not finite");
+  EXPECT_DOUBLE_EQ(line.x, -3e100);
+  EXPECT_DOUBLE_EQ(summary.final_cost, 4.5e200);
+  EXPECT_EQ(summary.num_steps(), 1);
+  EXPECT_TRUE(summary.iterations[1].step_is_nonmonotonic);
+}
+
+TEST(Minimizer, RuleFails) {
+  for (const bool returns_nan : {false, true}) {
+    Line line;
+    line.Add(1.0, 0.0);
+    FunctionRule rule([&](const auto& at_x, auto* step, std::string* error) {
+      *step = std::nan("") * at_x.gradient;
+      *error = "singular";
+      return returns_nan;
+    });
+    MinimizerSummary summary;
+    Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+    EXPECT_EQ(summary.message,
+              returns_nan ? "iteration 1: the step is not finite"
+                          : "iteration 1: singular");
+    EXPECT_EQ(line.x, 3.0);
+    EXPECT_EQ(summary.final_cost, 4.5);
+  }
+}
+
+TEST(Minimizer, BadStart) {
+  Line line;
+  line.x = std::numeric_limits<double>::infinity();
+  line.Add(1.0, 0.0);
+  FunctionRule rule = GradientDescent(0.5);
+  MinimizerSummary summary;
+  Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(summary.num_steps(), 0);
+  EXPECT_TRUE(summary.iterations.empty());
+  EXPECT_NE(summary.message.find("residual block 0"), std::string::npos);
+}
+
+TEST(Minimizer, NothingToChange) {
+  Line line;
+  line.Add(1.0, 0.0);
+  line.problem.SetParameterBlockConstant(&line.x);
+  FunctionRule rule = GaussNewton();
+  MinimizerSummary summary;
+  Minimize(MinimizerOptions(), &rule, &line.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_EQ(summary.final_cost, 4.5);
+}
+
+}  // namespace minimizer_termination_test
+}  // namespace invgrad

@@ -1,0 +1,254 @@
+// Steps that have no loss, or that their rule judges and takes back.
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/core/update_rule.h"
+#include "invgrad/train/train.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/train_options.h"
+#include "tests/train/regression.h"
+
+namespace invgrad {
+namespace train_taken_back_test {
+
+// Steps that are fine until `bad_step`, which is `value` everywhere.
+class ExplodingRule final : public UpdateRule {
+ public:
+  ExplodingRule(int bad_step, double value)
+      : bad_step_(bad_step), value_(value) {}
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    *step = -0.01 * at_x.gradient;
+    if (++step_ == bad_step_) step->setConstant(value_);
+    return true;
+  }
+
+ private:
+  int bad_step_;
+  double value_;
+  int step_ = 0;
+};
+
+TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
+  const Regression problem;
+  for (const double value : {std::nan(""), HUGE_VAL, 1e200}) {
+    ExplodingRule rule(5, value);
+    const TrainResult result = TrainRegression(problem, Epochs(10, 8), &rule);
+    EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+    // Step 5 leads to weights at which step 6 has nothing to linearize.
+    EXPECT_EQ(result.summary.message.rfind("diverged at step 6: ", 0), 0u)
+        << result.summary.message;
+    ExplodingRule same(100, value);
+    TrainOptions four_steps;
+    four_steps.max_num_steps = 4;
+    four_steps.batch_size = 8;
+    EXPECT_EQ(result.weights,
+              TrainRegression(problem, four_steps, &same).weights);
+    EXPECT_TRUE(std::isfinite(result.history.back().train_loss));
+  }
+}
+
+// Gradient descent that judges its steps as it is told to, and remembers what
+// it was asked.
+class JudgingRule final : public UpdateRule {
+ public:
+  using Judgement = std::function<bool(double before, double after)>;
+  using Step = std::function<void(int k, Eigen::VectorXd* step)>;
+  JudgingRule(Judgement judgement, Step step)
+      : judgement_(std::move(judgement)), step_(std::move(step)) {}
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    before.push_back(at_x.cost);
+    *step = -0.1 * at_x.gradient;
+    step_(static_cast<int>(++num_steps_[0]), step);
+    return true;
+  }
+  bool JudgesSteps() const override { return true; }
+  bool KeepsStep(double cost, double fraction) override {
+    EXPECT_EQ(fraction, 1.0);
+    after.push_back(cost);
+    return judgement_(before.empty() ? cost : before.back(), cost);
+  }
+  std::vector<Eigen::VectorXd*> MutableState() override {
+    return {&num_steps_};
+  }
+
+  std::vector<double> before;
+  std::vector<double> after;
+
+ private:
+  Judgement judgement_;
+  Step step_;
+  Eigen::VectorXd num_steps_ = Eigen::VectorXd::Zero(1);
+};
+
+bool IsFinite(double /*before*/, double after) { return std::isfinite(after); }
+void NoChange(int /*k*/, Eigen::VectorXd* /*step*/) {}
+
+TEST(Trainer, AStepThatIsTakenBackLeavesNoTrace) {
+  const Regression problem;
+  JudgingRule rule([](double, double) { return false; }, NoChange);
+  const TrainResult result = TrainRegression(problem, Epochs(5, 8), &rule);
+  EXPECT_EQ(result.weights, problem.weights);
+  EXPECT_EQ(result.summary.num_steps, 15);
+  EXPECT_EQ(result.summary.num_taken_back, 15);
+  EXPECT_EQ(result.summary.num_updates, 15);
+  EXPECT_EQ(result.summary.message, "epochs done; 15 of 15 steps taken back");
+  EXPECT_EQ(result.history.back().train_loss,
+            result.history.front().train_loss);
+  EXPECT_EQ(result.history.back().step_norm, 0.0);
+}
+
+// Every third step goes up instead of down.
+TEST(Trainer, StepsThatRaiseTheLossOfTheirBatchAreTakenBack) {
+  const Regression problem;
+  const auto every_third = [](int k, Eigen::VectorXd* step) {
+    if (k % 3 == 0) *step = -*step;
+  };
+  JudgingRule rule([](double before, double after) { return after <= before; },
+                   every_third);
+  const TrainResult result = TrainRegression(problem, Epochs(4, 8), &rule);
+  EXPECT_EQ(result.summary.num_taken_back, 4);
+  // The same as if these steps had been zero.
+  JudgingRule same(IsFinite, [](int k, Eigen::VectorXd* step) {
+    if (k % 3 == 0) step->setZero();
+  });
+  const TrainResult expected = TrainRegression(problem, Epochs(4, 8), &same);
+  EXPECT_EQ(result.weights, expected.weights);
+  EXPECT_EQ(expected.summary.num_taken_back, 0);
+  EXPECT_EQ(expected.summary.message, "epochs done");
+}
+
+// What it is told is the loss of the step's own batch, before and after.
+TEST(Trainer, StepsAreJudgedByTheirOwnBatch) {
+  const Regression problem;
+  JudgingRule rule(IsFinite, NoChange);
+  const TrainResult result = TrainRegression(problem, Epochs(1, 24), &rule);
+  ASSERT_EQ(rule.after.size(), 1u);
+  EXPECT_EQ(rule.before[0], result.history[0].train_loss);
+  EXPECT_EQ(rule.after[0], result.history[1].train_loss);
+  EXPECT_LT(rule.after[0], rule.before[0]);
+}
+
+// y = w a + b, batches of one sample with a = 0 and one with a = 1, by turns:
+// the first cannot see that w has left all bounds.
+struct Blind {
+  Model model;
+  DataSet train;
+  DataSet test;
+  Eigen::VectorXd weights = Eigen::Vector2d(0.5, 0.25);
+
+  // `first`: the input of the first sample.
+  explicit Blind(double first)
+      : model(DenseNetwork({1, 1}, Activation::kTanh),
+              std::make_shared<IdentitySimulator>(1),
+              std::make_shared<SquaredNormLoss>(1, 1.0),
+              Reduction::kMean) {
+    train.inputs.resize(1, 2);
+    train.inputs << first, 1.0 - first;
+    train.contexts.resize(0, 2);
+    train.targets = Eigen::RowVector2d(1.0, 2.0);
+    test.inputs.resize(1, 0);
+    test.contexts.resize(0, 0);
+    test.targets.resize(1, 0);
+  }
+
+  TrainResult Train(TrainOptions options, UpdateRule* rule) const {
+    options.initial_weights = weights;
+    TrainResult result =
+        invgrad::Train(model, {train, test}, Borrowed(rule), options);
+    EXPECT_EQ(result.error, "");
+    return result;
+  }
+};
+
+void JumpAtStepFive(int k, Eigen::VectorXd* step) {
+  if (k == 5) (*step)[0] = 1e200;
+}
+
+void JumpAtStepSix(int k, Eigen::VectorXd* step) {
+  if (k == 6) (*step)[0] = 1e200;
+}
+
+TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
+  const Blind problem(0.0);
+  JudgingRule rule(IsFinite, JumpAtStepFive);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
+  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps taken back");
+  EXPECT_EQ(result.summary.num_taken_back, 1);
+  // Step 5 was judged twice.
+  ASSERT_EQ(rule.after.size(), 13u);
+  EXPECT_TRUE(std::isfinite(rule.after[4]));
+  EXPECT_TRUE(std::isnan(rule.after[5]));
+  JudgingRule same(IsFinite, [](int k, Eigen::VectorXd* step) {
+    if (k == 5) step->setZero();
+  });
+  EXPECT_EQ(result.weights, problem.Train(Epochs(6, 1), &same).weights);
+  // A rule that does not judge is left to its fate.
+  ExplodingRule other(5, 1e200);
+  EXPECT_EQ(problem.Train(Epochs(6, 1), &other)
+                .summary.message.rfind("diverged at step 6: ", 0),
+            0u);
+}
+
+// The last step of an epoch, whose next batch would have been the blind one.
+TEST(Trainer, AStepAfterWhichTheTrainLossIsNotFiniteIsTakenBack) {
+  const Blind problem(1.0);
+  JudgingRule rule(IsFinite, JumpAtStepSix);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
+  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps taken back");
+  for (const HistoryRow& row : result.history) {
+    EXPECT_TRUE(std::isfinite(row.train_loss)) << row.step;
+  }
+}
+
+// Where taking back does not help, the run has diverged.
+TEST(Trainer, NothingIsTakenBackTwice) {
+  Blind problem(0.0);
+  problem.train.targets(0, 1) = 1e200;
+  JudgingRule rule(IsFinite, NoChange);
+  const TrainResult start = problem.Train(Epochs(6, 1), &rule);
+  EXPECT_EQ(start.summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(start.summary.message.rfind("the loss is not finite at the", 0), 0u)
+      << start.summary.message;
+}
+
+// Stopped and resumed after every step, the one before the failure included.
+TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
+  const Blind problem(0.0);
+  const TemporaryFolder folder;
+  JudgingRule whole_rule(IsFinite, JumpAtStepFive);
+  const TrainResult whole = problem.Train(Epochs(4, 1), &whole_rule);
+  EXPECT_EQ(whole.summary.num_taken_back, 1);
+  for (const int stop : {4, 5, 6, 7}) {
+    SCOPED_TRACE(stop);
+    TrainOptions options = Epochs(4, 1);
+    options.checkpoint_path = folder / std::to_string(stop);
+    options.max_num_steps = stop;
+    JudgingRule first(IsFinite, JumpAtStepFive);
+    problem.Train(options, &first);
+    options.max_num_steps = TrainOptions().max_num_steps;
+    JudgingRule second(IsFinite, JumpAtStepFive);
+    const TrainResult resumed = problem.Train(options, &second);
+    EXPECT_EQ(resumed.weights, whole.weights);
+    EXPECT_EQ(resumed.summary.num_taken_back, 1);
+    EXPECT_EQ(resumed.summary.message, whole.summary.message);
+  }
+}
+
+}  // namespace train_taken_back_test
+}  // namespace invgrad
