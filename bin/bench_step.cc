@@ -37,23 +37,21 @@
 #include <memory>
 #include <sstream>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
 #include "benchmark/benchmark.h"
 #include "bin/support/program.h"
 #include "bin/support/ratio_reporter.h"
+#include "bin/support/step_case.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
-#include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/spectral_rule.h"
 #include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_step.h"
-#include "problems/problems.h"
 
 DEFINE_string(cases,
               "linear_chain,cubic_chain,quantum_dipole,poisson,million",
@@ -68,82 +66,8 @@ DEFINE_bool(memory, false, "print peak memory instead of times");
 namespace invgrad {
 namespace {
 
-struct CaseRow {
-  const char* name;
-  const char* problem;
-  double truncation;            // the published one
-  std::vector<int> widths;      // of another network than the problem's
-  bool full_svd_is_slow;        // a minute or more
-  bool full_svd_is_impossible;  // J alone would take 33 GB
-};
-
-const std::vector<CaseRow>& CaseRows() {
-  static const auto& rows = *new std::vector<CaseRow>{
-      {"linear_chain", "oscillator_chain", 1e-10, {}, false, false},
-      {"cubic_chain",
-       "oscillator_chain:coupling=cubic",
-       1e-6,
-       {},
-       false,
-       false},
-      {"quantum_dipole", "quantum_dipole", 1e-5, {}, false, false},
-      {"poisson", "poisson", 1e-5, {}, true, false},
-      {"million", "poisson", 1e-5, {64, 512, 1024, 416, 64}, true, true},
-  };
-  return rows;
-}
-
-// A batch of a problem, linearized.
-struct Case {
-  const CaseRow* row;
-  LearningProblem problem;
-  std::shared_ptr<const Model> model;
-  DataSet batch;
-  Eigen::VectorXd weights;
-  Linearization at_weights;
-
-  explicit Case(const CaseRow& case_row) : row(&case_row) {
-    PhysicsProblem physics;
-    std::string error;
-    CHECK(CreateProblem(row->problem, nullptr, &physics, &error)) << error;
-    problem = *physics.learning;
-    model = problem.model;
-    if (!row->widths.empty()) {
-      model = std::make_shared<Model>(model->WithNetwork(
-          DenseNetwork(row->widths, model->network().hidden_activation())));
-    }
-    batch = problem.train.Range(0, problem.batch_size);
-    NumpyRandom random(1);
-    weights = model->network().InitialWeights(problem.initialization, &random);
-    Linearize(&at_weights);
-  }
-
-  void Linearize(Linearization* at) const {
-    LinearizationParts parts;
-    parts.jacobian = true;
-    std::string error;
-    CHECK(model->Linearize(weights, batch, parts, at, &error)) << error;
-  }
-  const JacobianOperator& J() const { return *at_weights.jacobian; }
-  const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
-  SpectralFilter filter() const {
-    return SpectralFilter::HalfInverse(
-        FLAGS_truncation > 0.0 ? FLAGS_truncation : row->truncation);
-  }
-
-  // Of the Gram matrix and its reduction.
-  double LimitFlops() const {
-    double widths = 0.0;
-    for (size_t l = 1; l < model->network().widths().size(); ++l) {
-      widths += model->network().widths()[l];
-    }
-    const double m = J().rows();
-    return m * m * widths + 4.0 / 3.0 * m * m * m;
-  }
-};
-
 // Repeats `step` under the clock; `step` returns what the line says about it.
-using Step = std::function<std::string(const Case&)>;
+using Step = std::function<std::string(const StepCase&)>;
 
 std::string Label(int rank, double estimated_error) {
   return fmt::format("rank {}, error < {:.1e}", rank, estimated_error);
@@ -174,31 +98,31 @@ std::string SpectralStepAt(const Linearization& at,
 
 Step RouteStep(SpectralRoute route) {
   auto workspace = std::make_shared<SpectralWorkspace>();
-  return [route, workspace](const Case& at) {
-    return SpectralStepAt(at.at_weights, at.filter(), route, workspace.get());
+  return [route, workspace](const StepCase& at) {
+    return SpectralStepAt(at.at_weights, at.filter, route, workspace.get());
   };
 }
 
 Step FullStep() {
   auto workspace = std::make_shared<SpectralWorkspace>();
-  return [workspace](const Case& at) {
+  return [workspace](const StepCase& at) {
     Linearization linearization;
     at.Linearize(&linearization);
     return SpectralStepAt(
-        linearization, at.filter(), SpectralRoute::kGram, workspace.get());
+        linearization, at.filter, SpectralRoute::kGram, workspace.get());
   };
 }
 
 Step KrylovStep() {
   auto basis = std::make_shared<Eigen::MatrixXd>();
-  return [basis](const Case& at) {
+  return [basis](const StepCase& at) {
     GolubKahanOptions options;
     options.tolerance = 1e-6;
     options.max_iterations = std::min(at.J().rows(), at.J().cols());
     Eigen::VectorXd d;
     GolubKahanSummary summary;
     GolubKahanStep(
-        at.J(), at.g(), at.filter(), options, basis.get(), &d, &summary);
+        at.J(), at.g(), at.filter, options, basis.get(), &d, &summary);
     return summary.converged ? Label(summary.rank, summary.estimated_error)
                              : summary.message;
   };
@@ -209,11 +133,11 @@ template <typename Matrix, typename Vector>
 Eigen::VectorXd Filtered(const Matrix& U,
                          const Vector& s,
                          const Matrix& Vt,
-                         const Case& at) {
+                         const StepCase& at) {
   using Scalar = typename Matrix::Scalar;
   Vector c = U.transpose() * at.g().template cast<Scalar>();
   for (Eigen::Index i = 0; i < c.size(); ++i) {
-    c[i] *= static_cast<Scalar>(at.filter()(s[i], s[0]));
+    c[i] *= static_cast<Scalar>(at.filter(s[i], s[0]));
   }
   return (Vt.transpose() * c).template cast<double>();
 }
@@ -237,7 +161,7 @@ Step LapackStep() {
     Vector s;
   };
   auto arrays = std::make_shared<Arrays>();
-  return [arrays](const Case& at) -> std::string {
+  return [arrays](const StepCase& at) -> std::string {
     const int m = at.J().rows();
     const int n = at.J().cols();
     const int k = std::min(m, n);
@@ -263,7 +187,7 @@ Step EigenStep() {
     SmallSvd svd;
   };
   auto arrays = std::make_shared<Arrays>();
-  return [arrays](const Case& at) -> std::string {
+  return [arrays](const StepCase& at) -> std::string {
     if (arrays->J.size() == 0) at.J().ToDense(&arrays->J);
     const SmallSvd& svd = arrays->svd;
     arrays->svd.Compute(arrays->J);
@@ -301,7 +225,7 @@ std::vector<std::string> Split(const std::string& list) {
   return names;
 }
 
-bool IsWanted(const CaseRow& row, const RouteRow& route) {
+bool IsWanted(const StepCaseRow& row, const RouteRow& route) {
   const std::string name = route.name;
   if (row.full_svd_is_impossible && route.is_full_svd) return false;
   if (!FLAGS_routes.empty()) {
@@ -331,11 +255,11 @@ double GemmRate() {
 }
 
 // Megabytes of a process that makes one step.
-double PeakMemory(const CaseRow& row, const RouteRow& route) {
+double PeakMemory(const StepCaseRow& row, const RouteRow& route) {
   const pid_t child = fork();
   PCHECK(child >= 0);
   if (child == 0) {
-    route.make()(Case(row));
+    route.make()(StepCase(row, FLAGS_truncation));
     _exit(0);
   }
   int status = 0;
@@ -359,7 +283,7 @@ const Row* FindRow(const char* flag,
   return nullptr;
 }
 
-bool ReadFlags(std::vector<const CaseRow*>* cases) {
+bool ReadFlags(std::vector<const StepCaseRow*>* cases) {
   if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
     fmt::print(
         stderr, "--truncation={}: allowed are [0, 1)\n", FLAGS_truncation);
@@ -369,15 +293,15 @@ bool ReadFlags(std::vector<const CaseRow*>* cases) {
     if (FindRow("routes", RouteRows(), name) == nullptr) return false;
   }
   for (const std::string& name : Split(FLAGS_cases)) {
-    cases->push_back(FindRow("cases", CaseRows(), name));
+    cases->push_back(FindRow("cases", StepCaseRows(), name));
     if (cases->back() == nullptr) return false;
   }
   return true;
 }
 
-void PrintMemory(const std::vector<const CaseRow*>& cases) {
+void PrintMemory(const std::vector<const StepCaseRow*>& cases) {
   fmt::print("peak memory of a process that makes one step, MB\n");
-  for (const CaseRow* row : cases) {
+  for (const StepCaseRow* row : cases) {
     for (const RouteRow& route : RouteRows()) {
       if (!IsWanted(*row, route)) continue;
       fmt::print("{:<30} {:8.0f}\n",
@@ -388,7 +312,7 @@ void PrintMemory(const std::vector<const CaseRow*>& cases) {
   }
 }
 
-void Register(const std::shared_ptr<const Case>& at) {
+void Register(const std::shared_ptr<const StepCase>& at) {
   for (const RouteRow& route : RouteRows()) {
     if (!IsWanted(*at->row, route)) continue;
     const std::string name = std::string(at->row->name) + "/" + route.name;
@@ -410,7 +334,7 @@ void Register(const std::shared_ptr<const Case>& at) {
   }
 }
 
-void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
+void PrintRatios(const std::vector<std::shared_ptr<const StepCase>>& cases,
                  const RatioReporter& reporter,
                  double gemm_rate) {
   fmt::print("\nRatios of this run (medians of the repetitions)\n");
@@ -442,21 +366,21 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  using invgrad::Case;
+  using invgrad::StepCase;
   invgrad::UseProcessorsKernels(argv);
   benchmark::Initialize(&argc, argv);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  std::vector<const invgrad::CaseRow*> rows;
+  std::vector<const invgrad::StepCaseRow*> rows;
   if (!invgrad::ReadFlags(&rows)) return 1;
   invgrad::SetBlasThreads(1);
   if (FLAGS_memory) {
     invgrad::PrintMemory(rows);
     return 0;
   }
-  std::vector<std::shared_ptr<const Case>> cases;
-  for (const invgrad::CaseRow* row : rows) {
-    cases.push_back(std::make_shared<const Case>(*row));
+  std::vector<std::shared_ptr<const StepCase>> cases;
+  for (const invgrad::StepCaseRow* row : rows) {
+    cases.push_back(std::make_shared<const StepCase>(*row, FLAGS_truncation));
     invgrad::Register(cases.back());
   }
   const double gemm_rate = invgrad::GemmRate();
