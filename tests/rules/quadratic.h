@@ -11,6 +11,14 @@
 
 namespace invgrad {
 
+// The rules that decompose J.
+inline constexpr const char* kSpectralRules[] = {"power",
+                                                 "half_inverse",
+                                                 "gauss_newton",
+                                                 "levenberg_marquardt",
+                                                 "layer_half_inverse",
+                                                 "kfac_half_inverse"};
+
 // A as the Jacobian of a network of one linear unit over samples with one
 // output each, row s is delta_s (a_s, 1): a J in which every rule finds what it
 // needs. The last column of A must have no zero.

@@ -24,14 +24,6 @@ std::string CreationError(const std::string& text) {
   return error;
 }
 
-// Those that decompose J.
-const char* const kSpectralRules[] = {"power",
-                                      "half_inverse",
-                                      "gauss_newton",
-                                      "levenberg_marquardt",
-                                      "layer_half_inverse",
-                                      "kfac_half_inverse"};
-
 TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
   std::set<std::string> names;
   for (const RuleRow& row : Rules()) {

@@ -18,14 +18,6 @@ namespace spectral_rules_test {
 
 using Eigen::VectorXd;
 
-// Those that decompose J.
-const char* const kSpectralRules[] = {"power",
-                                      "half_inverse",
-                                      "gauss_newton",
-                                      "levenberg_marquardt",
-                                      "layer_half_inverse",
-                                      "kfac_half_inverse"};
-
 // (g, J) -> c (g, J) multiplies the step by c^(1 - kappa).
 TEST(SpectralRules, ScalingLaw) {
   const Quadratic problem(5, 7);
