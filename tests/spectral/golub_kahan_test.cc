@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,6 +22,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 using Random = RandomMatrices;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // The contract of the header, with thresholds in the middle of a gap.
 TEST(GolubKahanStep, ErrorIsAtMostItsEstimate) {

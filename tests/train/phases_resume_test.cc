@@ -70,7 +70,7 @@ TEST(Phases, ARunThatIsStoppedGoesOnBitForBit) {
   const TemporaryFolder folder;
   options.checkpoint_path = folder / "checkpoint";
   const auto stop_at = [&](int step) {
-    StopAt callback(step);
+    StopAt watcher(step);
     TrainOptions stopped = options;
     stopped.callbacks = {&watcher};
     return TrainBy(method, stopped, problem, problem.weights);
