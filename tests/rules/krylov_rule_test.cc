@@ -9,6 +9,7 @@
 #include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/rules/rules.h"
+#include "tests/rules/step_of.h"
 
 namespace invgrad {
 namespace krylov_rule_test {
@@ -34,19 +35,11 @@ MatrixXd Dense(const Linearization& at_x) {
   return J;
 }
 
-VectorXd StepOf(UpdateRule* rule, const Linearization& at_x) {
-  VectorXd step;
-  std::string error;
-  EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
-  return step;
-}
-
 VectorXd KrylovStep(const std::string& kappa,
                     int iterations,
                     const Linearization& at_x) {
-  return StepOf(MakeRule("krylov:step_size=1:kappa=" + kappa +
-                         ":iterations=" + std::to_string(iterations))
-                    .get(),
+  return StepOf("krylov:step_size=1:kappa=" + kappa +
+                    ":iterations=" + std::to_string(iterations),
                 at_x);
 }
 
@@ -65,8 +58,7 @@ TEST(KrylovRule, AsManyIterationsAsTheRankAreThePowerRule) {
   for (const auto& [m, n] : {std::pair<int, int>{9, 6}, {6, 9}}) {
     const Linearization at_x = RandomLinearization(m, n);
     for (const std::string kappa : {"-1", "-0.5", "0.5", "1"}) {
-      const VectorXd expected =
-          StepOf(MakeRule("power:route=svd:kappa=" + kappa).get(), at_x);
+      const VectorXd expected = StepOf("power:route=svd:kappa=" + kappa, at_x);
       for (const int iterations : {6, 40}) {
         EXPECT_LE((KrylovStep(kappa, iterations, at_x) - expected).norm(),
                   1e-10 * expected.norm());
@@ -110,10 +102,8 @@ TEST(KrylovRule, EveryIterateIsADescentDirection) {
   const MatrixXd J = Dense(at_x);
   for (const std::string kappa : {"-0.5", "0.5", "1"}) {
     for (const std::string iterations : {"1", "2", "5", "12", "20"}) {
-      const VectorXd step = StepOf(MakeRule("krylov:rho=0.5:kappa=" + kappa +
-                                            ":iterations=" + iterations)
-                                       .get(),
-                                   at_x);
+      const VectorXd step = StepOf(
+          "krylov:rho=0.5:kappa=" + kappa + ":iterations=" + iterations, at_x);
       const VectorXd Jd = J * step;
       EXPECT_LT(at_x.loss_gradient.dot(Jd), 0.0);
       EXPECT_NEAR(Jd.squaredNorm(),
@@ -146,7 +136,7 @@ TEST(KrylovRule, ATruncatedStepEndsWhenItIsDone) {
 TEST(KrylovRule, AZeroGradientIsAStepOfZero) {
   Linearization at_x = RandomLinearization(5, 3);
   at_x.loss_gradient.setZero();
-  EXPECT_TRUE(StepOf(MakeRule("krylov").get(), at_x).isZero(0.0));
+  EXPECT_TRUE(StepOf("krylov", at_x).isZero(0.0));
 }
 
 TEST(KrylovRule, ReportsWhatIsNotFinite) {
