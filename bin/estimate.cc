@@ -213,7 +213,8 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
 void PrintEstimateListing(std::ostream& out) {
   out << "Formats (--input)\n"
          "  .dat            NIST StRD, nonlinear regression (nist)\n"
-         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are .txt\n"
+         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
+         ".txt\n"
          "  .g2o            pose graphs in 2D and 3D (g2o)\n"
          "\nModels of NIST's files\n";
   for (const NistModel& model : NistModels()) {
