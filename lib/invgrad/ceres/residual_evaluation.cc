@@ -146,8 +146,8 @@ ResidualEvaluation::Tangent(const ResidualBlock& block, int b) const {
           structure_.parameter_blocks[ArgumentOf(block, b).block].tangent_size};
 }
 
-// Reserves memory for the Jacobians by the arguments that are not constant;
-// false if there are none.
+// Reserves memory for the Jacobians with respect to the arguments that are not
+// constant. Returns false if all are constant.
 bool ResidualEvaluation::Reserve(const ResidualBlock& block) {
   std::size_t size = 0;
   for (int b = 0; b < block.num_arguments; ++b) {
