@@ -44,8 +44,8 @@ class CachedProblem {
     ceres::EvaluationCallback* evaluation_callback = nullptr;
   };
 
-  // Later changes of blocks, manifolds, bounds and constness have no effect. The
-  // problem must outlive the copy, and keep its residual blocks.
+  // Later changes of blocks, manifolds, bounds and constness have no effect.
+  // The problem must outlive the copy, and keep its residual blocks.
   CachedProblem(const Options& options, ceres::Problem* problem);
   ~CachedProblem();
 

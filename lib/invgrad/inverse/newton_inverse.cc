@@ -114,7 +114,8 @@ bool NewtonInverse::Invert(const ConstVectorRef& y,
       *why = "the simulator has no finite second derivative";
       return false;
     }
-    // Lazy: sizes are far too small for Eigen's blocked product.
+    // A lazy product, because the sizes are too small for Eigen's blocked
+    // product.
     g.noalias() = J_transposed.lazyProduct(r);
     H.noalias() += J_transposed.lazyProduct(J_transposed.transpose());
     if (!g.allFinite() || !H.allFinite()) {
