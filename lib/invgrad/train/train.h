@@ -109,9 +109,9 @@ struct TrainOptions {
       on_evaluation;
 
   // If not empty, the run writes a checkpoint to this file between steps, at
-  // most once per this interval, and when the budget or a callback ends the
-  // run. If the file exists, the run resumes from it. A minimizer of Ceres
-  // writes no checkpoint.
+  // most once per checkpoint_interval_in_seconds, and when the budget or a
+  // callback ends the run. If the file exists, the run resumes from it. A
+  // minimizer of Ceres writes no checkpoint.
   std::string checkpoint_path;
   double checkpoint_interval_in_seconds = 10.0;
 };
