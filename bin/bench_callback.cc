@@ -90,7 +90,7 @@ struct PendulumSample {
   }
 };
 
-// A problem that starts from the same values whenever it is made.
+// A problem with the same initial values for every instance.
 struct Instance {
   BalData bal;
   double pendulum[3] = {0.05, 3.0, 0.5};
@@ -229,7 +229,7 @@ int Benchmark() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark takes its flags out of argv.
+  // Google Benchmark removes its flags from argv.
   benchmark::Initialize(&argc, argv);
   return invgrad::RunProgram(
       argc,

@@ -92,7 +92,7 @@ int Run() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark takes its flags out of argv.
+  // Google Benchmark removes its flags from argv.
   benchmark::Initialize(&argc, argv);
   return invgrad::RunProgram(
       argc, argv, "times a training step of several methods", invgrad::Run);

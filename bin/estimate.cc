@@ -130,8 +130,8 @@ bool CheckFlags(std::string* error) {
                    error);
 }
 
-// The files that --input names, and those in the folders that it names whose
-// endings say what they are, in alphabetical order.
+// The files in --input, and all files with a known extension in the folders in
+// --input, in alphabetical order.
 bool FindFiles(std::vector<std::string>* files, std::string* error) {
   std::istringstream items(FLAGS_input);
   for (std::string item; std::getline(items, item, ',');) {
@@ -147,7 +147,7 @@ bool FindFiles(std::vector<std::string>* files, std::string* error) {
     std::vector<std::string> found;
     for (fs::directory_iterator at(item, failure), end; !failure && at != end;
          at.increment(failure)) {
-      std::error_code unreadable;  // a link that leads nowhere, say
+      std::error_code unreadable;  // such as a dangling link
       const std::string path = at->path().string();
       if (at->is_regular_file(unreadable) &&
           (!FLAGS_format.empty() || !EstimationKindOf(path).empty())) {
@@ -176,7 +176,7 @@ std::string InputName(const std::string& file) {
   return FileName(name.stem().string());
 }
 
-// Reads all files, so that nothing runs if one of them is bad.
+// Reads all files before any run, so that an invalid file is found first.
 bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
   ReadEstimationOptions options;
   options.kind = FLAGS_format;
@@ -213,7 +213,8 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
 void PrintEstimateListing(std::ostream& out) {
   out << "Formats (--input)\n"
          "  .dat            NIST StRD, nonlinear regression (nist)\n"
-         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are .txt\n"
+         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
+         ".txt\n"
          "  .g2o            pose graphs in 2D and 3D (g2o)\n"
          "\nModels of NIST's files\n";
   for (const NistModel& model : NistModels()) {

@@ -105,7 +105,7 @@ TrainOptions TrainOptionsOf(const SweepJob& job) {
   return options;
 }
 
-// Reads the run of a job if it is done. False if its files are damaged.
+// Reads the run of a job if it is done. Returns false if its files are damaged.
 bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
   LearningRunResult result;
   const bool is_complete = LoadCompleteRun(
@@ -133,7 +133,7 @@ bool RunJob(const SweepJob& job, std::string* error) {
                      error);
 }
 
-// How many of the jobs have ended.
+// The number of finished jobs.
 ProgressState StateOf(const std::vector<ProcessStatus>& statuses,
                       int num_skipped) {
   int num_ended = 0, num_running = 0;

@@ -40,7 +40,7 @@ bool IsAtEdge(const std::vector<std::string>& values, size_t choice) {
 
 // A part of a method: the name of a phase's rule, or a setting of it.
 struct Piece {
-  std::string mark;  // what stands before it: "", ">" or ":"
+  std::string mark;  // the separator before it: "", ">" or ":"
   std::string name;
   std::vector<std::string> values;  // of a setting; several: alternatives
 
