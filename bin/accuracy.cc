@@ -14,8 +14,8 @@
 // route svd otherwise, whose error is about epsilon / truncation. A cell holds
 // the error and, in brackets, the route's estimate.
 //
-//   auto        the route that a rule takes with its default tolerances
-//   gram, svd   the routes, whatever their error
+//   auto        the route of a rule with default tolerances
+//   gram, svd   the routes, for any error
 //   sgesdd      LAPACK's SVD in single precision, which the code that came with
 //               the paper uses
 

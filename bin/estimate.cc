@@ -1,8 +1,7 @@
 /*
 Estimates the parameters of public test problems: nonlinear regression (NIST
-StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
-minimizers, and rules that propose steps to them, side by side from the same
-starts.
+StRD), bundle adjustment (BAL) and pose graphs (g2o). Compares rules,
+Ceres' minimizers, and minimizers with proposals of rules, from the same starts.
 
 Sample runs:
 
@@ -16,10 +15,10 @@ Sample runs:
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
-docs/results/estimation.md says where the files are published. The run
-directory holds the flags that repeat the run, versions, tables, results in
-the input's own format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
-method that runs, skips the others, and keeps what there is.
+docs/results/estimation.md lists the sources of the files. The run directory
+holds the flags that repeat the run, versions, tables, results in the input's own
+format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
+current method, skips the others, and keeps the results so far.
 */
 
 #include <algorithm>

@@ -3,9 +3,9 @@ Shows how the first step of each rule scales with the loss and with units.
 
   L = c (y_0 + y_1),   y = (u_0 x_0, u_1 x_1)
 
-A step proportional to c^p has p in the first column. The other columns have
-the exponents of the step along x_0 when the unit of x_0 changes, and when
-only the unit of x_1 changes: the last one is not zero if a rule mixes units.
+The first column is p if the step is proportional to c^p. The other columns are
+the exponents of the step along x_0 when the unit of x_0 changes, and when only
+the unit of x_1 changes: the last exponent is not zero if a rule mixes units.
 
 Sample runs:
 

@@ -53,7 +53,7 @@ EstimationRow MakeRow(const std::string& start,
   EstimationRow row;
   row.start = start;
   row.method = method.label;
-  // Of a run that failed at its start, Ceres and we say -1.
+  // The cost is -1 if the run failed at its start.
   if (summary.initial_cost >= 0.0) row.initial_cost = summary.initial_cost;
   if (summary.final_cost >= 0.0) row.final_cost = summary.final_cost;
   row.num_iterations = summary.num_steps();

@@ -21,7 +21,7 @@ struct EstimationRow {
   int num_accepted = 0;  // steps
   int num_rejected = 0;
   double seconds = 0.0;
-  // Of every parameter, if there are certified values.
+  // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   std::string status;
   bool was_run = true;

@@ -193,7 +193,7 @@ bool RunLearning(const LearningProblem& problem,
     *error = options.directory + ": " + failure.message();
     return false;
   }
-  // Of a shorter run that is to go on: not the results of this one.
+  // Files of a shorter run that is resumed, not results of this run.
   for (const char* name : {"/result.txt", "/sample_path.csv"}) {
     std::filesystem::remove(options.directory + name, failure);
   }

@@ -33,10 +33,10 @@ bool CheckBatches(const LearningProblem& problem,
                   int flag_batch_size,
                   std::string* error);
 
-// Adds "batch_size=100: 96 of 4096 samples are left out of every epoch; divisors
-// near: 64, 128" for each phase whose batches do not divide the samples.
-// `batch_size`, at least 1: the default of phases. Ceres' minimizers use all
-// samples.
+// Adds "batch_size=100: 96 of 4096 samples are left out of every epoch;
+// divisors near: 64, 128" for each phase whose batches do not divide the
+// samples. `batch_size`, at least 1: the default of phases. Ceres' minimizers
+// use all samples.
 void AddLeftOutSamples(const Method& method,
                        int batch_size,
                        int num_samples,

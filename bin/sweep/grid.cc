@@ -49,7 +49,7 @@ struct Piece {
   }
 };
 
-// Of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
+// The parts of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
 std::vector<Piece> Pieces(const std::string& method) {
   std::vector<Piece> pieces;
   for (const std::string& phase : Split(method, '>')) {

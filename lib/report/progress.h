@@ -34,7 +34,7 @@ class Progress {
  public:
   struct Options {
     std::FILE* out = stderr;
-    std::optional<bool> is_terminal;       // asks the system if not given
+    std::optional<bool> is_terminal;       // default: by isatty
     double seconds_between_updates = 0.1;  // on a terminal
     double seconds_between_lines = 10.0;   // elsewhere
     // Seconds since any fixed time; the steady clock if not given.

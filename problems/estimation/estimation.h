@@ -56,7 +56,7 @@ class Estimation {
   // file has certified values.
   virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
 
-  // Of the result file: ".dat".
+  // The extension of the result file: ".dat".
   virtual std::string Extension() const = 0;
   // The current parameters, in the input's format.
   virtual bool Write(const std::string& path, std::string* error) const = 0;

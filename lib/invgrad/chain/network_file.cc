@@ -40,7 +40,7 @@ class Lines {
     return true;
   }
 
-  // What follows "key " on the next line.
+  // The text after "key " on the next line.
   bool TakeValue(std::string_view key, std::string_view* value) {
     std::string_view line;
     if (!Take(&line) || line.substr(0, key.size()) != key ||

@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using ConstVectorRef = InverseSimulator::ConstVectorRef;
 
-// Where J is nearly singular, the minimizer of the linear model is far away.
+// If J is nearly singular, the minimizer of the linear model is far away.
 constexpr int kMaxNumHalvings = 40;
 
 // V S^(-kappa) U^T d_y, s > tau s_max; zero if J is.

@@ -105,7 +105,7 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   return true;
 }
 
-// Those that are not set.
+// The settings that are not set.
 void AddDefaults(const Settings& defaults, Settings* settings) {
   const Settings given = *settings;
   for (const auto& setting : defaults) {

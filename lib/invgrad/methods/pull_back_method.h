@@ -5,8 +5,8 @@
 //   LOSS       gradient, newton, saddle_free_newton      (loss_pull_back.h)
 //   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
 //              newton                               (simulator_pull_back.h)
-//              joint: not by itself, RULE sees network and simulator as one
-//              data: none, x~ is the solution that the data were made from
+//              joint: no pull-back, RULE linearizes network and simulator
+//              data: no pull-back, x~ is the solution x* of the data
 //   RULE       any update rule, of the proxy in x (chain_pull_back.h)
 //
 // `inverse` is the problem's inverse simulator, or the numerical inverse if the

@@ -43,7 +43,7 @@ class PullBackObjective final : public Objective {
     return objective_.Plus(step);
   }
 
-  // Of all linearizations.
+  // Counts over all linearizations.
   const PullBackCounts& counts() const { return counts_; }
 
  private:

@@ -1,6 +1,6 @@
 // Which parameters to hold constant so that a problem becomes determined.
 //
-//   null directions left after rows R are held:  { N c : N_R c = 0 },
+//   null directions with rows R held constant:  { N c : N_R c = 0 },
 //   so R removes rank(N_R) of them
 //
 // The choice is greedy: the block that removes most directions; of several, the

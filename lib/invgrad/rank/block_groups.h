@@ -27,7 +27,7 @@ struct BlockGroup {
   std::vector<int> offsets;       // first column of each block, and the end
   Eigen::SparseMatrix<double> J;  // rows and columns of the group
   Eigen::SparseMatrix<double> A;  // J D^-1
-  // Of the residual blocks that name a block of the group.
+  // The residual blocks that use a block of the group.
   std::vector<std::vector<double*>> arguments;
 };
 

@@ -14,7 +14,7 @@
 //              if not, within [1e-14, 100], from 1e-6 if it is 0; `damping`
 //              stays as it is
 //   both       exponent and damping
-//   nothing    neither: steps are kept or taken back
+//   nothing    neither: steps are only kept or reverted
 //
 // In all cases a reverted step halves the step size, down to 1e-12 of the
 // rule's own, and a kept step doubles the step size, up to the rule's own.

@@ -82,7 +82,7 @@ struct SpectralStepOptions {
   // threshold_resolution <= threshold_tolerance, or no value is undecided: 0
   // requires the sharp threshold.
   double threshold_tolerance = 0.0;
-  // In bytes; 0: that of memory_limit.h.
+  // In bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 };
 
