@@ -113,10 +113,10 @@ bool CheckFlags(std::string* error) {
                    error);
 }
 
-int RunLearning(LearningProblem problem,
-                const std::vector<Method>& methods,
-                const std::vector<int>& seeds,
-                const std::vector<double>& levels) {
+int CompareOnLearningProblem(LearningProblem problem,
+                             const std::vector<Method>& methods,
+                             const std::vector<int>& seeds,
+                             const std::vector<double>& levels) {
   std::string error;
   if (!SetNetwork(NetworkOfFlags(), &problem, &error)) {
     return Fail("--" + error);
@@ -255,7 +255,7 @@ int Run() {
   SetBlasThreads(FLAGS_blas_threads);
   return problem.point.has_value()
              ? RunPoint(*problem.point, methods)
-             : RunLearning(
+             : CompareOnLearningProblem(
                    *std::move(problem.learning), methods, seeds, levels);
 }
 

@@ -6,10 +6,12 @@
 // Sample runs:
 //
 //   01_new_problem
-//   01_new_problem --seconds=2 --picture=/tmp/shuttlecock.png
+//   01_new_problem --seconds=2 --folder=/tmp
 //   01_new_problem --rules=half_inverse:step_size=auto,ceres_lbfgs
 
 #include <cmath>
+#include <cstdio>
+#include <fstream>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -27,8 +29,6 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/train/train.h"
-#include "report/plot.h"
-#include "report/table.h"
 
 DEFINE_string(rules,
               "gradient_descent:step_size=3e-2,"
@@ -39,7 +39,7 @@ DEFINE_string(rules,
               "what to compare; `compare --list` shows all rules and options");
 DEFINE_double(seconds, 6.0, "training time of each rule");
 DEFINE_int32(seed, 1, "of the initial weights");
-DEFINE_string(picture, "01_new_problem.png", "where the picture goes");
+DEFINE_string(folder, ".", "where shuttlecock_losses.txt goes");
 
 namespace {
 
@@ -49,10 +49,7 @@ using invgrad::HistoryRow;
 using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::Plot;
-using invgrad::Series;
 using invgrad::Simulator;
-using invgrad::Table;
 using invgrad::TrainOptions;
 using invgrad::TrainResult;
 
@@ -152,8 +149,8 @@ int Run() {
   std::cout << "Jacobian against finite differences: soft "
             << FormatNumber(JacobianError(*simulator, {3.0, 5.0}), 1)
             << ", smash "
-            << FormatNumber(JacobianError(*simulator, {60.0, 9.0}), 1)
-            << "\n\n";
+            << FormatNumber(JacobianError(*simulator, {60.0, 9.0}), 1) << "\n"
+            << std::endl;
   // [/simulator]
 
   // [model]
@@ -171,14 +168,15 @@ int Run() {
   const DataSet test = DrawTargets(512, &data_random);
 
   // [train]
-  Table table({{"rule", Table::Align::kLeft},
-               {"train loss"},
-               {"test loss"},
-               {"miss [cm]"},
-               {"steps"},
-               {"ms/step"},
-               {"status", Table::Align::kLeft}});
-  Plot plot;
+  std::printf("%-45s  %10s  %9s  %9s  %6s  %7s  %s\n",
+              "rule",
+              "train loss",
+              "test loss",
+              "miss [cm]",
+              "steps",
+              "ms/step",
+              "status");
+  std::ofstream losses(FLAGS_folder + "/shuttlecock_losses.txt");
   for (const Method& method : methods) {
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
@@ -195,38 +193,28 @@ int Run() {
 
     // [row]
     const HistoryRow& last = result.history.back();
-    table.AddRow({method.label,
-                  FormatNumber(last.train_loss, 3),
-                  FormatNumber(last.test_loss, 3),
-                  FormatNumber(100.0 * std::sqrt(2.0 * last.test_loss), 3),
-                  std::to_string(result.summary.num_steps),
-                  FormatNumber(1e3 * result.summary.train_time_in_seconds /
-                                   result.summary.num_steps,
-                               3),
-                  result.summary.message});
-    Series curve;
-    curve.title = method.label;
+    std::printf(
+        "%-45s  %10.3g  %9.3g  %9.3g  %6ld  %7.3g  %s\n",
+        method.label.c_str(),
+        last.train_loss,
+        last.test_loss,
+        100.0 * std::sqrt(2.0 * last.test_loss),
+        result.summary.num_steps,
+        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
+        result.summary.message.c_str());
+    // A block a rule, begun by its name.
+    losses << '"' << method.label << "\"\n";
     for (const HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
-      curve.x.push_back(row.seconds);
-      curve.y.push_back(row.test_loss);
+      losses << row.seconds << " " << row.test_loss << "\n";
     }
-    plot.series.push_back(curve);
+    losses << "\n\n";
     // [/row]
   }
-  std::cout << table.ToText();
-
-  // [plot]
-  plot.title = "shuttlecock";
-  plot.x_label = "seconds of training";
-  plot.y_label = "test loss [m^2]";
-  plot.log_x = true;
-  plot.log_y = true;
-  if (!invgrad::WritePlot(FLAGS_picture, plot, &error)) {
-    std::cerr << error << "\n";
+  if (!losses.flush()) {
+    std::cerr << "cannot write to the folder " << FLAGS_folder << "\n";
     return 1;
   }
-  // [/plot]
   return 0;
 }
 

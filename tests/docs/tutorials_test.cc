@@ -30,12 +30,23 @@ std::pair<int, std::string> RunTutorial(
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadText(output)};
 }
 
+// Draws the picture NAME.png of a tutorial in the folder, by NAME.gp.
+void ExpectDrawn(const TemporaryFolder& folder, const std::string& name) {
+  const std::string script =
+      (SourceRoot() / "docs/tutorials" / (name + ".gp")).string();
+  EXPECT_EQ(std::system(("cd '" + (folder / "") + "' && gnuplot '" + script +
+                         "' > gnuplot.txt 2>&1")
+                            .c_str()),
+            0)
+      << ReadText(folder / "gnuplot.txt");
+  EXPECT_EQ(ReadText(folder / (name + ".png")).substr(1, 3), "PNG");
+}
+
 TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
   const TemporaryFolder folder;
-  const std::string picture = folder / "picture.png";
   // A budget of a few steps.
-  const auto [exit_code, text] =
-      RunTutorial("--seconds=0.01 --picture='" + picture + "'", folder / "out");
+  const auto [exit_code, text] = RunTutorial(
+      "--seconds=0.01 --folder='" + (folder / "") + "'", folder / "out");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"finite differences",
                            "test loss",
@@ -47,7 +58,7 @@ TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  EXPECT_EQ(ReadText(picture).substr(1, 3), "PNG");
+  ExpectDrawn(folder, "01_new_problem");
 }
 
 TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
@@ -123,14 +134,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  const std::string script =
-      (SourceRoot() / "docs/tutorials/05_robot_simulator.gp").string();
-  EXPECT_EQ(std::system(("cd '" + (folder / "") + "' && gnuplot '" + script +
-                         "' > gnuplot.txt 2>&1")
-                            .c_str()),
-            0)
-      << ReadText(folder / "gnuplot.txt");
-  EXPECT_EQ(ReadText(folder / "05_robot_simulator.png").substr(1, 3), "PNG");
+  ExpectDrawn(folder, "05_robot_simulator");
 }
 
 // Line for line, but for motions: which of several that are as good is told

@@ -136,8 +136,7 @@ TEST(SpectralAllocation, ASecondTridiagonalizationHasNone) {
   if (!INVGRAD_COUNTS_MALLOC) GTEST_SKIP() << "the sanitizer owns malloc";
   const SingleBlasThread single(true);  // threads are given work by malloc
   RandomMatrices random(1);
-  const MatrixXd A =
-      random.WithSpectrum(260, 260, LogUniform(260, 1e-3));
+  const MatrixXd A = random.WithSpectrum(260, 260, LogUniform(260, 1e-3));
   const MatrixXd K = A * A.transpose();
   for (const auto method : {Tridiagonalization::Method::kAuto,
                             Tridiagonalization::Method::kOneStage,

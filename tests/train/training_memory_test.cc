@@ -56,9 +56,8 @@ TEST(TrainingMemory, CountsTheMatricesOfAStep) {
                     "at least route gram"),
             SpectralStepBytes(SpectralRoute::kGram, 36, 33));
   // Of the layer with 18 weights the Gram matrix is larger.
-  EXPECT_EQ(
-      BytesOf(parts("layer_half_inverse"), "at least route gram"),
-      SpectralStepBytes(SpectralRoute::kGram, 30, 18));
+  EXPECT_EQ(BytesOf(parts("layer_half_inverse"), "at least route gram"),
+            SpectralStepBytes(SpectralRoute::kGram, 30, 18));
   for (const char* rule : {"adam", "gradient_descent"}) {
     EXPECT_EQ(BytesOf(parts(rule), "Jacobians of the simulator"), 0.0) << rule;
     EXPECT_EQ(BytesOf(parts(rule), "factors of J"), 0.0) << rule;

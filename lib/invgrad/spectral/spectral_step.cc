@@ -180,7 +180,7 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
              (cols < rows ? kDouble * rows * cols : 0.0);
     case SpectralRoute::kSvd:
       return kDouble *
-             ((cols > rows ? 2.0 : 1.0) * rows * cols + 7.0 * size * size);
+             ((cols > rows ? 3.0 : 2.0) * rows * cols + 7.0 * size * size);
     case SpectralRoute::kGradient:
       return kDouble * cols;
     case SpectralRoute::kAuto:

@@ -38,7 +38,8 @@ bool SvdRoute(const SpectralProblem& problem,
   }
   TallSvd& svd = buffers->svd;
   if (!svd.Compute(&buffers->tall)) {
-    summary->message = "the SVD of J (dgesdd) did not converge";
+    summary->message =
+        "the SVD of J did not converge: dgesdd and dgesvd failed";
     return false;
   }
   const VectorXd& s = svd.s();

@@ -32,17 +32,37 @@ bool TallSvd::Compute(MatrixXd* A) {
   s_.resize(q);
   left_.resize(rows, q);
   right_t_.resize(q, q);
-  return LAPACKE_dgesdd(LAPACK_COL_MAJOR,
+  copy_ = B;
+  if (LAPACKE_dgesdd(LAPACK_COL_MAJOR,
+                     'S',
+                     rows,
+                     q,
+                     B.data(),
+                     rows,
+                     s_.data(),
+                     left_.data(),
+                     rows,
+                     right_t_.data(),
+                     q) == 0) {
+    return true;
+  }
+  // Divide and conquer can fail for a finite matrix: OpenBLAS' Prescott kernels
+  // round so that one of 433 x 256, on which the others converge, makes it give
+  // up. QR iterations are slower and do not.
+  VectorXd superdiagonal(q);
+  return LAPACKE_dgesvd(LAPACK_COL_MAJOR,
+                        'S',
                         'S',
                         rows,
                         q,
-                        B.data(),
+                        copy_.data(),
                         rows,
                         s_.data(),
                         left_.data(),
                         rows,
                         right_t_.data(),
-                        q) == 0;
+                        q,
+                        superdiagonal.data()) == 0;
 }
 
 void TallSvd::ApplyQ(char transpose, VectorXd* x) const {

@@ -7,10 +7,11 @@
 // R = W' S Z^T, W = Q W'), and Q is only applied to vectors [1].
 //
 // Shapes:  A: p x q, p >= q;  W: p x q;  s: q, descending;  Z: q x q.
-// Cost:    2 p q^2 + 22 q^3 by LAPACK's dgeqrf and dgesdd; 8 (p q + 7 q^2)
-//          bytes, most of which are kept.
+// Cost:    2 p q^2 + 22 q^3 by LAPACK's dgeqrf and dgesdd; 8 (2 p q + 7 q^2)
+//          bytes, most of which are kept. dgesvd, which is slower, if dgesdd
+//          does not converge.
 // Accuracy: backward stable: s to a few roundings of s[0].
-// Fails:   Compute returns false if the iteration does not converge.
+// Fails:   Compute returns false if neither converges.
 //
 // [1] Chan. An improved algorithm for computing the singular value
 //     decomposition. ACM TOMS 8 (1982).
@@ -43,6 +44,7 @@ class TallSvd {
   bool is_reduced_ = false;
   Eigen::VectorXd tau_;      // of the reflectors
   Eigen::MatrixXd R_;        // q x q
+  Eigen::MatrixXd copy_;     // of what dgesdd overwrites
   Eigen::MatrixXd left_;     // W', or W
   Eigen::MatrixXd right_t_;  // Z^T
   Eigen::VectorXd s_;
