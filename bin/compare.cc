@@ -1,8 +1,8 @@
 /*
 Compares methods on one problem: same start, same data, same budget. A method
 is an update rule; LOSS/SIMULATOR/RULE, a rule with pull-backs through loss
-and simulator (sip is newton/inverse/adam); a minimizer of Ceres; or a sequence of
-them, with ">" between its phases: lib/invgrad/methods/method.h.
+and simulator (sip is newton/inverse/adam); a minimizer of Ceres; or a sequence
+of phases, separated by ">": lib/invgrad/methods/method.h.
 
 Sample runs:
 

@@ -16,7 +16,7 @@ Sample runs:
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
 docs/results/estimation.md lists the sources of the files. The run directory
-holds the flags that repeat the run, versions, tables, results in the input's own
+holds the flags that repeat the run, versions, tables, results in the input's
 format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
 current method, skips the others, and keeps the results so far.
 */

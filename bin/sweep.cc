@@ -22,8 +22,8 @@ Axes are separated by ";", values by ",". Every combination is one run in a
 separate process. An axis is `rule`, `seed`, `batch_size`, an option of the
 problem or of the rules, or a setting of the network: hidden, activation,
 initialization (network_settings.h). A rule may list alternatives of its
-settings, separated by "|". Tables and pictures show the best alternative at each
-point of the grid, with a remark if it is the smallest or largest one.
+settings, separated by "|". Tables and pictures show the best alternative at
+each point of the grid, with a remark if it is the smallest or largest one.
 
   DIR/flags.txt, DIR/versions.txt    see run_directory.h
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
