@@ -12,10 +12,10 @@
 // d_exact is computed in long double, by QR and Jacobi's SVD, if the batch has
 // at most --long_double_rows rows (m = 448 takes some minutes), and by the
 // route svd otherwise, whose error is about epsilon / truncation. A cell holds
-// the error and, in brackets, what the route estimated.
+// the error and, in brackets, the route's estimate.
 //
-//   auto        the route that a rule takes with its default tolerances
-//   gram, svd   the routes, whatever their error
+//   auto        the route of a rule with default tolerances
+//   gram, svd   the routes, for any error
 //   sgesdd      LAPACK's SVD in single precision, which the code that came with
 //               the paper uses
 
@@ -144,7 +144,7 @@ void Measure(const Linearization& at_weights,
         continue;
       }
     }
-    // The error by a route, with its estimate in brackets.
+    // The error of a route, with its estimate in brackets.
     const auto cell = [&](SpectralRoute route) -> std::string {
       constexpr double kInfinity = std::numeric_limits<double>::infinity();
       SpectralStepOptions options;

@@ -1,6 +1,6 @@
 /*
-Times ceres::Solve with an UpdateCallback beside ceres::Solve alone, as
-ratios of one run.
+Compares the time of ceres::Solve with and without an UpdateCallback, as ratios
+within one run.
 
 Sample runs:
 
@@ -10,15 +10,15 @@ Sample runs:
 
   plain       ceres::Solve
   declining   an UpdateCallback whose rule always declines
-  asking      the same with a rule that needs the Jacobian: all that proposals
-              cost when none is made
-  cached      the same on a CachedProblem, which is made anew each time
+  asking      the same with a rule that needs the Jacobian: the overhead of
+              proposals
+  cached      the same with a new CachedProblem each time
   linearize   one linearization at the start, by evaluations
-  remembered  the same from what a CachedProblem remembers
+  remembered  the same from the stored values of a CachedProblem
 
-One thread, so that times are those of the work. The problem is the bundle
-adjustment of --input, or else the identification of a pendulum from samples,
-each of which is a roll-out of up to --steps time steps.
+Uses one thread. The problem is the bundle adjustment of --input or, without
+--input, the identification of a pendulum from samples, each a roll-out of up to
+--steps time steps.
 */
 
 #include <cmath>
@@ -90,7 +90,7 @@ struct PendulumSample {
   }
 };
 
-// A problem that starts from the same values whenever it is made.
+// A problem with the same initial values for every instance.
 struct Instance {
   BalData bal;
   double pendulum[3] = {0.05, 3.0, 0.5};
@@ -229,7 +229,7 @@ int Benchmark() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark takes its flags out of argv.
+  // Google Benchmark removes its flags from argv.
   benchmark::Initialize(&argc, argv);
   return invgrad::RunProgram(
       argc,

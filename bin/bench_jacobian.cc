@@ -1,12 +1,12 @@
-// Times the Jacobian of network and physics against automatic differentiation
-// through both.
+// Compares the time of the Jacobian of network and simulator with automatic
+// differentiation of both.
 //
 // Sample runs:
 //
 //   bench_jacobian
 //   bench_jacobian --benchmark_repetitions=5
 //
-// One thread. After the usual lines, the ratio of the same run is printed:
+// Uses one thread. After the usual lines it prints the ratio within this run:
 //
 //   linear_chain/jacobian     the network's Jacobian factors, and physics
 //   linear_chain/autodiff/S   Ceres' DynamicAutoDiffCostFunction, stride S, of

@@ -1,5 +1,5 @@
-// Times the half-inverse step's linear algebra, route by route, beside a full
-// SVD, at the four published sizes and with a million weights.
+// Measures the time of the half-inverse step's linear algebra by each route and
+// by a full SVD, for the four published sizes and a million weights.
 //
 // Sample runs:
 //
@@ -19,10 +19,10 @@
 //   bdcsvd           Eigen's
 //   step             linearization (network, physics, factors) and gram
 //
-// After the usual lines, ratios of the same run, GF/s and multiples of the
-// limit: the time of the Gram matrix' and the reduction's arithmetic,
-// m^2 sum(widths) + 4/3 m^3, at the speed of this run's dgemm. With --memory,
-// no times: the peak memory of a process that makes one such step.
+// After the usual lines follow ratios within this run, GF/s, and multiples of
+// the lower limit: the arithmetic of the Gram matrix and the reduction,
+// m^2 sum(widths) + 4/3 m^3, at the speed of dgemm in this run. --memory prints
+// the peak memory of a process that makes one such step, and no times.
 
 #include <lapacke.h>
 #include <sys/resource.h>
@@ -66,14 +66,14 @@ DEFINE_bool(memory, false, "print peak memory instead of times");
 namespace invgrad {
 namespace {
 
-// Repeats `step` under the clock; `step` returns what the line says about it.
+// Measures repeated calls of `step`, which returns the label of the line.
 using Step = std::function<std::string(const StepCase&)>;
 
 std::string Label(int rank, double estimated_error) {
   return fmt::format("rank {}, error < {:.1e}", rank, estimated_error);
 }
 
-// A step by `route`, of the linearization that it is given.
+// A step by `route` for the given linearization.
 std::string SpectralStepAt(const Linearization& at,
                            const SpectralFilter& filter,
                            SpectralRoute route,
@@ -151,7 +151,7 @@ lapack_int Gesdd(int m, int n, float* A, float* s, float* U, float* Vt) {
   return LAPACKE_sgesdd(LAPACK_COL_MAJOR, 'S', m, n, A, m, s, U, m, Vt, k);
 }
 
-// LAPACK's SVD of the dense J, its arrays kept between steps.
+// LAPACK's SVD of the dense J; steps reuse its arrays.
 template <typename Scalar>
 Step LapackStep() {
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
@@ -174,7 +174,7 @@ Step LapackStep() {
       a.Vt.resize(k, n);
       a.s.resize(k);
     }
-    a.A = a.J;  // which LAPACK destroys
+    a.A = a.J;  // LAPACK overwrites a.A
     CHECK_EQ(Gesdd(m, n, a.A.data(), a.s.data(), a.U.data(), a.Vt.data()), 0);
     benchmark::DoNotOptimize(Filtered(a.U, a.s, a.Vt, at).data());
     return "";
@@ -232,7 +232,7 @@ bool IsWanted(const StepCaseRow& row, const RouteRow& route) {
     const std::vector<std::string> wanted = Split(FLAGS_routes);
     return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
   }
-  // It is for truncations that keep a small share of the values.
+  // golub_kahan is for truncations that keep a small share of the values.
   if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
   return !(row.full_svd_is_slow && route.is_full_svd);
 }
@@ -254,7 +254,7 @@ double GemmRate() {
   return best;
 }
 
-// Megabytes of a process that makes one step.
+// The memory, in megabytes, of a process that makes one step.
 double PeakMemory(const StepCaseRow& row, const RouteRow& route) {
   const pid_t child = fork();
   PCHECK(child >= 0);
@@ -269,7 +269,7 @@ double PeakMemory(const StepCaseRow& row, const RouteRow& route) {
   return usage.ru_maxrss / 1024.0;
 }
 
-// The row of that name; null, and a message, if there is none.
+// The row with this name; null, with a message, if there is none.
 template <typename Row>
 const Row* FindRow(const char* flag,
                    const std::vector<Row>& rows,
@@ -320,8 +320,8 @@ void Register(const std::shared_ptr<const StepCase>& at) {
     auto* registered = benchmark::RegisterBenchmark(
         name.c_str(),
         [at, slow](benchmark::State& state, const RouteRow& it) {
-          // Outside the clock: the factors and the workspace's first use, which
-          // is nothing beside a minute.
+          // Not measured: the factors and the first use of the workspace, which
+          // is negligible for steps of a minute.
           const Step step = it.make();
           std::string label;
           if (!slow) label = step(*at);

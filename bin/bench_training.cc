@@ -1,6 +1,6 @@
 /*
-Times a training step of several methods on one problem, as ratios of one
-run.
+Compares the time of a training step of several methods on one problem, as
+ratios within one run.
 
 Sample runs:
 
@@ -8,9 +8,9 @@ Sample runs:
   bench_training --problem=oscillator_chain --rules=adam,sip,half_inverse \
     --benchmark_repetitions=5
 
-One thread. A benchmark's iteration is a whole run of --steps steps from the
-same weights, batches and linearizations included, evaluations of the loss
-not; the ratios are to the first method.
+Uses one thread. An iteration of a benchmark is a run of --steps steps from the
+same weights, including batches and linearizations, but no evaluations of the
+loss. The ratios are relative to the first method.
 */
 
 #include <cstdio>
@@ -92,7 +92,7 @@ int Run() {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark takes its flags out of argv.
+  // Google Benchmark removes its flags from argv.
   benchmark::Initialize(&argc, argv);
   return invgrad::RunProgram(
       argc, argv, "times a training step of several methods", invgrad::Run);

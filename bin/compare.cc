@@ -1,8 +1,8 @@
 /*
 Compares methods on one problem: same start, same data, same budget. A method
-is an update rule; LOSS/SIMULATOR/RULE, which pulls a wanted change back part
-by part (sip is newton/inverse/adam); a minimizer of Ceres; or a sequence of
-them, with ">" between its phases: lib/invgrad/methods/method.h.
+is an update rule; LOSS/SIMULATOR/RULE, a rule with pull-backs through loss
+and simulator (sip is newton/inverse/adam); a minimizer of Ceres; or a sequence
+of phases, separated by ">": lib/invgrad/methods/method.h.
 
 Sample runs:
 
@@ -28,7 +28,7 @@ Sample runs:
 
 The run directory holds the flags that repeat the run, versions, histories
 (CSV), weights (.npy), the table and the pictures (PNG). Ctrl-C ends the
-method that runs, skips the others, and keeps what there is.
+current method, skips the others, and keeps the results so far.
 */
 
 #include <iostream>

@@ -1,8 +1,7 @@
 /*
 Estimates the parameters of public test problems: nonlinear regression (NIST
-StRD), bundle adjustment (BAL) and pose graphs (g2o). Rules, Ceres' own
-minimizers, and rules that propose steps to them, side by side from the same
-starts.
+StRD), bundle adjustment (BAL) and pose graphs (g2o). Compares rules,
+Ceres' minimizers, and minimizers with proposals of rules, from the same starts.
 
 Sample runs:
 
@@ -16,10 +15,10 @@ Sample runs:
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
-docs/results/estimation.md says where the files are published. The run
-directory holds the flags that repeat the run, versions, tables, results in
-the input's own format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
-method that runs, skips the others, and keeps what there is.
+docs/results/estimation.md lists the sources of the files. The run directory
+holds the flags that repeat the run, versions, tables, results in the input's
+format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
+current method, skips the others, and keeps the results so far.
 */
 
 #include <algorithm>
@@ -130,8 +129,8 @@ bool CheckFlags(std::string* error) {
                    error);
 }
 
-// The files that --input names, and those in the folders that it names whose
-// endings say what they are, in alphabetical order.
+// The files in --input, and all files with a known extension in the folders in
+// --input, in alphabetical order.
 bool FindFiles(std::vector<std::string>* files, std::string* error) {
   std::istringstream items(FLAGS_input);
   for (std::string item; std::getline(items, item, ',');) {
@@ -147,7 +146,7 @@ bool FindFiles(std::vector<std::string>* files, std::string* error) {
     std::vector<std::string> found;
     for (fs::directory_iterator at(item, failure), end; !failure && at != end;
          at.increment(failure)) {
-      std::error_code unreadable;  // a link that leads nowhere, say
+      std::error_code unreadable;  // such as a dangling link
       const std::string path = at->path().string();
       if (at->is_regular_file(unreadable) &&
           (!FLAGS_format.empty() || !EstimationKindOf(path).empty())) {
@@ -176,7 +175,7 @@ std::string InputName(const std::string& file) {
   return FileName(name.stem().string());
 }
 
-// Reads all files, so that nothing runs if one of them is bad.
+// Reads all files before any run, so that an invalid file is found first.
 bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
   ReadEstimationOptions options;
   options.kind = FLAGS_format;

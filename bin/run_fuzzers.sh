@@ -8,7 +8,7 @@
 #
 # Starts from tests/fuzz/corpus/X and from what earlier runs left in
 # build/fuzz/corpus/X. The input that a reader fails on is left as
-# build/fuzz/X-crash-... (timeout, oom): mend the reader, then move the input to
+# build/fuzz/X-crash-... (timeout, oom): fix the reader, then move the input to
 # tests/fuzz/corpus/X, which the unit tests read as well.
 set -euo pipefail
 # shellcheck source=bin/setup.sh
@@ -30,7 +30,7 @@ install_missing clang libclang-rt-dev libeigen3-dev libgoogle-glog-dev libbz2-de
 fuzz_dir="$root/build/fuzz"
 mkdir -p "$fuzz_dir"
 readonly fuzz_dir seconds
-# What the readers share: no Ceres, hence a few seconds to compile.
+# Common sources of the readers: without Ceres they compile in a few seconds.
 readonly sources=(
   "$root/tests/fuzz/token_mutator.cc"
   "$root"/problems/estimation/{bzip2,text_cursor}.cc
@@ -46,7 +46,7 @@ compile() {
     "${sources[@]}" -lbz2 -lglog -lfmt -o "$fuzz_dir/$1"
 }
 
-# Runs it; what it printed is shown only if it found something.
+# Runs the fuzzer; shows its output only if it found something.
 fuzz() {
   local log="$fuzz_dir/$1.log"
   mkdir -p "$fuzz_dir/corpus/$1"
@@ -65,7 +65,7 @@ fuzz() {
 
 compile_and_fuzz() { compile "$1" && fuzz "$1"; }
 
-# All at once, whatever the number of cores: each has its time by the clock.
+# All at once, for any number of cores: each has a time limit by the clock.
 running=()
 failed=0
 for source in "$root"/tests/fuzz/*_fuzz.cc; do

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Passes all tests: installs what is missing, builds, and runs ctest.
+# Runs all tests: installs missing packages, builds, and runs ctest.
 #
 #   bin/run_tests.sh             all of them
 #   bin/run_tests.sh -R Npy      only those whose names match (ctest's options)

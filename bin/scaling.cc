@@ -3,9 +3,9 @@ Shows how the first step of each rule scales with the loss and with units.
 
   L = c (y_0 + y_1),   y = (u_0 x_0, u_1 x_1)
 
-A step proportional to c^p has p in the first column. The other columns have
-the exponents of the step along x_0 when the unit of x_0 changes, and when
-only the unit of x_1 changes: the last one is not zero if a rule mixes units.
+The first column is p if the step is proportional to c^p. The other columns are
+the exponents of the step along x_0 when the unit of x_0 changes, and when only
+the unit of x_1 changes: the last exponent is not zero if a rule mixes units.
 
 Sample runs:
 
@@ -33,7 +33,7 @@ DEFINE_string(rules,
 namespace invgrad {
 namespace {
 
-// The first step, with a step size of one unless the rule says otherwise.
+// The first step, with step size one unless the rule specifies another one.
 bool FirstStep(const Specification& rule_text,
                double c,
                double unit_0,
@@ -56,7 +56,7 @@ bool FirstStep(const Specification& rule_text,
 // p in |a / b| = 2^p.
 std::string Exponent(double a, double b) {
   const double exponent = std::log2(std::abs(a / b));
-  // Minus zero is zero, and so is what rounding leaves.
+  // Maps minus zero and rounding errors to zero.
   return fmt::format("{:.3g}", std::abs(exponent) < 1e-6 ? 0.0 : exponent);
 }
 
@@ -80,7 +80,8 @@ int Run() {
         !FirstStep(rule, 2.0, 1.0, 1.0, &double_loss, &error) ||
         !FirstStep(rule, 1.0, 2.0, 1.0, &double_unit_0, &error) ||
         !FirstStep(rule, 1.0, 1.0, 2.0, &double_unit_1, &error)) {
-      // The rule needs more than the problem has. An error only if it was named.
+      // The rule needs parts that the problem does not have: an error only if
+      // the user named the rule.
       if (FLAGS_rules.empty()) {
         table.AddRow({rule.text, "-", "-", "-"});
         refusals += rule.text + ": " + error + "\n";

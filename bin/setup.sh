@@ -1,16 +1,16 @@
 # shellcheck shell=bash
-# What the commands in this folder share; sourced, not run.
+# Common functions of the commands in this folder; sourced, not run.
 #
 #   install_missing PACKAGE...   installs those that are missing, by apt-get
 #   build_release TARGET...      configures and builds into build/release
 #
-# Both end the command with status 1 and one message if they cannot go on.
+# Both end the command with status 1 and one message if they fail.
 
 root="$(CDPATH='' cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)"
 build_dir="$root/build/release"
 readonly root build_dir
 
-# What lib/cmake/dependencies.cmake looks for, and the tools to build it.
+# The packages that lib/cmake/dependencies.cmake needs, and the build tools.
 # shellcheck disable=SC2034  # the sourcing commands read it
 readonly required_packages=(
   cmake ninja-build g++
@@ -54,7 +54,7 @@ install_missing() {
     sudo true || cannot_install "sudo was refused" "${missing[@]}"
     as_root=(sudo)
   fi
-  # A broken source among several is no reason to stop: the installation tells.
+  # Continues if one of several sources fails: the installation then reports it.
   "${as_root[@]}" apt-get update -q ||
     echo "apt-get update failed; trying with the lists as they are" >&2
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
@@ -63,8 +63,8 @@ install_missing() {
     cannot_install "apt-get could not install them" "${missing[@]}"
 }
 
-# One compiler a processor, but none without 1.5 GB of memory: translation units
-# full of Jets need as much.
+# One compiler per processor and per 1.5 GB of memory, which translation units
+# with many Jets need.
 build_jobs() {
   local by_memory jobs
   by_memory=$(awk '/^MemAvailable:/ {print int($2 / 1.5e6)}' /proc/meminfo)
@@ -75,7 +75,7 @@ build_jobs() {
 
 build_release() {
   local options=()
-  # For a build from scratch; who has configured the folder chooses.
+  # Only for a new folder; an existing configuration is kept.
   if [[ ! -f "$build_dir/CMakeCache.txt" ]]; then
     options+=(-DCMAKE_UNITY_BUILD=ON)
   fi

@@ -1,10 +1,10 @@
-// Asks how the cost of a half-inverse step grows with the number of weights n
-// and with the rows m of the batch's Jacobian.
+// Measures how the cost of a half-inverse step grows with the number of weights
+// n and with the rows m of the batch's Jacobian.
 //
 // A network 64-w-w-64 in front of a random linear simulator with 64 outputs:
 // n grows with w at m = 1,024, and m with the batch at w = 200. Each point is
-// the least time of some steps, one BLAS thread; for comparison the LAPACK SVD
-// of the dense J (route svd), up to --svd_seconds.
+// the minimal time of some steps with one BLAS thread. For comparison: LAPACK's
+// SVD of the dense J (route svd), up to --svd_seconds.
 //
 // Sample runs:
 //

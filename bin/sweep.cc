@@ -1,6 +1,5 @@
 /*
-Trains by every rule at every point of a grid of settings, several runs at a
-time.
+Trains by every rule at every point of a grid of settings, in parallel runs.
 
 Sample runs:
 
@@ -19,12 +18,12 @@ Sample runs:
     --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
 
-Axes are separated by ";", values by ",". Every combination is run, each in a
-process of its own. An axis is `rule`, `seed`, `batch_size`, an option of the
+Axes are separated by ";", values by ",". Every combination is one run in a
+separate process. An axis is `rule`, `seed`, `batch_size`, an option of the
 problem or of the rules, or a setting of the network: hidden, activation,
 initialization (network_settings.h). A rule may list alternatives of its
-settings, "|" between them: the best one at each point of the grid is found,
-tabled and drawn, with a remark if it is the smallest or largest of them.
+settings, separated by "|". Tables and pictures show the best alternative at
+each point of the grid, with a remark if it is the smallest or largest one.
 
   DIR/flags.txt, DIR/versions.txt    see run_directory.h
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
@@ -32,8 +31,8 @@ tabled and drawn, with a remark if it is the smallest or largest of them.
   DIR/table.txt, DIR/table.md        the best alternatives
   DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
 
-Run again, it goes on where it was stopped and skips what is done. Ctrl-C
-ends it, with the results so far.
+A second call resumes a sweep and skips finished runs. Ctrl-C ends the sweep and
+keeps the results so far.
 */
 
 #include <algorithm>
@@ -105,7 +104,7 @@ TrainOptions TrainOptionsOf(const SweepJob& job) {
   return options;
 }
 
-// Reads the run of a job if it is done. False if its files are damaged.
+// Reads the run of a job if it is done. Returns false if its files are damaged.
 bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
   LearningRunResult result;
   const bool is_complete = LoadCompleteRun(
@@ -133,7 +132,7 @@ bool RunJob(const SweepJob& job, std::string* error) {
                      error);
 }
 
-// How many of the jobs have ended.
+// The number of finished jobs.
 ProgressState StateOf(const std::vector<ProcessStatus>& statuses,
                       int num_skipped) {
   int num_ended = 0, num_running = 0;

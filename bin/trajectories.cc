@@ -60,7 +60,7 @@ struct Panel {
   Eigen::VectorXd goal;  // empty if there is none
 };
 
-// `loss` maps a point of the panel to L, NaN where it has no value.
+// `loss` maps a point of the panel to L, NaN if L has no value.
 Plot MakePlot(const Panel& panel,
               const std::vector<PointPath>& paths,
               const std::function<double(const Eigen::Vector2d&)>& loss) {

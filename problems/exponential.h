@@ -1,5 +1,5 @@
-// Inverting the exponential function: a sensitivity that dies off by five
-// orders of magnitude.
+// Inverting the exponential function: the sensitivity decreases by five orders
+// of magnitude.
 //
 //   y = exp(x),   L = 1/2 (y - y*)^2,   y* = exp(x*),   x* uniform in (-12, 0]
 //
@@ -10,7 +10,7 @@
 //          for training; x* is the data's solution.
 // Inverse: log y, global; y <= 0 has no pre-image.
 // Metric:  mean |x - x*|.
-// Methods: the paper's five are gradient_descent;
+// Methods: the five methods of the paper are gradient_descent;
 //          newton/newton/gradient_descent with max_loss_change=1e300, with
 //          max_change=0.1, with newton_damping; and
 //          newton/inverse/gradient_descent with proxy=l1, whose gradient is

@@ -12,7 +12,7 @@ namespace invgrad {
 
 namespace {
 
-// FFTW can execute plans in parallel, but not make or destroy them.
+// FFTW can execute plans in parallel, but not create or destroy them.
 std::mutex& PlannerMutex() {
   static auto& mutex = *new std::mutex;
   return mutex;

@@ -4,15 +4,15 @@
 //   k = 2 pi (m_0 / rows, m_1 / cols),   -n/2 <= m < n/2 on a side of n cells
 //
 // Shapes:  x: N = rows cols cells, row by row; X: num_modes() = rows
-//          (cols / 2 + 1), the half with m_1 >= 0, row by row: the others are
-//          its conjugates. One dimension is rows = 1.
+//          (cols / 2 + 1), the half with m_1 >= 0, row by row; the other half
+//          is conjugate. One dimension is rows = 1.
 // Units:   cells have the length 1: k is in radians a cell.
-// Cost:    N log N a transform; the plans are made once, by the constructor.
+// Cost:    N log N a transform; the constructor makes the plans.
 // Fails:   a grid without cells is CHECKed.
 //
 // Several threads may share a grid. The algorithm does not depend on timings or
-// the alignment of arrays (FFTW_ESTIMATE, FFTW_UNALIGNED), so that results on
-// one machine are the same bit for bit.
+// the alignment of arrays (FFTW_ESTIMATE, FFTW_UNALIGNED), so results on one
+// machine are reproducible bit for bit.
 //
 // Source: Frigo, Johnson. The Design and Implementation of FFTW3. Proceedings
 //         of the IEEE 93 (2), 2005.

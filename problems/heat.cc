@@ -27,14 +27,14 @@ Eigen::MatrixXd Diffuse(const Simulator& simulator,
   for (Eigen::Index n = 0; n < states.cols(); ++n) {
     if (!simulator.Evaluate(
             states.col(n).data(), nullptr, outputs.col(n).data(), nullptr)) {
-      // Data of a user may overflow; DataSet::IsFinite reports it.
+      // User data may overflow; DataSet::IsFinite reports this.
       outputs.col(n).setConstant(std::numeric_limits<double>::quiet_NaN());
     }
   }
   return outputs;
 }
 
-// The network puts `hidden` neurons twice between y* and x.
+// The network has two hidden layers of `hidden` neurons.
 bool CreateLearning(const HeatLearningOptions& options,
                     int rows,
                     int hidden,

@@ -1,4 +1,5 @@
-// The heat equation backwards: from a smoothed state to the one before.
+// The inverse problem of the heat equation: from a smoothed state to the
+// initial state.
 //
 //   y = P(x): du/dt = nu laplace(u), periodic, u(0) = x, y = u(t)
 //   L = 1/2 |y - y*|^2,   y* = P(x_gt)
@@ -9,11 +10,11 @@
 //
 // Discretization: exact in time and in Fourier space
 //          (spectral_diffusion.h). The box has the side 64 for any number n of
-//          cells a side, dx = 64 / n, so that nu_t = 8 is equally hard for all
-//          n: a mode with m waves across the box decays by
-//          exp(-nu_t (2 pi m / 64)^2) = exp(-0.077 m^2). n = 64 is the
-//          published problem. A grid with n < 64 lacks the modes that decay
-//          most: the weakest mode decays by 5e-5 at n = 16, by 1e-69 at n = 64.
+//          cells a side, dx = 64 / n, so nu_t = 8 is equally hard for all n: a
+//          mode with m waves across the box decays by exp(-nu_t (2 pi
+//          m / 64)^2) = exp(-0.077 m^2). n = 64 is the published problem. A
+//          grid with n < 64 lacks the modes that decay most: the weakest mode
+//          decays by 5e-5 at n = 16, by 1e-69 at n = 64.
 // Shapes:  network input, x, y: n^2, row by row, or n in one dimension.
 // Inverse: heat_inverse.h, local.
 // Metric:  x_l1 = mean |x - x_gt|. L is insensitive to most modes of x.
@@ -25,8 +26,8 @@
 //          for 6000 s. Published is a U-net at n = 64; here dense networks with
 //          ReLU, n^2-128-128-n^2 (heat; 115,328 weights at n = 16) and
 //          n-64-64-n (heat_1d).
-// Facts:   x_gt minimizes L, with L = 0. In double precision so does every x
-//          that differs from it only in modes with nu t |k|^2 > 36.
+// Facts:   x_gt minimizes L, with L = 0. In double precision, so does
+//          every x that differs from x_gt only in modes with nu t |k|^2 > 36.
 //          Published for heat, the sum of |x - x_gt| over 4096 cells, with the
 //          network's mean corrected and negative values cut off: Adam 125.0,
 //          SIP 50.4.

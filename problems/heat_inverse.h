@@ -1,4 +1,4 @@
-// An inverse of diffusion. It amplifies only modes that are more likely signal
+// An inverse of diffusion that only amplifies modes that are more likely signal
 // than noise.
 //
 //   x = x_0 + F^-1(exp(alpha_k nu t |k|^2) D_k),   D = F(y - P(x_0))
@@ -10,19 +10,20 @@
 //             2 p_k - 1   otherwise
 //
 // e_k is the amplitude in y of white noise of variance one in x; u is the
-// uncertainty of a mode if that of a cell is r |dy| + a. alpha = 1 is the exact
-// inverse, alpha = 0 leaves a mode unchanged, alpha = -1 diffuses it once more.
+// uncertainty of a mode for an uncertainty r |dy| + a of each cell. alpha = 1
+// is the exact inverse, alpha = 0 leaves a mode unchanged, alpha = -1 diffuses
+// it once more.
 //
 // Shapes:  x, x_0, y: the cells of the grid.
-// Units:   a is one of y's; r is a number.
+// Units:   a has the units of y; r is a number.
 // Cost:    four transforms.
 // Facts:   no mode with |D_k| < 1.22 u is amplified, and none by more than
-//          sqrt(N) / u, so that noise in y cannot overwhelm x however small
-//          exp(-nu t |k|^2) is. If e_k <= u, a mode changes by at most |D_k|.
-//          u shrinks with y - P(x_0). So a second step from the new x restores
-//          modes that the first one could not distinguish from noise, down to
+//          sqrt(N) / u, so noise in y cannot dominate x for any exp(-nu t
+//          |k|^2). If e_k <= u, a mode changes by at most |D_k|. u shrinks with
+//          y - P(x_0). A second step from the new x therefore restores modes
+//          that are indistinguishable from noise in the first step, down to
 //          u = a sqrt(N).
-// Fails:   Invert returns false where an input is not finite. Sizes that do not
+// Fails:   Invert returns false if an input is not finite. Sizes that do not
 //          fit, and a < 1e-100 or r < 0, are CHECKed.
 //
 // Source: PBDL, chapter physgrad-code, inv_diffuse and apply_damping, and the

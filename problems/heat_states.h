@@ -6,8 +6,8 @@
 //
 // with U from [0, 1). A cell holds the mean over its area.
 //
-// Shapes:  states: one a row, the cells of a grid of rows x cols, row by row;
-//          rows = 1 is one dimension; the rectangles are then intervals.
+// Shapes:  states: one per row, the cells of a rows x cols grid, row by row.
+//          rows = 1 is one dimension, with intervals for rectangles.
 // Units:   the box has the side L = 64, the published number of cells, for any
 //          number of cells.
 // Data:    numpy's stream: for every state U for c; then, for each of ten

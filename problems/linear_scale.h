@@ -1,5 +1,5 @@
-// A linear loss in two different units: the effect of scaling on each rule's
-// step.
+// A linear loss with two different units: the effect of scaling on the step of
+// each rule.
 //
 //   y = P(x) = (u_0 x_0, u_1 x_1),   L = c (y_0 + y_1)
 //

@@ -65,7 +65,8 @@ bool OscillatorChain::Create(const Options& options,
   problem->num_epochs = 25;
   problem->model = std::make_shared<Model>(
       DenseNetwork({state_size, 20, 20, 20, physics.num_steps}, activation),
-      // Two oscillators and their force are five variables: one pass of Jets.
+      // The step for two oscillators and their force has five variables: one
+      // pass of Jets.
       options.num_oscillators == 2
           ? MakeSimulator<2, 6>(physics, 2)
           : MakeSimulator<0, 8>(physics, options.num_oscillators),

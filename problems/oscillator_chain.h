@@ -39,12 +39,11 @@
 
 namespace invgrad {
 
-// The longest chain.
+// The maximal length of the chain.
 constexpr int kMaxOscillators = 16;
 
-// One Runge-Kutta step: state (q, v), control u -> next state. kNumOscillators
-// is a number at compile time, so that loops are unrolled, or 0 for
-// num_oscillators at run time.
+// One Runge-Kutta step: state (q, v), control u -> next state. kNumOscillators:
+// fixed at compile time, to unroll loops, or 0 for num_oscillators at run time.
 template <int kNumOscillators>
 class OscillatorStep {
  public:

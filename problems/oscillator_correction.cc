@@ -132,7 +132,7 @@ bool OscillatorCorrection::Create(const Options& options,
   }
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
-  // Two oscillators and their corrections are eight variables.
+  // The step for two oscillators and their corrections has eight variables.
   if (options.num_oscillators == 2) {
     SetModel<2, 8>(options, problem);
   } else {

@@ -149,7 +149,7 @@ struct Regulator {
         gains.col(t) = A.transpose() * (W * B) / curvature[t];
       }
       // A^T W A - K^T (R + B^T W B) K as a sum of squares (Joseph's form): it
-      // stays symmetric and positive however long the horizon is.
+      // stays symmetric and positive for any horizon.
       const Eigen::MatrixXd closed = A - B * gains.col(t).transpose();
       Pi = closed.transpose() * W * closed +
            R * gains.col(t) * gains.col(t).transpose();
@@ -212,8 +212,8 @@ bool OscillatorTracking::Create(const Options& options,
   all.targets = Eigen::MatrixXd::Zero(2 * options.horizon, all.num_samples());
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
-  // Two oscillators, reference and force are nine variables: two passes of
-  // Jets.
+  // The step for two oscillators, reference and force has nine variables: two
+  // passes of Jets.
   if (options.num_oscillators == 2) {
     SetModel<2, 5>(options, problem);
   } else {

@@ -8,7 +8,7 @@
 //
 // weight_t is 1, and end_weight at the last step. The reference p is a mixture
 // of two sinusoids, whose amplitudes and phases differ from sample to sample.
-// The state includes that of the reference's generator, so that the network can
+// The state includes the state of the reference's generator, so the network can
 // anticipate the reference: a full-information regulator [1].
 //
 // Discretization: T = horizon steps of dt, u constant in a step; classical
@@ -21,8 +21,8 @@
 //          2 num_oscillators + 4)), the states at the start, the first N rows
 //          for training, the others for testing.
 // Metric:  with coupling=linear, regret: the mean L minus its minimum over all
-//          forces. The last mass starts off the reference, so that this minimum
-//          (0.4 by default) hides the differences between controllers.
+//          forces. The last mass does not start on the reference, so this
+//          minimum (0.4 by default) hides the differences between controllers.
 // Facts:   coupling=linear is a linear-quadratic problem. The minimum is
 //          s_0^T Pi_0 s_0 with the Riccati recursion
 //            Pi_T = 0,   K_t = (R + B^T W B)^-1 B^T W A,   W = Pi_{t+1} + Q_t,
@@ -32,7 +32,7 @@
 //          differs from step to step towards the end of the horizon. Any other
 //          force costs sum_t (R + B^T W B) (u_t + K_t s_t)^2 more: the regret,
 //          at O(T) a sample.
-// Source:  none for the setting; for the chain that of oscillator_chain.h.
+// Source:  none for the setting; for the chain see oscillator_chain.h.
 //
 // [1] Francis. The linear multivariable regulator problem. SIAM Journal on
 //     Control and Optimization 15 (1977).

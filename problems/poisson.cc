@@ -31,7 +31,8 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> Poisson::Laplacian(int n) {
 }
 
 Eigen::MatrixXd Poisson::SmoothFields(int num_fields, int n, int seed) {
-  // Rows 2 m and 2 m + 1: what Re z_k and Im z_k of the m-th k contribute.
+  // Rows 2 m and 2 m + 1: the contributions of Re z_k and Im z_k for the m-th
+  // k.
   const int size = n * n;
   Eigen::MatrixXd modes = Eigen::MatrixXd::Zero(2 * size, size);
   for (int m = 1; m < size; ++m) {  // m = 0: the mean

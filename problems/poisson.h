@@ -12,12 +12,12 @@
 //            x_gt ~ Re sum_k z_k exp(2 pi i k.(i, j) / n) / |k|^2
 //          over the wave vectors k != 0, |k_1|, |k_2| <= n / 2, with real and
 //          imaginary part of z_k standard normal, then scaled to variance one.
-//          This is the distribution of PhiFlow's Noise (its scale cancels here:
-//          it multiplies all k) but not its stream: ours is numpy's, seeded by
-//          data_seed, two normal numbers for each k_1 and each k_2 in it, in
-//          the order 0, 1, .. n - 1 of the discrete Fourier transform. The
-//          release draws a new batch every step. Here N fields are drawn once,
-//          and as many again for testing. x_gt is the data's solution.
+//          This is the distribution of PhiFlow's Noise (its scale cancels,
+//          because it multiplies all k) with another stream: numpy's, seeded by
+//          data_seed, with two normal numbers for each k_1 and, within it, each
+//          k_2, in the order 0, 1, .. n - 1 of the discrete Fourier transform.
+//          The release draws a new batch every step. Here N fields are drawn
+//          once, and as many again for testing. x_gt is the data's solution.
 // Settings: n 8, network 64-64-128-64-64 tanh (24,896 weights), B 64, loss
 //          summed over the batch; half-inverse: step size 0.01, truncation
 //          1e-5.

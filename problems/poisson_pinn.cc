@@ -74,7 +74,7 @@ MatrixXd RandomPoints(const PoissonPinn::Options& options) {
   return points;
 }
 
-// Whether the points fit, before they are made.
+// Whether the points fit into memory.
 bool CheckMemory(const PoissonPinn::Options& options,
                  const MatrixXd* data,
                  std::string* error) {
@@ -87,8 +87,8 @@ bool CheckMemory(const PoissonPinn::Options& options,
           ? "data of " + std::to_string(data->rows()) + " points"
           : "num_interior=" + std::to_string(options.num_interior) +
                 ":num_boundary=" + std::to_string(options.num_boundary);
-  // Of a point: its row, its sample (2 + 3 + 1 + 4), and three temporary pairs
-  // in SolutionJets.
+  // Numbers per point: its row, its sample (2 + 3 + 1 + 4), and three temporary
+  // pairs in SolutionJets.
   return FitsInMemory(
       who,
       {{"its data", sizeof(double) * num_points * (3 + 10 + 6)}},

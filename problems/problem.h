@@ -1,9 +1,9 @@
-// A problem is physics, data, and what is known about its optimum.
+// A problem is physics, data, and known facts about its optimum.
 //
-// There are two kinds. A point problem is to find the simulator's input x; a
-// learning problem is to train a network in front of the simulator.
-// A new problem is one header and one row in problems.cc. The programs' flags,
-// the listing, the conformance tests and docs/problems.md come from the table.
+// A point problem looks for the simulator's input x; a learning problem trains
+// a network in front of the simulator. A new problem is one header and one row
+// in problems.cc. The programs' flags, the listing, the conformance tests and
+// docs/problems.md come from the table.
 #ifndef PROBLEMS_PROBLEM_H_
 #define PROBLEMS_PROBLEM_H_
 
@@ -32,7 +32,7 @@ struct PointProblem {
   std::shared_ptr<const Loss> loss;
   Eigen::VectorXd target;
   Eigen::VectorXd start;
-  // Known facts, where there are any.
+  // Known facts, if any.
   std::optional<Eigen::VectorXd> minimizer;
   std::optional<double> minimum;
   // The number of rows if x is a field on a grid, row by row, for pictures; 0
@@ -42,19 +42,19 @@ struct PointProblem {
   ChainObjective MakeObjective() const;
 };
 
-// The quality of a model beside its loss, for example the distance of x from
-// the true one. Smaller is better.
+// A measure of a model besides its loss, for example the distance of x from the
+// true x. Smaller is better.
 struct Metric {
   std::string name;  // "x_distance"
-  // `x`: |x| x N, the network's outputs for the N samples of `data`. NaN where
-  // it has no value.
+  // `x`: |x| x N, the network's outputs for the N samples of `data`. NaN if it
+  // has no value.
   std::function<double(const Eigen::MatrixXd& x, const DataSet& data)> evaluate;
 };
 
 struct LearningProblem {
   std::shared_ptr<const Model> model;
   std::shared_ptr<const InverseSimulator> inverse;  // null: none is known
-  // Of the test data; of the train data if there are no test data.
+  // Evaluated on the test data; on the train data if there are no test data.
   std::optional<Metric> metric;
   DataSet train;
   DataSet test;  // may have no samples
@@ -78,9 +78,9 @@ struct ProblemRow {
   std::string equation;  // one line
   std::string source;
   std::function<std::vector<OptionSet::Row>()> options;
-  // `data`, if not null, replaces the generated data of a learning problem; for
-  // a point problem it is an error. False with *error set if a setting or the
-  // data are not allowed.
+  // `data`, if not null, replaces the generated data of a learning problem; it
+  // is an error for a point problem. Returns false, with *error set, if a
+  // setting or the data are not allowed.
   std::function<bool(const Settings& settings,
                      const Eigen::MatrixXd* data,
                      PhysicsProblem* problem,

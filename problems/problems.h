@@ -11,11 +11,11 @@ namespace invgrad {
 
 const std::vector<ProblemRow>& Problems();
 
-// The row of that name or null.
+// The row with this name, or null.
 const ProblemRow* FindProblem(const std::string& name);
 
-// The problem that "name:key=value:..." describes. False with *error set if
-// there is none.
+// Makes the problem of a specification "name:key=value:...". Returns false,
+// with *error set, if it is invalid.
 bool CreateProblem(const std::string& specification,
                    const Eigen::MatrixXd* data,
                    PhysicsProblem* problem,

@@ -1,4 +1,4 @@
-// A quantum particle in a box. A dipole field must move it from the ground
+// A quantum particle in a box. A dipole field must transfer it from the ground
 // state to a superposition of the second and the third eigenstate.
 //
 //   i d psi/dt = (-d_xx + u(t) x) psi,   x in [0, 2],   psi(0) = es(1)
@@ -12,28 +12,28 @@
 // Units:   hbar = 2 m = 1; <a|b> = sum_k conj(a_k) b_k, and all states have
 //          norm one. So 0 <= L <= 1, and a phase of y is free.
 // Data:    np.random.seed(data_seed); for each target normal() twice, for
-//          cos(a) and sin(a) up to their norm, and uniform(0, 2 pi) twice, two
-//          phases that the release draws and does not use. The first half is
-//          for training. The release rounds the states to single precision.
+//          cos(a) and sin(a) up to their norm, and uniform(0, 2 pi) twice, for
+//          two unused phases of the release. The first half is for training.
+//          The release rounds the states to single precision.
 // Settings: Nt 384, dt 0.05, network 28-20-20-20-384 tanh (9,484 weights), N
 //          1024 + 1024, B 16, data_seed 1; half-inverse: step size 0.5,
 //          truncation 1e-5.
-// Facts:   the loss is no sum of squares: Ceres' trust-region solvers refuse
-// it.
+// Facts:   the loss is no sum of squares, so Ceres' trust-region solvers do not
+// apply.
 //          Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
 //          y in the ground state, is a stationary point, at L = 1. As the norm
 //          is conserved, y^T J = 0 for every sample, and a batch has B singular
 //          values that are zero.
 // rescale: multiplies the gradient of each sample's L in y, and its Hessian, by
 //          1 / |Re <y*|y>|, a factor that is not differentiated; the reported L
-//          is without it. This removes the gradient's own factor |<y*|y>|,
-//          which stops samples that are far from their targets. But g is then
-//          not the derivative of a function: gradient checks fail, and
-//          step_size=auto minimizes the model of another loss than the reported
-//          one. L does not depend on the phase of y, but Re <y*|y> does: the
-//          factor is unbounded for phases near i or -i, however good y is. If
-//          Re <y*|y> = 0, there is no gradient, and the run diverges. The
-//          release has this option, off in its runs.
+//          does not include it. This removes the gradient's own factor
+//          |<y*|y>|, which slows down samples far from their targets. But g is
+//          then not the derivative of a function: gradient checks fail, and
+//          step_size=auto minimizes the model of a different loss. L does not
+//          depend on the phase of y, but Re <y*|y> does: the factor is
+//          unbounded for phases near i or -i, also for a good y. If Re
+//          <y*|y> = 0, there is no gradient, and the run diverges. The release
+//          has this option, but does not use it.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
 //          and its code, Quantum_dipole/.
 #ifndef PROBLEMS_QUANTUM_DIPOLE_H_
@@ -65,8 +65,8 @@ struct Infidelity {
 };
 
 // The infidelity with its gradient and Hessian multiplied by 1 / |Re <y*|y>|:
-// see `rescale` above. Evaluate returns false if they are wanted and not
-// finite, as where Re <y*|y> = 0.
+// see `rescale` above. Evaluate returns false if they are requested and not
+// finite, for example if Re <y*|y> = 0.
 class RescaledInfidelity final : public Loss {
  public:
   int size() const override { return infidelity_.size(); }

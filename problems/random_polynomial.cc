@@ -21,8 +21,8 @@ NumpyGenerator Stream(int data_seed, std::uint32_t crc) {
                         0x7fffffffU);
 }
 
-// Appends the exponents of all monomials of `degree` more factors, none of a
-// variable before `first`.
+// Appends the exponents of all monomials with `degree` more factors from the
+// variables `first` and later.
 void AppendExponents(int first,
                      int degree,
                      Eigen::RowVectorXi* exponents,

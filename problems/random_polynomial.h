@@ -9,7 +9,7 @@
 // Network, loss, its scaling and the standardized target: regression.h.
 //
 // Shapes:  network 6-16-16-16-1, GELU, 673 weights;  x, y: 1;  c, m: 210.
-// Data:    the benchmark's, number for number, but that it rounds a and y* to
+// Data:    number for number those of the benchmark, which rounds a and y* to
 //          single precision: c from
 //          np.random.default_rng(seed("coeffs")).normal(size=210), a from those
 //          of seed("pool") for training and of seed("val") for testing, with
@@ -18,7 +18,7 @@
 // Facts:   published losses on the same test samples: half-inverse,
 //          half_inverse:step_size=0.1:truncation=1e-8, 0.084 +- 0.024 (15
 //          seeds), Sven 0.139, Adam 0.238, SGD 0.318.
-//          Here, by that half-inverse and shuffled batches: 0.06 to 0.21,
+//          Here, by this half-inverse with shuffled batches: 0.06 to 0.21,
 //          median 0.095 (seeds 1 to 15); by
 //          half_inverse:step_size=0.12:schedule=cosine 0.079 to 0.110, median
 //          0.088. Losses are 1.2 to 1.5 times as large if batches are not

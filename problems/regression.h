@@ -1,5 +1,5 @@
-// What the regression problems have in common: a network without a simulator,
-// on standardized targets.
+// The common part of the regression problems: a network without a simulator,
+// and standardized targets.
 //
 //   y = x = f(a),   L = |y - y*|^2,   y* = (t - mean t) / std t
 //
@@ -10,7 +10,7 @@
 //          mean, so g = 2 (y - y*), as in the Sven benchmark: its half-inverse
 //          with learning rate lr and truncation tau is here
 //          half_inverse:step_size=lr:truncation=tau. Gradients are B times
-//          those of the mean. Losses are reported as means all the same.
+//          those of the mean. Losses are still reported as means.
 // Settings: B 32, 20 epochs, of which the last, incomplete batch is left out.
 //          The benchmark shuffles its batches.
 // Source:  the Sven benchmark, sambt/sven-experiments,
@@ -29,9 +29,9 @@ namespace invgrad {
 // as numpy does.
 enum class Variance { kUnbiased, kBiased };
 
-// From problem->data, 2 N x (|a| + 1), a and t; the first N are for training.
-// False, with *error set, if the training targets have no positive, finite
-// deviation.
+// Makes the samples from problem->data, 2 N x (|a| + 1), a and t; the first N
+// are for training. Returns false, with *error set, if the deviation of the
+// training targets is not positive and finite.
 bool MakeRegression(Variance variance,
                     LearningProblem* problem,
                     std::string* error);

@@ -30,7 +30,7 @@ bool MakeData(const SampleSize& size,
       data != nullptr
           ? fmt::format("data of {} samples{}", data->rows(), size.settings)
           : fmt::format("num_samples={}{}", size.num_samples, size.settings);
-  // The array, and a DataSet that SplitSamples copies.
+  // Memory of the array, and of a DataSet that SplitSamples copies.
   const double bytes =
       sizeof(double) * num_all * (size.num_columns + 2.0 * size.num_values);
   if (!FitsInMemory(who, {{"its data", bytes}}, 0.0, error)) return false;

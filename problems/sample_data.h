@@ -1,5 +1,5 @@
-// What learning problems whose samples are one array have in common: options,
-// the array itself, its division into training and test samples, and noise.
+// The common part of learning problems with samples in one array: options, the
+// array, its division into training and test samples, and noise.
 #ifndef PROBLEMS_SAMPLE_DATA_H_
 #define PROBLEMS_SAMPLE_DATA_H_
 
@@ -16,20 +16,19 @@ namespace invgrad {
 void DescribeSamples(
     int min, double max, int* num_samples, int* data_seed, OptionSet* set);
 
-// What the memory of a problem's samples depends on.
+// The sizes that determine the memory of a problem's samples.
 struct SampleSize {
-  int num_samples = 0;    // for training; as many again are for testing
+  int num_samples = 0;    // for training, and as many for testing
   int num_columns = 0;    // of the array, which has a row for each sample
   double num_values = 0;  // of a sample, in all arrays of a DataSet
-  // The options beside num_samples that the size depends on, for messages:
-  // ":resolution=32".
+  // The other options that determine the size, for messages: ":resolution=32".
   std::string settings;
 };
 
 // Sets problem->data to `data`, or, if that is null, to
-// generate(2 num_samples). False with *error set if the problem does not fit
-// into memory (this is checked first), or `data` has other than num_columns
-// columns or fewer than two rows.
+// generate(2 num_samples). Returns false, with *error set, if the problem does
+// not fit into memory (checked first), or `data` does not have num_columns
+// columns or has fewer than two rows.
 bool MakeData(const SampleSize& size,
               const Eigen::MatrixXd* data,
               const std::function<Eigen::MatrixXd(int num_rows)>& generate,
@@ -47,8 +46,8 @@ Eigen::MatrixXd UniformData(
     double low, double high, int rows, int cols, int seed);
 
 // The first half of the samples is for training, the second for testing. A
-// batch has `batch_size` samples, or all for training if they are fewer.
-// Samples without contexts get empty ones.
+// batch has `batch_size` samples, but at most all training samples. Samples
+// without contexts get empty ones.
 void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem);
 
 // mean |x - x*| over the data's solutions x*.
@@ -63,7 +62,8 @@ Metric SolutionDistance(const std::string& name);
 // c |y*| noise^2 rms^2; its test loss is still zero.
 //
 // Stream:  np.random.seed(data_seed ^ 0x9e3779b9), normal numbers sample by
-//          sample: independent of the data's own, which noise does not change.
+//          sample: independent of the stream of the data, which noise does not
+//          change.
 void DescribeTargetNoise(double* noise, OptionSet* set);
 void AddTargetNoise(double noise, int data_seed, LearningProblem* problem);
 

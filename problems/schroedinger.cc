@@ -8,8 +8,8 @@
 
 // The loops over kWidth functions and over lanes have constant lengths and
 // write to local arrays, which cannot overlap, so that the compiler vectorizes
-// them. GCC 12 must not unroll the upward loops of Solve first: the Jacobian
-// would take a tenth longer.
+// them. If GCC 12 unrolls the upward loops of Solve first, the Jacobian takes a
+// tenth longer.
 
 namespace invgrad {
 
@@ -30,8 +30,9 @@ Eigen::VectorXd SchroedingerSimulator::Eigenstate(int n) {
 
 // Divided by its off-diagonal -i / scale, A becomes tridiag(1, a_k, 1) with
 //   a_k = i scale - 2 - dx^2 u x_k,
-// whose pivots d_k = a_k - 1 / d_{k-1} have |Im d_k| >= |scale|. Successive
-// pivots depend on each other, steps do not: several are computed side by side.
+// whose pivots d_k = a_k - 1 / d_{k-1} have |Im d_k| >= |scale|. Pivots of one
+// step depend on each other, steps are independent: several steps are computed
+// side by side.
 void SchroedingerSimulator::Factor(const double* x, Step* steps) const {
   constexpr int kLanes = 8;
   for (int first = 0; first < num_steps_; first += kLanes) {
@@ -70,7 +71,7 @@ void SchroedingerSimulator::Solve(const GridFunction& inverse_pivots,
     const double* c_re = c.re + kWidth * k;
     const double* c_im = c.im + kWidth * k;
     for (int j = 0; j < kWidth; ++j) {
-      // The right-hand side, too, is divided by -i / scale.
+      // The right-hand side is also divided by -i / scale.
       const double b_re = -scale_ * c_im[j] - re[j];
       const double b_im = scale_ * c_re[j] - im[j];
       re[j] = e_re * b_re - e_im * b_im;
@@ -174,7 +175,7 @@ bool SchroedingerSimulator::Evaluate(const double* x,
   if (!RollOut(x, context, steps.data(), y)) return false;
   if (jacobian == nullptr) return true;
   // Rows 2 j and 2 j + 1 of J are the real and the imaginary part of one
-  // complex row, whose c is that of point j.
+  // complex row, with c for point j.
   GridFunctions<kNumPoints> c = {}, q;
   for (int k = 0; k < kNumPoints; ++k) c.re[kNumPoints * k + k] = 1.0;
   double re[kNumPoints], im[kNumPoints];
@@ -195,7 +196,7 @@ std::string SchroedingerSimulator::DescribeFailure(
   Scratch<Step> steps(num_steps_);
   Factor(x, steps.data());
   GridFunction psi = FromState(context), midpoint;
-  // The step of the first source that is not finite, if there is one.
+  // The step of the first source that is not finite, if any.
   int failed_derivative = num_steps_;
   for (int t = 0; t < num_steps_; ++t) {
     Solve(steps[t].inverse_pivots, psi, &midpoint);
@@ -252,8 +253,8 @@ bool SchroedingerSimulator::WeightedHessian(const double* x,
   ChainBack(w, steps.data(), [&](int t, const GridFunction& q) {
     adjoint_sources[t] = Source(q);
   });
-  // The tangents dpsi_t/du_s of kNumPoints successive s go forward side by
-  // side; those of s >= t are zero.
+  // Propagates the tangents dpsi_t/du_s of kNumPoints successive s side by
+  // side; tangents with s >= t are zero.
   Eigen::Map<Eigen::MatrixXd> H(hessian, num_steps_, num_steps_);
   double re[kNumPoints], im[kNumPoints];
   for (int first = 0; first < num_steps_; first += kNumPoints) {

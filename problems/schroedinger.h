@@ -8,12 +8,12 @@
 //   A_t phi_t = psi_t,   psi_{t+1} = 2 phi_t - psi_t,   A_t = 1 + i dt/2 H(u_t)
 //
 // which is (1 + i dt/2 H) psi_{t+1} = (1 - i dt/2 H) psi_t with the midpoint
-// phi_t = (psi_t + psi_{t+1}) / 2. A step is unitary, of order 2 in dt, and
-// undone by one of -dt.
+// phi_t = (psi_t + psi_{t+1}) / 2. A step is unitary, of order 2 in dt, and a
+// step with -dt reverses it.
 //
 // With X = diag(x_k), dpsi_{t+1}/du_t = -i dt A_t^-1 X phi_t. A_t is symmetric
-// (not Hermitian), so rows c^T of dpsi_N/dpsi_t are chained backwards by
-// the solves and updates of the forward pass:
+// (not Hermitian), so the solves and updates of the forward pass also chain
+// rows c^T of dpsi_N/dpsi_t backwards:
 //
 //   Jacobian, pull-back   q = A_t^-1 c,   dy_c/du_t = -i dt q^T X phi_t,
 //                         c = 2 q - c
@@ -25,9 +25,9 @@
 // Units:   hbar = 2 m = 1; |psi|^2 sums to 1 without the weight dx.
 // Cost:    a step factors A_t once. J: 14 solves a step, side by side;
 //          pull-back: one solve; Hessian: N / 2 solves a step.
-// Fails:   returns false if a value is not finite. The elimination cannot fail:
-//          the pivots of A_t have real parts of at least one for any u. CHECKs
-//          that num_steps > 0 and dt is finite and not zero.
+// Fails:   returns false if a value is not finite. The elimination cannot fail,
+//          because the pivots of A_t have real parts of at least one for any u.
+//          CHECKs that num_steps > 0 and dt is finite and not zero.
 // Facts:   the norm is conserved: y^T J = 0, so J is never of full rank.
 //
 // [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
@@ -87,7 +87,7 @@ class SchroedingerSimulator final : public Simulator {
     double im[kWidth * kNumPoints];
   };
   using GridFunction = GridFunctions<1>;
-  // What a step leaves for the way back.
+  // Results of a step for the backward pass.
   struct Step {
     GridFunction inverse_pivots;  // of A_t, scaled: see Factor
     GridFunction source;          // -i dt X phi_t

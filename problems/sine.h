@@ -1,13 +1,13 @@
 // A simulator with a sine: many pre-images, and sensitivities that differ by a
-// factor xi^2 along axes turned by phi.
+// factor xi^2 along axes rotated by phi.
 //
 //   h = diag(10 / xi, 10 xi) R(phi) x,   y = (sin h_0, h_1)
 //   L = 1/2 |y - y*|^2,   y* uniform in [-1, 1]^2
 //
 // Shapes:  network 2-32-64-32-2, ReLU, 4,354 weights, its input is y*;
 //          x, y: 2.
-// Units:   none. R(phi) = [cos phi, -sin phi; sin phi, cos phi]; the paper's
-//          text has sin(x_0) / xi and no 10; this is what its code does.
+// Units:   none. R(phi) = [cos phi, -sin phi; sin phi, cos phi]; this follows
+//          the paper's code; its text has sin(x_0) / xi and no 10.
 // Data:    np.random.seed(data_seed); 2 np.random.rand(2 N, 2) - 1, the first N
 //          for training. (The code draws new samples for every step.)
 // Inverse: of the two families h_0 = asin y_0 + 2 pi k and

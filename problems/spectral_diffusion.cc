@@ -23,7 +23,7 @@ bool SpectralDiffusion::Evaluate(const double* x,
                                  double* jacobian) const {
   if (!Diffuse(x, y)) return false;
   if (jacobian == nullptr) return true;
-  // The response to heat in cell (0, 0), carried to every other cell.
+  // The response to heat in cell (0, 0), shifted to every other cell.
   const int rows = grid_->rows();
   const int cols = grid_->cols();
   const Eigen::VectorXd impulse = Eigen::VectorXd::Unit(num_inputs(), 0);

@@ -1,6 +1,6 @@
 // A small network with an ill-conditioned scaling of its outputs. Gradient
-// descent stalls, Gauss-Newton saturates the neurons, the half-inverse does
-// neither.
+// descent stalls, Gauss-Newton saturates the neurons, the half-inverse avoids
+// both.
 //
 //   y = P(f(a)) = (f_0, lambda f_1),   y*(a) = (sin 6a, cos 9a)
 //   L = 1/2 |y - y*|^2,   a in [-1, 1]

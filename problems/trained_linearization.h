@@ -1,8 +1,8 @@
-// A linearization as it occurs in training: on the first batch of a learning
-// problem, at its initial weights or after some steps of Adam.
+// A linearization on the first batch of a learning problem, at its initial
+// weights or after some steps of Adam.
 //
-// The spectra of Jacobians change in training, so that measurements at the
-// initial weights alone are not representative.
+// The spectra of Jacobians change in training, so measurements at the initial
+// weights alone are not representative.
 #ifndef PROBLEMS_TRAINED_LINEARIZATION_H_
 #define PROBLEMS_TRAINED_LINEARIZATION_H_
 
@@ -15,8 +15,8 @@ namespace invgrad {
 
 // J and g of the first `batch_size` training samples (0: the problem's own
 // number), after `num_steps` Adam steps of size 1e-3 on batches of that size.
-// The initial weights are those of seed 0. False with *error set if the
-// training diverges or the batch size does not fit.
+// The initial weights are those of seed 0. Returns false, with *error set, if
+// the training diverges or the batch size does not fit.
 bool LinearizeAfterTraining(const LearningProblem& problem,
                             int batch_size,
                             int num_steps,

@@ -19,8 +19,8 @@
 
 namespace invgrad {
 
-// On the first batch, from `weights`. Refuses Ceres' minimizers, which have no
-// step of one linearization. `batch_size`: see BatchSize.
+// Uses the first batch and `weights`. Fails for Ceres' minimizers, which have
+// no step from one linearization. `batch_size`: see BatchSize.
 bool DumpStep(const LearningProblem& problem,
               const std::vector<Method>& methods,
               int batch_size,

@@ -97,8 +97,8 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
   return table.ToCsv();
 }
 
-// Runs one method from one seed, goes on with it, or reads it back if it is
-// complete.
+// Runs one method from one seed, resumes this run, or reads its results if it
+// is complete.
 bool RunOrLoad(const LearningProblem& problem,
                const Method& method,
                const LearningComparisonOptions& options,

@@ -5,9 +5,9 @@
 //   DIR/table.txt, DIR/table.md, DIR/summary.csv
 //   DIR/loss.png, neurons.png, map.png, sample_path.png: learning_plots.h
 //
-// Of a method's seeds, the table shows the median of each column, and curves
-// and times show the run with the median final train loss; a failed run counts
-// as worse than any other.
+// The table shows the median over the seeds of a method for each column; curves
+// and times show the run with the median final train loss. A failed run counts
+// as worst.
 #ifndef BIN_COMPARE_LEARNING_COMPARISON_H_
 #define BIN_COMPARE_LEARNING_COMPARISON_H_
 
@@ -25,7 +25,8 @@ namespace invgrad {
 struct LearningComparisonOptions {
   std::string output;
   std::vector<int> seeds;
-  std::vector<double> levels;  // losses whose times are in the table
+  std::vector<double> levels;  // the table shows the times to reach these
+                               // losses
   int batch_size = -1;         // see BatchSize in bin/support/training.h
   int tracked_sample = -1;
   bool resume = false;
@@ -43,16 +44,16 @@ struct MethodResults {
       double HistoryRow::*loss = &HistoryRow::train_loss) const;
 };
 
-// False, with *error naming flag, value and what is allowed, if batch sizes or
-// the tracked sample do not fit the data.
+// Returns false if batch sizes or the tracked sample do not fit the data;
+// *error names flag, value and allowed values.
 bool CheckLearningComparison(const LearningProblem& problem,
                              const std::vector<Method>& methods,
                              const LearningComparisonOptions& options,
                              std::string* error);
 
 // Runs everything and prints the table to `out`. `initial_weights`, if not
-// empty, replace those of every seed. False if results cannot be written, or if
-// no method could run.
+// empty, replace the initial weights of every seed. Returns false if results
+// cannot be written, or if no method could run.
 bool CompareLearning(const LearningProblem& problem,
                      const std::vector<Method>& methods,
                      const LearningComparisonOptions& options,

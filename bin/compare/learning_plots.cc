@@ -26,7 +26,7 @@ Plot CurvePlot(const Results& all,
     Series series;
     series.title = method.label;
     for (const HistoryRow& row : method.MedianRun().history) {
-      // The start has no place on a logarithmic axis.
+      // A logarithmic axis cannot show zero.
       if (row.step == 0) continue;
       series.x.push_back(against_seconds ? row.seconds
                                          : static_cast<double>(row.step));
@@ -39,7 +39,7 @@ Plot CurvePlot(const Results& all,
 
 std::vector<Plot> LossPlots(const LearningProblem& problem,
                             const Results& all) {
-  // The test loss is what counts, where there is one.
+  // Uses the test loss if there is one.
   const bool has_test_data = problem.test.num_samples() > 0;
   const std::string title = has_test_data ? "test loss" : "train loss";
   const auto loss =
@@ -113,8 +113,8 @@ Plot SamplePathPlot(const LearningProblem& problem,
   return plot;
 }
 
-// What a network of one number learned: x over its input, and the solutions
-// that the data were made from.
+// The learned function of a network with one input and one output: x over the
+// input, and the solutions of the data.
 Plot MapPlot(const LearningProblem& problem, const Results& all) {
   const DataSet& data = problem.train;
   std::vector<int> order(data.num_samples());
@@ -128,7 +128,7 @@ Plot MapPlot(const LearningProblem& problem, const Results& all) {
   plot.x_label = "network input";
   plot.y_label = "x";
   if (sorted.solutions.rows() == 1) {
-    // First, so that they hide no map; some are enough.
+    // Drawn first, behind the maps; some samples suffice.
     constexpr int kNumPoints = 200;
     Series solutions;
     solutions.title = "solutions";

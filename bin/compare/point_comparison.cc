@@ -65,7 +65,7 @@ Plot FieldPlot(const std::string& title,
   return plot;
 }
 
-// What is left of the runs, where x is too large to be printed.
+// The results of the runs if x is too large to print.
 bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
                       const std::string& directory,

@@ -1,4 +1,4 @@
-// All methods on a point problem: where each one goes and how far it gets.
+// All methods on a point problem: paths and final losses.
 //
 //   DIR/path-METHOD.csv         see point_path.h
 //   DIR/table.txt, DIR/table.md
@@ -23,8 +23,8 @@
 
 namespace invgrad {
 
-// A method that cannot take the problem gets a row that says so. False if
-// results cannot be written, or if no method could run.
+// A method that does not support the problem has a row with the reason. Returns
+// false if results cannot be written, or if no method could run.
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
                   const PointPathOptions& options,

@@ -13,7 +13,7 @@
 
 namespace invgrad {
 
-// Of more unknowns, tables and CSV files have the norms alone.
+// With more unknowns, tables and CSV files contain only norms.
 constexpr int kMaxPrintedSize = 16;
 
 struct PointPathOptions {
@@ -34,15 +34,15 @@ struct PointPath {
   std::string status;
 };
 
-// Runs one method. False if it cannot take the problem.
+// Runs one method. Returns false if the method does not support the problem.
 bool TracePath(const PointProblem& problem,
                const Method& method,
                const PointPathOptions& options,
                PointPath* path,
                std::string* error);
 
-// Iteration, L, x, y; of more than kMaxPrintedSize unknowns iteration, L, |x|,
-// |x - x*|, seconds.
+// Iteration, L, x, y; with more than kMaxPrintedSize unknowns: iteration, L,
+// |x|, |x - x*|, seconds.
 bool WritePathCsv(const std::string& file,
                   const PointPath& path,
                   std::string* error);

@@ -37,7 +37,7 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
     default:
       return "failed: " + summary.message;
   }
-  // How many steps the rule proposed.
+  // The number of steps that the rule proposed.
   const size_t proposals = summary.message.find("; ");
   if (method.last_phase().ceres != nullptr &&
       method.last_phase().rule != nullptr && proposals != std::string::npos) {
@@ -53,7 +53,7 @@ EstimationRow MakeRow(const std::string& start,
   EstimationRow row;
   row.start = start;
   row.method = method.label;
-  // Of a run that failed at its start, Ceres and we say -1.
+  // The cost is -1 if the run failed at its start.
   if (summary.initial_cost >= 0.0) row.initial_cost = summary.initial_cost;
   if (summary.final_cost >= 0.0) row.final_cost = summary.final_cost;
   row.num_iterations = summary.num_steps();
@@ -86,7 +86,8 @@ void AddCosts(const std::string& label,
   Series iterations;
   iterations.title = label;
   Series seconds = iterations;
-  double cost = summary.initial_cost;  // a rejected step leaves it where it was
+  double cost = summary.initial_cost;  // a rejected step does not change the
+                                       // cost
   for (const ceres::IterationSummary& iteration : summary.iterations) {
     if (iteration.step_is_successful) cost = iteration.cost;
     iterations.x.push_back(iteration.iteration);
@@ -164,7 +165,7 @@ class Comparison {
       if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) {
         return false;
       }
-      // Estimates that are not finite are no reason to lose the other runs.
+      // If estimates are not finite, the other runs continue.
       if (!estimation->Write(file + estimation->Extension(), &why)) {
         Warn(why);
         rows_.back().status += "; no result file: " + why;

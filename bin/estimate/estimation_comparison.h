@@ -40,8 +40,9 @@ struct EstimationComparisonOptions {
   int num_threads = 1;
 };
 
-// A method that cannot take a problem gets a row that says so. False, with
-// *error set, if a file cannot be written, or if no method could run.
+// A method that does not support a problem has a row with the reason. Returns
+// false, with *error set, if a file cannot be written, or if no method could
+// run.
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
                         const EstimationComparisonOptions& options,

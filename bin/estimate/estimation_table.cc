@@ -32,7 +32,7 @@ void AddCounts(const Counts& counts, Table* table) {
   table->Add("rejected", std::to_string(counts.num_rejected));
 }
 
-// Of one method.
+// Sums over the runs of one method.
 struct Sums {
   std::string method;
   int num_runs = 0;

@@ -1,4 +1,4 @@
-// What runs of estimate report: a row a run, a summary a method.
+// The tables of `estimate`: one row per run, and one summary per method.
 #ifndef BIN_ESTIMATE_ESTIMATION_TABLE_H_
 #define BIN_ESTIMATE_ESTIMATION_TABLE_H_
 
@@ -13,7 +13,7 @@
 namespace invgrad {
 
 struct EstimationRow {
-  std::string start;   // "Misra1a-start1-seed3": runs from there compare
+  std::string start;   // "Misra1a-start1-seed3": runs from one start compare
   std::string method;  // its label
   double initial_cost = std::numeric_limits<double>::quiet_NaN();
   double final_cost = std::numeric_limits<double>::quiet_NaN();
@@ -21,7 +21,7 @@ struct EstimationRow {
   int num_accepted = 0;  // steps
   int num_rejected = 0;
   double seconds = 0.0;
-  // Of every parameter, if there are certified values.
+  // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   std::string status;
   bool was_run = true;
@@ -29,10 +29,10 @@ struct EstimationRow {
 
 Table EstimationTable(const std::vector<EstimationRow>& rows);
 
-// Over all starts of a method: how many were solved (as NIST's digits say), to
-// how many digits those agree with the certified values, the mean of the
-// starts' worst and mean parameters; how often the method's cost is the least
-// of all methods, to kSameCost of it; and sums.
+// For each method, over all starts: the number of solved starts (by NIST's
+// digits); the digits of the worst and of the mean parameter, averaged over the
+// solved starts; the number of starts with the least cost of all methods, to
+// kSameCost; and sums.
 constexpr double kSameCost = 1e-6;
 Table EstimationSummary(const std::vector<EstimationRow>& rows);
 

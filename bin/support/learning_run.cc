@@ -135,8 +135,8 @@ bool WriteRun(const std::string& directory,
           WriteFile(directory + "/result.txt", ResultText(result), error));
 }
 
-// Of the test data, or of the train data where there are none; in pieces, whose
-// activations stay in the cache.
+// Computed on the test data, or on the train data if there are none, in pieces
+// whose activations stay in the cache.
 double EvaluateMetric(const LearningProblem& problem,
                       const Eigen::VectorXd& weights) {
   constexpr int kPieceSize = 512;
@@ -193,7 +193,7 @@ bool RunLearning(const LearningProblem& problem,
     *error = options.directory + ": " + failure.message();
     return false;
   }
-  // Of a shorter run that is to go on: not the results of this one.
+  // Files of a shorter run that is resumed, not results of this run.
   for (const char* name : {"/result.txt", "/sample_path.csv"}) {
     std::filesystem::remove(options.directory + name, failure);
   }
@@ -248,8 +248,8 @@ bool RunLearning(const LearningProblem& problem,
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);
-  // Evaluations before a checkpoint were another process's: their neurons and
-  // their y are not known any more.
+  // Neurons and y of evaluations before a checkpoint, in another process, are
+  // unknown.
   if (result->neurons.size() != result->history.size()) result->neurons.clear();
   if (result->sample_path.size() != result->history.size()) {
     result->sample_path.clear();

@@ -1,4 +1,4 @@
-// One method trained from one seed, and the files in which its result is kept.
+// One training run, of one method from one seed, and its files.
 //
 //   DIR/history.csv   losses against steps, epochs and seconds
 //   DIR/weights.npy   the final weights
@@ -7,8 +7,8 @@
 //   DIR/neurons.csv   statistics of the hidden neurons at the end; for small
 //                     networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
-//   DIR/result.txt    written last: a run that has it is complete
-//   DIR/checkpoint    where the run can go on, unless it converged or failed
+//   DIR/result.txt written last: marks a complete run DIR/checkpoint where the
+//   run can go on, unless it converged or failed
 #ifndef BIN_SUPPORT_LEARNING_RUN_H_
 #define BIN_SUPPORT_LEARNING_RUN_H_
 
@@ -47,27 +47,27 @@ struct LearningRunResult {
   std::vector<Eigen::VectorXd> sample_path;  // y at history[i]
 
   bool has_failed() const { return summary.termination_type == ceres::FAILURE; }
-  // The user stopped it; it may go on from its checkpoint.
+  // The user stopped the run; it can resume from its checkpoint.
   bool was_interrupted() const {
     return summary.termination_type == ceres::USER_SUCCESS;
   }
   const HistoryRow& last() const { return history.back(); }
-  // Its budget ended it; with a larger one it may go on.
+  // The budget ended the run; it can resume with a larger budget.
   bool has_used_its_budget() const {
     return summary.termination_type == ceres::NO_CONVERGENCE;
   }
   double BestTrainLoss() const;
-  // Seconds until the train loss first was at most `level`; NaN if it never
-  // was.
+  // Seconds until the train loss was first at most `level`; NaN if that never
+  // happened.
   double SecondsToLevel(double level) const;
 };
 
-// Whether a run that ended on its budget can go on with the present one.
+// Whether a run that ended by its budget can resume with the current budget.
 bool HasBudgetLeft(const LearningRunResult& result,
                    const TrainOptions& options);
 
-// Trains from `initial_weights` and writes the files. False with *error set for
-// bad input or files that cannot be written.
+// Trains from `initial_weights` and writes the files. Returns false, with
+// *error set, for bad input or if a file cannot be written.
 bool RunLearning(const LearningProblem& problem,
                  const Method& method,
                  int seed,
@@ -76,8 +76,8 @@ bool RunLearning(const LearningProblem& problem,
                  LearningRunResult* result,
                  std::string* error);
 
-// Reads back a complete run. False if there is none at `directory`, with *error
-// empty, or if its files are damaged, with *error set.
+// Reads a complete run. Returns false with *error empty if there is none in
+// `directory`, and with *error set if its files are damaged.
 bool LoadLearningRun(const std::string& directory,
                      const LearningProblem& problem,
                      LearningRunResult* result,

@@ -38,7 +38,7 @@ void PrintOptionsMarkdown(const std::vector<OptionSet::Row>& options,
   out << "\n";
 }
 
-// Of rules, minimizers of Ceres, and ways through the chain.
+// The table of rules, minimizers of Ceres, and ways of pull-backs.
 template <typename Rows>
 void PrintRows(const Rows& rows, std::ostream& out) {
   for (const auto& row : rows) {

@@ -1,5 +1,5 @@
-// What there is to compare: the tables of problems and rules as text, and as
-// the Markdown of docs/problems.md and docs/rules.md.
+// The tables of problems and rules as text, and as the Markdown of
+// docs/problems.md and docs/rules.md.
 #ifndef BIN_SUPPORT_LISTING_H_
 #define BIN_SUPPORT_LISTING_H_
 
@@ -9,7 +9,7 @@ namespace invgrad {
 
 void PrintListing(std::ostream& out);
 
-// Its parts that problems without a chain have too.
+// The parts of the table that also apply to problems without a chain.
 void PrintRuleListing(std::ostream& out);
 void PrintCeresListing(std::ostream& out);
 

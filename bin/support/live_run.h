@@ -1,4 +1,4 @@
-// Shows how a run is doing (--progress), and says when Ctrl-C is to end it.
+// Shows the progress of a run (--progress), and ends it on Ctrl-C.
 #ifndef BIN_SUPPORT_LIVE_RUN_H_
 #define BIN_SUPPORT_LIVE_RUN_H_
 
@@ -21,8 +21,8 @@ class LiveRun {
     double epoch = ProgressState::kUnknown;
     double fraction = ProgressState::kUnknown;  // of the budget
   };
-  // After every step. False if the run is to end: an Interrupt
-  // (report/interrupt.h) was requested.
+  // Call after every step. Returns false if the run must end, after an
+  // Interrupt (report/interrupt.h).
   bool Update(const Now& now);
 
  private:

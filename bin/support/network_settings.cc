@@ -21,7 +21,7 @@ const std::vector<std::pair<std::string, Initialization>>& Initializations() {
   return all;
 }
 
-// Replaces *value by the one of that name, if a name is given.
+// Replaces *value by the value with this name, if the name is not empty.
 template <typename Value>
 bool SetChoice(const char* setting,
                const std::string& name,

@@ -1,12 +1,12 @@
-// The network of a run where it is not the problem's own: widths and activation
-// of its hidden layers, and how its weights are drawn.
+// Settings that replace the problem's network: widths and activation of the
+// hidden layers, and initialization of the weights.
 //
 //   hidden=20-20-20        a width a hidden layer
 //   activation=relu        linear, tanh, relu, sigmoid, gelu; see activation.h
 //   initialization=he      glorot, he, pytorch; see dense_network.h
 //
-// Inputs, outputs, simulator, loss, data and a loop over time stay the
-// problem's; empty text stands for its own network as well.
+// Inputs, outputs, simulator, loss, data and feedback do not change; empty text
+// keeps the problem's setting.
 #ifndef BIN_SUPPORT_NETWORK_SETTINGS_H_
 #define BIN_SUPPORT_NETWORK_SETTINGS_H_
 
@@ -24,12 +24,12 @@ struct NetworkSettings {
 
   // "hidden", "activation", "initialization": as flags and as axes of a sweep.
   static const std::vector<std::string>& Names();
-  // The field of that name, or null.
+  // The field with this name, or null.
   std::string* Find(const std::string& name);
 };
 
-// Gives the problem another network. False with *error naming setting, value
-// and what is allowed, "activation=sine is no choice; allowed: one of ..."; the
+// Replaces the problem's network. Returns false with *error "activation=sine is
+// no choice; allowed: one of ..." for a setting that is not allowed; the
 // problem is then unchanged.
 bool SetNetwork(const NetworkSettings& settings,
                 LearningProblem* problem,

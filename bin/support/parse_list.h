@@ -7,8 +7,8 @@
 
 namespace invgrad {
 
-// "1,2,5", "1..20" or "1,2,...,20": integers from 0 to 2^31 - 1, at least one,
-// none twice, at most 10000.
+// "1,2,5", "1..20" or "1,2,...,20": 1 to 10000 different integers from 0 to
+// 2^31 - 1.
 bool ParseSeeds(const std::string& text,
                 std::vector<int>* seeds,
                 std::string* error);

@@ -30,7 +30,8 @@ void UseProcessorsKernels(char** argv) {
   if (old_kernels.empty()) return;
   const std::string name = std::filesystem::path(argv[0]).filename();
   constexpr char kVariable[] = "OPENBLAS_CORETYPE";
-  // Set by the user, or by the process that became this one.
+  // Set by the user, or by UseProcessorsKernels before it restarted the
+  // program.
   if (std::getenv(kVariable) != nullptr) {
     std::cerr << name << ": " << old_kernels << "\n";
     return;
@@ -58,7 +59,7 @@ int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
   gflags::SetVersionString(INVGRAD_VERSION);
   gflags::ParseCommandLineNonHelpFlags(&argc, &argv, true);
   if (FLAGS_helpshort) {
-    // gflags' own leaves out those of bin/support.
+    // gflags' own help omits the flags of bin/support.
     gflags::ShowUsageWithFlagsRestrict(argv[0], BinDirectory().c_str());
     return 1;  // as for gflags' other help
   }

@@ -1,4 +1,4 @@
-// What every program does first and last.
+// Start and end of every program.
 #ifndef BIN_SUPPORT_PROGRAM_H_
 #define BIN_SUPPORT_PROGRAM_H_
 
@@ -9,15 +9,15 @@
 
 namespace invgrad {
 
-// Starts this program again, with OPENBLAS_CORETYPE set, if OpenBLAS runs kernels
-// that are too old for the processor (core/blas_kernels.h); says so on stderr.
-// Where the variable is set already, only says that the kernels are too old.
-// Must be called first: what ran before it runs twice.
+// Restarts this program with OPENBLAS_CORETYPE set, with a message on stderr,
+// if OpenBLAS runs kernels that are too old for the processor
+// (core/blas_kernels.h). If the variable is already set, only prints the
+// message. Call it first, because earlier code runs twice.
 void UseProcessorsKernels(char** argv);
 
-// Calls UseProcessorsKernels, reads the flags, refuses other arguments, runs `run`, and returns its exit
-// code. `usage` says in a line what the program is for; --helpshort prints it
-// with the program's flags.
+// Calls UseProcessorsKernels, reads the flags, rejects other arguments, runs
+// `run`, and returns its exit code. `usage` describes the program in a line;
+// --helpshort prints it with the program's flags.
 int RunProgram(int argc, char** argv, const std::string& usage, int (*run)());
 
 // The flags that bin/ defines in this program, its own file and those of
@@ -34,7 +34,7 @@ bool CheckFlag(const char* name,
 // Prints "PROGRAM: message" to stderr; returns 1, the exit code of bad input.
 int Fail(const std::string& message);
 
-// Prints "PROGRAM: message" to stderr, for what is no reason to stop.
+// Prints the warning "PROGRAM: message" to stderr.
 void Warn(const std::string& message);
 
 }  // namespace invgrad

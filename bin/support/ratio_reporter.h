@@ -20,7 +20,7 @@ class RatioReporter final : public benchmark::ConsoleReporter {
     benchmark::ConsoleReporter::ReportRuns(runs);
     for (const Run& run : runs) {
       if (run.error_occurred || run.run_type != Run::RT_Iteration) continue;
-      // In seconds, whatever unit it is printed in.
+      // In seconds, for any printed unit.
       times_[run.run_name.function_name].push_back(
           run.GetAdjustedRealTime() /
           benchmark::GetTimeUnitMultiplier(run.time_unit));
@@ -36,7 +36,7 @@ class RatioReporter final : public benchmark::ConsoleReporter {
     return sorted[sorted.size() / 2];
   }
 
-  // How many times slower `slow` is than `fast`, if both ran.
+  // The ratio of the times of `slow` and `fast`, if both ran.
   void PrintRatio(const std::string& slow, const std::string& fast) const {
     const double ratio = Median(slow) / Median(fast);
     if (!std::isnan(ratio)) {
@@ -44,7 +44,7 @@ class RatioReporter final : public benchmark::ConsoleReporter {
     }
   }
 
-  // The name of the fastest of those that ran; "" if none did.
+  // The name of the fastest benchmark that ran; "" if none ran.
   std::string Fastest(const std::vector<std::string>& names) const {
     std::string fastest;
     double least = std::numeric_limits<double>::infinity();

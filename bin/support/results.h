@@ -1,5 +1,5 @@
-// What all comparisons leave beside their runs: tables and pictures; and how
-// they summarize a method's runs from several seeds.
+// The common output of comparisons: tables, pictures, and summaries of a
+// method's runs from several seeds.
 #ifndef BIN_SUPPORT_RESULTS_H_
 #define BIN_SUPPORT_RESULTS_H_
 
@@ -17,11 +17,11 @@ bool WriteTable(const std::string& path,
                 std::string* error);
 
 // Draws the picture if --plots is set, and removes an earlier one if there are
-// no panels. A picture that cannot be drawn is a warning.
+// no panels. A failure to draw is a warning.
 void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels);
 
 // Values of runs that differ in the seed alone. A value that is not finite is a
-// failed run, which counts as worse than any other.
+// failed run, which counts as worst.
 struct SeedSpread {
   explicit SeedSpread(const std::vector<double>& values);
 

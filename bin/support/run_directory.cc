@@ -104,8 +104,8 @@ bool SameFlags(const std::string& path,
   return true;
 }
 
-// The program's flags (program.h), one "--name=value" a line, but for those
-// that say what to do with an existing directory.
+// The program's flags (program.h), one "--name=value" per line, except those
+// about an existing directory.
 std::string FlagFileText() {
   std::string text;
   for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
@@ -116,7 +116,7 @@ std::string FlagFileText() {
   return text;
 }
 
-// Whether the directory may be used, or used again; removes it if need be.
+// Whether the directory may be used or reused; removes it if necessary.
 bool MakeRoom(const std::string& path,
               ExistingDirectory existing,
               const std::string& flags,

@@ -1,8 +1,8 @@
-// The directory that a run leaves behind, and its flags --output and
-// --overwrite. A program has them if it uses something of this file.
+// The output directory of a run, and its flags --output and --overwrite. A
+// program has these flags if it uses this file.
 //
 //   flags.txt      a gflags flag file that repeats the run
-//   versions.txt   what it ran with
+//   versions.txt versions of program and libraries
 #ifndef BIN_SUPPORT_RUN_DIRECTORY_H_
 #define BIN_SUPPORT_RUN_DIRECTORY_H_
 
@@ -15,20 +15,20 @@ DECLARE_bool(overwrite);
 
 namespace invgrad {
 
-// What to do with a directory that is not empty. kRefuse: fail. kOverwrite:
+// The treatment of a directory that is not empty. kRefuse: fail. kOverwrite:
 // empty it, if an earlier run made it. kResume: keep it, if the earlier run had
-// the same flags, but for those that steer output and budget.
+// the same flags, except for output and budget.
 enum class ExistingDirectory { kRefuse, kOverwrite, kResume };
 
-// Makes `path` (and its parents) and writes flags.txt and versions.txt. False
-// with *error set if it may not or cannot.
+// Makes `path` (and its parents) and writes flags.txt and versions.txt. Returns
+// false, with *error set, if that fails or is not allowed.
 bool PrepareRunDirectory(const std::string& path,
                          ExistingDirectory existing,
                          const std::string& flags,
                          std::string* error);
 
 // The same for --output, by default runs/PROGRAM, with the program's flags.
-// --overwrite goes before `existing`.
+// --overwrite takes precedence over `existing`.
 bool PrepareRunDirectory(ExistingDirectory existing, std::string* error);
 
 // "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6".

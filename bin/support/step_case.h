@@ -42,7 +42,8 @@ struct StepCase {
   const JacobianOperator& J() const { return *at_weights.jacobian; }
   const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
 
-  // Of the Gram matrix and its reduction: m^2 sum(widths) + 4/3 m^3.
+  // The operations of the Gram matrix and its reduction:
+  // m^2 sum(widths) + 4/3 m^3.
   double LimitFlops() const;
 };
 

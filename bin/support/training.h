@@ -1,5 +1,5 @@
-// What compare, sweep and bench_training share of a training run: its start,
-// its batches, and going on with it.
+// The common part of training runs in compare, sweep and bench_training: start,
+// batches, and resuming.
 #ifndef BIN_SUPPORT_TRAINING_H_
 #define BIN_SUPPORT_TRAINING_H_
 
@@ -18,8 +18,7 @@ namespace invgrad {
 // The weights that every method starts from at `seed`.
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);
 
-// The batch size of phases that have none of their own: --batch_size, or -1
-// for the problem's.
+// The default batch size of phases: --batch_size, or -1 for the problem's.
 int BatchSize(const LearningProblem& problem, int flag_batch_size);
 
 // The batch size of a phase.
@@ -27,25 +26,26 @@ int BatchSize(const LearningProblem& problem,
               const Phase& phase,
               int flag_batch_size);
 
-// False, with *error naming flag, value and what is allowed, if a batch size
-// does not fit the data, or if the data are not finite.
+// Returns false if a batch size does not fit the data, or if the data are not
+// finite; *error names flag, value and allowed values.
 bool CheckBatches(const LearningProblem& problem,
                   const std::vector<Method>& methods,
                   int flag_batch_size,
                   std::string* error);
 
-// Adds "batch_size=100: 96 of 4096 samples are left out of every epoch; divisors
-// near: 64, 128" for each phase whose batches do not divide the samples.
-// `batch_size`, at least 1: of phases without one of their own; Ceres'
-// minimizers take all samples.
+// Adds "batch_size=100: 96 of 4096 samples are left out of every epoch;
+// divisors near: 64, 128" for each phase whose batches do not divide the
+// samples. `batch_size`, at least 1: the default of phases. Ceres' minimizers
+// use all samples.
 void AddLeftOutSamples(const Method& method,
                        int batch_size,
                        int num_samples,
                        std::set<std::string>* warnings);
 
-// Reads back the run in the directory. True if it is complete: its result is
-// there, and it did not end on a budget that is now larger. False, with *error
-// empty, if it is to run or to go on; *result then holds what there is.
+// Reads the run in the directory. Returns true if the run is complete: its
+// result exists, and it did not end by a budget that is now larger. Returns
+// false, with *error empty, if the run must start or resume; *result then holds
+// the existing part.
 bool LoadCompleteRun(const std::string& directory,
                      const LearningProblem& problem,
                      const TrainOptions& options,

@@ -1,6 +1,5 @@
-// The flags of the programs that train a network: the network, where it is not
-// the problem's own, the budget and the batches. A program has them if it uses
-// something of this file.
+// The flags of the programs that train a network: settings of the network,
+// budget and batches. A program has these flags if it uses this file.
 #ifndef BIN_SUPPORT_TRAINING_FLAGS_H_
 #define BIN_SUPPORT_TRAINING_FLAGS_H_
 
@@ -22,14 +21,14 @@ DECLARE_bool(shuffle);
 
 namespace invgrad {
 
-// False with *error naming flag, value and what is allowed. The network's flags
-// are checked by SetNetwork.
+// Returns false for a value that is not allowed; *error names flag, value and
+// allowed values. SetNetwork checks the network's flags.
 bool CheckTrainingFlags(std::string* error);
 
 NetworkSettings NetworkOfFlags();
 
-// Sets the budget, the problem's own if there is none, and whether to shuffle;
-// not the batch size, of which the problem and a sweep's axis know.
+// Sets the budget (default: the problem's) and whether to shuffle, but not the
+// batch size, which depends on the problem and a sweep's axis.
 void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options);
 
 }  // namespace invgrad

@@ -40,7 +40,7 @@ bool IsAtEdge(const std::vector<std::string>& values, size_t choice) {
 
 // A part of a method: the name of a phase's rule, or a setting of it.
 struct Piece {
-  std::string mark;  // what stands before it: "", ">" or ":"
+  std::string mark;  // the separator before it: "", ">" or ":"
   std::string name;
   std::vector<std::string> values;  // of a setting; several: alternatives
 
@@ -49,7 +49,7 @@ struct Piece {
   }
 };
 
-// Of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
+// The parts of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
 std::vector<Piece> Pieces(const std::string& method) {
   std::vector<Piece> pieces;
   for (const std::string& phase : Split(method, '>')) {

@@ -5,11 +5,11 @@
 //   grid = axis { ";" axis }
 //   axis = name "=" value { "," value }
 //
-// A value of the axis `rule` is a method (method.h), of one phase or of
-// several, in which a setting may list alternatives between which the sweep
-// chooses, "|" between them. Spaces around names and values do not count.
+// A value of the axis `rule` is a method (method.h) of one or several phases. A
+// setting may list alternatives, separated by "|", and the sweep chooses the
+// best. Spaces around names and values are ignored.
 //
-// Fails:   false, with an *error that names the axis and what was expected.
+// Fails:   returns false; *error names the axis and the expected input.
 #ifndef BIN_SWEEP_GRID_H_
 #define BIN_SWEEP_GRID_H_
 

@@ -16,10 +16,10 @@ bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// Where the value of an axis goes.
+// The target of an axis' value.
 enum class Kind { kRule, kSeed, kBatchSize, kNetwork, kProblem, kRuleOption };
 
-// What one axis sets at a point.
+// The setting of one axis at a point.
 struct Setting {
   Kind kind;
   std::string name;
@@ -93,7 +93,7 @@ class Planner {
     return true;
   }
 
-  // Finds out what each axis is, and which rules have the options of rules.
+  // Determines the kind of each axis, and which rules have its option.
   bool SortAxes() {
     const std::string name = base_.problem.substr(0, base_.problem.find(':'));
     std::vector<std::string> options;
@@ -131,7 +131,7 @@ class Planner {
         why);
   }
 
-  // A rule has an option if it takes at least one of the values.
+  // A rule has an option if it accepts at least one of the values.
   bool IsRuleOption(const GridAxis& axis) {
     std::vector<bool>& takers = takers_[axis.name];
     for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
@@ -146,7 +146,7 @@ class Planner {
     return std::find(takers.begin(), takers.end(), true) != takers.end();
   }
 
-  // Says for each rule why it does not take the axis.
+  // The reason, for each rule, why the axis does not apply.
   bool RefuseAxis(const GridAxis& axis, std::vector<std::string> names) {
     names.insert(names.end(), {"rule", "seed", "batch_size"});
     const std::vector<std::string>& network = NetworkSettings::Names();
@@ -204,7 +204,7 @@ class Planner {
                std::string* error) {
     std::string problem = base_.problem;
     std::string method = rule;
-    std::string directory;  // what distinguishes the job
+    std::string directory;  // identifies the job
     NetworkSettings network = base_.network;
     int batch_size = base_.batch_size;
     for (const Setting& setting : settings) {
@@ -290,7 +290,8 @@ class Planner {
     const auto [it, is_new] =
         job_numbers_.emplace(job.name, static_cast<int>(plan_->jobs.size()));
     if (is_new) {
-      // The number keeps apart what special characters or length would not.
+      // The number makes names unique that differ only in special characters or
+      // after truncation.
       constexpr size_t kMaxLength = 150;
       job.name = fmt::format(
           "{}-{}", it->second, FileName(job.name).substr(0, kMaxLength));

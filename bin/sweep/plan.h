@@ -1,14 +1,14 @@
-// What a sweep runs: the points of a grid, and the runs that they need.
+// The plan of a sweep: the points of a grid, and their runs.
 //
 // An axis is `rule`, `seed`, `batch_size`, a setting of the network
-// (network_settings.h), an option of the problem, or an option of rules. The
-// last kind is given to every rule that has the option and does not set it
-// itself, of a method in phases to the last one: any other is run once, and its
-// result stands at all of the axis' values.
+// (network_settings.h), an option of the problem, or an option of rules. An
+// option of rules applies to every rule that has the option and does not set
+// it; in a method with phases, to the last phase. Any other rule runs once, and
+// its result counts for all values of the axis.
 //
-// Fails:   false, with *error naming axis or value, for an axis that is not
-//          known (with the nearest names), a value that is not allowed, a
-//          problem without a network, and a batch larger than the data.
+// Fails:   returns false for an unknown axis (with the nearest names), a value
+//          that is not allowed, a problem without a network, and a batch larger
+//          than the data; *error names axis or value.
 #ifndef BIN_SWEEP_PLAN_H_
 #define BIN_SWEEP_PLAN_H_
 
@@ -50,7 +50,7 @@ struct SweepPlan {
   std::vector<SweepPoint> points;
 };
 
-// What is the same at all points but for the axes.
+// Settings of all points, unless an axis replaces them.
 struct SweepBase {
   std::string problem;  // the specification that the axes add to
   NetworkSettings network;

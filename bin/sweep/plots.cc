@@ -21,8 +21,8 @@ struct ShownAxis {
   int number = 0;  // in the grid
   std::string name;
   bool is_numeric = false;
-  // Where the values stand, in the order of the grid: the numbers themselves,
-  // or 0, 1, 2, ...
+  // The positions of the values, in the order of the grid: the numbers
+  // themselves, or 0, 1, 2, ...
   std::vector<double> positions;
 };
 
@@ -55,8 +55,8 @@ std::vector<ShownAxis> ShownAxes(const SweepPlan& plan) {
   return shown;
 }
 
-// The distinct positions in ascending order, and what stands there: "1" and
-// "1.0" are one number.
+// The distinct positions in ascending order, and their labels: "1" and "1.0"
+// are one number.
 std::map<double, std::string> Labels(const SweepPlan& plan,
                                      const ShownAxis& axis) {
   std::map<double, std::string> labels;
@@ -101,7 +101,7 @@ struct Extent {
   }
 };
 
-// Whether no scale tells the numbers apart: 0 beside 1e-6 and 1, say.
+// Whether no scale can separate the numbers, such as 0, 1e-6 and 1.
 bool SpansDecadesAndZero(const std::vector<double>& values) {
   std::vector<double> positive;
   for (const double value : values) {
@@ -118,7 +118,8 @@ std::vector<double> Medians(const std::vector<SweepBest>& best) {
   return medians;
 }
 
-// Of the rules: without what they chose between, if that tells them apart.
+// Labels of the rules, without the alternatives if the labels are still
+// different.
 std::vector<std::string> RuleTitles(const SweepPlan& plan) {
   std::vector<std::string> titles;
   for (const std::string& rule : plan.grid.axes[plan.rule_axis].values) {
@@ -300,7 +301,7 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
       series.color = point->at[plan.rule_axis];
       if (run.result.has_value()) {
         for (const HistoryRow& row : run.result->history) {
-          // The start has no place on a logarithmic axis.
+          // A logarithmic axis cannot show zero.
           if (row.step == 0) continue;
           series.x.push_back(row.seconds);
           series.y.push_back(row.*value.field);

@@ -11,11 +11,11 @@
 //                     seed; a panel for each point of the grid
 //
 // A numeric axis is one, other than `seed` and `rule`, with two numbers or more
-// and nothing else. What spans more than a decade is drawn on a logarithmic
-// scale, and numbers that no scale would tell apart, such as 0 beside 1e-6 and
-// 1, side by side. The panels of lines.png have the same axes, with ticks at
-// the grid's values; those of curves.png the same range of values. Of more than
-// 16 panels the first 16 are drawn, with a warning.
+// and nothing else. Numbers over more than a decade have a logarithmic scale;
+// numbers that no scale can separate, such as 0, 1e-6 and 1, are equidistant.
+// The panels of lines.png have the same axes, with ticks at the grid's values;
+// those of curves.png the same range of values. Of more than 16 panels the
+// first 16 are drawn, with a warning.
 #ifndef BIN_SWEEP_PLOTS_H_
 #define BIN_SWEEP_PLOTS_H_
 

@@ -36,8 +36,8 @@ struct Child {
     int job,
     int message_pipe,
     const std::function<bool(int job, std::string* error)>& run) {
-  // Away from the terminal's group: Ctrl-C reaches the parent alone, so that a
-  // job gets one signal, not two.
+  // Leaves the terminal's process group: only the parent receives Ctrl-C, so
+  // that a job gets one signal, not two.
   ::setpgid(0, 0);
   std::string error;
   bool is_done = false;
@@ -51,7 +51,7 @@ struct Child {
   error = error.substr(0, kMaxLength);
   if (::write(message_pipe, error.data(), error.size()) < 0) is_done = false;
   std::fflush(nullptr);
-  // Not exit: the parent's destructors are the parent's.
+  // Not exit, which would run the parent's exit handlers.
   ::_exit(is_done ? 0 : 1);
 }
 
@@ -64,7 +64,7 @@ bool StartJob(int job,
     *error = std::string("cannot start a process: ") + std::strerror(errno);
     return false;
   }
-  std::fflush(nullptr);  // or the child would print it again
+  std::fflush(nullptr);  // otherwise the child prints the buffer again
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
   if (pid < 0) {

@@ -1,11 +1,11 @@
-// Runs jobs in processes of their own, a few at a time: one that crashes takes
-// no other with it.
+// Runs jobs in separate processes, a few at a time, so that a crash affects
+// only one job.
 //
-// A job is a function of its number, run in a child (fork), whose files are all
-// that it leaves. It may return false with an error, which is passed on. While
-// an Interrupt (report/interrupt.h) exists, SIGINT and SIGTERM reach the parent
-// alone: it starts no further job and sends SIGINT to those that run, which
-// should look at IsStopRequested and end early.
+// A job is a function of its number, called in a child process (fork); its only
+// output are files. The error of a job that returns false is passed on. While
+// an Interrupt (report/interrupt.h) exists, only the parent receives SIGINT and
+// SIGTERM. It then starts no further job and sends SIGINT to the running jobs,
+// which should check IsStopRequested and end early.
 //
 // Fails:   CHECKs that num_processes >= 1. The caller must have no threads that
 //          hold locks, as always with fork.
@@ -31,15 +31,15 @@ struct ProcessStatus {
   double seconds = 0.0;  // since it was started, while it runs
 };
 
-// Returns when all jobs have ended, or, after an interrupt, those that were
-// running. `on_wait` is called some times a second.
+// Returns when all jobs have ended, or, after an interrupt, all running jobs.
+// Calls `on_wait` several times a second.
 std::vector<ProcessStatus> RunInProcesses(
     int num_jobs,
     int num_processes,
     const std::function<bool(int job, std::string* error)>& run,
     const std::function<void(const std::vector<ProcessStatus>&)>& on_wait);
 
-// In a job: whether the parent wants it to end, or is no more.
+// In a job: whether the parent has requested the end, or has ended.
 bool IsStopRequested();
 
 }  // namespace invgrad

@@ -122,7 +122,7 @@ std::string SweepCsv(const SweepPlan& plan,
                      const std::vector<SweepRun>& runs,
                      const SweepValue& value,
                      const std::vector<SweepBest>& best) {
-  // Of every point; null if another alternative is the best one there.
+  // One per point; null if another alternative is best there.
   std::vector<const SweepBest*> best_of(plan.points.size(), nullptr);
   for (const SweepBest& one : best) {
     for (const int point : one.points) best_of[point] = &one;

@@ -1,10 +1,10 @@
-// What came out of a sweep: one line a run, and of every rule the best of its
-// alternatives at every point of the grid.
+// The results of a sweep: one line per run, and the best alternative of every
+// rule at every point of the grid.
 //
 // The value of a run is its last one, or the mean over the last part of its
-// history, by the seconds of training. Over seeds counts the median (SeedSpread
-// in bin/support/results.h); the alternative with the lowest median is the
-// best, the first one of several.
+// history, by the seconds of training. The best alternative has the lowest
+// median over the seeds (SeedSpread in bin/support/results.h), the first one of
+// several.
 #ifndef BIN_SWEEP_RESULTS_H_
 #define BIN_SWEEP_RESULTS_H_
 
@@ -26,7 +26,7 @@ struct SweepValue {
 };
 
 // `name`: train_loss, test_loss, metric; or auto, the last of these that all
-// problems have. False with *error set for others.
+// problems have. Returns false, with *error set, for others.
 bool FindSweepValue(const SweepPlan& plan,
                     const std::string& name,
                     double tail,
@@ -36,7 +36,7 @@ bool FindSweepValue(const SweepPlan& plan,
 // The mean of the rows in the last part of the history, at least of the last.
 double TailMean(const History& history, double HistoryRow::*field, double tail);
 
-// A run, or why there is none.
+// A run, or the reason why there is none.
 struct SweepRun {
   std::optional<LearningRunResult> result;
   std::string status;
@@ -59,7 +59,7 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
 
 // A row a run, all digits: every axis, alternative, train_loss, test_loss,
 // metric, best_train_loss, steps, seconds, ms_per_step, best (1 or 0), at_edge,
-// status. What is not known is empty.
+// status. Unknown values are empty.
 std::string SweepCsv(const SweepPlan& plan,
                      const std::vector<SweepRun>& runs,
                      const SweepValue& value,

@@ -1,4 +1,4 @@
-# What makes compiling faster and changes no result.
+# Precompiled headers and unity builds, which make compiling faster.
 #
 #   invgrad_precompile(TARGET)                    precompiles the headers of other
 #                                                 libraries that most sources use
@@ -14,8 +14,7 @@
 # -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON switches those headers off; clang-tidy
 # needs both off.
 
-# ccache stores what is compiled with precompiled headers only if told that their
-# macros and dates do not matter.
+# ccache supports precompiled headers only if it ignores their macros and dates.
 if(CMAKE_CXX_COMPILER_LAUNCHER MATCHES "ccache$"
     AND NOT CMAKE_DISABLE_PRECOMPILE_HEADERS)
   list(PREPEND CMAKE_CXX_COMPILER_LAUNCHER

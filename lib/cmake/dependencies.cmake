@@ -1,5 +1,5 @@
-# Finds everything that invgrad needs before it complains, so that one message
-# names all that is missing and the one command that installs it.
+# Finds everything that invgrad needs. One message names all missing packages
+# and the command that installs them.
 #
 # Included, not called: the imported targets and what find_package sets belong
 # to the including file. Reads INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS.
@@ -24,7 +24,7 @@ invgrad_note_if_missing("glog" libgoogle-glog-dev glog_FOUND)
 find_package(Ceres 2.1 QUIET)
 invgrad_note_if_missing("Ceres Solver 2.1" libceres-dev Ceres_FOUND)
 
-# What messages are put together by.
+# Formats messages.
 find_package(fmt QUIET)
 invgrad_note_if_missing("fmt" libfmt-dev fmt_FOUND)
 
@@ -34,11 +34,11 @@ invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
 invgrad_note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_FOUND)
 
 if(INVGRAD_BUILD_PROGRAMS)
-  # Their flags; the library has none.
+  # Command-line flags of the programs.
   find_package(gflags QUIET)
   invgrad_note_if_missing("gflags" libgflags-dev gflags_FOUND)
 
-  # The FFTs of the problems; the library does without.
+  # FFTs for the problems; the library does not need them.
   find_library(FFTW_LIBRARY fftw3)
   find_path(FFTW_INCLUDE_DIR fftw3.h)
   mark_as_advanced(FFTW_LIBRARY FFTW_INCLUDE_DIR)
@@ -55,7 +55,7 @@ if(INVGRAD_BUILD_PROGRAMS)
   find_package(benchmark QUIET)
   invgrad_note_if_missing("Google Benchmark" libbenchmark-dev benchmark_FOUND)
 
-  # A program that ours run to draw pictures, not a library.
+  # The programs run it to draw pictures.
   find_program(GNUPLOT_EXECUTABLE gnuplot)
   mark_as_advanced(GNUPLOT_EXECUTABLE)
   invgrad_note_if_missing("gnuplot" gnuplot-nox GNUPLOT_EXECUTABLE)

@@ -6,9 +6,8 @@
 #   lib/pkgconfig/invgrad.pc
 #   share/doc/libinvgrad-dev/     copyright
 #
-# The programs stay in the build tree: they are experiments, and no two
-# libraries should fight for names such as `compare`. The installed tree may be
-# moved.
+# The programs are not installed: they are experiments, and names such as
+# `compare` could conflict. The installed tree is relocatable.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -46,7 +45,7 @@ configure_file(lib/cmake/invgrad.pc.in
 install(FILES ${PROJECT_BINARY_DIR}/install/invgrad.pc
   DESTINATION ${pkgconfig_dir})
 
-# Where Debian wants it.
+# Debian's folder for the copyright.
 install(FILES LICENSE
   DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/libinvgrad-dev
   RENAME copyright)

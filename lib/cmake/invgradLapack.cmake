@@ -28,7 +28,7 @@ endif()
 
 if(OpenBLAS_FOUND AND LAPACKE_FOUND AND CHOLMOD_FOUND
     AND NOT TARGET invgrad::lapack)
-  # Imported, so that the installed invgrad names it and not its files.
+  # Imported, so that the installed invgrad refers to the target, not to files.
   add_library(invgrad::lapack INTERFACE IMPORTED)
   target_include_directories(invgrad::lapack SYSTEM INTERFACE
     ${OpenBLAS_INCLUDE_DIRS} ${LAPACKE_INCLUDE_DIR} ${CHOLMOD_INCLUDE_DIR})

@@ -1,5 +1,4 @@
-// The version of invgrad, written nowhere else: CMakeLists.txt reads it from
-// here.
+// The version of invgrad. CMakeLists.txt reads it from this file.
 //
 // Versions 0.x with the same x are compatible; from 1.0 on those with the same
 // major version.

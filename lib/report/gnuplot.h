@@ -7,11 +7,11 @@
 
 namespace invgrad {
 
-// The text as a string in a gnuplot script, whatever it contains.
+// Quotes any text as a string for a gnuplot script.
 std::string QuoteForGnuplot(std::string_view text);
 
-// Runs `script`, a file in `folder`, there. Returns what went wrong, or
-// nothing.
+// Runs the file `script` in `folder`. Returns an error message, or an empty
+// string.
 std::string RunGnuplot(const std::string& folder, const std::string& script);
 
 }  // namespace invgrad

@@ -14,7 +14,7 @@ static_assert(std::atomic<bool>::is_always_lock_free,
 
 extern "C" void HandleInterrupt(int) {
   is_requested = true;
-  // From now on either signal ends the process, unless it is ignored.
+  // From now on each of the signals ends the process, unless it is ignored.
   for (const int signal_number : {SIGINT, SIGTERM}) {
     struct sigaction action;
     if (sigaction(signal_number, nullptr, &action) == 0 &&
@@ -28,7 +28,7 @@ extern "C" void HandleInterrupt(int) {
 void Install(int signal_number, struct sigaction* before) {
   struct sigaction action {};
   action.sa_handler = HandleInterrupt;
-  // Without SA_RESTART a file that is being written would fail with EINTR.
+  // Without SA_RESTART a write to a file may fail with EINTR.
   action.sa_flags = SA_RESTART;
   sigemptyset(&action.sa_mask);
   CHECK_EQ(sigaction(signal_number, nullptr, before), 0);

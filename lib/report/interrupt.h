@@ -5,8 +5,8 @@
 //   // write the results so far
 //
 // The first SIGINT or SIGTERM only sets a flag; the next one ends the process
-// as usual. A signal that was ignored before (nohup, a background job) stays
-// so. The destructor restores what the signals did before.
+// as usual. A signal that was ignored before (nohup, a background job) is still
+// ignored. The destructor restores the previous handlers.
 //
 // Fails:   CHECKs that there is only one Interrupt at a time.
 #ifndef REPORT_INTERRUPT_H_
@@ -23,8 +23,8 @@ class Interrupt {
   Interrupt& operator=(const Interrupt&) = delete;
   ~Interrupt();
 
-  // Since the last Interrupt was made; stays true after its end. Any thread may
-  // ask.
+  // True after a signal since the last Interrupt was constructed, also after
+  // its destruction. Thread-safe.
   static bool IsRequested();
 
  private:

@@ -20,8 +20,8 @@ namespace {
 
 constexpr size_t kMaxLegible = 8;
 
-// Neighbours differ in lightness, so that most colour-blind readers tell them
-// apart on white; after all of them the dashes change.
+// Successive colours differ in lightness, so that most colour-blind readers can
+// distinguish them on white; after the last colour the dash pattern changes.
 constexpr const char* kColors[] = {"#1f77b4",
                                    "#e67e00",
                                    "#2a9d3a",
@@ -35,7 +35,7 @@ constexpr const char* kColors[] = {"#1f77b4",
 constexpr const char* kDashes[] = {"solid", "(9,4)", "(2,3)"};
 constexpr int kPointTypes[] = {7, 5, 9, 11, 13};  // filled
 
-// Viridis: equal steps look equally far apart, also in grey.
+// Viridis: perceptually uniform, also in grey.
 constexpr char kPalette[] =
     "set palette defined (0 '#440154', 1 '#472d7b', 2 '#3b528b', "
     "3 '#2c728e', 4 '#21918c', 5 '#28ae80', 6 '#5ec962', 7 '#addc30', "
@@ -107,8 +107,8 @@ std::vector<std::pair<double, std::string>> NumberedTicks(
   return ticks;
 }
 
-// The ranges of x and y. Curves reach from edge to edge; a path keeps away from
-// the edges; a field says which part of the plane is of interest.
+// The ranges of x and y: without margin for curves, with a margin for paths,
+// the grid for a field.
 std::pair<Axis, Axis> FitAxes(const Plot& plot) {
   std::vector<const std::vector<double>*> xs;
   std::vector<const std::vector<double>*> ys;
@@ -195,7 +195,7 @@ void AppendPanel(const Plot& plot,
           name,
           kColors[look % std::size(kColors)]));
     }
-    // A series without a point keeps its place in the legend.
+    // A series without points is still in the legend.
     (series.is_muted && num_points > 0 ? muted : lines)
         .push_back((num_points > 0 ? name + " using 1:2" : "NaN") +
                    SeriesStyle(series, look, num_points) +
@@ -260,7 +260,8 @@ std::string MakeScript(const std::string& name_png,
     AppendPanel(
         plots[i], fmt::format("$panel{}", i), legend_left, &data, &commands);
   }
-  // The output is set after the tables, which would be written to it.
+  // The output is set after the tables, which gnuplot would otherwise write to
+  // it.
   const double w = width, h = height;
   return fmt::format(
       "# To restyle the picture, edit and run: gnuplot {}\n"
@@ -345,7 +346,8 @@ bool WritePlots(const std::string& path_png,
     return false;
   }
   std::error_code ignored;
-  std::filesystem::remove(path, ignored);  // or it would pass for the new one
+  std::filesystem::remove(path, ignored);  // so that an old picture is not
+                                           // mistaken for a new one
   std::string problem = RunGnuplot(folder, name_gp);
   if (problem.empty() && !std::filesystem::exists(path, ignored)) {
     problem = "gnuplot wrote nothing (is the folder writable?)";

@@ -1,16 +1,16 @@
 // Pictures of curves, paths, contours and heat maps as PNG, drawn by gnuplot.
 //
-// Beside NAME.png lies NAME.gp, the script with all its data: edit it and run
-// `gnuplot NAME.gp` in its folder to restyle the picture.
+// NAME.gp beside NAME.png is the script with all data: to restyle the picture,
+// edit it and run `gnuplot NAME.gp` in its folder.
 //
-// Values that are not finite, and values <= 0 on a logarithmic axis, are gaps
+// Values that are not finite, and values <= 0 on a logarithmic axis, give gaps
 // in their line. A line of one point is drawn as a point. A logarithmic axis
-// whose ends differ by less than a factor of five is drawn linear.
+// over less than a factor of five is drawn linear.
 //
 // Cost:    about 0.2 s for a picture.
 // Fails:   returns false if gnuplot is missing (*error names the apt package),
-//          if it fails, or if a file cannot be written. A missing picture is no
-//          reason to end a run: report it and go on. CHECKs that sizes agree.
+//          if it fails, or if a file cannot be written. Callers should report a
+//          missing picture and continue. CHECKs that sizes agree.
 #ifndef REPORT_PLOT_H_
 #define REPORT_PLOT_H_
 
@@ -41,15 +41,15 @@ struct Series {
 };
 
 // A scalar field on a grid, drawn as contour lines under the series. The levels
-// are quantiles of z, so that the lines are spread evenly over the picture
-// whatever the scale of z.
+// are quantiles of z, so that the lines spread evenly over the picture for any
+// scale of z.
 struct ContourField {
   std::vector<double> x;  // ascending
   std::vector<double> y;  // ascending
   Eigen::MatrixXd z;      // y.size() x x.size(): z(i, j) is at (x[j], y[i])
 };
 
-// An end that is not given is fitted to the data.
+// Missing ends follow from the data.
 struct AxisRange {
   std::optional<double> low;
   std::optional<double> high;
@@ -78,16 +78,17 @@ struct Plot {
   AxisRange x_range;
   AxisRange y_range;
   bool equal_aspect = false;  // one unit is as long on both axes
-  // Beside the panel. Of panels with the same entries only the last has it.
+  // Right of the panel. Of several panels with the same entries only the last
+  // one has a legend.
   bool has_legend = true;
   std::optional<HeatMap> heat_map;  // its panel has linear axes
   std::optional<ContourField> contours;
   std::vector<Series> series;
 };
 
-// Keeps at most eight curves legible: of more, those whose last value in the
-// first panel is lowest keep colour and name; the others, in all panels, are
-// muted and are one entry of the legend. Curves of one title belong together.
+// Keeps at most eight curves legible: the curves with the lowest last values in
+// the first panel keep colour and name; the others are muted in all panels and
+// share one entry of the legend. Curves with the same title belong together.
 void MuteAllButTheLowest(std::vector<Plot>* panels);
 
 // Writes path_png, which must end in ".png", and the script beside it. Up to

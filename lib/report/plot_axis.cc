@@ -10,12 +10,13 @@
 namespace invgrad {
 namespace {
 
-// gnuplot takes more than 8.99e307 for undefined; this leaves room for margins.
+// gnuplot treats values above 8.99e307 as undefined; this limit leaves space
+// for margins.
 constexpr double kLargest = 1e306;
 constexpr double kSmallest = 1e-306;  // on a logarithmic axis
 
 std::string TicksText(const PlotTicks& ticks) {
-  // Of many labels, not all.
+  // Shows only some of many labels.
   constexpr size_t kMaxLabels = 16;
   const size_t stride = (ticks.size() + kMaxLabels - 1) / kMaxLabels;
   std::string text;
@@ -68,7 +69,7 @@ Axis FitAxis(bool is_log,
 std::string AxisCommands(const std::string& name,
                          const Axis& axis,
                          PlotTicks ticks) {
-  // gnuplot labels whole powers of ten: too few on less than two decades.
+  // gnuplot labels only powers of ten, too few for less than two decades.
   const bool is_short = axis.high < 100.0 * axis.low;
   if (ticks.empty() && axis.is_log && is_short) {
     const double first = std::pow(10.0, std::floor(std::log10(axis.low)));

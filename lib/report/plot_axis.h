@@ -1,4 +1,4 @@
-// The axes of a plot: which values they can show, their ranges and ticks.
+// The axes of a plot: valid values, ranges and ticks.
 #ifndef REPORT_PLOT_AXIS_H_
 #define REPORT_PLOT_AXIS_H_
 
@@ -20,8 +20,8 @@ using PlotTicks = std::vector<std::pair<double, std::string>>;
 
 bool CanDraw(double value, bool is_log);
 
-// The range of the data with `margin`, a share of its length, on each side; or
-// `range`, where it is given.
+// The range of the data plus `margin`, a share of its length, on each side; the
+// given ends of `range` take precedence.
 Axis FitAxis(bool is_log,
              const AxisRange& range,
              double margin,

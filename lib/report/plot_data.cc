@@ -24,7 +24,7 @@ int AppendSeries(const std::string& name,
       *script += fmt::format("{:.10g} {:.10g}", series.x[i], series.y[i]);
       for (const auto* ends : {&series.y_low, &series.y_high}) {
         if (ends->empty()) continue;
-        // A band that reaches below a logarithmic axis ends at its edge.
+        // Clips a band at the lower end of a logarithmic axis.
         const double end =
             y_axis.is_log ? std::max((*ends)[i], y_axis.low) : (*ends)[i];
         *script += fmt::format(" {:.10g}",

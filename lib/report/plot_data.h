@@ -1,4 +1,4 @@
-// What a plot shows, as data blocks of a gnuplot script.
+// The data of a plot as data blocks of a gnuplot script.
 #ifndef REPORT_PLOT_DATA_H_
 #define REPORT_PLOT_DATA_H_
 
@@ -17,7 +17,7 @@ int AppendSeries(const std::string& name,
                  const Axis& y_axis,
                  std::string* script);
 
-// Appends the contour lines. False if there are none.
+// Appends the contour lines. Returns false if there are none.
 bool AppendContours(const std::string& name,
                     const ContourField& field,
                     std::string* script);

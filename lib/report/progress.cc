@@ -46,7 +46,7 @@ void Progress::Update(const ProgressState& state) {
     is_begun_ = true;
     first_time_ = now;
     first_ = state;
-    // A terminal shows at once that something is happening.
+    // On a terminal the first update is written at once.
     last_written_ = is_terminal_ ? now - options_.seconds_between_updates : now;
   }
   const double wait = is_terminal_ ? options_.seconds_between_updates
@@ -57,7 +57,8 @@ void Progress::Update(const ProgressState& state) {
   last_written_ = now;
   std::string line = Line(state, now);
   if (is_terminal_) {
-    // The last column stays free: some terminals wrap when it is written to.
+    // The last column stays empty, because writing to it makes some terminals
+    // wrap.
     line = line.substr(0, NumColumns(options_.out) - 1);
     const int width = line.size();
     std::fprintf(options_.out,

@@ -1,13 +1,14 @@
-// One line that tells how a run is doing.
+// One line with the progress of a run.
 //
 //   half_inverse  step 1200  epoch 4.2  loss 3.1e-07  920 steps/s
 //       elapsed 1.3 s  left 4.5 s                     (on the same line)
 //
 // On a terminal the line is rewritten in place, cut to the terminal's width;
-// elsewhere (a log file) a whole line is written now and then. Speed and time
-// left are measured from the first update on, so a resumed run's are right.
+// elsewhere (a log file) whole lines are written at intervals. Speed and
+// remaining time are measured from the first update on, so they are correct for
+// a resumed run.
 //
-// Cost:    most updates only look at the clock.
+// Cost:    most updates only read the clock.
 #ifndef REPORT_PROGRESS_H_
 #define REPORT_PROGRESS_H_
 
@@ -33,7 +34,7 @@ class Progress {
  public:
   struct Options {
     std::FILE* out = stderr;
-    std::optional<bool> is_terminal;       // asks the system if not given
+    std::optional<bool> is_terminal;       // default: by isatty
     double seconds_between_updates = 0.1;  // on a terminal
     double seconds_between_lines = 10.0;   // elsewhere
     // Seconds since any fixed time; the steady clock if not given.
@@ -46,11 +47,11 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
   ~Progress() { Clear(); }
 
-  // Writes if it is time to.
+  // Writes the line if it is due.
   void Update(const ProgressState& state);
 
-  // Removes the line from the terminal, so that other text can be written, and
-  // forgets when it was begun: the next update begins another run.
+  // Removes the line from the terminal, so that other text can be written. The
+  // next update begins a new run.
   void Clear();
 
  private:
@@ -62,7 +63,7 @@ class Progress {
   double first_time_ = 0.0;
   ProgressState first_;
   double last_written_ = 0.0;
-  int width_shown_ = 0;  // of what stands on the terminal's line
+  int width_shown_ = 0;  // width of the current text on the terminal
 };
 
 }  // namespace invgrad

@@ -11,7 +11,7 @@
 namespace invgrad {
 namespace {
 
-// Of UTF-8: all bytes but those that continue a character.
+// The number of UTF-8 characters: all bytes except continuation bytes.
 size_t Width(const std::string& text) {
   return std::count_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) & 0xc0) != 0x80;

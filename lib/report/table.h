@@ -30,8 +30,8 @@ class Table {
   explicit Table(std::vector<Column> columns);
   void AddRow(std::vector<std::string> cells);
 
-  // Or cell by cell: the first row makes the columns, the others must have the
-  // same ones (CHECKed).
+  // Or cell by cell: the first row defines the columns, and the others must
+  // have the same columns (CHECKed).
   Table() = default;
   void BeginRow();
   void Add(const std::string& title,
@@ -48,7 +48,7 @@ class Table {
   std::vector<std::vector<std::string>> rows_;
 };
 
-// As cells: FormatNumber, "-" for NaN; and all digits.
+// Numbers as cells: by FormatNumber, "-" for NaN; and with all digits.
 std::string NumberOrDash(double value);
 std::string ExactNumber(double value);
 

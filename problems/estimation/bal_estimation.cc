@@ -15,7 +15,7 @@ constexpr int kMaxPointsDrawn = 6000;
 // With few cameras the reduced camera matrix is dense.
 constexpr int kMaxDenseCameras = 500;
 
-// Without the fraction `tail` at either end, and with a margin.
+// The range without the fraction `tail` at each end, plus a margin.
 AxisRange QuantileRange(std::vector<double> values, double tail) {
   std::sort(values.begin(), values.end());
   const size_t cut = static_cast<size_t>(tail * values.size());
@@ -100,7 +100,7 @@ class BalEstimation final : public Estimation {
       cameras.y.push_back(center[2]);
     }
     // Quantiles, because some points are far away. All panels have the ranges
-    // of the first.
+    // of the first panel.
     if (panels->empty()) {
       plot.x_range =
           Union(QuantileRange(points.x, 0.02), QuantileRange(cameras.x, 0.0));

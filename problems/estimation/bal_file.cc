@@ -25,7 +25,8 @@ bool IsBzip2(std::string_view path) {
          path.substr(path.size() - kEnding.size()) == kEnding;
 }
 
-// Real files shrink to a quarter, a bomb by a factor of 20,000.
+// bzip2 compresses real files by a factor of four, a decompression bomb by
+// 20,000.
 size_t MaxTextSize(size_t compressed_size) {
   constexpr size_t kMebibyte = size_t{1} << 20;
   return std::min(2048 * kMebibyte,
@@ -65,8 +66,8 @@ class BalParser {
         !cursor_.ReadLineEnd()) {
       return false;
     }
-    // "0 0 0 0\n" and "0\n" are the shortest that they can be; the last line
-    // needs no end. No product overflows: counts have 31 bits.
+    // The shortest lines are "0 0 0 0\n" and "0\n"; the last line needs no end.
+    // Products do not overflow, because counts have 31 bits.
     const long min_size =
         8 * num_observations_ +
         2 * (kCameraSize * num_cameras_ + kPointSize * num_points_) - 1;

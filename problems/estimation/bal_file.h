@@ -8,10 +8,10 @@
 //   ...                         translation, focal length, k1, k2
 //   value                       3 values a point
 //
-// The values are one a line in the published files; any space separates them.
+// Published files have one value per line; any white space separates values.
 //
-// Cost:    linear in the size of the text, which bounds the memory too,
-//          whatever counts the text claims.
+// Cost:    linear in the size of the text, which also bounds the memory, for
+//          any counts in the text.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
 //          text is empty, cut off, continues after its end, names a camera or a
 //          point that it does not have, or has a number that is not finite;
@@ -50,18 +50,18 @@ bool ParseBal(const std::string& text,
               BalData* data,
               std::string* error);
 
-// The text that ParseBal reads back as `data`, bit for bit.
+// Formats `data` as text that ParseBal reads back bit for bit.
 std::string BalText(const BalData& data);
 
-// What ParseBal guarantees and WriteBalFile needs: there is a camera, a point
-// and an observation, all indices are valid, and all numbers are finite. If
-// not, *error says which condition fails.
+// Checks what ParseBal guarantees and WriteBalFile requires: at least one
+// camera, point and observation, valid indices, and finite numbers. If false,
+// *error names the violated condition.
 bool CheckBal(const BalData& data, std::string* error);
 
 // Decompresses if the path ends in ".bz2".
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error);
 
-// A plain text, whatever the path.
+// Writes plain text for any path.
 bool WriteBalFile(const std::string& path,
                   const BalData& data,
                   std::string* error);

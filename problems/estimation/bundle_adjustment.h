@@ -36,13 +36,13 @@ void AddBundleAdjustment(const MakeLossFunction& make_loss,
 // Points are eliminated first, for the Schur complement.
 std::shared_ptr<ceres::ParameterBlockOrdering> PointsFirst(BalData* data);
 
-// The place of a camera, -R^T translation.
+// The position of a camera, -R^T translation.
 Eigen::Vector3d CameraCenter(const Eigen::Matrix<double, 9, 1>& camera);
 
-// Noise of standard deviation `sigma`: on the rotations in radians; on the
-// cameras' places and on the points in units of the scene's size, which is the
-// median distance of a point to the median point. A camera that turns stays
-// where it is.
+// Noise of standard deviation `sigma`: on rotations in radians; on camera
+// positions and points in units of the scene's size, the median distance of a
+// point to the median point. Rotation noise does not change a camera's
+// position.
 void PerturbBundleAdjustment(double sigma, NumpyRandom* random, BalData* data);
 
 }  // namespace invgrad

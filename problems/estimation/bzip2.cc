@@ -25,7 +25,7 @@ bool DecompressStream(std::string_view* bytes,
   bool has_advanced = true;
   while (code == BZ_OK && has_advanced && result->size() <= max_size) {
     const size_t old_size = result->size();
-    // One byte more than allowed, to notice a text that is too long.
+    // One byte more than allowed, to detect a text that is too long.
     const size_t room = std::min(
         {std::max(old_size, kMinRoom), max_size + 1 - old_size, kMaxUnsigned});
     const size_t size = std::min(bytes->size(), kMaxUnsigned);

@@ -1,9 +1,9 @@
-// Decompresses what bzip2 wrote. The bytes need not be trusted.
+// Decompresses bzip2 data, also from untrusted sources.
 //
-// Cost:    linear in the size of the result. Never allocates more than twice
-//          what has been decompressed, nor more than `max_size`.
-// Fails:   returns false; *error says what is wrong with the bytes (cut off,
-//          damaged, more than max_size), *result is unchanged.
+// Cost:    linear in the size of the result. Allocates at most twice the size
+//          of the decompressed data, and at most `max_size`.
+// Fails:   returns false, with the reason in *error (truncated, damaged, larger
+//          than max_size); *result is unchanged.
 #ifndef PROBLEMS_ESTIMATION_BZIP2_H_
 #define PROBLEMS_ESTIMATION_BZIP2_H_
 

@@ -40,7 +40,7 @@ class Estimation {
   // Normal noise on the parameters that are estimated.
   virtual void Perturb(double sigma, NumpyRandom* random) = 0;
 
-  // A new problem, whose parameter blocks are members of this object.
+  // Returns a new problem, whose parameter blocks are members of this object.
   virtual std::unique_ptr<ceres::Problem> MakeProblem(
       const MakeLossFunction& make_loss) = 0;
   // The usual iterations and tolerances.
@@ -56,13 +56,13 @@ class Estimation {
   // file has certified values.
   virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
 
-  // Of the result file: ".dat".
+  // The extension of the result file: ".dat".
   virtual std::string Extension() const = 0;
   // The current parameters, in the input's format.
   virtual bool Write(const std::string& path, std::string* error) const = 0;
 
-  // Adds the current parameters to a picture of several panels, empty at first:
-  // as curves in one panel, or as a panel.
+  // Adds the current parameters to a picture, initially without panels: as
+  // curves in a common panel, or as a new panel.
   virtual void Draw(const std::string& label,
                     std::vector<Plot>* panels) const = 0;
 };
@@ -74,11 +74,11 @@ const std::vector<std::string>& EstimationKinds();
 std::string EstimationKindOf(const std::string& path);
 
 struct ReadEstimationOptions {
-  std::string kind;  // empty: that of the extension
+  std::string kind;  // empty: by the extension
   InformationRoot information_root = InformationRoot::kLower;  // of g2o
 };
 
-// Null, with *error set, if the file cannot be read.
+// Returns null, with *error set, if the file cannot be read.
 std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
                                            const ReadEstimationOptions& options,
                                            std::string* error);

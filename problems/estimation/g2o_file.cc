@@ -24,8 +24,8 @@ constexpr long kMaxId = std::numeric_limits<long>::max();
 int PoseSize(int dimension) { return dimension == 2 ? 3 : 7; }
 int TangentSize(int dimension) { return dimension == 2 ? 3 : 6; }
 
-// Length one up to the rounding of a normalization. Such quaternions are not
-// normalized again, which would change the last bit.
+// The tolerance for length one, the rounding error of a normalization. Such
+// quaternions are not normalized again, because that may change the last bit.
 bool HasLengthOne(const Eigen::Vector4d& quaternion) {
   constexpr double kTolerance = 16 * std::numeric_limits<double>::epsilon();
   return std::abs(quaternion.squaredNorm() - 1.0) <= kTolerance;
@@ -43,7 +43,7 @@ bool NormalizeQuaternion(PoseGraph::Pose* pose) {
 }
 
 bool IsPositiveDefinite(const Information& information) {
-  // To Eigen, NaN from entries near overflow is a positive pivot.
+  // Eigen accepts a NaN pivot, from entries near overflow, as positive.
   const Eigen::LLT<Information> factorization(information);
   return factorization.info() == Eigen::Success &&
          factorization.matrixLLT().allFinite();
@@ -71,7 +71,7 @@ class G2oParser {
   }
 
  private:
-  // Ids may be used before the line of their vertex.
+  // An edge may precede the vertices that it refers to.
   struct IdsOfEdge {
     long line;
     long from;

@@ -6,11 +6,11 @@
 //   EDGE_SE3:QUAT from to x y z qx qy qz qw  I11 I12 ... I66
 //   FIX id ...
 //
-// An information matrix is given by its upper triangle, row by row. Lines may
-// be in any order; blank ones and those that start with # are skipped. A file
-// has one dimension. Other tags are errors.
+// Information matrices are given by their upper triangles, row by row. Lines
+// may be in any order; blank lines and lines that start with # are skipped. A
+// file is either 2D or 3D. Other tags are errors.
 //
-// Cost:    linear in the size of the text, which bounds the memory too.
+// Cost:    linear in the size of the text, which also bounds the memory.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
 //          text has no vertex, a line has a wrong count of numbers, an id is
 //          used twice or not defined, an edge joins a pose with itself,
@@ -55,13 +55,13 @@ bool ParseG2o(const std::string& text,
               PoseGraph* graph,
               std::string* error);
 
-// The text that ParseG2o reads back as `graph`, bit for bit.
+// Formats `graph` as text that ParseG2o reads back bit for bit.
 std::string G2oText(const PoseGraph& graph);
 
-// What ParseG2o guarantees and WriteG2oFile needs: columns are in range, ids
-// differ, sizes are those of the dimension, numbers are finite, quaternions
-// have length one, information matrices are symmetric and positive definite. If
-// not, *error says which condition fails.
+// Checks what ParseG2o guarantees and WriteG2oFile requires: columns in range,
+// unique ids, sizes that fit the dimension, finite numbers, quaternions of
+// length one, and symmetric positive definite information matrices. If false,
+// *error names the violated condition.
 bool CheckG2o(const PoseGraph& graph, std::string* error);
 
 bool ReadG2oFile(const std::string& path, PoseGraph* graph, std::string* error);

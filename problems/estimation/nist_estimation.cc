@@ -38,7 +38,7 @@ class NistEstimation final : public Estimation {
 
   void SetStart(int start) override { b_ = data_.starts.col(start); }
 
-  // Relative to each parameter.
+  // Relative to the size of each parameter.
   void Perturb(double sigma, NumpyRandom* random) override {
     const Eigen::VectorXd noise =
         sigma * NormalNumbers(data_.num_parameters(), random);
@@ -139,7 +139,8 @@ class NistEstimation final : public Estimation {
 };
 
 // Whether the certified parameters have the certified sum of squares, up to
-// their ten digits. The sum of an almost exact fit consists of rounding errors.
+// their ten digits. For an almost exact fit the sum consists of rounding
+// errors.
 bool FitsCertificate(const NistModel& model, const NistData& data) {
   const double tolerance = 1e-6 * data.certified_sum_of_squares +
                            1e-12 * data.responses.squaredNorm();

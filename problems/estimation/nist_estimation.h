@@ -9,7 +9,7 @@
 
 namespace invgrad {
 
-// Null, with *error set, if the file cannot be read.
+// Returns null, with *error set, if the file cannot be read.
 std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
                                                std::string* error);
 

@@ -20,7 +20,7 @@ namespace {
 
 constexpr long kLargestCount = std::numeric_limits<int>::max();
 
-// What a line of the head states: a range of lines, or a count.
+// The content of a line of the head: a range of lines, or a count.
 struct Statement {
   long line = 0;
   long first = 0;  // line, or the count itself
@@ -45,7 +45,7 @@ class NistParser {
   bool Has(std::string_view kind) const { return head_.count(kind) > 0; }
   const Statement& Get(std::string_view kind) const { return head_.at(kind); }
 
-  // The head ends where the starting values begin.
+  // The starting values end the head.
   bool ParseHead() {
     while (!Has("Starting") ||
            cursor_.line_number() + 1 < Get("Starting").first) {
@@ -70,8 +70,8 @@ class NistParser {
     return true;
   }
 
-  // The first statement of a kind counts. Prose on other lines may begin like
-  // one.
+  // The first statement of each kind is used, because later prose may begin
+  // like a statement.
   bool ParseHeadLine() {
     const std::string_view first = cursor_.NextToken();
     const std::string_view second = cursor_.PeekToken();
@@ -200,7 +200,7 @@ class NistParser {
             cursor_.Fail("a negative number", expected + ": 0 or more"));
   }
 
-  // What follows the parameters, up to the last line of certified values.
+  // The lines after the parameters, up to the last certified value.
   bool ParseSummary() {
     std::set<std::string_view> lines;
     while (cursor_.line_number() < Get("Certified").last &&

@@ -11,11 +11,11 @@
 // Nelson.dat). The head also states the counts of parameters, predictors and
 // observations, which must agree with the rows.
 //
-// Cost:    linear in the size of the text, which bounds the memory too,
-//          whatever counts the text claims.
+// Cost:    linear in the size of the text, which also bounds the memory, for
+//          any counts in the text.
 // Fails:   returns false with "FILE:LINE: what is wrong; expected ..." if the
-//          text is empty, cut off, has other counts than it claims, or a number
-//          that is not finite. *data is then unchanged.
+//          text is empty or truncated, its counts are wrong, or a number is not
+//          finite. *data is then unchanged.
 //
 // [1] https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml
 #ifndef PROBLEMS_ESTIMATION_NIST_FILE_H_
@@ -45,12 +45,13 @@ bool ParseNist(const std::string& text,
                NistData* data,
                std::string* error);
 
-// The text that ParseNist reads back as `data`, bit for bit.
+// Formats `data` as text that ParseNist reads back bit for bit.
 std::string NistText(const NistData& data);
 
-// What ParseNist guarantees and WriteNistFile needs: sizes agree, there are a
-// parameter, a predictor and no fewer observations than parameters, numbers are
-// finite, and the name is one word. If not, *error says which condition fails.
+// Checks what ParseNist guarantees and WriteNistFile requires: consistent
+// sizes, at least one parameter and predictor, at least as many observations as
+// parameters, finite numbers, and a name of one word. If false, *error names
+// the violated condition.
 bool CheckNist(const NistData& data, std::string* error);
 
 bool ReadNistFile(const std::string& path, NistData* data, std::string* error);

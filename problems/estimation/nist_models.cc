@@ -14,7 +14,7 @@
 namespace invgrad {
 namespace {
 
-// For double; those for Jets are found by their arguments.
+// For double; argument-dependent lookup finds the functions for Jets.
 using std::atan2;
 using std::cos;
 using std::exp;

@@ -8,9 +8,9 @@
 //
 // Roszman1 has two rows, because two versions of the file exist, with different
 // branches of arctan[b3 / (x - b4)]. NIST's b1 = 0.2020 belongs to the branch
-// in (-pi/2, pi/2), -atan2(b3, b4 - x) for the data; the copy in Ceres has b1 =
-// 1.2020, of the branch in (0, pi), atan2(b3, x - b4). Both are smooth at x =
-// b4.
+// in (-pi/2, pi/2), -atan2(b3, b4 - x) for the data; Ceres' copy has
+// b1 = 1.2020 for the branch in (0, pi), atan2(b3, x - b4). Both are smooth
+// at x = b4.
 //
 // [1] https://www.itl.nist.gov/div898/strd/nls/nls_main.shtml
 #ifndef PROBLEMS_ESTIMATION_NIST_MODELS_H_
@@ -40,9 +40,9 @@ struct NistModel {
 
 const std::vector<NistModel>& NistModels();
 
-// The model of the file; of several with its name, the one whose sum of squares
-// at the certified values is nearest to the certified one. Null with *error set
-// if no model has the name and the sizes.
+// The model of the file; of several models with this name, the one whose sum of
+// squares at the certified values is closest to the certified sum. Null, with
+// *error set, if no model has this name and these sizes.
 const NistModel* FindNistModel(const NistData& data, std::string* error);
 
 // sum_i residual_i^2 at b.

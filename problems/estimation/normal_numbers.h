@@ -7,7 +7,8 @@
 
 namespace invgrad {
 
-// np.random.normal(size=size); of an odd size the last pair's second is lost.
+// np.random.normal(size=size). For odd sizes the second number of the last pair
+// is discarded.
 inline Eigen::VectorXd NormalNumbers(int size, NumpyRandom* random) {
   Eigen::VectorXd numbers(size);
   for (int i = 0; i < size; i += 2) {

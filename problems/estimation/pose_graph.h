@@ -4,17 +4,17 @@
 //   2D   e = theta_b - theta_a - theta_ab, in [-pi, pi)
 //   3D   e = 2 vec(q_ab (q_a^-1 q_b)^-1)
 //
-// W is a Cholesky factor of the information, L L^T: kUpper, W = L^T, weights as
-// the format means it, |residual|^2 = e^T information e; kLower, W = L, is what
-// Ceres' examples [1] do, which is another cost unless the information is
-// diagonal. The costs that are published for Ceres are those of kLower.
+// W is a Cholesky factor of the information, L L^T: kUpper, W = L^T, follows
+// the format: |residual|^2 = e^T information e. kLower, W = L, follows Ceres'
+// examples [1], and is a different cost unless the information is diagonal. The
+// published costs of Ceres are for kLower.
 //
 // Parameter blocks are in the columns of graph->poses, which must outlive the
 // problem and not move: in 2D one of 3 (x, y, theta), whose angle stays in
 // [-pi, pi); in 3D one of 3 and one of 4, a unit quaternion x y z w. The poses
-// that FIX names are constant, or the first one if there are none.
+// of FIX lines are constant, or the first pose if there are none.
 // Cost:    one Jet of 6 or 14 derivatives an edge.
-// Fails:   CHECKs that the information is positive definite, as files promise.
+// Fails:   CHECKs that the information is positive definite.
 //
 // [1] Ceres Solver 2.1, examples/slam/pose_graph_2d and pose_graph_3d.
 #ifndef PROBLEMS_ESTIMATION_POSE_GRAPH_H_
@@ -38,7 +38,7 @@ ceres::CostFunction* MakePoseError2d(InformationRoot root,
 ceres::CostFunction* MakePoseError3d(InformationRoot root,
                                      const PoseGraph::Edge& edge);
 
-// Of (x, y, theta). The caller owns it.
+// The manifold of (x, y, theta). The caller owns it.
 ceres::Manifold* MakePoseManifold2d();
 
 // One loss function an edge, owned by the problem.

@@ -79,7 +79,7 @@ class PoseGraphEstimation final : public Estimation {
             (2.0 * pose[2] - pose[0] - pose[1]) / std::sqrt(6.0)};
   }
 
-  // Those from a pose to the next one, or the others.
+  // The edges between successive poses, or the other edges.
   void AddEdges(const std::string& title,
                 bool consecutive,
                 int color,

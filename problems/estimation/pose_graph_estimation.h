@@ -10,7 +10,7 @@
 
 namespace invgrad {
 
-// Null, with *error set, if the file cannot be read.
+// Returns null, with *error set, if the file cannot be read.
 std::unique_ptr<Estimation> ReadPoseGraphEstimation(const std::string& path,
                                                     InformationRoot root,
                                                     std::string* error);

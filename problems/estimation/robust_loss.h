@@ -3,7 +3,7 @@
 //   none, huber[:scale], soft_l_one[:scale], cauchy[:scale], arctan[:scale],
 //   tukey[:scale]
 //
-// Units:   the scale is in those of the residual's norm; 1 if it is left out.
+// Units:   the scale has the units of the residual's norm; default 1.
 #ifndef PROBLEMS_ESTIMATION_ROBUST_LOSS_H_
 #define PROBLEMS_ESTIMATION_ROBUST_LOSS_H_
 
@@ -17,7 +17,8 @@ namespace invgrad {
 // Makes a loss function, which the caller owns; null for "none".
 using MakeLossFunction = std::function<ceres::LossFunction*()>;
 
-// False, with *error set, if the name is unknown or the scale out of range.
+// Returns false, with *error set, if the name is unknown or the scale is out of
+// range.
 bool ParseRobustLoss(const std::string& text,
                      MakeLossFunction* make_loss,
                      std::string* error);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::string_view kSpace = " \t\r\v\f";
 
-// A token of a damaged file may be long and have any bytes.
+// Tokens of damaged files may be long and contain any bytes.
 std::string Quote(std::string_view token) {
   constexpr size_t kMaxSize = 40;
   std::string quoted = "'";
@@ -70,7 +70,7 @@ std::string_view TextCursor::PeekToken() const {
 
 bool TextCursor::ReadNumber(std::string_view expected, double* value) {
   const std::string_view token = NextToken();
-  // std::from_chars takes no plus sign.
+  // std::from_chars rejects a plus sign.
   const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
   if (!ParseAll(token.substr(has_plus ? 1 : 0), value) ||
       !std::isfinite(*value)) {

@@ -24,7 +24,7 @@ class TextCursor {
  public:
   TextCursor(std::string_view text, std::string_view file, std::string* error);
 
-  // In the whole text; what follows the last line's end is a line unless empty.
+  // The number of lines of the text; text after the last line end is a line.
   long num_lines() const { return num_lines_; }
   // From 1; 0 before the first call of NextLine.
   long line_number() const { return line_number_; }
@@ -41,10 +41,10 @@ class TextCursor {
   // `expected` completes "expected ...", for example "the focal length".
   bool ReadNumber(std::string_view expected, double* value);
   bool ReadInteger(std::string_view expected, long min, long max, long* value);
-  // Exactly these tokens, separated by single spaces: "of Squares:".
+  // Requires these tokens, given with single spaces: "of Squares:".
   bool ReadWords(std::string_view words);
   bool ReadLineEnd();
-  // No more tokens, on this line and those that follow.
+  // Requires that no tokens follow, on this line or later ones.
   bool ReadTextEnd();
 
   // Sets *error to a message about the current line.

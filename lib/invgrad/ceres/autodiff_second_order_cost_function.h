@@ -1,7 +1,7 @@
 // A second-order cost function by automatic differentiation.
 //
-// With it in the place of ceres::AutoDiffCostFunction, ProblemLinearizer
-// computes the exact Hessian that Newton's method needs:
+// If it replaces ceres::AutoDiffCostFunction, ProblemLinearizer computes the
+// exact Hessian for Newton's method:
 //
 //   problem.AddResidualBlock(
 //       new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),

@@ -26,7 +26,7 @@ struct CostFunctionShape {
   std::ptrdiff_t JacobianSize(std::size_t block) const {
     return std::ptrdiff_t{num_residuals} * block_sizes[block];
   }
-  // Of the stored values, in doubles.
+  // Size of the stored values, in doubles.
   std::ptrdiff_t Size() const {
     return num_parameters + num_residuals +
            std::ptrdiff_t{num_residuals} * num_parameters;
@@ -43,8 +43,8 @@ namespace {
 template <typename Base>
 class CachingCostFunction : public Base {
  public:
-  // `memory` has shape->Size() doubles, `has_jacobian` a byte for each parameter
-  // block, all of them 0. Nothing is owned.
+  // `memory` has shape->Size() doubles, `has_jacobian` one zero byte for each
+  // parameter block. Does not own its arguments.
   CachingCostFunction(const Base* own,
                       const CostFunctionShape* shape,
                       double* memory,
@@ -57,7 +57,7 @@ class CachingCostFunction : public Base {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override {
-    // Ceres wants no Jacobians at a candidate, which is a new point.
+    // At a candidate, a new point, Ceres evaluates no Jacobians.
     if (jacobians == nullptr) {
       return own_.Evaluate(parameters, residuals, nullptr);
     }
@@ -147,13 +147,13 @@ ceres::CostFunction* MakeCaching(const ceres::CostFunction* own,
       own, shape, memory, has_jacobian);
 }
 
-// The copy owns its caching cost functions, and nothing of the user's.
+// The copy owns its caching cost functions, but no object of the user.
 ceres::Problem::Options CopyOptions(ceres::EvaluationCallback* callback) {
   ceres::Problem::Options options;
   options.cost_function_ownership = ceres::TAKE_OWNERSHIP;
   options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  // The user's problem has been checked.
+  // The user's problem is already checked.
   options.disable_all_safety_checks = true;
   options.evaluation_callback = callback;
   return options;
@@ -199,7 +199,8 @@ void CachedProblem::CopyResidualBlocks(const ceres::Problem& problem) {
   std::vector<double*> blocks;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     problem.GetParameterBlocksForResidualBlock(ids[i], &blocks);
-    // The setters take pointers that the getters return as pointers to const.
+    // The getters return pointers to const; the setters take pointers to
+    // non-const.
     copy_.AddResidualBlock(
         MakeCaching(problem.GetCostFunctionForResidualBlock(ids[i]),
                     shapes[i],
@@ -226,7 +227,7 @@ void CachedProblem::CopyParameterBlocks(const ceres::Problem& problem) {
       copy_.SetParameterBlockConstant(values);
     }
     for (int i = 0; i < size; ++i) {
-      // Without a bound these change nothing.
+      // These have no effect without a bound.
       copy_.SetParameterLowerBound(
           values, i, problem.GetParameterLowerBound(values, i));
       copy_.SetParameterUpperBound(

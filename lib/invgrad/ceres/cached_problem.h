@@ -6,11 +6,11 @@
 //   callback.AddTo(&options);
 //   ceres::Solve(options, cached.problem(), &summary);
 //
-// Ceres has evaluated all residual blocks, with their Jacobians, at the state
-// at which an UpdateCallback linearizes, so that the linearization needs no
-// evaluation of the user's cost functions. The stored values are used if
-// Jacobians are wanted and all parameters are, bit for bit, those of the last
-// evaluation.
+// An UpdateCallback linearizes at a state where Ceres has already evaluated all
+// residual blocks with their Jacobians, so the linearization needs no
+// evaluation of the user's cost functions. A request for Jacobians uses the
+// stored values if all parameters equal, bit for bit, the parameters of the
+// last evaluation.
 //
 // The user's problem is not changed. Both problems use the same cost functions,
 // loss functions, manifolds and values, in the same order of residual blocks. A
@@ -20,8 +20,8 @@
 //          array.
 // Threads: as ceres::Solve, which evaluates a residual block by one thread at a
 //          time.
-// Needs:   cost functions that depend only on their parameters and on what the
-//          evaluation callback computes from them.
+// Needs:   cost functions that depend only on their parameters and on values
+//          that the evaluation callback computes from these.
 #ifndef INVGRAD_CERES_CACHED_PROBLEM_H_
 #define INVGRAD_CERES_CACHED_PROBLEM_H_
 
@@ -39,13 +39,13 @@ struct CostFunctionShape;
 class CachedProblem {
  public:
   struct Options {
-    // The problem's own, which Ceres 2.1 does not reveal; the copy calls it,
-    // too. Not owned.
+    // The evaluation callback of the problem, which Ceres 2.1 does not expose;
+    // the copy calls it, too. Not owned.
     ceres::EvaluationCallback* evaluation_callback = nullptr;
   };
 
-  // Later changes of blocks, manifolds, bounds and constness have no effect. The
-  // problem must outlive the copy, and keep its residual blocks.
+  // Later changes of blocks, manifolds, bounds and constness have no effect.
+  // The problem must outlive the copy, and keep its residual blocks.
   CachedProblem(const Options& options, ceres::Problem* problem);
   ~CachedProblem();
 
@@ -56,10 +56,10 @@ class CachedProblem {
   void CopyResidualBlocks(const ceres::Problem& problem);
   const CostFunctionShape* ShapeOf(const ceres::CostFunction& function);
 
-  // By the cost functions' sizes.
+  // Shapes by the sizes of the cost functions.
   std::map<std::vector<int>, std::unique_ptr<CostFunctionShape>> shapes_;
-  // The stored values of all cost functions, one after the other, and which
-  // Jacobians are stored.
+  // The stored values of all cost functions, one after the other, and flags for
+  // the stored Jacobians.
   std::vector<double> memory_;
   std::vector<char> has_jacobian_;
   ceres::Problem copy_;

@@ -45,8 +45,7 @@ VectorXd ModelCostFunction::Weights(const double* const* parameters) const {
 bool ModelCostFunction::WeightedHessian(const double* const* parameters,
                                         const double* w,
                                         double* hessian) const {
-  // sum_i w_i r_i is, but for a constant, the loss w' . y with w' = sqrt(...)
-  // w.
+  // Up to a constant, sum_i w_i r_i is the loss w' . y with w' = sqrt(...) w.
   const int num_y = model_->loss().size();
   const Model dot_product = model_->WithLoss(
       std::make_shared<DotProductLoss>(num_y), Reduction::kSum);
@@ -99,7 +98,7 @@ bool ModelCostFunction::Evaluate(double const* const* parameters,
   for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
     const int size = parameter_block_sizes()[b];
     if (jacobians[b] != nullptr) {
-      // Row-major, that is transposed.
+      // A row-major matrix is the transpose of a column-major one.
       Eigen::Map<Eigen::MatrixXd>(jacobians[b], size, num_residuals()) =
           std::sqrt(squared_scale) * J.middleCols(first, size).transpose();
     }

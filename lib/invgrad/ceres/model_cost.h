@@ -7,7 +7,7 @@
 // The weights are one parameter block for each neuron (its incoming weights and
 // its bias), in the order of the weight vector: blocks are small, and a neuron
 // or a layer can be held constant.
-// Cost:    the cost function forms J (m x n); the function does not.
+// Cost:    the cost function forms J (m x n); the function L(theta) does not.
 // Fails:   Evaluate returns false where the model does.
 #ifndef INVGRAD_CERES_MODEL_COST_H_
 #define INVGRAD_CERES_MODEL_COST_H_

@@ -201,7 +201,7 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   }
   if (parts.jacobian) {
     linearization->loss_gradient = std::move(r);
-    // BLAS multiplies a matrix that is mostly full faster.
+    // If most entries are not zero, BLAS is faster with a dense matrix.
     constexpr double kDense = 0.5;
     if (static_cast<double>(J.nonZeros()) >=
         kDense * static_cast<double>(J.rows()) *

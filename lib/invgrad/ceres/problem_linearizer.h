@@ -1,17 +1,16 @@
-// Linearizes any ceres::Problem at the current values of its parameter blocks.
+// Linearizes a ceres::Problem at the current values of its parameter blocks.
 //
 //   L = 1/2 sum_b rho_b(|r_b|^2),   y = r~, g = r~, J = dr~/dx,   H_L = I
 //
 // r~ and J are corrected for the robust losses as Ceres does [1, 2], so that
 // J^T r~ is the exact gradient of L. Rows and columns are in the order of
-// problem_structure.h; blocks that no residual block uses have columns of
-// zeros.
+// problem_structure.h; unused parameter blocks have columns of zeros.
 //
 // Shapes:  m = sum of the residual sizes;  n = sum of the tangent sizes.
 // J is a SparseJacobian, or a DenseJacobian if at least half of it is filled;
 // its ColumnBlocks are the parameter blocks that are not constant.
-// Cost:    one CostFunction::Evaluate with Jacobians a residual block. Does not
-//          use Problem::Evaluate, which must not be called during a solve.
+// Cost:    one CostFunction::Evaluate with Jacobians per residual block. Does
+//          not call Problem::Evaluate, which is not allowed during a solve.
 // Fails:   Linearize and Cost return false if a cost function does or a value
 //          is not finite (finite residuals can overflow when squared); the
 //          message names the residual block by its index in the problem.
@@ -22,10 +21,10 @@
 //
 // with the uncorrected r and J. It needs every cost function to be a
 // SecondOrderCostFunction (second_order_cost_function.h) and every Plus to be
-// linear: no manifold, EuclideanManifold, SubsetManifold, or another one that
-// passes a numerical check of Plus(x, d) = x + P d. The second derivative of a
-// nonlinear Plus would be part of the Hessian, but Ceres' manifolds do not
-// compute it; Linearize then returns false and names the block.
+// linear: no manifold, EuclideanManifold, SubsetManifold, or another manifold
+// that passes a numerical check of Plus(x, d) = x + P d. If Plus is nonlinear,
+// its second derivative is part of the Hessian, but Ceres' manifolds do not
+// compute it: Linearize returns false and names the block.
 //
 // [1] Triggs, McLauchlan, Hartley, Fitzgibbon. Bundle Adjustment: A Modern
 //     Synthesis. 1999, section 4.3.
@@ -53,9 +52,9 @@ class ProblemLinearizer final : public Objective {
     // A mini-batch. Empty: all of the problem's residual blocks.
     std::vector<ceres::ResidualBlockId> residual_blocks;
     bool apply_loss_function = true;
-    // The problem's own, which Ceres 2.1 does not reveal. It is called before
-    // every evaluation. Leave it null inside ceres::Solve, which calls it
-    // itself. Not owned.
+    // The evaluation callback of the problem, which Ceres 2.1 does not expose.
+    // It is called before every evaluation. Leave it null inside ceres::Solve,
+    // which calls the callback itself. Not owned.
     ceres::EvaluationCallback* evaluation_callback = nullptr;
   };
 
@@ -74,7 +73,7 @@ class ProblemLinearizer final : public Objective {
   const std::vector<double*>& parameter_blocks() const {
     return parameter_blocks_;
   }
-  // Where the columns of parameter_blocks()[block] begin.
+  // The first column of parameter_blocks()[block].
   int column(int block) const {
     return structure_.parameter_blocks[block].column;
   }
@@ -98,8 +97,8 @@ class ProblemLinearizer final : public Objective {
   Eigen::VectorXd State() const override;
   void SetState(const Eigen::VectorXd& state) override;
 
-  // Moves the problem by a tangent step (n), each block by its manifold's Plus.
-  // False if a Plus fails; the blocks are then unchanged.
+  // Moves the problem by a tangent step (n), each block by the Plus of its
+  // manifold. Returns false, and leaves the blocks unchanged, if a Plus fails.
   bool Plus(const Eigen::VectorXd& step) override;
 
  private:
@@ -119,8 +118,8 @@ class ProblemLinearizer final : public Objective {
   Options options_;
   ProblemStructure structure_;
   std::vector<double*> parameter_blocks_;
-  // The last J. The next one has its pattern, and its memory too if nothing
-  // else refers to it. Null before the first.
+  // The last J, or null. The next J has the same pattern, and reuses the memory
+  // if there is no other reference to it.
   mutable std::shared_ptr<SparseJacobian> last_jacobian_;
 };
 

@@ -12,8 +12,8 @@
 namespace invgrad {
 namespace {
 
-// Reads the structure in one pass over the residual blocks: each call of a
-// ceres::Problem is a look-up.
+// Reads the structure in one pass over the residual blocks, because each call
+// of a ceres::Problem is a look-up.
 class Reader {
  public:
   explicit Reader(const ceres::Problem& problem) : problem_(problem) {

@@ -1,11 +1,10 @@
-// The structure of a ceres::Problem: which residual block uses which parameter
-// blocks, and where these stand in the Jacobian.
+// The structure of a ceres::Problem: the parameter blocks of each residual
+// block, and their columns in the Jacobian.
 //
 // Rows follow the residual blocks. Columns are the tangent directions of the
 // parameter blocks that are not constant, in the order in which the residual
-// blocks first use them; blocks that none uses come last. (The order of
-// Problem::GetParameterBlocks is that of the addresses, so it would make runs
-// irreproducible.)
+// blocks first use them; unused blocks come last. (Problem::GetParameterBlocks
+// sorts by address, which differs from run to run.)
 #ifndef INVGRAD_CERES_PROBLEM_STRUCTURE_H_
 #define INVGRAD_CERES_PROBLEM_STRUCTURE_H_
 
@@ -45,8 +44,8 @@ struct ProblemStructure {
   // A parameter block of a residual block.
   struct Argument {
     int block;  // of parameter_blocks; -1: constant
-    // Where its entries begin in a compressed row of the residual block;
-    // entries are sorted by column.
+    // The position of its first entry in a compressed row of the residual
+    // block; entries are sorted by column.
     int entry;
   };
 
@@ -59,13 +58,13 @@ struct ProblemStructure {
   std::vector<Argument> arguments;  // the same
   std::vector<int> tangent_sizes;   // of parameter_blocks
 
-  // m x n, with the pattern of J and unspecified entries. CHECKs that an int
-  // can count them.
+  // m x n, with the pattern of J and unspecified entries. CHECKs that the
+  // number of entries fits an int.
   std::shared_ptr<SparseJacobian> NewJacobian() const;
 };
 
-// Of all residual blocks, or of those in `batch` (CHECKed to be the problem's)
-// if it is not empty.
+// The structure for the residual blocks in `batch` (CHECKed to belong to the
+// problem), or for all of them if `batch` is empty.
 ProblemStructure ReadStructure(
     const ceres::Problem& problem,
     const std::vector<ceres::ResidualBlockId>& batch);

@@ -24,9 +24,9 @@ bool LossCorrection::Compute(const ceres::LossFunction* loss_function,
   if (!(rho[1] >= 0.0)) return false;
   jacobian_scale = std::sqrt(rho[1]);
   residual_scale = jacobian_scale;
-  // As Ceres' corrector.cc: the second-order correction only where rho'' > 0.
-  // Ceres' authors found that it slows down convergence for outliers. J^T r~ is
-  // the exact gradient with and without it.
+  // As in Ceres' corrector.cc, the second-order correction applies only if
+  // rho'' > 0. Ceres' authors found that it slows down convergence for
+  // outliers. J^T r~ is the exact gradient with and without it.
   if (s == 0.0 || rho[2] <= 0.0) return true;
   if (rho[1] == 0.0) return false;
   // The smaller root of alpha^2 / 2 - alpha - s rho'' / rho' = 0.
@@ -146,8 +146,8 @@ ResidualEvaluation::Tangent(const ResidualBlock& block, int b) const {
           structure_.parameter_blocks[ArgumentOf(block, b).block].tangent_size};
 }
 
-// Reserves memory for the Jacobians by the arguments that are not constant;
-// false if there are none.
+// Reserves memory for the Jacobians with respect to the arguments that are not
+// constant. Returns false if all are constant.
 bool ResidualEvaluation::Reserve(const ResidualBlock& block) {
   std::size_t size = 0;
   for (int b = 0; b < block.num_arguments; ++b) {

@@ -1,5 +1,5 @@
-// Evaluates residual blocks of a ceres::Problem one after the other in the same
-// memory: their parts of L, r~, J and d2L/dx2 (problem_linearizer.h).
+// Evaluates the parts of L, r~, J and d2L/dx2 (problem_linearizer.h) of
+// residual blocks, one after the other in the same memory.
 //
 //   r~ = sqrt(rho') / (1 - alpha) r
 //   J~ = sqrt(rho') (J - alpha / s r r^T J),   s = |r|^2
@@ -16,14 +16,14 @@
 
 namespace invgrad {
 
-// rho, rho' and rho'' of one residual block and what they do to r and J.
+// rho, rho' and rho'' of one residual block, and the corrections of r and J.
 struct LossCorrection {
   double rho[3];
   double residual_scale = 1.0;
   double jacobian_scale = 1.0;
   double alpha_by_s = 0.0;  // alpha / s
 
-  // False if the loss function cannot be corrected for.
+  // False if no correction exists for these values.
   bool Compute(const ceres::LossFunction* loss_function, double s);
 };
 
@@ -33,8 +33,9 @@ class ResidualEvaluation {
   using RowMajorMatrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-  // `plus_jacobians` has one matrix for each parameter block, empty where it
-  // has no manifold; null if no Jacobians are wanted. Nothing is owned.
+  // `plus_jacobians` has one matrix for each parameter block, empty for a block
+  // without manifold; null if no Jacobians are needed. Does not own its
+  // arguments.
   ResidualEvaluation(const ProblemStructure& structure,
                      bool apply_loss_function,
                      const std::vector<RowMajorMatrix>* plus_jacobians)
@@ -45,7 +46,7 @@ class ResidualEvaluation {
   // Computes r, the tangent-space Jacobians (both uncorrected) and rho.
   bool Evaluate(const ResidualBlock& block, std::string* error);
 
-  // The following are of the block that was evaluated last.
+  // The following functions refer to the last evaluated block.
   double cost() const { return 0.5 * correction_.rho[0]; }
 
   // r~
@@ -78,8 +79,8 @@ class ResidualEvaluation {
   const std::vector<RowMajorMatrix>* plus_jacobians_;
   Eigen::VectorXd r_;
   std::vector<double> memory_;
-  // dr/d(argument) for each argument, null if it is constant; and the same
-  // times the PlusJacobian, which is the same memory where there is none.
+  // dr/d(argument) for each argument, null if it is constant; and this matrix
+  // times the PlusJacobian (the same memory if there is no manifold).
   std::vector<double*> ambient_;
   std::vector<double*> tangent_;
   LossCorrection correction_;

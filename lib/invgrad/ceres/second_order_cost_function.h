@@ -2,8 +2,9 @@
 //
 //   H = sum_i w_i d2r_i/dx2
 //
-// Shapes:  w: m, one weight for each residual;  H: n x n, symmetric, over the
-//          parameter blocks one after the other (ambient sizes, n their sum).
+// Shapes:  w: m, one weight for each residual; H: n x n, symmetric, with the
+//          parameter blocks one after the other; n: the sum of their ambient
+//          sizes.
 // Fails:   as Evaluate.
 //
 // AutoDiffSecondOrderCostFunction (autodiff_second_order_cost_function.h)

@@ -12,14 +12,14 @@
 
 namespace invgrad {
 
-// A block's own manifold, or the Euclidean one, which replaces the next step
-// that it is given by the staged one. Ceres calls a manifold for each residual
-// block in each evaluation, so the object is small and computes the Euclidean
-// case itself.
+// Wraps a block's own manifold, or the Euclidean one; its next Plus uses the
+// staged step. Ceres calls the manifold for each residual block in each
+// evaluation, so the object is small and computes the Euclidean case itself.
 class StagingManifold final : public ceres::Manifold {
  public:
-  // `num` manifolds for `problem`, whose Init must be called. GiveBack, after
-  // the problem's blocks no longer use them, keeps them for the next Take.
+  // Returns `num` manifolds for `problem`; call Init on each. Call GiveBack
+  // when the blocks of the problem no longer use them; the next Take reuses
+  // them.
   static std::vector<StagingManifold*> Take(const ceres::Problem& problem,
                                             std::size_t num);
   static void GiveBack(StagingManifold* manifold);
@@ -43,7 +43,7 @@ class StagingManifold final : public ceres::Manifold {
   bool Plus(const double* x,
             const double* delta,
             double* x_plus_delta) const override {
-    // Written only if something is staged: then Ceres forms its candidate, and
+    // Written only if a step is staged: Ceres then forms its candidate and
     // calls Plus once. Inner iterations call Plus from several threads.
     if (staged_ != nullptr) {
       delta = staged_;
@@ -101,8 +101,8 @@ class StagingManifold final : public ceres::Manifold {
 
 namespace {
 
-// The address of the problem's implementation. Unlike that of the Problem it
-// does not change when the problem is moved.
+// The address of the implementation of the problem, which does not change when
+// the Problem is moved.
 const void* IdentityOf(const ceres::Problem& problem) {
   static_assert(sizeof(ceres::Problem) == sizeof(void*),
                 "A ceres::Problem is one pointer to its implementation.");
@@ -111,7 +111,7 @@ const void* IdentityOf(const ceres::Problem& problem) {
   return identity;
 }
 
-// The manifolds that are not in use, by their problem.
+// The unused manifolds of each problem.
 struct KeptManifolds {
   std::mutex mutex;
   std::unordered_map<const void*, std::vector<StagingManifold*>> by_problem;
@@ -161,7 +161,7 @@ StagingManifold::~StagingManifold() {
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
 
-// A block, and what it had before it was wrapped.
+// A block and its manifold before wrapping.
 struct StagedStep::Block {
   double* values;
   int column;
@@ -174,8 +174,7 @@ StagedStep::StagedStep(const ProblemLinearizer& linearizer,
                        ceres::Problem* problem)
     : problem_(problem) {
   const std::vector<double*>& values = linearizer.parameter_blocks();
-  // All at once: Ceres visits all manifolds in each evaluation, and should find
-  // them side by side in memory.
+  // One array, because Ceres visits all manifolds in each evaluation.
   const std::vector<StagingManifold*> manifolds =
       StagingManifold::Take(*problem, values.size());
   blocks_.reserve(values.size());
@@ -198,9 +197,11 @@ StagedStep::StagedStep(const ProblemLinearizer& linearizer,
 }
 
 StagedStep::~StagedStep() {
-  // In reverse: Take returns them in the order of their construction again.
+  // In reverse order, so that Take returns them in the order of their
+  // construction.
   for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
-    // The setters take pointers that the getters return as pointers to const.
+    // The getters return pointers to const; the setters take pointers to
+    // non-const.
     if (block->parameterization != nullptr) {
       problem_->SetParameterization(
           block->values,

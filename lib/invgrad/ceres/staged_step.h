@@ -1,18 +1,19 @@
-// Replaces the next step of a ceres::Solve by another one.
+// Replaces the next step of a ceres::Solve by a given step.
 //
 //   x_candidate = Plus(x, staged step)   in the place of Plus(x, Ceres' step)
 //
-// The manifold of each parameter block that is not constant is wrapped. The
-// wrapper replaces the step in the next Plus, which Ceres calls once for each
-// block when it forms its candidate.
+// A wrapper around the manifold of each non-constant parameter block replaces
+// the step in the next Plus. Ceres calls Plus once for each block when it forms
+// its candidate.
 //
 // Shapes:    step: n, in the columns of the linearizer.
-// Ownership: a ceres::Problem deletes its manifolds or does not, depending on
-//            Problem::Options::manifold_ownership, which Ceres 2.1 does not
-//            reveal. Both work: wrappers that a problem no longer uses are kept
-//            for its next StagedStep. A problem that owns its manifolds deletes
-//            them in its destructor. One that does not leaves 64 bytes for each
-//            parameter block, which a later problem at the same address uses.
+// Ownership: Problem::Options::manifold_ownership determines whether a
+//            ceres::Problem deletes its manifolds; Ceres 2.1 does not expose
+//            the option. Both settings work: unused wrappers are kept for the
+//            next StagedStep of the problem. If the problem owns its manifolds,
+//            its destructor deletes the wrappers. Otherwise 64 bytes for each
+//            parameter block remain, and a later problem at the same address
+//            reuses them.
 #ifndef INVGRAD_CERES_STAGED_STEP_H_
 #define INVGRAD_CERES_STAGED_STEP_H_
 
@@ -25,9 +26,10 @@ namespace invgrad {
 
 class StagedStep {
  public:
-  // Wraps the blocks; the destructor restores what they had. The problem must
-  // outlive the object (CHECKed if it owns its manifolds), and the linearizer
-  // must have read the problem before. CHECKs that the blocks are not wrapped.
+  // Wraps the manifolds of the blocks; the destructor restores the manifolds.
+  // The problem must outlive the object (CHECKed if it owns its manifolds), and
+  // the linearizer must have read the problem before. CHECKs that the blocks
+  // are not wrapped.
   StagedStep(const ProblemLinearizer& linearizer, ceres::Problem* problem);
   ~StagedStep();
   StagedStep(const StagedStep&) = delete;
@@ -37,13 +39,13 @@ class StagedStep {
   void Stage(const double* step);
   void Clear();
 
-  // Whether no block has been moved since Stage. (Ceres never moves blocks that
-  // no residual block uses, and a Plus that fails ends a move.)
+  // Whether no block has moved since Stage. (Ceres never moves unused blocks,
+  // and a failing Plus ends a move.)
   bool IsStaged() const;
 
-  // Unwraps the Euclidean blocks until the next Stage, so that Ceres multiplies
-  // by no identity matrix. They must be wrapped when the solve begins, because
-  // Ceres allocates an evaluation's memory there.
+  // Unwraps the Euclidean blocks until the next Stage, so that Ceres does not
+  // multiply by identity matrices. The blocks must be wrapped when the solve
+  // begins, because Ceres then allocates the memory for evaluations.
   void Unwrap() { SetWrapped(false); }
 
  private:

@@ -32,7 +32,7 @@ void TurnTaking::RuleStepped(double gain) {
     next_wait_ = kFirstWait;
   } else {
     Wait();
-    // Old gains say nothing about the rule's next turn.
+    // Old gains do not predict the rule's next turn.
     rule_merit_ = gain;
   }
 }

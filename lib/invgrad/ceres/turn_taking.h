@@ -1,14 +1,14 @@
-// Decides whether the next step of a ceres::Solve is an update rule's or Ceres'
-// own: that of the one whose steps gain more.
+// Decides whether the update rule or Ceres makes the next step of a
+// ceres::Solve: the one whose steps gain more.
 //
 //   gain of a step = log(L before / L after),   0 if it was rejected
 //   merit <- (merit + gain) / 2
 //
 // The rule has the first turn and Ceres the second. While the rule's merit is
-// at least Ceres', the rule has the turns, except that Ceres has every ninth
-// one, which keeps its merit up to date. Otherwise Ceres has the turns, and the
-// rule has one again after 2 accepted steps, then 4, 8 and 16, as long as it
-// does not gain more. A rule that had no step waits in the same way.
+// at least Ceres', the rule has all turns but every ninth, which updates the
+// merit of Ceres. Otherwise Ceres has the turns, and the rule has one turn
+// after 2 accepted steps, then after 4, 8 and 16, until its merit is higher.
+// The same intervals apply after a turn in which the rule had no step.
 #ifndef INVGRAD_CERES_TURN_TAKING_H_
 #define INVGRAD_CERES_TURN_TAKING_H_
 
@@ -18,10 +18,11 @@ namespace invgrad {
 
 class TurnTaking {
  public:
-  // by_merit = false: the rule has all turns at which it has a step.
+  // by_merit = false: the rule has every turn for which it has a step.
   explicit TurnTaking(bool by_merit) : by_merit_(by_merit) {}
 
-  // Call it once after each accepted step: whether the next turn is the rule's.
+  // Returns whether the next turn is the rule's. Call once after each accepted
+  // step.
   bool IsTheRules();
 
   void RuleStepped(double gain);

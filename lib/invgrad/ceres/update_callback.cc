@@ -118,12 +118,12 @@ class UpdateCallback::State {
     } else {
       Count(iteration);
     }
-    // If all blocks are still staged, Ceres found no valid step of its own that
-    // they could replace. (If a Plus failed, some blocks may still be staged.)
+    // If all blocks are still staged, Ceres had no valid step to replace. (If a
+    // Plus failed, some blocks may still be staged.)
     const bool was_passed_over = staged_->IsStaged();
     const bool was_proposed = has_proposal_ && !was_passed_over;
     if (was_proposed && rule_->JudgesSteps()) {
-      // Ceres has decided; the rule's verdict is not used.
+      // Ceres has decided; the result of KeepsStep is not used.
       rule_->KeepsStep(iteration.cost, fraction_);
     }
     staged_->Clear();
@@ -172,7 +172,7 @@ class UpdateCallback::State {
 
   ceres::CallbackReturnType Propose(const ceres::IterationSummary& iteration) {
     if (iteration.step_is_nonmonotonic) {
-      // The blocks hold the state of the least cost, which is another one.
+      // The blocks hold the state of least cost, not the current state.
       summary_.message = "the last step was nonmonotonic";
       return ceres::SOLVER_CONTINUE;
     }
@@ -205,8 +205,8 @@ class UpdateCallback::State {
         "parameter block in another callback");
   }
 
-  // Sets step_, or else summary_.message. For a rule that needs no
-  // linearization the problem is linearized only if there is a step.
+  // Sets step_, or summary_.message if there is no step. For a rule that needs
+  // no linearization, linearizes the problem only if there is a step.
   Outcome ComputeStep(const ceres::IterationSummary& iteration) {
     Linearization at_x;
     at_x.cost = iteration.cost;
@@ -226,7 +226,7 @@ class UpdateCallback::State {
     if (IsPromising(at_x)) return Outcome::kStep;
     summary_.message =
         "the linear model predicts too small a decrease of the cost";
-    // The scale may be the reason, and only a proposal could raise it.
+    // The scale may be too small, and only a proposal can raise it.
     scale_ = std::min(2.0 * scale_, 1.0);
     return Outcome::kNoStep;
   }
@@ -249,8 +249,8 @@ class UpdateCallback::State {
                : Outcome::kAnotherState;
   }
 
-  // Whether L(x) - L(x + step), by the linear model, is large enough; false for
-  // NaN.
+  // Whether the linear model predicts a large enough L(x) - L(x + step); false
+  // for NaN.
   bool IsPromising(const Linearization& at_x) const {
     Eigen::VectorXd J_step;
     at_x.jacobian->Times(step_, &J_step);
@@ -264,10 +264,10 @@ class UpdateCallback::State {
     if (!rule_->JudgesSteps()) scale_ *= 0.5;
     if (num_backoffs_ >= options_.max_num_backoffs) {
       // Each rejection shrinks Ceres' trust region; three shrink it by a factor
-      // of 64. With further proposals Ceres' own steps would become so short
-      // that its function tolerance would end the run far from a minimum
-      // (measured in Rosenbrock's valley). LM's radius recovers within four
-      // good steps; dogleg's does not grow beyond what its steps need.
+      // of 64. More proposals would make Ceres' own steps so short that its
+      // function tolerance ends the run far from a minimum (measured in
+      // Rosenbrock's valley). The radius of LM recovers within four good steps;
+      // the radius of dogleg only grows to the length of its steps.
       lost_radius_ = radius_;
       num_turns_lost_ = kMaxNumTurnsLost;
       summary_.message = fmt::format("the last proposal was rejected {} times",
@@ -300,8 +300,10 @@ class UpdateCallback::State {
   bool has_run_ = false;
   bool has_proposal_ = false;  // staged in the last call
   int num_backoffs_ = 0;       // of the last proposal
-  double radius_ = 0.0;        // Ceres', when it was first made
-  double scale_ = 1.0;         // of proposals: that of the last accepted ones
+  double radius_ = 0.0;        // Ceres' radius at the first attempt of this
+                               // proposal
+  double scale_ = 1.0;         // of proposals: the scale of the last accepted
+                               // ones
   double fraction_ = 1.0;      // step_ / the rule's step
   // Ceres has the turn while its radius is smaller,
   double lost_radius_ = 0.0;

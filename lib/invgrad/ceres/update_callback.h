@@ -5,42 +5,41 @@
 //   callback.AddTo(&options);
 //   ceres::Solve(options, &problem, &summary);
 //
-// After each accepted step at which it is the rule's turn, the callback
-// linearizes the problem, computes the rule's step and stages it: a manifold
-// wrapped around each parameter block's own replaces Ceres' step by the staged
-// one when the trust-region minimizer forms its candidate. Ceres then accepts
-// or rejects the candidate by its gain ratio, so the cost never rises, and
-// progress table, summary, tolerances, robust losses, constant blocks,
-// manifolds and threads work as without the callback.
+// After each accepted step, if it is the rule's turn, the callback linearizes
+// the problem, computes the rule's step and stages it: when the trust-region
+// minimizer forms its candidate, a wrapper around the manifold of each
+// parameter block replaces Ceres' step by the staged step. Ceres then accepts
+// or rejects the candidate by its gain ratio, so the cost never rises. Progress
+// table, summary, tolerances, robust losses, constant blocks, manifolds and
+// threads work as without the callback.
 //
-// Rule and Ceres take turns. The turn goes to the one whose steps decrease the
-// cost more (turn_taking.h). A rule that has no step, or none for which the
-// linear model predicts a sufficient decrease, gets fewer and fewer turns.
+// Rule and Ceres take turns; the one whose steps decrease the cost more has
+// more turns (turn_taking.h). The turns of a rule become rarer if it has no
+// step, or if the linear model predicts no sufficient decrease.
 //
-// A rejected proposal is halved and proposed again. The scale is kept for later
-// proposals; it doubles, up to 1, with every proposal that is accepted or
-// whose predicted decrease is too small. After max_num_backoffs halvings Ceres
-// has the turn until its trust region, which rejections shrink, is as large as
-// before, or a step of its own is rejected, or it has had eight turns. A rule
-// that judges its steps (control=gain) is passed the cost of each proposal and
-// its scale, and adapts the scale itself; Ceres alone accepts or rejects.
+// A rejected proposal is halved and proposed again. Later proposals keep this
+// scale. It doubles, up to 1, with every proposal that is accepted or whose
+// predicted decrease is too small. After max_num_backoffs halvings Ceres has
+// the turn until its trust region, which rejections shrink, is as large as
+// before, a step of Ceres is rejected, or Ceres has had eight turns. A rule
+// with control=gain receives the cost and the scale of each proposal and adapts
+// the scale itself; only Ceres accepts or rejects.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on) and update_state_every_iteration,
 //          which AddTo sets; otherwise the callback aborts the solve, and
-//          summary().message says why. No bounds on blocks that are not
+//          summary().message gives the reason. No bounds on blocks that are not
 //          constant, because Ceres' projected line search calls Plus
 //          repeatedly. One callback for a problem at a time, one solve for a
 //          callback, and no other solve of the problem while the callback
 //          exists. Rules must not throw.
 // Cost:    at each turn of the rule one linearization and one step, in addition
 //          to Ceres' own work. A linearization evaluates all residual blocks,
-//          except those of a CachedProblem (cached_problem.h); for a rule that
-//          needs none it is computed only if there is a step. While a step is
-//          staged, Ceres multiplies J by a k x k matrix for a Euclidean block
-//          of size k.
-// Fails:   never because of a numerical failure of the rule: Ceres has the turn
-//          then.
+//          except for a CachedProblem (cached_problem.h). For a rule that needs
+//          no linearization it is computed only if there is a step. While a
+//          step is staged, Ceres multiplies J by a k x k matrix for a Euclidean
+//          block of size k.
+// Fails:   never. After a numerical failure of the rule Ceres has the turn.
 #ifndef INVGRAD_CERES_UPDATE_CALLBACK_H_
 #define INVGRAD_CERES_UPDATE_CALLBACK_H_
 
@@ -58,13 +57,14 @@ namespace invgrad {
 class UpdateCallback final : private ceres::IterationCallback {
  public:
   struct Options {
-    // The rule has turns only while its steps decrease the cost more than
-    // Ceres' own (turn_taking.h). False: at every accepted step, as long as it
-    // has steps.
+    // True: the rule has turns while its steps decrease the cost more than
+    // Ceres' own (turn_taking.h). False: the rule has every turn for which it
+    // has a step.
     bool by_merit = true;
-    // How often a rejected proposal is halved and proposed again.
+    // The number of times that a rejected proposal is halved and proposed
+    // again.
     int max_num_backoffs = 2;
-    // Larger tangent spaces are refused: Ceres multiplies J by a k x k matrix
+    // The limit on tangent spaces, because Ceres multiplies J by a k x k matrix
     // for a block with a manifold of size k.
     int max_block_size = 512;
     // A proposal is made only if the linear model predicts
@@ -73,14 +73,14 @@ class UpdateCallback final : private ceres::IterationCallback {
     double min_relative_model_decrease = 1e-3;
   };
 
-  // Of the last solve. num_proposed = num_accepted + num_rejected, and one more
-  // if a proposal ended the run by one of Ceres' tolerances.
+  // Summary of the last solve. num_proposed = num_accepted + num_rejected, plus
+  // one if a proposal met one of Ceres' tolerances and ended the run.
   struct Summary {
     int num_proposed = 0;
     int num_accepted = 0;     // of those proposed
     int num_rejected = 0;     // of those proposed
     int num_ceres_steps = 0;  // iterations with a step of Ceres
-    std::string message;      // why the last proposal was not made
+    std::string message;      // why there was no proposal at the last turn
 
     // "12 proposed, 9 accepted, 3 rejected, 4 steps of Ceres"
     std::string BriefReport() const;
@@ -93,9 +93,9 @@ class UpdateCallback final : private ceres::IterationCallback {
 
   // Wraps the manifolds of the problem's blocks; the destructor restores them.
   // Rule and problem must outlive the callback, and the callback the solve.
-  // Blocks, manifolds and constness must not change in between. It does not
-  // matter whether the problem owns its manifolds. CHECKs IsSupported, and that
-  // the problem has no other UpdateCallback.
+  // Blocks, manifolds and constness must not change in between. The problem may
+  // or may not own its manifolds. CHECKs IsSupported, and that the problem has
+  // no other UpdateCallback.
   UpdateCallback(UpdateRule* rule, ceres::Problem* problem);
   UpdateCallback(UpdateRule* rule,
                  ceres::Problem* problem,
@@ -105,8 +105,8 @@ class UpdateCallback final : private ceres::IterationCallback {
   // Adds the callback, and sets update_state_every_iteration.
   void AddTo(ceres::Solver::Options* options);
 
-  // For code that collects callbacks and then solves with
-  // update_state_every_iteration, such as MinimizeWithCeres.
+  // For code that collects callbacks and sets update_state_every_iteration
+  // itself, such as MinimizeWithCeres.
   ceres::IterationCallback* iteration_callback() { return this; }
 
   Summary summary() const;

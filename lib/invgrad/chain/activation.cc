@@ -12,8 +12,8 @@ struct Derivatives {
   double fourth = 0.0;
 };
 
-// Applies function(z, &derivatives) to every entry. The compiler drops the
-// derivatives of null pointers.
+// Applies function(z, &derivatives) to every entry. The compiler removes the
+// derivatives whose pointers are null.
 template <typename Function>
 void ForEach(int size,
              double* z,

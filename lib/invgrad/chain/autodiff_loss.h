@@ -1,4 +1,4 @@
-// A loss from a functor on a scalar type, differentiated by Jets.
+// A loss given by a functor on a scalar type, differentiated by Jets.
 //
 //   L(y, y*),   g = dL/dy,   H_L = d2L/dy2
 //

@@ -1,5 +1,5 @@
-// A simulator from a functor on a scalar type, differentiated by Jets over all
-// of its inputs at once.
+// A simulator given by a functor on a scalar type, differentiated by Jets with
+// respect to all inputs at once.
 //
 //   y = P(x; c),   J = dP/dx,   H = sum_i w_i d2P_i/dx2
 //
@@ -9,8 +9,8 @@
 //   template <typename T>
 //   bool operator()(const T* x, const double* context, T* y) const;
 // Cost:    J: one evaluation with Jets of kIn partial derivatives; H: one with
-//          kIn^2. For a few dozen inputs; a simulator that steps through time
-//          is better served by time_stepping_simulator.h.
+//          kIn^2. For up to a few dozen inputs; for a simulator that steps
+//          through time see time_stepping_simulator.h.
 // Fails:   returns false if the functor does or a value is not finite.
 #ifndef INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_
 #define INVGRAD_CHAIN_AUTODIFF_SIMULATOR_H_
@@ -45,7 +45,7 @@ class AutoDiffSimulator final : public Simulator {
     Scratch<Jet> y_jets(kOut);
     for (int i = 0; i < kIn; ++i) x_jets[i] = Jet(x[i], i);
     if (!Call(x_jets.data(), context, y_jets.data())) return false;
-    // By columns, a row-major J is J^T.
+    // A row-major J is a column-major J^T.
     Eigen::Map<Eigen::Matrix<double, kIn, kOut>> J_transposed(jacobian);
     for (int i = 0; i < kOut; ++i) {
       y[i] = y_jets[i].a;

@@ -1,4 +1,4 @@
-// A step of time from a functor on a scalar type, differentiated by Jets.
+// A time step given by a functor on a scalar type, differentiated by Jets.
 //
 //   template <typename T>
 //   bool operator()(Index t, const T* state, const T* control,
@@ -6,7 +6,7 @@
 //
 // Cost:    G_t: ceil((ns + nc) / kStride) evaluations of the functor with Jets
 //          of kStride partial derivatives. Hessian: about half the square of
-//          that many, with nested Jets of kStride^2.
+//          this number, with nested Jets of kStride^2.
 // Fails:   returns false if the functor does.
 #ifndef INVGRAD_CHAIN_AUTODIFF_STEP_H_
 #define INVGRAD_CHAIN_AUTODIFF_STEP_H_
@@ -22,7 +22,7 @@
 
 namespace invgrad {
 
-// Without the Hessian: nested Jets double the time to compile.
+// Without the Hessian, because nested Jets double the compile time.
 template <typename Functor, int kStride>
 class FirstOrderStep : public TimeStep {
  public:
@@ -71,8 +71,9 @@ class FirstOrderStep : public TimeStep {
   const Functor& functor() const { return functor_; }
 
  private:
-  // GCC stops inlining the Jets' operators in a step of more than a few dozen
-  // operations; a Runge-Kutta step is then three times slower (GCC 12, -O3).
+  // In steps of more than a few dozen operations GCC stops inlining the
+  // operators of Jets; this makes a Runge-Kutta step three times slower (GCC
+  // 12, -O3).
   template <typename T>
   [[gnu::flatten]] bool Inlined(Index t,
                                 const T* state,

@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// An array without rows may come without columns too.
+// An array without rows may have no columns.
 void CheckColumns(const MatrixXd& array, int num_samples) {
   if (array.rows() > 0) CHECK_EQ(array.cols(), num_samples);
 }

@@ -15,15 +15,15 @@ struct DataSet {
   Eigen::MatrixXd inputs;    // |a| x N: a
   Eigen::MatrixXd contexts;  // |c| x N: c; 0 x N if none
   Eigen::MatrixXd targets;   // |y| x N: y*
-  // |x| x N: an x with P(x) = y*, for supervised training; 0 x N if none is
-  // known.
+  // |x| x N: solutions x of P(x) = y*, for supervised training; 0 x N if
+  // unknown.
   Eigen::MatrixXd solutions;
 
   int num_samples() const { return static_cast<int>(inputs.cols()); }
 
   // c of a sample; without contexts a null vector of size 0.
   Eigen::Map<const Eigen::VectorXd> Context(int sample) const {
-    // An array without rows may come without columns too.
+    // An array without rows may have no columns.
     return {contexts.rows() == 0 ? nullptr : contexts.col(sample).data(),
             contexts.rows()};
   }
@@ -34,7 +34,8 @@ struct DataSet {
   // The samples first, ..., first + count - 1.
   DataSet Range(int first, int count) const;
 
-  // False if a value is not finite; then *error names array, sample and entry.
+  // Returns false if a value is not finite; *error names array, sample and
+  // entry.
   bool IsFinite(std::string* error) const;
 };
 

@@ -191,7 +191,8 @@ void DenseNetwork::InputJacobians(const VectorXd& weights,
   CHECK_EQ(activations.num_channels, 1);
   const int last = num_layers() - 1;
   const int batch_size = activations.batch_size();
-  // dx_{s,i}/da_l, from the top: of the last layer's inputs it is the weights.
+  // dx_{s,i}/da_l, from the last layer down: for the inputs of the last layer
+  // it equals the weights.
   MatrixXd above = LayerWeights(last, weights)
                        .topRows(widths_[last])
                        .replicate(1, batch_size);

@@ -20,7 +20,7 @@ struct TangentPass {
   std::vector<MatrixXd> delta_dots;  // and of deltas
 };
 
-// Fills deltas and pulled, and gives the tangents their sizes.
+// Fills deltas and pulled, and resizes the tangents.
 TangentPass StartTangentPass(const DenseNetwork& network,
                              const VectorXd& weights,
                              const DenseNetwork::Activations& activations,
@@ -62,7 +62,8 @@ TangentPass StartTangentPass(const DenseNetwork& network,
   return pass;
 }
 
-// z_dots and a_dots of the layers above `from`, from its z_dots.
+// Computes z_dots and a_dots of the layers above `from` from the z_dots of
+// `from`.
 void TangentForward(const DenseNetwork& network,
                     const VectorXd& weights,
                     const DenseNetwork::Activations& activations,
@@ -82,7 +83,7 @@ void TangentForward(const DenseNetwork& network,
   }
 }
 
-// delta_dots of the layers from `from` on, from those of the last.
+// Computes delta_dots of the layers from `from` on, starting at the last layer.
 void TangentBackward(const DenseNetwork& network,
                      const VectorXd& weights,
                      const DenseNetwork::Activations& activations,
@@ -109,8 +110,8 @@ void TangentBackward(const DenseNetwork& network,
   }
 }
 
-// The tangents of the samples' gradients in the weights of layer l, which are
-// inputs_s delta_s^T: layer_size x B.
+// The tangents of the samples' gradients inputs_s delta_s^T with respect to the
+// weights of layer l: layer_size x B.
 void GradientTangents(const DenseNetwork::Activations& activations,
                       const TangentPass& pass,
                       int l,
@@ -145,7 +146,7 @@ void DenseNetwork::Hessian(const VectorXd& weights,
   hessian->resize(num_weights(), num_weights());
   MatrixXd gradient_dots;  // layer_size x B, a column a sample
   const auto add_pass = [&](int from, int unit, int channel) {
-    // This channel of the unit's z moves at rate one in every sample.
+    // The tangent of this channel of the unit's z is one in every sample.
     pass.z_dots[from].setZero();
     for (int s = 0; s < batch_size; ++s) {
       pass.z_dots[from](unit, s * T + channel) = 1.0;

@@ -23,7 +23,7 @@ bool CloseLoop(const Feedback& feedback,
   Scratch<double> M(num_calls * ns * size);
   if (!feedback.StepJacobians(x, start, M.data())) return false;
   Scratch<double> memory(2 * ns * x_bar.cols());
-  // Covectors of s_{t+1} and of s_t, one a column.
+  // Covectors of s_{t+1} and of s_t, one per column.
   Eigen::Map<MatrixXd> p(memory.data(), ns, x_bar.cols());
   Eigen::Map<MatrixXd> pulled(memory.data() + p.size(), ns, x_bar.cols());
   p.setZero();

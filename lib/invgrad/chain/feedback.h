@@ -1,31 +1,32 @@
-// The network in the simulator's loop over time: it is called at every step.
+// Feedback: the network is part of the simulator's loop over time and is called
+// at every step.
 //
 //   u_t = f(a_t; theta),   a_t = (s_t, r),   s_{t+1} = step(s_t, u_t)
 //   x = (u_0, .., u_{T-1}),   t = 0 .. T-1
 //
-// The simulator itself stays open: y = P(x; s_0) for given controls x. Loss,
-// simulator and every pull-back to x are therefore those of a chain without a
-// loop; the loop only matters between x and the weights. With K_t = du_t/ds_t,
-// K = diag(K_t), and S = ds/dx of the open simulator, strictly lower block
-// triangular,
+// The simulator itself is open: y = P(x; s_0) for given controls x. Loss,
+// simulator and every pull-back to x are therefore the same as without the
+// loop; the loop only affects the derivatives of x with respect to the weights.
+// With K_t = du_t/ds_t, K = diag(K_t), and S = ds/dx of the open simulator,
+// strictly lower block triangular,
 //
 //   dx = df + K S dx = (I - K S)^-1 df
 //
-// where df is the change of the controls with all states held fixed. CloseLoop
-// multiplies a covector of x, or each row of J_y_x, by (I - K S)^-1, by a
-// recursion backwards in time that forms neither K nor S. With
-// A_t = ds_{t+1}/ds_t and B_t = ds_{t+1}/du_t:
+// where df is the change of the controls at fixed states. CloseLoop multiplies
+// a covector of x, or each row of J_y_x, by (I - K S)^-1, by a recursion
+// backwards in time that forms neither K nor S. With A_t = ds_{t+1}/ds_t and
+// B_t = ds_{t+1}/du_t:
 //
 //   p = 0;   for t = T-1 .. 0:   x_bar_t += B_t^T p
 //                                p = A_t^T p + K_t^T x_bar_t
 //
-// which is backpropagation through time [1]; the input Jacobian K_t stands for
-// the network's part of each step. Second derivatives are not available.
+// This is backpropagation through time [1]; the input Jacobian K_t represents
+// the network in each step. Second derivatives are not available.
 //
 // Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;
 //          B_t: ns x nc.
 // Cost:    CloseLoop: one StepJacobians and 2 T (ns + 2 nc) ns a covector.
-// Fails:   every function returns false where the physics has no finite value.
+// Fails:   every function returns false if the simulator has no finite value.
 // Implementations are immutable, so that several threads may share one.
 //
 // [1] Werbos. Backpropagation through time: what it does and how to do it.
@@ -37,7 +38,7 @@
 
 namespace invgrad {
 
-// The functions of a simulator that the loop calls.
+// The functions of a simulator that the loop needs.
 class Feedback {
  public:
   virtual ~Feedback() = default;

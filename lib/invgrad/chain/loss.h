@@ -6,7 +6,7 @@
 // Units:   L scales half-inverse steps, so the factor in front of the squared
 //          norm is explicit: SquaredNormLoss(0.5) is Ceres' 1/2 |y - y*|^2,
 //          SquaredNormLoss(1.0) the |y - y*|^2 of the HIG code.
-// Fails:   Evaluate returns false where the loss has no finite value.
+// Fails:   Evaluate returns false if the loss has no finite value.
 #ifndef INVGRAD_CHAIN_LOSS_H_
 #define INVGRAD_CHAIN_LOSS_H_
 
@@ -29,8 +29,8 @@ class Loss {
                         double* gradient,
                         double* hessian) const = 0;
 
-  // c, if the loss is c |y - y*|^2: only then is it a least-squares problem
-  // that Ceres' trust-region solvers can take.
+  // c, if the loss is c |y - y*|^2. Ceres' trust-region solvers need such a
+  // least-squares problem.
   virtual std::optional<double> SquaredNormFactor() const {
     return std::nullopt;
   }
@@ -53,8 +53,8 @@ class SquaredNormLoss final : public Loss {
   double factor_;
 };
 
-// L = y* . y: the covector y* as a loss. Its Hessian in x or theta is that of
-// the outputs, weighted by y*.
+// L = y* . y: the covector y* as a loss. Its Hessian with respect to x or theta
+// is the Hessian of the outputs, weighted by y*.
 class DotProductLoss final : public Loss {
  public:
   explicit DotProductLoss(int size);

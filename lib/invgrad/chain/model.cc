@@ -15,7 +15,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Samples that are predicted at a time: their activations stay in the cache.
+// The number of samples predicted at a time, so that their activations stay in
+// the cache.
 constexpr int kPieceSize = 512;
 
 constexpr char kNetworkFailed[] = "the network's output is not finite";
@@ -44,13 +45,15 @@ bool CheckOutputs(const DenseNetwork::Activations& activations,
   return SampleError(column / activations.num_channels, kNetworkFailed, error);
 }
 
-// Writes the activations of call t, a column a sample, among those of all.
+// Copies the activations of call t, one column per sample, into the activations
+// of all calls.
 void StoreCall(const DenseNetwork::Activations& call,
                int t,
                int num_calls,
                DenseNetwork::Activations* all) {
   const auto store = [t, num_calls](const MatrixXd& from, MatrixXd* to) {
-    to->resize(from.rows(), from.cols() * num_calls);  // keeps what fits
+    to->resize(from.rows(), from.cols() * num_calls);  // keeps memory of the
+                                                       // right size
     Eigen::Map<MatrixXd, 0, Eigen::OuterStride<>>(
         to->data() + t * from.rows(),
         from.rows(),
@@ -204,7 +207,7 @@ bool Model::CloseLoop(const VectorXd& weights,
                       const DenseNetwork::Activations& activations,
                       Eigen::Ref<MatrixXd> x_bar,
                       std::string* error) const {
-  if (num_calls() == 1) return true;  // no call comes after another
+  if (num_calls() == 1) return true;  // there is no loop
   const int batch_size = batch.num_samples();
   const Eigen::Index num_x = simulator_->num_inputs();
   CHECK_EQ(x_bar.cols() % batch_size, 0);
@@ -266,7 +269,8 @@ bool Model::Predict(const VectorXd& weights,
                       batch.Range(first, count),
                       outputs->middleCols(first, count),
                       error)) {
-      // Again as a whole, for a message that names the batch's sample.
+      // Repeats the whole batch, for a message with the sample's number in the
+      // batch.
       return PredictPiece(weights, batch, *outputs, error);
     }
   }

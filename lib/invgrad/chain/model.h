@@ -2,41 +2,42 @@
 //
 //   x_s = f(a_s; theta),   y_s = P(x_s; c_s),   L = scale sum_s L(y_s, y*_s)
 //
-// with scale = 1/B (kMean) or 1 (kSum). The choice matters to half-inverse
-// steps: g = dL/dy carries the factor.
+// with scale = 1/B (kMean) or 1 (kSum). The scale changes half-inverse steps,
+// because g = dL/dy contains it.
 //
-// With feedback (feedback.h) the network is in the simulator's loop over time:
-// it is called T times a sample, x_s holds its outputs,
+// With feedback (feedback.h) the simulator's loop over time calls the network T
+// times a sample, and x_s holds the outputs,
 //
 //   x_s = (u_0, .., u_{T-1}),   u_t = f(a_{s,t}; theta)
 //
-// and a_{s,t} is a_s, from the second call on with the state s_t in place of
-// its first ns entries. The other entries, a set point say, are the same at all
-// calls; a reference signal is part of the state, together with its generator.
+// where a_{s,t} is a_s; from the second call on the state s_t replaces its
+// first ns entries. The other entries, such as a set point, are the same in all
+// calls. Include a reference signal and its generator in the state.
 //
-// With NetworkOutput::kTwoJet the network's derivatives in its input are inputs
-// of the simulator as well: a differential equation's residual is then a
-// simulator, a function of them and of the sample's context (a physics-informed
-// network),
+// With NetworkOutput::kTwoJet the derivatives of the network with respect to
+// its input are also inputs of the simulator. The residual of a differential
+// equation is then a simulator: a function of these derivatives and of the
+// sample's context (a physics-informed network),
 //
 //   x_s = (f, d_1 f, .., d_|a| f, Lap f)(a_s; theta)
 //
-// Shapes:  theta: n;  y: |y| B stacked sample by sample, as g and the rows of
-//          J = dy/dtheta are. Activations: B columns; with feedback B T, a
-//          sample's calls side by side; with jets the same, T = |a| + 2.
+// Shapes:  theta: n; y: |y| B, stacked sample by sample, like g and the rows of
+//          J = dy/dtheta. Activations: B columns; with feedback B T, a sample's
+//          calls side by side; with jets the same, T = |a| + 2.
 // Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
 //          (network_jacobian.h).
 //          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian;
-//          not with feedback. Nothing is allocated a sample but by the Hessian.
-//          With feedback: T passes in place of one, an input Jacobian of the
+//          not with feedback. Only the Hessian allocates per sample. With
+//          feedback: T passes in place of one, an input Jacobian of the
 //          network, and one CloseLoop a sample. With jets: T passes, for the
 //          Hessian T^2.
-// Fails:   Linearize, Cost and Predict return false with a message naming the
-//          sample (its column in the batch) if a simulator or loss fails or a
-//          value is not finite; of a roll-out also the time step. Empty batches
+// Fails:   Linearize, Cost and Predict return false if a simulator or loss
+//          fails or a value is not finite. The message names the sample (its
+//          column in the batch) and the time step of a roll-out. Empty batches
 //          and sizes that do not fit are CHECKed.
-// Immutable: threads may share a model whose simulator and loss they may share.
+// Immutable: threads may share a model if they may share its simulator and
+//            loss.
 #ifndef INVGRAD_CHAIN_MODEL_H_
 #define INVGRAD_CHAIN_MODEL_H_
 
@@ -118,9 +119,9 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
-  // The network's part of the chain; SimulatorInputs reads x from it. False,
-  // with the sample named, if an output is not finite or, with feedback, a step
-  // fails.
+  // The network's part of the chain; SimulatorInputs reads x from it. Returns
+  // false, with the sample in *error, if an output is not finite or, with
+  // feedback, a step fails.
   bool Forward(const Eigen::VectorXd& weights,
                const DataSet& batch,
                bool want_curvatures,
@@ -131,22 +132,22 @@ class Model {
   Eigen::Map<const Eigen::MatrixXd> SimulatorInputs(
       const DenseNetwork::Activations& activations) const;
 
-  // Closes the loop for covectors of x that hold every input of the network
-  // fixed (x_bar: |x| x B k, k for each sample), in place; without feedback
-  // they stay as they are. False, with the sample named, where the physics has
-  // no finite derivative.
+  // Closes the loop, in place, for covectors of x at fixed network inputs
+  // (x_bar: |x| x B k, k for each sample); without feedback x_bar does not
+  // change. Returns false, with the sample in *error, if the simulator has no
+  // finite derivative.
   bool CloseLoop(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const DenseNetwork::Activations& activations,
                  Eigen::Ref<Eigen::MatrixXd> x_bar,
                  std::string* error) const;
 
-  // False, with a message that says what to do, if Linearize cannot compute
-  // these parts: the Hessian in a closed loop, or of a simulator without
+  // Returns false, with advice in *error, if Linearize cannot compute these
+  // parts: the Hessian in a closed loop, or of a simulator without
   // WeightedHessian.
   bool CanLinearize(const LinearizationParts& parts, std::string* error) const;
 
-  // Fills cost and the wanted parts; the others are left empty.
+  // Fills cost and the requested parts; the others are empty.
   bool Linearize(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const LinearizationParts& parts,

@@ -90,7 +90,7 @@ bool Model::CostAndGradient(const VectorXd& weights,
     Eigen::Map<VectorXd>(g, loss_->size()) *= scale;
     return !loss_failed;
   };
-  // By reference, which std::function holds without allocating.
+  // By reference, because std::function then does not allocate.
   const Simulator::Covector covector = std::cref(loss_gradient);
   for (; s < batch.num_samples(); ++s) {
     if (!simulator_->Adjoint(x.col(s).data(),

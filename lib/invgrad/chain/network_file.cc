@@ -25,12 +25,13 @@ bool ParseNumber(std::string_view text, T* value) {
   return status == std::errc() && parsed == end;
 }
 
-// What is left of the file, taken line by line.
+// The unread part of the file, read line by line.
 class Lines {
  public:
   explicit Lines(std::string_view rest) : rest_(rest) {}
 
-  // False if there is no line that is ended: a last number may lack digits.
+  // Returns false if there is no complete line: the last number may lack
+  // digits.
   bool Take(std::string_view* line) {
     const size_t end = rest_.find('\n');
     if (end == std::string_view::npos) return false;
@@ -39,7 +40,7 @@ class Lines {
     return true;
   }
 
-  // What follows "key " on the next line.
+  // The text after "key " on the next line.
   bool TakeValue(std::string_view key, std::string_view* value) {
     std::string_view line;
     if (!Take(&line) || line.substr(0, key.size()) != key ||
@@ -77,7 +78,7 @@ bool ParseActivation(std::string_view name, Activation* activation) {
   return true;
 }
 
-// Text of a damaged file, for a message.
+// Quotes text of a damaged file in a message.
 std::string Quoted(std::string_view text) {
   constexpr size_t kMaxShown = 60;
   std::string shown(text.substr(0, kMaxShown));
@@ -128,7 +129,7 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view bytes,
                     static_cast<int>(wanted));
     return std::nullopt;
   }
-  // A digit and the end of its line are the least that a weight takes.
+  // A weight takes at least a digit and a line end.
   if (lines.num_bytes() / 2 < static_cast<size_t>(count)) {
     *problem = fmt::format("too short for {} weights", count);
     return std::nullopt;

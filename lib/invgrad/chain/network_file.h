@@ -1,6 +1,5 @@
-// A trained network in one file, as a program that ships one loads it:
-// architecture and weights. compare writes it as network.txt beside each run's
-// weights.
+// A trained network, architecture and weights, in one file that a program can
+// load. `compare` writes it as network.txt beside the weights of each run.
 //
 //   std::string error;
 //   Eigen::VectorXd weights;
@@ -22,16 +21,15 @@
 //
 // In numpy: np.loadtxt("network.txt", skiprows=4).
 //
-// Inputs and outputs are in the units of the problem that the network was
-// trained on.
+// Inputs and outputs have the units of the problem that the network was trained
+// on.
 //
 // Cost:    20 bytes a weight.
-// Fails:   returns false (nothing), with a message that names the file and
-//          what is wrong with it; *weights is then unchanged. ReadNetwork
-//          refuses truncated files, numbers that do not fit each other and
-//          weights that are not finite, as after diverged training; it never
-//          allocates more than a few times the file's size. Weights that do not
-//          fit the network are CHECKed by WriteNetwork.
+// Fails:   returns false (nothing), with a message that names the file and the
+//          error; *weights is then unchanged. ReadNetwork rejects truncated
+//          files, inconsistent sizes and weights that are not finite, as after
+//          diverged training; it never allocates more than a few times the
+//          file's size. WriteNetwork CHECKs the number of weights.
 #ifndef INVGRAD_CHAIN_NETWORK_FILE_H_
 #define INVGRAD_CHAIN_NETWORK_FILE_H_
 
@@ -43,7 +41,7 @@
 
 namespace invgrad {
 
-// Atomically (atomic_file.h). Also writes weights that are not finite.
+// Writes atomically (atomic_file.h), also weights that are not finite.
 bool WriteNetwork(const std::string& path,
                   const DenseNetwork& network,
                   const Eigen::VectorXd& weights,

@@ -2,9 +2,9 @@
 //
 //   x = f(a; theta)
 //
-// For a network inside any autodiff functor, and the reference for the tests of
-// DenseNetwork. Too slow for the derivatives in more than a few hundred
-// weights: use Model or DenseNetwork.
+// For a network inside an autodiff functor, and as reference for the tests of
+// DenseNetwork. For derivatives with respect to more than a few hundred weights
+// use Model or DenseNetwork, which are much faster.
 //
 // Shapes:  weights: n, laid out as in dense_network.h;  inputs: |a|;
 //          outputs: |x|.

@@ -33,7 +33,7 @@ NetworkJacobian::NetworkJacobian(DenseNetwork network,
   const Index batch_size = activations_.batch_size() / num_calls_;
   CHECK_EQ(last_factor_.cols() % batch_size, 0);
   outputs_per_sample_ = static_cast<int>(last_factor_.cols() / batch_size);
-  // The same numbers in the same order, a column a call.
+  // The same numbers in the same order, one column per call.
   last_factor_.resize(num_outputs, num_calls_ * last_factor_.cols());
 }
 
@@ -46,7 +46,7 @@ void NetworkJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
   const Index r = outputs_per_sample_;
   MatrixXd dx;
   network_.Tangent(weights_, activations_, v, &dx);
-  // |x| x B: the calls of a sample below each other.
+  // |x| x B: the calls of a sample stacked in a column.
   dx.resize(dx.rows() * num_calls_, dx.cols() / num_calls_);
   Jv->resize(rows());
   for (Index s = 0; s < dx.cols(); ++s) {

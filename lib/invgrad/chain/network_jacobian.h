@@ -1,28 +1,30 @@
-// The Jacobian of a batch of simulator outputs in the weights of the network in
-// front of the simulator, never formed.
+// The Jacobian of a batch of simulator outputs with respect to the network's
+// weights, never formed.
 //
 //   J = dy/dtheta,   row (s, j) = J_s(j, :) df(a_s)/dtheta,   J_s = dy_s/dx_s
 //
-// It keeps the forward pass's activations and the J_s. With a_{l,s} the input
-// of layer l for sample s (and a last 1 for the bias), and delta_{l,sj} the
-// derivative of y_{s,j} in the layer's z, row (s, j) of J holds the outer
-// products a_{l,s} delta_{l,sj}^T of all layers, and so (layer_jacobian.h)
+// The object stores the activations of the forward pass and the J_s. Let
+// a_{l,s} be the input of layer l for sample s (with a last 1 for the bias),
+// and delta_{l,sj} the derivative of y_{s,j} with respect to the layer's z. Row
+// (s, j) of J consists of the outer products a_{l,s} delta_{l,sj}^T of all
+// layers, so (layer_jacobian.h)
 //
 //   (J J^T)_{(s,j),(t,k)} =
 //       sum_l (a_{l,s} . a_{l,t}) (delta_{l,sj} . delta_{l,tk})
 //
-// In a loop over time (feedback.h) x is the outputs of T calls of the network,
-// J_s is that of the closed loop, and a row of J sums the outer products of its
-// sample's calls. Where x holds the network's derivatives in its input as well
-// (two_jet.h), the T channels of the jets take the place of the calls.
+// In a loop over time (feedback.h), x holds the outputs of T calls of the
+// network, J_s includes the closed loop, and a row of J sums the outer products
+// over the sample's calls. If x also holds the network's derivatives with
+// respect to its input (two_jet.h), the T channels of the jets take the place
+// of the calls.
 //
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
 // Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.
-//          Gram: m^2 sum_l widths[l], where a dense J takes m^2 n: it pays from
-//          the first layer on. The delta_l are built on the first use of Gram,
-//          ToDense, Layer or ColumnBlocks (2 m n / B more, once) and kept:
-//          8 m sum_l widths[l] bytes. With T > 1 calls, T times of all that but
-//          Gram, which takes m^2 n.
+//          Gram: m^2 sum_l widths[l], instead of m^2 n for a dense J. The
+//          delta_l are built on the first use of Gram, ToDense, Layer or
+//          ColumnBlocks (2 m n / B more, once) and kept: 8 m sum_l widths[l]
+//          bytes. With T > 1 calls everything costs T times as much, but Gram
+//          m^2 n.
 // Fails:   never by itself. Safe to use from several threads.
 #ifndef INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
 #define INVGRAD_CHAIN_NETWORK_JACOBIAN_H_
@@ -43,8 +45,8 @@ class NetworkJacobian final : public JacobianOperator {
  public:
   // `activations` of a forward pass with `weights`. simulator_jacobians: |x| x
   // m, column s |y| + j is row j of J_s: the row-major Jacobians of the samples
-  // one after the other. Where |x| is T times the network's outputs, a sample
-  // has T columns of the activations, side by side. Sizes that do not fit are
+  // one after the other. If |x| is T times the number of network outputs, a
+  // sample has T adjacent columns of the activations. Sizes that do not fit are
   // CHECKed.
   NetworkJacobian(DenseNetwork network,
                   Eigen::VectorXd weights,
@@ -73,8 +75,8 @@ class NetworkJacobian final : public JacobianOperator {
   // The simulator's Jacobians: |x| x m.
   Eigen::Map<const Eigen::MatrixXd> SimulatorJacobians() const;
 
-  // delta_l: widths[l + 1] x m T, a row's calls side by side. The first call
-  // builds those of all layers.
+  // delta_l: widths[l + 1] x m T, the calls of a row side by side. The first
+  // call computes delta_l of all layers.
   const Eigen::MatrixXd& LayerFactor(int l) const;
 
   DenseNetwork network_;

@@ -14,7 +14,7 @@ std::vector<NeuronStatistics> ComputeNeuronStatistics(
   const double num_samples = data.num_samples();
   std::vector<NeuronStatistics> neurons;
   for (int layer = 1; layer < network.num_layers(); ++layer) {
-    // The inputs of the next layer, whose last row is the constant one.
+    // The inputs of the next layer, whose last row is constant (one).
     const Eigen::MatrixXd& a = activations.inputs[layer];
     const Eigen::MatrixXd& slopes = activations.slopes[layer - 1];
     for (int i = 0; i < network.widths()[layer]; ++i) {

@@ -1,7 +1,8 @@
-// Runs a function on each of `count` samples, in contiguous shares on threads.
+// Applies a function to each of `count` samples, in contiguous shares per
+// thread.
 //
-// The samples must not depend on each other; then the result does not depend on
-// the number of threads. With one thread no other is started.
+// The samples must be independent; the result then does not depend on the
+// number of threads. One thread means the calling thread.
 #ifndef INVGRAD_CHAIN_PARALLEL_SAMPLES_H_
 #define INVGRAD_CHAIN_PARALLEL_SAMPLES_H_
 

@@ -1,5 +1,5 @@
 // A roll-out through time and its derivatives, one step at a time: the common
-// part of the simulators that step through time.
+// part of the time-stepping simulators.
 //
 //   (s_{t+1}, z_t) = step(t, s_t, u_t),   t = 0 .. N-1
 //
@@ -18,9 +18,9 @@
 //
 // Shapes:  s: ns;  u: nc;  z: no, perhaps 0;  x = u_0 .. u_{N-1}: N nc;
 //          z_0 .. z_{N-1}: N no;  G_t: (ns + no) x (ns + nc), row-major.
-// Cost:    one call of the step's function a step of time; the chaining of the
-//          Hessian takes N^2 nc ns (ns + nc).
-// Fails:   returns false if a step does or a value is not finite.
+// Cost:    one call of the step's function per time step; chaining the Hessian
+//          takes N^2 nc ns (ns + nc).
+// Fails:   returns false if a step returns false or a value is not finite.
 //
 // [1] Griewank, Walther. Evaluating Derivatives. 2nd edition, SIAM 2008,
 //     chapter 3: forward mode inside a step, reverse mode over the steps.
@@ -71,8 +71,8 @@ class TimeStep {
   Index output_size_;
 };
 
-// pulled = A^T w for a row-major A, by sums in registers: for the sizes of one
-// time step, too small for anything else.
+// pulled = A^T w for a row-major A, by sums in registers, which is fastest for
+// the sizes of one time step.
 inline void TransposeTimes(Eigen::Index rows,
                            Eigen::Index cols,
                            const double* A,
@@ -118,8 +118,8 @@ class RollOut {
                  double* states,
                  double* G) const;
 
-  // Replaces p by the covector of s_0 and computes that of x. w is not read if
-  // there are no outputs.
+  // Replaces p by the covector of s_0 and computes the covector of x. w is not
+  // read if there are no outputs.
   void Adjoint(const double* G,
                const double* w,
                double* p,

@@ -15,7 +15,7 @@ inline constexpr char kLossFailed[] = "the loss has no finite value";
 // *error = "sample 3: what". Returns false.
 bool SampleError(int sample, const std::string& what, std::string* error);
 
-// For a simulator that failed at the sample's x (x: |x| x B). Returns false.
+// The same for a simulator that failed at the sample's x (x: |x| x B).
 bool SimulatorError(const Simulator& simulator,
                     const Eigen::Map<const Eigen::MatrixXd>& x,
                     const DataSet& batch,
@@ -25,8 +25,8 @@ bool SimulatorError(const Simulator& simulator,
 // True if the cost of a batch is finite.
 bool CheckCost(double cost, std::string* error);
 
-// True if both are finite: backward passes can overflow where the forward one
-// did not.
+// True if both are finite: a backward pass may overflow although the forward
+// pass did not.
 bool CheckDerivatives(const Eigen::VectorXd& gradient,
                       const Eigen::MatrixXd& hessian,
                       std::string* error);

@@ -1,17 +1,17 @@
-// A simulator is the physics between a network and a loss.
+// A simulator is the differentiable model between a network and a loss.
 //
 //   y = P(x; c),   J = dP/dx
 //
 // Shapes:  x: num_inputs;  c: num_context, the data of a sample that is not
 //          controlled (an initial state);  y: num_outputs;
 //          J: num_outputs x num_inputs, row-major.
-// Fails:   every function returns false where the physics has no finite value;
-//          its outputs are then unspecified.
+// Fails:   every function returns false if there is no finite value; its
+//          outputs are then unspecified.
 // Implementations are immutable, so that several threads may share one.
 //
 // Most simulators are functors on a scalar type T, differentiated by Jets: see
-// autodiff_simulator.h, time_stepping_simulator.h, linear_simulator.h. An
-// implementation of one's own needs the two sizes and Evaluate.
+// autodiff_simulator.h, time_stepping_simulator.h, linear_simulator.h. A direct
+// implementation needs the two sizes and Evaluate.
 #ifndef INVGRAD_CHAIN_SIMULATOR_H_
 #define INVGRAD_CHAIN_SIMULATOR_H_
 
@@ -21,7 +21,7 @@
 
 namespace invgrad {
 
-// Whether none of `size` values is infinite or NaN.
+// Whether all `size` values are finite.
 bool AllFinite(const double* values, std::ptrdiff_t size);
 
 // "the state is not finite after time step 17 of 96", of the step t = 16.
@@ -44,12 +44,12 @@ class Simulator {
                         double* y,
                         double* jacobian) const = 0;
 
-  // Given y, writes a covector w (num_outputs), usually dL/dy. If it returns
-  // false, so does Adjoint.
+  // Writes a covector w (num_outputs) for the given y, usually dL/dy. Adjoint
+  // returns false if this function does.
   using Covector = std::function<bool(const double* y, double* w)>;
 
   // Computes y and x_bar = J^T w(y) (num_inputs). The default forms J; override
-  // it where one forward and one backward pass are cheaper.
+  // it if one forward and one backward pass are cheaper.
   virtual bool Adjoint(const double* x,
                        const double* context,
                        const Covector& covector,
@@ -57,32 +57,33 @@ class Simulator {
                        double* x_bar) const;
 
   // Computes H = sum_i w_i d2P_i/dx2, num_inputs x num_inputs, symmetric.
-  // Optional: only Newton's methods call it. Override both functions or none.
+  // Optional: only Newton's method needs it. Override both functions or
+  //           neither.
   virtual bool has_weighted_hessian() const { return false; }
   virtual bool WeightedHessian(const double* x,
                                const double* context,
                                const double* w,
                                double* hessian) const;
 
-  // Where one of the functions above failed at (x, context), for a message;
-  // empty if there is no more to say. Evaluates once more.
+  // Describes where one of the functions above failed at (x, context), for a
+  // message; may be empty. Evaluates once more.
   virtual std::string DescribeFailure(const double* /*x*/,
                                       const double* /*context*/) const {
     return "";
   }
 };
 
-// False, with a message that says what to do, if the simulator has no
+// Returns false, with advice in *error, if the simulator has no
 // WeightedHessian.
 bool CheckHasHessian(const Simulator& simulator, std::string* error);
 
-// The message for a failed call: "the simulator has no finite value" and, if
-// known, ": " and where.
+// The message for a failed call: "the simulator has no finite value", followed
+// by ": " and the place if known.
 std::string SimulatorFailure(const Simulator& simulator,
                              const double* x,
                              const double* context);
 
-// y = x: the chain without physics.
+// y = x: a chain without physics.
 class IdentitySimulator final : public Simulator {
  public:
   explicit IdentitySimulator(int size) : size_(size) {}

@@ -1,5 +1,5 @@
-// The common part of the simulators that step a state through time: sizes, and
-// the feedback through which a network puts out u_t from s_t (feedback.h).
+// The common part of the time-stepping simulators: sizes, and the feedback in
+// which a network computes u_t from s_t (feedback.h).
 //
 //   s_{t+1} = step(s_t, u_t),   t = 0 .. N-1,   s_0 = c
 //
@@ -41,7 +41,7 @@ class SteppedSimulator : public Simulator, public Feedback {
  protected:
   using Index = Eigen::Index;
 
-  // Without outputs (CHECKed).
+  // The step must have no outputs (CHECKed).
   explicit SteppedSimulator(RollOut states);
   const RollOut& states() const { return states_; }
 

@@ -2,20 +2,21 @@
 //
 //   s_{t+1} = step(s_t, u_t),   t = 0 .. N-1,   s_0 = c,   y = s_N
 //
-// It is differentiated a step at a time and chained backwards (roll_out.h).
-// With A_t = ds_{t+1}/ds_t, B_t = ds_{t+1}/du_t:
+// Derivatives of single steps are chained backwards (roll_out.h). With
+// A_t = ds_{t+1}/ds_t, B_t = ds_{t+1}/du_t:
 //
 //   Jacobian  C = I;     for t = N-1 .. 0:   J_t = C B_t,       C = C A_t
 //   adjoint   p = w(y);  for t = N-1 .. 0:   x_bar_t = B_t^T p, p = A_t^T p
 //
-// It is also its own feedback: a network may put out u_t from s_t (feedback.h).
+// The simulator is also its own feedback: a network may compute u_t from s_t
+// (feedback.h).
 //
 // Shapes:  s, c, y: ns;  u: nc;  x = u_0 .. u_{N-1}: N nc.
 //   template <typename T>
 //   bool operator()(const T* state, const T* control, T* next_state) const;
-// Cost:    J, adjoint, Hessian: those of roll_out.h and autodiff_step.h;
-//          chaining J takes 2 ns^2 (ns + nc) N.
-// Fails:   returns false if `step` does or a value is not finite.
+// Cost:    J, adjoint, Hessian: see roll_out.h and autodiff_step.h; chaining J
+//          takes 2 ns^2 (ns + nc) N.
+// Fails:   returns false if `step` returns false or a value is not finite.
 #ifndef INVGRAD_CHAIN_TIME_STEPPING_SIMULATOR_H_
 #define INVGRAD_CHAIN_TIME_STEPPING_SIMULATOR_H_
 
@@ -28,7 +29,7 @@
 
 namespace invgrad {
 
-// Of any TimeStep without outputs.
+// From any TimeStep without outputs.
 class TimeSteppingBase : public SteppedSimulator {
  public:
   explicit TimeSteppingBase(RollOut roll_out);

@@ -31,8 +31,8 @@ bool TrajectoryBase::Evaluate(const double* x,
   if (!roll_out_.Linearize(x, context, state.data(), y, nullptr, G.data())) {
     return false;
   }
-  // Both transposed: row-major matrices by columns. The columns of W^T are
-  // followed by those of dz_t/dx, which then move to J.
+  // Transposed, because row-major matrices are accessed by columns. The columns
+  // of (dz_t/dx)^T follow the columns of W^T and are then copied to J.
   Map<MatrixXd> J(jacobian, num_x, num_outputs());
   J.setZero();
   Scratch<double> memory((2 * ns + no) * num_x);

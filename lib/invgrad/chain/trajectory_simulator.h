@@ -1,13 +1,13 @@
-// A simulator that steps a state through time with an output at every step: its
-// y holds the terms of a loss that adds up over time.
+// A simulator that steps a state through time with an output at every step: y
+// holds the terms of a loss that is a sum over time.
 //
 //   s_{t+1} = step(s_t, u_t),   z_t = output(t, s_{t+1}, u_t),   s_0 = c
 //   y = (z_0, .., z_{N-1}),     t = 0 .. N-1
 //
 // With z_t = (sqrt(q_t) (s_{t+1} - s*), sqrt(rho) u_t) and y* = 0, say, a
 // squared norm of y - y* is sum_t q_t |s_{t+1} - s*|^2 + rho |u_t|^2, where the
-// last q_t may be the weight of the end: a least-squares problem, for every
-// rule and for Ceres' trust regions. output = s_{t+1} gives the trajectory.
+// last q_t may be a terminal weight: a least-squares problem, for every rule
+// and for Ceres' trust regions. output = s_{t+1} gives the trajectory.
 //
 // With G_t the Jacobian of (s_{t+1}, z_t) in (s_t, u_t) (roll_out.h), its rows
 // and columns named [A_t B_t; C_t D_t], and W = ds_t/dx:
@@ -15,7 +15,8 @@
 //   Jacobian   W = 0;   for t = 0 .. N-1:
 //                dz_t/dx = C_t W + D_t dx_t,   W = A_t W + B_t dx_t
 //
-// It is also its own feedback: a network may put out u_t from s_t (feedback.h).
+// The simulator is also its own feedback: a network may compute u_t from s_t
+// (feedback.h).
 //
 // Shapes:  s, c: ns;  u: nc;  x = u_0 .. u_{N-1}: N nc;  z: no;  y: N no.
 //   template <typename T>   // step
@@ -23,9 +24,10 @@
 //   template <typename T>   // output
 //   bool operator()(int t, const T* next_state, const T* control,
 //                   T* output) const;
-// Cost:    J, adjoint, Hessian: those of roll_out.h and autodiff_step.h;
-//          chaining J takes N^2 nc ns (ns + no).
-// Fails:   returns false if `step` or `output` does or a value is not finite.
+// Cost:    J, adjoint, Hessian: see roll_out.h and autodiff_step.h; chaining J
+//          takes N^2 nc ns (ns + no).
+// Fails:   returns false if `step` or `output` returns false or a value is not
+//          finite.
 #ifndef INVGRAD_CHAIN_TRAJECTORY_SIMULATOR_H_
 #define INVGRAD_CHAIN_TRAJECTORY_SIMULATOR_H_
 
@@ -39,7 +41,7 @@
 
 namespace invgrad {
 
-// Of any TimeStep with outputs, and the same one without them.
+// From a TimeStep with outputs, and the same step without outputs.
 class TrajectoryBase : public SteppedSimulator {
  public:
   TrajectoryBase(RollOut roll_out, RollOut states);

@@ -108,7 +108,7 @@ void MultiplyJets(int num_channels,
   for (Index s = 0; s < values.cols(); s += num_channels) {
     const auto f = factors.middleCols(s, num_channels).array();
     auto v = values.middleCols(s, num_channels).array();
-    // From the last channel to the first: each reads those before it.
+    // From the last channel to the first: each channel reads the previous ones.
     v.col(last) = f.col(0) * v.col(last) + f.col(last) * v.col(0);
     for (int i = 1; i < last; ++i) {
       v.col(last) += 2.0 * f.col(i) * v.col(i);
@@ -130,7 +130,8 @@ void MultiplyJetsTransposed(int num_channels,
   for (Index s = 0; s < covectors.cols(); s += num_channels) {
     const auto f = factors.middleCols(s, num_channels).array();
     auto w = covectors.middleCols(s, num_channels).array();
-    // From the first channel to the last: each reads those after it.
+    // From the first channel to the last: each channel reads the following
+    // ones.
     w.col(0) = f.col(0) * w.col(0) + f.col(last) * w.col(last);
     for (int i = 1; i < last; ++i) {
       w.col(0) += f.col(i) * w.col(i);

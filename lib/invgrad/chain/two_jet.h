@@ -3,19 +3,20 @@
 //
 //   j = (v, d_1 v, .., d_d v, Lap v)          T = d + 2 channels
 //
-// Such jets go through functions and products without any other derivative:
+// Functions and products map 2-jets to 2-jets without other derivatives:
 //
 //   phi(z):  phi,  phi' d_i z,         phi' Lap z + phi'' sum_i (d_i z)^2
 //   s z:     s z,  s d_i z + z d_i s,  s Lap z + 2 sum_i d_i s d_i z + z Lap s
 //
-// A network propagates them in its forward pass [1]. Its derivatives need no
-// further rule: since da = phi'(z) dz, the jets' tangents are a product with
-// the jet of the slope phi'(z). The product is symmetric in its factors, so
-// that the same holds for curvatures and all second derivatives.
+// A network propagates them in its forward pass [1]. Derivatives of jets with
+// respect to weights need no further rule: since da = phi'(z) dz, the tangent
+// of a jet is its product with the jet of the slope phi'(z). The product is
+// symmetric in its factors, so the same holds for curvatures and all second
+// derivatives.
 //
-// Shapes:  matrices have a column a channel, T side by side for each sample and
-//          a row a function. T = 1 are plain values, for which products go
-//          entry by entry.
+// Shapes:  matrices have one row per function and T adjacent columns, one per
+//          channel, for each sample. T = 1: plain values, multiplied entry by
+//          entry.
 // Cost:    some 5 operations an entry.
 //
 // [1] Li et al. A computational framework for neural network-based variational
@@ -35,22 +36,22 @@ constexpr int NumTwoJetChannels(int num_variables) { return num_variables + 2; }
 // i = k and 0 for the others, Lap a_k = 0.
 Eigen::MatrixXd JetsOfInputs(const Eigen::MatrixXd& inputs);
 
-// The jets of z in place become those of phi(z); those of phi'(z) and, unless
-// null, of phi''(z) are written. `slopes` and `curvatures`: as z (CHECKed).
-// T > 1 takes derivatives of phi up to the third, with curvatures the fourth.
+// Replaces the jets of z by the jets of phi(z), and writes the jets of phi'(z)
+// and, unless null, of phi''(z). `slopes` and `curvatures`: as z (CHECKed).
+// T > 1 needs derivatives of phi up to the third, with curvatures the fourth.
 void ActivateJets(Activation activation,
                   int num_channels,
                   Eigen::Ref<Eigen::MatrixXd> z,
                   Eigen::MatrixXd* slopes,
                   Eigen::MatrixXd* curvatures);
 
-// values = factors values, a product of jets; with the factors held fixed, a
-// linear map of the values. Sizes are the same (CHECKed).
+// values = factors values, a product of jets, linear in values for fixed
+// factors. Sizes are the same (CHECKed).
 void MultiplyJets(int num_channels,
                   const Eigen::Ref<const Eigen::MatrixXd>& factors,
                   Eigen::Ref<Eigen::MatrixXd> values);
 
-// The transposed map, of covectors.
+// The transposed map, for covectors.
 void MultiplyJetsTransposed(int num_channels,
                             const Eigen::Ref<const Eigen::MatrixXd>& factors,
                             Eigen::Ref<Eigen::MatrixXd> covectors);

@@ -14,7 +14,7 @@ CBLAS_TRANSPOSE ToCblas(Op op) {
   return op == Op::kNone ? CblasNoTrans : CblasTrans;
 }
 
-// BLAS wants a leading dimension of at least one, even of an empty matrix.
+// BLAS requires a leading dimension of at least one, also for an empty matrix.
 template <typename Matrix>
 int LeadingDimension(const Matrix& A) {
   return std::max<int>(

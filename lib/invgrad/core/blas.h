@@ -3,8 +3,8 @@
 //   C = alpha op(A) op(B) + beta C,   C = alpha op(A) op(A)^T + beta C,
 //   y = alpha op(A) x + beta y
 //
-// Why not Eigen's own products: without -march=native they run at a third of
-// the speed of OpenBLAS, which chooses its kernels at run time.
+// Without -march=native, Eigen's own products reach a third of the speed of
+// OpenBLAS, which chooses its kernels at run time.
 //
 // Shapes:  op(A): m x k;  op(B): k x n;  C: m x n (CHECKed). All column-major
 //          with unit inner stride; blocks of larger matrices are fine.
@@ -29,8 +29,8 @@ void Gemm(Op op_A,
           double beta,
           Eigen::Ref<Eigen::MatrixXd> C);
 
-// C = alpha op(A) op(A)^T + beta C: the lower triangle only. The strictly upper
-// one is left as it is.
+// C = alpha op(A) op(A)^T + beta C: the lower triangle only; the strictly upper
+// triangle does not change.
 void Syrk(Op op_A,
           double alpha,
           const Eigen::Ref<const Eigen::MatrixXd>& A,
@@ -45,13 +45,13 @@ void Gemv(Op op_A,
           double beta,
           Eigen::Ref<Eigen::VectorXd> y);
 
-// The number of threads that BLAS and LAPACK use, in the whole process. Below
-// m ~ 1000 one thread is fastest.
+// The number of threads of BLAS and LAPACK in this process. Below m ~ 1000 one
+// thread is fastest.
 void SetBlasThreads(int num_threads);
 int BlasThreads();
 
-// One BLAS thread while it lives, if `only_one`: for many small products, which
-// threads slow down.
+// Limits BLAS to one thread during its lifetime if `only_one`: several threads
+// slow down small products.
 class SingleBlasThread {
  public:
   explicit SingleBlasThread(bool only_one)
@@ -68,7 +68,7 @@ class SingleBlasThread {
   const int before_;
 };
 
-// Which BLAS is loaded, its version, and the kernels that it chose.
+// The name and version of the loaded BLAS, and the kernels that it chose.
 std::string BlasName();
 
 }  // namespace invgrad

@@ -25,7 +25,7 @@ constexpr std::array<std::string_view, 21> kKernelsBelowAvx2 = {
 VectorUnits ProcessorVectorUnits() {
 #if defined(__x86_64__)
   __builtin_cpu_init();
-  // What OpenBLAS' SkylakeX kernels are compiled for.
+  // The instruction sets that OpenBLAS' SkylakeX kernels use.
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512cd") &&
       __builtin_cpu_supports("avx512bw") &&
       __builtin_cpu_supports("avx512dq") &&

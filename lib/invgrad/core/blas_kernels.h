@@ -21,17 +21,17 @@ VectorUnits ProcessorVectorUnits();
 // The name of the kernels that OpenBLAS runs in this process, e.g. "Haswell".
 std::string BlasKernels();
 
-// The value of OPENBLAS_CORETYPE for a processor with these units. Empty if none
-// is needed: the kernels called `kernels` use AVX2 or better, or are not known,
-// or the processor has no AVX2.
+// The value of OPENBLAS_CORETYPE for a processor with these units. Empty if
+// none is needed: the kernels called `kernels` use AVX2 or better, or are not
+// known, or the processor has no AVX2.
 std::string BetterBlasKernels(VectorUnits units, const std::string& kernels);
 
-// What to tell a user whose kernels are too old: the kernels, and how to set the
-// variable. Empty if they are not.
+// A message that names the kernels and how to set the variable, if the kernels
+// are too old; otherwise empty.
 std::string OldBlasKernelsMessage();
 
-// Logs that message as a WARNING, at the first call in the process only. The
-// functions of core/blas.h call it.
+// Logs this message as a WARNING, once per process. The functions of
+// core/blas.h call it.
 void WarnOnceOfOldBlasKernels();
 
 }  // namespace invgrad

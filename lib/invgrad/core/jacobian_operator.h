@@ -1,4 +1,4 @@
-// The Jacobian J = dy/dx as an operator, which is seldom a matrix in memory.
+// The Jacobian J = dy/dx as a linear operator, usually without storing J.
 //
 //   J v,   J^T w,   J J^T,   J^T J,   and J itself only on request
 //
@@ -34,8 +34,8 @@ class JacobianOperator {
   virtual void TransposeTimes(const Eigen::VectorXd& w,
                               Eigen::VectorXd* Jtw) const = 0;
 
-  // The lower triangle of J J^T: m x m. What is above the diagonal is not
-  // specified.
+  // The lower triangle of J J^T: m x m. Entries above the diagonal are
+  // unspecified.
   virtual void Gram(Eigen::MatrixXd* JJt) const = 0;
 
   // J: m x n.
@@ -44,7 +44,8 @@ class JacobianOperator {
   // The lower triangle of J^T J: n x n. By default from the dense J.
   virtual void ParameterGram(Eigen::MatrixXd* JtJ) const;
 
-  // What a message calls a row: "row 12", and what it belongs to if known.
+  // The name of a row in messages: "row 12", and its sample or residual block
+  // if known.
   virtual std::string RowName(int row) const;
 
   // The columns in groups, from the first to the last: the layers of a network,
@@ -57,8 +58,8 @@ class JacobianOperator {
 // J stored as a column-major matrix.
 class DenseJacobian final : public JacobianOperator {
  public:
-  // block_sizes: the numbers of columns of the ColumnBlocks, which are copies;
-  // they sum up to those of J (CHECKed), unless there are none.
+  // block_sizes: the number of columns of each ColumnBlock; the blocks are
+  // copies. Empty, or their sum is n (CHECKed).
   explicit DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes = {});
 
   int rows() const override { return static_cast<int>(J_.rows()); }
@@ -77,7 +78,7 @@ class DenseJacobian final : public JacobianOperator {
   std::vector<int> block_sizes_;
 };
 
-// J in compressed rows, as a ceres::Problem has it.
+// J in compressed rows, as for a ceres::Problem.
 class SparseJacobian final : public JacobianOperator {
  public:
   using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;

@@ -50,7 +50,7 @@ void LayerJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
 void LayerJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
   CHECK_EQ(w.size(), rows());
   const Index r = outputs_per_sample();
-  // The covectors of z: a sample's in one column, and then fan_out x B T.
+  // The covectors of z: first one column a sample, then fan_out x B T.
   MatrixXd z_bar(deltas_->rows() * num_calls_, inputs_->cols() / num_calls_);
   for (Index s = 0; s < z_bar.cols(); ++s) {
     z_bar.col(s).noalias() =
@@ -127,8 +127,8 @@ void LayerJacobian::ParameterGram(MatrixXd* JtJ) const {
   const Index fan_in = inputs_->rows();
   const Index fan_out = deltas_->rows();
   const Index r = outputs_per_sample();
-  // Column s: a_s a_s^T and sum_j delta_{s,j} delta_{s,j}^T; of the latter, the
-  // pairs unit >= other.
+  // Column s: a_s a_s^T, and sum_j delta_{s,j} delta_{s,j}^T for pairs
+  // unit >= other.
   MatrixXd of_inputs(fan_in * fan_in, batch_size);
   MatrixXd of_deltas(fan_out * (fan_out + 1) / 2, batch_size);
   MatrixXd delta_gram(fan_out, fan_out);
@@ -177,7 +177,7 @@ void GramOfLayers(const std::vector<LayerJacobian>& layers, MatrixXd* JJt) {
     return;
   }
 
-  // B x B: a_s . a_t, both triangles: tiles on the diagonal read all.
+  // B x B: a_s . a_t, both triangles, because tiles on the diagonal read both.
   std::vector<MatrixXd> input_grams;
   for (const LayerJacobian& layer : layers) {
     CHECK_EQ(layer.rows(), rows);

@@ -2,16 +2,16 @@
 //
 //   row (s, j) = delta_{s,j} (x) a_s,   entry (unit, i) = delta_unit a_i
 //
-// A layer's z is linear in its weights, so that the derivative of output j of
-// sample s in them is an outer product: a_s is the layer's input for the sample
-// (with a last 1 for the bias), delta_{s,j} the derivative of y_{s,j} in the
-// sample's z. Products and both Gram matrices need only these factors [1]:
+// A layer's z is linear in the layer's weights. The derivative of output j of
+// sample s with respect to these weights is therefore an outer product: a_s is
+// the layer's input for the sample (with a last 1 for the bias), delta_{s,j}
+// the derivative of y_{s,j} with respect to the sample's z. Products and both
+// Gram matrices need only these factors [1]:
 //
 //   (J J^T)_{(s,j),(t,k)} = (a_s . a_t) (delta_{s,j} . delta_{t,k})
 //   J^T J = sum_s (sum_j delta_{s,j} delta_{s,j}^T) (x) (a_s a_s^T)
 //
-// A network that is called T times a sample has rows that are sums over the
-// calls t, and products likewise:
+// If the network is called T times a sample, each row sums over the calls t:
 //
 //   row (s, j) = sum_t delta_{s,j,t} (x) a_{s,t}
 //
@@ -22,7 +22,7 @@
 // Cost:    J v, J^T w: T (2 n B + 2 m fan_out).  T = 1, Gram: m^2 fan_out;
 //          ParameterGram: B n^2 / 2, where a dense J takes m n^2.  T > 1: both
 //          by a dense J, which takes 2 m n T: the sums over pairs of calls,
-//          m^2 fan_out T^2, would be dearer from few calls on.
+//          m^2 fan_out T^2, cost more, except for very few calls.
 // Fails:   never by itself. Sizes that do not fit are CHECKed.
 //
 // [1] Such a J is the transpose of a Khatri-Rao product. Kolda, Bader. Tensor

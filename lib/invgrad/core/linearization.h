@@ -1,4 +1,5 @@
-// A problem at its current point: all that an update rule can read.
+// The linearization of a problem at its current point: the input of an update
+// rule.
 //
 //   L(y(x + d)) ~ L + g . (J d) + 1/2 (J d) . H_L (J d)
 //
@@ -9,11 +10,10 @@
 //          A half-inverse step changes with these units, see
 //          docs/conventions.md.
 //
-// Two kinds of problem fill it. A ceres::Problem has y = r, its residuals
-// (corrected for robust losses), L = 1/2 |r|^2, hence g = r and H_L = I. A
-// model (network, simulator, loss) has the simulator outputs of all samples of
-// the batch stacked in y, and L is the batch's loss, so that factors such as
-// 2 / B stand in g and H_L and not in J.
+// For a ceres::Problem, y = r, its residuals (corrected for robust losses),
+// L = 1/2 |r|^2, hence g = r and H_L = I. For a model (network, simulator,
+// loss), y stacks the simulator outputs of all samples of the batch, and L is
+// the batch's loss: factors such as 2 / B are part of g and H_L, not of J.
 #ifndef INVGRAD_CORE_LINEARIZATION_H_
 #define INVGRAD_CORE_LINEARIZATION_H_
 
@@ -47,8 +47,8 @@ struct Linearization {
 
   Eigen::MatrixXd hessian;  // n x n, symmetric: d2L/dx2
 
-  // The share of the run's budget that is spent, in [0, 1]; step-size schedules
-  // read it. Set by the loops.
+  // The share of the run's budget that is spent, in [0, 1], for step-size
+  // schedules. Set by the training or minimization loop.
   double progress = 0.0;
 };
 

@@ -1,4 +1,4 @@
-// The memory that a computation may allocate, and the message of a refusal.
+// The memory that a computation may allocate, and the message if it needs more.
 //
 //   batch_size=100000 needs 35 GB (Gram matrix 32 GB, activations 2.6 GB, ...);
 //   the limit is 17.6 GB (three quarters of this machine's memory)
@@ -31,8 +31,8 @@ double TotalBytes(const std::vector<MemoryPart>& parts);
 // Whether `bytes` fit into `limit`; 0: MemoryLimit(). Allocates nothing.
 bool FitsInMemory(double bytes, double limit);
 
-// Whether the parts fit. If not, *error lists them, the largest first, as needs
-// of `who`.
+// Whether the parts fit. If not, *error lists the parts of `who`, largest
+// first.
 bool FitsInMemory(const std::string& who,
                   std::vector<MemoryPart> parts,
                   double limit,

@@ -5,7 +5,7 @@
 // ceres::Jet<ceres::Jet<double, M>, N> itself does not compile in functors that
 // write T(2.0) or 2.0 * x, because the inner Jet has no implicit constructor
 // from double (Ceres 2.1). InnerJet adds that constructor, and the operators
-// below let plain numbers meet a nested Jet.
+// below combine plain numbers with nested Jets.
 //
 // For y = f(x) evaluated on x[i] = MakeHessianJet<N>(x_i, i):
 //   y.a.a = f,   y.v[i].a = df/dx_i,   y.v[i].v[j] = d2f/dx_i dx_j.

@@ -16,11 +16,11 @@ class Objective {
  public:
   virtual ~Objective() = default;
 
-  // n: the size of a step, which is that of the tangent space.
+  // n: the size of a step, the dimension of the tangent space.
   virtual int num_parameters() const = 0;
 
-  // Linearizes at the current point. False, with *error, if the cost or a
-  // wanted part cannot be computed or is not finite.
+  // Linearizes at the current point. Returns false, with *error, if the cost or
+  // a requested part cannot be computed or is not finite.
   virtual bool Linearize(const LinearizationParts& parts,
                          Linearization* linearization,
                          std::string* error) const = 0;
@@ -32,8 +32,8 @@ class Objective {
   virtual Eigen::VectorXd State() const = 0;
   virtual void SetState(const Eigen::VectorXd& state) = 0;
 
-  // Moves the point by a tangent step (n). If that fails, returns false and
-  // moves nothing.
+  // Moves the point by a tangent step (n). Returns false, and leaves the point
+  // unchanged, if that fails.
   virtual bool Plus(const Eigen::VectorXd& step) = 0;
 };
 

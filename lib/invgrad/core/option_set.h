@@ -7,10 +7,10 @@
 //     }
 //   };
 //
-// The default of an option is the value of its field when it is added. Command
-// lines, listings and documentation are made from the set. Numbers are read as
-// in C, independently of the locale: all of the text must belong to the number,
-// and it must be finite.
+// The default of an option is the value of its field when it is added. The set
+// generates command lines, listings and documentation. Numbers have C syntax,
+// independently of the locale, and must be finite; the whole text must be the
+// number.
 //
 // Fails:   Set and SetAll return false with a message that names the option,
 //          the value, and what is allowed (the nearest names for an unknown
@@ -65,7 +65,7 @@ class OptionSet {
   bool Set(const std::string& name,
            const std::string& value,
            std::string* error);
-  // Refuses an option that is given twice.
+  // Returns false for an option that occurs twice.
   bool SetAll(const Settings& settings, std::string* error);
 
   struct Row {
@@ -79,7 +79,7 @@ class OptionSet {
   const std::vector<Row>& rows() const { return rows_; }
 
  private:
-  // Null, or what is wrong with the value: "is out of range".
+  // Null if the value is allowed; otherwise the reason: "is out of range".
   using Setter = std::function<const char*(const std::string& value)>;
   void AddRow(Row row, Setter setter);
 
@@ -87,8 +87,8 @@ class OptionSet {
   std::vector<Setter> setters_;
 };
 
-// CHECKs that all fields have allowed values, for Options that a program has
-// filled in.
+// CHECKs that all fields of `options`, as set by a program, have allowed
+// values.
 template <typename Options>
 void CheckOptions(Options options) {
   OptionSet set;

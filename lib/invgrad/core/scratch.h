@@ -1,9 +1,9 @@
-// An array in memory that the thread keeps for the next one.
+// A temporary array whose memory the thread reuses.
 //
 // For functions that are called once a sample: only the first call allocates.
-// Nested and recursive uses get arrays of their own.
+// Nested and recursive uses get separate arrays.
 //
-// Shapes:  size() elements, not initialized: with values of an earlier use.
+// Shapes:  size() elements, not initialized.
 #ifndef INVGRAD_CORE_SCRATCH_H_
 #define INVGRAD_CORE_SCRATCH_H_
 

@@ -1,5 +1,5 @@
-// The thin singular value decomposition of a small dense matrix, as that of one
-// sample's simulator.
+// The thin singular value decomposition of a small dense matrix, such as the
+// Jacobian of the simulator for one sample.
 //
 //   A = U diag(s) V^T
 //
@@ -8,8 +8,8 @@
 //          to compile: other files use this class instead.
 // Fails:   s has NaN if A has.
 //
-// For batches see spectral_step.h, for tall matrices of which only products are
-// needed tall_svd.h.
+// For batches see spectral_step.h. For products with the singular vectors of a
+// tall matrix see tall_svd.h.
 #ifndef INVGRAD_CORE_SMALL_SVD_H_
 #define INVGRAD_CORE_SMALL_SVD_H_
 

@@ -101,8 +101,8 @@ bool ParseSpecifications(const std::string& text,
 
 std::vector<std::string> NearestNames(
     const std::string& name, const std::vector<std::string>& candidates) {
-  // One slip, and one more for every four characters: two cover a swap of
-  // neighbours in "adma", four a word with a changed ending.
+  // One edit, and one more for every four characters: two edits cover swapped
+  // neighbours ("adma"), four a changed ending.
   const int limit = 1 + static_cast<int>(name.size() / 4);
   std::vector<std::pair<int, std::string>> near;
   for (const std::string& candidate : candidates) {

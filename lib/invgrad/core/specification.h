@@ -1,4 +1,4 @@
-// Reads what the user names by text: "half_inverse:step_size=auto:rho=1".
+// Parses specifications such as "half_inverse:step_size=auto:rho=1".
 //
 // A specification is a name and settings, separated by colons; commas separate
 // specifications. Space around the pieces is ignored.
@@ -19,8 +19,8 @@ struct Specification {
   Settings settings;
 };
 
-// Splits "a:x=1:y=2,b". False, with *error, for an empty name, a setting
-// without '=', or an empty key.
+// Splits "a:x=1:y=2,b". Returns false, with *error, for an empty name, a
+// setting without '=', or an empty key.
 bool ParseSpecifications(const std::string& text,
                          std::vector<Specification>* specifications,
                          std::string* error);

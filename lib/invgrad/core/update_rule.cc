@@ -9,7 +9,7 @@ std::vector<MemoryPart> UpdateRule::StepMemory(const JacobianSizes& J) const {
   std::vector<MemoryPart> parts = {
       {"vectors of weights", kNumVectors * sizeof(double) * J.cols}};
   if (Needs().hessian) {
-    // The matrix that is decomposed, and two of LAPACK's.
+    // The matrix to be decomposed, and two matrices of workspace for LAPACK.
     parts.push_back({"factorization of the Hessian",
                      3.0 * sizeof(double) * J.cols * J.cols});
   }

@@ -2,11 +2,10 @@
 //
 //   x_{k+1} = x_k + step
 //
-// Shapes:  step: n, the size of the tangent space of x (of x itself, where no
-//          manifold is set).
+// Shapes:  step: n, the dimension of the tangent space of x (the size of x if
+//          there is no manifold).
 // The rule owns its step size, because some rules apply it before a nonlinear
-// inverse, and its memory (momentum and the like), so that one rule object
-// belongs to one run.
+// inverse, and its memory (such as momentum). Use one rule object for one run.
 //
 // A rule must define Needs and ComputeStep; the other methods have defaults.
 // RegisterRule (rules.h) gives it a name; docs/tutorials/06_own_rule.md is an
@@ -23,8 +22,8 @@
 
 namespace invgrad {
 
-// Sizes of the Jacobian of a network and a simulator, for forecasts of memory
-// before it is computed. Doubles, so that no product overflows.
+// Sizes of the Jacobian of a network and a simulator, to estimate memory before
+// J is computed. Doubles, because products of sizes may overflow an int.
 struct JacobianSizes {
   struct Layer {
     double fan_in = 0.0;  // with the bias
@@ -33,8 +32,7 @@ struct JacobianSizes {
   double rows = 0.0;  // m
   double cols = 0.0;  // n, the sum of the layers' fan_in fan_out
   std::vector<Layer> layers;
-  // Memory of the factors from which J, its Gram matrix and its layers are
-  // computed.
+  // Memory of the factors that determine J, its Gram matrix and its layers.
   double factor_bytes = 0.0;
 };
 
@@ -57,22 +55,21 @@ class UpdateRule {
   // rule. Arrays may be empty before the first step.
   virtual std::vector<Eigen::VectorXd*> MutableState() { return {}; }
 
-  // Whether the loop shall evaluate the cost after each step and call KeepsStep.
+  // Whether the loop evaluates the cost after each step and calls KeepsStep.
   virtual bool JudgesSteps() const { return false; }
 
-  // Called with the cost after the last step, or after `fraction` of it, over
-  // the same samples; NaN if it is not finite. False: the step shall be taken
-  // back.
+  // Receives the cost over the same samples after the last step, or after
+  // `fraction` of the step; NaN if the cost is not finite. Returns false to
+  // revert the step.
   virtual bool KeepsStep(double /*cost*/, double /*fraction*/) { return true; }
 
-  // Estimated memory of ComputeStep in addition to the linearization, from which
-  // a training run is refused before it allocates more than the machine has.
-  // By default some vectors, and the factorization of a Hessian that the rule
-  // needs.
+  // Estimated memory of ComputeStep in addition to the linearization. A
+  // training run fails at its start if this exceeds the memory limit. Default:
+  // some vectors, and the factorization of the Hessian if the rule needs it.
   virtual std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const;
 
-  // What the last step did, in a few words for a progress line or a table
-  // ("route gram, rank 97 of 128"); empty if there is nothing to say.
+  // A short report of the last step for a progress line or a table ("route
+  // gram, rank 97 of 128"); may be empty.
   virtual std::string LastStepReport() const { return ""; }
 };
 

@@ -1,9 +1,8 @@
-// What one training step linearizes: the loss of a model on a batch, or the
+// The objective of one training step: the loss of a model on a batch, or the
 // proxy of a pull-back through the model (chain_pull_back.h).
 //
-// A step is one Linearize and updates_per_step() updates of the weights; before
-// each update but the first the objective is linearized again, on the same
-// batch.
+// A step is one Linearize and updates_per_step() updates of the weights. Before
+// each further update the objective is linearized again, on the same batch.
 #ifndef INVGRAD_INVERSE_BATCH_OBJECTIVE_H_
 #define INVGRAD_INVERSE_BATCH_OBJECTIVE_H_
 
@@ -27,8 +26,8 @@ class BatchObjective {
                          Linearization* linearization,
                          std::string* error) = 0;
 
-  // Within a step, at other weights. The cost is that of the objective itself:
-  // of a proxy, the proxy's.
+  // Linearizes again within a step, at other weights. The cost is that of the
+  // objective itself: for a proxy, the cost of the proxy.
   virtual bool LinearizeAgain(const Eigen::VectorXd& weights,
                               const DataSet& batch,
                               const LinearizationParts& parts,
@@ -38,7 +37,7 @@ class BatchObjective {
   // Whether the objective is a proxy of the loss.
   virtual bool is_proxy() const { return false; }
   virtual int updates_per_step() const { return 1; }
-  // How the samples were pulled back; null if they were not.
+  // How the samples were pulled back; null without a pull-back.
   virtual PullBackCounts* mutable_counts() { return nullptr; }
 };
 

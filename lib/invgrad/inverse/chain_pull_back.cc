@@ -20,7 +20,7 @@ using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Of a sample that does not move.
+// The weight of a sample that does not move.
 constexpr double kNoCurvature = -1.0;
 
 }  // namespace
@@ -163,7 +163,7 @@ bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
                                    SimulatorPullBack::Result* result) {
   auto d_x = d_x_.col(sample);
   if (is_supervised()) {
-    // Only for the loss: x~ does not depend on y.
+    // Needed only for the loss, because x~ does not depend on y.
     Scratch<double> ignored(model_.loss().size());
     d_x = batch.solutions.col(sample) - x;
     return model_.simulator().Evaluate(
@@ -212,10 +212,10 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
   linearization->jacobian.reset();
   linearization->loss_hessian_times = nullptr;
   linearization->hessian.resize(0, 0);
-  // The outputs of one call of the network.
+  // The number of outputs of one call of the network.
   const Index width = network.num_outputs() * activations_.num_channels;
   const Index num_calls = g.size() / width;
-  // A column for every call, or for every channel of its jet.
+  // One column per call, or per channel of its jet.
   const MatrixXd covectors =
       g.reshaped(network.num_outputs(), activations_.batch_size());
   if (parts.gradient) {

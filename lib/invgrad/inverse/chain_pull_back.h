@@ -1,38 +1,37 @@
-// A wanted change, pulled back through loss and simulator of a batch, as a
-// linearization of the network alone: scale-invariant training and its
-// relatives.
+// Pulls a wanted change back through loss and simulator of a batch and
+// linearizes the network alone: scale-invariant physics training and variants.
 //
 //   d_y = loss pull-back,   d_x = simulator pull-back,   x~ = x + d_x constant
 //   L2 proxy   scale sum_s w_s 1/2 |f(a_s; theta) - x~_s|^2
 //   L1 proxy   scale sum_s w_s |f(a_s; theta) - x~_s|_1
 //
 // An update rule then linearizes the proxy: y = x, J = dx/dtheta, g = the
-// proxy's gradient in x, H_L = its Hessian. A first-order rule makes it
-// scale-invariant physics training, a spectral rule inverts the network too.
+// proxy's gradient in x, H_L = its Hessian. With a first-order rule this is
+// scale-invariant physics training; a spectral rule also inverts the network.
 //
-// Curvature weights: an inverse weighs all samples alike, however little their
-// x matters to the loss. With c_s = d_y . H_L d_y / |d_x|^2, the curvature of
-// the loss along d_x,
+// Curvature weights: an inverse gives all samples the same weight, although
+// their x may affect the loss very differently. With c_s = d_y . H_L
+// d_y / |d_x|^2, the curvature of the loss along d_x,
 //
 //   w_s = c_s^gamma / mean(c^gamma)
 //
 // where the mean is over the samples that move; the others have weight one. A
-// negative c_s counts as zero, and |d_x| is that before any cut.
-// gamma = 1 makes the L2 proxy follow the loss to second order along every
-// d_x; gamma = 0 (w = 1) is the published method.
+// negative c_s counts as zero, and |d_x| is taken before the cut. With
+// gamma = 1 the L2 proxy agrees with the loss to second order along every d_x;
+// gamma = 0 (w = 1) is the published method.
 //
 // Options: |d_x| may be cut to max_change. With the data's solutions x*,
 // d_x += data_weight (x* - x) is the gradient step of an additional
-// data_weight / 2 |x - x*|^2, the loss called physics-informed; the way `data`
-// has x~ = x*, without a pull-back (supervised training).
+// data_weight / 2 |x - x*|^2, often called physics-informed loss; the way
+// `data` sets x~ = x*, without a pull-back (supervised training).
 //
 // With feedback (model.h) x holds the network's outputs of all calls, and the
-// network's inputs, the states at these calls, are held fixed. Only the way
-// `adjoint` closes the loop: an output then moves the states and with them the
-// later outputs.
+// network's inputs, the states at these calls, are constant. Only the way
+// `adjoint` closes the loop: there the later states and outputs depend on each
+// output.
 //
-// Several updates: after Linearize, LinearizeAgain moves towards the same x~
-// without another evaluation of the simulator.
+// Several updates: after Linearize, LinearizeAgain uses the same x~ without
+// another evaluation of the simulator.
 //
 // Shapes:  x: |x| B, sample by sample;  scale: the model's BatchScale.
 // Cost:    a forward and a backward pass of the network and one simulator
@@ -84,22 +83,23 @@ class ChainPullBack final : public BatchObjective {
                 std::shared_ptr<const InverseSimulator> inverse,
                 const Options& options);
 
-  // As Model::Linearize, of the proxy; the cost is the loss of the batch.
+  // Linearizes the proxy like Model::Linearize; the cost is the loss of the
+  // batch.
   bool Linearize(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const LinearizationParts& parts,
                  Linearization* linearization,
                  std::string* error) override;
 
-  // At other weights, with the x~ and the batch of the last Linearize; the cost
-  // is the proxy's.
+  // Linearizes at other weights, with the x~ and the batch of the last
+  // Linearize; the cost is that of the proxy.
   bool LinearizeAgain(const Eigen::VectorXd& weights,
                       const DataSet& batch,
                       const LinearizationParts& parts,
                       Linearization* linearization,
                       std::string* error) override;
 
-  // Whether the data must have solutions.
+  // Whether the data need solutions x*.
   bool needs_solutions() const {
     return is_supervised() || options_.data_weight > 0.0;
   }
@@ -119,7 +119,7 @@ class ChainPullBack final : public BatchObjective {
                        const DataSet& batch,
                        double* cost,
                        std::string* error);
-  // One sample's d_x; its source in *result.
+  // Computes d_x of one sample, with its source in *result.
   bool PullBackSample(const InverseSimulator::ConstVectorRef& x,
                       const DataSet& batch,
                       int sample,
@@ -127,7 +127,7 @@ class ChainPullBack final : public BatchObjective {
                       double* y,
                       SimulatorPullBack::Result* result);
   void SetWeights(const Eigen::VectorXd& curvatures);
-  // At the weights of activations_, which it may move from.
+  // Linearizes the proxy at the weights of activations_.
   bool LinearizeProxy(const Eigen::VectorXd& weights,
                       const LinearizationParts& parts,
                       Linearization* linearization,
@@ -139,7 +139,7 @@ class ChainPullBack final : public BatchObjective {
   std::optional<SimulatorPullBack> simulator_pull_back_;  // not for data
 
   PullBackCounts counts_;
-  // Of the last batch; its memory is used again by the next one.
+  // Values of the last batch; the next batch reuses the memory.
   DenseNetwork::Activations activations_;
   Eigen::MatrixXd d_x_;             // |x| x B
   Eigen::MatrixXd wanted_x_;        // |x| x B: x~

@@ -1,4 +1,4 @@
-// An inverse simulator carries a wanted output back to an input.
+// An inverse simulator maps a wanted output to an input.
 //
 //   x = P^-1(y; x_now, c)   such that   P(x; c) = y
 //
@@ -9,7 +9,7 @@
 //   Newton     steps from x_now towards y, and may stop short of it
 //              (newton_inverse.h)
 //
-// One's own is a function, with or without the sample's context c:
+// A user's inverse is a function, with or without the sample's context c:
 //
 //   auto inverse = Inverse([](const auto& y, const auto& x_now)
 //                              -> std::optional<Eigen::VectorXd> {
@@ -20,8 +20,8 @@
 // Shapes:  x, x_now: num_inputs of the simulator;  y: num_outputs;
 //          c: num_context.
 // Fails:   std::nullopt, or Invert returns false with *why set ("no pre-image:
-//          |y_0| > 1"). Exceptions, wrong sizes, NaN and wrong answers of an
-//          inverse are caught sample by sample (simulator_pull_back.h).
+//          |y_0| > 1"). SimulatorPullBack (simulator_pull_back.h) detects
+//          exceptions, wrong sizes, NaN and wrong results, sample by sample.
 // Implementations are immutable, so that several threads may share one.
 //
 // Source: Holl, Koltun, Thuerey. Scale-invariant Learning by Physics Inversion.
@@ -46,15 +46,15 @@ class InverseSimulator {
 
   virtual ~InverseSimulator() = default;
 
-  // *x may have any size on entry; no allocation if it has the right one.
+  // *x may have any size on entry; the right size avoids an allocation.
   virtual bool Invert(const ConstVectorRef& y,
                       const ConstVectorRef& x_now,
                       const ConstVectorRef& context,
                       Eigen::VectorXd* x,
                       std::string* why) const = 0;
 
-  // Whether P(x) = y is promised, to rounding or to the inverse's own
-  // tolerance. If not, the answer is not tested against y.
+  // Whether P(x) = y holds, to rounding or to the inverse's own tolerance. If
+  // not, the result is not tested against y.
   virtual bool reaches_target() const { return true; }
 };
 
@@ -63,7 +63,7 @@ using InverseFunction = std::function<std::optional<Eigen::VectorXd>(
     const InverseSimulator::ConstVectorRef& x_now,
     const InverseSimulator::ConstVectorRef& context)>;
 
-// As Inverse, for functions with a context.
+// Like Inverse, for functions with a context.
 std::shared_ptr<const InverseSimulator> InverseWithContext(
     InverseFunction function);
 

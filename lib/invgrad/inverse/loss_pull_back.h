@@ -5,13 +5,14 @@
 //   Newton              d_y = -eta H_L^-1 g
 //   saddle-free Newton  d_y = -eta |H_L|^-1 g
 //
-// with H_L in y only: the step does not depend on simulator and network. For
-// L = c |y - y*|^2 both Newton steps are eta (y* - y), without a Hessian.
+// where H_L is the Hessian in y, so the step does not depend on simulator and
+// network. For L = c |y - y*|^2 both Newton steps are eta (y* - y), without a
+// Hessian.
 //
 // Shapes:  y, y*, g, d_y: loss size;  H_L: size x size, of one sample.
-// Units:   a Newton step has those of y; a gradient step [L]/[y].
-// Cost:    one loss; a general Newton step one Hessian and size^3 / 3
-//          (saddle-free: 9 size^3) more.
+// Units:   a Newton step has the units of y, a gradient step [L]/[y].
+// Cost:    one loss; a general Newton step adds one Hessian and size^3 / 3
+//          operations (saddle-free: 9 size^3).
 // Fails:   returns false if the loss has no finite value, or if H_L is singular
 //          (Newton). The saddle-free step is zero along eigenvectors whose
 //          |eigenvalue| is below 1e-12 of the largest: L does not depend on
@@ -53,8 +54,8 @@ class LossPullBack {
 };
 
 // The loss for a joint update of network and simulator towards y~ = y + d_y:
-// the value of L, the gradient -d_y, and the Hessian of 1/2 |y - y~|^2 with y~
-// held fixed (of eta L, for a gradient step).
+// the value of L, the gradient -d_y, and the Hessian of 1/2 |y - y~|^2 for
+// constant y~ (of eta L, for a gradient step).
 class PulledBackLoss final : public Loss {
  public:
   explicit PulledBackLoss(LossPullBack pull_back);

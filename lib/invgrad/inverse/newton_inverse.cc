@@ -22,7 +22,7 @@ using Eigen::VectorXd;
 constexpr double kEigenvalueRounding = 1e-12;
 constexpr double kFlatSlope = 1e-14;
 
-// exp of the mean of log |lambda|: 0 if one of them is.
+// exp of the mean of log |lambda|; 0 if an eigenvalue is zero.
 template <typename Vector>
 double GeometricMean(const Vector& lambda) {
   return std::exp(lambda.array().abs().log().mean());
@@ -50,7 +50,7 @@ void Step(const Lambda& lambda,
   }
 }
 
-// Eigenvalue problems of size two are solved by one rotation.
+// One rotation solves an eigenvalue problem of size two.
 void SaddleFreeStep(const Map<const MatrixXd>& H,
                     const Map<const VectorXd>& g,
                     const NewtonInverse::Options& options,
@@ -114,7 +114,8 @@ bool NewtonInverse::Invert(const ConstVectorRef& y,
       *why = "the simulator has no finite second derivative";
       return false;
     }
-    // Lazy: sizes are far too small for Eigen's blocked product.
+    // A lazy product, because the sizes are too small for Eigen's blocked
+    // product.
     g.noalias() = J_transposed.lazyProduct(r);
     H.noalias() += J_transposed.lazyProduct(J_transposed.transpose());
     if (!g.allFinite() || !H.allFinite()) {

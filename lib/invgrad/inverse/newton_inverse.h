@@ -5,12 +5,12 @@
 //   H = J^T J + sum_i (P_i - y_i) d2P_i/dx2 = Q diag(lambda) Q^T
 //   x = x_now - Q d,   |d_i| = |Q^T g|_i / (|lambda_i| + damping)
 //
-// and, where lambda_i is not above the geometric mean of all |lambda|,
-// |d_i| <= max_loss_change / |Q^T g|_i: along directions that curve less than
-// most F changes by about max_loss_change at most. d_i has the sign of (Q^T
-// g)_i, so a saddle repels. Slopes |Q^T g|_i below 1e-14 |g| are rounding and
-// not followed: P does not depend on these directions. Repeated num_steps
-// times.
+// and, if lambda_i is not above the geometric mean of all |lambda|,
+// |d_i| <= max_loss_change / |Q^T g|_i: along directions of low curvature F
+// changes by about max_loss_change at most. d_i has the sign of (Q^T g)_i, so a
+// saddle repels. Slopes |Q^T g|_i below 1e-14 |g| are rounding errors and give
+// d_i = 0, because P does not depend on these directions. The step is repeated
+// num_steps times.
 //
 // Shapes:  x: n = num_inputs;  y: num_outputs;  Q: n x n.
 // Units:   max_loss_change in [y]^2; damping in [y]^2 / [x]^2.

@@ -16,15 +16,15 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Damping at the start and the strongest reduction of an iteration, both as
-// shares: of s_max^2, and of the damping.
+// Initial damping, relative to s_max^2, and the smallest factor by which an
+// iteration reduces the damping.
 constexpr double kFirstDamping = 1e-4;
 constexpr double kStrongestReduction = 1e-2;
 
-// Of y, in P(x).
+// The rounding error of P(x), relative to y.
 constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
 
-// |r|^2 is flat if it falls by less.
+// |r|^2 is flat if its relative decrease is smaller.
 constexpr double kFlat = 1e-14;
 
 // r = (P(x) - y) / scale.
@@ -86,7 +86,7 @@ int Minimize(const ScaledResidual& residual,
     const auto s = svd.s.array();
     if (!(s[0] > 0.0)) return i;
     if (i == 0) damping = kFirstDamping * s[0] * s[0];
-    // What the linear model leaves of c.
+    // The residual of c in the linear model.
     const VectorXd left = damping / (s.square() + damping);
     const VectorXd x_new =
         *x - svd.V * (c.array() * s / (s.square() + damping)).matrix();

@@ -1,11 +1,11 @@
-// The inverse of a simulator from its forward functor alone.
+// The inverse of a simulator, computed from P and its Jacobian.
 //
 //   x = argmin 1/2 |P(x; c) - y|^2,   from x_now, by Levenberg-Marquardt
 //   d = -V S (S^2 + mu)^-1 U^T r,     J = U S V^T
 //
-// The residual r is divided by its norm at x_now, so that all tolerances are
-// relative to the wanted change. Started at x_now the iteration finds a nearby
-// pre-image, if not always the closest: a local inverse. The damping mu is the
+// The residual r is divided by its norm at x_now, so all tolerances are
+// relative to the wanted change. From x_now the iteration finds a nearby
+// pre-image, not always the closest: a local inverse. The damping mu is the
 // same for all directions, so every step is in the row space of its J: with
 // more unknowns than outputs x moves no farther than necessary, and for a
 // linear P it is the closest solution. Unlike the normal equations the singular
@@ -13,17 +13,17 @@
 // serves every mu at a point.
 //
 // Ceres' minimizers damp by diag(J^T J): for one output and three inputs they
-// stall or end far from the closest solution, and the setup of a ceres::Problem
-// a sample costs more than the solution of a small one. Called at every
-// training step with the network's last x, the iteration starts warm.
+// stall or end far from the closest solution. The setup of a ceres::Problem per
+// sample also costs more than solving a small one. In training the iteration
+// starts from the network's current x.
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
 // Cost:    an iteration: one P and, unless the last step was rejected, one
 //          Jacobian with its decomposition.
 // Fails:   returns false, with x the best point found, if |P(x) - y| stays
 //          above tolerance |P(x_now) - y|: y is out of range, or P too
-//          nonlinear for max_num_iterations. With x = x_now if P has no value
-//          there.
+//          nonlinear for max_num_iterations. x = x_now if P has no finite value
+//          at x_now.
 //
 // Source:  Madsen, Nielsen, Tingleff. Methods for Non-linear Least Squares
 //          Problems. 2nd edition, DTU 2004, algorithm 3.16.

@@ -22,7 +22,7 @@ void PullBackCounts::Add(const SimulatorPullBack::Result& result, int sample) {
   if (result.why.empty() || !first_failure_.empty()) return;
   first_failure_ =
       fmt::format("step {}, sample {}: {}", num_steps_, sample, result.why);
-  // A message of one line, whatever the user's inverse says.
+  // Reduces a message of the user's inverse to one line.
   std::replace_if(
       first_failure_.begin(),
       first_failure_.end(),

@@ -1,5 +1,5 @@
-// Counts the ways by which the samples of a run were pulled back through the
-// simulator.
+// Counts the samples of a run by the source of their d_x
+// (simulator_pull_back.h).
 #ifndef INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
 #define INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
 
@@ -23,13 +23,13 @@ class PullBackCounts {
   void Add(const SimulatorPullBack::Result& result, int sample);
 
   // "6400 inverse, 12 numerical inverse (first at step 3, sample 17: why)";
-  // empty if nothing was inverted.
+  // empty if no sample was inverted.
   std::string Report() const;
 
-  // For checkpoints. Without the text of the first failure: a resumed run
-  // reports its own.
+  // The counts, for checkpoints, without the text of the first failure: a
+  // resumed run reports its own first failure.
   Eigen::VectorXd State() const;
-  // False, and nothing set, if the size does not fit.
+  // Returns false, and changes nothing, if the size does not fit.
   bool SetState(const Eigen::VectorXd& state);
 
  private:

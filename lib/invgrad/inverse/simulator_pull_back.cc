@@ -20,7 +20,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using ConstVectorRef = InverseSimulator::ConstVectorRef;
 
-// Where J is nearly singular, the minimizer of the linear model is far away.
+// If J is nearly singular, the minimizer of the linear model is far away.
 constexpr int kMaxNumHalvings = 40;
 
 // V S^(-kappa) U^T d_y, s > tau s_max; zero if J is.
@@ -39,7 +39,7 @@ VectorXd SpectralPullBack(const MatrixXd& J,
   return svd.V * coordinates;
 }
 
-// What an exact inverse may leave of |P(x~) - y~| / |y~|.
+// The rounding error of an exact inverse in |P(x~) - y~| / |y~|.
 constexpr double kInverseRounding =
     8.0 * std::numeric_limits<double>::epsilon();
 
@@ -86,7 +86,7 @@ class SimulatorPullBack::Attempt {
         wanted_(y + d_y),
         distance_(d_y.stableNorm()) {}
 
-  // *x~ from the inverse, or false with *why.
+  // Computes x~ by the inverse; returns false, with *why, if that fails.
   bool Invert(const InverseSimulator& inverse, std::string* why) {
     bool is_inverted = false;
     try {
@@ -123,7 +123,8 @@ class SimulatorPullBack::Attempt {
     return true;
   }
 
-  // x~ from J; false if J has no value or nothing comes nearer.
+  // Computes x~ from J; returns false if J has no finite value or no candidate
+  // is nearer to the target.
   bool UseJacobian(PullBackSource* source) {
     const Index m = simulator_.num_outputs();
     const Index n = simulator_.num_inputs();
@@ -155,21 +156,21 @@ class SimulatorPullBack::Attempt {
   const VectorXd& x_new() const { return x_new_; }
 
  private:
-  // Of an x~ that may be anything.
+  // Tests an arbitrary x~.
   bool ComesNearer() const {
     return x_new_.size() == x_.size() && IsFinite(x_new_) && x_new_ != x_ &&
            DistanceLeft() < distance_;
   }
 
-  // Of a finite x~. Close to the target the rounding of P exceeds any share of
-  // |d_y|.
+  // Tests a finite x~. Close to the target the rounding error of P exceeds any
+  // share of |d_y|.
   bool ReachesTarget() const {
     if (options_.accept_nearer) return ComesNearer();
     return DistanceLeft() <= options_.round_trip * distance_ +
                                  kInverseRounding * wanted_.stableNorm();
   }
 
-  // |P(x~) - y~|, infinite where P has no value.
+  // |P(x~) - y~|, infinite if P has no finite value.
   double DistanceLeft() const {
     Scratch<double> y(wanted_.size());
     if (!simulator_.Evaluate(

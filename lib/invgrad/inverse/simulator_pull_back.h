@@ -1,5 +1,5 @@
 // The second part of a pull-back: from a wanted change of the simulator's
-// output to one of its input, for one sample.
+// output to a change of its input, for one sample.
 //
 //   adjoint           d_x = J^T d_y
 //   inverse gradient  d_x = V S^-1 U^T d_y,      s > tau s_max,   J = U S V^T
@@ -9,13 +9,13 @@
 //   numerical         the same, by the numerical inverse (numerical_inverse.h)
 //   newton            the same, by Newton steps (newton_inverse.h)
 //
-// The answer x~ of an inverse is tested. It is taken if it is finite and has
-// the right size and, if the inverse promises to reach the target, if
+// The result x~ of an inverse is used if it is finite, has the right size and,
+// if the inverse claims to reach the target,
 //
 //   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
 //
-// (with `accept_nearer`, for targets that no input reaches: if it is nearer to
-// y + d_y than y is). If not, these are tried in turn:
+// (with `accept_nearer`, for targets that no input reaches: if P(x~) is nearer
+// to y + d_y than y is). Otherwise these follow, in this order:
 //
 //   numerical inverse  with the same test
 //   inverse gradient   taken if it comes nearer to y + d_y than y is
@@ -24,7 +24,7 @@
 //                      comes nearer
 //   none               d_x = 0: J^T d_y is zero, or nothing comes nearer
 //
-// so that none of them moves away from y + d_y.
+// so no fallback moves away from y + d_y.
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
@@ -32,11 +32,11 @@
 //          test.
 // Fails:   returns false only if the simulator has no finite value at x or
 //          wanted_change returns false. Exceptions of the given inverse are
-//          caught. CHECKs the ways joint and data, and newton for a simulator
-//          without second derivatives (CheckHasHessian).
+//          caught. CHECKs that the way is neither joint nor data, nor newton
+//          for a simulator without second derivatives (CheckHasHessian).
 //
 // Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3; PBDL, chapter
-//          physgrad-discuss, proposes such a choice.
+//          physgrad-discuss, proposes such fallbacks.
 #ifndef INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_
 #define INVGRAD_INVERSE_SIMULATOR_PULL_BACK_H_
 
@@ -51,11 +51,11 @@
 
 namespace invgrad {
 
-// The source of a sample's d_x. The names are those of the history's columns.
+// The source of a sample's d_x. The names are the history's column names.
 enum class PullBackSource {
-  kDerivative,        // ways that need no test
+  kDerivative,        // sources that need no test
   kInverse,           // the given inverse, or Newton's
-  kNumericalInverse,  // this and the following: chosen, or a fall-back
+  kNumericalInverse,  // this and the following: chosen, or a fallback
   kInverseGradient,
   kGradient,
   kNone,
@@ -73,14 +73,14 @@ class SimulatorPullBack {
     NewtonInverse::Options newton;  // of the way newton
   };
 
-  // Only the way inverse reads `inverse`, which may be null.
+  // Only the way `inverse` reads the argument `inverse`, which may be null.
   SimulatorPullBack(std::shared_ptr<const Simulator> simulator,
                     std::shared_ptr<const InverseSimulator> inverse,
                     const Options& options);
 
   struct Result {
     PullBackSource source = PullBackSource::kDerivative;
-    // Why the first choice was not taken; empty if it was.
+    // Why the first choice failed; empty if it succeeded.
     std::string why;
   };
 
@@ -100,7 +100,7 @@ class SimulatorPullBack {
   class Attempt;
 
   std::shared_ptr<const Simulator> simulator_;
-  // The inverse that is tried first; null: the numerical one.
+  // The first inverse to use; null: the numerical one.
   std::shared_ptr<const InverseSimulator> inverse_;
   std::shared_ptr<const InverseSimulator> numerical_;
   Options options_;

@@ -1,4 +1,5 @@
-// The ways back through the parts of a chain, and their names in a method:
+// The ways of the pull-backs through loss and simulator, and their names in a
+// method:
 //
 //   LOSS/SIMULATOR/RULE        newton/inverse/adam
 #ifndef INVGRAD_INVERSE_WAYS_H_
@@ -19,7 +20,7 @@ enum class SimulatorWay {
   kAdjoint,
   kInverseGradient,
   kHalfInverse,
-  kInverse,    // the problem's inverse simulator; kNumerical where it has none
+  kInverse,    // the problem's inverse simulator; kNumerical if it has none
   kNumerical,  // numerical_inverse.h
   kNewton,     // newton_inverse.h
   kData,       // no pull-back: x~ is the data's solution x*
@@ -44,7 +45,7 @@ inline constexpr WayName<SimulatorWay> kSimulatorWays[] = {
     {SimulatorWay::kNewton, "newton"},
     {SimulatorWay::kData, "data"}};
 
-// The way of that name, or nothing.
+// The way with this name, or nothing.
 template <typename Way, std::size_t kSize>
 std::optional<Way> FindWay(const WayName<Way> (&names)[kSize],
                            const std::string& name) {

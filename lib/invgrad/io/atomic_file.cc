@@ -20,8 +20,8 @@ std::string Reason(int error_number) {
   return std::generic_category().message(error_number);
 }
 
-// Opens an unused name beside `path`: -1 and errno on failure. Not mkstemp,
-// whose files are private; these get the user's usual permissions.
+// Opens a file with an unused name beside `path`: -1 and errno on failure.
+// Unlike mkstemp, it gives the file the user's usual permissions.
 int OpenTemporary(const std::string& path, std::string* temporary) {
   static std::atomic<unsigned> counter{0};
   constexpr int kMaxTries = 100;
@@ -53,7 +53,7 @@ bool WriteAll(int file, std::string_view bytes) {
   return fsync(file) == 0;
 }
 
-// Empty, or what went wrong.
+// Returns an error message, or an empty string.
 std::string ReadAll(int file, std::string* bytes) {
   struct stat status;
   if (fstat(file, &status) != 0) {

@@ -1,12 +1,13 @@
 // Writes files atomically, and reads them.
 //
 // The bytes go to a temporary name in the same folder, are flushed to the disk
-// and renamed to `path`: a reader, or a program that was killed, finds the old
-// file or the new one. A symbolic link at `path` is replaced, not followed.
+// and renamed to `path`: after a crash, and for any reader, the file has either
+// its old or its new content. A symbolic link at `path` is replaced, not
+// followed.
 //
 // Cost:    one write, one fsync.
 // Fails:   returns false; *error names the file and the system's reason, the
-//          temporary is removed and what was at `path` is untouched.
+//          temporary file is removed, and `path` is unchanged.
 #ifndef INVGRAD_IO_ATOMIC_FILE_H_
 #define INVGRAD_IO_ATOMIC_FILE_H_
 

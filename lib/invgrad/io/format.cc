@@ -23,7 +23,7 @@ std::string FormatDuration(double seconds) {
   if (!(seconds >= 0.0 && seconds < kLongest)) {
     return "?";
   }
-  // The bounds are where the shorter form would round up to the next one.
+  // At these bounds the shorter form would round up to the next unit.
   if (seconds < 0.9995) {
     return fmt::format("{:.3f} s", seconds);
   }

@@ -6,8 +6,8 @@
 
 namespace invgrad {
 
-// "0.250 s", "12.3 s", "3 min 05 s", "2 h 03 min", "4 d 07 h"; "?" for what is
-// not a duration.
+// "0.250 s", "12.3 s", "3 min 05 s", "2 h 03 min", "4 d 07 h"; "?" for values
+// that are no duration.
 std::string FormatDuration(double seconds);
 
 // With `digits` significant digits, as short as that allows: "0.25", "1234",

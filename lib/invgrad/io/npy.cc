@@ -28,7 +28,7 @@ struct NpyHeader {
   std::vector<std::int64_t> shape;
 };
 
-// Reads the one Python literal that a header may be,
+// Parses the Python literal of a header,
 //   {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
 // with the keys in any order.
 class HeaderParser {
@@ -104,7 +104,7 @@ class HeaderParser {
     return true;
   }
 
-  // A structured type is a list of fields: kept as text, for the message.
+  // A structured type is a list of fields, kept as text for the message.
   bool ParseType(std::string* value) {
     if (!IsNext("[")) {
       return ParseString(value);
@@ -148,7 +148,7 @@ class HeaderParser {
   std::string_view rest_;
 };
 
-// As Python writes a tuple; -1 is "*".
+// Formats a shape like a Python tuple; -1 becomes "*".
 std::string ShapeText(const std::vector<std::int64_t>& shape) {
   std::string text = "(";
   for (size_t i = 0; i < shape.size(); ++i) {
@@ -167,7 +167,8 @@ bool WriteArray(const std::string& path,
   std::string header =
       "{'descr': '<f8', 'fortran_order': False, 'shape': " + ShapeText(shape) +
       ", }";
-  // Magic, version, length and header together end on a multiple of 64 bytes.
+  // The total size of magic, version, length and header is a multiple of 64
+  // bytes.
   constexpr size_t kPreamble = 10;
   constexpr size_t kAlignment = 64;
   const size_t used = (kPreamble + header.size() + 1) % kAlignment;
@@ -248,7 +249,8 @@ Eigen::MatrixXd ToMatrix(std::string_view payload,
   return values.template cast<double>();
 }
 
-// `wanted` has -1 where any size will do; `is_wanted` decides.
+// `wanted` describes the shape in messages, -1 for any size; `is_wanted` checks
+// it.
 template <typename IsWanted>
 bool ReadArray(const std::string& path,
                const std::vector<std::int64_t>& wanted,

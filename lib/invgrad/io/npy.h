@@ -1,12 +1,12 @@
 // Reads and writes numpy's .npy files: float64 arrays of one or two dimensions.
 //
 // Written as version 1.0, '<f8', and atomically (atomic_file.h). Reading
-// accepts versions 1.0 to 3.0, '<f8' and '<f4', C and Fortran order; nothing
-// larger than the file is ever allocated.
+// accepts versions 1.0 to 3.0, '<f8' and '<f4', C and Fortran order, and never
+// allocates more than the size of the file.
 //
-// Fails:   returns false with a message that names the file and what was found
-//          and wanted; the output is then unchanged. Infinities and NaN are
-//          values like any other: CheckNpyFinite finds them.
+// Fails:   returns false with a message that names the file and the found and
+//          expected format; the output is then unchanged. Infinities and NaN
+//          are valid values; CheckNpyFinite finds them.
 //
 // Source: numpy/lib/format.py, "Format Version 1.0".
 #ifndef INVGRAD_IO_NPY_H_
@@ -26,21 +26,21 @@ bool WriteNpy(const std::string& path,
               const Eigen::MatrixXd& matrix,
               std::string* error);
 
-// wanted_rows and wanted_cols of -1 take any; a one-dimensional file is a
+// wanted_rows, wanted_cols: -1 accepts any size. A one-dimensional array is a
 // column.
 bool ReadNpy(const std::string& path,
              int wanted_rows,
              int wanted_cols,
              Eigen::MatrixXd* matrix,
              std::string* error);
-// Takes (n,) and (n, 1).
+// Accepts the shapes (n,) and (n, 1).
 bool ReadNpy(const std::string& path,
              int wanted_size,
              Eigen::VectorXd* vector,
              std::string* error);
 
-// False if an entry is infinite or NaN; *error then names the first one, row by
-// row: "file x.npy: nan at row 3, column 0 (counted from 0)".
+// Returns false if an entry is infinite or NaN; *error then names the first
+// one, row by row: "file x.npy: nan at row 3, column 0 (counted from 0)".
 bool CheckNpyFinite(const std::string& path,
                     const Eigen::Ref<const Eigen::MatrixXd>& matrix,
                     std::string* error);

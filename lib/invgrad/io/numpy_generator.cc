@@ -8,8 +8,8 @@
 namespace invgrad {
 namespace {
 
-// numpy's SeedSequence: four words of entropy, every one mixed into every
-// other, from which any number of words can be hashed.
+// numpy's SeedSequence: mixes four words of entropy into each other and hashes
+// them to any number of words.
 class SeedSequence {
  public:
   explicit SeedSequence(std::uint32_t seed) {
@@ -62,8 +62,8 @@ class SeedSequence {
 //
 //   x_{i-1} = f^-1(f_i + V / x_i),   x_0 = 0
 //
-// A draw is a layer and a 52-bit integer u; then x = u w_i, and what has
-// u < k_i is below f for sure.
+// A draw is a layer i and a 52-bit integer u; then x = u w_i, and every x with
+// u < k_i is below f.
 struct Ziggurat {
   static constexpr int kLayers = 256;
   static constexpr double kTailStart = 3.6541528853610088;     // r
@@ -78,10 +78,9 @@ struct Ziggurat {
     double x = kTailStart;
     for (int i = kLayers - 1; i > 0; --i) {
       f[i] = std::exp(-0.5 * x * x);
-      // Every entry of numpy's tables is what this recurrence gives if each
-      // operation is rounded to nearest, but for this exponential: it lies
-      // 0.498 units in the last place above the double below it, and was
-      // rounded up.
+      // This recurrence, with each operation rounded to nearest, gives all
+      // entries of numpy's tables except this exponential: it lies 0.498 units
+      // in the last place above the next lower double, and numpy rounds it up.
       if (i == 38) f[i] = 0x1.5ad29acc85c89p-1;
       const double below =
           i > 1 ? std::sqrt(-2.0 * std::log(f[i] + kLayerArea / x)) : 0.0;
@@ -144,7 +143,7 @@ double NumpyGenerator::StandardNormal() {
     const double x = ((bits >> 8) & 1) != 0 ? -size : size;
     if (u < ziggurat.k[layer]) return x;
     if (layer == 0) {
-      // Marsaglia's tail method; the sign is another bit here.
+      // Marsaglia's tail method, with another bit for the sign.
       while (true) {
         const double beyond = -kInverseTailStart * std::log1p(-Random());
         const double y = -std::log1p(-Random());

@@ -4,11 +4,11 @@
 //
 // SeedSequence hashes the seed into the state of PCG64 (XSL-RR 128/64 [1]);
 // doubles are its top 53 bits / 2^53. Normal numbers come from a ziggurat of
-// 256 layers [2]; 99 of 100 take one draw, the others more, by their values.
+// 256 layers [2]; 99 of 100 take one draw, the others a variable number.
 //
 // Source: numpy/random/bit_generator.pyx, src/pcg64/pcg64.h and
 // src/distributions/distributions.c, numpy 1.17 and later. numpy does not
-// promise this stream for ever, but has kept it so far.
+// guarantee this stream, but has not changed it so far.
 //
 // [1] O'Neill. PCG: A Family of Simple Fast Space-Efficient Statistically Good
 //     Algorithms for Random Number Generation. Harvey Mudd College,

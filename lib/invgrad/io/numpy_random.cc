@@ -10,7 +10,7 @@
 namespace invgrad {
 namespace {
 
-// The words of the state as the standard library prints them: libstdc++ gives
+// The words of the state as the standard library prints them: libstdc++ prints
 // the 624 words of the generator and the position of the next one.
 Eigen::VectorXd Words(const std::mt19937& generator) {
   std::stringstream text;
@@ -63,7 +63,8 @@ std::vector<int> NumpyRandom::Permutation(int n) {
   std::vector<int> order(n);
   std::iota(order.begin(), order.end(), 0);
   // Fisher-Yates from the back; the index in [0, i] is drawn by masking and
-  // rejection (random_interval), so the count of draws depends on their values.
+  // rejection (random_interval), so the number of draws depends on their
+  // values.
   for (int i = n - 1; i > 0; --i) {
     std::uint32_t mask = i;
     for (int shift = 1; shift < 32; shift *= 2) {

@@ -32,8 +32,8 @@ class NumpyRandom {
   // np.random.uniform(low, high)
   double Uniform(double low, double high);
 
-  // np.random.normal(), twice. numpy makes normal numbers in pairs and keeps
-  // the second for the next call; a pair leaves no such state.
+  // np.random.normal(), twice. numpy draws normal numbers in pairs and stores
+  // the second for the next call; drawing a pair leaves nothing to store.
   Eigen::Vector2d NormalPair();
 
   // np.random.permutation(n)
@@ -42,7 +42,8 @@ class NumpyRandom {
   // The generator's state as exact doubles, for checkpoints: size 625, the 624
   // words and the position of np.random.get_state().
   Eigen::VectorXd State() const;
-  // False, and nothing changed, if `state` is no possible result of State().
+  // Returns false, and changes nothing, if `state` is not a valid result of
+  // State().
   bool SetState(const Eigen::VectorXd& state);
 
  private:

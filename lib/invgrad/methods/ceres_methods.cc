@@ -8,13 +8,13 @@
 namespace invgrad {
 namespace {
 
-// The options of a family of methods: Describe names them, and Apply writes
+// The options of a family of methods: Describe declares them, and Apply writes
 // them to Ceres' options.
 
 struct TrustRegionOptions {
   double initial_trust_region_radius = 1e4;
   bool use_nonmonotonic_steps = false;
-  // The most accurate, and fast enough for some hundred parameters.
+  // The most accurate solver, and fast enough for some hundred parameters.
   std::string linear_solver = "dense_qr";
   int num_threads = 1;
 
@@ -45,7 +45,7 @@ struct TrustRegionOptions {
     options->num_threads = num_threads;
     CHECK(ceres::StringToLinearSolverType(linear_solver,
                                           &options->linear_solver_type));
-    // Ceres' own dense algebra is Eigen's, compiled for the oldest processors.
+    // Without LAPACK, Ceres uses Eigen, compiled for the oldest processors.
     if (ceres::IsDenseLinearAlgebraLibraryTypeAvailable(ceres::LAPACK)) {
       options->dense_linear_algebra_library_type = ceres::LAPACK;
     }
@@ -83,7 +83,7 @@ struct DoglegOptions {
              &dogleg,
              {"traditional_dogleg", "subspace_dogleg"},
              "the path, or the best step in the plane of both directions");
-    // Ceres' dogleg wants an exact solver.
+    // Ceres' dogleg requires an exact solver.
     trust_region.Describe({"dense_qr",
                            "dense_normal_cholesky",
                            "sparse_normal_cholesky",
@@ -184,7 +184,7 @@ struct NonlinearCgOptions {
 };
 
 struct SteepestDescentOptions {
-  // The curvature condition costs gradients and buys nothing here.
+  // The curvature condition needs more gradients and has no benefit here.
   std::string line_search = "armijo";
 
   void Describe(OptionSet* set) {

@@ -24,7 +24,8 @@
 
 namespace invgrad {
 
-// What is wrong with a loss that a trust region cannot take.
+// The message for a loss that is not a least-squares problem, which a trust
+// region needs.
 constexpr char kNeedsLeastSquares[] =
     "a trust region needs a least-squares loss, c |y - y*|^2";
 

@@ -51,8 +51,8 @@ bool FindWays(const std::string& name, Phase* phase, std::string* error) {
          FindRuleRow(name.substr(second + 1), phase, error);
 }
 
-// Finds the rows that "rule", "loss/simulator/rule", "ceres" or "ceres+rule"
-// names.
+// Finds the table rows of "rule", "loss/simulator/rule", "ceres" or
+// "ceres+rule".
 bool FindRows(const std::string& name, Phase* phase, std::string* error) {
   const ChainMethodRow* chain = FindChainMethod(name);
   if (chain != nullptr) {
@@ -86,7 +86,7 @@ bool IsOwn(const std::string& name) {
   return name == "batch_size" || name == "epochs" || name == "steps";
 }
 
-// The settings that belong to the method itself.
+// The settings of the method itself.
 bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   constexpr double kMax = 1e9;
   int batch_size = 0;
@@ -105,7 +105,7 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   return true;
 }
 
-// Those that are not set.
+// The settings that are not set.
 void AddDefaults(const Settings& defaults, Settings* settings) {
   const Settings given = *settings;
   for (const auto& setting : defaults) {
@@ -117,8 +117,8 @@ void AddDefaults(const Settings& defaults, Settings* settings) {
   }
 }
 
-// Every setting is an option of the ways; if not, the message suggests the
-// rule's options too.
+// Every setting must be an option of the ways; otherwise the message also
+// suggests the rule's options.
 bool CheckOptionNames(const Phase& phase,
                       const OptionSet& ways,
                       const Settings& settings,
@@ -187,8 +187,8 @@ bool ParsePhase(const Specification& specification,
   return true;
 }
 
-// False if the phase, with another one after it or not, has no share of the run
-// or one that it may not have.
+// Returns false if a phase before the last one has no share of the run, or if
+// the phase has a share that is not allowed.
 bool CheckShare(const Phase& phase, bool is_last, std::string* error) {
   const bool has_share = phase.num_epochs > 0 || phase.num_steps > 0;
   if (is_last && has_share) {

@@ -1,6 +1,6 @@
-// A method is what a comparison compares: an update rule, a way back for each
-// part of the chain, a minimizer of Ceres, or a minimizer of Ceres to which a
-// rule proposes its steps; or several of these one after the other, in phases.
+// A method of training or minimization: an update rule, a rule with pull-backs
+// through loss and simulator, a minimizer of Ceres, or a minimizer of Ceres
+// with proposals of a rule; or a sequence of these, in phases.
 //
 //   half_inverse:truncation=1e-6            rule
 //   newton/inverse/adam:y_step_size=0.5     loss, simulator and network
@@ -9,12 +9,12 @@
 //   ceres_lm+half_inverse                   Ceres with an UpdateCallback
 //   adam:epochs=5>half_inverse              two phases
 //
-// Where a phase has several parts, a setting goes to the rule if the rule has
-// such an option, otherwise to the others. The settings batch_size, epochs and
-// steps belong to the phase itself. Each phase but the last has a share of the
-// run, epochs= or steps=, whichever ends first; the last one takes what the
-// run's budget leaves. A minimizer of Ceres can only be the last phase.
-// train/train.h says how phases follow each other in a run.
+// If a phase has several parts, a setting applies to the rule if the rule has
+// this option, otherwise to the other parts. The settings batch_size, epochs
+// and steps belong to the phase itself. Each phase but the last has a share of
+// the run, epochs= or steps=, whichever ends first; the last phase has the rest
+// of the budget. A minimizer of Ceres can only be the last phase. train/train.h
+// says how phases follow each other in a run.
 #ifndef INVGRAD_METHODS_METHOD_H_
 #define INVGRAD_METHODS_METHOD_H_
 
@@ -41,9 +41,10 @@ struct Phase {
   int num_epochs = 0;
   int num_steps = 0;
 
-  // A new rule object; null if the phase has none.
+  // A new rule object; null if the phase has no rule.
   std::unique_ptr<UpdateRule> MakeRule() const;
-  // Ceres' options by the phase's settings. CHECKs that it has a minimizer.
+  // Ceres' options with the settings of the phase. CHECKs that the phase has a
+  // minimizer.
   void ConfigureCeres(
       ceres::Solver::Options* options,
       ceres::GradientProblemSolver::Options* gradient_options) const;
@@ -60,17 +61,17 @@ struct Method {
 
   const Phase& last_phase() const { return phases.back(); }
 
-  // Settings for Ceres that the specification leaves open; those that its
-  // minimizer does not have are left out.
+  // Defaults for settings of Ceres; those that the minimizer does not have are
+  // ignored.
   void AddCeresDefaults(const Settings& defaults);
 };
 
-// "a:x=1,b+c:y=2". False if a name or a setting is unknown or out of range:
-// everything is checked here, before anything runs.
+// "a:x=1,b+c:y=2". Returns false if a name or a setting is unknown or out of
+// range. All checks happen here, before a run.
 bool ParseMethods(const std::string& text,
                   std::vector<Method>* methods,
                   std::string* error);
-// The same of a single one.
+// The same for a single method.
 bool ParseMethod(const std::string& text, Method* method, std::string* error);
 
 }  // namespace invgrad

@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// *way = the way of that name; false, with the allowed names, if there is none.
+// Sets *way to the way with this name. Returns false, with the allowed names,
+// if there is none.
 template <typename Way, std::size_t kSize>
 bool SetWay(const char* part,
             const WayName<Way> (&names)[kSize],
@@ -124,7 +125,7 @@ LossPullBack PullBackMethod::MakeLossPullBack(
 std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
     std::shared_ptr<const Loss> loss) const {
   CHECK(is_joint());
-  // Its own gradient: nothing is to be pulled back.
+  // The gradient of the loss itself: there is nothing to pull back.
   if (loss_ == LossWay::kGradient && y_step_size_ == 1.0) return loss;
   return std::make_shared<PulledBackLoss>(MakeLossPullBack(std::move(loss)));
 }

@@ -1,17 +1,17 @@
-// A method put together from a way back for each part of the chain.
+// A method composed of a pull-back for each part of the chain.
 //
 //   LOSS/SIMULATOR/RULE        newton/inverse/adam:step_size=1e-3
 //
 //   LOSS       gradient, newton, saddle_free_newton      (loss_pull_back.h)
 //   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
 //              newton                               (simulator_pull_back.h)
-//              joint: not by itself, RULE sees network and simulator as one
-//              data: none, x~ is the solution that the data were made from
+//              joint: no pull-back, RULE linearizes network and simulator
+//              data: no pull-back, x~ is the solution x* of the data
 //   RULE       any update rule, of the proxy in x (chain_pull_back.h)
 //
-// `inverse` is the problem's own inverse simulator, or the numerical one where
-// it has none; `numerical` is always the latter. Known methods have names of
-// their own: sip is newton/inverse/adam.
+// `inverse` is the problem's inverse simulator, or the numerical inverse if the
+// problem has none; `numerical` is always the numerical inverse. Known methods
+// have their own names: sip is newton/inverse/adam.
 #ifndef INVGRAD_METHODS_PULL_BACK_METHOD_H_
 #define INVGRAD_METHODS_PULL_BACK_METHOD_H_
 
@@ -29,10 +29,10 @@
 
 namespace invgrad {
 
-// The ways back through loss and simulator.
+// The ways of the pull-backs through loss and simulator.
 class PullBackMethod {
  public:
-  // False, with *error naming what there is, for an unknown name.
+  // Returns false for an unknown name; *error lists the known ones.
   bool SetWays(const std::string& loss,
                const std::string& simulator,
                std::string* error);
@@ -41,7 +41,7 @@ class PullBackMethod {
   void Describe(OptionSet* set);
 
   bool is_joint() const { return simulator_ == SimulatorWay::kJoint; }
-  // Whether a setting is made that means something for batches only.
+  // Whether a setting is set that only applies to batches.
   bool needs_batches() const {
     return proxy_ != "l2" || curvature_weight_ != 0.0 || updates_ != 1 ||
            max_change_ != 0.0;
@@ -52,14 +52,14 @@ class PullBackMethod {
     return simulator_ == SimulatorWay::kData || data_weight_ > 0.0;
   }
 
-  // False, with a message, if these ways need derivatives that the simulator
-  // does not have.
+  // Returns false, with a message, if these ways need derivatives that the
+  // simulator does not have.
   bool CanPullBack(const Simulator& simulator, std::string* error) const;
 
-  // For ways that are joint: the loss that the rule is to see.
+  // For the way joint: the loss that the rule linearizes.
   std::shared_ptr<const Loss> MakeLoss(std::shared_ptr<const Loss> loss) const;
 
-  // For the others. `inverse` is the problem's own, or null.
+  // For the other ways. `inverse`: the problem's inverse simulator, or null.
   ChainPullBack::Options ChainOptions() const;
   LossPullBack MakeLossPullBack(std::shared_ptr<const Loss> loss) const;
   SimulatorPullBack MakeSimulatorPullBack(
@@ -94,15 +94,15 @@ struct ChainMethodRow {
   std::string loss;
   std::string simulator;
   std::string rule;
-  Settings defaults;  // where they differ from those of its parts
+  Settings defaults;  // where they differ from the defaults of its parts
 
-  // Of the ways and of the rule, with these defaults.
+  // The options of the ways and the rule, with these defaults.
   std::vector<OptionSet::Row> options() const;
 };
 
 const std::vector<ChainMethodRow>& ChainMethods();
 
-// The row of that name or null.
+// The row with this name, or null.
 const ChainMethodRow* FindChainMethod(const std::string& name);
 
 }  // namespace invgrad

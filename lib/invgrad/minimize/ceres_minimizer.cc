@@ -9,7 +9,7 @@
 namespace invgrad {
 namespace {
 
-// What Solver::Options and GradientProblemSolver::Options have in common.
+// Sets the common fields of Solver::Options and GradientProblemSolver::Options.
 template <typename CeresOptions>
 void ApplyMinimizerOptions(const MinimizerOptions& options,
                            CeresOptions* ceres_options) {
@@ -35,8 +35,8 @@ void ConvertSummary(const CeresSummary& ceres_summary,
   summary->final_cost = ceres_summary.final_cost;
   summary->iterations = ceres_summary.iterations;
   summary->total_time_in_seconds = ceres_summary.total_time_in_seconds;
-  // The last cost that Ceres names may be that of a step which it rejected; it
-  // returns the best state that it accepted.
+  // The last cost that Ceres reports may belong to a rejected step; Ceres
+  // returns the best accepted state.
   for (const ceres::IterationSummary& iteration : summary->iterations) {
     if (iteration.iteration == 0) {
       summary->final_cost = iteration.cost;
@@ -44,7 +44,7 @@ void ConvertSummary(const CeresSummary& ceres_summary,
       summary->final_cost = std::min(summary->final_cost, iteration.cost);
     }
   }
-  // Ceres records no start if nothing can change.
+  // Ceres does not record the start if all blocks are constant.
   if (summary->iterations.empty() &&
       summary->termination_type == ceres::CONVERGENCE) {
     ceres::IterationSummary start;

@@ -1,12 +1,11 @@
 // Runs Ceres' minimizers behind the summary of Minimize (minimizer.h).
 //
-// Differences to Minimize: iterations hold the rejected steps too; a step on
-// which Ceres ends the run by a tolerance is not among them; function and
-// parameter tolerances of 0 end a run on no change at all; on SOLVER_ABORT a
-// trust region puts the blocks back to the start; mini-batches are refused
-// (CHECKed).
-// Fails:   as Ceres: FAILURE in the summary with Ceres' message, also for
-//          options that Ceres refuses.
+// Differences to Minimize: iterations include rejected steps, but not a final
+// step that meets a tolerance of Ceres; function and parameter tolerances of 0
+// end a run when nothing changes; on SOLVER_ABORT a trust region resets the
+// blocks to the start; mini-batches are not supported (CHECKed).
+// Fails:   like Ceres: FAILURE in the summary with Ceres' message, also for
+//          options that Ceres rejects.
 #ifndef INVGRAD_MINIMIZE_CERES_MINIMIZER_H_
 #define INVGRAD_MINIMIZE_CERES_MINIMIZER_H_
 
@@ -19,10 +18,10 @@
 
 namespace invgrad {
 
-// Runs ceres::Solve with Ceres' options as given, but for the budget,
-// tolerances and callbacks, which come from `options`, and its log, which is
-// silent. Callbacks run in the order given, an UpdateCallback among them, and
-// see the blocks up to date (the best state, if steps may be nonmonotonic).
+// Runs ceres::Solve with the given options of Ceres, except that budget,
+// tolerances and callbacks come from `options`, and logging is off. Callbacks,
+// including an UpdateCallback, run in the given order, with up-to-date blocks
+// (the best state, if steps may be nonmonotonic).
 void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::Solver::Options ceres_options,
                        ceres::Problem* problem,

@@ -97,7 +97,7 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
     *error = OutputsError();
     return false;
   }
-  // H_L is 2 c I, or written out in `loss_hessian`.
+  // H_L is 2 c I, or `loss_hessian`.
   const std::optional<double> factor = loss_->SquaredNormFactor();
   Eigen::VectorXd g(m);
   Eigen::MatrixXd loss_hessian;

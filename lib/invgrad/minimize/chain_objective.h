@@ -1,17 +1,17 @@
-// A simulator and a loss without a network: x itself is sought.
+// A simulator and a loss without a network: the unknowns are x.
 //
 //   L(x) = L(P(x), y*),   J = dP/dx,   g = dL/dy
 //   d2L/dx2 = J^T H_L J + sum_i g_i d2P_i/dx2
 //
 // Shapes:  x: n = |x|;  y: m = |y|.
-// Units:   g and J are those of y, not of a residual: for L = c |y - y*|^2 it
-//          is g = 2 c (y - y*) and H_L = 2 c I.
-// Cost:    the gradient alone: the simulator's pull-back, without J. Otherwise
-//          one simulator evaluation with Jacobian; the Hessian one more. H_L is
-//          written out only for losses that are no squared norm.
+// Units:   g and J are derivatives for y, not for a residual: L = c |y - y*|^2
+//          has g = 2 c (y - y*) and H_L = 2 c I.
+// Cost:    the gradient alone: the simulator's adjoint, without J. Otherwise
+//          one simulator evaluation with Jacobian; the Hessian adds one. H_L is
+//          stored only if the loss is not a squared norm.
 // Fails:   Linearize and Cost return false if simulator or loss fails or a
-//          value is not finite, and where J and the Hessian, which are dense,
-//          do not fit into memory.
+//          value is not finite, and if J and the Hessian, which are dense, do
+//          not fit into memory.
 #ifndef INVGRAD_MINIMIZE_CHAIN_OBJECTIVE_H_
 #define INVGRAD_MINIMIZE_CHAIN_OBJECTIVE_H_
 
@@ -58,7 +58,7 @@ class ChainObjective final : public Objective {
  private:
   bool PullBackGradient(Linearization* linearization, std::string* error) const;
   bool JacobianFits(const LinearizationParts& parts, std::string* error) const;
-  // What a message says where the simulator failed.
+  // The message if the simulator fails.
   std::string OutputsError() const;
   bool LinearizeWithJacobian(const LinearizationParts& parts,
                              Linearization* linearization,

@@ -14,9 +14,9 @@ namespace invgrad {
 
 namespace {
 
-// False, with the summary and the path of the failure, if the cost is not
-// finite at the start. Ceres itself only looks at residuals, whose squares may
-// be infinite although they are not.
+// Returns false, with summary and path of the failure, if the cost is not
+// finite at the start. Ceres only checks the residuals, whose squares may
+// overflow.
 bool HasStart(const ChainObjective& objective,
               std::vector<Eigen::VectorXd>* path,
               MinimizerSummary* summary) {
@@ -29,7 +29,7 @@ bool HasStart(const ChainObjective& objective,
   return false;
 }
 
-// Collects the points that a minimization visits.
+// Records the points of a minimization.
 class PathRecorder final : public ceres::IterationCallback {
  public:
   PathRecorder(std::function<Eigen::VectorXd()> point,
@@ -53,7 +53,7 @@ void MinimizeByRule(const Phase& phase,
                     std::vector<Eigen::VectorXd>* path,
                     MinimizerSummary* summary) {
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  // What the rule gets to see.
+  // The objective that the rule linearizes.
   Objective* seen = objective;
   std::optional<ChainObjective> joint;
   std::optional<PullBackObjective> pulled_back;
@@ -135,7 +135,7 @@ bool MinimizeByMethod(const Method& method,
   ceres::GradientProblemSolver::Options gradient_options;
   phase.ConfigureCeres(&solver_options, &gradient_options);
   if (!phase.ceres->is_trust_region) {
-    // A line search sees the gradient and no Jacobian, which may be large.
+    // A line search uses the gradient and no Jacobian, which may be large.
     if (!HasStart(*objective, path, summary)) return true;
     MinimizeWithCeres(
         recorded, gradient_options, new ChainFunction(objective), &x, summary);
@@ -165,7 +165,7 @@ bool MinimizeByMethod(const Method& method,
     }
   }
   objective->SetState(x);
-  // Ceres ends a run on its tolerances without calling anyone back.
+  // Ceres calls no callback after a step that ends the run by a tolerance.
   if (path->empty() || path->back() != x) path->push_back(x);
   return true;
 }

@@ -15,9 +15,9 @@
 
 namespace invgrad {
 
-// Minimizes from the objective's current point; `path` receives the points, the
-// start first and the final one last. `inverse` is the simulator's own, or
-// null. False if the method cannot take the objective, or has phases.
+// Minimizes from the objective's current point; `path` receives the points from
+// the start to the final one. `inverse`: the simulator's inverse, or null.
+// Returns false if the method does not support the objective, or has phases.
 bool MinimizeByMethod(const Method& method,
                       const MinimizerOptions& options,
                       std::shared_ptr<const InverseSimulator> inverse,

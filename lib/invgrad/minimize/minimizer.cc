@@ -39,7 +39,7 @@ class Run {
         objective_(objective),
         summary_(summary),
         parts_(rule->Needs()) {
-    // Next to a Jacobian, which every part needs, it costs nothing.
+    // The gradient is cheap compared with the Jacobian, which every part needs.
     parts_.gradient = true;
   }
 
@@ -94,8 +94,8 @@ class Run {
     return true;
   }
 
-  // The share of the budget that is spent. The clock, which makes a scheduled
-  // run irreproducible, counts only if there is a time budget.
+  // The share of the budget that is spent. Time counts only if there is a time
+  // budget, because it makes a run with a schedule irreproducible.
   double Progress() const {
     double progress = static_cast<double>(summary_->num_steps()) /
                       std::max(options_.max_num_iterations, 1);
@@ -133,8 +133,8 @@ class Run {
             !ParameterToleranceReached(previous.norm(), iteration.step_norm));
   }
 
-  // Takes the step and linearizes where it leads, or stays if the rule takes it
-  // back.
+  // Takes the step and linearizes at the new point, or at the old one if the
+  // rule reverts the step.
   bool Move(std::string* error) {
     Eigen::VectorXd step;
     if (!rule_->ComputeStep(at_x_, &step, error)) return false;
@@ -167,8 +167,8 @@ class Run {
     return false;
   }
 
-  // Completes and appends the summary of an iteration, and asks the callbacks.
-  // False if one of them ends the run.
+  // Completes and appends the summary of an iteration, and calls the callbacks.
+  // Returns false if a callback ends the run.
   bool Record(ceres::IterationSummary* iteration) {
     iteration->step_is_valid = true;
     iteration->step_is_nonmonotonic = iteration->cost_change < 0.0;
@@ -236,7 +236,7 @@ class Run {
   MinimizerSummary* summary_;
   LinearizationParts parts_;
   Linearization at_x_;
-  Eigen::VectorXd state_;        // the last that could be linearized
+  Eigen::VectorXd state_;        // the last state with a finite linearization
   bool was_taken_back_ = false;  // the last step
   const Clock::time_point start_ = Clock::now();
   Clock::time_point iteration_start_ = start_;

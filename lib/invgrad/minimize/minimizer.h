@@ -1,17 +1,16 @@
-// Minimizes a ceres::Problem by the steps of an update rule, taken as they are.
+// Minimizes a ceres::Problem by the unmodified steps of an update rule.
 //
 //   x_{k+1} = Plus(x_k, rule(linearization at x_k))
 //
-// This is the pure iteration: no line search, no accept or reject; for a
-// safeguarded one see update_callback.h. Options, summary and termination use
-// Ceres' own types, so that a run of ceres::Solve stands in the same table
-// (ceres_minimizer.h).
+// There is no line search and no acceptance test; for these see
+// update_callback.h. Options, summary and termination use Ceres' types, so that
+// runs compare with ceres::Solve (ceres_minimizer.h).
 //
 // Cost:    one linearization and one step an iteration.
 // Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
 //          finite) ends the run with ceres::FAILURE and a message that names
-//          the iteration; the blocks are left at the last state where all of
-//          them were finite, and the step that failed is not recorded.
+//          the iteration; the blocks then have the last state at which all of
+//          these were finite, and the failed step is not recorded.
 #ifndef INVGRAD_MINIMIZE_MINIMIZER_H_
 #define INVGRAD_MINIMIZE_MINIMIZER_H_
 
@@ -39,11 +38,12 @@ struct MinimizerOptions {
   double parameter_tolerance = 1e-8;
   // A mini-batch. Empty: all of the problem's residual blocks.
   std::vector<ceres::ResidualBlockId> residual_blocks;
-  // Called at x_0 and after every step, with the blocks up to date. Not owned.
+  // Called at x_0 and after every step, with up-to-date blocks. Not owned.
   // SOLVER_ABORT ends the run with USER_FAILURE, SOLVER_TERMINATE_SUCCESSFULLY
-  // with USER_SUCCESS; the blocks stay where they are.
+  // with USER_SUCCESS; the blocks keep their values.
   std::vector<ceres::IterationCallback*> callbacks;
-  // The problem's own, if it has one (see ProblemLinearizer). Not owned.
+  // The evaluation callback of the problem, if any (see ProblemLinearizer). Not
+  // owned.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
 };
 
@@ -54,10 +54,10 @@ struct MinimizerSummary {
   double final_cost = -1.0;
   // [0] is the start. Minimize fills cost, cost_change, the norms of gradient
   // (tangent space) and step (ambient), the flags (nonmonotonic: the cost rose;
-  // successful: the rule did not take the step back) and the times.
+  // successful: the rule did not revert the step) and the times.
   std::vector<ceres::IterationSummary> iterations;
   double total_time_in_seconds = 0.0;
-  int num_taken_back = 0;  // steps, by a rule that judges them
+  int num_taken_back = 0;  // steps that the rule reverted
 
   int num_steps() const {
     return iterations.empty() ? 0 : static_cast<int>(iterations.size()) - 1;
@@ -71,8 +71,8 @@ void Minimize(const MinimizerOptions& options,
               ceres::Problem* problem,
               MinimizerSummary* summary);
 
-// The same for any objective; the options that name parts of a ceres::Problem
-// are not read.
+// The same for any objective; options about parts of a ceres::Problem are
+// ignored.
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               Objective* objective,

@@ -46,8 +46,8 @@ bool CeresFitsInMemory(const Phase& phase,
                        const ceres::Solver::Options& options,
                        const ceres::Problem& problem,
                        std::string* error) {
-  // What Ceres solves for: blocks that are not constant, and residual blocks
-  // that depend on one.
+  // The parts that Ceres solves for: non-constant blocks, and residual blocks
+  // that depend on them.
   const double cols = NumVariables(problem);
   const double rows = NumVariableResiduals(problem);
   std::vector<MemoryPart> parts;

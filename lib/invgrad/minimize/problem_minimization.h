@@ -6,8 +6,8 @@
 //
 // Fails:   returns false, before anything runs, if the method is not for a
 //          problem without a chain (phases, pull-backs, batches), if its rule
-//          cannot propose steps here (UpdateCallback::IsSupported), or if a
-//          dense solver or BFGS would need more memory than there is.
+//          cannot propose steps for this problem (UpdateCallback::IsSupported),
+//          or if a dense solver or BFGS needs more than the available memory.
 #ifndef INVGRAD_MINIMIZE_PROBLEM_MINIMIZATION_H_
 #define INVGRAD_MINIMIZE_PROBLEM_MINIMIZATION_H_
 
@@ -22,11 +22,12 @@
 
 namespace invgrad {
 
-// Whether the method is for a problem without a chain; if not, *error says why.
+// Whether the method applies to a problem without a chain; if not, *error gives
+// the reason.
 bool IsForProblems(const Method& method, std::string* error);
 
-// `elimination_order` is what Ceres' Schur solvers eliminate first; null leaves
-// it to Ceres.
+// `elimination_order`: the ordering for Ceres' Schur solvers; null: Ceres
+// chooses.
 bool MinimizeProblem(
     const Method& method,
     const MinimizerOptions& options,
@@ -35,9 +36,8 @@ bool MinimizeProblem(
     MinimizerSummary* summary,
     std::string* error);
 
-// Minimizes by the phase's trust region of Ceres, with the proposals of its rule
-// if it has one; returns what is to be added to the summary's message about
-// them.
+// Minimizes by the phase's trust region of Ceres, with the proposals of its
+// rule, if any; returns a text about the proposals for the summary's message.
 std::string MinimizeWithProposals(const Phase& phase,
                                   const MinimizerOptions& options,
                                   const ceres::Solver::Options& ceres_options,

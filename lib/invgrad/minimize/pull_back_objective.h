@@ -1,13 +1,13 @@
-// A simulator and a loss whose wanted change is pulled back to x: physical
-// gradients of single points.
+// The proxy of a pull-back through simulator and loss to x, without a network:
+// physical gradients of single points.
 //
 //   x~ = x + d_x,   proxy 1/2 |x - x~|^2,   gradient = -d_x,   J = H_L = 1
 //
-// A rule that takes the whole step (gradient descent with step size 1) makes it
-// x <- P^-1(y + d_y; x).
+// With a full step (gradient descent with step size 1) this is x <-
+// P^-1(y + d_y; x).
 //
-// Shapes, cost and failures: simulator_pull_back.h. Only the gradient is ever
-// of a proxy; the cost is L at x.
+// Shapes, cost and failures: simulator_pull_back.h. The gradient is that of the
+// proxy; the cost is L at x.
 #ifndef INVGRAD_MINIMIZE_PULL_BACK_OBJECTIVE_H_
 #define INVGRAD_MINIMIZE_PULL_BACK_OBJECTIVE_H_
 
@@ -43,7 +43,7 @@ class PullBackObjective final : public Objective {
     return objective_.Plus(step);
   }
 
-  // Of all linearizations.
+  // Counts over all linearizations.
   const PullBackCounts& counts() const { return counts_; }
 
  private:

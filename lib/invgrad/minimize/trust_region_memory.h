@@ -1,6 +1,6 @@
-// What a trust region of Ceres holds in memory with a Jacobian of a given size:
-// J, 8 m n bytes, as often as its linear solver copies it, and the normal
-// equations, 8 n^2.
+// The memory of a trust region of Ceres with a Jacobian of a given size: the
+// copies of J in the linear solver, 8 m n bytes each, and the normal equations,
+// 8 n^2.
 #ifndef INVGRAD_MINIMIZE_TRUST_REGION_MEMORY_H_
 #define INVGRAD_MINIMIZE_TRUST_REGION_MEMORY_H_
 

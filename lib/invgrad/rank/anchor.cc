@@ -13,7 +13,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// rank is 0 if there is no block left.
+// rank is 0 if no block remains.
 struct Candidate {
   int block = 0;
   int rank = 0;
@@ -21,8 +21,8 @@ struct Candidate {
 
 Candidate BestBlock(const MatrixXd& N, const std::vector<int>& offsets) {
   constexpr double kRank = 1e-5;  // relative to the block's largest
-  // A block that does not move is no anchor, and one that hardly moves is a bad
-  // one if there are others.
+  // A block that does not move cannot be an anchor, and a block that hardly
+  // moves is a bad anchor if there are others.
   constexpr double kFixed = 1e-6;
   constexpr double kFirm = 0.01;
   std::vector<double> norms;

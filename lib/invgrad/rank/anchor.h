@@ -1,11 +1,12 @@
 // Which parameters to hold constant so that a problem becomes determined.
 //
-//   null directions left after rows R are held:  { N c : N_R c = 0 },
+//   null directions with rows R held constant:  { N c : N_R c = 0 },
 //   so R removes rank(N_R) of them
 //
-// The choice is greedy: the block that removes the most, and of those the first
-// unless another one moves a hundred times as much. Of a block whose components
-// can be held one by one, an anchor holds rank-many components and no others.
+// The choice is greedy: the block that removes most directions; of several, the
+// first, unless another one moves a hundred times as much. If single components
+// of the block can be held constant, an anchor consists of rank-many
+// components.
 //
 // Shapes:  N: n x k, orthonormal columns, rows of comparable units; block b has
 //          rows offsets[b] ... offsets[b + 1] - 1.
@@ -25,8 +26,8 @@ struct Anchor {
   int num_removed = 0;    // directions
 };
 
-// can_hold_rows[b]: rows of block b can be held one by one. Returns at most
-// max_anchors; they suffice if their num_removed sum up to k.
+// can_hold_rows[b]: single rows of block b can be held constant. Returns at
+// most max_anchors anchors; they suffice if the sum of their num_removed is k.
 std::vector<Anchor> ChooseAnchors(Eigen::MatrixXd N,
                                   const std::vector<int>& offsets,
                                   const std::vector<bool>& can_hold_rows,

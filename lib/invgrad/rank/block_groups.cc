@@ -69,7 +69,7 @@ class UnionFind {
   std::vector<int> parents_;
 };
 
-// The component that each tangent direction of a block is, or -1.
+// The component of each tangent direction of a block, or -1.
 std::vector<int> Components(const ceres::Manifold* manifold,
                             const double* values,
                             int tangent_size) {
@@ -142,8 +142,8 @@ void FindUnused(const VectorXd& lengths,
   }
 }
 
-// Sets each block's group, and fills the groups' blocks and columns. Returns
-// the row that each row of J has in its group, or -1 if it is zero.
+// Sets the group of each block, and fills blocks and columns of the groups.
+// Returns for each row of J its row in its group, or -1 if it is zero.
 std::vector<int> FindGroups(const SparseMatrix& J,
                             const VectorXd& lengths,
                             RankReport* report,

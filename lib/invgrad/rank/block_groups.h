@@ -1,10 +1,10 @@
-// The parameter blocks of a problem in groups that residuals couple, and the
-// Jacobian of each group.
+// Groups of parameter blocks that residuals couple, and the Jacobian of each
+// group.
 //
 //   A = J D^-1,   D = diag(|J e_i|)
 //
-// Two blocks are in one group if a row of J has entries that are not zero in
-// both, or a chain of such blocks connects them. Columns of zeros are left out.
+// Two blocks are in one group if a row of J has nonzero entries in both, or if
+// a chain of such pairs connects them. Columns of zeros belong to no group.
 //
 // Cost:    one linearization of the problem, and O(entries of J).
 #ifndef INVGRAD_RANK_BLOCK_GROUPS_H_
@@ -24,16 +24,16 @@ struct BlockGroup {
   std::vector<int> blocks;        // of the report
   std::vector<int> columns;       // of the problem's J
   Eigen::VectorXd lengths;        // D, of these columns
-  std::vector<int> offsets;       // where each block's columns begin; one more
+  std::vector<int> offsets;       // first column of each block, and the end
   Eigen::SparseMatrix<double> J;  // rows and columns of the group
   Eigen::SparseMatrix<double> A;  // J D^-1
-  // Of the residual blocks that name a block of the group.
+  // The residual blocks that use a block of the group.
   std::vector<std::vector<double*>> arguments;
 };
 
 // Linearizes the problem and fills the report's sizes, blocks, unused
-// parameters and lengths of columns. False with a message if a cost function
-// fails or is not finite, or memory does not suffice.
+// parameters and lengths of columns. Returns false, with a message, if a cost
+// function fails or is not finite, or if memory does not suffice.
 bool GroupBlocks(const RankReport::Options& options,
                  const ceres::Problem& problem,
                  RankReport* report,

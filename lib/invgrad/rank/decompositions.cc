@@ -15,7 +15,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Matrices with fewer columns are decomposed faster by one thread (blas.h).
+// For fewer columns one thread is faster (blas.h).
 constexpr Index kThreads = 1000;
 
 lapack_int Int(Index size) { return static_cast<lapack_int>(size); }

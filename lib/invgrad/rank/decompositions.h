@@ -7,8 +7,8 @@
 //
 // Shapes:  A: m x n, any m and n.
 // Cost:    O(m n min(m, n)) and a copy of the argument.
-// Fails:   s and V are NaN if LAPACK's SVD does not converge, as for an A that
-//          is not finite.
+// Fails:   s and V are NaN if LAPACK's SVD does not converge, or if A is not
+//          finite.
 #ifndef INVGRAD_RANK_DECOMPOSITIONS_H_
 #define INVGRAD_RANK_DECOMPOSITIONS_H_
 
@@ -24,14 +24,13 @@ struct RightSvd {
 };
 RightSvd ComputeRightSvd(Eigen::MatrixXd A);
 
-// min(m, n) of them, descending.
+// The min(m, n) singular values, descending.
 Eigen::VectorXd SingularValues(Eigen::MatrixXd A);
 
 // Q, m x n, of the m x n matrix X, m >= n.
 Eigen::MatrixXd Orthonormalized(Eigen::MatrixXd X);
 
-// The columns of A in the order in which a QR decomposition with column
-// pivoting takes them: P.
+// P: the order of the columns of A in a QR decomposition with column pivoting.
 std::vector<int> PivotOrder(Eigen::MatrixXd A);
 
 }  // namespace invgrad

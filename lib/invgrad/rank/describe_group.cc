@@ -61,9 +61,9 @@ class GroupDescription {
         g_(g),
         report_(*report) {}
 
-  // A direction is reported if it is independent of those before it: first
-  // those within one block, then those that touch few blocks, gauge freedoms,
-  // and the rest.
+  // Reports directions that are independent of the previous ones: first
+  // directions within one block, then those that touch few blocks, gauge
+  // freedoms, and the rest.
   void DescribeNullSpace(const MatrixXd& V) {
     dimension_ = V.cols();
     reported_.resize(V.rows(), 0);
@@ -102,8 +102,8 @@ class GroupDescription {
   }
 
   void DescribeWeak(const MatrixXd& V) {
-    // A gauge freedom that a weak prior removes is named if it explains all of
-    // the weak directions, or this one.
+    // Names a gauge freedom that a weak prior removes, if it explains all weak
+    // directions, or this one.
     const GaugeMatcher matcher = MakeMatcher();
     const std::string name = matcher.NameOf(V);
     for (const auto v : V.colwise()) {
@@ -135,8 +135,8 @@ class GroupDescription {
                         gauges);
   }
 
-  // Whether v, of length one, is independent of what was reported, and is now
-  // reported.
+  // Adds v, of length one, to the reported span. Returns false if v is not
+  // independent of it.
   bool Report(const VectorXd& v) {
     if (reported_.cols() == dimension_) return false;
     VectorXd new_part = v;
@@ -167,7 +167,7 @@ class GroupDescription {
     report_.gauges.push_back(std::move(freedom));
   }
 
-  // Whether each tangent direction of block b of the group is a component.
+  // Whether every tangent direction of block b of the group is a component.
   bool CanHoldComponents(int b) const {
     const std::vector<int>& components =
         report_.blocks[group_.blocks[b]].components;
@@ -242,7 +242,7 @@ class GroupDescription {
   const int g_;
   RankReport& report_;
   Index dimension_ = 0;  // of the null space
-  MatrixXd reported_;    // orthonormal, of the span of what was reported
+  MatrixXd reported_;    // orthonormal basis of the reported span
 };
 
 }  // namespace

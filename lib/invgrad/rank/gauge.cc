@@ -44,8 +44,8 @@ bool CommonFactor(const GaugeComponent& component, MatrixXd* motions) {
   return component.blocks.size() > 1;
 }
 
-// Blocks that are first arguments times a factor, those that are second ones
-// divided by it.
+// Multiplies blocks that are first arguments by a factor, and divides second
+// arguments by it.
 bool FactorOfProduct(const GaugeComponent& component, MatrixXd* motions) {
   std::map<int, std::size_t> places;
   for (const std::vector<int>& arguments : component.arguments) {
@@ -71,7 +71,7 @@ std::vector<Gauge> BuiltInGauges() {
        {"factor"},
        FactorOfProduct},
       {"common factor of all blocks", {"scale"}, CommonFactor}};
-  // Blocks of more components seldom are places.
+  // Larger blocks are rarely positions.
   constexpr int kLargestPlace = 3;
   for (int size = 1; size <= kLargestPlace; ++size) {
     gauges.push_back(Translation(size));

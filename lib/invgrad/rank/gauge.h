@@ -3,10 +3,10 @@
 //
 //   x_b -> x_b + e v_b(x),   each ambient motion v is a generator
 //
-// A pose graph without anchor may be translated and rotated as a whole, a
-// reconstruction from images scaled as well. A Gauge proposes such motions for
-// blocks of one layout. The rank report tests each proposal by J v, so a layout
-// that does not apply is harmless.
+// For example translations and rotations of a pose graph without anchor, and
+// also scalings of a reconstruction from images. A Gauge proposes such motions
+// for blocks of one layout. The rank report tests each proposal by J v, so a
+// wrong layout is harmless.
 //
 // The layouts that BuiltInGauges() covers:
 //   blocks of one size         translation, one generator a component
@@ -25,12 +25,12 @@
 //   a b                        the common factor of a group of blocks, and the
 //                              factor between the first and second arguments of
 //                              a product
-// Blocks of other sizes do not move. Blocks of sizes 1 to 3 beside poses are
-// tried both as positions and as calibrations.
-// Quaternions are (w, x, y, z) or (x, y, z, w), as their ceres::Manifold says;
-// with any other manifold both orders are tried.
+// Blocks of other sizes do not move. Blocks of sizes 1 to 3 beside poses may be
+// positions or calibrations; both are tested. Quaternions are (w, x, y, z) or
+// (x, y, z, w), according to their ceres::Manifold; for other manifolds both
+// orders are tested.
 //
-// Fails:   a Gauge returns false if it does not fit the blocks.
+// Fails:   a Gauge returns false if the blocks do not have its layout.
 //
 // [1] Triggs, McLauchlan, Hartley, Fitzgibbon. Bundle Adjustment: A Modern
 //     Synthesis. 1999, section 9 (gauge freedom).
@@ -71,8 +71,8 @@ struct Gauge {
   std::function<bool(const GaugeComponent&, Eigen::MatrixXd* motions)> motions;
 };
 
-// In the order of their number of generators, so that the first gauge that
-// explains the most directions is the simplest.
+// In the order of their number of generators, so that of equally good gauges
+// the first one is the simplest.
 std::vector<Gauge> BuiltInGauges();
 
 }  // namespace invgrad

@@ -24,7 +24,7 @@ MatrixXd Span(const MatrixXd& X) {
   return Orthonormalized(X * svd.V.leftCols(rank));
 }
 
-// From an ambient motion of a block to the closest tangent one.
+// Maps an ambient motion of a block to the closest tangent motion.
 MatrixXd PseudoInversePlusJacobian(const GaugeBlock& block) {
   RowMajorMatrix P(block.size, block.manifold->TangentSize());
   if (P.cols() == 0 || !block.manifold->PlusJacobian(block.values, P.data())) {
@@ -95,7 +95,8 @@ GaugeMatch GaugeMatcher::Best(double limit, int num_directions) const {
     best.num_generators = static_cast<int>(candidate.generators.size());
     best.directions = candidate.basis * svd.V.rightCols(unseen);
     best.generators.assign(static_cast<std::size_t>(unseen), "");
-    // By name if as many independent generators leave the residuals unchanged.
+    // Named generators, if as many independent ones leave the residuals
+    // unchanged.
     MatrixXd motions(A_.cols(), 0);
     std::vector<std::string> names;
     for (Index g = 0; g < candidate.motions.cols(); ++g) {

@@ -1,10 +1,11 @@
-// Which gauge freedoms leave the residuals of a component unchanged.
+// Finds the gauge freedoms that leave the residuals of a group unchanged.
 //
 //   A = J D^-1,  G = D v(x),  Q orthonormal with span(Q) = span(G):
 //   the directions Q c with |A Q c| <= limit |c|
 //
-// All such combinations of a gauge's generators count: with one camera held
-// constant, the scale about its centre remains, a scale and a translation.
+// This includes combinations of a gauge's generators: if one camera is
+// constant, the scale about its centre remains, which combines scale and
+// translation.
 //
 // Shapes:  A: m x n;  D: n;  motions in tangent directions, scaled: n x g.
 // Cost:    O((m + n) g^2) a gauge.
@@ -22,9 +23,9 @@ namespace invgrad {
 
 struct GaugeMatch {
   std::string name;        // empty: none
-  int num_generators = 0;  // that move anything
-  // n x g, columns of length one, independent: what leaves the residuals
-  // unchanged.
+  int num_generators = 0;  // with a nonzero motion
+  // n x g, independent columns of length one: the motions that leave the
+  // residuals unchanged.
   Eigen::MatrixXd directions;
   // One a direction; empty for combinations of generators.
   std::vector<std::string> generators;
@@ -40,12 +41,12 @@ class GaugeMatcher {
                const Eigen::VectorXd& scale,
                const std::vector<Gauge>& gauges);
 
-  // The gauge with the most directions that leave the residuals unchanged, and
-  // of these the first. The search ends at `num_directions` of them.
+  // The gauge with the most directions that leave the residuals unchanged; of
+  // several, the first. The search ends at `num_directions` of them.
   GaugeMatch Best(double limit, int num_directions) const;
 
-  // The first gauge whose motions span the columns of V (length one) but for
-  // 5 %; empty if there is none.
+  // The first gauge whose motions span the columns of V (length one) up to 5 %;
+  // empty if there is none.
   std::string NameOf(const Eigen::MatrixXd& V) const;
 
  private:

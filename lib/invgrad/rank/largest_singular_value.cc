@@ -13,8 +13,8 @@
 namespace invgrad {
 namespace {
 
-// Without symmetries, so that it is orthogonal to no singular vector of a
-// likely matrix. The same at every call.
+// A start vector without symmetries, so that it is unlikely to be orthogonal to
+// a singular vector. The same for every call.
 Eigen::VectorXd StartVector(Eigen::Index size) {
   Eigen::VectorXd v(size);
   for (Eigen::Index i = 0; i < size; ++i) {

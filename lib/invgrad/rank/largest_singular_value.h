@@ -4,8 +4,8 @@
 //
 // Without reorthogonalization: the largest Ritz value does not need it [1].
 //
-// Accuracy: from below, to about `tolerance`: the iteration stops when eight
-//          more steps change it by less, or after 100.
+// Accuracy: a lower bound, to about `tolerance`: the iteration stops when eight
+//          steps change the value by less, or after 100 steps.
 // Cost:    a product with J and one with J^T a step; 10 to 40 steps.
 // Fails:   NaN if a product with J is not finite; 0 for J = 0.
 //

@@ -15,8 +15,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Directions V c that are zero outside of the rows [begin, end), to kNoPart.
-// |V_b c|^2 = |c|^2 selects candidates; the rows outside decide.
+// Directions V c that are zero, to kNoPart, outside of the rows [begin, end).
+// |V_b c|^2 = |c|^2 selects candidates; the rows outside confirm them.
 MatrixXd WithinRows(const Eigen::Ref<const MatrixXd>& V, int begin, int end) {
   constexpr double kInside = 1.0 - 1e-6;
   const MatrixXd V_b = V.middleRows(begin, end - begin);

@@ -23,15 +23,16 @@
 
 namespace invgrad {
 
-// A vector of length one touches a block if its part there is longer.
+// A vector of length one touches a block if the norm of its part in the block
+// is larger.
 constexpr double kNoPart = 1e-5;
 
 struct LocalizedBasis {
   // Directions within one block, columns of length one, and their blocks.
   Eigen::MatrixXd single;
   std::vector<int> single_blocks;
-  // The rest of span(V), orthogonal to `single`: orthonormal, and localized,
-  // those that touch the fewest blocks first.
+  // The rest of span(V), orthogonal to `single`: an orthonormal basis, and a
+  // localized one, sorted by the number of touched blocks.
   Eigen::MatrixXd rest;
   Eigen::MatrixXd localized_rest;
 };

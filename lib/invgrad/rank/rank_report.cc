@@ -25,7 +25,8 @@ bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
              kMaxEntries;
 }
 
-// The small singular values of each group's A, and the largest one of all.
+// The small singular values of each group's A, and the largest value of all
+// groups.
 bool Decompose(const RankReport::Options& options,
                const std::vector<BlockGroup>& groups,
                std::vector<SmallestSingular>* small,
@@ -38,8 +39,8 @@ bool Decompose(const RankReport::Options& options,
         SparseJacobian(SparseJacobian::Matrix(group.A)), kNormTolerance));
     report->s_max = std::max(report->s_max, estimates.back());
   }
-  // The estimates are lower bounds. With this margin no direction is missed
-  // that is weak compared with the exact largest value.
+  // The estimates are lower bounds. With this margin the search finds all
+  // directions that are weak relative to the exact largest value.
   constexpr double kMargin = 1.5;
   const double limit = kMargin * options.weak_threshold * report->s_max;
   small->resize(groups.size());

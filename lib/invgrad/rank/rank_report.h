@@ -1,30 +1,32 @@
-// Which parameters, or combinations of them, the residuals do not determine.
+// Finds parameters, and combinations of parameters, that the residuals do not
+// determine.
 //
 //   A = J D^-1,   D = diag(|J e_i|),   A = U diag(s) V^T:
 //   undetermined  s <= threshold s_max       the motions D^-1 v leave r
 //                                            unchanged
 //   weak          s <= weak_threshold s_max  they change r by s / s_max only
 //
-// J is that of ProblemLinearizer: tangent directions of the blocks that are not
-// constant, at the current values, robust losses applied or not. The columns
-// are scaled to length one so that the answer does not depend on the units of
-// the parameters. Columns of zeros are exact and reported first: no residual
+// J is the Jacobian of ProblemLinearizer: tangent directions of the
+// non-constant blocks, at the current values, with or without robust losses.
+// The columns are scaled to length one, so that the result does not depend on
+// the units of the parameters. Columns of zeros are reported first: no residual
 // depends on these parameters.
 //
 // Undetermined directions are reported in a readable basis: those within one
 // block, those that touch few blocks, gauge freedoms by name (gauge.h), and
-// then the rest. For every group of blocks that residuals couple the report
-// suggests what to hold constant, and how many directions that removes.
+// then the rest. For every group of blocks that residuals couple, the report
+// suggests parameters to hold constant, with the number of directions that this
+// removes.
 //
-// Cost:    each group is decomposed by itself: up to max_dense_size parameters
-//          by QR and SVD, larger ones by a sparse Cholesky decomposition and
-//          subspace iteration (smallest_singular.h).
-// Fails:   false with a message if an option is out of range, a cost function
-//          fails or is not finite (the message names its residual block),
-//          memory does not suffice or a decomposition fails.
-// Limits:  the rank is that at the current values: symmetric values may hide
-//          information, rounding errors may add some. Singular values below
-//          about 1e-9 s_max are not resolved.
+// Cost:    one decomposition per group: QR and SVD up to max_dense_size
+//          parameters, a sparse Cholesky decomposition and subspace iteration
+//          for larger groups (smallest_singular.h).
+// Fails:   returns false, with a message, if an option is out of range, a cost
+//          function fails or is not finite (the message names its residual
+//          block), memory does not suffice or a decomposition fails.
+// Limits:  the rank refers to the current values: symmetric values may lower
+//          it, rounding errors may raise it. Singular values below about 1e-9
+//          s_max are not resolved.
 //
 // Compared with Ceres: ceres::Covariance with DENSE_SVD fails with "rank
 // deficient" if the smallest singular value of J itself is below 1e-7 of the
@@ -48,20 +50,20 @@ struct RankReport {
   struct Options {
     double threshold = 1e-7;       // in (1e-12, 1)
     double weak_threshold = 1e-4;  // in [threshold, 1)
-    // About the number of directions that are searched for in a group of blocks
-    // with more than max_dense_size parameters.
+    // The approximate number of directions to search for in a group with more
+    // than max_dense_size parameters.
     int max_directions = 100;
     int max_dense_size = 1000;
-    // r and J as the solver uses them, with the robust losses applied.
+    // Applies the robust losses to r and J, as the solver does.
     bool apply_loss_function = true;
-    // The name of a block; "" or no function: "block i". i counts the blocks
-    // that are not constant, in the order in which the residual blocks first
-    // name them.
+    // The name of a block; "" or no function: "block i". i counts the
+    // non-constant blocks in the order in which the residual blocks first use
+    // them.
     std::function<std::string(const double* values)> block_name;
     // Tried before the built-in ones.
     std::vector<Gauge> gauges;
     bool look_for_built_in_gauges = true;
-    // That of the problem, if it has one. Not owned.
+    // The evaluation callback of the problem, if any. Not owned.
     ceres::EvaluationCallback* evaluation_callback = nullptr;
 
     bool IsValid(std::string* error) const;
@@ -75,14 +77,14 @@ struct RankReport {
     int tangent_size = 0;  // its number of columns of J
     int column = 0;        // the first of them
     int group = -1;        // -1: unused
-    // Which component each tangent direction is; -1 if it is none, as for
+    // The component of each tangent direction; -1 if there is none, as for
     // rotations.
     std::vector<int> components;
   };
 
   struct Part {
     int block = 0;
-    double share = 0.0;  // of |v|^2; the shares of a direction sum up to 1
+    double share = 0.0;  // of |v|^2; the shares of a direction add up to 1
     // The block's tangent_size entries of D^-1 v, in the parameters' units,
     // scaled so that the direction's largest entry is 1.
     Eigen::VectorXd motion;
@@ -112,7 +114,7 @@ struct RankReport {
     std::vector<int> directions;  // indices of `undetermined`
   };
 
-  // What to hold constant, or to give a prior.
+  // Parameters to hold constant, or to give a prior.
   struct Suggestion {
     int group = 0;
     int block = 0;
@@ -131,13 +133,13 @@ struct RankReport {
   double s_max = 0.0;  // of A
   double threshold = 0.0;
   double weak_threshold = 0.0;
-  // s / s_max of A, ascending: one for each parameter if all groups are small,
-  // otherwise those that were searched for. Unused parameters have 0.
+  // s / s_max of A, ascending: one value per parameter if all groups are small,
+  // otherwise the values found. Unused parameters have 0.
   Eigen::VectorXd singular_values;
   bool has_all_singular_values = false;
   // The same of J itself, if all groups are small; otherwise empty.
   Eigen::VectorXd unscaled_singular_values;
-  // The smallest and largest length of a column of J, zeros left out.
+  // The smallest and largest length of a nonzero column of J.
   double shortest_column = 0.0;
   double longest_column = 0.0;
 
@@ -153,7 +155,7 @@ struct RankReport {
   // The motions of a direction's parts as one step, of size num_parameters.
   Eigen::VectorXd Step(const Direction& direction) const;
 
-  // "`pose 0`[2]", or "`pose 0` tangent 1" if it is no component.
+  // "`pose 0`[2]", or "`pose 0` tangent 1" if the direction is not a component.
   std::string ComponentName(int block, int tangent) const;
 
   // The report as text. Lists of blocks and directions end after max_items.

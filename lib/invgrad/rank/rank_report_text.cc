@@ -14,8 +14,8 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// ceres::Covariance with DENSE_SVD fails below it: the root of its default
-// min_reciprocal_condition_number.
+// ceres::Covariance with DENSE_SVD fails below this value, the root of its
+// default min_reciprocal_condition_number.
 constexpr double kCovarianceLimit = 1e-7;
 
 template <typename Number>
@@ -109,7 +109,7 @@ class Text {
           SingularValue(unscaled[0]),
           unscaled[0] <= kCovarianceLimit ? "rank deficient" : "full rank");
     }
-    // Scaled columns hide that a derivative may be a rounding error.
+    // Scaling the columns hides derivatives that may be rounding errors.
     constexpr double kNoise = 1e-14;
     if (report_.shortest_column < kNoise * report_.longest_column) {
       Add("  columns of J have lengths from {} to {}: the shortest may be "

@@ -89,8 +89,8 @@ bool SparseSmallestSingular(const SparseMatrix& A,
     if (shift > kLargestShift * s_max * s_max) return false;
   }
 
-  // More columns than wanted vectors, so that the wanted ones converge fast,
-  // and so that one value above the limit shows that none is missing.
+  // More columns than wanted vectors, for fast convergence, and because one
+  // value above the limit shows that no smaller one is missing.
   constexpr Index kGuard = 8;
   constexpr Index kFirstBlock = 16;
   constexpr int kMaxIterations = 100;
@@ -109,7 +109,7 @@ bool SparseSmallestSingular(const SparseMatrix& A,
     s = svd.s.reverse();
     V *= svd.V.rowwise().reverse();
     const Index num_small = (s.array() <= limit).count();
-    // Also those above the limit that may still fall below it.
+    // Includes values above the limit that may still fall below it.
     bool settled = last.size() == s.size();
     for (Index i = 0; settled && i < s.size() && s[i] <= 2.0 * limit; ++i) {
       settled = std::abs(s[i] - last[i]) <= 1e-3 * s[i] + 1e-9 * s_max;

@@ -2,7 +2,7 @@
 //
 //   A V = U diag(s),   s <= limit
 //
-// Two methods, which agree where both resolve the values:
+// Two algorithms, which agree if both resolve the values:
 //   dense    QR of A, then the SVD of R: all singular values, to a few
 //            roundings of the largest one.
 //   sparse   subspace iteration with (A^T A + shift I)^-1 by a sparse Cholesky
@@ -13,8 +13,9 @@
 // Cost:    dense: 2 m n^2 + 22 n^3 and m n numbers. Sparse: one decomposition
 //          of A^T A with AMD's ordering, then about ten times k + 8 solutions.
 // Fails:   returns false with a message if A is not finite or a decomposition
-//          fails. An iteration that does not converge, as among a hundred close
-//          values, returns what it has, and `complete` is false.
+//          fails. If the iteration does not converge, for example with a
+//          hundred close values, the result is partial, and `complete` is
+//          false.
 #ifndef INVGRAD_RANK_SMALLEST_SINGULAR_H_
 #define INVGRAD_RANK_SMALLEST_SINGULAR_H_
 
@@ -26,12 +27,12 @@
 namespace invgrad {
 
 struct SmallestSingular {
-  // Ascending; dense: all n, zeros included for m < n. Sparse: those that were
-  // found; those above the limit may not have converged.
+  // Ascending; dense: all n, including zeros for m < n. Sparse: the values
+  // found; values above the limit may not have converged.
   Eigen::VectorXd s;
-  // The vectors of those with s <= limit.
+  // The vectors of all s <= limit.
   Eigen::MatrixXd V;
-  // False if there may be more with s <= limit than were found.
+  // False if there may be further values s <= limit.
   bool complete = true;
 };
 
@@ -40,7 +41,8 @@ bool DenseSmallestSingular(const Eigen::SparseMatrix<double>& A,
                            SmallestSingular* result,
                            std::string* error);
 
-// s_max: that of A, to a percent (largest_singular_value.h).
+// s_max: the largest singular value of A, to one percent
+// (largest_singular_value.h).
 bool SparseSmallestSingular(const Eigen::SparseMatrix<double>& A,
                             double s_max,
                             double limit,
@@ -48,7 +50,7 @@ bool SparseSmallestSingular(const Eigen::SparseMatrix<double>& A,
                             SmallestSingular* result,
                             std::string* error);
 
-// All singular values of A, descending, without vectors; min(m, n) of them.
+// All min(m, n) singular values of A, descending, without vectors.
 bool DenseSingularValues(const Eigen::SparseMatrix<double>& A,
                          Eigen::VectorXd* s,
                          std::string* error);

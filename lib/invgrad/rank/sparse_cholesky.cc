@@ -10,13 +10,13 @@
 
 namespace invgrad {
 
-// CHOLMOD's objects, and J as it sees it: its compressed rows are compressed
-// columns of J^T, and of an unsymmetric A it factorizes A A^T.
+// CHOLMOD's objects, and J as A = J^T: the compressed rows of J are the
+// compressed columns of J^T, and CHOLMOD factorizes A A^T for an unsymmetric A.
 class SparseCholesky::Factors {
  public:
   Factors() {
     cholmod_start(&common_);
-    common_.print = 0;  // failures are reported by us
+    common_.print = 0;  // the caller reports failures
     common_.final_ll = 1;
   }
   ~Factors() {
@@ -33,7 +33,7 @@ class SparseCholesky::Factors {
     CHECK(matrix.isCompressed());
     const int* starts = matrix.outerIndexPtr();
     const int* columns = matrix.innerIndexPtr();
-    // CHOLMOD takes pointers to what it only reads.
+    // CHOLMOD takes non-const pointers also to data that it only reads.
     transpose_.nrow = matrix.cols();
     transpose_.ncol = matrix.rows();
     transpose_.nzmax = matrix.nonZeros();
@@ -118,7 +118,7 @@ class SparseCholesky::Factors {
   mutable cholmod_common common_;
   cholmod_sparse transpose_ = {};
   cholmod_factor* factor_ = nullptr;
-  // The pattern that factor_ is of.
+  // The pattern of factor_.
   std::vector<int> starts_;
   std::vector<int> columns_;
   double num_entries_ = 0.0;

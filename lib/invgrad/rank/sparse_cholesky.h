@@ -2,12 +2,12 @@
 //
 //   P (J^T J + shift I) P^T = L L^T
 //
-// P, a fill-reducing permutation, and the pattern of L are found once for a
-// pattern of J and serve all shifts and all later J of the same pattern.
+// P, a fill-reducing permutation, and the pattern of L are computed once for a
+// pattern of J, and reused for all shifts and all later J with this pattern.
 //
 // Shapes:  J: m x n;  x: n.
-// Cost:    by CHOLMOD [1], supernodal where that pays: products of dense blocks
-//          of L. A pose graph with n = 15,000 has 2 million entries in L.
+// Cost:    CHOLMOD [1], supernodal if L has large dense blocks. A pose graph
+//          with n = 15,000 has 2 million entries in L.
 // Fails:   returns false, with a message, if L needs more memory than allowed
 //          or J^T J + shift I is not positive definite to rounding.
 //
@@ -31,9 +31,9 @@ class SparseCholesky {
   SparseCholesky(SparseCholesky&&) noexcept;
   SparseCholesky& operator=(SparseCholesky&&) noexcept;
 
-  // Looks at the pattern of J, unless it is that of the last call, and refers
-  // to its values: J must outlive the calls below. memory_limit: in bytes, of
-  // L; 0: that of memory_limit.h.
+  // Analyzes the pattern of J, unless it is unchanged since the last call.
+  // Keeps a reference to the values: J must outlive the calls below.
+  // memory_limit: for L in bytes; 0: the limit of memory_limit.h.
   bool Analyze(const SparseJacobian& J,
                double memory_limit,
                std::string* error);
@@ -41,7 +41,8 @@ class SparseCholesky {
   // CHECKs that J was analyzed, and shift >= 0.
   bool Factorize(double shift, std::string* error);
 
-  // x = (J^T J + shift I)^-1 x for each column of x, of the last Factorize.
+  // x = (J^T J + shift I)^-1 x for each column of x, with the shift of the last
+  // Factorize.
   void Solve(Eigen::Ref<Eigen::MatrixXd> x) const;
 
   // Entries of L.

@@ -39,7 +39,7 @@ Matrix3d InverseLeftJacobian(const Vector3d& phi) {
 
 void Put(const Vector3d& v, double* to) { Eigen::Map<Vector3d>{to} = v; }
 
-// A rotation as it is stored.
+// The representation of a rotation.
 struct RotationView {
   Rotation kind;
   const double* values;
@@ -78,7 +78,7 @@ struct RotationView {
   }
 };
 
-// What the blocks of a component are in space.
+// The spatial meaning of the blocks of a group.
 struct Scene {
   struct Place {
     const double* values;
@@ -98,7 +98,7 @@ struct Scene {
 };
 
 bool IsUnit(const double* q) {
-  // Optimizers leave quaternions slightly off the sphere.
+  // Quaternions may lie slightly off the sphere after an optimization.
   constexpr double kTolerance = 1e-3;
   return std::abs(Eigen::Map<const Eigen::Vector4d>(q).norm() - 1.0) <
          kTolerance;
@@ -115,7 +115,7 @@ Rotation QuaternionOrder(const GaugeBlock& block, Rotation otherwise) {
   return otherwise;
 }
 
-// How poses are stored.
+// The layout of poses.
 struct Layout {
   Pose pose;
   Rotation kind;
@@ -125,7 +125,8 @@ struct Layout {
 };
 
 // Adds cameras whose rotation and translation are blocks next to each other in
-// the cost functions, and fills `translations` with the indices of the latter.
+// the cost functions, and fills `translations` with the indices of the
+// translations.
 bool ReadSplitCameras(const GaugeComponent& component,
                       const Layout& layout,
                       Scene* scene,
@@ -184,7 +185,7 @@ bool ReadScene(const GaugeComponent& component,
           {{QuaternionOrder(block, layout.kind), x}, block.offset});
     }
   }
-  // Points alone fit all layouts. Only one layout accepts them.
+  // Points without poses fit all layouts, so only one layout accepts them.
   const bool has_rotations = !scene->turns.empty() || !scene->cameras.empty();
   if (!has_rotations &&
       (is_camera || has_quaternions || !layout.rotation_first)) {

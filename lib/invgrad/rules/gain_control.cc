@@ -23,7 +23,7 @@ constexpr double kMaxDamping = 100.0;
 
 constexpr double kMaxCurvatureChange = 4.0;
 
-// It takes 40 doublings from here to the whole step.
+// From this factor, 40 doublings lead back to the full step.
 constexpr double kMinStepFactor = 1e-12;
 
 // Relative changes of the cost below this are rounding.
@@ -88,8 +88,8 @@ bool GainControl::Judge(double cost, double fraction) {
   } else {
     last_gain_ = decrease >= -rounding ? 1.0 : kWorst;
     if (last_gain_ == 1.0) {
-      // This says nothing about the model, but the next batch may allow a larger
-      // step.
+      // This says nothing about the model, but the next batch may allow a
+      // larger step.
       GrowStep();
       return true;
     }

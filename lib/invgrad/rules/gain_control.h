@@ -4,9 +4,9 @@
 //   gain = (L(x) - L(x + step)) / (L(x) - M(step))
 //   M(step) = L(x) + g . J step + 1/2 J step . H_L J step
 //
-// A step with gain < 0 is taken back. A step for which M predicts no decrease
-// (it is too long) is taken back if the cost has risen. For the next step the
-// gain changes:
+// A step with gain < 0 is reverted. A step for which M predicts no decrease (it
+// is too long) is reverted if the cost rises. The gain then changes the filter
+// for the next step:
 //
 //   exponent   kappa + 0.02 if gain > 0.85, kappa - 0.05 if gain < 0.4,
 //              within [0.3, 1]
@@ -14,29 +14,31 @@
 //              if not, within [1e-14, 100], from 1e-6 if it is 0; `damping`
 //              stays as it is
 //   both       exponent and damping
-//   nothing    neither: steps are kept or taken back
+//   nothing    neither: steps are only kept or reverted
 //
-// In all cases a step that is taken back halves the step size, down to 1e-12 of
-// the rule's own, and one that is kept doubles it, up to the rule's own. (The
-// next step may be computed at the same point, where nothing else changes.)
+// In all cases a reverted step halves the step size, down to 1e-12 of the
+// rule's own, and a kept step doubles the step size, up to the rule's own.
+// (After a reverted step the next one may start at the same point; only its
+// step size differs then.)
 //
 // In training, L is the loss of the mini-batch that the step was computed from:
 // the gain measures the error of the linear model over the step, not the effect
-// of the step on other samples; rho limits that.
+// of the step on other samples, which rho limits.
 //
 // If the loss does not curve upwards along J step (an infidelity, whose H_L is
 // negative), M has h |J step|^2 in place of J step . H_L J step. h is the
 // curvature that explains the cost after the last step; it starts at
 // |H_L J step| / |J step| and changes at most by a factor of 4 for each step.
-// With it step_size=auto works for such losses, too.
+// This makes step_size=auto work for such losses, too.
 //
 // Cost:    one evaluation of the cost a step, and products with J and H_L.
 // Source:  the gain ratio is that of trust-region methods (Conn, Gould, Toint.
 //          Trust-Region Methods. SIAM 2000, chapter 6), the law for the damping
-//          Nielsen's (Damping Parameter in Marquardt's Method. IMM-REP-1999-05,
-//          Technical University of Denmark, section 3), which is Ceres' too; on
-//          mini-batches: Martens. Deep Learning via Hessian-free Optimization.
-//          ICML 2010, section 4.1. Control of the exponent is ours.
+//          is Nielsen's (Damping Parameter in Marquardt's Method.
+//          IMM-REP-1999-05, Technical University of Denmark, section 3), also
+//          used by Ceres; on mini-batches: Martens. Deep Learning via
+//          Hessian-free Optimization. ICML 2010, section 4.1. Control of the
+//          exponent is ours.
 #ifndef INVGRAD_RULES_GAIN_CONTROL_H_
 #define INVGRAD_RULES_GAIN_CONTROL_H_
 
@@ -75,11 +77,11 @@ class GainControl {
   // Replaces a curvature that is not positive by h |w|^2.
   void CompleteModel(AlongDirection* model);
 
-  // Call before a step of size eta along the model's direction.
+  // Call before a step of size eta along the direction of the model.
   void Expect(double cost, const AlongDirection& model, double eta);
 
-  // Call after that step, or `fraction` of it, with the new cost (NaN: not
-  // finite). False: the step shall be taken back.
+  // Call after this step, or after `fraction` of it, with the new cost (NaN if
+  // not finite). Returns false if the step must be reverted.
   bool Judge(double cost, double fraction);
 
   double last_gain() const { return last_gain_; }

@@ -77,7 +77,7 @@ bool JointRule::FindStepSize(const Linearization& at_x,
                              std::string* error) {
   const StepSizeOptions& options = options_.step_size;
   *eta = options.step_size.value_or(1.0);
-  // A zero direction is its own step, of any size.
+  // A zero direction gives a zero step for any step size.
   const bool is_zero = d_.isZero(0.0);
   AlongDirection model;
   if (!is_zero && (options.is_auto() || JudgesSteps())) {

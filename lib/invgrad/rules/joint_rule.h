@@ -1,5 +1,5 @@
-// The common part of the rules that use the Jacobian of network and simulator
-// together: a filter of its singular values, a step size, and control.
+// The base class of the rules that filter the singular values of the joint
+// Jacobian of network and simulator: filter, step size, and control.
 //
 //   step = -eta d,   d = V phi(S) U^T g or an approximation,   J = U S V^T
 //   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2)   for s > truncation s_max,
@@ -9,8 +9,8 @@
 // A derived rule computes d for a given filter.
 //
 // Shapes:  g: m;  J: m x n;  step, d: n.
-// Cost:    that of d; with step_size=auto or control=gain products with J and
-//          H_L, with control=gain one evaluation of the cost.
+// Cost:    the cost of d; step_size=auto and control=gain add products with J
+//          and H_L, control=gain also adds one evaluation of the cost.
 // Fails:   returns false if d cannot be computed, if the step is not finite, or
 //          if there is no automatic step size.
 #ifndef INVGRAD_RULES_JOINT_RULE_H_
@@ -58,8 +58,8 @@ class JointRule : public UpdateRule {
 
   const Options& joint_options() const { return options_; }
 
-  // Computes d, *direction; *report describes how. False, with *error, if that
-  // fails.
+  // Computes *direction = d; *report describes the computation. Returns false,
+  // with *error, if that fails.
   virtual bool ComputeDirection(const Linearization& at_x,
                                 const SpectralFilter& filter,
                                 Eigen::VectorXd* direction,

@@ -29,7 +29,7 @@ struct Factor {
 
 bool Factorize(const MatrixXd& X, Factor* factor, std::string* error) {
   const Index size = X.rows();
-  // Scaled by the largest entry, whose square could over- or underflow.
+  // Scaled by the largest entry, because its square may over- or underflow.
   const double unit = X.cwiseAbs().maxCoeff();
   factor->root.setZero(size);
   if (unit == 0.0) {
@@ -59,8 +59,8 @@ bool Factorize(const MatrixXd& X, Factor* factor, std::string* error) {
   return true;
 }
 
-// Replaces a layer's gradient by phi(S_l) / S_l of it, and adds to *rank how
-// many singular values were kept.
+// Multiplies a layer's gradient by phi(S_l) / S_l, and adds the number of kept
+// singular values to *rank.
 bool FilterGradient(const LayerJacobian& layer,
                     const SpectralFilter& filter,
                     Eigen::Ref<VectorXd> gradient,
@@ -84,7 +84,7 @@ bool FilterGradient(const LayerJacobian& layer,
     for (Index i = 0; i < P.rows(); ++i) {
       const double s = s_max * of_inputs.root[i] * of_deltas.root[k];
       const double phi = filter(s, s_max);
-      // Not phi / s, which over- and underflows before the result does.
+      // Not phi / s, which may over- or underflow although the result does not.
       G(i, k) = phi == 0.0 ? 0.0 : G(i, k) * phi / s;
       if (filter.Keeps(s, s_max)) ++*rank;
     }
@@ -108,8 +108,8 @@ KfacRule::KfacRule(const Options& options) : JointRule(options) {
 }
 
 std::vector<MemoryPart> KfacRule::StepMemory(const JacobianSizes& J) const {
-  // Of the largest layer: eigenvectors, dsyevd's two matrices, and a copy of the
-  // deltas.
+  // For the largest layer: eigenvectors, dsyevd's two matrices, and a copy of
+  // the deltas.
   double largest = 0.0;
   for (const JacobianSizes::Layer& layer : J.layers) {
     const double squares =

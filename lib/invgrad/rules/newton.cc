@@ -22,8 +22,8 @@ using Eigen::VectorXd;
 // otherwise. Zero rows keep d = 1.
 //
 // [1] Ruiz. A scaling algorithm to equilibrate both rows and columns norms in
-//     matrices. RAL-TR-2001-034, 2001. Each pass halves the exponents that are
-//     left; 12 passes bring 1e300 to within a factor of two.
+//     matrices. RAL-TR-2001-034, 2001. Each pass halves the remaining
+//     exponents; 12 passes bring 1e300 to within a factor of two.
 VectorXd EquilibrationOf(const MatrixXd& H) {
   constexpr int kNumPasses = 12;
   VectorXd d = VectorXd::Ones(H.rows());

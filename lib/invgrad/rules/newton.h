@@ -4,8 +4,8 @@
 //   step = -eta |H|^-1 gradient,   |H| = V |Lambda| V^T    (saddle-free)
 //
 // Shapes:  gradient, step: n;  H: n x n.
-// Units:   eta is a number: Newton's step does not change with the units of x
-//          or L. The saddle-free one changes with those of x.
+// Units:   eta is a number: Newton's step does not depend on the units of x or
+//          L. The saddle-free step depends on the units of x.
 // Cost:    Newton O(n^3 / 3); saddle-free one eigen-decomposition, O(n^3).
 // Fails:   returns false if the gradient, H or the step is not finite, or if
 //          the eigen-decomposition does not converge.
@@ -13,7 +13,7 @@
 // Newton's method converges to any stationary point, also to saddles and
 // maxima. If the equilibrated H is not invertible to working precision
 // (reciprocal condition below epsilon, by LAPACK's dsysvx), the step is
-// -fallback_step_size gradient, and LastStepReport() says so.
+// -fallback_step_size gradient, and LastStepReport() reports this.
 //
 // Saddle-free: curvatures |lambda| <= n epsilon |lambda|_max count as zero. In
 // these directions the step is -fallback_step_size gradient.
@@ -37,7 +37,7 @@ namespace invgrad {
 class Newton final : public UpdateRule {
  public:
   struct Options {
-    bool saddle_free = false;  // which rule this is, not a setting
+    bool saddle_free = false;  // selects the rule; not a setting
     StepSizeOptions step_size{1.0};
     double fallback_step_size = 0.01;  // of gradient descent
 

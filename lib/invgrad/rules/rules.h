@@ -3,13 +3,13 @@
 //   std::unique_ptr<UpdateRule> rule =
 //       MakeRule("half_inverse:step_size=auto:rho=1");
 //
-// An own rule is a class with Needs and ComputeStep (update_rule.h) and one
-// call, after which every use of the table knows the name:
+// A user's rule is a class with Needs and ComputeStep (update_rule.h). One call
+// adds it to the table by name:
 //
 //   RegisterRule<Mine>("mine", "step = -eta sign(gradient)");
 //
-// Its settings, if it has any, are the fields of a nested struct Options with a
-// method Describe (option_set.h), which the constructor takes.
+// Settings are the fields of a nested struct Options with a method Describe
+// (option_set.h); the constructor takes this struct.
 #ifndef INVGRAD_RULES_RULES_H_
 #define INVGRAD_RULES_RULES_H_
 
@@ -26,11 +26,13 @@
 
 namespace invgrad {
 
-// The rule that a text such as "adam:step_size=1e-3" describes. CHECKs that
-// there is one; the message names the nearest rules, or what is allowed.
+// The rule of a specification such as "adam:step_size=1e-3". CHECKs that the
+// specification is valid; the message names the nearest rules, or the allowed
+// values.
 std::unique_ptr<UpdateRule> MakeRule(const std::string& text);
 
-// The same, or null with *error. For text from a user of the program.
+// The same for text from the user of a program: null, with *error, if the
+// specification is invalid.
 std::unique_ptr<UpdateRule> MakeRule(const std::string& text,
                                      std::string* error);
 std::unique_ptr<UpdateRule> MakeRule(const Specification& specification,
@@ -49,15 +51,15 @@ struct RuleRow {
 // All rows, the registered ones last. RegisterRule invalidates iterators.
 const std::deque<RuleRow>& Rules();
 
-// The row of that name or null. The row is valid until the program ends.
+// The row with this name, or null. The row is valid until the program ends.
 const RuleRow* FindRule(const std::string& name);
 
 // Adds a row. Call it before other threads use the table, for example at the
-// beginning of main. CHECKs that the name is new, and not empty, and has none of
-// the characters ":=,/+>" and space, which have a meaning in specifications.
+// beginning of main. CHECKs that the name is new and not empty, and has no
+// space and none of the characters ":=,/+>", which specifications use.
 void RegisterRule(RuleRow row);
 
-// The options of a rule that has none.
+// Options of a rule without settings.
 struct NoOptions {
   void Describe(OptionSet*) {}
 };
@@ -71,7 +73,7 @@ struct RuleOptions<Rule, std::void_t<typename Rule::Options>> {
   using Type = typename Rule::Options;
 };
 
-// A row whose settings have the defaults `defaults`.
+// A row whose settings default to `defaults`.
 template <typename Rule, typename Options = typename RuleOptions<Rule>::Type>
 RuleRow MakeRuleRow(const std::string& name,
                     const std::string& formula,

@@ -12,7 +12,7 @@
 namespace invgrad {
 namespace {
 
-// What the steps of all blocks report.
+// Summarizes the reports of the steps of all blocks.
 struct Totals {
   std::map<SpectralRoute, int> num_blocks;
   int rank = 0;
@@ -127,7 +127,8 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
     SpectralRoute route = spectral_options_.route;
     std::string name = "route ";
     if (route == SpectralRoute::kAuto) {
-      // SpectralStep checks the memory again before it takes a larger route.
+      // SpectralStep checks the memory again before it uses a route that needs
+      // more.
       name = "at least route ";
       route = joint_options().filter.IsGradientDescent()
                   ? SpectralRoute::kGradient
@@ -140,7 +141,7 @@ std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
   };
   MemoryPart step;
   if (layerwise_ && !J.layers.empty()) {
-    // The layers are computed one after the other, in the same memory.
+    // The layers' steps are computed one after the other, in the same memory.
     for (const JacobianSizes::Layer& layer : J.layers) {
       const MemoryPart part = of_step(J.rows, layer.fan_in * layer.fan_out);
       if (part.bytes > step.bytes) step = part;
@@ -178,7 +179,7 @@ bool SpectralRule::ComputeDirection(const Linearization& at_x,
   Eigen::Index index = -1;
   for (const JacobianOperator* block : blocks) {
     ++index;
-    // A manifold may leave a parameter block no direction to move in.
+    // The tangent space of a parameter block may have dimension zero.
     if (block->cols() == 0) continue;
     workspace_.history = histories_.segment(kHistory * index, kHistory);
     SpectralStepSummary summary;

@@ -1,4 +1,4 @@
-// A spectral filter of J, applied to the loss gradient: for all of J, or for the
+// Applies a spectral filter of J to the loss gradient: of all of J, or of the
 // columns of one layer at a time.
 //
 //   step = -eta V phi(S) U^T g,             J = U S V^T,   g = dL/dy
@@ -15,25 +15,27 @@
 //                         starts at 1/2 and follows the gain (gain_control.h),
 //                         and the step size is automatic: no setting is needed
 //
-// These are the rows' defaults. Each has truncation and damping, of the filter
-// s (s^2 + lambda)^(-(1 + kappa) / 2) (spectral_filter.h). With control=gain
-// kappa, lambda or both follow the gain, starting from the row's own values.
+// These are the defaults of the rows. Every row has the settings truncation and
+// damping of the filter s (s^2 + lambda)^(-(1 + kappa) / 2)
+// (spectral_filter.h). With control=gain, kappa, lambda or both follow the gain
+// and start from the row's values.
 //
 // The J_l are the ColumnBlocks of J: a network's layers, or the parameter
-// blocks of a ceres::Problem that are not constant. The coupling between them
-// is neglected: if L layers can all correct the outputs, their full steps
-// (kappa = 1) overshoot L times. If J has no ColumnBlocks, it is the only one.
+// blocks of a ceres::Problem that are not constant. The rule neglects the
+// coupling between blocks: if each of L layers can correct the outputs, the sum
+// of their full steps (kappa = 1) overshoots L times. If J has no ColumnBlocks,
+// J is the only block.
 //
 // Shapes:  g: m;  J: m x n;  step: n.
 // Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
 //          half-inverse step depends on the units of y, on a factor 1/2 in the
 //          loss, and on sum or mean over a batch. g is used as it is given.
 //          damping has the units of s^2.
-// Cost:    one spectral step, see spectral_step.h; step_size=auto two products
-//          more. Layerwise: one step for each layer, of size min(m, n_l). That
-//          is cheaper than the joint step if most layers have n_l < m (large
-//          batches): n_l^3 each in place of min(m, n)^3. For n_l >= m it is L
-//          times the work.
+// Cost:    one spectral step, see spectral_step.h; step_size=auto adds two
+//          products. Layerwise: one step for each layer, of size min(m, n_l).
+//          This is cheaper than the joint step if most layers have n_l < m
+//          (large batches): n_l^3 each instead of min(m, n)^3. For n_l >= m it
+//          is L times the work.
 // Fails:   returns false if g, J or the step is not finite, if a factorization
 //          does not converge, or if there is no automatic step size.
 //
@@ -66,12 +68,12 @@ class SpectralRule final : public JointRule {
 
     bool layerwise = false;
     std::string route = "auto";
-    // Bound of an error estimate that is at least 20 times the error on the
-    // problems' Jacobians (docs/results/accuracy.md). Training does not depend
-    // on it: see docs/results/speed.md.
+    // Bound on the error estimate, which is at least 20 times the error for the
+    // Jacobians of the problems (docs/results/accuracy.md). Training does not
+    // depend on this bound: see docs/results/speed.md.
     double tolerance = 1e-2;
-    // A value within a quarter of the threshold may fall on either side of it;
-    // tau is rarely known more precisely.
+    // A value within a quarter of the threshold may be kept or dropped; tau is
+    // rarely known more precisely.
     double threshold_tolerance = 0.25;
 
     void Describe(OptionSet* set);
@@ -93,7 +95,7 @@ class SpectralRule final : public JointRule {
   const bool layerwise_;
   SpectralStepOptions spectral_options_;
   SpectralWorkspace workspace_;
-  Eigen::VectorXd histories_;  // of all blocks, zero before the first step
+  Eigen::VectorXd histories_;  // one per block, zero before the first step
   Eigen::VectorXd d_;          // of a block
 };
 

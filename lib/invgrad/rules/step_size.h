@@ -35,8 +35,8 @@ struct StepSizeOptions {
   double final_fraction = 0.01;  // f in (0, 1]
   double rho = 0.3;              // in (0, 2), for auto
 
-  // Adds step_size, schedule and final_fraction; with `allow_auto`, for rules
-  // that have a Jacobian, step_size can be "auto" and rho is added.
+  // Adds step_size, schedule and final_fraction. With `allow_auto`, for rules
+  // that use J, step_size may be "auto", and rho is added.
   void Describe(bool allow_auto, OptionSet* set);
 
   bool is_auto() const { return !step_size.has_value(); }
@@ -65,7 +65,7 @@ bool ModelAlong(const Linearization& at_x,
                 AlongDirection* model,
                 std::string* error);
 
-// The auto step size, without its schedule's factor.
+// The automatic step size, without the factor of the schedule.
 bool AutoStepSize(const AlongDirection& model,
                   double rho,
                   double* step_size,

@@ -27,8 +27,8 @@ class Basis {
  public:
   Basis(Index size, MatrixXd* buffer) : size_(size), buffer_(buffer) {}
 
-  // Makes *w orthogonal to the basis. A second pass if the first one cancelled
-  // so much that its roundings matter [Daniel, Gragg, Kaufman, Stewart, Math.
+  // Makes *w orthogonal to the basis, with a second pass if cancellation in the
+  // first one amplifies rounding errors [Daniel, Gragg, Kaufman, Stewart, Math.
   // Comp. 30 (1976)].
   void Orthogonalize(VectorXd* w) {
     if (count_ == 0) return;
@@ -65,7 +65,7 @@ class Basis {
   VectorXd coefficients_;
 };
 
-// R_k, upper bidiagonal, and what continues it.
+// R_k, upper bidiagonal, and the coupling to the next iteration.
 struct Bidiagonal {
   std::vector<double> diagonal;       // k
   std::vector<double> superdiagonal;  // k - 1
@@ -75,7 +75,7 @@ struct Bidiagonal {
   Index size() const { return static_cast<Index>(diagonal.size()); }
 };
 
-// R_k = X Sigma Y^T, as far as the estimate needs it.
+// The parts of R_k = X Sigma Y^T that the error estimate needs.
 bool ComputeRitzValues(const Bidiagonal& R, RitzValues* ritz) {
   const Index k = R.size();
   ritz->s = Eigen::Map<const VectorXd>(R.diagonal.data(), k);
@@ -176,11 +176,11 @@ bool CheckNorm(const std::string& name,
   return false;
 }
 
-// P_k or V_k, whichever has the shorter columns, and R_k, an iteration at a
-// time.
+// Builds R_k and the basis with the shorter columns, P_k or V_k, one iteration
+// at a time.
 class Bidiagonalization {
  public:
-  // From unit vectors g and v_1.
+  // Starts from unit vectors g and v_1.
   Bidiagonalization(const JacobianOperator& J,
                     const VectorXd& g,
                     const VectorXd& v,
@@ -194,7 +194,7 @@ class Bidiagonalization {
         v_(v) {}
 
   const Bidiagonal& R() const { return R_; }
-  // The bases span all that there is.
+  // The Krylov space is invariant.
   bool is_exhausted() const { return is_exhausted_; }
   bool keeps_V() const { return keeps_V_; }
 
@@ -208,7 +208,7 @@ class Bidiagonalization {
     double rho = w_.stableNorm();
     if (!CheckNorm("J v", w_, rho, error)) return false;
     if (rho <= negligible_ * J_norm_) {
-      // v_k is in the null space of J, up to roundings.
+      // v_k is in the null space of J, up to rounding.
       rho = 0.0;
       p_.setZero(J_.rows());
       is_exhausted_ = true;
@@ -254,7 +254,7 @@ class Bidiagonalization {
   Bidiagonal R_;
   VectorXd p_;           // p_k
   VectorXd v_;           // v_{k+1}
-  VectorXd w_;           // either before it is normalized
+  VectorXd w_;           // p_k or v_{k+1} before normalization
   double J_norm_ = 0.0;  // a lower bound of s_max
   bool is_exhausted_ = false;
 };

@@ -1,5 +1,5 @@
-// Applies a spectral filter of the Jacobian to a covector from products with J
-// alone: Golub-Kahan bidiagonalization started at g.
+// Applies a spectral filter of the Jacobian to a covector g, using only
+// products with J and J^T, by Golub-Kahan bidiagonalization started at g.
 //
 //   d = V phi(S) U^T g,   J = U S V^T
 //
@@ -9,31 +9,31 @@
 //
 // Shapes:  g: m;  J: m x n;  d: n;  k: summary.num_iterations.
 // Cost:    k products with J and k with J^T; 2 min(m, n) k^2 for
-//          reorthogonalization, and as much again where it cancels; O(k^2) for
-//          a test of convergence, of which there are about 16 log k; O(k^3)
-//          once or twice for the SVD of R_k.
-// Memory:  min(m, n) k doubles, up to twice that while they grow: the smaller
-//          basis alone is kept orthonormal, the other one follows up to
-//          roundings of epsilon / tau^2 [3].
+//          reorthogonalization, and as much again after cancellation; O(k^2)
+//          for each of about 16 log k convergence tests; O(k^3) once or twice
+//          for the SVD of R_k.
+// Memory:  min(m, n) k doubles, up to twice that while the basis grows. Only
+//          the basis with the shorter vectors is reorthogonalized; the other
+//          one is orthonormal to epsilon / tau^2 [3].
 //
-// Convergence. With a sharp truncation it is a cliff: the error stays above
-// 1e-3 until every mode near tau s_max is resolved, and then drops to 1e-6 in a
-// few iterations. k / rank is 1.2 to 1.6, and 2 or more for a rank of about
-// ten. Filters without a jump (Levenberg-Marquardt) converge steadily.
+// Convergence. With a sharp truncation, convergence is sudden: the error stays
+// above 1e-3 until every mode near tau s_max is resolved, and then drops to
+// 1e-6 in a few iterations. k / rank is 1.2 to 1.6, and 2 or more for a rank of
+// about ten. Filters without a jump (Levenberg-Marquardt) converge steadily.
 //
-// Accuracy. summary.estimated_error is that of ritz_error.h, and the difference
-// from an earlier iterate. With a jump at zero (tau = 0, or a clamped filter)
-// every mode counts, and the iteration has to exhaust the rank of J; it may then
-// end with an estimate that is far above the error.
+// Accuracy. summary.estimated_error combines the estimate of ritz_error.h with
+// the difference from an earlier iterate. With a jump at zero (tau = 0, or a
+// clamped filter) the iteration must exhaust the rank of J, and the final
+// estimate may be far above the error.
 //
 // Contract: d is within estimated_error of the step whose s_max is the largest
-// singular value of which g has a part. (Held by the tests on synthetic
-// spectra, not a theorem.)
+// singular value with a component in g. (Tested on synthetic spectra, not
+// proved.)
 //
 // Fails:   returns false, with a message, if g, a product with J or d is not
-//          finite, or if the SVD of R_k does not converge. An iteration that
-//          ends at max_iterations is no failure: d is its last iterate,
-//          converged is false, and the message says so. J = 0 or g = 0 gives
+//          finite, or if the SVD of R_k does not converge. Reaching
+//          max_iterations is no failure: d is then the last iterate, converged
+//          is false, and the message gives the reason. J = 0 or g = 0 gives
 //          d = 0.
 //
 // [1] Golub, Kahan. Calculating the Singular Values and Pseudo-Inverse of a
@@ -56,7 +56,7 @@ namespace invgrad {
 struct GolubKahanOptions {
   // Stops when estimated_error <= tolerance.
   double tolerance = 1e-3;
-  // The cap on time and memory. min(m, n) is always enough.
+  // Limits time and memory. min(m, n) is always enough.
   int max_iterations = 1000;
 };
 
@@ -64,13 +64,13 @@ struct GolubKahanSummary {
   int num_iterations = 0;        // k
   int rank = 0;                  // Ritz values that the filter keeps
   double s_max = 0.0;            // the largest Ritz value
-  double s_min_kept = 0.0;       // the smallest that is kept
+  double s_min_kept = 0.0;       // the smallest kept Ritz value
   double estimated_error = 0.0;  // of d, relative: see Accuracy
   bool converged = false;        // estimated_error <= tolerance
-  std::string message;           // what failed, or why it stopped short
+  std::string message;           // the failure, or why it stopped early
 };
 
-// *basis: P_k or V_k. Kept between calls, it saves the time for its pages.
+// *basis: memory for P_k or V_k; reuse it between calls to save allocations.
 // CHECKs the sizes, the options and that the filter is valid.
 bool GolubKahanStep(const JacobianOperator& J,
                     const Eigen::VectorXd& g,

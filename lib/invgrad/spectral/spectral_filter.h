@@ -1,4 +1,4 @@
-// The function phi of the singular values that tells the joint rules apart.
+// The function phi of the singular values, which defines a joint rule.
 //
 //   step = -eta V phi(S) U^T g,   J = U S V^T
 //
@@ -13,11 +13,10 @@
 //   Levenberg-Marquardt          s / (s^2 + lambda)       kappa = 1, tau = 0
 //   clamped                      phi(max(s, tau s_max))
 //
-// With damping, values well below sqrt(lambda) count as in gradient descent,
-// those well above as in a power. Truncation is relative and strict: a singular
-// value equal to tau s_max is dropped. An exactly zero singular value never
-// contributes, not even clamped: its singular vectors are not unique, so no
-// direction belongs to it.
+// With damping, phi acts as gradient descent on values well below sqrt(lambda),
+// and as a power on values well above. Truncation is relative and strict: a
+// singular value equal to tau s_max is dropped. A zero singular value never
+// contributes, not even clamped, because its singular vectors are not unique.
 //
 // [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
 //     Learning. ICLR 2022, section 2. arXiv 2203.10131.
@@ -42,7 +41,7 @@ struct SpectralFilter {
   static SpectralFilter LevenbergMarquardt(double damping,
                                            double relative_damping);
 
-  // False if a field is out of its range; then *error says which.
+  // Returns false, with *error, if a field is out of its range.
   bool IsValid(std::string* error) const;
 
   // lambda > 0: phi goes to zero with s, and is smooth there.
@@ -51,21 +50,21 @@ struct SpectralFilter {
   // (1 + kappa) / 2: phi(s) = s f(s^2) with f(x) = (x + lambda)^-Exponent().
   double Exponent() const { return 0.5 * (1.0 + kappa); }
 
-  // Where phi is largest on (0, highest]. (`highest`, too, if it is singular at
-  // zero.)
+  // The argument of the maximum of phi on (0, highest]; `highest` if phi is
+  // singular at zero.
   double PeakBelow(double highest, double s_max) const;
 
   // True if phi(s) = s, which needs no factorization of J.
   bool IsGradientDescent() const;
 
-  // True if s contributes as it is (and is not truncated or clamped).
+  // True if s is neither truncated nor clamped.
   bool Keeps(double s, double s_max) const;
 
   // phi(s), 0 <= s <= s_max.
   double operator()(double s, double s_max) const;
 
  private:
-  // sqrt(lambda), without squares that over- and underflow.
+  // sqrt(lambda), without squares that over- or underflow.
   double RootOfDamping(double s_max) const;
 };
 

@@ -16,7 +16,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Smaller problems are slowed down by a second BLAS thread.
+// A second BLAS thread slows down smaller problems.
 constexpr Index kSmallestThreaded = 1000;
 
 // Tridiagonalization::Bytes takes an int. A Gram matrix of this size is larger
@@ -78,8 +78,8 @@ bool TakeRoute(const SpectralProblem& problem,
   return false;
 }
 
-// Whether a gram step meets the tolerances. Otherwise *reason says which one it
-// misses; *remedy names the option.
+// Whether a gram step meets the tolerances. Otherwise *reason names the
+// violated tolerance, and *remedy the option.
 bool IsAccurate(const SpectralStepSummary& summary,
                 const SpectralStepOptions& options,
                 std::string* reason,
@@ -104,7 +104,7 @@ bool IsAccurate(const SpectralStepSummary& summary,
   return true;
 }
 
-// The Gram matrix, and the SVD where that is not accurate enough.
+// Route gram, then svd if gram is not accurate enough.
 bool AutoStep(const SpectralProblem& problem,
               const SpectralStepOptions& options,
               SpectralWorkspace* workspace,

@@ -2,7 +2,7 @@
 //
 //   d = V phi(S) U^T g,   J = U S V^T
 //
-// Routes, all of which compute the same d; k = min(m, n):
+// All routes compute the same d; k = min(m, n):
 //   gram      the Gram matrix of the smaller side, reduced to a tridiagonal T:
 //             m <= n: J J^T = Q T Q^T,  d = J^T Q f(T) Q^T g
 //             n < m:  J^T J = Q T Q^T,  d = Q f(T) Q^T J^T g
@@ -12,48 +12,47 @@
 //   auto      gradient if phi(s) = s; otherwise gram, and svd where gram is not
 //             accurate enough
 //
-// f(T) is applied to one vector by a contour integral, which takes some 70 to
-// 130 solutions of shifted tridiagonal systems and no eigenvectors; the
-// truncation stays sharp (contour_quadrature.h). For k < 64, and for clamped
-// filters, whose f is not analytic, by all eigenvectors.
+// A contour integral applies f(T) to one vector by 70 to 130 solutions of
+// shifted tridiagonal systems, without eigenvectors; the truncation stays sharp
+// (contour_quadrature.h). For k < 64, and for clamped filters, whose f is not
+// analytic, gram computes all eigenvectors.
 //
 // Shapes:  g: m;  J: m x n;  d: n.
 // Cost:    gram: one Gram matrix (m^2 sum of the layer widths for a network,
 //          whose J is never formed; k^2 max(m, n) for a dense J), 4/3 k^3, and
 //          O(100 k).  svd: O(max(m, n) k^2), with J formed.
-// Memory:  SpectralStepBytes. The workspace keeps it: a second gram step of the
+// Memory:  SpectralStepBytes, kept in the workspace: a second gram step of the
 //          same shape allocates nothing.
 //
 // Accuracy. A factorization is exact for a matrix that differs from J (svd) or
 // from its Gram matrix (gram) by E, whose entries are about
 // 10 epsilon / sqrt(k) times the largest singular value (eigenvalue).
 // summary.estimated_error is the first-order change of d by such an E, relative
-// to |d|: by eigenvectors or an SVD the root mean square over all E
-// (step_error.h), by a contour integral three times that over four random E. It
-// includes small values that are kept, a part of g in dropped directions that
-// leaks across the threshold, and values that the route cannot tell from zero.
-// With tau_eff = s_min_kept / s_max it grows as epsilon / tau_eff by svd and as
-// epsilon / tau_eff^2 by gram.
+// to |d|. With eigenvectors or an SVD it is the root mean square over all E
+// (step_error.h), with a contour integral three times the root mean square over
+// four random E. It includes small kept values, components of g that leak
+// across the threshold from dropped directions, and values that the route does
+// not resolve from zero. With tau_eff = s_min_kept / s_max it grows as
+// epsilon / tau_eff for svd and as epsilon / tau_eff^2 for gram.
 //
-// A value is undecided if its distance from where phi jumps (tau s_max; zero
-// for tau = 0 or a clamped filter, unless phi vanishes there) is below the
-// route's resolution: 2 epsilon sqrt(m + n) s_max in s by svd,
-// 2 epsilon (k + sqrt(max(m, n))) s_max^2 in s^2 by gram.
+// A value is undecided if its distance from the jump of phi (at tau s_max; at
+// zero for tau = 0 or a clamped filter, unless phi vanishes there) is below the
+// resolution of the route: 2 epsilon sqrt(m + n) s_max in s for svd, 2 epsilon
+// (k + sqrt(max(m, n))) s_max^2 in s^2 for gram.
 //
-// Contract: with no value undecided, the relative error of d is at most
-// estimated_error. (An empirical law that the tests hold against long double
-// arithmetic, not a theorem.) With values undecided, d is the step for a
-// threshold within that resolution of tau s_max.
+// Contract: if no value is undecided, the relative error of d is at most
+// estimated_error. (An empirical law, tested against long double arithmetic,
+// not a theorem.) Otherwise d is the step for a threshold within the resolution
+// of tau s_max.
 //
 // A gram step is accurate if estimated_error <= tolerance, and no value is
-// undecided or the threshold is resolved to threshold_tolerance. Where it is
-// not, auto takes svd, for this step and the next 20 of the same shape;
-// summary.message says why. svd has no more accurate route to give way to: its
-// step is returned with its estimate.
+// undecided or the threshold is resolved to threshold_tolerance. Otherwise auto
+// uses svd for this step and the next 20 of the same shape, and summary.message
+// gives the reason. A step by svd is returned with its estimate in any case.
 //
-// Fails:   returns false, with a message, if g or J is not finite (naming the
-//          first such row), if a factorization does not converge, if d
-//          overflows, or if the route needs more memory than the limit; gram
+// Fails:   returns false, with a message, if g or J is not finite (the message
+//          names the first such row), if a factorization does not converge, if
+//          d overflows, or if the route needs more memory than the limit; gram
 //          also if its step is not accurate, or if the squares of J's entries
 //          over- or underflow. J = 0 or g = 0 gives d = 0.
 #ifndef INVGRAD_SPECTRAL_SPECTRAL_STEP_H_
@@ -81,30 +80,30 @@ struct SpectralStepOptions {
   // estimated_error <= tolerance; > 0.
   double tolerance = 1e-6;
   // threshold_resolution <= threshold_tolerance, or no value is undecided: 0
-  // insists on the sharp threshold.
+  // requires the sharp threshold.
   double threshold_tolerance = 0.0;
-  // In bytes; 0: that of memory_limit.h.
+  // In bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 };
 
 struct SpectralStepSummary {
   SpectralRoute route = SpectralRoute::kAuto;  // the one that gave d
-  // Of the singular values; zero by gradient, which does not compute them.
-  int rank = 0;                  // how many the filter keeps
+  // The singular values; zero for gradient, which does not compute them.
+  int rank = 0;                  // number of kept values
   double s_max = 0.0;            // the largest
-  double s_min_kept = 0.0;       // the smallest that is kept
+  double s_min_kept = 0.0;       // the smallest kept value
   double estimated_error = 0.0;  // of d, relative: see Accuracy
-  int num_undecided = 0;         // values that may be on either side
-  // How far from tau s_max a value must be to be decided, relative to it:
-  // infinity if phi jumps at zero, 0 if it does not jump.
+  int num_undecided = 0;         // undecided values
+  // Values at a larger relative distance from tau s_max are decided. Infinity
+  // if phi jumps at zero, 0 if phi has no jump.
   double threshold_resolution = 0.0;
-  std::string message;  // what failed, or why auto took svd
+  std::string message;  // the failure, or why auto used svd
 };
 
 struct SpectralBuffers;
 
-// The memory of spectral steps, kept from one to the next. One workspace
-// belongs to one run, and to one thread at a time.
+// Memory that spectral steps reuse. Use one workspace for one run, and in one
+// thread at a time.
 class SpectralWorkspace {
  public:
   SpectralWorkspace();
@@ -112,9 +111,9 @@ class SpectralWorkspace {
   SpectralWorkspace(SpectralWorkspace&&) noexcept;
   SpectralWorkspace& operator=(SpectralWorkspace&&) noexcept;
 
-  // What auto remembers: rows, columns, and how many more steps take svd. Empty
-  // or zero before the first step. A checkpoint that holds it resumes bit for
-  // bit.
+  // The state of auto: rows, columns, and the number of further steps that use
+  // svd. Empty or zero before the first step. A checkpoint must contain it to
+  // resume bit for bit.
   static constexpr int kHistorySize = 3;
   Eigen::VectorXd history;
 
@@ -124,8 +123,8 @@ class SpectralWorkspace {
   std::unique_ptr<SpectralBuffers> buffers_;
 };
 
-// What a route keeps in the workspace, in bytes, for J m x n that is a
-// network's or compressed rows; not for auto (CHECKed).
+// The workspace of a route in bytes, for the m x n Jacobian of a network or in
+// compressed rows; not for auto (CHECKed).
 double SpectralStepBytes(SpectralRoute route, Eigen::Index m, Eigen::Index n);
 
 // CHECKs the sizes, that the filter is valid, and phi(s) = s for gradient.
@@ -137,7 +136,7 @@ bool SpectralStep(const JacobianOperator& J,
                   Eigen::VectorXd* d,
                   SpectralStepSummary* summary);
 
-// The same with a workspace of its own, for a single step.
+// The same with a temporary workspace, for a single step.
 bool SpectralStep(const JacobianOperator& J,
                   const Eigen::VectorXd& g,
                   const SpectralFilter& filter,

@@ -12,18 +12,18 @@ using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-// A function h of the eigenvalues x_i of what was factorized: f(lambda) =
-// phi(s) / s of the eigenvalues of a Gram matrix, or phi(s) of the singular
-// values. Both in units of their largest value.
+// A function h of the eigenvalues or singular values x_i:
+// f(lambda) = phi(s) / s for a Gram matrix, phi(s) for an SVD. h and x are in
+// units of their largest value.
 struct SpectralFunction {
   VectorXd x;
   VectorXd h;
   VectorXd slope;  // |h'(x)|
 
-  // (h_i - h_j) / (x_i - x_j): what a perturbation that couples the modes i and
-  // j does to h.
+  // (h_i - h_j) / (x_i - x_j): the change of h by a perturbation that couples
+  // the modes i and j.
   double DividedDifference(Index i, Index j) const {
-    // Nearer than this, the slope is the better approximation.
+    // For smaller distances the slope is more accurate.
     constexpr double kNear = 1e-5;
     if (h[i] == h[j]) return x[i] == x[j] ? slope[i] : 0.0;
     const double distance = std::abs(x[i] - x[j]);
@@ -60,8 +60,8 @@ class ScaledFilter {
 
 template <typename Function>
 SpectralFunction Sample(const VectorXd& x, const Function& function) {
-  // Relative step of the one-sided differences; half of the digits are plenty
-  // for an estimate.
+  // Relative step of the one-sided differences; half of the digits suffice for
+  // an estimate.
   constexpr double kStep = 1e-7;
   SpectralFunction sampled{x, VectorXd(x.size()), VectorXd::Zero(x.size())};
   for (Index i = 0; i < x.size(); ++i) {
@@ -69,7 +69,7 @@ SpectralFunction Sample(const VectorXd& x, const Function& function) {
     if (sampled.h[i] == 0.0) continue;
     const double step = kStep * std::max(x[i], kEpsilon);
     const double above = (function(x[i] + step) - sampled.h[i]) / step;
-    // Clamping leaves a kink, with another slope below it. A jump is no slope.
+    // A clamped phi has a kink, with another slope below. A jump has no slope.
     const double h_below = function(x[i] - step);
     const double below = h_below == 0.0 ? 0.0 : (sampled.h[i] - h_below) / step;
     sampled.slope[i] = std::max(std::abs(above), std::abs(below));
@@ -82,8 +82,9 @@ double LargestMagnitude(const VectorXd& c) {
                   std::numeric_limits<double>::min());
 }
 
-// Of a step of that norm. Unknown parts of the step are `unknown` in size; a
-// backward error of entries one would change it by `sensitivity`.
+// The relative error of a step with this norm. Undetermined parts of the step
+// have the norm `unknown`; a backward error with unit entries changes the step
+// by `sensitivity`.
 double RelativeError(Index size,
                      double squared_sensitivity,
                      double squared_unknown,
@@ -95,7 +96,7 @@ double RelativeError(Index size,
   return RoundingError() + std::sqrt(squared_error / squared_norm);
 }
 
-// Both sides' Gram matrices. `norm_g`: in units of c, only for J^T J.
+// For both Gram matrices. `norm_g`: in units of c, only for J^T J.
 double EitherGramStepError(const SpectralFilter& filter,
                            const VectorXd& lambda,
                            double s_max,
@@ -122,14 +123,14 @@ double EitherGramStepError(const SpectralFilter& filter,
       const double term = f.DividedDifference(i, j) * (c[j] / c_max);
       sum += term * term;
     }
-    // And the roundings of the products with J before or after f(K).
+    // Adds the rounding errors of the products with J before or after f(K).
     const double h_c = f.h[i] * (c[i] / c_max);
     const double rounding =
         parameter_side ? f.h[i] * f.h[i] * squared_g : h_c * h_c;
     sensitivity += a * a * sum + rounding;
     squared_norm += a * a * h_c * h_c;
-    // A value below the resolution contributes anything up to phi's peak there;
-    // on the parameter side not even its c_i is known, only |g|.
+    // A value below the resolution may contribute up to the maximum of phi
+    // there; on the parameter side its c_i is unknown and bounded by |g|.
     if (lambda[i] <= resolution && f.h[i] != 0.0) {
       const double phi = scaled.PeakBelow(std::sqrt(resolution));
       unknown +=
@@ -155,8 +156,7 @@ double SvdStepError(const SpectralFilter& filter,
                     bool wide) {
   const Index k = s.size();
   // First-order perturbation of phi, continued oddly to the eigenvalues +-s_i
-  // of [0 J; J^T 0]; the columns (or rows) that J has more than rows belong to
-  // eigenvalues zero.
+  // of [0 J; J^T 0]; the surplus columns (or rows) of J have eigenvalues zero.
   const ScaledFilter scaled(filter, s / s_max, s_max);
   const SpectralFunction phi = Sample(s / s_max, scaled);
   const double c_max = LargestMagnitude(c);

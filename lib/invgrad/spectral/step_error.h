@@ -1,9 +1,9 @@
-// Estimates how far roundings move the step V phi(S) U^T g.
+// Estimates the rounding error of the step V phi(S) U^T g.
 //
 // A factorization is exact for a matrix that differs from J (or from its Gram
 // matrix) by E, whose entries are about 10 epsilon / sqrt(min(m, n)) times the
-// largest singular value (eigenvalue). To first order that changes the
-// component of the step along v_i by
+// largest singular value (eigenvalue). To first order, E changes the component
+// of the step along v_i by
 //
 //   sum_j phi[s_i, s_j] E_ij c_j           SVD, phi continued oddly to -s
 //   s_i sum_j f[lambda_i, lambda_j] E_ij c_j              J J^T
@@ -11,7 +11,7 @@
 //
 // with c = U^T g, lambda = s^2, f = phi(s) / s and divided differences
 // h[x, y] = (h(x) - h(y)) / (x - y). The estimate is the norm of this change,
-// with the signs of E random, relative to that of the step.
+// for random signs of E, relative to the norm of the step.
 //
 // Shapes:  s, c: min(m, n).
 // Cost:    O(min(m, n)^2).
@@ -24,16 +24,16 @@
 namespace invgrad {
 
 // The standard deviation of an entry of E, in units of the largest value, for a
-// factorization of that size. On synthetic spectra (six kinds, sizes 1 to 128,
-// all filters, white and smooth g, with nothing undecided) the errors were at
-// most 0.65 times what is estimated with it.
+// factorization of this size. On synthetic spectra (six kinds, sizes 1 to 128,
+// all filters, white and smooth g, no undecided values) the errors were at most
+// 0.65 times the resulting estimate.
 double BackwardError(Eigen::Index size);
 
-// No step is better than a few roundings of itself.
+// The minimal error of a step: a few roundings.
 double RoundingError();
 
-// After an SVD. s: descending, not all zero; s_max: that of phi, >= s[0];
-// c = U^T g. `outside`: the norm of what g has outside the columns of U;
+// After an SVD. s: descending, not all zero; s_max: the s_max of phi, >= s[0];
+// c = U^T g. `outside`: the norm of the component of g outside the span of U;
 // `wide`: whether J has more columns than rows.
 double SvdStepError(const SpectralFilter& filter,
                     const Eigen::VectorXd& s,
@@ -42,8 +42,8 @@ double SvdStepError(const SpectralFilter& filter,
                     double outside,
                     bool wide);
 
-// After an eigendecomposition of J J^T: c = U^T g. lambda: in units of its
-// largest; may be negative by roundings.
+// After an eigendecomposition of J J^T: c = U^T g. lambda: in units of the
+// largest; rounding may make values negative.
 double GramStepError(const SpectralFilter& filter,
                      const Eigen::VectorXd& lambda,
                      double s_max,

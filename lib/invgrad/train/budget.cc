@@ -35,7 +35,7 @@ long Budget::NumStepsFrom(const RunPosition& position,
   long steps = kNoSteps;
   if (max_num_steps < kNoSteps) steps = max_num_steps - position.step;
   if (max_num_epochs < kNoEpochs) {
-    // The step that reaches the budget may be within an epoch.
+    // A step within an epoch may reach the budget.
     const double by_epochs = std::ceil(EpochsLeft(position.epoch) *
                                        static_cast<double>(steps_per_epoch));
     steps = std::min(steps, static_cast<long>(by_epochs));

@@ -1,7 +1,7 @@
 // The budget of a training run in epochs, steps and seconds.
 //
-// Phases have epochs of their own length, so that a run's epochs are fractions
-// that do not add up exactly: a remainder of 1e-12 of the budget is nothing.
+// Epochs of different phases differ in length, so sums of epochs have rounding
+// errors: a remainder of 1e-12 of the budget counts as zero.
 #ifndef INVGRAD_TRAIN_BUDGET_H_
 #define INVGRAD_TRAIN_BUDGET_H_
 
@@ -10,7 +10,7 @@
 
 namespace invgrad {
 
-// Where a run stands.
+// The position of a run.
 struct RunPosition {
   long step = 0;
   double epoch = 0.0;
@@ -26,12 +26,12 @@ struct Budget {
   double max_time_in_seconds = kNoSeconds;
 
   bool is_finite() const;
-  // Empty while something of the budget is left; "epochs done" and the like.
+  // Empty while some budget is left; then a reason such as "epochs done".
   std::string Spent(const RunPosition& position) const;
   // The share that is spent, in [0, 1].
   double Share(const RunPosition& position) const;
-  // The steps of a phase that begins at `position`, until epochs or steps are
-  // spent.
+  // The number of steps of a phase that begins at `position`, limited by epochs
+  // and steps.
   long NumStepsFrom(const RunPosition& position, long steps_per_epoch) const;
 
  private:

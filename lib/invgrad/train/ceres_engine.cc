@@ -10,8 +10,8 @@
 namespace invgrad {
 namespace {
 
-// The run's budget decides; these end a solve that cannot go on in double
-// precision.
+// The budget ends the run; these tolerances end a solve that cannot make
+// progress in double precision.
 MinimizerOptions UnboundedOptions() {
   MinimizerOptions options;
   options.max_num_iterations = 1000000000;
@@ -65,8 +65,8 @@ std::string CeresEngine::Finish() {
 ceres::CallbackReturnType CeresEngine::Handover::operator()(
     const ceres::IterationSummary& iteration) {
   std::unique_lock<std::mutex> lock(engine_.mutex_);
-  // The weights are those of the lowest cost: a step that was rejected is not
-  // in them, nor is one that was taken although the cost rose.
+  // The weights of the lowest cost, without rejected steps and without
+  // nonmonotonic steps that raised the cost.
   if (iteration.iteration == 0 || iteration.step_is_successful) {
     engine_.lowest_cost_ = std::min(engine_.lowest_cost_, iteration.cost);
   }
@@ -76,7 +76,7 @@ ceres::CallbackReturnType CeresEngine::Handover::operator()(
     engine_.changed_.notify_all();
     engine_.changed_.wait(lock, [this] { return engine_.is_solving_; });
   }
-  // On SOLVER_ABORT Ceres puts the weights back to the start.
+  // On SOLVER_ABORT Ceres resets the weights to the start.
   return engine_.is_stopped_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
                              : ceres::SOLVER_CONTINUE;
 }

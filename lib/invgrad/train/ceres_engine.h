@@ -1,13 +1,13 @@
-// The iterations of one of Ceres' minimizers on all samples, with a rule's
-// proposals or without.
+// An engine that runs a minimizer of Ceres on all samples, with or without
+// proposals of a rule.
 //
-// An iteration is a step and an epoch, a rejected one too. Ceres iterates
-// inside ceres::Solve, so the solve runs in a thread of its own, which waits
-// after each iteration until the next step is wanted: at any time one of the
-// two threads runs.
+// Every iteration, also a rejected one, is a step and an epoch. Ceres iterates
+// inside ceres::Solve, so the solve runs in a separate thread, which waits
+// after each iteration for the next call of Step: only one of the two threads
+// runs at a time.
 //
 // Fails:   kEnded, with Ceres' termination type and message, when the solve
-//          ends by itself. There is no state to go on from.
+//          ends by itself. The engine has no state for a checkpoint.
 #ifndef INVGRAD_TRAIN_CERES_ENGINE_H_
 #define INVGRAD_TRAIN_CERES_ENGINE_H_
 
@@ -28,7 +28,7 @@ namespace invgrad {
 class CeresEngine final : public Engine {
  public:
   // `model` and `train` must outlive the engine. The phase must have a
-  // minimizer of Ceres that takes the model (make_engine.h).
+  // minimizer of Ceres that supports the model (make_engine.h).
   CeresEngine(Phase phase, const Model* model, const DataSet* train);
   ~CeresEngine() override;
 
@@ -56,7 +56,7 @@ class CeresEngine final : public Engine {
   const DataSet& train_;
 
   std::thread solver_;
-  // Guards what follows; the solver's thread runs while is_solving_.
+  // Guards the following members; the solver's thread runs while is_solving_.
   std::mutex mutex_;
   std::condition_variable changed_;
   bool is_solving_ = false;
@@ -65,7 +65,7 @@ class CeresEngine final : public Engine {
   ceres::IterationSummary iteration_;
   double lowest_cost_ = std::numeric_limits<double>::infinity();
   MinimizerSummary summary_;
-  std::string proposals_;  // what there is to say of them
+  std::string proposals_;  // a text about the proposals
 };
 
 }  // namespace invgrad

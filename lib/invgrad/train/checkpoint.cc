@@ -20,7 +20,7 @@ constexpr std::string_view kMagic = "invgrad checkpoint, version ";
 constexpr std::string_view kVersion = "1";
 constexpr std::string_view kSpace = " \t\r\n\v\f";
 
-// Takes a line without its end; false if there is none.
+// Reads a line, without its end; returns false if there is none.
 bool TakeLine(std::string_view* rest, std::string_view* line) {
   const size_t size = rest->find('\n');
   if (size == std::string_view::npos) {
@@ -37,13 +37,13 @@ bool ParseSize(std::string_view text, std::uint64_t* size) {
   return result.ec == std::errc() && result.ptr == end;
 }
 
-// An array that was announced, and is not filled yet.
+// An array in the header whose values are not read yet.
 struct Announced {
   Eigen::VectorXd* array = nullptr;
   std::uint64_t size = 0;
 };
 
-// Takes the line of one array. Returns what is wrong, or nothing.
+// Reads the line of one array. Returns an error message, or an empty string.
 std::string TakeArray(std::uint64_t num_values_before,
                       std::string_view* rest,
                       Checkpoint* checkpoint,
@@ -63,7 +63,7 @@ std::string TakeArray(std::uint64_t num_values_before,
   if (!is_new) {
     return "a second '" + name + "'";
   }
-  // Compared before it is added: the sum must not overflow.
+  // Compared before the addition, because the sum may overflow.
   const std::uint64_t available = rest->size() / sizeof(double);
   if (size > available || num_values_before + size > available) {
     return "'" + name + "' has " + std::to_string(size) +
@@ -73,7 +73,7 @@ std::string TakeArray(std::uint64_t num_values_before,
   return "";
 }
 
-// Returns what is wrong, or nothing.
+// Returns an error message, or an empty string.
 std::string Parse(std::string_view rest, Checkpoint* checkpoint) {
   std::string_view line;
   if (rest.substr(0, kMagic.size()) != kMagic || !TakeLine(&rest, &line)) {

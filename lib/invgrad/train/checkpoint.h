@@ -1,17 +1,17 @@
-// Named arrays of doubles in one file: all that a run needs to go on.
+// Named arrays of doubles in one file: the state to resume a run.
 //
 //   invgrad checkpoint, version 1\n
 //   <number of arrays>\n
 //   <name> <size>\n            for each, sorted by name
 //   all values, little-endian, array after array
 //
-// Written atomically (atomic_file.h): a run that is killed while it writes
-// finds its previous checkpoint. Values come back bit for bit.
+// Written atomically (atomic_file.h): after a crash during writing, the
+// previous checkpoint is intact. Values are restored bit for bit.
 //
-// Fails:   returns false with a message that names the file and what is wrong
-//          with it; *checkpoint is then unchanged. Sizes that disagree with the
-//          length of the file are refused before anything is allocated. CHECKs
-//          that names are not empty and have no white space.
+// Fails:   returns false with a message that names the file and the error;
+//          *checkpoint is then unchanged. Sizes are compared with the length of
+//          the file before any allocation. CHECKs that names are not empty and
+//          have no white space.
 #ifndef INVGRAD_TRAIN_CHECKPOINT_H_
 #define INVGRAD_TRAIN_CHECKPOINT_H_
 

@@ -1,7 +1,7 @@
-// An engine takes the steps of one phase of a training run (train.h): an update
-// rule on batches (rule_engine.h) or a minimizer of Ceres on all samples
-// (ceres_engine.h). The run owns everything else: budget, clock, evaluations,
-// callbacks, checkpoint.
+// An engine makes the steps of one phase of a training run (train.h): by an
+// update rule on batches (rule_engine.h) or by a minimizer of Ceres on all
+// samples (ceres_engine.h). The run owns all other parts: budget, clock,
+// evaluations, callbacks, checkpoint.
 #ifndef INVGRAD_TRAIN_ENGINE_H_
 #define INVGRAD_TRAIN_ENGINE_H_
 
@@ -25,11 +25,11 @@ class Engine {
       kFailed  // the weights are the last ones with a finite loss
     };
     Outcome outcome = Outcome::kFailed;
-    // Of a step: the loss on its batch before it, and what callbacks get. The
-    // run sets the iteration's number and time.
+    // For a step: the loss on its batch before the step, and the summary for
+    // callbacks. The run sets number and time of the iteration.
     double batch_loss = std::numeric_limits<double>::quiet_NaN();
     ceres::IterationSummary iteration;
-    // Of an end or a failure.
+    // The reason of an end or a failure.
     ceres::TerminationType termination_type = ceres::FAILURE;
     std::string message;
   };
@@ -39,29 +39,30 @@ class Engine {
   virtual long steps_per_epoch() const = 0;
 
   // Moves the weights by one step. `progress`: the share of the phase's budget
-  // that is spent, in [0, 1]. The weights stay at the same address for all
-  // steps.
+  // that is spent, in [0, 1]. The address of the weights must be the same for
+  // all steps.
   virtual StepResult Step(double progress, Eigen::VectorXd* weights) = 0;
 
-  // Takes the last step back, because the train loss is not finite after it.
-  // False, and nothing done, if the engine does not judge its steps.
+  // Reverts the last step, after which the train loss is not finite. Returns
+  // false, and does nothing, if the engine does not judge its steps.
   virtual bool TakeBack(Eigen::VectorXd* /*weights*/) { return false; }
 
-  // Puts the weights back to the last ones with a finite loss of a batch.
+  // Resets the weights to the last ones with a finite batch loss.
   virtual void RestoreLastGood(Eigen::VectorXd* /*weights*/) {}
 
-  // Of the rule, one or more a step, and how many of these were taken back.
+  // The number of updates by the rule, one or more per step, and the number of
+  // reverted ones.
   virtual long num_updates() const { return 0; }
   virtual long num_taken_back() const { return 0; }
-  // How the samples were pulled back; null if they were not.
+  // How the samples were pulled back; null without a pull-back.
   virtual const PullBackCounts* counts() const { return nullptr; }
 
-  // Whether VisitState holds all that a resumed run needs. If not, no
-  // checkpoint is written while the engine runs.
+  // Whether VisitState covers the whole state of the engine. If not, the run
+  // writes no checkpoint while the engine runs.
   virtual bool has_state() const { return true; }
   virtual void VisitState(StateArchive* /*archive*/) {}
 
-  // Ends the phase; returns what is to be added to the run's message.
+  // Ends the phase; returns a text for the run's message.
   virtual std::string Finish() { return ""; }
 };
 

@@ -34,8 +34,8 @@ constexpr double HistoryRow::*kColumns[] = {&HistoryRow::epoch,
                                             &HistoryRow::not_moved};
 static_assert(std::size(kColumns) == HistoryRow::kNumColumns);
 
-// std::to_chars and std::from_chars know no locale, whose comma would split a
-// number into two fields.
+// std::to_chars and std::from_chars ignore the locale, whose decimal comma
+// would split a number into two fields.
 template <typename T>
 void Append(T value, std::string* text) {
   char buffer[32];  // the longest double has 24 characters
@@ -50,7 +50,7 @@ bool Parse(std::string_view field, T* value) {
   return result.ec == std::errc() && result.ptr == end;
 }
 
-// Splits off what stands before the first `separator`, or all there is.
+// Splits off the text before the first `separator`, or all of it.
 std::string_view TakeUntil(char separator, std::string_view* text) {
   const size_t size = std::min(text->find(separator), text->size());
   const std::string_view head = text->substr(0, size);
@@ -157,7 +157,7 @@ bool ReadHistory(const std::string& path,
     return fail("wanted the header " + std::string(kHeader));
   }
   if (bytes.back() != '\n') {
-    // The last number may have lost its last digits.
+    // The last number may be truncated.
     line_number = std::count(bytes.begin(), bytes.end(), '\n') + 1;
     return fail("the line does not end (truncated?)");
   }

@@ -1,17 +1,17 @@
-// What a run leaves behind: one row each time that it was looked at.
+// The history of a run: one row per evaluation.
 //
 //   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
 //   0,0,0,,0.25,0.26,,,,,,,
 //   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
 //
 // The last columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
-// by_gradient and not_moved: the samples, from the first step on, whose wanted
-// change was pulled back by each (simulator_pull_back.h), for methods that
-// invert the simulator.
+// by_gradient and not_moved: for methods that invert the simulator, the number
+// of samples since the first step by the source of their d_x
+// (simulator_pull_back.h).
 //
 // CSV with this header line; numbers with the fewest digits that read back as
-// the same value. A value that was not computed is an empty field (NaN in
-// memory); a loss that overflowed is "inf". Written atomically (atomic_file.h).
+// the same value. An unknown value is an empty field (NaN in memory); an
+// overflowed loss is "inf". Written atomically (atomic_file.h).
 //
 // Fails:   returns false with a message that names the file and, for reading,
 //          the line; *history is then unchanged.
@@ -36,14 +36,14 @@ struct HistoryRow {
   double train_loss = kNone;
   double test_loss = kNone;
   double step_norm = kNone;
-  double metric = kNone;  // of the problem's own, see TrainOptions
+  double metric = kNone;  // TrainOptions::metric
   double by_inverse = kNone;
   double by_numerical_inverse = kNone;
   double by_inverse_gradient = kNone;
   double by_gradient = kNone;
   double not_moved = kNone;
 
-  // All but the step, in the order of the file.
+  // All columns but the step, in the order of the file.
   static constexpr int kNumColumns = 12;
   std::array<double, kNumColumns> Columns() const;
   void SetColumns(const std::array<double, kNumColumns>& columns);
@@ -53,8 +53,8 @@ using History = std::vector<HistoryRow>;
 
 // The rows as one array of doubles, for checkpoints.
 Eigen::VectorXd PackHistory(const History& history);
-// False, and nothing changed, if the array is not one that PackHistory made of
-// at least one row.
+// Returns false, and changes nothing, unless PackHistory made the array from at
+// least one row.
 bool UnpackHistory(const Eigen::VectorXd& array, History* history);
 
 bool WriteHistory(const std::string& path,

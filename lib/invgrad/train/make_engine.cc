@@ -15,7 +15,7 @@
 namespace invgrad {
 namespace {
 
-// False if the pull-back cannot train this model on these data.
+// Returns false if the pull-back cannot train this model on these data.
 bool CheckPullBack(const PullBackMethod& pull_back,
                    const UpdateRule& rule,
                    const Model& model,

@@ -1,13 +1,13 @@
-// Makes the engine of a phase, and finds bad input before anything runs.
+// Makes the engine of a phase, and validates its input.
 //
-// A rule works on the model, on the model with a joint loss, or on the proxy of
-// a pull-back through the model, as the phase says; a minimizer of Ceres works
-// on the model.
+// Depending on the phase, a rule lowers the loss of the model, a joint loss, or
+// the proxy of a pull-back through the model; a minimizer of Ceres lowers the
+// loss.
 //
-// Fails:   null, with *error set: a batch size out of range, a method that the
-//          model or the data cannot serve (a trust region without a
-//          least-squares loss, supervision without solutions, ...), or more
-//          memory than there is.
+// Fails:   null, with *error set: a batch size out of range, a method that does
+//          not fit the model or the data (a trust region without a
+//          least-squares loss, supervised training without solutions, ...), or
+//          too little memory.
 #ifndef INVGRAD_TRAIN_MAKE_ENGINE_H_
 #define INVGRAD_TRAIN_MAKE_ENGINE_H_
 
@@ -30,7 +30,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    const Eigen::VectorXd& weights,
                                    std::string* error);
 
-// Of a rule object on the model.
+// The engine of a rule object on the model.
 std::unique_ptr<Engine> MakeEngine(std::shared_ptr<UpdateRule> rule,
                                    const Model& model,
                                    const TrainingData& data,

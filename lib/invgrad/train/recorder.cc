@@ -5,7 +5,7 @@
 namespace invgrad {
 namespace {
 
-// Nothing, if nothing was inverted.
+// Empty if no sample was inverted.
 void FillCounts(const PullBackCounts& counts, HistoryRow* row) {
   if (counts.of(PullBackSource::kDerivative) > 0) return;
   const auto count = [&](PullBackSource source) {

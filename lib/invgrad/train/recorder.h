@@ -1,4 +1,4 @@
-// Looks at the losses of a training run, writes its history, and notices when
+// Evaluates the losses of a training run, records its history, and detects when
 // the losses stop falling.
 #ifndef INVGRAD_TRAIN_RECORDER_H_
 #define INVGRAD_TRAIN_RECORDER_H_
@@ -25,12 +25,12 @@ class Recorder {
   const History& history() const { return history_; }
   void Clear() { history_.clear(); }
 
-  // Adds a row; test loss, metric and counts (which may be null) are filled in.
+  // Adds a row with test loss, metric and counts (which may be null).
   void Record(const Eigen::VectorXd& weights,
               const PullBackCounts* counts,
               HistoryRow row);
 
-  // Patience begins anew at the last row.
+  // Restarts the count of patience at the last row.
   void BeginPhase();
   // Rows since the lowest test loss, or train loss if there are no test data.
   int rows_since_best() const { return rows_since_best_; }

@@ -87,7 +87,7 @@ bool RuleEngine::Update(const DataSet& batch,
     const Eigen::VectorXd before = *weights;
     *weights += step;
     if (judges && !rule_->KeepsStep(JudgedCost(batch, *weights), 1.0)) {
-      // Not weights - step, which is rounded.
+      // Not weights - step, which has rounding errors.
       *weights = before;
       ++num_taken_back_;
     }
@@ -136,7 +136,7 @@ void RuleEngine::VisitState(StateArchive* archive) {
   archive->Require(shuffle_.SetState(shuffle), "shuffle");
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
   for (size_t i = 0; i < rule_state.size(); ++i) {
-    // An array that has a size before the first step keeps it.
+    // An array that is not empty before the first step keeps its size.
     const Eigen::Index size = rule_state[i]->size();
     archive->Visit(fmt::format("rule_{}", i),
                    rule_state[i],

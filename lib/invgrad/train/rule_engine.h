@@ -1,16 +1,17 @@
-// The steps of an update rule on mini-batches.
+// An engine that takes the steps of an update rule on mini-batches.
 //
 //   theta_{k+1} = theta_k + rule(linearization of the objective on batch k)
 //
-// A batch is `batch_size` consecutive samples of an epoch's order; the last
-// samples of an epoch that do not fill a batch are left out. A rule that judges
-// its steps (control=gain) gets the cost before and after each of them; a
-// refused step is taken back, and so is a step after which the next batch has
-// no finite loss.
+// A batch is `batch_size` consecutive samples of an epoch's order; an
+// incomplete last batch is left out. A rule that judges its steps
+// (control=gain) receives the cost before and after each step; the engine
+// reverts a step that the rule rejects, or after which the next batch has no
+// finite loss.
 //
 // Cost:    one linearization and one step of the rule; a judged step evaluates
 //          the objective once more.
-// Fails:   kFailed, if a batch has no finite loss or the rule no finite step.
+// Fails:   kFailed if a batch has no finite loss or the rule has no finite
+//          step.
 #ifndef INVGRAD_TRAIN_RULE_ENGINE_H_
 #define INVGRAD_TRAIN_RULE_ENGINE_H_
 
@@ -57,18 +58,19 @@ class RuleEngine final : public Engine {
   std::string Finish() override;
 
  private:
-  // The samples of the step that is to be taken.
+  // The samples of the next step.
   DataSet NextBatch();
   bool Linearize(const DataSet& batch,
                  const Eigen::VectorXd& weights,
                  Linearization* at_weights,
                  std::string* error);
-  // All updates of a step, the first one from *at_weights.
+  // Makes all updates of a step; *at_weights is the linearization for the first
+  // one.
   bool Update(const DataSet& batch,
               Linearization* at_weights,
               Eigen::VectorXd* weights,
               std::string* error);
-  // The objective's own cost; NaN if it is not finite.
+  // The cost of the objective; NaN if it is not finite.
   double JudgedCost(const DataSet& batch, const Eigen::VectorXd& weights);
 
   const Options options_;
@@ -80,7 +82,7 @@ class RuleEngine final : public Engine {
   long step_ = 0;
   long num_taken_back_ = 0;
   NumpyRandom shuffle_;
-  std::vector<int> order_;  // of this epoch, if shuffled and under way
+  std::vector<int> order_;  // of the current epoch, if shuffled
   // The weights of the last finite batch loss.
   Eigen::VectorXd last_good_weights_;
 };

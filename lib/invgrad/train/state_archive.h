@@ -1,5 +1,5 @@
-// Writes the members of a run to a checkpoint, or reads them back: every part
-// lists its members once, for both directions.
+// Writes the members of a run to a checkpoint, or reads them: every class lists
+// its members once, for both directions.
 //
 //   void VisitState(StateArchive* archive) {
 //     archive->Visit("step", &step_);
@@ -7,8 +7,8 @@
 //   }
 //
 // Fails:   the first array that is missing or does not fit sets the error;
-//          members that are visited later are then left as they are. The caller
-//          drops what was read.
+//          later members are then not changed. The caller discards the members
+//          that were read.
 #ifndef INVGRAD_TRAIN_STATE_ARCHIVE_H_
 #define INVGRAD_TRAIN_STATE_ARCHIVE_H_
 
@@ -29,24 +29,25 @@ class StateArchive {
 
   bool is_reading() const { return mode_ == Mode::kRead; }
 
-  // Put before the names that follow.
+  // A prefix of the following names.
   void set_prefix(const std::string& prefix) { prefix_ = prefix; }
 
   void Visit(const std::string& name, double* value);
   void Visit(const std::string& name, long* value);
   void Visit(const std::string& name, int* value);
   void Visit(const std::string& name, std::vector<int>* values);
-  // `size`: the only one that fits; any, if it is negative.
+  // `size`: the required size; negative: any size.
   void Visit(const std::string& name,
              Eigen::VectorXd* values,
              Eigen::Index size = -1);
 
-  // Writes a property of the run; when reading, fails if it was another one.
+  // Writes a property of the run; when reading, fails if the stored value
+  // differs.
   void Expect(const std::string& name, long value);
   // Fails, when reading, if the array does not fit for another reason.
   void Require(bool fits, const std::string& name);
 
-  // Empty, or what does not fit.
+  // Empty, or the first error.
   const std::string& error() const { return error_; }
 
  private:

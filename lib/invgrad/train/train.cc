@@ -18,7 +18,8 @@ std::string AtStep(const std::string& what, long step) {
   return fmt::format("{} at step {}", what, step);
 }
 
-// Empty, or what only a look at the values shows to be bad input.
+// Returns an error message if the values of the input are invalid, otherwise an
+// empty string.
 std::string CheckValues(const TrainingData& data,
                         const Eigen::VectorXd& weights) {
   std::string where;
@@ -28,7 +29,7 @@ std::string CheckValues(const TrainingData& data,
   return "";
 }
 
-// The steps of an earlier phase if nothing ends it before.
+// The number of steps of an earlier phase that ends by its budget.
 long StepsOfShare(const Phase& phase, long steps_per_epoch) {
   long steps = Budget::kNoSteps;
   if (phase.num_epochs > 0) steps = phase.num_epochs * steps_per_epoch;
@@ -153,8 +154,8 @@ void TrainingRun::Stop() {
 
 void TrainingRun::Begin() {
   has_begun_ = true;
-  // A run that goes on has its evaluation before its first step, and perhaps
-  // one that is due.
+  // A resumed run already has the evaluation before its first step; another
+  // evaluation may be due.
   if (!history().empty()) {
     EvaluateIfDue();
     return;
@@ -302,9 +303,9 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   }
   std::string reports;
   for (int k = 0; k <= phase_; ++k) reports += phases_[k].engine->Finish();
-  // Before the evaluation below, which a longer run would not have made.
+  // Written before the evaluation below, which a longer run would not make.
   if (type != ceres::FAILURE && type != ceres::CONVERGENCE) SaveCheckpoint();
-  // The state in which the run ended, wherever that was.
+  // Records the final state of the run.
   if (last_evaluation() != step_) Evaluate();
   summary.num_steps = step_;
   summary.train_time_in_seconds = seconds_;
@@ -334,7 +335,7 @@ void TrainingRun::SaveCheckpoint() {
   StateArchive archive(StateArchive::Mode::kWrite, &checkpoint);
   VisitState(&archive);
   std::string error;
-  // A checkpoint that cannot be written costs a resume, not the run.
+  // The run continues if a checkpoint cannot be written.
   if (!WriteCheckpoint(options_.checkpoint_path, checkpoint, &error)) {
     LOG(ERROR) << error;
   }

@@ -1,39 +1,37 @@
-// Trains a model by any method, batch after batch.
+// Trains a model by any method.
 //
 //   TrainResult result = Train(model, {inputs, targets}, "adaptive_power");
 //
-// or with the loop in the caller's hands:
+// or step by step:
 //
 //   TrainingRun run(model, data, "adam:epochs=5>half_inverse", options);
 //   while (run.Step()) std::printf("%ld %g\n", run.step(), run.loss());
 //
-// The run owns budget, clock, patience, history, callbacks and checkpoint; each
-// phase of the method is an engine that takes the steps (engine.h): a rule on
-// batches or a minimizer of Ceres on all samples.
+// The run owns budget, clock, patience, history, callbacks and checkpoint; the
+// engine of each phase takes the steps (engine.h): a rule on batches or a
+// minimizer of Ceres on all samples.
 //
 // Time is the wall-clock time of the steps; evaluations, callbacks and
-// checkpoints are not counted. Losses are looked at before the first step,
-// after the epochs of IsEvaluationEpoch (evaluation.h), and where a phase ends.
+// checkpoints are not counted. Losses are evaluated before the first step,
+// after the epochs of IsEvaluationEpoch (evaluation.h), and at the end of a
+// phase.
 //
-// Phases are one run: the weights carry over, and steps, epochs and seconds go
-// on counting. A phase's rule is new, its schedule runs from the phase's start
-// to its end, it begins with the first sample or with the first order of the
-// seed, and patience begins anew: phase by phase the steps are, bit for bit,
-// those of a run of its own from the weights that the phase before left. What
-// ends a run otherwise than by its budget (target loss, patience, a callback,
-// divergence) ends it in any phase; its message then names the phase and counts
-// from the phase's start. An epoch budget ends a run at the first step that
-// reaches it.
+// Phases share the weights and the counts of steps, epochs and seconds. Each
+// phase has a new rule, its own schedule and patience, and begins with the
+// first sample or with the first order of the seed: its steps are, bit for bit,
+// those of a separate run from the final weights of the previous phase. Target
+// loss, patience, a callback or divergence in any phase end the whole run; the
+// message then names the phase and counts from the start of the phase. An epoch
+// budget ends a run at the first step that reaches it.
 //
-// Determinism: the same inputs give the same bits, and a run that goes on from
-// its checkpoint ends like one that was never stopped (but for the times, and
-// hence for a budget in seconds).
-// Fails:   bad input (an unknown method, sizes of batches, data that are not
-//          finite, too little memory, a checkpoint of another run) sets error(),
-//          and nothing is done. A numerical failure ends the run as
-//          ceres::FAILURE, "diverged at step k: ..."; the weights are those of
-//          the last step with a finite batch loss. Sizes that do not fit
-//          together are CHECKed.
+// Determinism: the same inputs give the same bits, and a resumed run ends like
+// an uninterrupted one (except for times, and thus for a budget in seconds).
+// Fails:   bad input (an unknown method, a wrong batch size, data that are not
+//          finite, too little memory, a checkpoint of another run) sets
+//          error(), and the run does nothing. A numerical failure ends the run
+//          as ceres::FAILURE, "diverged at step k: ..."; the weights are those
+//          of the last step with a finite batch loss. Consistent sizes are
+//          CHECKed.
 #ifndef INVGRAD_TRAIN_TRAIN_H_
 #define INVGRAD_TRAIN_TRAIN_H_
 
@@ -74,31 +72,31 @@ struct TrainOptions {
 
   // A new order each epoch, np.random.permutation of a stream of the seed.
   bool shuffle = false;
-  // Of the orders, and of the initial weights if none are given.
+  // The seed of the orders, and of the initial weights if none are given.
   std::uint32_t seed = 0;
 
   Eigen::VectorXd initial_weights;  // n; empty: Glorot-uniform ones
 
-  // The simulator's own inverse, for methods that invert it; null: the
-  // numerical one.
+  // The inverse of the simulator, for methods that use it; null: the numerical
+  // inverse.
   std::shared_ptr<const InverseSimulator> inverse;
 
-  // The budget: whichever ends first. 100 epochs, if none is set.
+  // The budget; the first limit ends the run. 100 epochs if none is set.
   static constexpr int kDefaultNumEpochs = 100;
   int max_num_epochs = Budget::kNoEpochs;
   long max_num_steps = Budget::kNoSteps;
   double max_time_in_seconds = Budget::kNoSeconds;
 
   // Early stop: train loss <= target_loss; or no new minimum of the test loss
-  // (of the train loss, if there are no test data) in so many evaluations. 0:
+  // (of the train loss if there are no test data) in `patience` evaluations. 0:
   // off.
   double target_loss = 0.0;
   int patience = 0;
 
-  // The history's metric of the weights. Null: none.
+  // Computes the metric of the history from the weights. Null: none.
   std::function<double(const Eigen::VectorXd& weights)> metric;
 
-  // Of all that the run holds, in bytes; 0: that of memory_limit.h.
+  // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 
   // Called before the first step and after every step;
@@ -106,13 +104,14 @@ struct TrainOptions {
   // owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
   std::vector<ceres::IterationCallback*> callbacks;
 
-  // Called when a row has been added to the history.
+  // Called after each new row of the history.
   std::function<void(const Eigen::VectorXd& weights, const History& history)>
       on_evaluation;
 
-  // If not empty, a checkpoint is written there between two steps, at most this
-  // often, and when the budget or a callback ends the run. If the file exists,
-  // the run continues from it. A minimizer of Ceres writes none.
+  // If not empty, the run writes a checkpoint to this file between steps, at
+  // most once per checkpoint_interval_in_seconds, and when the budget or a
+  // callback ends the run. If the file exists, the run resumes from it. A
+  // minimizer of Ceres writes no checkpoint.
   std::string checkpoint_path;
   double checkpoint_interval_in_seconds = 10.0;
 };
@@ -121,13 +120,13 @@ struct TrainSummary {
   ceres::TerminationType termination_type = ceres::FAILURE;
   std::string message;  // "epochs done", "diverged at step 17: ..."
   long num_steps = 0;
-  long num_updates = 0;     // of the rule, one or more a step
-  long num_taken_back = 0;  // of these, by the rule's own judgement
+  long num_updates = 0;     // updates by the rule, one or more per step
+  long num_taken_back = 0;  // updates that the rule reverted
   double train_time_in_seconds = 0.0;
 };
 
 struct TrainResult {
-  std::string error;        // empty, or why nothing was done: bad input
+  std::string error;        // not empty for bad input: the run did nothing
   Eigen::VectorXd weights;  // n
   History history;
   TrainSummary summary;
@@ -144,7 +143,8 @@ class TrainingRun {
               TrainingData data,
               const Method& method,
               TrainOptions options);
-  // By a rule object of the caller, which it must not have used before.
+  // Trains by a rule object of the caller, which must not have been used
+  // before.
   TrainingRun(Model model,
               TrainingData data,
               std::shared_ptr<UpdateRule> rule,
@@ -153,13 +153,13 @@ class TrainingRun {
   TrainingRun(const TrainingRun&) = delete;
   TrainingRun& operator=(const TrainingRun&) = delete;
 
-  // Takes one step. False, and no step taken, once the run has ended.
+  // Takes one step. Returns false, without a step, after the end of the run.
   bool Step();
 
-  // Ends the run, results kept; it may go on from its checkpoint.
+  // Ends the run and keeps its results; a checkpoint allows to resume it.
   void Stop();
 
-  // Empty, or why nothing is done: bad input.
+  // Not empty for bad input: the run does nothing.
   const std::string& error() const { return error_; }
   const Eigen::VectorXd& weights() const { return weights_; }
   const History& history() const { return recorder_.history(); }
@@ -169,7 +169,7 @@ class TrainingRun {
   double epoch() const;
   // The share of the run's budget that is spent, in [0, 1].
   double progress() const { return budget_.Share(position()); }
-  // Of the end, once Step() has returned false.
+  // The reason of the end, after Step() has returned false.
   const TrainSummary& summary() const { return summary_; }
   TrainResult result() const;
 
@@ -182,15 +182,15 @@ class TrainingRun {
 
   TrainingRun(Model model, TrainingData data, TrainOptions options);
   void AddPhases(const Method& method);
-  // The end of construction: goes on from a checkpoint.
+  // The last part of the constructors: resumes from a checkpoint.
   void Start();
 
   // The first call of Step: evaluates the initial weights.
   void Begin();
-  // Ends the run if the loss is not finite where a phase starts.
+  // Ends the run if the loss is not finite at the start of a phase.
   void CheckStartOfPhase();
-  // Ends the run, or begins the next phase, if it is time to. False if the run
-  // has ended.
+  // Ends the run, or begins the next phase, if it is due. Returns false if the
+  // run has ended.
   bool IsRunning();
   void BeginNextPhase();
   // Sets max_num_steps_ by the share of the phase and the run's budget.
@@ -199,7 +199,7 @@ class TrainingRun {
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
-  // Looks at the losses and writes a checkpoint if it is time to.
+  // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
   // `message` counts steps from the start of the phase.
   void End(ceres::TerminationType type, const std::string& message);
@@ -226,7 +226,8 @@ class TrainingRun {
   // The state that a checkpoint holds.
   Eigen::VectorXd weights_;
   Recorder recorder_;
-  // Destroyed before the weights: a solve that is not finished moves them.
+  // Destroyed before the weights, because an unfinished solve may write to
+  // them.
   std::vector<RunPhase> phases_;
   int phase_ = 0;
   RunPosition start_;  // of the phase
@@ -239,8 +240,8 @@ class TrainingRun {
   Clock::time_point last_checkpoint_ = Clock::now();
 };
 
-// Trains until the run ends. `method` as for a TrainingRun: a specification, a
-// Method, or a rule.
+// Trains until the run ends. `method`: a specification, a Method, or a rule, as
+// for TrainingRun.
 template <typename MethodOrRule>
 TrainResult Train(Model model,
                   TrainingData data,

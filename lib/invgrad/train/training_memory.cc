@@ -30,9 +30,9 @@ double MaxWidth(const DenseNetwork& network) {
   return *std::max_element(network.widths().begin(), network.widths().end());
 }
 
-// Of a forward and a backward pass: inputs and slopes (and curvatures) of every
-// layer, the outputs with their covectors, two buffers, and in a loop the
-// network's input Jacobians with a buffer.
+// Memory of a forward and a backward pass: inputs and slopes (and curvatures)
+// of every layer, the outputs with their covectors, two buffers, and with
+// feedback the network's input Jacobians with a buffer.
 double PassBytes(const Model& model, double batch_size, bool with_curvatures) {
   const DenseNetwork& network = model.network();
   const double buffers = 2.0 * MaxWidth(network);
@@ -43,7 +43,7 @@ double PassBytes(const Model& model, double batch_size, bool with_curvatures) {
   return kDouble * batch_size * model.num_columns() * of_a_column;
 }
 
-// `num_outputs`: of what J is taken of, |y|, or |x| of a proxy.
+// `num_outputs`: the rows of J per sample, |y|, or |x| for a proxy.
 JacobianSizes SizesOfJacobian(const Model& model,
                               double num_outputs,
                               double batch_size) {
@@ -60,7 +60,7 @@ JacobianSizes SizesOfJacobian(const Model& model,
   return J;
 }
 
-// What Model::Linearize leaves and needs beside the passes.
+// Memory of Model::Linearize in addition to the passes.
 void AddLinearization(const Model& model,
                       const LinearizationParts& needs,
                       double batch_size,

@@ -1,17 +1,15 @@
-// What training needs to hold in memory, estimated before it starts.
+// Estimates the memory of training before it starts.
 //
 //   a step     its batch; activations; the simulator's Jacobians (8 m |x|
-//              bytes); the Hessian, 8 n^2; what the rule adds
+//              bytes); the Hessian, 8 n^2; the memory of the rule
 //              (UpdateRule::StepMemory): the factors of J, 8 m sum_l widths[l],
 //              a Gram matrix, 8 m^2, ...
-//   Ceres      J for all samples at once, 8 m n, as often as its linear solver
-//              copies it
+//   Ceres J for all samples at once, 8 m n, for each copy in the linear solver
 //
-// and the data. Right to a factor of two or so, not counting what every
-// process has; an evaluation of the losses needs less than the data. A rule
-// that finds its route as it goes (route=auto) is counted with the cheapest,
-// and told so ("at least"): each dearer one is asked for its memory when its
-// turn comes, and is then refused or not.
+// and the data. Accurate to about a factor of two, without the memory that
+// every process has; an evaluation of the losses needs less than the data.
+// route=auto counts with the cheapest route, and the message then says "at
+// least"; a step that needs a more expensive route checks the memory again.
 #ifndef INVGRAD_TRAIN_TRAINING_MEMORY_H_
 #define INVGRAD_TRAIN_TRAINING_MEMORY_H_
 
@@ -31,9 +29,9 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        bool through_pull_back,
                                        int batch_size);
 
-// Whether a step of a rule on batches of that size fits into `limit` (0: that
-// of memory_limit.h), with the data; if not, *error says what needs how much:
-// "batch_size=100000 needs 35 GB (route gram 32 GB, ...".
+// Whether a step of a rule on batches of this size, with the data, fits into
+// `limit` (0: the limit of memory_limit.h); if not, *error lists the parts and
+// their sizes: "batch_size=100000 needs 35 GB (route gram 32 GB, ...".
 bool TrainingFits(const Model& model,
                   const TrainingData& data,
                   const UpdateRule& rule,
@@ -42,7 +40,7 @@ bool TrainingFits(const Model& model,
                   double limit,
                   std::string* error);
 
-// The same of a phase by Ceres, on all samples at once.
+// The same for a phase by Ceres, on all samples at once.
 bool CeresFits(const Phase& phase,
                const Model& model,
                const TrainingData& data,

@@ -1,4 +1,4 @@
-// Memory that a computation keeps between calls.
+// A buffer that a computation reuses between calls.
 #ifndef INVGRAD_SPECTRAL_ROUTES_ALIGNED_BUFFER_H_
 #define INVGRAD_SPECTRAL_ROUTES_ALIGNED_BUFFER_H_
 
@@ -8,14 +8,14 @@
 
 namespace invgrad {
 
-// Numbers on a cache-line boundary. Grows, never shrinks.
+// Aligned to a cache line. Grows, never shrinks.
 class AlignedBuffer {
  public:
-  // At least `size` numbers, of any value. Earlier pointers become invalid if
-  // it grows.
+  // At least `size` uninitialized numbers. Invalidates earlier pointers if the
+  // buffer grows.
   double* Reserve(size_t size) {
     if (size > size_) {
-      data_.reset();  // before the new one, which may need the room
+      data_.reset();  // frees memory before the new allocation
       data_.reset(static_cast<double*>(
           ::operator new(size * sizeof(double), kAlignment)));
       size_ = size;

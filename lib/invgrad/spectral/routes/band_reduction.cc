@@ -15,15 +15,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The lower triangle is tiled by columns: squares of kSquare on the diagonal,
-// which are full; what is below them in the same tile of kTileWidth; and whole
-// tiles. One tile and its share of V and W fit in a cache of 1 MB. The squares
-// are small because half of their change is wasted.
+// The lower triangle is tiled by columns: full squares of kSquare on the
+// diagonal, the rest of the tile of kTileWidth below them, and whole tiles. One
+// tile and its share of V and W fit in a cache of 1 MB. The squares are small
+// because half of their change is wasted.
 constexpr Index kSquare = 64;
 constexpr Index kTileWidth = 3 * kSquare;
 constexpr Index kTileHeight = 512;
 
-// Makes the squares on the diagonal full.
+// Fills the upper triangles of the squares on the diagonal.
 void MirrorSquares(MatrixXd* K) {
   const Index m = K->rows();
   for (Index j = 0; j < m; ++j) {
@@ -31,7 +31,8 @@ void MirrorSquares(MatrixXd* K) {
   }
 }
 
-// The end of the tile of that width, on a grid from zero on, that holds i.
+// The end of the tile of this width, on a grid that starts at zero, that
+// contains i.
 Index TileEnd(Index i, Index width, Index m) {
   return std::min(m, (i / width + 1) * width);
 }
@@ -145,7 +146,7 @@ void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
     T_.triangularView<Eigen::StrictlyLower>().setZero();
     tau->segment(k, width) = T_.diagonal().head(width);
 
-    // A panel that is wider than high: what is right of the square.
+    // If the panel is wider than high: the columns right of the square.
     for (Index j = k + width; j < begin; ++j) {
       for (Index r = 0; r < width; ++r) {
         ApplyReflector(static_cast<int>(n - r),

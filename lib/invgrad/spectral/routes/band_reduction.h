@@ -7,9 +7,9 @@
 //
 //   H^T A H = A - V W^T - W V^T,   W = (X - 1/2 V T^T V^T X) T,   X = A V
 //
-// The change by one panel and the product with the V of the next are one sweep
-// over the lower triangle, tile by tile: each tile is read once for 8 b
-// operations an entry, all of them in matrix products.
+// One sweep over the lower triangle, tile by tile, both applies the change by
+// one panel and multiplies by V of the next panel. It reads each tile once for
+// 8 b operations an entry, all in matrix products.
 //
 // Shapes:  K: m x m, its lower triangle is read;  reflector j: rows j + b, ...,
 //          below the band of K afterwards.
@@ -28,13 +28,13 @@ namespace invgrad {
 
 class BandReduction {
  public:
-  // K's band becomes that of B. The diagonal tiles of K change above the
-  // diagonal too.
+  // The band of K becomes the band of B. The diagonal tiles of K also change
+  // above the diagonal.
   void Compute(int bandwidth,
                Eigen::MatrixXd* K,
                Eigen::VectorXd* tau);  // m - b, or none
 
-  // The memory that it keeps.
+  // Memory kept between calls.
   static int64_t Bytes(int m, int bandwidth);
 
  private:

@@ -25,7 +25,7 @@ constexpr Index kStride = 2 * b;
 // The band is continued by zeros after row m - 1, and all squares are whole.
 Index BandSize(int m) { return (m + 2 * b) * (kStride + 1); }
 
-// How many reflectors sweep s needs: those that start above row m - 1.
+// The number of reflectors of sweep s: those that start above row m - 1.
 int NumReflectors(int m, int s) { return s + 3 > m ? 0 : (m - 3 - s) / b + 1; }
 
 Index TotalReflectors(int m) {
@@ -34,9 +34,9 @@ Index TotalReflectors(int m) {
   return total;
 }
 
-// 1 in the lanes from `lane` on, 0 in those before it: for packs of a column
-// that the diagonal crosses. What is above the diagonal belongs to the end of
-// an earlier column and stays unchanged.
+// 1 in the lanes from `lane` on, 0 in those before it: for packs that the
+// diagonal crosses. Entries above the diagonal belong to the end of an earlier
+// column and must not change.
 INVGRAD_INLINE inline const double* From(int lane) {
   static constexpr double kStep[2 * kPack] = {0, 0, 0, 0, 1, 1, 1, 1};
   return kStep + kPack - lane;
@@ -130,7 +130,7 @@ INVGRAD_INLINE inline void Update(
   }
 }
 
-// What a reflector leaves of the column that it was made for.
+// The result of a reflector on the column that defines it.
 INVGRAD_INLINE inline void ClearColumn(double beta, double* column) {
   std::fill(column, column + b, 0.0);
   column[0] = beta;
@@ -158,15 +158,15 @@ INVGRAD_INLINE inline void ChaseOneSquare(double* band,
   ClearColumn(beta, A + b);
 }
 
-// How many sweeps are under way: eight squares of 2 b x b are 0.3 MB.
+// The number of concurrent sweeps: eight squares of 2 b x b take 0.3 MB.
 constexpr int kSweeps = 8;
 
 INVGRAD_INLINE inline void Chase(int m,
                                  double* band,
                                  double* reflectors,
                                  double* tau) {
-  // Where the reflectors of the sweeps under way begin, and one place for the
-  // empty ones after the last of a sweep.
+  // The start of the reflectors of each concurrent sweep, and one place for the
+  // empty reflectors after the end of a sweep.
   Index first[kSweeps];
   double none[b];
   double tau_none;
@@ -251,7 +251,7 @@ void BulgeChase::Compute(const Eigen::MatrixXd& K,
 
 void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) const {
   CHECK_EQ(x->size(), size_);
-  // Reflectors reach over the end, with zeros.
+  // Reflectors extend past the end, with zeros.
   double* padded = padded_x_.Reserve(size_ + b);
   std::copy(x->data(), x->data() + size_, padded);
   std::fill(padded + size_, padded + size_ + b, 0.0);

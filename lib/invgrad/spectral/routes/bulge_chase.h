@@ -3,14 +3,14 @@
 //   B = Q T Q^T,   B_ij = 0 for |i - j| > kBandwidth
 //
 // Sweep s makes column s tridiagonal by a reflector on the b = kBandwidth rows
-// below its diagonal. Applied from both sides, that fills a square below the
-// band (the bulge); a reflector on the next b rows clears the square's first
-// column, which fills the square after it, and so on to the end [1]. What
-// remains of the squares is cleared by the later sweeps.
+// below its diagonal. Applied from both sides, this reflector fills a square
+// below the band (the bulge). A reflector on the next b rows clears the first
+// column of the square and fills the next square, and so on to the end [1].
+// Later sweeps clear the other columns of the squares.
 //
 // A sweep reads the whole band for little arithmetic. Several sweeps therefore
-// advance together, each one square behind the one before, in a window of the
-// band that stays in the cache.
+// advance together, each one square behind the previous sweep, in a window of
+// the band that stays in the cache.
 //
 // Shapes:  B: m x m;  T: diagonal m, off-diagonal m - 1;
 //          about m^2 / (2 b) reflectors of b rows.
@@ -30,9 +30,9 @@ namespace invgrad {
 
 class BulgeChase {
  public:
-  // A narrow band is cheap to chase, a wide one cheap to reach: the products
-  // of the band reduction have this width. At m = 4096, 32, 48 and 64 differ by
-  // 5 %, and 48 is fastest.
+  // A narrow band makes the chase cheap, a wide band the band reduction, whose
+  // matrix products have this width. At m = 4096, 32, 48 and 64 differ by 5 %,
+  // and 48 is fastest.
   static constexpr int kBandwidth = 48;
 
   // Reads the diagonal of K and the kBandwidth diagonals below it.
@@ -43,7 +43,7 @@ class BulgeChase {
   // x = Q x, or Q^T x.
   void ApplyQ(bool transpose, Eigen::VectorXd* x) const;  // m
 
-  // The memory that it keeps.
+  // Memory kept between calls.
   static int64_t Bytes(int m);
 
  private:

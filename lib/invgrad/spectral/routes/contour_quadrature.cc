@@ -12,8 +12,8 @@ namespace {
 // mean [Abramowitz, Stegun. Handbook of Mathematical Functions, 16.4].
 class RealJacobi {
  public:
-  // The modulus k by its complement k_prime = sqrt(1 - k^2) in (0, 1), which
-  // keeps the digits where k is almost 1.
+  // The complement k_prime = sqrt(1 - k^2) in (0, 1) replaces the modulus k,
+  // because it is accurate for k close to 1.
   explicit RealJacobi(double k_prime) : k_prime_(k_prime) {
     double a = 1.0;
     double b = k_prime;
@@ -79,7 +79,7 @@ void ContourQuadrature(double below,
   const double geometric_mean = std::sqrt(smallest) * std::sqrt(largest);
   const RealJacobi jacobi(k_prime);
   const double step = 2.0 * jacobi.quarter_period() / num_nodes;
-  // Of modulus k', at half its quarter period: where Im t is.
+  // Elliptic functions of modulus k' at Im t, half their quarter period.
   const double s1 = std::sqrt(1.0 / (1.0 + k));
   const double c1 = std::sqrt(k / (1.0 + k));
   const double d1 = std::sqrt(k);

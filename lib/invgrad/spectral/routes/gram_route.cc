@@ -1,9 +1,9 @@
-// The step by the Gram matrix of the smaller side.
+// Computes the step from the smaller of the two Gram matrices.
 //
 //   K = J J^T or J^T J = unit Q T Q^T,   f(K) b = Q f(unit T) Q^T b
 //
-// with unit a power of two, so that T has entries of order one whatever J's
-// units are. d = J^T f(J J^T) g, or f(J^T J) J^T g.
+// where unit is a power of two, so that the entries of T are of order one for
+// any units of J. d = J^T f(J J^T) g, or f(J^T J) J^T g.
 #include <lapacke.h>
 
 #include <algorithm>
@@ -25,12 +25,12 @@ using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-// Gram matrices with a largest diagonal entry below this have lost singular
-// values that are above epsilon s_max to underflow.
+// If the largest diagonal entry of the Gram matrix is below this, singular
+// values above epsilon s_max underflow.
 constexpr double kSmallestGram = 1e-270;
 
-// Below this size all eigenvectors are as cheap as a contour integral, and say
-// more about the error. Measured: ties at 48.
+// Below this size computing all eigenvectors is as cheap as a contour integral,
+// and gives a better error estimate. Measured: equal at 48.
 constexpr Index kSmallestReduced = 64;
 
 // J^T J in place of J J^T.
@@ -38,7 +38,7 @@ bool IsParameterSide(const SpectralProblem& problem) {
   return problem.n() < problem.m();
 }
 
-// How near to the jump a value of (s / s_max)^2 is undecided.
+// Values of (s / s_max)^2 within this distance of the jump are undecided.
 double Resolution(const SpectralProblem& problem) {
   const auto size = static_cast<double>(std::min(problem.m(), problem.n()));
   const auto other_size =
@@ -60,8 +60,9 @@ GramResult FormGram(const SpectralProblem& problem,
   } else {
     problem.J.Gram(&K);
   }
-  // A diagonal entry is the squared norm of a row or column of J: it is not
-  // finite if any entry of that is not, or if a square overflows.
+  // A diagonal entry is the squared norm of a row or column of J. It is not
+  // finite if an entry of this row or column is not finite, or if a square
+  // overflows.
   const auto diagonal = K.diagonal();
   if (!diagonal.allFinite()) {
     if (CheckJacobianFinite(problem.J, &summary->message)) {
@@ -77,7 +78,7 @@ GramResult FormGram(const SpectralProblem& problem,
     summary->message = "the squares of J's entries underflow";
     return GramResult::kFailed;
   }
-  // Numbers of ordinary size are reduced as they are, which saves a pass.
+  // Entries of ordinary size need no scaling, which saves a pass.
   int exponent = 0;
   std::frexp(largest, &exponent);
   if (std::abs(exponent) <= 100) exponent = 0;
@@ -99,7 +100,7 @@ bool MakeStep(const SpectralProblem& problem,
   return CheckFinite("the step", *d, &summary->message);
 }
 
-// By all eigenvectors of K.
+// Computes f(K) b from all eigenvectors of K.
 bool EigenvectorStep(const SpectralProblem& problem,
                      SpectralBuffers* buffers,
                      VectorXd* d,
@@ -117,7 +118,7 @@ bool EigenvectorStep(const SpectralProblem& problem,
   }
   const double s_max = std::sqrt(lambda[size - 1]) * std::sqrt(buffers->unit);
   lambda /= lambda[size - 1];
-  // Rounding leaves small eigenvalues on either side of zero.
+  // Rounding may make small eigenvalues negative.
   const VectorXd s = s_max * lambda.cwiseMax(0.0).cwiseSqrt();
   VectorXd& c = buffers->y;
   c.resize(size);
@@ -140,7 +141,7 @@ bool EigenvectorStep(const SpectralProblem& problem,
   return MakeStep(problem, w, d, summary);
 }
 
-// By the tridiagonal form of K.
+// Computes f(K) b from the tridiagonal form of K.
 bool ReducedStep(const SpectralProblem& problem,
                  SpectralBuffers* buffers,
                  VectorXd* d,
@@ -158,8 +159,8 @@ bool ReducedStep(const SpectralProblem& problem,
   const double resolution = Resolution(problem);
   const GramFunction f(problem.filter, buffers->unit, lambda_max);
   Cut cut = FindCut(T, wanted, resolution * lambda_max, f.singularity());
-  // Nothing is cut off where f is defined at roundings below zero: they are as
-  // large as the norm of the backward error.
+  // If f is defined for slightly negative arguments, no eigenvalue is cut off:
+  // negative eigenvalues are at most as large as the backward error.
   const double lowest = -2.0 * std::sqrt(static_cast<double>(T.size())) *
                         BackwardError(T.size()) * lambda_max;
   const bool is_resolved = f.singularity() < lowest;
@@ -185,14 +186,14 @@ bool ReducedStep(const SpectralProblem& problem,
   const double relative_error =
       ApplyCutFunction(f, lambda_max, cut, parameter_side, buffers);
   const double norm_y = StepNorm(parameter_side, buffers->y, buffers);
-  // On the parameter side b = J^T g has roundings of its own.
+  // On the parameter side, b = J^T g has additional rounding errors.
   const double norm_g = problem.g.norm() * root_unit;
   double rounding = RoundingError();
   if (parameter_side) {
     rounding += kEpsilon * std::sqrt(lambda_max) * norm_g *
                 std::abs(f(cut.above)) / norm_y;
   }
-  // Values below the resolution contribute anything up to phi's peak there.
+  // Values below the resolution may contribute up to the maximum of phi there.
   if (jump < 0.0 && !is_resolved) {
     const double smallest = resolution * lambda_max;
     int num_unknown = 0;

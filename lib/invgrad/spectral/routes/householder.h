@@ -13,9 +13,9 @@
 
 namespace invgrad {
 
-// Replaces x by u and returns beta. tau = 0, H = I, if x_1, ... are zero, or so
-// small that their squares lose digits or underflow: below 1e-140, which is
-// nothing beside a matrix with entries of order one.
+// Replaces x by u and returns beta. tau = 0 and H = I if x_1, ... are all below
+// 1e-140, where squares lose digits or underflow; such entries are negligible
+// in a matrix with entries of order one.
 INVGRAD_INLINE inline double MakeReflector(int n, double* x, double* tau) {
   constexpr double kNegligible = 1e-280;
   const double alpha = x[0];
@@ -26,7 +26,7 @@ INVGRAD_INLINE inline double MakeReflector(int n, double* x, double* tau) {
     *tau = 0.0;
     return alpha;
   }
-  // The sign that does not cancel.
+  // This sign avoids cancellation.
   const double norm = std::sqrt(alpha * alpha + tail);
   const double beta = alpha > 0.0 ? -norm : norm;
   *tau = (beta - alpha) / beta;

@@ -17,12 +17,12 @@ using simd::Pack;
 // Rows and columns are padded with zeros to whole packs.
 int PaddedSize(int m) { return (m + kPack - 1) / kPack * kPack; }
 
-// One more cache line a column, so that the columns of a size that is a power
-// of two do not share the same lines of the cache.
+// Pads each column by one cache line, so that columns whose length is a power
+// of two do not map to the same cache lines.
 Eigen::Index Stride(int m) { return PaddedSize(m) + 8; }
 
-// The lower triangle of A in squares of kPack x kPack; those on the diagonal
-// are full.
+// The lower triangle of A in squares of kPack x kPack; the squares on the
+// diagonal are full.
 struct Triangle {
   int size;  // a multiple of kPack
   double* data;

@@ -2,15 +2,15 @@
 //
 //   K = Q T Q^T,   Q = H_0 H_1 ... H_{m-2},   H_j = I - tau_j u_j u_j^T
 //
-// as LAPACK's dsytrd (lower), and with its result up to rounding. Each column
-// needs the product p = A u with the trailing matrix A, and changes it by a
-// symmetric matrix of rank two:
+// This equals LAPACK's dsytrd (lower) up to rounding. Each column needs the
+// product p = A u with the trailing matrix A, and a symmetric update of A of
+// rank two:
 //
 //   w = tau p - 1/2 tau^2 (p^T u) u,   A -= u w^T + w u^T
 //
-// The change of one column and the product of the next are one sweep over the
-// lower triangle [1]: each entry is loaded once for eight operations, which is
-// enough arithmetic while the triangle stays in the cache.
+// One sweep over the lower triangle both applies the update for one column and
+// computes the product for the next [1]: each entry is loaded once for eight
+// operations, which is fast while the triangle fits in the cache.
 //
 // Shapes:  K: m x m, its lower triangle is read;  u_j: m - 1 - j, below the
 //          diagonal of K afterwards, without its leading one.
@@ -35,7 +35,7 @@ class OneStageReduction {
                Eigen::VectorXd* off_diagonal,  // m - 1
                Eigen::VectorXd* tau);          // m - 1
 
-  // The memory that it keeps.
+  // Memory kept between calls.
   static int64_t Bytes(int m);
 
  private:

@@ -19,7 +19,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // of s_max^2; as in step_error.cc.
 constexpr double kRounding = 10.0 * kEpsilon;
 
-// The estimate is a bound but for cross terms and small constants. On synthetic
+// The estimate is a bound up to cross terms and small constants. On synthetic
 // spectra (five kinds, white, smooth and nearly invariant g, nine filters) the
 // error was at most 0.9 times the estimate.
 constexpr double kSafety = 5.0;
@@ -29,7 +29,7 @@ bool IsSmooth(const SpectralFilter& filter) {
   return filter.IsDamped() && filter.tau == 0.0;
 }
 
-// Where values are dropped or clamped, in units of s_max.
+// The threshold below which values are dropped or clamped, in units of s_max.
 double TruncationOf(const SpectralFilter& filter) {
   return filter.clamp ? 0.0 : filter.tau;
 }
@@ -38,7 +38,7 @@ double TruncationOf(const SpectralFilter& filter) {
 // are in units of s_max, and phi in units of its largest value.
 class ErrorEstimate {
  public:
-  // `exhausted`: the bases span all that there is.
+  // `exhausted`: the Krylov space is invariant.
   ErrorEstimate(const RitzValues& ritz,
                 const SpectralFilter& filter,
                 bool exhausted)
@@ -64,15 +64,16 @@ class ErrorEstimate {
     const double estimate =
         (kSafety * std::sqrt(squared + SquaredShift()) + RoundingError()) /
         norm_;
-    // Nothing is known where f overflows near zero.
+    // No estimate is possible if f overflows near zero.
     return estimate < kInfinity ? estimate : kInfinity;
   }
 
  private:
-  // For f(lambda) = (lambda + mu)^-p, 0 < p <= 1. It is a mean of resolvents 1
-  // / (lambda + t), t >= mu, with weights >= 0, and E a mean of theirs. Theirs
-  // are largest at lambda = 0 and, as functions of t, all of one sign: they are
-  // residuals of the conjugate gradient method. So is E.
+  // For f(lambda) = (lambda + mu)^-p, 0 < p <= 1. This f is a weighted mean,
+  // with weights >= 0, of resolvents 1 / (lambda + t), t >= mu, and E is the
+  // same mean of the errors of the resolvents. These errors are residuals of
+  // the conjugate gradient method: all of one sign in t, and largest at
+  // lambda = 0. The same holds for E.
   double Squared() const {
     const double mu =
         (filter_.damping / s_max_) / s_max_ + filter_.relative_damping;
@@ -90,7 +91,7 @@ class ErrorEstimate {
 
   double SquaredAcross(double jump) const {
     const double lower = jump * jump;
-    // J's own largest value may be above the Ritz value.
+    // The largest singular value of J may exceed the Ritz value.
     const double upper = std::pow(jump * (1.0 + std::abs(residual_[0])), 2);
     const double phi_jump = phi_.maxCoeff();
     double squared = 0.0;
@@ -103,23 +104,22 @@ class ErrorEstimate {
       }
       const double gap = theta_[j] - lower;
       const double leak = std::min(1.0, rho / gap);
-      // What E does to a mode of J that hides where this value has not
-      // converged.
+      // The error E of a mode of J near this value, which has not converged.
       const double lambda = std::max(upper, theta_[j] - rho);
       const double E = ErrorAt(lambda > 0.0 ? lambda : 0.25 * theta_[j]);
       squared += leak * leak * (std::pow(phi_[j] * c_[j], 2) + E * E) +
                  std::pow(std::min(1.0, kRounding / gap) * phi_[j], 2);
     }
     if (phi_[s_.size() - 1] > 0.0 && !exhausted_) {
-      // With no value below the jump, nothing tells that the modes above it are
-      // all there.
+      // If no value is below the jump, some modes above the jump may be
+      // missing.
       if (upper == 0.0) return kInfinity;
       squared += std::pow(ErrorAt(upper), 2);
     }
     return squared;
   }
 
-  // What is missing from the largest value, to which the filter refers.
+  // The error of the largest value, on which the threshold depends.
   double SquaredShift() const {
     if (filter_.relative_damping == 0.0 && !filter_.clamp) return 0.0;
     return std::pow(2.0 * residual_[0] * norm_, 2);
@@ -127,7 +127,7 @@ class ErrorEstimate {
 
   // sum_i rho_i b_i f[theta_i, lambda], with rho_i = s_i r_i and b_i = s_i c_i.
   double ErrorAt(double lambda) const {
-    // Nearer than this, a slope is the better approximation.
+    // For smaller distances the slope is more accurate.
     constexpr double kNear = 1e-6;
     // Above a jump at lambda.
     const double root = std::sqrt(lambda) * (1.0 + 4.0 * kEpsilon);

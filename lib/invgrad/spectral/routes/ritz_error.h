@@ -6,15 +6,17 @@
 //   E(lambda) = sum_i sigma_i r_i c_i sigma_i f[sigma_i^2, lambda],
 //   f(lambda) = phi(s) / s, lambda = s^2, c = X^T P_k^T g
 //
-// and divided differences f[., .] [1, section 13.2]. Without a jump the estimate
-// is the largest E on [0, inf). With a jump of phi, what can leak across it:
+// and divided differences f[., .] [1, section 13.2]. Without a jump of phi the
+// estimate is the largest E on [0, inf). With a jump, it bounds the leakage
+// across the jump:
 //
 //   |d - d_k|^2 <~ sum_kept  leak_j^2 ((phi_j c_j)^2 + E(lambda_j)^2)
 //                + sum_open  (phi_max c_j)^2,      leak_j = sigma_j r_j / gap_j
 //
-// gap_j: the distance of sigma_j^2 from the jump; lambda_j = sigma_j^2 - sigma_j
-// r_j: where a mode may still hide; `open`: the dropped values whose residual
-// reaches across the jump. While no value is below the jump, E(jump) is added.
+// gap_j: the distance of sigma_j^2 from the jump;
+// lambda_j = sigma_j^2 - sigma_j r_j: an unresolved mode may lie there; `open`:
+// the dropped values whose residual extends across the jump. While no value is
+// below the jump, E(jump) is added.
 //
 // Shapes:  s, c, residual: k.
 // Cost:    O(k^2).
@@ -35,8 +37,8 @@ struct RitzValues {
   Eigen::VectorXd residual;  // theta X_kj, with its sign
 };
 
-// Relative to |d_k|; infinity if nothing is known. `exhausted`: the bases span
-// all that there is.
+// Relative to |d_k|; infinity if there is no estimate. `exhausted`: the Krylov
+// space is invariant.
 double RitzStepError(const RitzValues& ritz,
                      const SpectralFilter& filter,
                      bool exhausted);

@@ -1,8 +1,8 @@
-// Vectorized loops in a library that is built for any x86-64.
+// Vectorized loops for a library that runs on any x86-64.
 //
 // A kernel is written once, with packs of four numbers and functions that are
-// always inlined. Run() compiles it for AVX2 with FMA and for the baseline, and
-// chooses by the processor:
+// always inlined. Run() compiles the kernel for AVX2 with FMA and for the
+// baseline, and chooses at run time:
 //
 //   Run([&]() INVGRAD_INLINE { Kernel(m, A, x); });
 //
@@ -16,8 +16,8 @@
 namespace invgrad {
 namespace simd {
 
-// Four numbers. Never passed or returned by value, which would tie the calling
-// convention to the instruction set.
+// Four numbers. Never pass or return them by value: the calling convention
+// depends on the instruction set.
 constexpr int kPack = 4;
 typedef double Pack __attribute__((vector_size(32)));
 

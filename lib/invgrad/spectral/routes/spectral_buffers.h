@@ -14,11 +14,11 @@
 namespace invgrad {
 
 struct SpectralBuffers {
-  // Of gram: J J^T or J^T J, divided by `unit`; then the reflectors of its
-  // reduction, or its eigenvectors.
+  // Route gram: J J^T or J^T J, divided by `unit`; later the reflectors of the
+  // reduction, or the eigenvectors.
   Eigen::MatrixXd gram;
   double unit = 1.0;
-  Eigen::VectorXd b;  // what the function of the Gram matrix is applied to
+  Eigen::VectorXd b;  // the argument of f(K) b
   Eigen::VectorXd y;
   Eigen::VectorXd product;
   Tridiagonalization reduction;
@@ -26,12 +26,12 @@ struct SpectralBuffers {
   Tridiagonal::Perturbations perturbations;
   Tridiagonal::Changes changes;
   Eigen::VectorXd change;
-  Eigen::VectorXd values;  // the eigenvalues, where all are computed
+  Eigen::VectorXd values;  // all eigenvalues, if computed
   std::vector<ContourNode> nodes;
   std::vector<std::complex<double>> shifts;
   std::vector<std::complex<double>> coefficients;
 
-  // Of svd.
+  // Route svd.
   Eigen::MatrixXd J;
   Eigen::MatrixXd tall;
   TallSvd svd;

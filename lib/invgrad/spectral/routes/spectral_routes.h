@@ -1,5 +1,5 @@
-// The ways to compute V phi(S) U^T g among which SpectralStep chooses, and what
-// they share. See spectral_step.h for what they promise.
+// The routes of SpectralStep to V phi(S) U^T g, and their common functions.
+// spectral_step.h states their contract.
 //
 // Each route returns false with summary->message set if it fails, and fills
 // *summary otherwise; g is finite.
@@ -38,11 +38,11 @@ bool GradientRoute(const SpectralProblem& problem,
                    Eigen::VectorXd* d,
                    SpectralStepSummary* summary);
 
-// Where phi jumps, in units of s_max: at tau, or at zero if phi does not vanish
-// there. Negative if phi is continuous.
+// The jump of phi, in units of s_max: tau, or zero if phi does not vanish at
+// zero. Negative if phi is continuous.
 double JumpOf(const SpectralFilter& filter);
 
-// Fills what the summary says about known singular values. Values of
+// Fills the summary's fields about known singular values. Values of
 // (s / s_max)^power within `resolution` of the jump are undecided.
 void SummarizeSpectrum(const SpectralFilter& filter,
                        const Eigen::VectorXd& s,
@@ -51,8 +51,8 @@ void SummarizeSpectrum(const SpectralFilter& filter,
                        double resolution,
                        SpectralStepSummary* summary);
 
-// True if J has no entry that is infinite or NaN; otherwise the message names
-// the first row that has one.
+// True if all entries of J are finite; otherwise the message names the first
+// row with an infinite or NaN entry.
 bool CheckJacobianFinite(const JacobianOperator& J, std::string* message);
 
 }  // namespace invgrad

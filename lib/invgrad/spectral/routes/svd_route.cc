@@ -1,5 +1,5 @@
-// The step by LAPACK's SVD of the dense J, whose singular vectors are only
-// applied to g.
+// Computes the step from LAPACK's SVD of the dense J; the singular vectors are
+// only applied to g.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -67,7 +67,7 @@ bool SvdRoute(const SpectralProblem& problem,
   const double resolution = 2.0 * std::numeric_limits<double>::epsilon() *
                             std::sqrt(static_cast<double>(m + n));
   SummarizeSpectrum(problem.filter, s, s_max, 1, resolution, summary);
-  // What g has outside the columns of U.
+  // The component of g outside the span of U.
   const double outside =
       m > n
           ? std::sqrt(std::max(0.0, problem.g.squaredNorm() - c.squaredNorm()))

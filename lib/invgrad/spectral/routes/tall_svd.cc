@@ -16,7 +16,7 @@ bool TallSvd::Compute(MatrixXd* A) {
   CHECK_GE(p, q);
   CHECK_GT(q, 0);
   A_ = A;
-  // From here on dgesdd would do the same, but form Q.
+  // From this ratio on, dgesdd does the same but also forms Q.
   is_reduced_ = 6 * p >= 11 * q;
   if (is_reduced_) {
     tau_.resize(q);

@@ -1,10 +1,10 @@
-// The thin singular value decomposition of a tall matrix, for products with its
+// The thin singular value decomposition of a tall matrix, for products with the
 // singular vectors.
 //
 //   A = W diag(s) Z^T
 //
-// A much taller than wide is reduced to a triangle first (A = Q R, R = W' S
-// Z^T, W = Q W'), and Q is only applied to vectors [1].
+// If A is much taller than wide, a QR factorization precedes the SVD (A = Q R,
+// R = W' S Z^T, W = Q W'), and Q is only applied to vectors [1].
 //
 // Shapes:  A: p x q, p >= q;  W: p x q;  s: q, descending;  Z: q x q.
 // Cost:    2 p q^2 + 22 q^3 by LAPACK's dgeqrf and dgesdd; 8 (2 p q + 7 q^2)
@@ -24,8 +24,8 @@ namespace invgrad {
 
 class TallSvd {
  public:
-  // Destroys *A, which may hold Q afterwards and must stay alive and unchanged
-  // while W is applied. CHECKs p >= q > 0.
+  // Overwrites *A, possibly with Q; *A must stay alive and unchanged while W is
+  // applied. CHECKs p >= q > 0.
   bool Compute(Eigen::MatrixXd* A);
 
   const Eigen::VectorXd& s() const { return s_; }

@@ -19,15 +19,15 @@ using Eigen::VectorXd;
 constexpr int kLanes = simd::kPack;
 constexpr int kGroups = 2;
 constexpr int kShifts = kGroups * kLanes;
-// Counting needs less of each row, and so more groups.
+// Counting needs fewer registers per row, so it uses more groups.
 constexpr int kCountGroups = 4;
 constexpr int kCountShifts = kCountGroups * kLanes;
 
 using Lanes = simd::Pack;
 typedef std::int64_t Mask __attribute__((vector_size(32), aligned(8)));
 
-// A pivot of zero is replaced by this: the count is then that of a shift
-// changed by less than a rounding of anything.
+// Replaces a zero pivot: this changes the shift by much less than a rounding
+// error.
 constexpr double kSmallestPivot = 1e-290;
 
 INVGRAD_INLINE inline void CountShifts(Index size,
@@ -69,7 +69,7 @@ struct FactorRow {
   Complex x;  // the right-hand side, then the solution
 };
 
-// The row that has not got its pivot yet: (d, u) and its right-hand side r.
+// The row before pivoting: (d, u) and its right-hand side r.
 struct OpenRow {
   Complex d, u, r;
 };
@@ -132,8 +132,8 @@ INVGRAD_INLINE inline void Substitute(
   *sum += c.re * x.im + c.im * x.re;
 }
 
-// x = (T - z)^-1 h in rows[i].x; y -= Im[c x], summed over the shifts. The two
-// groups' rows alternate. a and e have a zero behind their end.
+// x = (T - z)^-1 h in rows[i].x; y -= Im[c x], summed over the shifts. The rows
+// of the two groups alternate. a and e have a zero after their end.
 INVGRAD_INLINE inline void Solve(Index size,
                                  const double* a,
                                  const double* e,
@@ -194,7 +194,7 @@ INVGRAD_INLINE inline void Perturb(Index size,
     }
   }
   for (int p = 0; p < Tridiagonal::kNumPerturbations; ++p) {
-    // Entry i of E x; zero behind the end.
+    // Entry i of E x; zero after the end.
     const auto product = [&](Index i, int k) INVGRAD_INLINE {
       if (i == size) return Complex{zero, zero};
       const double u = uv[kVectors * i + 2 * p];
@@ -295,7 +295,7 @@ double Tridiagonal::Eigenvalue(int index,
   CHECK_GE(index, 0);
   CHECK_LT(index, size_);
   constexpr int kSections = kCountShifts + 1;
-  constexpr int kMaxPasses = 40;  // NaN would never be near enough
+  constexpr int kMaxPasses = 40;  // NaN never converges
   double shifts[kCountShifts];
   int counts[kCountShifts];
   for (int pass = 0; pass < kMaxPasses && high - low > tolerance; ++pass) {

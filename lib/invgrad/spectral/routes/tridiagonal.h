@@ -1,21 +1,21 @@
 // Eigenvalue counts and resolvents of a symmetric tridiagonal matrix, for many
-// shifts at a time, so that functions of it need no eigenvectors.
+// shifts at a time. They give functions of the matrix without eigenvectors.
 //
 //   T = diag(a) + diag(e, -1) + diag(e, 1)
 //   CountBelow:     the number of eigenvalues < shift, for every shift
 //   ApplyResolvents: y = sum_j Im[c_j (z_j - T)^-1] h
 //
 // Shapes:  a, h, y: m;  e: m - 1;  z, c: any number N.
-// Units:   T should have entries of order one (within 1e+-100, say): squares of
-//          e are taken.
+// Units:   T should have entries of order one (within 1e+-100, say), because e
+//          is squared.
 // Cost:    O(m) a shift, several shifts at a time in the processor's vectors:
 //          about 4 cycles a row and shift for counts and 15 for resolvents on
-//          AVX2; each perturbation as much as half a solution more. 640 m
-//          bytes of workspace.
-// Accuracy: a count is exact for a T whose entries are changed by a few
-//          roundings each [1]. Resolvents are solved with partial pivoting: the
-//          solution is exact for a T changed by a few roundings of
-//          |T| + |z_j|.
+//          AVX2; each perturbation adds half a solution. 640 m bytes of
+//          workspace.
+// Accuracy: a count is exact for a T with relative perturbations of a few
+//          epsilon in each entry [1]. Resolvents use partial pivoting: the
+//          solution is exact for a perturbation of T by a few epsilon
+//          (|T| + |z_j|).
 // Fails:   never; a T with NaN gives NaN, and meaningless counts.
 //
 // [1] Demmel, Dhillon, Ren. On the correctness of some bisection-like parallel
@@ -33,24 +33,24 @@ namespace invgrad {
 
 class Tridiagonal {
  public:
-  // The vectors must have at least one entry, and one entry less. Copied;
-  // memory is kept from call to call.
+  // Copies a (at least one entry) and e (one entry less). Reuses its memory
+  // between calls.
   void Set(const Eigen::VectorXd& diagonal,
            const Eigen::VectorXd& off_diagonal);
 
   int size() const { return size_; }
 
-  // An interval that holds all eigenvalues (Gershgorin).
+  // An interval that contains all eigenvalues (Gershgorin).
   double lower_bound() const { return lower_bound_; }
   double upper_bound() const { return upper_bound_; }
 
   // counts[k] = the number of eigenvalues < shifts[k].
   void CountBelow(const double* shifts, int num_shifts, int* counts) const;
 
-  // The eigenvalue with `index` eigenvalues below it (0 is the smallest), to a
-  // few roundings of the largest.
+  // Eigenvalue number `index` in ascending order, from 0, to a few roundings of
+  // the largest eigenvalue.
   double Eigenvalue(int index) const;
-  // The same, known to be in [low, high], to `tolerance`.
+  // The same to `tolerance`, if it lies in [low, high].
   double Eigenvalue(int index, double low, double high, double tolerance) const;
 
   // y = T x.

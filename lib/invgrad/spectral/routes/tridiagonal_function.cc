@@ -14,13 +14,14 @@ using ComplexNumber = std::complex<double>;
 
 constexpr double kRoundoff = std::numeric_limits<double>::epsilon();
 
-// Of the quadrature, relative to the largest |f|.
+// Tolerance of the quadrature, relative to the largest |f|.
 constexpr double kContourTolerance = 1e-15;
 
-// The mean error of four random perturbations is hardly ever less than a third
-// of the mean over all of them (root mean squares). One is not enough: where a
-// single number decides the error (one value kept, or one small one far from
-// the others), that of one sample is small whenever this number happens to be.
+// The root mean square over four random perturbations is hardly ever less than
+// a third of the root mean square over all perturbations. One perturbation is
+// not enough: if a single number determines the error (one value is kept, or
+// one small value lies far from the others), this number may happen to be
+// small.
 constexpr double kSampleSafety = 3.0;
 
 // A few roundings of the largest eigenvalue.
@@ -62,7 +63,8 @@ Cut FindCut(const Tridiagonal& T,
             double singularity) {
   Cut cut;
   const double rounding = RoundingOf(T);
-  // How many are within the resolution, and if some are: the widest gap there.
+  // The number of eigenvalues within the resolution and, if there are any, the
+  // widest gap between them.
   constexpr int kProbes = 63;
   double probes[kProbes];
   int counts[kProbes];
@@ -86,8 +88,8 @@ Cut FindCut(const Tridiagonal& T,
       first = end;
     }
   }
-  // The eigenvalues on either side. Those that are known to be far from
-  // everything else need not be sharp: the quadrature only wants a gap.
+  // The eigenvalues on both sides. An eigenvalue far from the others need not
+  // be accurate: the quadrature only needs a gap.
   if (cut.num_below < T.size()) {
     cut.above =
         T.Eigenvalue(cut.num_below, threshold, T.upper_bound(), rounding);
@@ -125,7 +127,7 @@ double ApplyCutFunction(const GramFunction& f,
     buffers->shifts.emplace_back(f.singularity());
     buffers->coefficients.emplace_back(0.0, -1.0);
   } else {
-    // Rounded eigenvalues may lie a little outside what was found.
+    // Rounding may move eigenvalues slightly out of the interval.
     const double gap = std::max(cut.above - cut.below, RoundingOf(T));
     const double below = cut.below + 0.1 * gap;
     const double above = std::max(cut.above - 0.1 * gap, below + 0.1 * gap);

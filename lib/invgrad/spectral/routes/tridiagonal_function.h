@@ -1,13 +1,13 @@
-// Applies a spectral filter to a vector by the tridiagonal form of a Gram
+// Applies a spectral filter to a vector, given the tridiagonal form of a Gram
 // matrix.
 //
 //   y = f(unit T) h over the eigenvalues above a cut,   f(lambda) = phi(s) / s,
 //   lambda = s^2:   f(lambda) = (lambda + damping)^-Exponent()
 //
 // Shapes:  T: m x m;  h, y: m.
-// Cost:    one contour integral: 70 to 130 solutions with T (tridiagonal.h), a
-//          single one for Levenberg-Marquardt without a cut; half as much again
-//          for each of four perturbations.
+// Cost:    one contour integral: 70 to 130 solutions with T (tridiagonal.h),
+//          one solution for Levenberg-Marquardt without a cut; each of four
+//          perturbations adds half of that.
 #ifndef INVGRAD_SPECTRAL_ROUTES_TRIDIAGONAL_FUNCTION_H_
 #define INVGRAD_SPECTRAL_ROUTES_TRIDIAGONAL_FUNCTION_H_
 
@@ -42,10 +42,10 @@ class GramFunction {
 
 // A threshold in T's spectrum. No eigenvalue lies between `below` and `above`.
 struct Cut {
-  int num_below = 0;      // how many eigenvalues are dropped
-  int num_undecided = 0;  // nearer to the wanted threshold than `resolution`
-  double below = 0.0;     // the largest that is dropped, or f's singularity
-  double above = 0.0;     // the smallest that is kept
+  int num_below = 0;      // number of dropped eigenvalues
+  int num_undecided = 0;  // within `resolution` of the wanted threshold
+  double below = 0.0;     // the largest dropped eigenvalue, or f's singularity
+  double above = 0.0;     // the smallest kept eigenvalue
 };
 
 // The threshold nearest to `wanted` that lies in a gap of the spectrum:
@@ -57,8 +57,8 @@ Cut FindCut(const Tridiagonal& T,
 
 // buffers->y = f(T) h for the eigenvalues that `cut` keeps, 0 for the others; h
 // is buffers->b. Returns the relative error of the step due to the backward
-// error of the reduction. The norm of the step is that of sqrt(T) y or, if
-// `parameter_side`, of y.
+// error of the reduction. The step has the norm |sqrt(T) y| or, if
+// `parameter_side`, |y|.
 double ApplyCutFunction(const GramFunction& f,
                         double lambda_max,
                         const Cut& cut,
