@@ -107,7 +107,7 @@ const void* IdentityOf(const ceres::Problem& problem) {
   static_assert(sizeof(ceres::Problem) == sizeof(void*),
                 "A ceres::Problem is one pointer to its implementation.");
   const void* identity = nullptr;
-  std::memcpy(&identity, &problem, sizeof(identity));
+  std::memcpy(&identity, static_cast<const void*>(&problem), sizeof(identity));
   return identity;
 }
 

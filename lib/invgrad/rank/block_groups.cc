@@ -182,6 +182,7 @@ std::vector<int> FindGroups(const SparseMatrix& J,
   report->num_groups = static_cast<int>(groups->size());
   std::vector<int> num_rows(groups->size(), 0);
   std::vector<int> local_rows;
+  local_rows.reserve(block_of_row.size());
   for (const int b : block_of_row) {
     local_rows.push_back(b < 0 ? -1 : num_rows[report->blocks[b].group]++);
   }

@@ -42,6 +42,7 @@ GaugeComponent MakeComponent(const ceres::Problem& problem,
   for (const int b : group.blocks) add(report.blocks[b].values, false);
   for (const std::vector<double*>& blocks : group.arguments) {
     std::vector<int> arguments;
+    arguments.reserve(blocks.size());
     for (const double* values : blocks) arguments.push_back(add(values, true));
     component.arguments.push_back(std::move(arguments));
   }
