@@ -112,7 +112,10 @@ TEST(CachedProblem, LinearizesWithoutEvaluations) {
     options.update_state_every_iteration = true;
     std::unique_ptr<UpdateCallback> callback;
     if (mode > 0) {
-      callback = std::make_unique<UpdateCallback>(rule.get(), problem);
+      UpdateCallback::Options callback_options;
+      callback_options.compare_with_plain = false;
+      callback = std::make_unique<UpdateCallback>(
+          rule.get(), problem, callback_options);
       callback->AddTo(&options);
     }
     ceres::Solver::Summary summary;

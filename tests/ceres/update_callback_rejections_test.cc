@@ -227,6 +227,7 @@ TEST(UpdateCallback, ABadProposalDoesNotSilenceTheRule) {
     Options options;
     options.by_merit = false;
     options.min_relative_model_decrease = -1e300;
+    options.compare_with_plain = false;
     UpdateCallback callback(&rule, &problem, options);
     ceres::Solver::Options solver_options = SolverOptions(&callback);
     solver_options.trust_region_strategy_type = strategy;
@@ -265,14 +266,16 @@ TEST(UpdateCallback, TheScaleRecoversFromSmallPromises) {
   });
   Options options;
   options.by_merit = false;
+  options.compare_with_plain = false;
   UpdateCallback callback(&rule, &problem, options);
-  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  ceres::Solver::Options solver_options = SolverOptions(nullptr);
   // Ceres' own steps are short enough for 50 of them to stay above 99.99.
   solver_options.initial_trust_region_radius = 1e-6;
   solver_options.max_trust_region_radius = 1e-6;
   solver_options.function_tolerance = 0.0;
   solver_options.parameter_tolerance = 0.0;
   solver_options.max_num_iterations = 100;
+  callback.AddTo(&solver_options);
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options, &problem, &summary);
   EXPECT_EQ(callback.summary().num_rejected, 12);

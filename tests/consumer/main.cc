@@ -51,12 +51,14 @@ void Minimize() {
       nullptr,
       x);
   ceres::Solver::Options options;
+  options.max_num_iterations = 200;
   ceres::Solver::Summary summary;
+  // [callback]
   auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
   invgrad::UpdateCallback callback(rule.get(), &problem);
   callback.AddTo(&options);
-  options.max_num_iterations = 200;
   ceres::Solve(options, &problem, &summary);
+  // [/callback]
   LOG(INFO) << callback.summary().BriefReport();
   CHECK_GT(callback.summary().num_accepted, 0) << summary.FullReport();
   CHECK_LT(std::hypot(x[0] - 1.0, x[1] - 1.0), 1e-3) << summary.FullReport();

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <mutex>
 #include <unordered_map>
 
 #include "ceres/local_parameterization.h"
 #include "ceres/manifold.h"
+#include "fmt/core.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -34,7 +36,14 @@ class StagingManifold final : public ceres::Manifold {
     staged_ = nullptr;
   }
 
-  void Stage(const double* step) { staged_ = step; }
+  void Stage(const double* step) {
+    staged_ = step;
+    is_state_ = false;
+  }
+  void StageState(const double* state) {
+    staged_ = state;
+    is_state_ = true;
+  }
   bool is_staged() const { return staged_ != nullptr; }
 
   int AmbientSize() const override { return ambient_size_; }
@@ -48,6 +57,10 @@ class StagingManifold final : public ceres::Manifold {
     if (staged_ != nullptr) {
       delta = staged_;
       staged_ = nullptr;
+      if (is_state_) {
+        std::copy_n(delta, ambient_size_, x_plus_delta);
+        return true;
+      }
     }
     if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
     std::transform(
@@ -95,6 +108,7 @@ class StagingManifold final : public ceres::Manifold {
   int tangent_size_ = 0;
   const ceres::Manifold* own_ = nullptr;
   mutable const double* staged_ = nullptr;
+  bool is_state_ = false;      // staged_ is the block's next value, not a step
   const void* const problem_;  // its identity
   bool is_in_use_ = true;      // between Take and GiveBack
 };
@@ -157,6 +171,53 @@ StagingManifold::~StagingManifold() {
   Kept().by_problem.erase(problem_);
 }
 
+namespace {
+
+bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
+  // "If the parameter is not bounded by the user" (ceres/problem.h).
+  constexpr double kUnbounded = std::numeric_limits<double>::max();
+  for (int i = 0; i < size; ++i) {
+    if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
+        problem.GetParameterUpperBound(values, i) < kUnbounded) {
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+bool StagedStep::IsSupported(int max_block_size,
+                             const ProblemLinearizer& linearizer,
+                             const ceres::Problem& problem,
+                             std::string* error) {
+  const std::vector<double*>& blocks = linearizer.parameter_blocks();
+  const auto name = [](int i) {
+    return fmt::format("parameter block {} (of those that are not constant)",
+                       i);
+  };
+  for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
+    const int size = linearizer.tangent_size(i);
+    if (size > max_block_size) {
+      *error = fmt::format(
+          "{} has size {}, which is larger than max_block_size = {}; split it "
+          "into smaller blocks, or use Minimize",
+          name(i),
+          size,
+          max_block_size);
+      return false;
+    }
+    if (IsBounded(problem, blocks[i], linearizer.ambient_size(i))) {
+      *error = name(i) +
+               " has bounds, which UpdateCallback does not support; replace "
+               "them by a change of variables, or solve without "
+               "UpdateCallback";
+      return false;
+    }
+  }
+  return true;
+}
+
 // Ceres 2.1 still has local parameterizations, and user code may set them.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
@@ -165,6 +226,7 @@ StagingManifold::~StagingManifold() {
 struct StagedStep::Block {
   double* values;
   int column;
+  std::ptrdiff_t offset;            // in the state
   const ceres::Manifold* manifold;  // null: Euclidean
   const ceres::LocalParameterization* parameterization;
   StagingManifold* staging;
@@ -178,6 +240,7 @@ StagedStep::StagedStep(const ProblemLinearizer& linearizer,
   const std::vector<StagingManifold*> manifolds =
       StagingManifold::Take(*problem, values.size());
   blocks_.reserve(values.size());
+  std::ptrdiff_t offset = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const int block = static_cast<int>(i);
     const ceres::Manifold* const own = linearizer.manifold(block);
@@ -186,10 +249,12 @@ StagedStep::StagedStep(const ProblemLinearizer& linearizer,
     blocks_.push_back(
         {values[i],
          linearizer.column(block),
+         offset,
          own,
          own == nullptr ? nullptr : problem->GetParameterization(values[i]),
          manifolds[i]});
     manifolds[i]->Init(linearizer.ambient_size(block), own);
+    offset += linearizer.ambient_size(block);
   }
   for (const Block& block : blocks_) {
     problem->SetManifold(block.values, block.staging);
@@ -219,6 +284,13 @@ StagedStep::~StagedStep() {
 void StagedStep::Stage(const double* step) {
   SetWrapped(true);
   for (const Block& block : blocks_) block.staging->Stage(step + block.column);
+}
+
+void StagedStep::StageState(const double* state) {
+  SetWrapped(true);
+  for (const Block& block : blocks_) {
+    block.staging->StageState(state + block.offset);
+  }
 }
 
 void StagedStep::Clear() {

@@ -17,6 +17,7 @@
 #ifndef INVGRAD_CERES_STAGED_STEP_H_
 #define INVGRAD_CERES_STAGED_STEP_H_
 
+#include <string>
 #include <vector>
 
 #include "ceres/problem.h"
@@ -26,6 +27,13 @@ namespace invgrad {
 
 class StagedStep {
  public:
+  // False, with *error, if a block has bounds or a tangent space of more than
+  // max_block_size dimensions.
+  static bool IsSupported(int max_block_size,
+                          const ProblemLinearizer& linearizer,
+                          const ceres::Problem& problem,
+                          std::string* error);
+
   // Wraps the manifolds of the blocks; the destructor restores the manifolds.
   // The problem must outlive the object (CHECKed if it owns its manifolds), and
   // the linearizer must have read the problem before. CHECKs that the blocks
@@ -35,8 +43,11 @@ class StagedStep {
   StagedStep(const StagedStep&) = delete;
   StagedStep& operator=(const StagedStep&) = delete;
 
-  // `step` must live until it is used or cleared.
+  // `step` (n) must live until it is used or cleared.
   void Stage(const double* step);
+  // The candidate is `state` (ProblemLinearizer::State), which must live until
+  // it is used or cleared.
+  void StageState(const double* state);
   void Clear();
 
   // Whether no block has moved since Stage. (Ceres never moves unused blocks,

@@ -2,64 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
-#include <vector>
+#include <utility>
 
 #include "Eigen/Core"
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/safeguard.h"
 #include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/turn_taking.h"
 #include "invgrad/core/linearization.h"
 
 namespace invgrad {
 namespace {
-
-bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
-  // "If the parameter is not bounded by the user" (ceres/problem.h).
-  constexpr double kUnbounded = std::numeric_limits<double>::max();
-  for (int i = 0; i < size; ++i) {
-    if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
-        problem.GetParameterUpperBound(values, i) < kUnbounded) {
-      return true;
-    }
-  }
-  return false;
-}
-
-// Whether a proposal can be staged for all of the linearizer's blocks.
-bool AreSupported(const UpdateCallback::Options& options,
-                  const ceres::Problem& problem,
-                  const ProblemLinearizer& linearizer,
-                  std::string* error) {
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  const auto name = [](int i) {
-    return fmt::format("parameter block {} (of those that are not constant)",
-                       i);
-  };
-  for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
-    const int size = linearizer.tangent_size(i);
-    if (size > options.max_block_size) {
-      *error = fmt::format(
-          "{} has size {}, which is larger than max_block_size = {}; split it "
-          "into smaller blocks, or use Minimize",
-          name(i),
-          size,
-          options.max_block_size);
-      return false;
-    }
-    if (IsBounded(problem, blocks[i], linearizer.ambient_size(i))) {
-      *error = name(i) +
-               " has bounds, which UpdateCallback does not support; replace "
-               "them by a change of variables, or solve without "
-               "UpdateCallback";
-      return false;
-    }
-  }
-  return true;
-}
 
 bool NeedsLinearization(const UpdateRule& rule) {
   const LinearizationParts parts = rule.Needs();
@@ -73,32 +29,63 @@ class UpdateCallback::State {
   State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
       : options_(options),
         rule_(rule),
+        problem_(problem),
         linearizer_(problem, {}),
         needs_linearization_(NeedsLinearization(*rule)),
         turns_(options.by_merit) {
     std::string error;
-    CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
+    CHECK(StagedStep::IsSupported(
+        options_.max_block_size, linearizer_, *problem, &error))
+        << error;
     staged_.emplace(linearizer_, problem);
+  }
+
+  void AddSafeguard(ceres::Solver::Options* options) {
+    safeguard_.emplace(
+        options_.compare_with_plain, options, problem_, &linearizer_);
   }
 
   ceres::CallbackReturnType OnIteration(
       const ceres::IterationSummary& iteration) {
     const ceres::CallbackReturnType result = PrepareNext(iteration);
-    if (!has_proposal_) staged_->Unwrap();
+    if (next_ == Next::kCeresStep) staged_->Unwrap();
     return result;
   }
 
   Summary summary() const {
     Summary summary = summary_;
+    if (safeguard_) {
+      if (safeguard_->plain()) {
+        summary.num_plain_iterations = safeguard_->plain()->num_iterations;
+      }
+      if (!safeguard_->message().empty()) {
+        summary.message = safeguard_->message();
+      }
+    }
     // Ceres calls no callback after a step that ends the run by a tolerance.
-    if (has_proposal_ && !staged_->IsStaged()) ++summary.num_proposed;
+    if (next_ == Next::kProposal && !staged_->IsStaged()) {
+      ++summary.num_proposed;
+      summary.ended_on_proposal = true;
+    }
     return summary;
   }
 
  private:
-  enum class Outcome { kStep, kNoStep, kAnotherState };
+  enum class Outcome { kStep, kNoStep, kMismatch };
+  // What replaces the next step of Ceres.
+  enum class Next {
+    kCeresStep,  // nothing
+    kProposal,
+    kPlainState,  // the result of the solve without proposals
+    kSameState,   // a step of length zero, which ends the run
+  };
 
   static constexpr int kMaxNumTurnsLost = 8;
+  static constexpr char kAnotherState[] =
+      "the parameter blocks do not hold the solver's state; add the "
+      "UpdateCallback by AddTo, leave "
+      "Solver::Options::update_state_every_iteration = true, and change no "
+      "parameter block in another callback";
 
   ceres::CallbackReturnType PrepareNext(
       const ceres::IterationSummary& iteration) {
@@ -115,39 +102,66 @@ class UpdateCallback::State {
             "UpdateCallback needs Solver::Options::minimizer_type = "
             "TRUST_REGION");
       }
-    } else {
-      Count(iteration);
     }
     // If all blocks are still staged, Ceres had no valid step to replace. (If a
     // Plus failed, some blocks may still be staged.)
     const bool was_passed_over = staged_->IsStaged();
-    const bool was_proposed = has_proposal_ && !was_passed_over;
-    if (was_proposed && rule_->JudgesSteps()) {
+    const Next made = was_passed_over ? Next::kCeresStep : next_;
+    staged_->Clear();
+    if (iteration.iteration > 0) Count(iteration, made);
+    Eigen::VectorXd state = linearizer_.State();
+    if (iteration.step_is_successful && !iteration.step_is_nonmonotonic &&
+        iteration.step_norm > 0.0 && state == last_state_) {
+      return Abort(kAnotherState);
+    }
+    last_state_ = std::move(state);
+    if (next_ == Next::kSameState) {
+      // Inner iterations moved further; without a valid step Ceres makes no
+      // step of length zero.
+      return was_passed_over ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                             : StageState(Next::kSameState, last_state_);
+    }
+    if (safeguard_) {
+      switch (safeguard_->Judge(
+          iteration, last_state_, /*is_own=*/made == Next::kCeresStep)) {
+        case Safeguard::Verdict::kConverged:
+          return StageState(Next::kSameState, last_state_);
+        case Safeguard::Verdict::kPlainIsBetter:
+          return StageState(Next::kPlainState, safeguard_->plain()->state);
+        case Safeguard::Verdict::kContinue:
+          break;
+      }
+    }
+    return Continue(iteration, made, was_passed_over);
+  }
+
+  ceres::CallbackReturnType Continue(const ceres::IterationSummary& iteration,
+                                     Next made,
+                                     bool was_passed_over) {
+    next_ = Next::kCeresStep;
+    if (made == Next::kProposal && rule_->JudgesSteps()) {
       // Ceres has decided; the result of KeepsStep is not used.
       rule_->KeepsStep(iteration.cost, fraction_);
     }
-    staged_->Clear();
-    has_proposal_ = false;
-
     if (iteration.iteration == 0) {
       cost_ = iteration.cost;
       return Propose(iteration);
     }
     const double gain =
         iteration.step_is_successful ? std::log(cost_ / iteration.cost) : 0.0;
-    if (was_proposed) {
+    if (made == Next::kProposal) {
       turns_.RuleStepped(gain);
     } else if (!was_passed_over) {
       turns_.CeresStepped(gain);
     }
     if (iteration.step_is_successful) {
       cost_ = iteration.cost;
-      if (was_proposed) scale_ = std::min(2.0 * scale_, 1.0);
+      if (made == Next::kProposal) scale_ = std::min(2.0 * scale_, 1.0);
       return Propose(iteration);
     }
     if (was_passed_over) {
       Stage();
-    } else if (was_proposed) {
+    } else if (made == Next::kProposal) {
       BackOff();
     } else {
       // The trust region is too large for Ceres itself.
@@ -157,16 +171,15 @@ class UpdateCallback::State {
     return ceres::SOLVER_CONTINUE;
   }
 
-  void Count(const ceres::IterationSummary& iteration) {
-    if (!has_proposal_ || staged_->IsStaged()) {
+  void Count(const ceres::IterationSummary& iteration, Next made) {
+    const bool is_accepted = iteration.step_is_successful;
+    if (made == Next::kProposal) {
+      ++summary_.num_proposed;
+      ++(is_accepted ? summary_.num_accepted : summary_.num_rejected);
+    } else if (made == Next::kPlainState) {
+      summary_.took_plain_result = is_accepted;
+    } else if (made == Next::kCeresStep) {
       ++summary_.num_ceres_steps;
-      return;
-    }
-    ++summary_.num_proposed;
-    if (iteration.step_is_successful) {
-      ++summary_.num_accepted;
-    } else {
-      ++summary_.num_rejected;
     }
   }
 
@@ -195,14 +208,10 @@ class UpdateCallback::State {
       case Outcome::kNoStep:
         turns_.RuleHadNoStep();
         return ceres::SOLVER_CONTINUE;
-      case Outcome::kAnotherState:
+      case Outcome::kMismatch:
         break;
     }
-    return Abort(
-        "the parameter blocks do not hold the solver's state; add the "
-        "UpdateCallback by AddTo, leave "
-        "Solver::Options::update_state_every_iteration = true, and change no "
-        "parameter block in another callback");
+    return Abort(kAnotherState);
   }
 
   // Sets step_, or summary_.message if there is no step. For a rule that needs
@@ -246,7 +255,7 @@ class UpdateCallback::State {
     return std::abs(at_x->cost - iteration.cost) <=
                    kCostTolerance * std::abs(iteration.cost)
                ? Outcome::kStep
-               : Outcome::kAnotherState;
+               : Outcome::kMismatch;
   }
 
   // Whether the linear model predicts a large enough L(x) - L(x + step); false
@@ -282,7 +291,14 @@ class UpdateCallback::State {
 
   void Stage() {
     staged_->Stage(step_.data());
-    has_proposal_ = true;
+    next_ = Next::kProposal;
+  }
+
+  ceres::CallbackReturnType StageState(Next next, Eigen::VectorXd state) {
+    staged_state_ = std::move(state);
+    staged_->StageState(staged_state_.data());
+    next_ = next;
+    return ceres::SOLVER_CONTINUE;
   }
 
   ceres::CallbackReturnType Abort(const std::string& message) {
@@ -293,18 +309,22 @@ class UpdateCallback::State {
 
   const Options options_;
   UpdateRule* rule_;
-  const ProblemLinearizer linearizer_;
+  ceres::Problem* problem_;
+  ProblemLinearizer linearizer_;
   const bool needs_linearization_;  // to compute a step
   std::optional<StagedStep> staged_;
+  std::optional<Safeguard> safeguard_;
   Eigen::VectorXd step_;  // n: the last proposal
   bool has_run_ = false;
-  bool has_proposal_ = false;  // staged in the last call
-  int num_backoffs_ = 0;       // of the last proposal
-  double radius_ = 0.0;        // Ceres' radius at the first attempt of this
-                               // proposal
-  double scale_ = 1.0;         // of proposals: the scale of the last accepted
-                               // ones
-  double fraction_ = 1.0;      // step_ / the rule's step
+  Next next_ = Next::kCeresStep;
+  Eigen::VectorXd staged_state_;
+  Eigen::VectorXd last_state_;  // of the blocks, in the last call
+  int num_backoffs_ = 0;        // of the last proposal
+  double radius_ = 0.0;         // Ceres' radius at the first attempt of this
+                                // proposal
+  double scale_ = 1.0;          // of proposals: the scale of the last accepted
+                                // ones
+  double fraction_ = 1.0;       // step_ / the rule's step
   // Ceres has the turn while its radius is smaller,
   double lost_radius_ = 0.0;
   int num_turns_lost_ = 0;  // but no more turns than these
@@ -316,7 +336,8 @@ class UpdateCallback::State {
 bool UpdateCallback::IsSupported(const Options& options,
                                  const ceres::Problem& problem,
                                  std::string* error) {
-  return AreSupported(options, problem, ProblemLinearizer(&problem, {}), error);
+  return StagedStep::IsSupported(
+      options.max_block_size, ProblemLinearizer(&problem, {}), problem, error);
 }
 
 UpdateCallback::UpdateCallback(UpdateRule* rule, ceres::Problem* problem)
@@ -334,6 +355,7 @@ UpdateCallback::~UpdateCallback() = default;
 
 void UpdateCallback::AddTo(ceres::Solver::Options* options) {
   CHECK(options != nullptr);
+  state_->AddSafeguard(options);
   options->callbacks.push_back(this);
   options->update_state_every_iteration = true;
 }
@@ -348,11 +370,16 @@ UpdateCallback::Summary UpdateCallback::summary() const {
 }
 
 std::string UpdateCallback::Summary::BriefReport() const {
-  return fmt::format("{} proposed, {} accepted, {} rejected, {} steps of Ceres",
-                     num_proposed,
-                     num_accepted,
-                     num_rejected,
-                     num_ceres_steps);
+  std::string report =
+      fmt::format("{} proposed, {} accepted, {} rejected, {} steps of Ceres",
+                  num_proposed,
+                  num_accepted,
+                  num_rejected,
+                  num_ceres_steps);
+  if (num_proposed == 0 && !message.empty()) report += "; " + message;
+  if (ended_on_proposal) report += "; the run ended on a proposal";
+  if (took_plain_result) report += "; the solve without proposals was better";
+  return report;
 }
 
 }  // namespace invgrad

@@ -71,6 +71,9 @@ class UpdateCallback final : private ceres::IterationCallback {
     //   L(x) - L(x + step) >= min_relative_model_decrease * L(x),
     // so that Ceres' function tolerance does not end the run on a proposal.
     double min_relative_model_decrease = 1e-3;
+    // True: the solve without proposals runs as well, and its result is kept if
+    // it is better (safeguard.h).
+    bool compare_with_plain = true;
   };
 
   // Summary of the last solve. num_proposed = num_accepted + num_rejected, plus
@@ -81,8 +84,15 @@ class UpdateCallback final : private ceres::IterationCallback {
     int num_rejected = 0;     // of those proposed
     int num_ceres_steps = 0;  // iterations with a step of Ceres
     std::string message;      // why there was no proposal at the last turn
+    // A proposal changed the cost by nothing at all, or the tolerances were set
+    // after AddTo.
+    bool ended_on_proposal = false;
+    int num_plain_iterations = 0;  // of the solve without proposals
+    // The solve without proposals was better, and its result is the run's.
+    bool took_plain_result = false;
 
-    // "12 proposed, 9 accepted, 3 rejected, 4 steps of Ceres"
+    // "12 proposed, 9 accepted, 3 rejected, 4 steps of Ceres", and what else is
+    // notable.
     std::string BriefReport() const;
   };
 

@@ -1,0 +1,201 @@
+#include "invgrad/ceres/safeguard.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "ceres/cost_function.h"
+#include "ceres/loss_function.h"
+#include "ceres/manifold.h"
+
+namespace invgrad {
+namespace {
+
+// A problem that uses objects of another one.
+ceres::Problem::Options OwnsNothing() {
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  // The user's problem is already checked.
+  options.disable_all_safety_checks = true;
+  return options;
+}
+
+// Adds the blocks of the problem, with the manifolds that the linearizer has
+// read, to an empty problem.
+void Copy(const ceres::Problem& problem,
+          const ProblemLinearizer& linearizer,
+          ceres::Problem* copy) {
+  std::vector<double*> blocks;
+  problem.GetParameterBlocks(&blocks);
+  for (double* values : blocks) {
+    copy->AddParameterBlock(values, problem.ParameterBlockSize(values));
+    if (problem.IsParameterBlockConstant(values)) {
+      copy->SetParameterBlockConstant(values);
+    }
+  }
+  // The getters return pointers to const; the setters take pointers to
+  // non-const.
+  for (std::size_t i = 0; i < linearizer.parameter_blocks().size(); ++i) {
+    copy->SetManifold(
+        linearizer.parameter_blocks()[i],
+        const_cast<ceres::Manifold*>(linearizer.manifold(static_cast<int>(i))));
+  }
+  std::vector<ceres::ResidualBlockId> ids;
+  problem.GetResidualBlocks(&ids);
+  for (const ceres::ResidualBlockId id : ids) {
+    problem.GetParameterBlocksForResidualBlock(id, &blocks);
+    copy->AddResidualBlock(const_cast<ceres::CostFunction*>(
+                               problem.GetCostFunctionForResidualBlock(id)),
+                           const_cast<ceres::LossFunction*>(
+                               problem.GetLossFunctionForResidualBlock(id)),
+                           blocks);
+  }
+}
+
+// The cost of the residual blocks that nothing can change. Ceres leaves it out
+// of the cost to which it applies the function tolerance.
+double FixedCost(const ceres::Problem& problem) {
+  double sum = 0.0;
+  std::vector<ceres::ResidualBlockId> ids;
+  std::vector<double*> blocks;
+  problem.GetResidualBlocks(&ids);
+  for (const ceres::ResidualBlockId id : ids) {
+    problem.GetParameterBlocksForResidualBlock(id, &blocks);
+    double cost = 0.0;
+    if (std::all_of(blocks.begin(),
+                    blocks.end(),
+                    [&problem](const double* block) {
+                      return problem.IsParameterBlockConstant(block);
+                    }) &&
+        problem.EvaluateResidualBlock(id, true, &cost, nullptr, nullptr)) {
+      sum += cost;
+    }
+  }
+  return sum;
+}
+
+ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
+  const ceres::Solver::Options users = *options;
+  options->function_tolerance = 0.0;
+  options->gradient_tolerance = 0.0;
+  options->parameter_tolerance = 0.0;
+  return users;
+}
+
+}  // namespace
+
+Safeguard::Safeguard(bool compares,
+                     ceres::Solver::Options* options,
+                     const ceres::Problem* problem,
+                     ProblemLinearizer* linearizer)
+    : compares_(compares),
+      options_(TakeTolerances(options)),
+      problem_(*problem),
+      linearizer_(*linearizer),
+      fixed_cost_(FixedCost(*problem)) {}
+
+Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
+                                    const Eigen::VectorXd& state,
+                                    bool is_own) {
+  if (is_moving_) {
+    return iteration.step_is_successful && !is_own ? Verdict::kConverged
+                                                   : Verdict::kPlainIsBetter;
+  }
+  const bool has_converged = is_own && MeetsTolerances(iteration);
+  if (iteration.iteration == 0 || iteration.step_is_successful) {
+    if (iteration.iteration == 0) {
+      start_ = state;
+      start_cost_ = iteration.cost;
+    } else if (!is_own) {
+      has_branched_ = true;
+    }
+    cost_ = iteration.cost - fixed_cost_;
+    norm_ = state.norm();
+    gradient_max_norm_ = iteration.gradient_max_norm;
+  }
+  if (compares_ && has_branched_) {
+    const bool is_last =
+        has_converged || IsFlat(iteration) ||
+        iteration.iteration + kNumFreeIterations >= options_.max_num_iterations;
+    if (!is_compared_ &&
+        (is_last || iteration.iteration >= kNumFreeIterations)) {
+      is_compared_ = true;
+      SolvePlain();
+    }
+    if (IsPlainBetter() &&
+        (is_last || iteration.iteration >= plain_->num_iterations)) {
+      is_moving_ = true;
+      return Verdict::kPlainIsBetter;
+    }
+  }
+  return has_converged ? Verdict::kConverged : Verdict::kContinue;
+}
+
+bool Safeguard::MeetsTolerances(
+    const ceres::IterationSummary& iteration) const {
+  if (!iteration.step_is_valid) {
+    return gradient_max_norm_ <= options_.gradient_tolerance;
+  }
+  const bool is_accepted =
+      iteration.iteration == 0 || iteration.step_is_successful;
+  if (is_accepted &&
+      iteration.gradient_max_norm <= options_.gradient_tolerance) {
+    return true;
+  }
+  return iteration.iteration > 0 &&
+         (iteration.step_norm <= options_.parameter_tolerance *
+                                     (norm_ + options_.parameter_tolerance) ||
+          std::abs(iteration.cost_change) <=
+              std::max(options_.function_tolerance * cost_,
+                       // Below it, the difference cost_ is rounding error.
+                       std::numeric_limits<double>::epsilon() * fixed_cost_));
+}
+
+// Whether the next step of Ceres may change the cost by nothing at all, which
+// ends the run before Judge.
+bool Safeguard::IsFlat(const ceres::IterationSummary& iteration) const {
+  constexpr double kFlat = 1e-6;  // Ceres' default function tolerance
+  return iteration.step_is_valid &&
+         std::min(std::abs(iteration.cost_change),
+                  gradient_max_norm_ * (norm_ + iteration.step_norm)) <=
+             std::max(options_.function_tolerance, kFlat) * cost_;
+}
+
+bool Safeguard::IsPlainBetter() const {
+  return plain_.has_value() && plain_->cost - fixed_cost_ <
+                                   (1.0 - options_.function_tolerance) * cost_;
+}
+
+void Safeguard::SolvePlain() {
+  ceres::Problem copy(OwnsNothing());
+  Copy(problem_, linearizer_, &copy);
+  ceres::Solver::Options options = options_;
+  options.callbacks.clear();
+  options.minimizer_progress_to_stdout = false;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = false;
+  options.trust_region_minimizer_iterations_to_dump.clear();
+  const Eigen::VectorXd state = linearizer_.State();
+  linearizer_.SetState(start_);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &copy, &summary);
+  // An evaluation callback, which the copy does not have, would leave values of
+  // another state.
+  constexpr double kCostTolerance = 1e-9;
+  if (std::abs(summary.initial_cost - start_cost_) >
+      kCostTolerance * std::abs(start_cost_)) {
+    message_ =
+        "no comparison with the solve without proposals: the cost functions "
+        "depend on more than their parameters (an evaluation callback?)";
+  } else if (summary.IsSolutionUsable()) {
+    plain_ = Plain{summary.final_cost,
+                   static_cast<int>(summary.iterations.size()) - 1,
+                   linearizer_.State()};
+  }
+  linearizer_.SetState(state);
+}
+
+}  // namespace invgrad
