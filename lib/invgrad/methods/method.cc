@@ -175,12 +175,10 @@ bool ParsePhase(const Specification& specification,
     }
   }
   ceres::Solver::Options options;
-  ceres::GradientProblemSolver::Options gradient_options;
   if ((phase->rule != nullptr &&
        phase->rule->create(phase->rule_settings, &why) == nullptr) ||
       (phase->ceres != nullptr &&
-       !phase->ceres->configure(
-           phase->ceres_settings, &options, &gradient_options, &why))) {
+       !phase->ceres->configure(phase->ceres_settings, &options, &why))) {
     *error = specification.name + ": " + why;
     return false;
   }
@@ -222,22 +220,12 @@ std::unique_ptr<UpdateRule> Phase::MakeRule() const {
   return made;
 }
 
-void Phase::ConfigureCeres(
-    ceres::Solver::Options* options,
-    ceres::GradientProblemSolver::Options* gradient_options) const {
+ceres::Solver::Options Phase::CeresOptions() const {
   CHECK(ceres != nullptr) << label << " has no minimizer of Ceres";
+  ceres::Solver::Options options;
   std::string error;
-  CHECK(ceres->configure(ceres_settings, options, gradient_options, &error))
-      << error;
-}
-
-int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
-  const int size = batch_size >= 0 ? batch_size : batch_size_of_run;
-  return size == 0 || ceres != nullptr ? num_samples : size;
-}
-
-long Phase::StepsPerEpoch(int batch_size_of_run, int num_samples) const {
-  return num_samples / BatchSize(batch_size_of_run, num_samples);
+  CHECK(ceres->configure(ceres_settings, &options, &error)) << error;
+  return options;
 }
 
 void Method::AddCeresDefaults(const Settings& defaults) {

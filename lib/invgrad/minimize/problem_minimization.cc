@@ -1,55 +1,29 @@
 #include "invgrad/minimize/problem_minimization.h"
 
-#include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "ceres/cost_function.h"
 #include "ceres/types.h"
+#include "invgrad/ceres/problem_structure.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/minimize/ceres_minimizer.h"
-#include "invgrad/minimize/trust_region_memory.h"
 
 namespace invgrad {
 
 namespace {
 
-double NumVariables(const ceres::Problem& problem) {
-  std::vector<double*> blocks;
-  problem.GetParameterBlocks(&blocks);
-  double sum = 0.0;
-  for (const double* block : blocks) {
-    if (!problem.IsParameterBlockConstant(block)) {
-      sum += problem.ParameterBlockTangentSize(block);
-    }
-  }
-  return sum;
-}
-
-double NumVariableResiduals(const ceres::Problem& problem) {
-  std::vector<ceres::ResidualBlockId> residual_blocks;
-  problem.GetResidualBlocks(&residual_blocks);
-  std::vector<double*> blocks;
-  double sum = 0.0;
-  for (const ceres::ResidualBlockId id : residual_blocks) {
-    problem.GetParameterBlocksForResidualBlock(id, &blocks);
-    if (std::any_of(blocks.begin(), blocks.end(), [&](const double* block) {
-          return !problem.IsParameterBlockConstant(block);
-        })) {
-      sum += problem.GetCostFunctionForResidualBlock(id)->num_residuals();
-    }
-  }
-  return sum;
-}
-
 bool CeresFitsInMemory(const Phase& phase,
                        const ceres::Solver::Options& options,
                        const ceres::Problem& problem,
                        std::string* error) {
-  // The parts that Ceres solves for: non-constant blocks, and residual blocks
-  // that depend on them.
-  const double cols = NumVariables(problem);
-  const double rows = NumVariableResiduals(problem);
+  // Ceres solves for the blocks that are not constant, and omits residual blocks
+  // that do not depend on them.
+  const ProblemStructure structure = ReadStructure(problem, {});
+  const double cols = structure.num_parameters;
+  double rows = 0.0;
+  for (const auto& block : structure.residual_blocks) {
+    if (block.row_length > 0) rows += block.size;
+  }
   std::vector<MemoryPart> parts;
   if (!phase.ceres->is_trust_region) {
     if (options.line_search_direction_type != ceres::BFGS) return true;
@@ -117,9 +91,7 @@ bool MinimizeProblem(
     Minimize(options, phase.MakeRule().get(), problem, summary);
     return true;
   }
-  ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options unused;
-  phase.ConfigureCeres(&solver_options, &unused);
+  ceres::Solver::Options solver_options = phase.CeresOptions();
   if (!CeresFitsInMemory(phase, solver_options, *problem, error) ||
       !TakesProposals(phase, *problem, error)) {
     return false;

@@ -82,9 +82,7 @@ ceres::CallbackReturnType CeresEngine::Handover::operator()(
 }
 
 void CeresEngine::Solve(Eigen::VectorXd* weights) {
-  ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options gradient_options;
-  phase_.ConfigureCeres(&solver_options, &gradient_options);
+  const ceres::Solver::Options solver_options = phase_.CeresOptions();
   Handover handover(this);
   MinimizerOptions options = UnboundedOptions();
   options.callbacks = {&handover};
@@ -97,7 +95,7 @@ void CeresEngine::Solve(Eigen::VectorXd* weights) {
         phase_, options, solver_options, &problem, &summary);
   } else {
     MinimizeWithCeres(options,
-                      gradient_options,
+                      solver_options,
                       new ModelFunction(&model_, &train_),
                       weights,
                       &summary);
