@@ -38,7 +38,6 @@
 
 #include "Eigen/Core"
 #include "ceres/evaluation_callback.h"
-#include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/core/linearization.h"
@@ -62,31 +61,9 @@ class ProblemLinearizer final : public Objective {
   // constness have no effect. The problem must outlive the linearizer.
   ProblemLinearizer(const ceres::Problem* problem, Options options);
 
-  int num_residuals() const { return structure_.num_residuals; }  // m
+  const ProblemStructure& structure() const { return structure_; }
   // n, tangent space
   int num_parameters() const override { return structure_.num_parameters; }
-  int num_ambient() const {
-    return structure_.num_ambient;
-  }  // length of the state
-
-  // The blocks that are not constant, in column order.
-  const std::vector<double*>& parameter_blocks() const {
-    return parameter_blocks_;
-  }
-  // The first column of parameter_blocks()[block].
-  int column(int block) const {
-    return structure_.parameter_blocks[block].column;
-  }
-  int ambient_size(int block) const {
-    return structure_.parameter_blocks[block].ambient_size;
-  }
-  int tangent_size(int block) const {
-    return structure_.parameter_blocks[block].tangent_size;
-  }
-  // Null: Euclidean.
-  const ceres::Manifold* manifold(int block) const {
-    return structure_.parameter_blocks[block].manifold;
-  }
 
   bool Linearize(const LinearizationParts& parts,
                  Linearization* linearization,
@@ -104,12 +81,10 @@ class ProblemLinearizer final : public Objective {
  private:
   using ParameterBlock = ProblemStructure::ParameterBlock;
   using ResidualBlock = ProblemStructure::ResidualBlock;
-  using Argument = ProblemStructure::Argument;
   using RowMajorMatrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
   std::shared_ptr<SparseJacobian> NewJacobian() const;
-  std::string NotFinite(const SparseJacobian::Matrix& J) const;
   void Prepare(bool evaluate_jacobians) const;
   bool PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                      std::string* error) const;
@@ -117,7 +92,6 @@ class ProblemLinearizer final : public Objective {
 
   Options options_;
   ProblemStructure structure_;
-  std::vector<double*> parameter_blocks_;
   // The last J, or null. The next J has the same pattern, and reuses the memory
   // if there is no other reference to it.
   mutable std::shared_ptr<SparseJacobian> last_jacobian_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <functional>
 #include <mutex>
 #include <unordered_map>
 
@@ -13,8 +12,7 @@
 namespace invgrad {
 
 // Wraps a block's own manifold, or the Euclidean one; its next Plus uses the
-// staged step. Ceres calls the manifold for each residual block in each
-// evaluation, so the object is small and computes the Euclidean case itself.
+// staged step.
 class StagingManifold final : public ceres::Manifold {
  public:
   // Returns `num` manifolds for `problem`; call Init on each. Call GiveBack
@@ -26,10 +24,8 @@ class StagingManifold final : public ceres::Manifold {
 
   ~StagingManifold() override;
 
-  // `own` is null for a Euclidean block; not owned.
-  void Init(int ambient_size, const ceres::Manifold* own) {
-    ambient_size_ = ambient_size;
-    tangent_size_ = own != nullptr ? own->TangentSize() : ambient_size;
+  // `own` is not owned.
+  void Init(const ceres::Manifold* own) {
     own_ = own;
     staged_ = nullptr;
   }
@@ -37,8 +33,8 @@ class StagingManifold final : public ceres::Manifold {
   void Stage(const double* step) { staged_ = step; }
   bool is_staged() const { return staged_ != nullptr; }
 
-  int AmbientSize() const override { return ambient_size_; }
-  int TangentSize() const override { return tangent_size_; }
+  int AmbientSize() const override { return own_->AmbientSize(); }
+  int TangentSize() const override { return own_->TangentSize(); }
 
   bool Plus(const double* x,
             const double* delta,
@@ -49,50 +45,30 @@ class StagingManifold final : public ceres::Manifold {
       delta = staged_;
       staged_ = nullptr;
     }
-    if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
-    std::transform(
-        x, x + ambient_size_, delta, x_plus_delta, std::plus<double>());
-    return true;
+    return own_->Plus(x, delta, x_plus_delta);
   }
   bool PlusJacobian(const double* x, double* jacobian) const override {
-    if (own_ != nullptr) return own_->PlusJacobian(x, jacobian);
-    SetIdentity(jacobian);
-    return true;
+    return own_->PlusJacobian(x, jacobian);
   }
   bool RightMultiplyByPlusJacobian(const double* x,
                                    const int num_rows,
                                    const double* ambient_matrix,
                                    double* tangent_matrix) const override {
-    if (own_ != nullptr) {
-      return own_->RightMultiplyByPlusJacobian(
-          x, num_rows, ambient_matrix, tangent_matrix);
-    }
-    std::copy_n(ambient_matrix, num_rows * ambient_size_, tangent_matrix);
-    return true;
+    return own_->RightMultiplyByPlusJacobian(
+        x, num_rows, ambient_matrix, tangent_matrix);
   }
   bool Minus(const double* y,
              const double* x,
              double* y_minus_x) const override {
-    if (own_ != nullptr) return own_->Minus(y, x, y_minus_x);
-    std::transform(y, y + ambient_size_, x, y_minus_x, std::minus<double>());
-    return true;
+    return own_->Minus(y, x, y_minus_x);
   }
   bool MinusJacobian(const double* x, double* jacobian) const override {
-    if (own_ != nullptr) return own_->MinusJacobian(x, jacobian);
-    SetIdentity(jacobian);
-    return true;
+    return own_->MinusJacobian(x, jacobian);
   }
 
  private:
   explicit StagingManifold(const void* problem) : problem_(problem) {}
 
-  void SetIdentity(double* matrix) const {
-    std::fill_n(matrix, ambient_size_ * ambient_size_, 0.0);
-    for (int i = 0; i < ambient_size_; ++i) matrix[i * ambient_size_ + i] = 1.0;
-  }
-
-  int ambient_size_ = 0;
-  int tangent_size_ = 0;
   const ceres::Manifold* own_ = nullptr;
   mutable const double* staged_ = nullptr;
   const void* const problem_;  // its identity
@@ -170,26 +146,28 @@ struct StagedStep::Block {
   StagingManifold* staging;
 };
 
-StagedStep::StagedStep(const ProblemLinearizer& linearizer,
+StagedStep::StagedStep(const ProblemStructure& structure,
                        ceres::Problem* problem)
     : problem_(problem) {
-  const std::vector<double*>& values = linearizer.parameter_blocks();
-  // One array, because Ceres visits all manifolds in each evaluation.
   const std::vector<StagingManifold*> manifolds =
-      StagingManifold::Take(*problem, values.size());
-  blocks_.reserve(values.size());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const int block = static_cast<int>(i);
-    const ceres::Manifold* const own = linearizer.manifold(block);
-    CHECK(dynamic_cast<const StagingManifold*>(own) == nullptr)
+      StagingManifold::Take(*problem, structure.parameter_blocks.size());
+  blocks_.reserve(manifolds.size());
+  for (std::size_t i = 0; i < manifolds.size(); ++i) {
+    const ProblemStructure::ParameterBlock& block =
+        structure.parameter_blocks[i];
+    CHECK(dynamic_cast<const StagingManifold*>(block.manifold) == nullptr)
         << "Another UpdateCallback of this problem still exists.";
-    blocks_.push_back(
-        {values[i],
-         linearizer.column(block),
-         own,
-         own == nullptr ? nullptr : problem->GetParameterization(values[i]),
-         manifolds[i]});
-    manifolds[i]->Init(linearizer.ambient_size(block), own);
+    blocks_.push_back({block.values,
+                       block.column,
+                       block.manifold,
+                       block.manifold == nullptr
+                           ? nullptr
+                           : problem->GetParameterization(block.values),
+                       manifolds[i]});
+    const int size = block.ambient_size;
+    manifolds[i]->Init(block.manifold != nullptr
+                           ? block.manifold
+                           : &euclidean_.try_emplace(size, size).first->second);
   }
   for (const Block& block : blocks_) {
     problem->SetManifold(block.values, block.staging);

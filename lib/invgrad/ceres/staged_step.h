@@ -6,7 +6,7 @@
 // the step in the next Plus. Ceres calls Plus once for each block when it forms
 // its candidate.
 //
-// Shapes:    step: n, in the columns of the linearizer.
+// Shapes:    step: n, in the columns of the structure.
 // Ownership: Problem::Options::manifold_ownership determines whether a
 //            ceres::Problem deletes its manifolds; Ceres 2.1 does not expose
 //            the option. Both settings work: unused wrappers are kept for the
@@ -17,20 +17,22 @@
 #ifndef INVGRAD_CERES_STAGED_STEP_H_
 #define INVGRAD_CERES_STAGED_STEP_H_
 
+#include <map>
 #include <vector>
 
+#include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/problem_structure.h"
 
 namespace invgrad {
 
 class StagedStep {
  public:
   // Wraps the manifolds of the blocks; the destructor restores the manifolds.
-  // The problem must outlive the object (CHECKed if it owns its manifolds), and
-  // the linearizer must have read the problem before. CHECKs that the blocks
-  // are not wrapped.
-  StagedStep(const ProblemLinearizer& linearizer, ceres::Problem* problem);
+  // The problem must outlive the object (CHECKed if it owns its manifolds).
+  // CHECKs that the blocks are not wrapped. `structure`: of all its residual
+  // blocks.
+  StagedStep(const ProblemStructure& structure, ceres::Problem* problem);
   ~StagedStep();
   StagedStep(const StagedStep&) = delete;
   StagedStep& operator=(const StagedStep&) = delete;
@@ -54,6 +56,8 @@ class StagedStep {
   void SetWrapped(bool wrapped);
 
   ceres::Problem* problem_;
+  std::map<int, ceres::EuclideanManifold<ceres::DYNAMIC>>
+      euclidean_;  // by size
   std::vector<Block> blocks_;
   bool is_wrapped_ = true;  // the Euclidean blocks
   int num_unwraps_ = 0;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <vector>
 
 #include "Eigen/Core"
 #include "fmt/core.h"
@@ -29,29 +28,26 @@ bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
   return false;
 }
 
-// Whether a proposal can be staged for all of the linearizer's blocks.
+// Whether a proposal can be staged for all blocks.
 bool AreSupported(const UpdateCallback::Options& options,
                   const ceres::Problem& problem,
-                  const ProblemLinearizer& linearizer,
+                  const ProblemStructure& structure,
                   std::string* error) {
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  const auto name = [](int i) {
-    return fmt::format("parameter block {} (of those that are not constant)",
-                       i);
-  };
-  for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
-    const int size = linearizer.tangent_size(i);
-    if (size > options.max_block_size) {
+  int i = 0;
+  for (const auto& block : structure.parameter_blocks) {
+    const std::string name =
+        fmt::format("parameter block {} (of those that are not constant)", i++);
+    if (block.tangent_size > options.max_block_size) {
       *error = fmt::format(
           "{} has size {}, which is larger than max_block_size = {}; split it "
           "into smaller blocks, or use Minimize",
-          name(i),
-          size,
+          name,
+          block.tangent_size,
           options.max_block_size);
       return false;
     }
-    if (IsBounded(problem, blocks[i], linearizer.ambient_size(i))) {
-      *error = name(i) +
+    if (IsBounded(problem, block.values, block.ambient_size)) {
+      *error = name +
                " has bounds, which UpdateCallback does not support; replace "
                "them by a change of variables, or solve without "
                "UpdateCallback";
@@ -61,28 +57,27 @@ bool AreSupported(const UpdateCallback::Options& options,
   return true;
 }
 
-bool NeedsLinearization(const UpdateRule& rule) {
-  const LinearizationParts parts = rule.Needs();
-  return parts.gradient || parts.jacobian || parts.hessian;
-}
-
 }  // namespace
 
-class UpdateCallback::State {
+class UpdateCallback::State final : public ceres::IterationCallback {
  public:
   State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
       : options_(options),
         rule_(rule),
         linearizer_(problem, {}),
-        needs_linearization_(NeedsLinearization(*rule)),
+        parts_(rule->Needs()),
+        needs_linearization_(parts_.gradient || parts_.jacobian ||
+                             parts_.hessian),
         turns_(options.by_merit) {
+    parts_.jacobian = true;
     std::string error;
-    CHECK(AreSupported(options_, *problem, linearizer_, &error)) << error;
-    staged_.emplace(linearizer_, problem);
+    CHECK(AreSupported(options_, *problem, linearizer_.structure(), &error))
+        << error;
+    staged_.emplace(linearizer_.structure(), problem);
   }
 
-  ceres::CallbackReturnType OnIteration(
-      const ceres::IterationSummary& iteration) {
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
     const ceres::CallbackReturnType result = PrepareNext(iteration);
     if (!has_proposal_) staged_->Unwrap();
     return result;
@@ -115,30 +110,27 @@ class UpdateCallback::State {
             "UpdateCallback needs Solver::Options::minimizer_type = "
             "TRUST_REGION");
       }
-    } else {
-      Count(iteration);
+      cost_ = iteration.cost;
+      return Propose(iteration);
     }
     // If all blocks are still staged, Ceres had no valid step to replace. (If a
     // Plus failed, some blocks may still be staged.)
     const bool was_passed_over = staged_->IsStaged();
     const bool was_proposed = has_proposal_ && !was_passed_over;
-    if (was_proposed && rule_->JudgesSteps()) {
-      // Ceres has decided; the result of KeepsStep is not used.
-      rule_->KeepsStep(iteration.cost, fraction_);
-    }
     staged_->Clear();
     has_proposal_ = false;
-
-    if (iteration.iteration == 0) {
-      cost_ = iteration.cost;
-      return Propose(iteration);
-    }
     const double gain =
         iteration.step_is_successful ? std::log(cost_ / iteration.cost) : 0.0;
     if (was_proposed) {
+      ++summary_.num_proposed;
+      ++(iteration.step_is_successful ? summary_.num_accepted
+                                      : summary_.num_rejected);
+      // Ceres has decided; the result of KeepsStep is not used.
+      if (rule_->JudgesSteps()) rule_->KeepsStep(iteration.cost, fraction_);
       turns_.RuleStepped(gain);
-    } else if (!was_passed_over) {
-      turns_.CeresStepped(gain);
+    } else {
+      ++summary_.num_ceres_steps;
+      if (!was_passed_over) turns_.CeresStepped(gain);
     }
     if (iteration.step_is_successful) {
       cost_ = iteration.cost;
@@ -155,19 +147,6 @@ class UpdateCallback::State {
       summary_.message = "Ceres' own step was rejected at this state";
     }
     return ceres::SOLVER_CONTINUE;
-  }
-
-  void Count(const ceres::IterationSummary& iteration) {
-    if (!has_proposal_ || staged_->IsStaged()) {
-      ++summary_.num_ceres_steps;
-      return;
-    }
-    ++summary_.num_proposed;
-    if (iteration.step_is_successful) {
-      ++summary_.num_accepted;
-    } else {
-      ++summary_.num_rejected;
-    }
   }
 
   ceres::CallbackReturnType Propose(const ceres::IterationSummary& iteration) {
@@ -231,13 +210,10 @@ class UpdateCallback::State {
     return Outcome::kNoStep;
   }
 
-  // Computes the parts that the rule needs, and J for the linear model. kStep:
-  // the rule can compute a step.
+  // kStep: the rule can compute a step.
   Outcome Linearize(const ceres::IterationSummary& iteration,
                     Linearization* at_x) {
-    LinearizationParts parts = rule_->Needs();
-    parts.jacobian = true;
-    if (!linearizer_.Linearize(parts, at_x, &summary_.message)) {
+    if (!linearizer_.Linearize(parts_, at_x, &summary_.message)) {
       return Outcome::kNoStep;
     }
     // At the same state the two sums differ by rounding. Both contain the fixed
@@ -294,6 +270,7 @@ class UpdateCallback::State {
   const Options options_;
   UpdateRule* rule_;
   const ProblemLinearizer linearizer_;
+  LinearizationParts parts_;  // that the rule needs, and J for the linear model
   const bool needs_linearization_;  // to compute a step
   std::optional<StagedStep> staged_;
   Eigen::VectorXd step_;  // n: the last proposal
@@ -316,7 +293,7 @@ class UpdateCallback::State {
 bool UpdateCallback::IsSupported(const Options& options,
                                  const ceres::Problem& problem,
                                  std::string* error) {
-  return AreSupported(options, problem, ProblemLinearizer(&problem, {}), error);
+  return AreSupported(options, problem, ReadStructure(problem, {}), error);
 }
 
 UpdateCallback::UpdateCallback(UpdateRule* rule, ceres::Problem* problem)
@@ -334,13 +311,12 @@ UpdateCallback::~UpdateCallback() = default;
 
 void UpdateCallback::AddTo(ceres::Solver::Options* options) {
   CHECK(options != nullptr);
-  options->callbacks.push_back(this);
+  options->callbacks.push_back(iteration_callback());
   options->update_state_every_iteration = true;
 }
 
-ceres::CallbackReturnType UpdateCallback::operator()(
-    const ceres::IterationSummary& iteration) {
-  return state_->OnIteration(iteration);
+ceres::IterationCallback* UpdateCallback::iteration_callback() {
+  return state_.get();
 }
 
 UpdateCallback::Summary UpdateCallback::summary() const {

@@ -53,8 +53,7 @@
 
 namespace invgrad {
 
-// Only AddTo puts it into Solver::Options::callbacks: it sets a flag, too.
-class UpdateCallback final : private ceres::IterationCallback {
+class UpdateCallback final {
  public:
   struct Options {
     // True: the rule has turns while its steps decrease the cost more than
@@ -100,21 +99,18 @@ class UpdateCallback final : private ceres::IterationCallback {
   UpdateCallback(UpdateRule* rule,
                  ceres::Problem* problem,
                  const Options& options);
-  ~UpdateCallback() override;
+  ~UpdateCallback();
 
   // Adds the callback, and sets update_state_every_iteration.
   void AddTo(ceres::Solver::Options* options);
 
   // For code that collects callbacks and sets update_state_every_iteration
   // itself, such as MinimizeWithCeres.
-  ceres::IterationCallback* iteration_callback() { return this; }
+  ceres::IterationCallback* iteration_callback();
 
   Summary summary() const;
 
  private:
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override;
-
   class State;
   std::unique_ptr<State> state_;
 };

@@ -92,26 +92,26 @@ std::vector<int> Components(const ceres::Manifold* manifold,
 
 void DescribeBlocks(const RankReport::Options& options,
                     const ceres::Problem& problem,
-                    const ProblemLinearizer& linearizer,
+                    const ProblemStructure& structure,
                     RankReport* report) {
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    const int index = static_cast<int>(b);
+  for (const auto& from : structure.parameter_blocks) {
     RankReport::Block block;
-    block.values = blocks[b];
-    if (options.block_name) block.name = options.block_name(blocks[b]);
-    if (block.name.empty()) block.name = fmt::format("block {}", b);
-    block.size = linearizer.ambient_size(index);
-    block.tangent_size = linearizer.tangent_size(index);
-    block.column = linearizer.column(index);
+    block.values = from.values;
+    if (options.block_name) block.name = options.block_name(from.values);
+    if (block.name.empty()) {
+      block.name = fmt::format("block {}", report->blocks.size());
+    }
+    block.size = from.ambient_size;
+    block.tangent_size = from.tangent_size;
+    block.column = from.column;
     block.components =
-        Components(linearizer.manifold(index), blocks[b], block.tangent_size);
+        Components(from.manifold, from.values, from.tangent_size);
     report->blocks.push_back(std::move(block));
   }
-  report->num_residuals = linearizer.num_residuals();
-  report->num_parameters = linearizer.num_parameters();
+  report->num_residuals = structure.num_residuals;
+  report->num_parameters = structure.num_parameters;
   report->num_constant_blocks =
-      problem.NumParameterBlocks() - static_cast<int>(blocks.size());
+      problem.NumParameterBlocks() - static_cast<int>(report->blocks.size());
 }
 
 void FindUnused(const VectorXd& lengths,
@@ -233,7 +233,7 @@ bool GroupBlocks(const RankReport::Options& options,
   const SparseMatrix J = ToSparse(*linearization.jacobian);
   linearization = Linearization();
   if (!CheckMemory(J, error)) return false;
-  DescribeBlocks(options, problem, linearizer, report);
+  DescribeBlocks(options, problem, linearizer.structure(), report);
 
   VectorXd lengths(J.cols());
   for (Index j = 0; j < J.cols(); ++j) {
