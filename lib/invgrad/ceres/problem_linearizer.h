@@ -15,16 +15,14 @@
 //          is not finite (finite residuals can overflow when squared); the
 //          message names the residual block by its index in the problem.
 //
-// The exact Hessian, in tangent directions, includes the robust losses:
+// The exact Hessian, in tangent directions, with the uncorrected r and J:
 //
 //   H = sum_b rho' (J^T J + sum_i r_i d2r_i/dx2) + 2 rho'' (J^T r) (J^T r)^T
 //
-// with the uncorrected r and J. It needs every cost function to be a
-// SecondOrderCostFunction (second_order_cost_function.h) and every Plus to be
-// linear: no manifold, EuclideanManifold, SubsetManifold, or another manifold
-// that passes a numerical check of Plus(x, d) = x + P d. If Plus is nonlinear,
-// its second derivative is part of the Hessian, but Ceres' manifolds do not
-// compute it: Linearize returns false and names the block.
+// It needs every cost function to be a SecondOrderCostFunction
+// (second_order_cost_function.h), and every Plus to be linear by a numerical
+// check, because Ceres' manifolds do not compute the second derivatives of Plus.
+// Otherwise Linearize returns false and names the block.
 //
 // [1] Triggs, McLauchlan, Hartley, Fitzgibbon. Bundle Adjustment: A Modern
 //     Synthesis. 1999, section 4.3.

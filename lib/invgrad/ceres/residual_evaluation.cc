@@ -92,32 +92,37 @@ void ResidualEvaluation::WriteResiduals(double* corrected) const {
 
 bool ResidualEvaluation::WriteJacobian(double* values,
                                        std::string* error) const {
-  for (int b = 0; b < block_->num_arguments; ++b) {
-    const Argument& argument = ArgumentOf(b);
-    if (argument.block < 0) continue;
-    const RowMajorMatrix& J = Tangent(b);
-    Eigen::Map<RowMajorMatrix, 0, Eigen::OuterStride<>> corrected(
-        values + argument.entry,
-        J.rows(),
-        J.cols(),
+  const auto corrected_of = [&](int b) {
+    return Eigen::Map<RowMajorMatrix, 0, Eigen::OuterStride<>>(
+        values + ArgumentOf(b).entry,
+        block_->size,
+        Tangent(b).cols(),
         Eigen::OuterStride<>(block_->row_length));
+  };
+  for (int b = 0; b < block_->num_arguments; ++b) {
+    if (ArgumentOf(b).block < 0) continue;
+    auto corrected = corrected_of(b);
     if (jacobian_scale_ == 1.0) {
-      corrected = J;
+      corrected = Tangent(b);
     } else {
-      corrected = jacobian_scale_ * J;
+      corrected = jacobian_scale_ * Tangent(b);
     }
     if (alpha_by_s_ != 0.0) {
       const Eigen::RowVectorXd r_J = r_.transpose() * corrected;
       corrected -= alpha_by_s_ * r_ * r_J;
     }
-    if (!corrected.allFinite()) {
-      *error = ResidualBlockMessage(
-          block_->index,
-          fmt::format("its Jacobian by parameter block {} is not finite", b));
-      return false;
-    }
   }
-  return true;
+  const Eigen::Index num_values =
+      Eigen::Index{block_->size} * block_->row_length;
+  if (Eigen::Map<const Eigen::VectorXd>(values, num_values).allFinite()) {
+    return true;
+  }
+  int b = 0;
+  while (ArgumentOf(b).block < 0 || corrected_of(b).allFinite()) ++b;
+  *error = ResidualBlockMessage(
+      block_->index,
+      fmt::format("its Jacobian by parameter block {} is not finite", b));
+  return false;
 }
 
 bool ResidualEvaluation::AddHessian(Eigen::MatrixXd* hessian,

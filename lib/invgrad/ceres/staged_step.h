@@ -3,17 +3,16 @@
 //   x_candidate = Plus(x, staged step)   in the place of Plus(x, Ceres' step)
 //
 // A wrapper around the manifold of each non-constant parameter block replaces
-// the step in the next Plus. Ceres calls Plus once for each block when it forms
+// the step in the next Plus, which Ceres calls once for each block when it forms
 // its candidate.
 //
 // Shapes:    step: n, in the columns of the structure.
-// Ownership: Problem::Options::manifold_ownership determines whether a
-//            ceres::Problem deletes its manifolds; Ceres 2.1 does not expose
-//            the option. Both settings work: unused wrappers are kept for the
-//            next StagedStep of the problem. If the problem owns its manifolds,
-//            its destructor deletes the wrappers. Otherwise 64 bytes for each
-//            parameter block remain, and a later problem at the same address
-//            reuses them.
+// Ownership: Ceres 2.1 does not expose whether a problem owns its manifolds
+//            (Problem::Options::manifold_ownership). Both settings work: unused
+//            wrappers are kept for the next StagedStep of the problem, and its
+//            destructor deletes them if it owns its manifolds. Otherwise 64
+//            bytes for each parameter block remain, and a later problem at the
+//            same address reuses them.
 #ifndef INVGRAD_CERES_STAGED_STEP_H_
 #define INVGRAD_CERES_STAGED_STEP_H_
 

@@ -99,7 +99,8 @@ bool UnscaledSpectrum(const std::vector<BlockGroup>& groups,
   std::vector<double> all;
   for (const BlockGroup& group : groups) {
     VectorXd s;
-    if (!DenseSingularValues(group.J, &s, error)) return false;
+    if (!DenseSingularValues(group.A * group.lengths.asDiagonal(), &s, error))
+      return false;
     all.insert(all.end(), s.begin(), s.end());
   }
   all.resize(static_cast<std::size_t>(report->num_parameters), 0.0);
