@@ -37,11 +37,20 @@ Eigen::VectorXd AsVector(const std::vector<double>& v) {
   return Eigen::Map<const Eigen::VectorXd>(v.data(), v.size());
 }
 
+// The blocks that are not constant, in column order.
+std::vector<double*> BlocksOf(const ProblemLinearizer& linearizer) {
+  std::vector<double*> blocks;
+  for (const auto& block : linearizer.structure().parameter_blocks) {
+    blocks.push_back(block.values);
+  }
+  return blocks;
+}
+
 void ExpectAgreesWithCeres(ceres::Problem* problem,
                            const ProblemLinearizer::Options& options) {
   ProblemLinearizer linearizer(problem, options);
   ceres::Problem::EvaluateOptions evaluate_options;
-  evaluate_options.parameter_blocks = linearizer.parameter_blocks();
+  evaluate_options.parameter_blocks = BlocksOf(linearizer);
   evaluate_options.residual_blocks = options.residual_blocks;
   evaluate_options.apply_loss_function = options.apply_loss_function;
   double cost = 0.0;
@@ -57,7 +66,7 @@ void ExpectAgreesWithCeres(ceres::Problem* problem,
   Linearization at_x;
   std::string error;
   ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
-  ASSERT_EQ(at_x.loss_gradient.size(), linearizer.num_residuals());
+  ASSERT_EQ(at_x.loss_gradient.size(), linearizer.structure().num_residuals);
   ASSERT_EQ(at_x.jacobian->cols(), linearizer.num_parameters());
   EXPECT_NEAR(at_x.cost, cost, kTolerance * cost);
   EXPECT_LT((at_x.loss_gradient - AsVector(residuals)).norm(),
@@ -117,15 +126,15 @@ TEST(ProblemLinearizer, ColumnBlocksAreTheParameterBlocks) {
   Eigen::MatrixXd J;
   at_x.jacobian->ToDense(&J);
   const auto column_blocks = at_x.jacobian->ColumnBlocks();
-  ASSERT_EQ(column_blocks.size(), linearizer.parameter_blocks().size());
+  ASSERT_EQ(column_blocks.size(), BlocksOf(linearizer).size());
   for (size_t b = 0; b < column_blocks.size(); ++b) {
     Eigen::MatrixXd J_b;
     column_blocks[b]->ToDense(&J_b);
-    EXPECT_EQ(
-        J_b.cols(),
-        problem.ParameterBlockTangentSize(linearizer.parameter_blocks()[b]));
+    EXPECT_EQ(J_b.cols(),
+              problem.ParameterBlockTangentSize(BlocksOf(linearizer)[b]));
     EXPECT_EQ(J_b,
-              J.middleCols(linearizer.column(static_cast<int>(b)), J_b.cols()));
+              J.middleCols(linearizer.structure().parameter_blocks[b].column,
+                           J_b.cols()));
   }
 }
 
@@ -171,7 +180,7 @@ TEST(ProblemLinearizer, StateAndPlus) {
   blocks.AddTo(&problem);
   AddResiduals(1.0, &blocks, &problem);
   ProblemLinearizer linearizer(&problem, {});
-  EXPECT_EQ(linearizer.parameter_blocks(),
+  EXPECT_EQ(BlocksOf(linearizer),
             std::vector<double*>({blocks.x,
                                   blocks.q,
                                   blocks.e,
@@ -179,8 +188,8 @@ TEST(ProblemLinearizer, StateAndPlus) {
                                   blocks.s,
                                   blocks.unused}));
   EXPECT_EQ(linearizer.num_parameters(), 2 + 3 + 3 + 6 + 2 + 3);
-  EXPECT_EQ(linearizer.num_ambient(), 2 + 4 + 4 + 7 + 3 + 3);
-  EXPECT_EQ(linearizer.column(3), 8);
+  EXPECT_EQ(linearizer.structure().num_ambient, 2 + 4 + 4 + 7 + 3 + 3);
+  EXPECT_EQ(linearizer.structure().parameter_blocks[3].column, 8);
 
   const Blocks before = blocks;
   const Eigen::VectorXd state = linearizer.State();

@@ -64,8 +64,7 @@ TEST(UpdateCallback, AddToSetsTheFlag) {
   EXPECT_FALSE(options.update_state_every_iteration);
   callback.AddTo(&options);
   EXPECT_TRUE(options.update_state_every_iteration);
-  ASSERT_EQ(options.callbacks.size(), 1u);
-  EXPECT_EQ(options.callbacks[0], callback.iteration_callback());
+  EXPECT_EQ(options.callbacks.size(), 1u);
 }
 
 TEST(UpdateCallback, NoticesAnotherStateAtTheFirstAcceptedStep) {

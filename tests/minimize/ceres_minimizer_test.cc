@@ -56,10 +56,8 @@ TEST_P(EveryMethod, SolvesRosenbrock) {
   ASSERT_NE(row, nullptr);
   EXPECT_FALSE(row->formula.empty());
   ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options gradient_options;
   std::string error;
-  ASSERT_TRUE(row->configure({}, &solver_options, &gradient_options, &error))
-      << error;
+  ASSERT_TRUE(row->configure({}, &solver_options, &error)) << error;
   EXPECT_EQ(solver_options.num_threads, 1);
   EXPECT_EQ(solver_options.minimizer_type == ceres::TRUST_REGION,
             row->is_trust_region);
@@ -77,7 +75,7 @@ TEST_P(EveryMethod, SolvesRosenbrock) {
   if (row->is_trust_region) return;
   Eigen::VectorXd x = Eigen::Vector2d(-1.2, 1.0);
   MinimizeWithCeres(
-      Patient(), gradient_options, new RosenbrockFunction, &x, &summary);
+      Patient(), solver_options, new RosenbrockFunction, &x, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
       << summary.BriefReport();
   EXPECT_NEAR(x[0], 1.0, 1e-3);
@@ -89,17 +87,13 @@ TEST_P(EveryMethod, RefusesWhatItDoesNotKnow) {
   const CeresMethodRow* row = FindCeresMethod(GetParam());
   ASSERT_NE(row, nullptr);
   ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options gradient_options;
   std::string error;
-  EXPECT_FALSE(row->configure(
-      {{"colour", "blue"}}, &solver_options, &gradient_options, &error));
+  EXPECT_FALSE(row->configure({{"colour", "blue"}}, &solver_options, &error));
   EXPECT_NE(error.find("colour"), std::string::npos) << error;
   // Every option's default is a value that it takes.
   for (const OptionSet::Row& option : row->options()) {
-    EXPECT_TRUE(row->configure({{option.name, option.default_value}},
-                               &solver_options,
-                               &gradient_options,
-                               &error))
+    EXPECT_TRUE(row->configure(
+        {{option.name, option.default_value}}, &solver_options, &error))
         << error;
   }
 }
@@ -121,47 +115,33 @@ TEST(CeresMinimizer, Table) {
 
 TEST(CeresMinimizer, SettingsArrive) {
   ceres::Solver::Options options;
-  ceres::GradientProblemSolver::Options gradient_options;
   std::string error;
   ASSERT_TRUE(FindCeresMethod("ceres_lm")
                   ->configure({{"initial_trust_region_radius", "10"},
                                {"linear_solver", "cgnr"}},
                               &options,
-                              &gradient_options,
                               &error));
   EXPECT_EQ(options.initial_trust_region_radius, 10.0);
   EXPECT_EQ(options.linear_solver_type, ceres::CGNR);
   EXPECT_EQ(options.trust_region_strategy_type, ceres::LEVENBERG_MARQUARDT);
 
-  ASSERT_TRUE(FindCeresMethod("ceres_dogleg")
-                  ->configure({{"dogleg", "subspace_dogleg"}},
-                              &options,
-                              &gradient_options,
-                              &error));
+  ASSERT_TRUE(
+      FindCeresMethod("ceres_dogleg")
+          ->configure({{"dogleg", "subspace_dogleg"}}, &options, &error));
   EXPECT_EQ(options.trust_region_strategy_type, ceres::DOGLEG);
   EXPECT_EQ(options.dogleg_type, ceres::SUBSPACE_DOGLEG);
   EXPECT_EQ(options.linear_solver_type, ceres::DENSE_QR);
   EXPECT_FALSE(FindCeresMethod("ceres_dogleg")
-                   ->configure({{"linear_solver", "cgnr"}},
-                               &options,
-                               &gradient_options,
-                               &error));
+                   ->configure({{"linear_solver", "cgnr"}}, &options, &error));
 
-  ASSERT_TRUE(
-      FindCeresMethod("ceres_lbfgs")
-          ->configure({{"rank", "7"}}, &options, &gradient_options, &error));
+  ASSERT_TRUE(FindCeresMethod("ceres_lbfgs")
+                  ->configure({{"rank", "7"}}, &options, &error));
   EXPECT_EQ(options.max_lbfgs_rank, 7);
-  EXPECT_EQ(gradient_options.max_lbfgs_rank, 7);
-  EXPECT_EQ(gradient_options.line_search_direction_type, ceres::LBFGS);
+  EXPECT_EQ(options.line_search_direction_type, ceres::LBFGS);
 
   ASSERT_TRUE(FindCeresMethod("ceres_nonlinear_cg")
-                  ->configure({{"type", "polak_ribiere"}},
-                              &options,
-                              &gradient_options,
-                              &error));
+                  ->configure({{"type", "polak_ribiere"}}, &options, &error));
   EXPECT_EQ(options.nonlinear_conjugate_gradient_type, ceres::POLAK_RIBIERE);
-  EXPECT_EQ(gradient_options.nonlinear_conjugate_gradient_type,
-            ceres::POLAK_RIBIERE);
 }
 
 // Notes what it sees; ends the run at iteration 2.
@@ -207,11 +187,8 @@ TEST(CeresMinimizer, CallbacksSeeTheStateInOrder) {
   log.clear();
   Watcher third(x.data(), &log, "third");
   options.callbacks = {&third};
-  MinimizeWithCeres(options,
-                    ceres::GradientProblemSolver::Options(),
-                    new RosenbrockFunction,
-                    &x,
-                    &summary);
+  MinimizeWithCeres(
+      options, ceres_options, new RosenbrockFunction, &x, &summary);
   EXPECT_EQ(summary.termination_type, ceres::USER_SUCCESS);
   EXPECT_NE(third.states[1], -1.2);
   EXPECT_EQ(third.states[2], x[0]);

@@ -16,8 +16,7 @@
 // loss functions, manifolds and values, in the same order of residual blocks. A
 // linear_solver_ordering is valid for both; residual block ids are not.
 //
-// Memory:  parameters, residuals and Jacobians of all residual blocks, in one
-//          array.
+// Memory:  parameters, residuals and Jacobians of all residual blocks.
 // Threads: as ceres::Solve, which evaluates a residual block by one thread at a
 //          time.
 // Needs:   cost functions that depend only on their parameters and on values
@@ -25,16 +24,10 @@
 #ifndef INVGRAD_CERES_CACHED_PROBLEM_H_
 #define INVGRAD_CERES_CACHED_PROBLEM_H_
 
-#include <map>
-#include <memory>
-#include <vector>
-
 #include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 
 namespace invgrad {
-
-struct CostFunctionShape;
 
 class CachedProblem {
  public:
@@ -47,21 +40,10 @@ class CachedProblem {
   // Later changes of blocks, manifolds, bounds and constness have no effect.
   // The problem must outlive the copy, and keep its residual blocks.
   CachedProblem(const Options& options, ceres::Problem* problem);
-  ~CachedProblem();
 
   ceres::Problem* problem() { return &copy_; }
 
  private:
-  void CopyParameterBlocks(const ceres::Problem& problem);
-  void CopyResidualBlocks(const ceres::Problem& problem);
-  const CostFunctionShape* ShapeOf(const ceres::CostFunction& function);
-
-  // Shapes by the sizes of the cost functions.
-  std::map<std::vector<int>, std::unique_ptr<CostFunctionShape>> shapes_;
-  // The stored values of all cost functions, one after the other, and flags for
-  // the stored Jacobians.
-  std::vector<double> memory_;
-  std::vector<char> has_jacobian_;
   ceres::Problem copy_;
 };
 

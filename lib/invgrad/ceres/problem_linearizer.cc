@@ -42,9 +42,6 @@ ProblemLinearizer::ProblemLinearizer(const ceres::Problem* problem,
     : options_(std::move(options)) {
   CHECK(problem != nullptr);
   structure_ = ReadStructure(*problem, options_.residual_blocks);
-  for (const ParameterBlock& block : structure_.parameter_blocks) {
-    parameter_blocks_.push_back(block.values);
-  }
 }
 
 void ProblemLinearizer::Prepare(bool evaluate_jacobians) const {
@@ -80,29 +77,6 @@ std::shared_ptr<SparseJacobian> ProblemLinearizer::NewJacobian() const {
     last_jacobian_ = std::make_shared<SparseJacobian>(*last_jacobian_);
   }
   return last_jacobian_;
-}
-
-// Names the first Jacobian that is not finite.
-std::string ProblemLinearizer::NotFinite(
-    const SparseJacobian::Matrix& J) const {
-  for (const ResidualBlock& block : structure_.residual_blocks) {
-    for (int b = 0; b < block.num_arguments; ++b) {
-      const Argument& argument = structure_.arguments[block.first_argument + b];
-      if (argument.block < 0) continue;
-      for (int row = block.row; row < block.row + block.size; ++row) {
-        if (!J.coeffs()
-                 .segment(J.outerIndexPtr()[row] + argument.entry,
-                          structure_.tangent_sizes[argument.block])
-                 .allFinite()) {
-          return ResidualBlockMessage(
-              block.index,
-              fmt::format("its Jacobian by parameter block {} is not finite",
-                          b));
-        }
-      }
-    }
-  }
-  return "";
 }
 
 bool ProblemLinearizer::CanComputeHessian(std::string* error) const {
@@ -172,16 +146,12 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     if (!evaluation.Evaluate(block, error)) return false;
     cost += evaluation.cost();
     evaluation.WriteResiduals(r.data() + block.row);
-    evaluation.WriteJacobian(
-        block, jacobian->mutable_values() + J.outerIndexPtr()[block.row]);
-    if (parts.hessian && block.row_length > 0 &&
-        !evaluation.AddHessian(block, &linearization->hessian, error)) {
+    if (!evaluation.WriteJacobian(
+            jacobian->mutable_values() + J.outerIndexPtr()[block.row], error) ||
+        (parts.hessian && block.row_length > 0 &&
+         !evaluation.AddHessian(&linearization->hessian, error))) {
       return false;
     }
-  }
-  if (!J.coeffs().allFinite()) {
-    *error = NotFinite(J);
-    return false;
   }
   if (!std::isfinite(cost)) {
     *error = "the sum of the residual blocks' costs is not finite";

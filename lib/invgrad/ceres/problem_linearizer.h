@@ -15,16 +15,14 @@
 //          is not finite (finite residuals can overflow when squared); the
 //          message names the residual block by its index in the problem.
 //
-// The exact Hessian, in tangent directions, includes the robust losses:
+// The exact Hessian, in tangent directions, with the uncorrected r and J:
 //
 //   H = sum_b rho' (J^T J + sum_i r_i d2r_i/dx2) + 2 rho'' (J^T r) (J^T r)^T
 //
-// with the uncorrected r and J. It needs every cost function to be a
-// SecondOrderCostFunction (second_order_cost_function.h) and every Plus to be
-// linear: no manifold, EuclideanManifold, SubsetManifold, or another manifold
-// that passes a numerical check of Plus(x, d) = x + P d. If Plus is nonlinear,
-// its second derivative is part of the Hessian, but Ceres' manifolds do not
-// compute it: Linearize returns false and names the block.
+// It needs every cost function to be a SecondOrderCostFunction
+// (second_order_cost_function.h), and every Plus to be linear by a numerical
+// check, because Ceres' manifolds do not compute the second derivatives of Plus.
+// Otherwise Linearize returns false and names the block.
 //
 // [1] Triggs, McLauchlan, Hartley, Fitzgibbon. Bundle Adjustment: A Modern
 //     Synthesis. 1999, section 4.3.
@@ -38,7 +36,6 @@
 
 #include "Eigen/Core"
 #include "ceres/evaluation_callback.h"
-#include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/core/linearization.h"
@@ -62,31 +59,9 @@ class ProblemLinearizer final : public Objective {
   // constness have no effect. The problem must outlive the linearizer.
   ProblemLinearizer(const ceres::Problem* problem, Options options);
 
-  int num_residuals() const { return structure_.num_residuals; }  // m
+  const ProblemStructure& structure() const { return structure_; }
   // n, tangent space
   int num_parameters() const override { return structure_.num_parameters; }
-  int num_ambient() const {
-    return structure_.num_ambient;
-  }  // length of the state
-
-  // The blocks that are not constant, in column order.
-  const std::vector<double*>& parameter_blocks() const {
-    return parameter_blocks_;
-  }
-  // The first column of parameter_blocks()[block].
-  int column(int block) const {
-    return structure_.parameter_blocks[block].column;
-  }
-  int ambient_size(int block) const {
-    return structure_.parameter_blocks[block].ambient_size;
-  }
-  int tangent_size(int block) const {
-    return structure_.parameter_blocks[block].tangent_size;
-  }
-  // Null: Euclidean.
-  const ceres::Manifold* manifold(int block) const {
-    return structure_.parameter_blocks[block].manifold;
-  }
 
   bool Linearize(const LinearizationParts& parts,
                  Linearization* linearization,
@@ -104,12 +79,10 @@ class ProblemLinearizer final : public Objective {
  private:
   using ParameterBlock = ProblemStructure::ParameterBlock;
   using ResidualBlock = ProblemStructure::ResidualBlock;
-  using Argument = ProblemStructure::Argument;
   using RowMajorMatrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
   std::shared_ptr<SparseJacobian> NewJacobian() const;
-  std::string NotFinite(const SparseJacobian::Matrix& J) const;
   void Prepare(bool evaluate_jacobians) const;
   bool PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                      std::string* error) const;
@@ -117,7 +90,6 @@ class ProblemLinearizer final : public Objective {
 
   Options options_;
   ProblemStructure structure_;
-  std::vector<double*> parameter_blocks_;
   // The last J, or null. The next J has the same pattern, and reuses the memory
   // if there is no other reference to it.
   mutable std::shared_ptr<SparseJacobian> last_jacobian_;

@@ -21,50 +21,34 @@ class Reader {
   }
 
   ProblemStructure Read(const std::vector<ceres::ResidualBlockId>& batch) {
-    if (batch.empty()) {
-      ReadAll();
-    } else {
-      ReadBatch(batch);
-    }
-    return std::move(structure_);
-  }
-
- private:
-  void ReadAll() {
     std::vector<ceres::ResidualBlockId> ids;
     problem_.GetResidualBlocks(&ids);
-    structure_.residual_blocks.reserve(ids.size());
-    structure_.arguments.reserve(2 * ids.size());
-    structure_.values.reserve(2 * ids.size());
+    const std::size_t size = batch.empty() ? ids.size() : batch.size();
+    structure_.residual_blocks.reserve(size);
+    structure_.arguments.reserve(2 * size);
+    structure_.values.reserve(2 * size);
+    std::unordered_map<ceres::ResidualBlockId, int> index_of;  // of a batch
     for (std::size_t i = 0; i < ids.size(); ++i) {
-      AddResidualBlock(ids[i], static_cast<int>(i));
-    }
-    AddUnusedParameterBlocks();
-  }
-
-  void ReadBatch(const std::vector<ceres::ResidualBlockId>& batch) {
-    std::vector<ceres::ResidualBlockId> ids;
-    problem_.GetResidualBlocks(&ids);
-    std::unordered_map<ceres::ResidualBlockId, int> index_of;
-    for (std::size_t i = 0; i < ids.size(); ++i) {
+      if (batch.empty()) {
+        AddResidualBlock(ids[i], static_cast<int>(i));
+        continue;
+      }
       problem_.GetParameterBlocksForResidualBlock(ids[i], &values_);
       for (double* values : values_) AddParameterBlock(values);
       index_of[ids[i]] = static_cast<int>(i);
     }
-    AddUnusedParameterBlocks();
+    problem_.GetParameterBlocks(&values_);
+    for (double* values : values_) AddParameterBlock(values);
     for (const ceres::ResidualBlockId id : batch) {
       const auto it = index_of.find(id);
       CHECK(it != index_of.end())
           << "A residual block of the mini-batch is not part of the problem.";
       AddResidualBlock(id, it->second);
     }
+    return std::move(structure_);
   }
 
-  void AddUnusedParameterBlocks() {
-    problem_.GetParameterBlocks(&values_);
-    for (double* values : values_) AddParameterBlock(values);
-  }
-
+ private:
   // Returns its index in parameter_blocks, -1 if it is constant.
   int AddParameterBlock(double* values) {
     const auto [it, is_new] = block_of_.try_emplace(values, -1);

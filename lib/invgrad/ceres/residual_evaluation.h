@@ -16,17 +16,6 @@
 
 namespace invgrad {
 
-// rho, rho' and rho'' of one residual block, and the corrections of r and J.
-struct LossCorrection {
-  double rho[3];
-  double residual_scale = 1.0;
-  double jacobian_scale = 1.0;
-  double alpha_by_s = 0.0;  // alpha / s
-
-  // False if no correction exists for these values.
-  bool Compute(const ceres::LossFunction* loss_function, double s);
-};
-
 class ResidualEvaluation {
  public:
   using ResidualBlock = ProblemStructure::ResidualBlock;
@@ -47,43 +36,49 @@ class ResidualEvaluation {
   bool Evaluate(const ResidualBlock& block, std::string* error);
 
   // The following functions refer to the last evaluated block.
-  double cost() const { return 0.5 * correction_.rho[0]; }
+  double cost() const { return 0.5 * rho_[0]; }
 
   // r~
   void WriteResiduals(double* corrected) const;
 
-  // J~, into the residual block's rows of compressed values.
-  void WriteJacobian(const ResidualBlock& block, double* values) const;
+  // J~, into the residual block's rows of compressed values. False if a value
+  // is not finite.
+  bool WriteJacobian(double* values, std::string* error) const;
 
   // Adds the residual block's part of d2L/dx2. Its cost function must be a
   // SecondOrderCostFunction.
-  bool AddHessian(const ResidualBlock& block,
-                  Eigen::MatrixXd* hessian,
-                  std::string* error) const;
+  bool AddHessian(Eigen::MatrixXd* hessian, std::string* error) const;
 
  private:
-  using ParameterBlock = ProblemStructure::ParameterBlock;
   using Argument = ProblemStructure::Argument;
 
-  const Argument& ArgumentOf(const ResidualBlock& block, int b) const {
-    return structure_.arguments[block.first_argument + b];
+  const Argument& ArgumentOf(int b) const {
+    return structure_.arguments[block_->first_argument + b];
   }
-  Eigen::Map<const RowMajorMatrix> Tangent(const ResidualBlock& block,
-                                           int b) const;
-  bool Reserve(const ResidualBlock& block);
-  void ToTangent(const ResidualBlock& block);
-  Eigen::MatrixXd PullBack(int a, int b, const Eigen::MatrixXd& H) const;
+  const RowMajorMatrix& PlusJacobian(int b) const {
+    return (*plus_jacobians_)[ArgumentOf(b).block];
+  }
+  // dr/d(tangent of argument b), uncorrected.
+  const RowMajorMatrix& Tangent(int b) const {
+    return PlusJacobian(b).size() > 0 ? tangent_[b] : ambient_[b];
+  }
+  bool CorrectLoss(std::string* error);
 
   const ProblemStructure& structure_;
   const bool apply_loss_function_;
   const std::vector<RowMajorMatrix>* plus_jacobians_;
+  const ResidualBlock* block_ = nullptr;
   Eigen::VectorXd r_;
-  std::vector<double> memory_;
-  // dr/d(argument) for each argument, null if it is constant; and this matrix
-  // times the PlusJacobian (the same memory if there is no manifold).
-  std::vector<double*> ambient_;
-  std::vector<double*> tangent_;
-  LossCorrection correction_;
+  // dr/d(argument) for each argument that is not constant; and this matrix
+  // times the PlusJacobian if there is a manifold.
+  std::vector<RowMajorMatrix> ambient_;
+  std::vector<RowMajorMatrix> tangent_;
+  std::vector<double*> jacobians_;  // into ambient_; null: constant
+  // rho, rho' and rho'', and the corrections of r and J.
+  double rho_[3];
+  double residual_scale_ = 1.0;
+  double jacobian_scale_ = 1.0;
+  double alpha_by_s_ = 0.0;  // alpha / s
 };
 
 // "residual block 3: `what`"

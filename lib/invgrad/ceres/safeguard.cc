@@ -38,10 +38,9 @@ void Copy(const ceres::Problem& problem,
   }
   // The getters return pointers to const; the setters take pointers to
   // non-const.
-  for (std::size_t i = 0; i < linearizer.parameter_blocks().size(); ++i) {
-    copy->SetManifold(
-        linearizer.parameter_blocks()[i],
-        const_cast<ceres::Manifold*>(linearizer.manifold(static_cast<int>(i))));
+  for (const auto& block : linearizer.structure().parameter_blocks) {
+    copy->SetManifold(block.values,
+                      const_cast<ceres::Manifold*>(block.manifold));
   }
   std::vector<ceres::ResidualBlockId> ids;
   problem.GetResidualBlocks(&ids);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <mutex>
 #include <unordered_map>
@@ -15,8 +14,7 @@
 namespace invgrad {
 
 // Wraps a block's own manifold, or the Euclidean one; its next Plus uses the
-// staged step. Ceres calls the manifold for each residual block in each
-// evaluation, so the object is small and computes the Euclidean case itself.
+// staged step.
 class StagingManifold final : public ceres::Manifold {
  public:
   // Returns `num` manifolds for `problem`; call Init on each. Call GiveBack
@@ -28,10 +26,8 @@ class StagingManifold final : public ceres::Manifold {
 
   ~StagingManifold() override;
 
-  // `own` is null for a Euclidean block; not owned.
-  void Init(int ambient_size, const ceres::Manifold* own) {
-    ambient_size_ = ambient_size;
-    tangent_size_ = own != nullptr ? own->TangentSize() : ambient_size;
+  // `own` is not owned.
+  void Init(const ceres::Manifold* own) {
     own_ = own;
     staged_ = nullptr;
   }
@@ -46,8 +42,8 @@ class StagingManifold final : public ceres::Manifold {
   }
   bool is_staged() const { return staged_ != nullptr; }
 
-  int AmbientSize() const override { return ambient_size_; }
-  int TangentSize() const override { return tangent_size_; }
+  int AmbientSize() const override { return own_->AmbientSize(); }
+  int TangentSize() const override { return own_->TangentSize(); }
 
   bool Plus(const double* x,
             const double* delta,
@@ -58,54 +54,34 @@ class StagingManifold final : public ceres::Manifold {
       delta = staged_;
       staged_ = nullptr;
       if (is_state_) {
-        std::copy_n(delta, ambient_size_, x_plus_delta);
+        std::copy_n(delta, AmbientSize(), x_plus_delta);
         return true;
       }
     }
-    if (own_ != nullptr) return own_->Plus(x, delta, x_plus_delta);
-    std::transform(
-        x, x + ambient_size_, delta, x_plus_delta, std::plus<double>());
-    return true;
+    return own_->Plus(x, delta, x_plus_delta);
   }
   bool PlusJacobian(const double* x, double* jacobian) const override {
-    if (own_ != nullptr) return own_->PlusJacobian(x, jacobian);
-    SetIdentity(jacobian);
-    return true;
+    return own_->PlusJacobian(x, jacobian);
   }
   bool RightMultiplyByPlusJacobian(const double* x,
                                    const int num_rows,
                                    const double* ambient_matrix,
                                    double* tangent_matrix) const override {
-    if (own_ != nullptr) {
-      return own_->RightMultiplyByPlusJacobian(
-          x, num_rows, ambient_matrix, tangent_matrix);
-    }
-    std::copy_n(ambient_matrix, num_rows * ambient_size_, tangent_matrix);
-    return true;
+    return own_->RightMultiplyByPlusJacobian(
+        x, num_rows, ambient_matrix, tangent_matrix);
   }
   bool Minus(const double* y,
              const double* x,
              double* y_minus_x) const override {
-    if (own_ != nullptr) return own_->Minus(y, x, y_minus_x);
-    std::transform(y, y + ambient_size_, x, y_minus_x, std::minus<double>());
-    return true;
+    return own_->Minus(y, x, y_minus_x);
   }
   bool MinusJacobian(const double* x, double* jacobian) const override {
-    if (own_ != nullptr) return own_->MinusJacobian(x, jacobian);
-    SetIdentity(jacobian);
-    return true;
+    return own_->MinusJacobian(x, jacobian);
   }
 
  private:
   explicit StagingManifold(const void* problem) : problem_(problem) {}
 
-  void SetIdentity(double* matrix) const {
-    std::fill_n(matrix, ambient_size_ * ambient_size_, 0.0);
-    for (int i = 0; i < ambient_size_; ++i) matrix[i * ambient_size_ + i] = 1.0;
-  }
-
-  int ambient_size_ = 0;
-  int tangent_size_ = 0;
   const ceres::Manifold* own_ = nullptr;
   mutable const double* staged_ = nullptr;
   bool is_state_ = false;      // staged_ is the block's next value, not a step
@@ -188,27 +164,24 @@ bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
 }  // namespace
 
 bool StagedStep::IsSupported(int max_block_size,
-                             const ProblemLinearizer& linearizer,
+                             const ProblemStructure& structure,
                              const ceres::Problem& problem,
                              std::string* error) {
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  const auto name = [](int i) {
-    return fmt::format("parameter block {} (of those that are not constant)",
-                       i);
-  };
-  for (int i = 0; i < static_cast<int>(blocks.size()); ++i) {
-    const int size = linearizer.tangent_size(i);
-    if (size > max_block_size) {
+  int i = 0;
+  for (const auto& block : structure.parameter_blocks) {
+    const std::string name =
+        fmt::format("parameter block {} (of those that are not constant)", i++);
+    if (block.tangent_size > max_block_size) {
       *error = fmt::format(
           "{} has size {}, which is larger than max_block_size = {}; split it "
           "into smaller blocks, or use Minimize",
-          name(i),
-          size,
+          name,
+          block.tangent_size,
           max_block_size);
       return false;
     }
-    if (IsBounded(problem, blocks[i], linearizer.ambient_size(i))) {
-      *error = name(i) +
+    if (IsBounded(problem, block.values, block.ambient_size)) {
+      *error = name +
                " has bounds, which UpdateCallback does not support; replace "
                "them by a change of variables, or solve without "
                "UpdateCallback";
@@ -232,29 +205,31 @@ struct StagedStep::Block {
   StagingManifold* staging;
 };
 
-StagedStep::StagedStep(const ProblemLinearizer& linearizer,
+StagedStep::StagedStep(const ProblemStructure& structure,
                        ceres::Problem* problem)
     : problem_(problem) {
-  const std::vector<double*>& values = linearizer.parameter_blocks();
-  // One array, because Ceres visits all manifolds in each evaluation.
   const std::vector<StagingManifold*> manifolds =
-      StagingManifold::Take(*problem, values.size());
-  blocks_.reserve(values.size());
+      StagingManifold::Take(*problem, structure.parameter_blocks.size());
+  blocks_.reserve(manifolds.size());
   std::ptrdiff_t offset = 0;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const int block = static_cast<int>(i);
-    const ceres::Manifold* const own = linearizer.manifold(block);
-    CHECK(dynamic_cast<const StagingManifold*>(own) == nullptr)
+  for (std::size_t i = 0; i < manifolds.size(); ++i) {
+    const ProblemStructure::ParameterBlock& block =
+        structure.parameter_blocks[i];
+    CHECK(dynamic_cast<const StagingManifold*>(block.manifold) == nullptr)
         << "Another UpdateCallback of this problem still exists.";
-    blocks_.push_back(
-        {values[i],
-         linearizer.column(block),
-         offset,
-         own,
-         own == nullptr ? nullptr : problem->GetParameterization(values[i]),
-         manifolds[i]});
-    manifolds[i]->Init(linearizer.ambient_size(block), own);
-    offset += linearizer.ambient_size(block);
+    blocks_.push_back({block.values,
+                       block.column,
+                       offset,
+                       block.manifold,
+                       block.manifold == nullptr
+                           ? nullptr
+                           : problem->GetParameterization(block.values),
+                       manifolds[i]});
+    const int size = block.ambient_size;
+    offset += size;
+    manifolds[i]->Init(block.manifold != nullptr
+                           ? block.manifold
+                           : &euclidean_.try_emplace(size, size).first->second);
   }
   for (const Block& block : blocks_) {
     problem->SetManifold(block.values, block.staging);

@@ -12,6 +12,7 @@
 #ifndef INVGRAD_CERES_TURN_TAKING_H_
 #define INVGRAD_CERES_TURN_TAKING_H_
 
+#include <algorithm>
 #include <optional>
 
 namespace invgrad {
@@ -23,14 +24,44 @@ class TurnTaking {
 
   // Returns whether the next turn is the rule's. Call once after each accepted
   // step.
-  bool IsTheRules();
+  bool IsTheRules() {
+    if (num_turns_left_ > 0) {
+      --num_turns_left_;
+      return false;
+    }
+    if (!by_merit_ || !rule_merit_) return true;
+    if (!ceres_merit_) return false;
+    if (num_in_a_row_ >= kMaxInARow) {
+      num_in_a_row_ = 0;
+      return false;
+    }
+    ++num_in_a_row_;
+    return true;
+  }
 
-  void RuleStepped(double gain);
-  void CeresStepped(double gain);
-  void RuleHadNoStep();
+  void RuleStepped(double gain) {
+    Average(gain, &rule_merit_);
+    if (!by_merit_ || !ceres_merit_ || *rule_merit_ >= *ceres_merit_) {
+      next_wait_ = kFirstWait;
+    } else {
+      RuleHadNoStep();
+      // Old gains do not predict the rule's next turn.
+      rule_merit_ = gain;
+    }
+  }
+
+  void CeresStepped(double gain) { Average(gain, &ceres_merit_); }
+
+  void RuleHadNoStep() {
+    num_in_a_row_ = 0;
+    num_turns_left_ = next_wait_;
+    next_wait_ = std::min(2 * next_wait_, kMaxWait);
+  }
 
  private:
-  void Wait();
+  static void Average(double gain, std::optional<double>* merit) {
+    *merit = *merit ? 0.5 * (**merit + gain) : gain;
+  }
 
   static constexpr int kFirstWait = 2;
   static constexpr int kMaxWait = 16;

@@ -15,29 +15,25 @@
 #include "invgrad/core/linearization.h"
 
 namespace invgrad {
-namespace {
+namespace {}  // namespace
 
-bool NeedsLinearization(const UpdateRule& rule) {
-  const LinearizationParts parts = rule.Needs();
-  return parts.gradient || parts.jacobian || parts.hessian;
-}
-
-}  // namespace
-
-class UpdateCallback::State {
+class UpdateCallback::State final : public ceres::IterationCallback {
  public:
   State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
       : options_(options),
         rule_(rule),
         problem_(problem),
         linearizer_(problem, {}),
-        needs_linearization_(NeedsLinearization(*rule)),
+        parts_(rule->Needs()),
+        needs_linearization_(parts_.gradient || parts_.jacobian ||
+                             parts_.hessian),
         turns_(options.by_merit) {
+    parts_.jacobian = true;
     std::string error;
     CHECK(StagedStep::IsSupported(
-        options_.max_block_size, linearizer_, *problem, &error))
+        options_.max_block_size, linearizer_.structure(), *problem, &error))
         << error;
-    staged_.emplace(linearizer_, problem);
+    staged_.emplace(linearizer_.structure(), problem);
   }
 
   void AddSafeguard(ceres::Solver::Options* options) {
@@ -45,8 +41,8 @@ class UpdateCallback::State {
         options_.compare_with_plain, options, problem_, &linearizer_);
   }
 
-  ceres::CallbackReturnType OnIteration(
-      const ceres::IterationSummary& iteration) {
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
     const ceres::CallbackReturnType result = PrepareNext(iteration);
     if (next_ == Next::kCeresStep) staged_->Unwrap();
     return result;
@@ -240,13 +236,10 @@ class UpdateCallback::State {
     return Outcome::kNoStep;
   }
 
-  // Computes the parts that the rule needs, and J for the linear model. kStep:
-  // the rule can compute a step.
+  // kStep: the rule can compute a step.
   Outcome Linearize(const ceres::IterationSummary& iteration,
                     Linearization* at_x) {
-    LinearizationParts parts = rule_->Needs();
-    parts.jacobian = true;
-    if (!linearizer_.Linearize(parts, at_x, &summary_.message)) {
+    if (!linearizer_.Linearize(parts_, at_x, &summary_.message)) {
       return Outcome::kNoStep;
     }
     // At the same state the two sums differ by rounding. Both contain the fixed
@@ -311,6 +304,7 @@ class UpdateCallback::State {
   UpdateRule* rule_;
   ceres::Problem* problem_;
   ProblemLinearizer linearizer_;
+  LinearizationParts parts_;  // that the rule needs, and J for the linear model
   const bool needs_linearization_;  // to compute a step
   std::optional<StagedStep> staged_;
   std::optional<Safeguard> safeguard_;
@@ -337,7 +331,7 @@ bool UpdateCallback::IsSupported(const Options& options,
                                  const ceres::Problem& problem,
                                  std::string* error) {
   return StagedStep::IsSupported(
-      options.max_block_size, ProblemLinearizer(&problem, {}), problem, error);
+      options.max_block_size, ReadStructure(problem, {}), problem, error);
 }
 
 UpdateCallback::UpdateCallback(UpdateRule* rule, ceres::Problem* problem)
@@ -356,13 +350,8 @@ UpdateCallback::~UpdateCallback() = default;
 void UpdateCallback::AddTo(ceres::Solver::Options* options) {
   CHECK(options != nullptr);
   state_->AddSafeguard(options);
-  options->callbacks.push_back(this);
+  options->callbacks.push_back(state_.get());
   options->update_state_every_iteration = true;
-}
-
-ceres::CallbackReturnType UpdateCallback::operator()(
-    const ceres::IterationSummary& iteration) {
-  return state_->OnIteration(iteration);
 }
 
 UpdateCallback::Summary UpdateCallback::summary() const {

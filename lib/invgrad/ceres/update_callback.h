@@ -5,40 +5,35 @@
 //   callback.AddTo(&options);
 //   ceres::Solve(options, &problem, &summary);
 //
-// After each accepted step, if it is the rule's turn, the callback linearizes
-// the problem, computes the rule's step and stages it: when the trust-region
-// minimizer forms its candidate, a wrapper around the manifold of each
-// parameter block replaces Ceres' step by the staged step. Ceres then accepts
-// or rejects the candidate by its gain ratio, so the cost never rises. Progress
-// table, summary, tolerances, robust losses, constant blocks, manifolds and
-// threads work as without the callback.
+// After each accepted step, at the rule's turns, the callback linearizes the
+// problem and computes the rule's step, which replaces Ceres' next step: a
+// wrapper around the manifold of each parameter block adds it when Ceres forms
+// its candidate. Ceres accepts or rejects the candidate by its gain ratio, so
+// the cost never rises. Progress table, summary, tolerances, robust losses,
+// constant blocks, manifolds and threads work as without the callback.
 //
 // Rule and Ceres take turns; the one whose steps decrease the cost more has
 // more turns (turn_taking.h). The turns of a rule become rarer if it has no
 // step, or if the linear model predicts no sufficient decrease.
 //
 // A rejected proposal is halved and proposed again. Later proposals keep this
-// scale. It doubles, up to 1, with every proposal that is accepted or whose
+// scale; it doubles, up to 1, with every proposal that is accepted or whose
 // predicted decrease is too small. After max_num_backoffs halvings Ceres has
 // the turn until its trust region, which rejections shrink, is as large as
 // before, a step of Ceres is rejected, or Ceres has had eight turns. A rule
-// with control=gain receives the cost and the scale of each proposal and adapts
-// the scale itself; only Ceres accepts or rejects.
+// with control=gain adapts the scale itself.
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
-//          nonmonotonic steps may be on) and update_state_every_iteration,
-//          which AddTo sets; otherwise the callback aborts the solve, and
-//          summary().message gives the reason. No bounds on blocks that are not
-//          constant, because Ceres' projected line search calls Plus
-//          repeatedly. One callback for a problem at a time, one solve for a
-//          callback, and no other solve of the problem while the callback
+//          nonmonotonic steps may be on); otherwise the callback aborts the
+//          solve, and summary().message gives the reason. No bounds on blocks
+//          that are not constant, because Ceres' projected line search calls
+//          Plus repeatedly. One callback for a problem at a time, one solve for
+//          a callback, and no other solve of the problem while the callback
 //          exists. Rules must not throw.
-// Cost:    at each turn of the rule one linearization and one step, in addition
-//          to Ceres' own work. A linearization evaluates all residual blocks,
-//          except for a CachedProblem (cached_problem.h). For a rule that needs
-//          no linearization it is computed only if there is a step. While a
-//          step is staged, Ceres multiplies J by a k x k matrix for a Euclidean
-//          block of size k.
+// Cost:    at each turn of the rule one linearization, which evaluates all
+//          residual blocks, except for a CachedProblem (cached_problem.h), and
+//          one step. While a step is staged, Ceres multiplies J by a k x k
+//          matrix for a Euclidean block of size k.
 // Fails:   never. After a numerical failure of the rule Ceres has the turn.
 #ifndef INVGRAD_CERES_UPDATE_CALLBACK_H_
 #define INVGRAD_CERES_UPDATE_CALLBACK_H_
@@ -46,15 +41,13 @@
 #include <memory>
 #include <string>
 
-#include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "invgrad/core/update_rule.h"
 
 namespace invgrad {
 
-// Only AddTo puts it into Solver::Options::callbacks: it sets a flag, too.
-class UpdateCallback final : private ceres::IterationCallback {
+class UpdateCallback final {
  public:
   struct Options {
     // True: the rule has turns while its steps decrease the cost more than
@@ -64,8 +57,7 @@ class UpdateCallback final : private ceres::IterationCallback {
     // The number of times that a rejected proposal is halved and proposed
     // again.
     int max_num_backoffs = 2;
-    // The limit on tangent spaces, because Ceres multiplies J by a k x k matrix
-    // for a block with a manifold of size k.
+    // The limit on tangent spaces (see Cost).
     int max_block_size = 512;
     // A proposal is made only if the linear model predicts
     //   L(x) - L(x + step) >= min_relative_model_decrease * L(x),
@@ -110,21 +102,17 @@ class UpdateCallback final : private ceres::IterationCallback {
   UpdateCallback(UpdateRule* rule,
                  ceres::Problem* problem,
                  const Options& options);
-  ~UpdateCallback() override;
+  ~UpdateCallback();
 
-  // Adds the callback, and sets update_state_every_iteration.
+  // Adds the callback, sets update_state_every_iteration, and sets the three
+  // tolerances to zero, because the callback applies them to the steps of Ceres
+  // only (safeguard.h). Set all other options before: a tolerance that is set
+  // later can end the run on a proposal.
   void AddTo(ceres::Solver::Options* options);
-
-  // For code that collects callbacks and sets update_state_every_iteration
-  // itself, such as MinimizeWithCeres.
-  ceres::IterationCallback* iteration_callback() { return this; }
 
   Summary summary() const;
 
  private:
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override;
-
   class State;
   std::unique_ptr<State> state_;
 };

@@ -17,7 +17,6 @@
 #include <string>
 #include <vector>
 
-#include "ceres/gradient_problem_solver.h"
 #include "ceres/solver.h"
 #include "invgrad/core/option_set.h"
 #include "invgrad/rules/rules.h"
@@ -34,11 +33,10 @@ struct CeresMethodRow {
   std::string formula;  // one line
   bool is_trust_region;
   std::function<std::vector<OptionSet::Row>()> options;
-  // Applies the settings; false with *error set if one is unknown or out of
-  // range. `gradient_options` is untouched by trust-region rows.
+  // Overwrites *options by the settings; false with *error set if one is
+  // unknown or out of range.
   std::function<bool(const Settings& settings,
                      ceres::Solver::Options* options,
-                     ceres::GradientProblemSolver::Options* gradient_options,
                      std::string* error)>
       configure;
 };

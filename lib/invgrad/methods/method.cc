@@ -41,7 +41,7 @@ bool FindWays(const std::string& name, Phase* phase, std::string* error) {
   const size_t second = name.find('/', first + 1);
   if (second == std::string::npos ||
       name.find('/', second + 1) != std::string::npos) {
-    *error = "'" + name + "': wanted LOSS/SIMULATOR/RULE";
+    *error = fmt::format("'{}': wanted LOSS/SIMULATOR/RULE", name);
     return false;
   }
   return phase->pull_back.emplace().SetWays(
@@ -54,32 +54,28 @@ bool FindWays(const std::string& name, Phase* phase, std::string* error) {
 // Finds the table rows of "rule", "loss/simulator/rule", "ceres" or
 // "ceres+rule".
 bool FindRows(const std::string& name, Phase* phase, std::string* error) {
-  const ChainMethodRow* chain = FindChainMethod(name);
-  if (chain != nullptr) {
+  if (const ChainMethodRow* chain = FindChainMethod(name)) {
     return phase->pull_back.emplace().SetWays(
                chain->loss, chain->simulator, error) &&
            FindRuleRow(chain->rule, phase, error);
   }
   if (name.find('/') != std::string::npos) return FindWays(name, phase, error);
   const size_t plus = name.find('+');
+  phase->ceres = FindCeresMethod(name.substr(0, plus));
   if (plus == std::string::npos) {
     phase->rule = FindRule(name);
-    phase->ceres = FindCeresMethod(name);
-    if (phase->rule == nullptr && phase->ceres == nullptr) {
-      *error = UnknownNameMessage("rule", name, AllMethodNames());
-      return false;
-    }
-    return true;
-  }
-  const std::string ceres_name = name.substr(0, plus);
-  const std::string rule_name = name.substr(plus + 1);
-  phase->ceres = FindCeresMethod(ceres_name);
-  if (phase->ceres == nullptr || !phase->ceres->is_trust_region) {
-    *error = "'" + name + "': steps can be proposed to ceres_lm and " +
-             "ceres_dogleg, not to '" + ceres_name + "'";
+    if (phase->rule != nullptr || phase->ceres != nullptr) return true;
+    *error = UnknownNameMessage("rule", name, AllMethodNames());
     return false;
   }
-  return FindRuleRow(rule_name, phase, error);
+  if (phase->ceres == nullptr || !phase->ceres->is_trust_region) {
+    *error = fmt::format(
+        "'{}': steps can be proposed to ceres_lm and ceres_dogleg, not to '{}'",
+        name,
+        name.substr(0, plus));
+    return false;
+  }
+  return FindRuleRow(name.substr(plus + 1), phase, error);
 }
 
 bool IsOwn(const std::string& name) {
@@ -105,27 +101,26 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   return true;
 }
 
-// The settings that are not set.
+// Adds the settings that are not set.
 void AddDefaults(const Settings& defaults, Settings* settings) {
-  const Settings given = *settings;
   for (const auto& setting : defaults) {
-    if (std::none_of(given.begin(), given.end(), [&](const auto& other) {
-          return other.first == setting.first;
-        })) {
+    if (std::none_of(
+            settings->begin(), settings->end(), [&](const auto& other) {
+              return other.first == setting.first;
+            })) {
       settings->push_back(setting);
     }
   }
 }
 
-// Every setting must be an option of the ways; otherwise the message also
-// suggests the rule's options.
-bool CheckOptionNames(const Phase& phase,
-                      const OptionSet& ways,
-                      const Settings& settings,
-                      std::string* error) {
+// The message for an unknown setting also suggests options of the phase and of
+// its rule.
+bool SetPullBack(const Settings& settings, Phase* phase, std::string* error) {
+  OptionSet set;
+  phase->pull_back->Describe(&set);
   std::vector<std::string> names = {"batch_size", "epochs", "steps"};
-  for (const OptionSet::Row& row : ways.rows()) names.push_back(row.name);
-  for (const OptionSet::Row& row : phase.rule->options()) {
+  for (const OptionSet::Row& row : set.rows()) names.push_back(row.name);
+  for (const OptionSet::Row& row : phase->rule->options()) {
     names.push_back(row.name);
   }
   for (const auto& setting : settings) {
@@ -134,7 +129,7 @@ bool CheckOptionNames(const Phase& phase,
       return false;
     }
   }
-  return true;
+  return set.SetAll(settings, error);
 }
 
 bool ParsePhase(const Specification& specification,
@@ -147,7 +142,6 @@ bool ParsePhase(const Specification& specification,
   if (chain != nullptr) AddDefaults(chain->defaults, &settings);
   Settings own_settings;
   Settings pull_back_settings;
-  std::string why;
   for (const auto& setting : settings) {
     if (IsOwn(setting.first)) {
       own_settings.push_back(setting);
@@ -161,30 +155,19 @@ bool ParsePhase(const Specification& specification,
       phase->ceres_settings.push_back(setting);
     }
   }
-  if (!SetOwn(own_settings, phase, &why)) {
-    *error = specification.name + ": " + why;
-    return false;
-  }
-  if (phase->pull_back.has_value()) {
-    OptionSet set;
-    phase->pull_back->Describe(&set);
-    if (!CheckOptionNames(*phase, set, pull_back_settings, &why) ||
-        !set.SetAll(pull_back_settings, &why)) {
-      *error = specification.name + ": " + why;
-      return false;
-    }
-  }
+  std::string why;
   ceres::Solver::Options options;
-  ceres::GradientProblemSolver::Options gradient_options;
-  if ((phase->rule != nullptr &&
-       phase->rule->create(phase->rule_settings, &why) == nullptr) ||
-      (phase->ceres != nullptr &&
-       !phase->ceres->configure(
-           phase->ceres_settings, &options, &gradient_options, &why))) {
-    *error = specification.name + ": " + why;
-    return false;
+  if (SetOwn(own_settings, phase, &why) &&
+      (!phase->pull_back.has_value() ||
+       SetPullBack(pull_back_settings, phase, &why)) &&
+      (phase->rule == nullptr ||
+       phase->rule->create(phase->rule_settings, &why) != nullptr) &&
+      (phase->ceres == nullptr ||
+       phase->ceres->configure(phase->ceres_settings, &options, &why))) {
+    return true;
   }
-  return true;
+  *error = fmt::format("{}: {}", specification.name, why);
+  return false;
 }
 
 // Returns false if a phase before the last one has no share of the run, or if
@@ -192,24 +175,23 @@ bool ParsePhase(const Specification& specification,
 bool CheckShare(const Phase& phase, bool is_last, std::string* error) {
   const bool has_share = phase.num_epochs > 0 || phase.num_steps > 0;
   if (is_last && has_share) {
-    *error = "'" + phase.label +
-             "': epochs and steps are the share of a phase that another one "
-             "follows, as in adam:epochs=5>half_inverse; the last one takes "
-             "what is left of the run's budget";
-    return false;
+    *error = fmt::format(
+        "'{}': epochs and steps are the share of a phase that another one "
+        "follows, as in adam:epochs=5>half_inverse; the last one takes what is "
+        "left of the run's budget",
+        phase.label);
+  } else if (!is_last && !has_share) {
+    *error = fmt::format(
+        "'{}' needs epochs=N or steps=N, its share of the run: another phase "
+        "follows it",
+        phase.label);
+  } else if (!is_last && phase.ceres != nullptr) {
+    *error = fmt::format(
+        "'{}': a minimizer of Ceres can only be the last phase", phase.label);
+  } else {
+    return true;
   }
-  if (!is_last && !has_share) {
-    *error = "'" + phase.label +
-             "' needs epochs=N or steps=N, its share of the run: another phase "
-             "follows it";
-    return false;
-  }
-  if (!is_last && phase.ceres != nullptr) {
-    *error = "'" + phase.label +
-             "': a minimizer of Ceres can only be the last phase";
-    return false;
-  }
-  return true;
+  return false;
 }
 
 }  // namespace
@@ -222,22 +204,12 @@ std::unique_ptr<UpdateRule> Phase::MakeRule() const {
   return made;
 }
 
-void Phase::ConfigureCeres(
-    ceres::Solver::Options* options,
-    ceres::GradientProblemSolver::Options* gradient_options) const {
+ceres::Solver::Options Phase::CeresOptions() const {
   CHECK(ceres != nullptr) << label << " has no minimizer of Ceres";
+  ceres::Solver::Options options;
   std::string error;
-  CHECK(ceres->configure(ceres_settings, options, gradient_options, &error))
-      << error;
-}
-
-int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
-  const int size = batch_size >= 0 ? batch_size : batch_size_of_run;
-  return size == 0 || ceres != nullptr ? num_samples : size;
-}
-
-long Phase::StepsPerEpoch(int batch_size_of_run, int num_samples) const {
-  return num_samples / BatchSize(batch_size_of_run, num_samples);
+  CHECK(ceres->configure(ceres_settings, &options, &error)) << error;
+  return options;
 }
 
 void Method::AddCeresDefaults(const Settings& defaults) {

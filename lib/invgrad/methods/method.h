@@ -45,14 +45,7 @@ struct Phase {
   std::unique_ptr<UpdateRule> MakeRule() const;
   // Ceres' options with the settings of the phase. CHECKs that the phase has a
   // minimizer.
-  void ConfigureCeres(
-      ceres::Solver::Options* options,
-      ceres::GradientProblemSolver::Options* gradient_options) const;
-
-  // The phase's own, or the given one; of all samples if that is 0.
-  int BatchSize(int batch_size_of_run, int num_samples) const;
-  // A minimizer of Ceres works on all samples at once.
-  long StepsPerEpoch(int batch_size_of_run, int num_samples) const;
+  ceres::Solver::Options CeresOptions() const;
 };
 
 struct Method {

@@ -38,118 +38,106 @@ bool SetWay(const char* part,
 bool PullBackMethod::SetWays(const std::string& loss,
                              const std::string& simulator,
                              std::string* error) {
-  return SetWay("loss", kLossWays, loss, &loss_, error) &&
-         SetWay("simulator", kSimulatorWays, simulator, &simulator_, error);
+  return SetWay("loss", kLossWays, loss, &options_.loss, error) &&
+         SetWay("simulator",
+                kSimulatorWays,
+                simulator,
+                &options_.simulator.way,
+                error);
 }
 
 void PullBackMethod::Describe(OptionSet* set) {
   set->Add("y_step_size",
-           &y_step_size_,
+           &options_.y_step_size,
            {0.0, kInfinity, true},
            "eta of the step in y");
   if (is_joint()) return;
   set->Add("proxy", &proxy_, {"l2", "l1"}, "distance to the wanted x");
   set->Add("curvature_weight",
-           &curvature_weight_,
+           &options_.curvature_weight,
            {0.0, 1.0},
            "exponent of the loss's curvature along d_x in a sample's weight");
   set->Add("updates",
-           &updates_,
+           &options_.updates_per_evaluation,
            {1, 1e6},
            "updates of the network per evaluation of the simulator");
   set->Add("max_change",
            &max_change_,
            {0.0, kInfinity},
            "longest |d_x| of a sample; 0: any");
-  set->Add("threads", &threads_, {1, 1024}, "threads, over the samples");
-  if (simulator_ == SimulatorWay::kData) return;
+  set->Add(
+      "threads", &options_.num_threads, {1, 1024}, "threads, over the samples");
+  if (way() == SimulatorWay::kData) return;
   set->Add("data_weight",
-           &data_weight_,
+           &options_.data_weight,
            {0.0, kInfinity},
            "weight of 1/2 |x - x*|^2, x* the data's own solution");
-  if (simulator_ == SimulatorWay::kAdjoint) return;
+  if (way() == SimulatorWay::kAdjoint) return;
   set->Add("pull_back_truncation",
-           &pull_back_truncation_,
+           &options_.simulator.truncation,
            {0.0, 1.0, false, true},
            "tau of the simulator's (half-)inverse gradient");
-  if (simulator_ == SimulatorWay::kInverseGradient ||
-      simulator_ == SimulatorWay::kHalfInverse) {
+  if (way() == SimulatorWay::kInverseGradient ||
+      way() == SimulatorWay::kHalfInverse) {
     return;
   }
   set->Add("round_trip",
-           &round_trip_,
+           &options_.simulator.round_trip,
            {0.0, kInfinity, true},
            "allowed |P(x~) - y~| / |y~ - y| of an inverse");
   set->Add("accept_nearer",
-           &accept_nearer_,
+           &options_.simulator.accept_nearer,
            "take every answer that is nearer to y~ than y is");
   set->Add("inverse_iterations",
-           &inverse_iterations_,
+           &options_.simulator.max_num_iterations,
            {1, 1e6},
            "at most, of the numerical inverse");
-  if (simulator_ != SimulatorWay::kNewton) return;
-  set->Add("newton_steps", &newton_steps_, {1, 1e6}, "steps of the inverse");
+  if (way() != SimulatorWay::kNewton) return;
+  NewtonInverse::Options& newton = options_.simulator.newton;
+  set->Add("newton_steps", &newton.num_steps, {1, 1e6}, "steps of the inverse");
   set->Add(
       "max_loss_change",
-      &max_loss_change_,
+      &newton.max_loss_change,
       {0.0, kInfinity, true},
       "bound along directions that curve less than the mean; with one input: "
       "along all");
-  set->Add("newton_damping", &damping_, {0.0, kInfinity}, "added to |lambda|");
+  set->Add(
+      "newton_damping", &newton.damping, {0.0, kInfinity}, "added to |lambda|");
 }
 
 bool PullBackMethod::CanPullBack(const Simulator& simulator,
                                  std::string* error) const {
-  return simulator_ != SimulatorWay::kNewton ||
-         CheckHasHessian(simulator, error);
-}
-
-SimulatorPullBack::Options PullBackMethod::SimulatorOptions() const {
-  SimulatorPullBack::Options options;
-  options.way = simulator_;
-  options.truncation = pull_back_truncation_;
-  options.round_trip = round_trip_;
-  options.accept_nearer = accept_nearer_;
-  options.max_num_iterations = inverse_iterations_;
-  options.newton.num_steps = newton_steps_;
-  options.newton.max_loss_change = max_loss_change_;
-  options.newton.damping = damping_;
-  return options;
+  return way() != SimulatorWay::kNewton || CheckHasHessian(simulator, error);
 }
 
 LossPullBack PullBackMethod::MakeLossPullBack(
     std::shared_ptr<const Loss> loss) const {
-  return LossPullBack(std::move(loss), loss_, y_step_size_);
+  return LossPullBack(std::move(loss), options_.loss, options_.y_step_size);
 }
 
 std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
     std::shared_ptr<const Loss> loss) const {
   CHECK(is_joint());
   // The gradient of the loss itself: there is nothing to pull back.
-  if (loss_ == LossWay::kGradient && y_step_size_ == 1.0) return loss;
+  if (options_.loss == LossWay::kGradient && options_.y_step_size == 1.0) {
+    return loss;
+  }
   return std::make_shared<PulledBackLoss>(MakeLossPullBack(std::move(loss)));
 }
 
 ChainPullBack::Options PullBackMethod::ChainOptions() const {
   CHECK(!is_joint());
-  ChainPullBack::Options options;
-  options.loss = loss_;
-  options.y_step_size = y_step_size_;
-  options.simulator = SimulatorOptions();
+  ChainPullBack::Options options = options_;
   options.proxy =
       proxy_ == "l2" ? ChainPullBack::Proxy::kL2 : ChainPullBack::Proxy::kL1;
-  options.curvature_weight = curvature_weight_;
   if (max_change_ > 0.0) options.max_change = max_change_;
-  options.data_weight = data_weight_;
-  options.updates_per_evaluation = updates_;
-  options.num_threads = threads_;
   return options;
 }
 
 SimulatorPullBack PullBackMethod::MakeSimulatorPullBack(
     const std::shared_ptr<const Simulator>& simulator,
     std::shared_ptr<const InverseSimulator> inverse) const {
-  return SimulatorPullBack(simulator, std::move(inverse), SimulatorOptions());
+  return SimulatorPullBack(simulator, std::move(inverse), options_.simulator);
 }
 
 std::vector<OptionSet::Row> ChainMethodRow::options() const {

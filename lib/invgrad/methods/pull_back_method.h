@@ -40,16 +40,16 @@ class PullBackMethod {
   // The options that these ways read.
   void Describe(OptionSet* set);
 
-  bool is_joint() const { return simulator_ == SimulatorWay::kJoint; }
+  bool is_joint() const { return way() == SimulatorWay::kJoint; }
   // Whether a setting is set that only applies to batches.
   bool needs_batches() const {
-    return proxy_ != "l2" || curvature_weight_ != 0.0 || updates_ != 1 ||
-           max_change_ != 0.0;
+    return proxy_ != "l2" || options_.curvature_weight != 0.0 ||
+           updates() != 1 || max_change_ != 0.0;
   }
-  int updates() const { return updates_; }
+  int updates() const { return options_.updates_per_evaluation; }
   // Whether it needs data with solutions.
   bool needs_solutions() const {
-    return simulator_ == SimulatorWay::kData || data_weight_ > 0.0;
+    return way() == SimulatorWay::kData || options_.data_weight > 0.0;
   }
 
   // Returns false, with a message, if these ways need derivatives that the
@@ -67,24 +67,12 @@ class PullBackMethod {
       std::shared_ptr<const InverseSimulator> inverse) const;
 
  private:
-  SimulatorPullBack::Options SimulatorOptions() const;
+  SimulatorWay way() const { return options_.simulator.way; }
 
-  LossWay loss_ = LossWay::kNewton;
-  SimulatorWay simulator_ = SimulatorWay::kInverse;
-  double y_step_size_ = 1.0;
+  // Without proxy and max_change.
+  ChainPullBack::Options options_;
   std::string proxy_ = "l2";
-  double curvature_weight_ = 0.0;
   double max_change_ = 0.0;  // 0: no limit
-  double data_weight_ = 0.0;
-  int updates_ = 1;
-  int threads_ = 1;
-  double pull_back_truncation_ = 1e-5;
-  double round_trip_ = 1e-3;
-  bool accept_nearer_ = false;
-  int inverse_iterations_ = 50;
-  int newton_steps_ = 1;
-  double max_loss_change_ = 0.2;
-  double damping_ = 0.0;
 };
 
 // A known combination.

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "ceres/gradient_problem.h"
-#include "ceres/types.h"
+#include "ceres/gradient_problem_solver.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -23,6 +23,19 @@ void ApplyMinimizerOptions(const MinimizerOptions& options,
   ceres_options->callbacks = options.callbacks;
   ceres_options->update_state_every_iteration = !options.callbacks.empty();
   ceres_options->logging_type = ceres::SILENT;
+}
+
+// The fields of a line search have the same names in both of Ceres' structs.
+ceres::GradientProblemSolver::Options LineSearchOptions(
+    const ceres::Solver::Options& from) {
+  ceres::GradientProblemSolver::Options to;
+  to.line_search_direction_type = from.line_search_direction_type;
+  to.line_search_type = from.line_search_type;
+  to.nonlinear_conjugate_gradient_type = from.nonlinear_conjugate_gradient_type;
+  to.max_lbfgs_rank = from.max_lbfgs_rank;
+  to.use_approximate_eigenvalue_bfgs_scaling =
+      from.use_approximate_eigenvalue_bfgs_scaling;
+  return to;
 }
 
 template <typename CeresSummary>
@@ -60,17 +73,19 @@ void ConvertSummary(const CeresSummary& ceres_summary,
 void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::Solver::Options ceres_options,
                        ceres::Problem* problem,
-                       MinimizerSummary* summary) {
+                       MinimizerSummary* summary,
+                       UpdateCallback* proposals) {
   CHECK(problem != nullptr);
   CHECK(summary != nullptr);
   ApplyMinimizerOptions(options, &ceres_options);
+  if (proposals != nullptr) proposals->AddTo(&ceres_options);
   ceres::Solver::Summary ceres_summary;
   ceres::Solve(ceres_options, problem, &ceres_summary);
   ConvertSummary(ceres_summary, summary);
 }
 
 void MinimizeWithCeres(const MinimizerOptions& options,
-                       ceres::GradientProblemSolver::Options ceres_options,
+                       const ceres::Solver::Options& ceres_options,
                        ceres::FirstOrderFunction* function,
                        Eigen::VectorXd* x,
                        MinimizerSummary* summary) {
@@ -79,10 +94,24 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   CHECK(summary != nullptr);
   const ceres::GradientProblem problem(function);
   CHECK_EQ(x->size(), problem.NumParameters());
-  ApplyMinimizerOptions(options, &ceres_options);
+  ceres::GradientProblemSolver::Options line_search =
+      LineSearchOptions(ceres_options);
+  ApplyMinimizerOptions(options, &line_search);
   ceres::GradientProblemSolver::Summary ceres_summary;
-  ceres::Solve(ceres_options, problem, x->data(), &ceres_summary);
+  ceres::Solve(line_search, problem, x->data(), &ceres_summary);
   ConvertSummary(ceres_summary, summary);
+}
+
+std::vector<MemoryPart> TrustRegionMemory(ceres::LinearSolverType solver,
+                                          double rows,
+                                          double cols) {
+  // Ours, Ceres' own, and the one from which that is assembled or in which it
+  // is factorized.
+  std::vector<MemoryPart> parts = {{"J", sizeof(double) * 3.0 * rows * cols}};
+  if (solver != ceres::CGNR) {
+    parts.push_back({"normal equations", sizeof(double) * cols * cols});
+  }
+  return parts;
 }
 
 }  // namespace invgrad

@@ -9,31 +9,43 @@
 #ifndef INVGRAD_MINIMIZE_CERES_MINIMIZER_H_
 #define INVGRAD_MINIMIZE_CERES_MINIMIZER_H_
 
+#include <vector>
+
 #include "Eigen/Core"
 #include "ceres/first_order_function.h"
-#include "ceres/gradient_problem_solver.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "ceres/types.h"
+#include "invgrad/ceres/update_callback.h"
+#include "invgrad/core/memory_limit.h"
 #include "invgrad/minimize/minimizer.h"
 
 namespace invgrad {
 
 // Runs ceres::Solve with the given options of Ceres, except that budget,
-// tolerances and callbacks come from `options`, and logging is off. Callbacks,
-// including an UpdateCallback, run in the given order, with up-to-date blocks
-// (the best state, if steps may be nonmonotonic).
+// tolerances and callbacks come from `options`, and logging is off. Callbacks
+// run in the given order, with up-to-date blocks (the best state, if steps may
+// be nonmonotonic), and after them `proposals`, if it is not null.
 void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::Solver::Options ceres_options,
                        ceres::Problem* problem,
-                       MinimizerSummary* summary);
+                       MinimizerSummary* summary,
+                       UpdateCallback* proposals = nullptr);
 
-// The same for a smooth function (line searches only). Takes ownership of
-// `function`, as ceres::GradientProblem does.
+// The same for a smooth function, by the line search, its direction and the
+// options of the direction in `ceres_options`. Takes ownership of `function`, as
+// ceres::GradientProblem does.
 void MinimizeWithCeres(const MinimizerOptions& options,
-                       ceres::GradientProblemSolver::Options ceres_options,
+                       const ceres::Solver::Options& ceres_options,
                        ceres::FirstOrderFunction* function,
                        Eigen::VectorXd* x,
                        MinimizerSummary* summary);
+
+// The memory of a trust region with an m x n Jacobian: its copies in the linear
+// solver, 8 m n bytes each, and the normal equations, 8 n^2.
+std::vector<MemoryPart> TrustRegionMemory(ceres::LinearSolverType solver,
+                                          double rows,
+                                          double cols);
 
 }  // namespace invgrad
 

@@ -1,18 +1,95 @@
 #include "invgrad/minimize/method_minimization.h"
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
 
+#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/inverse/loss_pull_back.h"
+#include "invgrad/inverse/simulator_pull_back.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/problem_minimization.h"
-#include "invgrad/minimize/pull_back_objective.h"
-#include "invgrad/minimize/trust_region_memory.h"
 
 namespace invgrad {
 
 namespace {
+
+// The proxy of a pull-back through simulator and loss to x, without a network:
+//
+//   x~ = x + d_x,   proxy 1/2 |x - x~|^2,   gradient = -d_x,   J = H_L = 1
+//
+// With a full step this is x <- P^-1(y + d_y; x). The cost is L at x.
+class PullBackObjective final : public Objective {
+ public:
+  // `objective` holds the point.
+  PullBackObjective(ChainObjective* objective,
+                    LossPullBack loss,
+                    SimulatorPullBack simulator)
+      : objective_(*objective),
+        loss_(std::move(loss)),
+        simulator_(std::move(simulator)) {}
+
+  int num_parameters() const override { return objective_.num_parameters(); }
+  bool Linearize(const LinearizationParts& parts,
+                 Linearization* linearization,
+                 std::string* error) const override {
+    const Eigen::VectorXd x = objective_.State();
+    Eigen::VectorXd y(objective_.target().size());
+    Eigen::VectorXd d_x(x.size());
+    SimulatorPullBack::Result result;
+    error->clear();
+    const auto wanted_change = [&](const double* at, double* change) {
+      return loss_.Step(
+          at, objective_.target().data(), &linearization->cost, change, error);
+    };
+    if (!simulator_(x,
+                    Eigen::VectorXd(),
+                    std::cref(wanted_change),
+                    y.data(),
+                    d_x,
+                    &result)) {
+      if (error->empty()) *error = "the simulator has no finite value at x";
+      return false;
+    }
+    if (!std::isfinite(linearization->cost)) {
+      *error = "the loss has no finite value at y";
+      return false;
+    }
+    counts_.BeginStep();
+    counts_.Add(result, 0);
+    const Eigen::Index n = x.size();
+    linearization->gradient = -d_x;
+    if (parts.jacobian) {
+      linearization->loss_gradient = -d_x;
+      linearization->jacobian =
+          std::make_shared<DenseJacobian>(Eigen::MatrixXd::Identity(n, n));
+    }
+    if (parts.hessian) linearization->hessian.setIdentity(n, n);
+    return true;
+  }
+  bool Cost(double* cost, std::string* error) const override {
+    return objective_.Cost(cost, error);
+  }
+  Eigen::VectorXd State() const override { return objective_.State(); }
+  void SetState(const Eigen::VectorXd& state) override {
+    objective_.SetState(state);
+  }
+  bool Plus(const Eigen::VectorXd& step) override {
+    return objective_.Plus(step);
+  }
+
+  // Counts over all linearizations.
+  const PullBackCounts& counts() const { return counts_; }
+
+ private:
+  ChainObjective& objective_;
+  LossPullBack loss_;
+  SimulatorPullBack simulator_;
+  mutable PullBackCounts counts_;
+};
 
 // Returns false, with summary and path of the failure, if the cost is not
 // finite at the start. Ceres only checks the residuals, whose squares may
@@ -84,6 +161,29 @@ void MinimizeByRule(const Phase& phase,
   }
 }
 
+// False, with *error set, if the phase cannot minimize the objective.
+bool IsForPoints(const Phase& phase,
+                 const ChainObjective& objective,
+                 std::string* error) {
+  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+  if (!phase.pull_back.has_value() || phase.pull_back->is_joint()) {
+    return rule == nullptr || !rule->Needs().hessian ||
+           CheckHasHessian(objective.simulator(), error);
+  }
+  if (phase.pull_back->needs_solutions()) {
+    *error = "a point has no data to learn from";
+  } else if (phase.pull_back->needs_batches()) {
+    *error = "proxy, curvature_weight, updates and max_change need a network";
+  } else if (rule->JudgesSteps()) {
+    *error =
+        "control=gain judges by a cost, and the change that is pulled back to "
+        "a point has none";
+  } else {
+    return phase.pull_back->CanPullBack(objective.simulator(), error);
+  }
+  return false;
+}
+
 }  // namespace
 
 bool MinimizeByMethod(const Method& method,
@@ -99,30 +199,8 @@ bool MinimizeByMethod(const Method& method,
     *error = "a method in phases needs a network to train";
     return false;
   }
-  if (phase.pull_back.has_value() && phase.pull_back->needs_solutions()) {
-    *error = "a point has no data to learn from";
-    return false;
-  }
-  if (phase.pull_back.has_value() && phase.pull_back->needs_batches()) {
-    *error = "proxy, curvature_weight, updates and max_change need a network";
-    return false;
-  }
-  const bool is_pulled_back =
-      phase.pull_back.has_value() && !phase.pull_back->is_joint();
-  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  if (is_pulled_back
-          ? !phase.pull_back->CanPullBack(objective->simulator(), error)
-          : rule != nullptr && rule->Needs().hessian &&
-                !CheckHasHessian(objective->simulator(), error)) {
-    return false;
-  }
+  if (!IsForPoints(phase, *objective, error)) return false;
   if (phase.ceres == nullptr) {
-    if (is_pulled_back && rule->JudgesSteps()) {
-      *error =
-          "control=gain judges by a cost, and the change that is pulled back "
-          "to a point has none";
-      return false;
-    }
     MinimizeByRule(
         phase, options, std::move(inverse), objective, path, summary);
     return true;
@@ -131,20 +209,18 @@ bool MinimizeByMethod(const Method& method,
   MinimizerOptions recorded = options;
   PathRecorder recorder([&x]() { return x; }, path);
   recorded.callbacks.insert(recorded.callbacks.begin(), &recorder);
-  ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options gradient_options;
-  phase.ConfigureCeres(&solver_options, &gradient_options);
+  const ceres::Solver::Options ceres_options = phase.CeresOptions();
   if (!phase.ceres->is_trust_region) {
     // A line search uses the gradient and no Jacobian, which may be large.
     if (!HasStart(*objective, path, summary)) return true;
     MinimizeWithCeres(
-        recorded, gradient_options, new ChainFunction(objective), &x, summary);
+        recorded, ceres_options, new ChainFunction(objective), &x, summary);
   } else if (!objective->loss().SquaredNormFactor().has_value()) {
     *error = kNeedsLeastSquares;
     return false;
   } else if (!FitsInMemory(
                  "a trust region",
-                 TrustRegionMemory(solver_options.linear_solver_type,
+                 TrustRegionMemory(ceres_options.linear_solver_type,
                                    objective->simulator().num_outputs(),
                                    objective->num_parameters()),
                  /*limit=*/0.0,

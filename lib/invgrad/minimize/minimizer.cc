@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
 #include "Eigen/Core"
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/linearization.h"
@@ -19,12 +19,6 @@ using Clock = std::chrono::steady_clock;
 
 double Seconds(Clock::duration duration) {
   return std::chrono::duration<double>(duration).count();
-}
-
-std::string Format(const char* format, double a, double b) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof(buffer), format, a, b);
-  return buffer;
 }
 
 // One run of Minimize.
@@ -44,18 +38,14 @@ class Run {
   }
 
   void Minimize() {
-    if (!Start()) return;
-    while (MayContinue()) {
-      if (!Step()) return;
-    }
+    for (bool goes_on = Start(); goes_on;) goes_on = MayContinue() && Step();
   }
 
  private:
   bool Start() {
     std::string error;
     if (!objective_->Linearize(parts_, &at_x_, &error)) {
-      Terminate(ceres::FAILURE, "no start: " + error);
-      return false;
+      return Terminate(ceres::FAILURE, "no start: " + error);
     }
     state_ = objective_->State();
     summary_->initial_cost = at_x_.cost;
@@ -69,27 +59,28 @@ class Run {
   bool MayContinue() {
     const double gradient_max_norm = at_x_.gradient.lpNorm<Eigen::Infinity>();
     if (gradient_max_norm <= options_.gradient_tolerance) {
-      Terminate(ceres::CONVERGENCE,
-                Format("Gradient tolerance reached. Gradient max norm: %e <= "
-                       "%e",
-                       gradient_max_norm,
-                       options_.gradient_tolerance));
-      return false;
+      return Terminate(
+          ceres::CONVERGENCE,
+          fmt::format(
+              "Gradient tolerance reached. Gradient max norm: {:e} <= {:e}",
+              gradient_max_norm,
+              options_.gradient_tolerance));
     }
     if (summary_->num_steps() >= options_.max_num_iterations) {
-      Terminate(ceres::NO_CONVERGENCE,
-                "Maximum number of iterations reached. Number of iterations: " +
-                    std::to_string(summary_->num_steps()));
-      return false;
+      return Terminate(
+          ceres::NO_CONVERGENCE,
+          fmt::format(
+              "Maximum number of iterations reached. Number of iterations: {}",
+              summary_->num_steps()));
     }
     const double seconds = Seconds(Clock::now() - start_);
     if (seconds >= options_.max_time_in_seconds) {
-      Terminate(ceres::NO_CONVERGENCE,
-                Format("Maximum solver time reached. Total solver time: %e >= "
-                       "%e.",
-                       seconds,
-                       options_.max_time_in_seconds));
-      return false;
+      return Terminate(
+          ceres::NO_CONVERGENCE,
+          fmt::format(
+              "Maximum solver time reached. Total solver time: {:e} >= {:e}.",
+              seconds,
+              options_.max_time_in_seconds));
     }
     return true;
   }
@@ -114,10 +105,9 @@ class Run {
     std::string error;
     if (!Move(&error)) {
       objective_->SetState(state_);
-      Terminate(ceres::FAILURE,
-                "iteration " + std::to_string(summary_->num_steps() + 1) +
-                    ": " + error);
-      return false;
+      return Terminate(
+          ceres::FAILURE,
+          fmt::format("iteration {}: {}", summary_->num_steps() + 1, error));
     }
     const Eigen::VectorXd previous = state_;
     state_ = objective_->State();
@@ -128,9 +118,27 @@ class Run {
     iteration.step_norm = (state_ - previous).norm();
     iteration.step_is_successful = !was_taken_back_;
     if (!Record(&iteration)) return false;
-    return was_taken_back_ ||
-           (!FunctionToleranceReached(cost, iteration.cost_change) &&
-            !ParameterToleranceReached(previous.norm(), iteration.step_norm));
+    if (was_taken_back_) return true;
+    const double function_tolerance = options_.function_tolerance;
+    if (function_tolerance > 0.0 &&
+        std::abs(iteration.cost_change) <= function_tolerance * cost) {
+      return Terminate(
+          ceres::CONVERGENCE,
+          fmt::format(
+              "Function tolerance reached. |cost_change|: {:e} <= {:e} cost",
+              std::abs(iteration.cost_change),
+              function_tolerance));
+    }
+    const double tolerance = options_.parameter_tolerance;
+    if (tolerance > 0.0 &&
+        iteration.step_norm <= tolerance * (previous.norm() + tolerance)) {
+      return Terminate(ceres::CONVERGENCE,
+                       fmt::format("Parameter tolerance reached. |step|: {:e} "
+                                   "<= {:e} (|x| + tolerance)",
+                                   iteration.step_norm,
+                                   tolerance));
+    }
+    return true;
   }
 
   // Takes the step and linearizes at the new point, or at the old one if the
@@ -185,49 +193,26 @@ class Run {
         case ceres::SOLVER_CONTINUE:
           break;
         case ceres::SOLVER_ABORT:
-          Terminate(ceres::USER_FAILURE, "User callback returned abort.");
-          return false;
+          return Terminate(ceres::USER_FAILURE,
+                           "User callback returned abort.");
         case ceres::SOLVER_TERMINATE_SUCCESSFULLY:
-          Terminate(ceres::USER_SUCCESS, "User callback returned success.");
-          return false;
+          return Terminate(ceres::USER_SUCCESS,
+                           "User callback returned success.");
       }
     }
     return true;
   }
 
-  bool FunctionToleranceReached(double cost, double cost_change) {
-    if (options_.function_tolerance <= 0.0 ||
-        std::abs(cost_change) > options_.function_tolerance * cost) {
-      return false;
-    }
-    Terminate(ceres::CONVERGENCE,
-              Format("Function tolerance reached. |cost_change|: %e <= %e cost",
-                     std::abs(cost_change),
-                     options_.function_tolerance));
-    return true;
-  }
-
-  bool ParameterToleranceReached(double x_norm, double step_norm) {
-    const double tolerance = options_.parameter_tolerance;
-    if (tolerance <= 0.0 || step_norm > tolerance * (x_norm + tolerance)) {
-      return false;
-    }
-    Terminate(ceres::CONVERGENCE,
-              Format("Parameter tolerance reached. |step|: %e <= %e (|x| + "
-                     "tolerance)",
-                     step_norm,
-                     tolerance));
-    return true;
-  }
-
-  void Terminate(ceres::TerminationType type, const std::string& message) {
+  // Returns false: the run ends.
+  bool Terminate(ceres::TerminationType type, const std::string& message) {
     summary_->termination_type = type;
     summary_->message = message;
     if (summary_->num_taken_back > 0) {
       summary_->message +=
-          "; " + std::to_string(summary_->num_taken_back) + " steps taken back";
+          fmt::format("; {} steps taken back", summary_->num_taken_back);
     }
     summary_->total_time_in_seconds = Seconds(Clock::now() - start_);
+    return false;
   }
 
   const MinimizerOptions& options_;
@@ -245,15 +230,12 @@ class Run {
 }  // namespace
 
 std::string MinimizerSummary::BriefReport() const {
-  char buffer[128];
-  std::snprintf(buffer,
-                sizeof(buffer),
-                "%s, %d steps, cost %.6e -> %.6e: ",
-                ceres::TerminationTypeToString(termination_type),
-                num_steps(),
-                initial_cost,
-                final_cost);
-  return buffer + message;
+  return fmt::format("{}, {} steps, cost {:.6e} -> {:.6e}: {}",
+                     ceres::TerminationTypeToString(termination_type),
+                     num_steps(),
+                     initial_cost,
+                     final_cost,
+                     message);
 }
 
 void Minimize(const MinimizerOptions& options,

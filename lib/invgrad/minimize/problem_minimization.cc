@@ -1,55 +1,29 @@
 #include "invgrad/minimize/problem_minimization.h"
 
-#include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "ceres/cost_function.h"
 #include "ceres/types.h"
+#include "invgrad/ceres/problem_structure.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/minimize/ceres_minimizer.h"
-#include "invgrad/minimize/trust_region_memory.h"
 
 namespace invgrad {
 
 namespace {
 
-double NumVariables(const ceres::Problem& problem) {
-  std::vector<double*> blocks;
-  problem.GetParameterBlocks(&blocks);
-  double sum = 0.0;
-  for (const double* block : blocks) {
-    if (!problem.IsParameterBlockConstant(block)) {
-      sum += problem.ParameterBlockTangentSize(block);
-    }
-  }
-  return sum;
-}
-
-double NumVariableResiduals(const ceres::Problem& problem) {
-  std::vector<ceres::ResidualBlockId> residual_blocks;
-  problem.GetResidualBlocks(&residual_blocks);
-  std::vector<double*> blocks;
-  double sum = 0.0;
-  for (const ceres::ResidualBlockId id : residual_blocks) {
-    problem.GetParameterBlocksForResidualBlock(id, &blocks);
-    if (std::any_of(blocks.begin(), blocks.end(), [&](const double* block) {
-          return !problem.IsParameterBlockConstant(block);
-        })) {
-      sum += problem.GetCostFunctionForResidualBlock(id)->num_residuals();
-    }
-  }
-  return sum;
-}
-
 bool CeresFitsInMemory(const Phase& phase,
                        const ceres::Solver::Options& options,
                        const ceres::Problem& problem,
                        std::string* error) {
-  // The parts that Ceres solves for: non-constant blocks, and residual blocks
-  // that depend on them.
-  const double cols = NumVariables(problem);
-  const double rows = NumVariableResiduals(problem);
+  // Ceres solves for the blocks that are not constant, and omits residual blocks
+  // that do not depend on them.
+  const ProblemStructure structure = ReadStructure(problem, {});
+  const double cols = structure.num_parameters;
+  double rows = 0.0;
+  for (const auto& block : structure.residual_blocks) {
+    if (block.row_length > 0) rows += block.size;
+  }
   std::vector<MemoryPart> parts;
   if (!phase.ceres->is_trust_region) {
     if (options.line_search_direction_type != ceres::BFGS) return true;
@@ -83,25 +57,21 @@ bool TakesProposals(const Phase& phase,
          UpdateCallback::IsSupported(UpdateCallback::Options(), problem, error);
 }
 
-std::string MinimizeWithProposals(const Phase& phase,
-                                  const MinimizerOptions& options,
-                                  const ceres::Solver::Options& ceres_options,
-                                  ceres::Problem* problem,
-                                  MinimizerSummary* summary) {
+std::string MinimizeWithProposals(
+    const Phase& phase,
+    const MinimizerOptions& options,
+    const ceres::Solver::Options& ceres_options,
+    const UpdateCallback::Options& callback_options,
+    ceres::Problem* problem,
+    MinimizerSummary* summary) {
   if (phase.rule == nullptr) {
     MinimizeWithCeres(options, ceres_options, problem, summary);
     return "";
   }
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  UpdateCallback callback(rule.get(), problem);
-  MinimizerOptions with_proposals = options;
-  with_proposals.callbacks.insert(with_proposals.callbacks.begin(),
-                                  callback.iteration_callback());
-  MinimizeWithCeres(with_proposals, ceres_options, problem, summary);
-  const UpdateCallback::Summary& proposals = callback.summary();
-  return proposals.num_proposed > 0 || proposals.message.empty()
-             ? "; " + proposals.BriefReport()
-             : "; " + proposals.BriefReport() + " (" + proposals.message + ")";
+  UpdateCallback callback(rule.get(), problem, callback_options);
+  MinimizeWithCeres(options, ceres_options, problem, summary, &callback);
+  return "; " + callback.summary().BriefReport();
 }
 
 bool MinimizeProblem(
@@ -117,9 +87,7 @@ bool MinimizeProblem(
     Minimize(options, phase.MakeRule().get(), problem, summary);
     return true;
   }
-  ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options unused;
-  phase.ConfigureCeres(&solver_options, &unused);
+  ceres::Solver::Options solver_options = phase.CeresOptions();
   if (!CeresFitsInMemory(phase, solver_options, *problem, error) ||
       !TakesProposals(phase, *problem, error)) {
     return false;
@@ -127,8 +95,8 @@ bool MinimizeProblem(
   if (ceres::IsSchurType(solver_options.linear_solver_type)) {
     solver_options.linear_solver_ordering = std::move(elimination_order);
   }
-  const std::string proposals =
-      MinimizeWithProposals(phase, options, solver_options, problem, summary);
+  const std::string proposals = MinimizeWithProposals(
+      phase, options, solver_options, {}, problem, summary);
   summary->message += proposals;
   return true;
 }

@@ -17,6 +17,7 @@
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "invgrad/ceres/update_callback.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/minimize/minimizer.h"
 
@@ -38,11 +39,13 @@ bool MinimizeProblem(
 
 // Minimizes by the phase's trust region of Ceres, with the proposals of its
 // rule, if any; returns a text about the proposals for the summary's message.
-std::string MinimizeWithProposals(const Phase& phase,
-                                  const MinimizerOptions& options,
-                                  const ceres::Solver::Options& ceres_options,
-                                  ceres::Problem* problem,
-                                  MinimizerSummary* summary);
+std::string MinimizeWithProposals(
+    const Phase& phase,
+    const MinimizerOptions& options,
+    const ceres::Solver::Options& ceres_options,
+    const UpdateCallback::Options& callback_options,
+    ceres::Problem* problem,
+    MinimizerSummary* summary);
 
 // False, with *error set, if the phase has a rule that cannot propose its steps
 // for this problem.

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <numeric>
 #include <set>
-#include <unordered_map>
-#include <unordered_set>
 #include <utility>
 
 #include "fmt/core.h"
@@ -92,40 +90,40 @@ std::vector<int> Components(const ceres::Manifold* manifold,
 
 void DescribeBlocks(const RankReport::Options& options,
                     const ceres::Problem& problem,
-                    const ProblemLinearizer& linearizer,
+                    const ProblemStructure& structure,
                     RankReport* report) {
-  const std::vector<double*>& blocks = linearizer.parameter_blocks();
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    const int index = static_cast<int>(b);
+  for (const auto& from : structure.parameter_blocks) {
     RankReport::Block block;
-    block.values = blocks[b];
-    if (options.block_name) block.name = options.block_name(blocks[b]);
-    if (block.name.empty()) block.name = fmt::format("block {}", b);
-    block.size = linearizer.ambient_size(index);
-    block.tangent_size = linearizer.tangent_size(index);
-    block.column = linearizer.column(index);
+    block.values = from.values;
+    if (options.block_name) block.name = options.block_name(from.values);
+    if (block.name.empty()) {
+      block.name = fmt::format("block {}", report->blocks.size());
+    }
+    block.size = from.ambient_size;
+    block.tangent_size = from.tangent_size;
+    block.column = from.column;
     block.components =
-        Components(linearizer.manifold(index), blocks[b], block.tangent_size);
+        Components(from.manifold, from.values, from.tangent_size);
     report->blocks.push_back(std::move(block));
   }
-  report->num_residuals = linearizer.num_residuals();
-  report->num_parameters = linearizer.num_parameters();
+  report->num_residuals = structure.num_residuals;
+  report->num_parameters = structure.num_parameters;
   report->num_constant_blocks =
-      problem.NumParameterBlocks() - static_cast<int>(blocks.size());
+      problem.NumParameterBlocks() - static_cast<int>(report->blocks.size());
 }
 
 void FindUnused(const VectorXd& lengths,
-                const std::vector<std::vector<double*>>& arguments,
+                const ProblemStructure& structure,
                 RankReport* report) {
-  std::unordered_set<const double*> named;
-  for (const std::vector<double*>& blocks : arguments) {
-    named.insert(blocks.begin(), blocks.end());
+  std::vector<bool> is_named(report->blocks.size(), false);
+  for (const auto& argument : structure.arguments) {
+    if (argument.block >= 0) is_named[argument.block] = true;
   }
   for (std::size_t b = 0; b < report->blocks.size(); ++b) {
     const RankReport::Block& block = report->blocks[b];
     RankReport::Unused unused;
     unused.block = static_cast<int>(b);
-    unused.in_no_residual = named.count(block.values) == 0;
+    unused.in_no_residual = !is_named[b];
     for (int i = 0; i < block.tangent_size; ++i) {
       if (lengths[block.column + i] == 0.0) unused.tangent.push_back(i);
     }
@@ -189,30 +187,25 @@ std::vector<int> FindGroups(const SparseMatrix& J,
   for (std::size_t g = 0; g < groups->size(); ++g) {
     BlockGroup& group = (*groups)[g];
     group.offsets.push_back(static_cast<int>(group.columns.size()));
-    group.J.resize(num_rows[g], static_cast<Index>(group.columns.size()));
+    group.A.resize(num_rows[g], static_cast<Index>(group.columns.size()));
   }
   return local_rows;
 }
 
+// Fills A and D.
 void FillJacobian(const SparseMatrix& J,
                   const VectorXd& lengths,
                   const std::vector<int>& local_rows,
                   BlockGroup* group) {
-  group->lengths.resize(group->J.cols());
-  for (Index j = 0; j < group->J.cols(); ++j) {
-    group->lengths[j] = lengths[group->columns[j]];
-    group->J.startVec(j);
-    for (SparseMatrix::InnerIterator it(J, group->columns[j]); it; ++it) {
-      group->J.insertBack(local_rows[it.row()], j) = it.value();
-    }
-  }
-  group->J.finalize();
-  group->A = group->J;
+  group->lengths = lengths(group->columns);
   for (Index j = 0; j < group->A.cols(); ++j) {
-    for (SparseMatrix::InnerIterator it(group->A, j); it; ++it) {
-      it.valueRef() /= group->lengths[j];
+    group->A.startVec(j);
+    for (SparseMatrix::InnerIterator it(J, group->columns[j]); it; ++it) {
+      group->A.insertBack(local_rows[it.row()], j) =
+          it.value() / group->lengths[j];
     }
   }
+  group->A.finalize();
 }
 
 }  // namespace
@@ -233,7 +226,8 @@ bool GroupBlocks(const RankReport::Options& options,
   const SparseMatrix J = ToSparse(*linearization.jacobian);
   linearization = Linearization();
   if (!CheckMemory(J, error)) return false;
-  DescribeBlocks(options, problem, linearizer, report);
+  const ProblemStructure& structure = linearizer.structure();
+  DescribeBlocks(options, problem, structure, report);
 
   VectorXd lengths(J.cols());
   for (Index j = 0; j < J.cols(); ++j) {
@@ -242,29 +236,23 @@ bool GroupBlocks(const RankReport::Options& options,
                                             J.outerIndexPtr()[j + 1] - begin)
                      .stableNorm();
   }
-  std::vector<ceres::ResidualBlockId> ids;
-  problem.GetResidualBlocks(&ids);
-  std::vector<std::vector<double*>> arguments(ids.size());
-  for (std::size_t r = 0; r < ids.size(); ++r) {
-    problem.GetParameterBlocksForResidualBlock(ids[r], &arguments[r]);
-  }
-  FindUnused(lengths, arguments, report);
+  FindUnused(lengths, structure, report);
   const std::vector<int> local_rows = FindGroups(J, lengths, report, groups);
   for (BlockGroup& group : *groups) {
     FillJacobian(J, lengths, local_rows, &group);
   }
-
-  std::unordered_map<const double*, int> group_of;
-  for (const RankReport::Block& block : report->blocks) {
-    group_of[block.values] = block.group;
-  }
-  for (const std::vector<double*>& blocks : arguments) {
+  for (const auto& block : structure.residual_blocks) {
     std::set<int> named;
-    for (const double* values : blocks) {
-      const auto it = group_of.find(values);
-      if (it != group_of.end() && it->second >= 0) named.insert(it->second);
+    for (int a = 0; a < block.num_arguments; ++a) {
+      const int b = structure.arguments[block.first_argument + a].block;
+      if (b >= 0 && report->blocks[b].group >= 0) {
+        named.insert(report->blocks[b].group);
+      }
     }
-    for (const int g : named) (*groups)[g].arguments.push_back(blocks);
+    const auto values = structure.values.begin() + block.first_argument;
+    for (const int g : named) {
+      (*groups)[g].arguments.emplace_back(values, values + block.num_arguments);
+    }
   }
   return true;
 }

@@ -25,8 +25,7 @@ struct BlockGroup {
   std::vector<int> columns;       // of the problem's J
   Eigen::VectorXd lengths;        // D, of these columns
   std::vector<int> offsets;       // first column of each block, and the end
-  Eigen::SparseMatrix<double> J;  // rows and columns of the group
-  Eigen::SparseMatrix<double> A;  // J D^-1
+  Eigen::SparseMatrix<double> A;  // J D^-1, rows and columns of the group
   // The residual blocks that use a block of the group.
   std::vector<std::vector<double*>> arguments;
 };

@@ -1,13 +1,12 @@
 #include "invgrad/rank/describe_group.h"
 
 #include <algorithm>
-#include <cmath>
+#include <numeric>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
-#include "invgrad/rank/anchor.h"
+#include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/gauge_match.h"
 #include "invgrad/rank/localized_basis.h"
 
@@ -18,35 +17,77 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The group's blocks, and the other blocks of its residuals as constant ones.
-GaugeComponent MakeComponent(const ceres::Problem& problem,
-                             const RankReport& report,
-                             const BlockGroup& group) {
-  GaugeComponent component;
-  std::unordered_map<const double*, int> index;
-  const auto add = [&](const double* values, bool is_constant) {
-    const auto [it, is_new] =
-        index.insert({values, static_cast<int>(component.blocks.size())});
-    if (is_new) {
-      GaugeBlock block;
-      block.values = values;
-      block.size = problem.ParameterBlockSize(values);
-      block.offset = component.ambient_size;
-      block.is_constant = is_constant;
-      block.manifold = problem.GetManifold(values);
-      component.ambient_size += block.size;
-      component.blocks.push_back(block);
-    }
-    return it->second;
-  };
-  for (const int b : group.blocks) add(report.blocks[b].values, false);
-  for (const std::vector<double*>& blocks : group.arguments) {
-    std::vector<int> arguments;
-    arguments.reserve(blocks.size());
-    for (const double* values : blocks) arguments.push_back(add(values, true));
-    component.arguments.push_back(std::move(arguments));
+// Parameters of one block to hold constant.
+struct Anchor {
+  int block = 0;
+  std::vector<int> rows;  // of the block; all of them: hold the whole block
+  int num_removed = 0;    // directions
+};
+
+// rank is 0 if no block remains.
+struct Candidate {
+  int block = 0;
+  int rank = 0;
+};
+
+Candidate BestBlock(const MatrixXd& N, const std::vector<int>& offsets) {
+  constexpr double kRank = 1e-5;  // relative to the block's largest
+  // A block that does not move cannot be an anchor, and a block that hardly
+  // moves is a bad anchor if there are others.
+  constexpr double kFixed = 1e-6;
+  constexpr double kFirm = 0.01;
+  std::vector<double> norms;
+  for (std::size_t b = 0; b + 1 < offsets.size(); ++b) {
+    norms.push_back(
+        N.middleRows(offsets[b], offsets[b + 1] - offsets[b]).norm());
   }
-  return component;
+  const double largest = *std::max_element(norms.begin(), norms.end());
+  Candidate best;
+  for (std::size_t b = 0; b < norms.size(); ++b) {
+    const int size = offsets[b + 1] - offsets[b];
+    if (size < best.rank || !(norms[b] > kFixed * largest)) continue;
+    const VectorXd s = SingularValues(N.middleRows(offsets[b], size));
+    const int rank = static_cast<int>((s.array() > kRank * s[0]).count());
+    if (rank > best.rank ||
+        (rank == best.rank && kFirm * norms[b] > norms[best.block])) {
+      best = {static_cast<int>(b), rank};
+    }
+  }
+  return best;
+}
+
+// Rows R of N held constant leave the directions { N c : N_R c = 0 }, so they
+// remove rank(N_R) of them. The choice is greedy: the block that removes most
+// directions; of several, the first, unless another one moves a hundred times as
+// much. An anchor consists of rank-many rows if can_hold_rows[block], otherwise
+// of all rows of the block. N has orthonormal columns and rows of comparable
+// units; block b has the rows offsets[b] ... offsets[b + 1] - 1.
+std::vector<Anchor> ChooseAnchors(MatrixXd N,
+                                  const std::vector<int>& offsets,
+                                  const std::vector<bool>& can_hold_rows,
+                                  int max_anchors) {
+  std::vector<Anchor> anchors;
+  while (N.cols() > 0 && static_cast<int>(anchors.size()) < max_anchors) {
+    const auto [block, rank] = BestBlock(N, offsets);
+    if (rank == 0) break;
+    Anchor anchor;
+    anchor.block = block;
+    anchor.num_removed = rank;
+    const MatrixXd N_b =
+        N.middleRows(offsets[block], offsets[block + 1] - offsets[block]);
+    if (rank < N_b.rows() && can_hold_rows[block]) {
+      anchor.rows = PivotOrder(N_b.transpose());
+      anchor.rows.resize(rank);
+      std::sort(anchor.rows.begin(), anchor.rows.end());
+    } else {
+      anchor.rows.resize(static_cast<std::size_t>(N_b.rows()));
+      std::iota(anchor.rows.begin(), anchor.rows.end(), 0);
+    }
+    const MatrixXd held = N_b(anchor.rows, Eigen::all);
+    N = (N * ComputeRightSvd(held).V.rightCols(N.cols() - rank)).eval();
+    anchors.push_back(std::move(anchor));
+  }
+  return anchors;
 }
 
 class GroupDescription {
@@ -57,10 +98,10 @@ class GroupDescription {
                    int g,
                    RankReport* report)
       : options_(options),
-        problem_(problem),
         group_(group),
         g_(g),
-        report_(*report) {}
+        report_(*report),
+        matcher_(options, problem, *report, group) {}
 
   // Reports directions that are independent of the previous ones: first
   // directions within one block, then those that touch few blocks, gauge
@@ -77,9 +118,8 @@ class GroupDescription {
       }
     }
     if (basis.rest.cols() == 0) return;
-    const GaugeMatch gauge =
-        MakeMatcher().Best(options_.threshold * report_.s_max,
-                           static_cast<int>(basis.rest.cols()));
+    const GaugeMatch gauge = matcher_.Best(options_.threshold * report_.s_max,
+                                           static_cast<int>(basis.rest.cols()));
     const auto touches_few = [&](const VectorXd& v) {
       return 2 * NumParts(v, group_.offsets) <
              static_cast<int>(group_.blocks.size());
@@ -94,7 +134,7 @@ class GroupDescription {
     constexpr int kMaxAnchors = 20;
     std::vector<bool> can_hold;
     for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
-      can_hold.push_back(CanHoldComponents(static_cast<int>(b)));
+      can_hold.push_back(CanHoldComponents(b));
     }
     for (const Anchor& anchor :
          ChooseAnchors(basis.rest, group_.offsets, can_hold, kMaxAnchors)) {
@@ -105,37 +145,15 @@ class GroupDescription {
   void DescribeWeak(const MatrixXd& V) {
     // Names a gauge freedom that a weak prior removes, if it explains all weak
     // directions, or this one.
-    const GaugeMatcher matcher = MakeMatcher();
-    const std::string name = matcher.NameOf(V);
+    const std::string name = matcher_.NameOf(V);
     for (const auto v : V.colwise()) {
       RankReport::Direction direction = MakeDirection(v);
-      direction.gauge = name.empty() ? matcher.NameOf(v) : name;
+      direction.gauge = name.empty() ? matcher_.NameOf(v) : name;
       report_.weak.push_back(std::move(direction));
     }
   }
 
  private:
-  GaugeMatcher MakeMatcher() const {
-    std::vector<double> scale;
-    for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
-      const RankReport::Block& block = report_.blocks[group_.blocks[b]];
-      const std::size_t begin = scale.size();
-      scale.resize(begin + block.tangent_size, 0.0);
-      for (int i = group_.offsets[b]; i < group_.offsets[b + 1]; ++i) {
-        scale[begin + group_.columns[i] - block.column] = group_.lengths[i];
-      }
-    }
-    std::vector<Gauge> gauges = options_.gauges;
-    if (options_.look_for_built_in_gauges) {
-      for (Gauge& gauge : BuiltInGauges()) gauges.push_back(std::move(gauge));
-    }
-    return GaugeMatcher(MakeComponent(problem_, report_, group_),
-                        group_.A,
-                        Eigen::Map<const VectorXd>(
-                            scale.data(), static_cast<Index>(scale.size())),
-                        gauges);
-  }
-
   // Adds v, of length one, to the reported span. Returns false if v is not
   // independent of it.
   bool Report(const VectorXd& v) {
@@ -169,7 +187,7 @@ class GroupDescription {
   }
 
   // Whether every tangent direction of block b of the group is a component.
-  bool CanHoldComponents(int b) const {
+  bool CanHoldComponents(std::size_t b) const {
     const std::vector<int>& components =
         report_.blocks[group_.blocks[b]].components;
     return std::count(components.begin(), components.end(), -1) == 0;
@@ -238,10 +256,10 @@ class GroupDescription {
   }
 
   const RankReport::Options& options_;
-  const ceres::Problem& problem_;
   const BlockGroup& group_;
   const int g_;
   RankReport& report_;
+  const GaugeMatcher matcher_;
   Index dimension_ = 0;  // of the null space
   MatrixXd reported_;    // orthonormal basis of the reported span
 };
@@ -255,6 +273,7 @@ void DescribeGroup(const RankReport::Options& options,
                    const MatrixXd& null_space,
                    const MatrixXd& weak,
                    RankReport* report) {
+  if (null_space.cols() == 0 && weak.cols() == 0) return;
   GroupDescription description(options, problem, group, g, report);
   if (null_space.cols() > 0) description.DescribeNullSpace(null_space);
   if (weak.cols() > 0) description.DescribeWeak(weak);

@@ -1,8 +1,10 @@
 #include "invgrad/rank/gauge_match.h"
 
+#include <unordered_map>
 #include <utility>
 
 #include "invgrad/rank/decompositions.h"
+#include "invgrad/rank/gauge.h"
 
 namespace invgrad {
 namespace {
@@ -12,6 +14,37 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// The group's blocks, and the other blocks of its residuals as constant ones.
+GaugeComponent MakeComponent(const ceres::Problem& problem,
+                             const RankReport& report,
+                             const BlockGroup& group) {
+  GaugeComponent component;
+  std::unordered_map<const double*, int> index;
+  const auto add = [&](const double* values, bool is_constant) {
+    const auto [it, is_new] =
+        index.insert({values, static_cast<int>(component.blocks.size())});
+    if (is_new) {
+      GaugeBlock block;
+      block.values = values;
+      block.size = problem.ParameterBlockSize(values);
+      block.offset = component.ambient_size;
+      block.is_constant = is_constant;
+      block.manifold = problem.GetManifold(values);
+      component.ambient_size += block.size;
+      component.blocks.push_back(block);
+    }
+    return it->second;
+  };
+  for (const int b : group.blocks) add(report.blocks[b].values, false);
+  for (const std::vector<double*>& blocks : group.arguments) {
+    std::vector<int> arguments;
+    arguments.reserve(blocks.size());
+    for (const double* values : blocks) arguments.push_back(add(values, true));
+    component.arguments.push_back(std::move(arguments));
+  }
+  return component;
+}
 
 // Singular values below this share of the largest count as zero.
 constexpr double kIndependent = 1e-9;
@@ -40,46 +73,49 @@ MatrixXd PseudoInversePlusJacobian(const GaugeBlock& block) {
 
 }  // namespace
 
-GaugeMatcher::GaugeMatcher(const GaugeComponent& component,
-                           const Eigen::SparseMatrix<double>& A,
-                           const VectorXd& scale,
-                           const std::vector<Gauge>& gauges)
-    : A_(A) {
+GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
+                           const ceres::Problem& problem,
+                           const RankReport& report,
+                           const BlockGroup& group)
+    : A_(group.A) {
+  const GaugeComponent component = MakeComponent(problem, report, group);
   std::vector<MatrixXd> to_tangent;  // of each block; empty: the identity
-  for (const GaugeBlock& block : component.blocks) {
-    to_tangent.push_back(block.is_constant || block.manifold == nullptr
+  for (std::size_t b = 0; b < group.blocks.size(); ++b) {
+    const GaugeBlock& block = component.blocks[b];
+    to_tangent.push_back(block.manifold == nullptr
                              ? MatrixXd()
                              : PseudoInversePlusJacobian(block));
+  }
+  std::vector<Gauge> gauges = options.gauges;
+  if (options.look_for_built_in_gauges) {
+    for (Gauge& gauge : BuiltInGauges()) gauges.push_back(std::move(gauge));
   }
   for (const Gauge& gauge : gauges) {
     MatrixXd ambient = MatrixXd::Zero(
         component.ambient_size, static_cast<Index>(gauge.generators.size()));
     if (!gauge.motions(component, &ambient) || !ambient.allFinite()) continue;
-    MatrixXd motions(A.cols(), ambient.cols());
-    Index next_scale = 0;
-    Index next_column = 0;
-    for (std::size_t b = 0; b < component.blocks.size(); ++b) {
+    MatrixXd motions(A_.cols(), ambient.cols());
+    for (std::size_t b = 0; b < group.blocks.size(); ++b) {
       const GaugeBlock& block = component.blocks[b];
-      if (block.is_constant) continue;
       MatrixXd tangent = ambient.middleRows(block.offset, block.size);
       if (block.manifold != nullptr) tangent = (to_tangent[b] * tangent).eval();
-      for (Index i = 0; i < tangent.rows(); ++i, ++next_scale) {
-        if (scale[next_scale] == 0.0) continue;
-        motions.row(next_column++) = scale[next_scale] * tangent.row(i);
+      const int first = report.blocks[group.blocks[b]].column;
+      for (int i = group.offsets[b]; i < group.offsets[b + 1]; ++i) {
+        motions.row(i) =
+            group.lengths[i] * tangent.row(group.columns[i] - first);
       }
     }
     Candidate candidate;
     candidate.name = gauge.name;
-    candidate.motions.resize(A.cols(), 0);
+    std::vector<Index> moving;
     for (Index g = 0; g < motions.cols(); ++g) {
-      const double norm = motions.col(g).norm();
-      if (norm == 0.0) continue;
-      candidate.motions.conservativeResize(Eigen::NoChange,
-                                           candidate.motions.cols() + 1);
-      candidate.motions.rightCols(1) = motions.col(g) / norm;
+      if (motions.col(g).isZero(0.0)) continue;
+      moving.push_back(g);
       candidate.generators.push_back(gauge.generators[g]);
     }
-    if (candidate.generators.empty()) continue;
+    if (moving.empty()) continue;
+    candidate.motions = motions(Eigen::all, moving);
+    candidate.motions.colwise().normalize();
     candidate.basis = Span(candidate.motions);
     candidates_.push_back(std::move(candidate));
   }
@@ -97,14 +133,14 @@ GaugeMatch GaugeMatcher::Best(double limit, int num_directions) const {
     best.generators.assign(static_cast<std::size_t>(unseen), "");
     // Named generators, if as many independent ones leave the residuals
     // unchanged.
-    MatrixXd motions(A_.cols(), 0);
+    std::vector<Index> named;
     std::vector<std::string> names;
     for (Index g = 0; g < candidate.motions.cols(); ++g) {
       if ((A_ * candidate.motions.col(g)).norm() > limit) continue;
-      motions.conservativeResize(Eigen::NoChange, motions.cols() + 1);
-      motions.rightCols(1) = candidate.motions.col(g);
+      named.push_back(g);
       names.push_back(candidate.generators[g]);
     }
+    const MatrixXd motions = candidate.motions(Eigen::all, named);
     if (motions.cols() == unseen && Span(motions).cols() == unseen) {
       best.directions = motions;
       best.generators = names;

@@ -17,7 +17,9 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
-#include "invgrad/rank/gauge.h"
+#include "ceres/problem.h"
+#include "invgrad/rank/block_groups.h"
+#include "invgrad/rank/rank_report.h"
 
 namespace invgrad {
 
@@ -33,13 +35,12 @@ struct GaugeMatch {
 
 class GaugeMatcher {
  public:
-  // scale: the lengths of the columns of J, one for each tangent direction of
-  // the blocks that are not constant, in the component's order. A has the
-  // columns of those that are not zero. A must outlive the matcher.
-  GaugeMatcher(const GaugeComponent& component,
-               const Eigen::SparseMatrix<double>& A,
-               const Eigen::VectorXd& scale,
-               const std::vector<Gauge>& gauges);
+  // The options' gauges and the built-in ones that fit the group. The group must
+  // outlive the matcher.
+  GaugeMatcher(const RankReport::Options& options,
+               const ceres::Problem& problem,
+               const RankReport& report,
+               const BlockGroup& group);
 
   // The gauge with the most directions that leave the residuals unchanged; of
   // several, the first. The search ends at `num_directions` of them.

@@ -1,11 +1,9 @@
 #include "invgrad/rank/localized_basis.h"
 
-#include <lapacke.h>
-
 #include <algorithm>
 #include <numeric>
 
-#include "glog/logging.h"
+#include "Eigen/LU"
 #include "invgrad/rank/decompositions.h"
 
 namespace invgrad {
@@ -38,22 +36,11 @@ MatrixXd WithinRows(const Eigen::Ref<const MatrixXd>& V, int begin, int end) {
 
 // The reduced echelon form on pivot rows.
 MatrixXd Echelon(const MatrixXd& V) {
-  const Index k = V.cols();
-  MatrixXd WT = V.transpose();
-  const std::vector<int> order = PivotOrder(WT);
-  MatrixXd pivots(k, k);
-  for (Index i = 0; i < k; ++i) pivots.col(i) = WT.col(order[i]);
-  std::vector<lapack_int> interchanges(static_cast<std::size_t>(k));
-  CHECK_GE(LAPACKE_dgesv(LAPACK_COL_MAJOR,
-                         static_cast<lapack_int>(k),
-                         static_cast<lapack_int>(WT.cols()),
-                         pivots.data(),
-                         static_cast<lapack_int>(k),
-                         interchanges.data(),
-                         WT.data(),
-                         static_cast<lapack_int>(k)),
-           0);
-  MatrixXd W = WT.transpose();
+  const MatrixXd WT = V.transpose();
+  std::vector<int> order = PivotOrder(WT);
+  order.resize(static_cast<std::size_t>(V.cols()));
+  const MatrixXd pivots = WT(Eigen::all, order);
+  MatrixXd W = pivots.partialPivLu().solve(WT).transpose();
   for (auto column : W.colwise()) {
     column.normalize();
     // Rounding, times the condition of the pivots.
@@ -98,7 +85,7 @@ LocalizedBasis Localize(const Eigen::Ref<const MatrixXd>& V,
                                static_cast<int>(b));
   }
   basis.rest = OrthogonalRest(V, basis.single);
-  basis.localized_rest.resize(V.rows(), basis.rest.cols());
+  basis.localized_rest.resize(V.rows(), 0);
   if (basis.rest.cols() == 0) return basis;
   const MatrixXd W = Echelon(basis.rest);
   std::vector<int> num_parts;
@@ -110,9 +97,7 @@ LocalizedBasis Localize(const Eigen::Ref<const MatrixXd>& V,
   std::stable_sort(order.begin(), order.end(), [&num_parts](int a, int b) {
     return num_parts[a] < num_parts[b];
   });
-  for (std::size_t j = 0; j < order.size(); ++j) {
-    basis.localized_rest.col(static_cast<Index>(j)) = W.col(order[j]);
-  }
+  basis.localized_rest = W(Eigen::all, order);
   return basis;
 }
 

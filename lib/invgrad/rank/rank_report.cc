@@ -5,10 +5,8 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/rank/block_groups.h"
 #include "invgrad/rank/describe_group.h"
-#include "invgrad/rank/largest_singular_value.h"
 #include "invgrad/rank/smallest_singular.h"
 
 namespace invgrad {
@@ -32,11 +30,9 @@ bool Decompose(const RankReport::Options& options,
                std::vector<SmallestSingular>* small,
                RankReport* report,
                std::string* error) {
-  constexpr double kNormTolerance = 1e-3;
   std::vector<double> estimates;
   for (const BlockGroup& group : groups) {
-    estimates.push_back(LargestSingularValue(
-        SparseJacobian(SparseJacobian::Matrix(group.A)), kNormTolerance));
+    estimates.push_back(LargestSingularValue(group.A));
     report->s_max = std::max(report->s_max, estimates.back());
   }
   // The estimates are lower bounds. With this margin the search finds all
@@ -103,7 +99,8 @@ bool UnscaledSpectrum(const std::vector<BlockGroup>& groups,
   std::vector<double> all;
   for (const BlockGroup& group : groups) {
     VectorXd s;
-    if (!DenseSingularValues(group.J, &s, error)) return false;
+    if (!DenseSingularValues(group.A * group.lengths.asDiagonal(), &s, error))
+      return false;
     all.insert(all.end(), s.begin(), s.end());
   }
   all.resize(static_cast<std::size_t>(report->num_parameters), 0.0);

@@ -1,13 +1,19 @@
 #include "invgrad/rank/smallest_singular.h"
 
+#include <lapacke.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <utility>
+#include <vector>
 
-#include "invgrad/core/jacobian_operator.h"
+#include "Eigen/CholmodSupport"
+#include "fmt/core.h"
+#include "glog/logging.h"
+#include "invgrad/core/memory_limit.h"
 #include "invgrad/rank/decompositions.h"
-#include "invgrad/rank/sparse_cholesky.h"
 
 namespace invgrad {
 namespace {
@@ -16,6 +22,15 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using SparseMatrix = Eigen::SparseMatrix<double>;
+
+using Cholesky = Eigen::CholmodDecomposition<SparseMatrix>;
+
+double LargestEigenvalue(std::vector<double> diagonal,
+                         std::vector<double> off_diagonal) {
+  const auto size = static_cast<lapack_int>(diagonal.size());
+  CHECK_EQ(LAPACKE_dsterf(size, diagonal.data(), off_diagonal.data()), 0);
+  return diagonal.back();
+}
 
 // Entries in [-1, 1], the same on every machine.
 MatrixXd RandomMatrix(Index rows, Index cols, std::mt19937* generator) {
@@ -41,7 +56,82 @@ bool HasConverged(const VectorXd& s, std::string* error) {
   return false;
 }
 
+// L L^T = P (A^T A + shift I) P^T, P a fill-reducing permutation.
+bool Factorize(const SparseMatrix& A,
+               double s_max,
+               Cholesky* cholesky,
+               std::string* error) {
+  cholmod_common& common = cholesky->cholmod();
+  common.print = 0;  // failures are in *error
+  common.final_ll = 1;
+  const SparseMatrix normal = A.transpose() * A;
+  cholesky->analyzePattern(normal);
+  if (common.status < CHOLMOD_OK) {
+    *error = "J^T J could not be analyzed: it is too large";
+    return false;
+  }
+  if (!FitsInMemory(
+          fmt::format("the Cholesky factor of a J with {} columns", A.cols()),
+          {{"its entries", sizeof(double) * common.lnz}},
+          /*limit=*/0.0,
+          error)) {
+    return false;
+  }
+  // The decomposition rounds each pivot by a few 1e-16 s_max^2. The shift keeps
+  // the pivots of undetermined directions positive.
+  constexpr double kLargestShift = 1e-8;
+  for (double shift = 1e-12; shift <= kLargestShift; shift *= 100.0) {
+    cholesky->setShift(shift * s_max * s_max);
+    cholesky->factorize(normal);
+    if (cholesky->info() == Eigen::Success && common.status == CHOLMOD_OK) {
+      return true;
+    }
+  }
+  *error = common.status == CHOLMOD_OUT_OF_MEMORY
+               ? "there is no memory for the Cholesky factor of J^T J"
+               : "J^T J is not positive definite to rounding";
+  return false;
+}
+
 }  // namespace
+
+double LargestSingularValue(const SparseMatrix& A) {
+  constexpr int kMaxSteps = 100;
+  constexpr int kStepsBetweenTests = 8;
+  constexpr double kTolerance = 1e-3;
+  std::vector<double> diagonal;
+  std::vector<double> off_diagonal;
+  // Without symmetries, so that it is unlikely to be orthogonal to a singular
+  // vector.
+  VectorXd v = VectorXd::NullaryExpr(A.cols(), [](Index i) {
+    return 1.0 + 0.5 * std::sin(1.7 * static_cast<double>(i + 1));
+  });
+  v.normalize();
+  VectorXd previous = VectorXd::Zero(A.cols());
+  double beta = 0.0;
+  double largest = 0.0;
+  const int max_steps = static_cast<int>(std::min<Index>(kMaxSteps, A.cols()));
+  for (int step = 1; step <= max_steps; ++step) {
+    VectorXd w = A.transpose() * (A * v).eval();
+    const double alpha = v.dot(w);
+    if (!std::isfinite(alpha)) return std::numeric_limits<double>::quiet_NaN();
+    diagonal.push_back(alpha);
+    w -= alpha * v + beta * previous;
+    beta = w.norm();
+    // The Krylov space is invariant.
+    const bool is_exhausted =
+        beta <= std::numeric_limits<double>::epsilon() * alpha;
+    if (step % kStepsBetweenTests == 0 || step == max_steps || is_exhausted) {
+      const double last = largest;
+      largest = LargestEigenvalue(diagonal, off_diagonal);
+      if (is_exhausted || largest - last <= 2.0 * kTolerance * largest) break;
+    }
+    off_diagonal.push_back(beta);
+    previous = v;
+    v = w / beta;
+  }
+  return std::sqrt(std::max(largest, 0.0));
+}
 
 bool DenseSmallestSingular(const SparseMatrix& A,
                            double limit,
@@ -77,17 +167,8 @@ bool SparseSmallestSingular(const SparseMatrix& A,
   if (n == 0) return true;
   if (!IsFinite(A, error)) return false;
 
-  // The decomposition rounds each pivot by a few 1e-16 s_max^2. The shift keeps
-  // the pivots of undetermined directions positive.
-  const SparseJacobian rows{SparseJacobian::Matrix(A)};
-  SparseCholesky cholesky;
-  if (!cholesky.Analyze(rows, /*memory_limit=*/0.0, error)) return false;
-  double shift = 1e-12 * s_max * s_max;
-  constexpr double kLargestShift = 1e-8;
-  while (!cholesky.Factorize(shift, error)) {
-    shift *= 100.0;
-    if (shift > kLargestShift * s_max * s_max) return false;
-  }
+  Cholesky cholesky;
+  if (!Factorize(A, s_max, &cholesky, error)) return false;
 
   // More columns than wanted vectors, for fast convergence, and because one
   // value above the limit shows that no smaller one is missing.
@@ -101,8 +182,7 @@ bool SparseSmallestSingular(const SparseMatrix& A,
   VectorXd s;
   VectorXd last;
   for (int iteration = 1;; ++iteration) {
-    cholesky.Solve(V);
-    V = Orthonormalized(V);
+    V = Orthonormalized(cholesky.solve(V));
     // Rayleigh-Ritz: the right singular vectors of A on the span of V.
     const RightSvd svd = ComputeRightSvd(A * V);
     if (!HasConverged(svd.s, error)) return false;

@@ -82,9 +82,7 @@ ceres::CallbackReturnType CeresEngine::Handover::operator()(
 }
 
 void CeresEngine::Solve(Eigen::VectorXd* weights) {
-  ceres::Solver::Options solver_options;
-  ceres::GradientProblemSolver::Options gradient_options;
-  phase_.ConfigureCeres(&solver_options, &gradient_options);
+  const ceres::Solver::Options solver_options = phase_.CeresOptions();
   Handover handover(this);
   MinimizerOptions options = UnboundedOptions();
   options.callbacks = {&handover};
@@ -93,11 +91,14 @@ void CeresEngine::Solve(Eigen::VectorXd* weights) {
   if (phase_.ceres->is_trust_region) {
     ceres::Problem problem;
     AddModelToProblem(&model_, &train_, weights, &problem);
+    // A run has a budget, which a second solve would exceed.
+    UpdateCallback::Options callback_options;
+    callback_options.compare_with_plain = false;
     proposals = MinimizeWithProposals(
-        phase_, options, solver_options, &problem, &summary);
+        phase_, options, solver_options, callback_options, &problem, &summary);
   } else {
     MinimizeWithCeres(options,
-                      gradient_options,
+                      solver_options,
                       new ModelFunction(&model_, &train_),
                       weights,
                       &summary);

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "ceres/gradient_problem_solver.h"
 #include "ceres/solver.h"
 #include "fmt/core.h"
-#include "invgrad/minimize/trust_region_memory.h"
+#include "invgrad/minimize/ceres_minimizer.h"
 
 namespace invgrad {
 
@@ -145,9 +144,7 @@ bool CeresFits(const Phase& phase,
   const int num_samples = data.train.num_samples();
   std::vector<MemoryPart> parts;
   if (phase.ceres->is_trust_region) {
-    ceres::Solver::Options options;
-    ceres::GradientProblemSolver::Options unused;
-    phase.ConfigureCeres(&options, &unused);
+    const ceres::Solver::Options options = phase.CeresOptions();
     const JacobianSizes J =
         SizesOfJacobian(model, model.loss().size(), num_samples);
     parts = TrustRegionMemory(options.linear_solver_type, J.rows, J.cols);
