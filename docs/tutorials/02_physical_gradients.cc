@@ -102,17 +102,14 @@ std::optional<Eigen::VectorXd> InvertArm(const Eigen::Vector2d& y,
 // [data]
 // Places in the arm's reach. The network sees the target.
 DataSet DrawTargets(int num_samples, NumpyRandom* random) {
-  DataSet data;
-  data.targets.resize(2, num_samples);
-  for (int s = 0; s < num_samples; ++s) {
+  Eigen::MatrixXd targets(2, num_samples);
+  for (auto target : targets.colwise()) {
     const double distance = random->Uniform(0.3, 1.7);
     const double direction = random->Uniform(-0.75 * kPi, 0.75 * kPi);
-    data.targets(0, s) = distance * std::cos(direction);
-    data.targets(1, s) = distance * std::sin(direction);
+    target[0] = distance * std::cos(direction);
+    target[1] = distance * std::sin(direction);
   }
-  data.inputs = data.targets;
-  data.contexts.resize(0, num_samples);
-  return data;
+  return invgrad::TrainingData(targets, targets).train;
 }
 // [/data]
 
@@ -121,7 +118,11 @@ std::string CountText(double count) {
   return std::isnan(count) ? "-" : FormatNumber(count, 7);
 }
 
-int Run() {
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("trains a network in front of a two-link arm");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
   std::string error;
   std::vector<Method> methods;
   if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
@@ -138,28 +139,21 @@ int Run() {
       invgrad::Reduction::kMean);
   const auto inverse = invgrad::Inverse(InvertArm);
   // [/model]
-  NumpyRandom random(FLAGS_seed);
-  const Eigen::VectorXd initial_weights = model.network().InitialWeights(
-      invgrad::Initialization::kGlorotUniform, &random);
   NumpyRandom data_random(0);
   const DataSet train = DrawTargets(1024, &data_random);
   const DataSet test = DrawTargets(1024, &data_random);
 
-  std::printf("%-52s  %9s  %9s  %7s  %11s  %11s  %6s\n",
-              "rule",
-              "test loss",
-              "miss [mm]",
-              "ms/step",
-              "inverse",
-              "numerical",
-              "others");
+  std::printf(
+      "%-52s  test loss  miss [mm]  ms/step      inverse    numerical  "
+      "others\n",
+      "rule");
   for (const Method& method : methods) {
     std::cerr << "training: " << method.label << "\n";
     // [train]
     TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
-    options.initial_weights = initial_weights;
+    options.seed = FLAGS_seed;
     options.inverse = inverse;
     const TrainResult result =
         invgrad::Train(model, {train, test}, method, options);
@@ -185,12 +179,4 @@ int Run() {
     // [/row]
   }
   return 0;
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-  gflags::SetUsageMessage("trains a network in front of a two-link arm");
-  gflags::ParseCommandLineFlags(&argc, &argv, true);
-  return Run();
 }
