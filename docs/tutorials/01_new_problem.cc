@@ -23,13 +23,8 @@
 #include "ceres/gradient_checker.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
 #include "invgrad/train/train.h"
 
 DEFINE_string(rules,
@@ -46,12 +41,8 @@ DEFINE_string(folder, ".", "where shuttlecock_losses.txt goes");
 namespace {
 
 using invgrad::DataSet;
-using invgrad::HistoryRow;
-using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::TrainOptions;
-using invgrad::TrainResult;
 
 // [check]
 // The largest relative difference between the Jacobian by Jets and that by
@@ -86,7 +77,7 @@ int main(int argc, char** argv) {
   gflags::SetUsageMessage("trains a network to aim a shuttlecock");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   std::string error;
-  std::vector<Method> methods;
+  std::vector<invgrad::Method> methods;
   if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
     std::cerr << "--rules: " << error << "\n";
     return 1;
@@ -113,13 +104,13 @@ int main(int argc, char** argv) {
       "%-45s  train loss  test loss  miss [cm]   steps  ms/step  status\n",
       "rule");
   std::ofstream losses(FLAGS_folder + "/shuttlecock_losses.txt");
-  for (const Method& method : methods) {
-    TrainOptions options;
+  for (const invgrad::Method& method : methods) {
+    invgrad::TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 32;
     options.seed = FLAGS_seed;
     std::cerr << "training: " << method.label << "\n";
-    const TrainResult result =
+    const invgrad::TrainResult result =
         invgrad::Train(model, {train, test}, method, options);
     if (!result.error.empty()) {
       std::cerr << method.label << ": " << result.error << "\n";
@@ -128,7 +119,7 @@ int main(int argc, char** argv) {
     // [/train]
 
     // [row]
-    const HistoryRow& last = result.history.back();
+    const invgrad::HistoryRow& last = result.history.back();
     std::printf(
         "%-45s  %10.3g  %9.3g  %9.3g  %6ld  %7.3g  %s\n",
         method.label.c_str(),
@@ -140,7 +131,7 @@ int main(int argc, char** argv) {
         result.summary.message.c_str());
     // A block a rule, begun by its name.
     losses << '"' << method.label << "\"\n";
-    for (const HistoryRow& row : result.history) {
+    for (const invgrad::HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
       losses << row.seconds << " " << row.test_loss << "\n";
     }

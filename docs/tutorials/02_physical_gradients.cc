@@ -20,15 +20,9 @@
 #include "Eigen/Core"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
 #include "invgrad/train/train.h"
 
 // [rules]
@@ -44,13 +38,8 @@ DEFINE_int32(seed, 1, "of the initial weights");
 namespace {
 
 using invgrad::DataSet;
-using invgrad::FormatNumber;
-using invgrad::HistoryRow;
-using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::TrainOptions;
-using invgrad::TrainResult;
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -115,7 +104,7 @@ DataSet DrawTargets(int num_samples, NumpyRandom* random) {
 
 // "-" for methods that invert nothing.
 std::string CountText(double count) {
-  return std::isnan(count) ? "-" : FormatNumber(count, 7);
+  return std::isnan(count) ? "-" : invgrad::FormatNumber(count, 7);
 }
 
 }  // namespace
@@ -124,7 +113,7 @@ int main(int argc, char** argv) {
   gflags::SetUsageMessage("trains a network in front of a two-link arm");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   std::string error;
-  std::vector<Method> methods;
+  std::vector<invgrad::Method> methods;
   if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
     std::cerr << "--rules: " << error << "\n";
     return 1;
@@ -147,15 +136,15 @@ int main(int argc, char** argv) {
       "%-52s  test loss  miss [mm]  ms/step      inverse    numerical  "
       "others\n",
       "rule");
-  for (const Method& method : methods) {
+  for (const invgrad::Method& method : methods) {
     std::cerr << "training: " << method.label << "\n";
     // [train]
-    TrainOptions options;
+    invgrad::TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
     options.seed = FLAGS_seed;
     options.inverse = inverse;
-    const TrainResult result =
+    const invgrad::TrainResult result =
         invgrad::Train(model, {train, test}, method, options);
     if (!result.error.empty()) {
       std::cerr << method.label << ": " << result.error << "\n";
@@ -164,7 +153,7 @@ int main(int argc, char** argv) {
     // [/train]
 
     // [row]
-    const HistoryRow& last = result.history.back();
+    const invgrad::HistoryRow& last = result.history.back();
     std::printf(
         "%-52s  %9.3g  %9.3g  %7.3g  %11s  %11s  %6s\n",
         method.label.c_str(),

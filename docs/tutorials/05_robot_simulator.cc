@@ -26,15 +26,10 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
 #include "invgrad/train/train.h"
 
 DEFINE_string(rules,
@@ -53,12 +48,8 @@ namespace {
 
 using Eigen::Vector3d;
 using invgrad::DataSet;
-using invgrad::HistoryRow;
-using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::TrainOptions;
-using invgrad::TrainResult;
 
 constexpr int kNumSteps = 16;
 constexpr double kTimeStep = 0.25;  // [s]
@@ -222,7 +213,7 @@ int main(int argc, char** argv) {
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   google::InitGoogleLogging(argv[0]);
   std::string error;
-  std::vector<Method> methods;
+  std::vector<invgrad::Method> methods;
   if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
     std::cerr << "--rules: " << error << "\n";
     return 1;
@@ -243,24 +234,20 @@ int main(int argc, char** argv) {
   const DataSet train = DrawStarts(256, &data_random);
   const DataSet test = DrawStarts(256, &data_random);
 
-  std::printf(
-      "%-38s  train loss  test loss  miss [mm]  real miss [mm]  steps  ms/step "
-      " "
-      "status\n",
-      "rule");
+  std::printf("%-38s  train loss  test loss  miss [mm]", "rule");
+  std::printf("  real miss [mm]  steps  ms/step  status\n");
   // The root of the mean of |y|^2, in which 1 mrad counts as 1 mm.
   const auto miss = [](double loss) { return 1e3 * std::sqrt(2.0 * loss); };
   std::ofstream losses(FLAGS_folder + "/robot_losses.txt");
-  std::string paths;  // by the rule with the least test loss
   double least_loss = std::numeric_limits<double>::infinity();
-  for (const Method& method : methods) {
+  for (const invgrad::Method& method : methods) {
     // [train]
-    TrainOptions options;
+    invgrad::TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
     options.seed = FLAGS_seed;
     std::cerr << "training: " << method.label << "\n";
-    const TrainResult result =
+    const invgrad::TrainResult result =
         invgrad::Train(model, {train, test}, method, options);
     if (!result.error.empty()) {
       std::cerr << method.label << ": " << result.error << "\n";
@@ -268,7 +255,7 @@ int main(int argc, char** argv) {
     }
     const double real_loss = invgrad::MeanLoss(reality, result.weights, test);
     // [/train]
-    const HistoryRow& last = result.history.back();
+    const invgrad::HistoryRow& last = result.history.back();
     std::printf(
         "%-38s  %10.3g  %9.3g  %9.3g  %14.3g  %5ld  %7.3g  %s\n",
         method.label.c_str(),
@@ -281,19 +268,18 @@ int main(int argc, char** argv) {
         result.summary.message.c_str());
     // A block a rule, begun by its name.
     losses << '"' << method.label << "\"\n";
-    for (const HistoryRow& row : result.history) {
+    for (const invgrad::HistoryRow& row : result.history) {
       if (row.step == 0) continue;  // has no place on a logarithmic axis
       losses << row.seconds << " " << row.test_loss << "\n";
     }
     losses << "\n\n";
     if (last.test_loss < least_loss) {
       least_loss = last.test_loss;
-      paths = Paths(model, result.weights, test.Range(0, 12));
+      std::ofstream(FLAGS_folder + "/robot_paths.txt")
+          << Paths(model, result.weights, test.Range(0, 12));
     }
   }
-  std::ofstream paths_file(FLAGS_folder + "/robot_paths.txt");
-  paths_file << paths;
-  if (!losses.flush() || !paths_file.flush()) {
+  if (!losses.flush()) {
     std::cerr << "cannot write to the folder " << FLAGS_folder << "\n";
     return 1;
   }

@@ -103,59 +103,46 @@ bool WriteArray(const std::string& path,
   const size_t used = (kPreamble + header.size() + 1) % kAlignment;
   header.append((kAlignment - used) % kAlignment, ' ');
   header += '\n';
+  const auto size = static_cast<std::uint16_t>(header.size());
   std::string bytes(kMagic);
-  for (const size_t byte :
-       {size_t{1}, size_t{0}, header.size() & 0xff, header.size() >> 8}) {
-    bytes += static_cast<char>(byte);
-  }
+  bytes.append("\x01\0", 2);
+  bytes.append(reinterpret_cast<const char*>(&size), sizeof(size));
   bytes += header;
   bytes.append(reinterpret_cast<const char*>(values.data()),
                values.size() * sizeof(double));
   return WriteFile(path, bytes, error);
 }
 
-// Splits a file into header and payload.
-bool ParseFile(std::string_view bytes,
-               NpyHeader* header,
-               std::string_view* payload,
-               std::string* problem) {
+// Splits a file into header and payload. Returns an error message, or an empty
+// string.
+std::string ParseFile(std::string_view bytes,
+                      NpyHeader* header,
+                      std::string_view* payload) {
   if (bytes.substr(0, kMagic.size()) != kMagic) {
-    *problem = "not a .npy file (it does not begin with \\x93NUMPY)";
-    return false;
+    return "not a .npy file (it does not begin with \\x93NUMPY)";
   }
-  const auto byte = [&bytes](size_t i) {
-    return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[i]));
-  };
   const std::string truncated =
       fmt::format("truncated in the header, at {} bytes", bytes.size());
-  if (bytes.size() < 12) {  // magic, version and the longest length
-    *problem = truncated;
-    return false;
+  if (bytes.size() < 12) return truncated;  // magic, version, longest length
+  const int major = bytes[6];
+  const int minor = bytes[7];
+  if (major < 1 || major > 3 || minor != 0) {
+    return fmt::format(
+        "found .npy version {}.{}, wanted 1.0, 2.0 or 3.0", major, minor);
   }
-  if (byte(6) < 1 || byte(6) > 3 || byte(7) != 0) {
-    *problem = fmt::format(
-        "found .npy version {}.{}, wanted 1.0, 2.0 or 3.0", byte(6), byte(7));
-    return false;
-  }
-  const bool is_short = byte(6) == 1;
-  const size_t begin = is_short ? 10 : 12;
-  const size_t size =
-      is_short ? byte(8) | byte(9) << 8
-               : byte(8) | byte(9) << 8 | byte(10) << 16 | byte(11) << 24;
-  if (size > bytes.size() - begin) {
-    *problem = truncated;
-    return false;
-  }
+  const size_t begin = major == 1 ? 10 : 12;
+  std::uint32_t size = 0;
+  std::memcpy(&size, &bytes[8], begin - 8);
+  if (size > bytes.size() - begin) return truncated;
   const std::string_view text = bytes.substr(begin, size);
   if (!ParseHeader(text, header)) {
     constexpr size_t kMaxShown = 120;
     const size_t end = text.find_last_not_of(" \n");
-    *problem = fmt::format("cannot read its header: {}",
-                           text.substr(0, std::min(end + 1, kMaxShown)));
-    return false;
+    return fmt::format("cannot read its header: {}",
+                       text.substr(0, std::min(end + 1, kMaxShown)));
   }
   *payload = bytes.substr(begin + size);
-  return true;
+  return "";
 }
 
 template <typename T>
@@ -169,9 +156,7 @@ Eigen::MatrixXd ToMatrix(std::string_view payload,
   if (!payload.empty()) {
     std::memcpy(values.data(), payload.data(), payload.size());
   }
-  if (!is_fortran_order) {
-    values = Columns(values.transpose());
-  }
+  if (!is_fortran_order) values = Columns(values.transpose());
   return values.template cast<double>();
 }
 
@@ -203,8 +188,8 @@ bool ReadNpy(const std::string& path,
   };
   NpyHeader header;
   std::string_view payload;
-  std::string problem;
-  if (!ParseFile(bytes, &header, &payload, &problem)) return fail(problem);
+  const std::string problem = ParseFile(bytes, &header, &payload);
+  if (!problem.empty()) return fail(problem);
   const bool is_double = header.type == "'<f8'";
   if (!is_double && header.type != "'<f4'") {
     return fail(fmt::format(

@@ -16,14 +16,8 @@ double NumpyRandom::Rand() {
 }
 
 Eigen::MatrixXd NumpyRandom::Rand(int rows, int cols) {
-  CHECK_GE(rows, 0);
-  CHECK_GE(cols, 0);
   Eigen::MatrixXd values(rows, cols);
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < cols; ++j) {
-      values(i, j) = Rand();
-    }
-  }
+  for (double& value : values.reshaped<Eigen::RowMajor>()) value = Rand();
   return values;
 }
 
