@@ -49,6 +49,7 @@ current method, skips the others, and keeps the results so far.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/core/finite.h"
 #include "invgrad/io/npy.h"
 #include "problems/problems.h"
 
@@ -237,8 +238,9 @@ int Run() {
     return Fail("--levels: " + error);
   }
   Eigen::MatrixXd data;
-  if (!FLAGS_data.empty() && (!ReadNpy(FLAGS_data, -1, -1, &data, &error) ||
-                              !CheckNpyFinite(FLAGS_data, data, &error))) {
+  if (!FLAGS_data.empty() &&
+      (!ReadNpy(FLAGS_data, -1, -1, &data, &error) ||
+       !CheckFinite("file " + FLAGS_data, data, &error))) {
     return Fail(error);
   }
   PhysicsProblem problem;

@@ -32,8 +32,8 @@ restyle it, one CSV a rule, and the flags that repeat the run.
 #include "gflags/gflags.h"
 #include "invgrad/minimize/chain_objective.h"
 #include "problems/problems.h"
+#include "report/gnuplot.h"
 #include "report/plot.h"
-#include "report/plot_axis.h"
 
 DEFINE_string(problem,
               "squared_component",
@@ -91,8 +91,8 @@ Plot MakePlot(const Panel& panel,
   if (panel.goal.size() == 2) {
     add("optimum", Series::Style::kPoints, {panel.goal});
   }
-  const Axis x_axis = FitAxis(false, {}, FLAGS_margin, {&xs});
-  const Axis y_axis = FitAxis(false, {}, FLAGS_margin, {&ys});
+  const Axis x_axis = FitAxis(false, {}, FLAGS_margin, xs);
+  const Axis y_axis = FitAxis(false, {}, FLAGS_margin, ys);
   plot.x_range = {x_axis.low, x_axis.high};
   plot.y_range = {y_axis.low, y_axis.high};
   ContourField& field = plot.contours.emplace();

@@ -3,8 +3,8 @@
 //   pixel_ij = f (p_x, p_y) / p_z + noise,   p = R_i X_j + t_i
 //   L = 1/2 sum_ij rho(|pixel(R_i, t_i, X_j) - pixel_ij|^2 / noise^2)
 //
-// Estimated:  rotations R_i (unit quaternions w, x, y, z), translations t_i and
-//             points X_j. The focal length f = 500 pixels is known.
+// Estimated:  rotations R_i (unit quaternions), translations t_i and points X_j.
+//             The focal length f = 500 pixels is known.
 // Truth:      10 cameras on a circle of radius 6 about 60 points, which are
 //             normally distributed with a standard deviation of 1; the world's
 //             frame is that of camera 0. Every camera sees every point.
@@ -34,7 +34,6 @@
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "ceres/rotation.h"
 #include "ceres/solver.h"
 #include "ceres/sphere_manifold.h"
 #include "glog/logging.h"
@@ -44,9 +43,9 @@
 
 namespace {
 
+using Eigen::Quaterniond;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-using Eigen::Vector4d;
 using invgrad::NumpyGenerator;
 
 constexpr int kNumCameras = 10;
@@ -59,7 +58,7 @@ constexpr double kNoise = 0.5;          // [pixels]
 constexpr double kTolerance = 0.02;
 
 struct Camera {
-  Vector4d rotation;  // w, x, y, z
+  Quaterniond rotation;
   Vector3d translation;
 };
 
@@ -76,9 +75,9 @@ struct ReprojectionError {
                   const T* translation,
                   const T* point,
                   T* residuals) const {
-    T p[3];
-    ceres::UnitQuaternionRotatePoint(rotation, point, p);
-    for (int i = 0; i < 3; ++i) p[i] += translation[i];
+    const Eigen::Map<const Eigen::Quaternion<T>> q(rotation);
+    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> t(translation), x(point);
+    const Eigen::Matrix<T, 3, 1> p = q * x + t;
     if (p[2] < 1e-3) return false;  // behind the camera
     for (int i = 0; i < 2; ++i) {
       residuals[i] = (kFocalLength * p[i] / p[2] - pixel[i]) / kNoise;
@@ -87,18 +86,14 @@ struct ReprojectionError {
   }
 };
 
-Vector4d AsCeresQuaternion(const Eigen::Quaterniond& q) {
-  return Vector4d(q.w(), q.x(), q.y(), q.z());
-}
-
 // Cameras at angles around the y axis, each looking at the middle.
 Scene TrueScene(NumpyGenerator* random) {
   Scene scene;
   const Vector3d middle(0.0, 0.0, kRadius);  // in camera 0's frame
   for (int i = 0; i < kNumCameras; ++i) {
-    const Eigen::Quaterniond q(
+    const Quaterniond q(
         Eigen::AngleAxisd(2.0 * EIGEN_PI * i / kNumCameras, Vector3d::UnitY()));
-    scene.cameras.push_back({AsCeresQuaternion(q), middle - q * middle});
+    scene.cameras.push_back({q, middle - q * middle});
   }
   for (int j = 0; j < kNumPoints; ++j) {
     scene.points.push_back(middle + random->StandardNormal(3, 1));
@@ -112,11 +107,8 @@ Scene Perturbed(const Scene& truth, NumpyGenerator* random) {
   for (int i = 1; i < kNumCameras; ++i) {
     Camera* camera = &scene.cameras[i];
     const Vector3d angles = 0.06 * random->StandardNormal(3, 1);
-    Vector4d turn, rotation;
-    ceres::AngleAxisToQuaternion(angles.data(), turn.data());
-    ceres::QuaternionProduct(
-        turn.data(), camera->rotation.data(), rotation.data());
-    camera->rotation = rotation;
+    camera->rotation = Eigen::AngleAxisd(angles.norm(), angles.normalized()) *
+                       camera->rotation;
     const double distance = camera->translation.norm();
     camera->translation += 0.3 * random->StandardNormal(3, 1);
     if (i == 1) camera->translation *= distance / camera->translation.norm();
@@ -133,7 +125,7 @@ std::vector<Vector2d> Photograph(const Scene& scene, NumpyGenerator* random) {
   for (const Camera& camera : scene.cameras) {
     for (const Vector3d& point : scene.points) {
       Vector2d pixel;
-      CHECK(ReprojectionError{Vector2d::Zero()}(camera.rotation.data(),
+      CHECK(ReprojectionError{Vector2d::Zero()}(camera.rotation.coeffs().data(),
                                                 camera.translation.data(),
                                                 point.data(),
                                                 pixel.data()));
@@ -155,7 +147,7 @@ double PointError(const Scene& scene, const Scene& truth) {
   return std::sqrt(sum / kNumPoints);
 }
 
-// Adjusts the scene and prints a row; returns the points' error.
+// Adjusts the scene and prints the result; returns the points' error.
 double Adjust(const std::vector<Vector2d>& pixels,
               const Scene& truth,
               Scene scene,
@@ -169,13 +161,14 @@ double Adjust(const std::vector<Vector2d>& pixels,
           new ceres::AutoDiffCostFunction<ReprojectionError, 2, 4, 3, 3>(
               new ReprojectionError{pixels[i * kNumPoints + j]}),
           new ceres::HuberLoss(2.0),
-          camera->rotation.data(),
+          camera->rotation.coeffs().data(),
           camera->translation.data(),
           scene.points[j].data());
     }
-    problem.SetManifold(camera->rotation.data(), new ceres::QuaternionManifold);
+    problem.SetManifold(camera->rotation.coeffs().data(),
+                        new ceres::EigenQuaternionManifold);
   }
-  problem.SetParameterBlockConstant(scene.cameras[0].rotation.data());
+  problem.SetParameterBlockConstant(scene.cameras[0].rotation.coeffs().data());
   problem.SetParameterBlockConstant(scene.cameras[0].translation.data());
   problem.SetManifold(scene.cameras[1].translation.data(),
                       new ceres::SphereManifold<3>);
@@ -200,14 +193,16 @@ double Adjust(const std::vector<Vector2d>& pixels,
 
   // Report.
   const double point_error = PointError(scene, truth);
-  std::printf("%-17s  %13.4g  %7.4g  %10zu  %14.3g  %15.3g  %s\n",
-              with_half_inverse ? "LM + half-inverse" : "LM",
-              summary.initial_cost,
-              summary.final_cost,
-              summary.iterations.size() - 1,
-              error_at_start,
-              point_error,
-              callback ? callback->summary().BriefReport().c_str() : "-");
+  std::printf(
+      "%s: %zu iterations, cost %.4g -> %.4g, error of points %.3g -> %.3g\n",
+      with_half_inverse ? "LM + half-inverse" : "LM",
+      summary.iterations.size() - 1,
+      summary.initial_cost,
+      summary.final_cost,
+      error_at_start,
+      point_error);
+  if (callback)
+    std::printf("  %s\n", callback->summary().BriefReport().c_str());
   return point_error;
 }
 
@@ -219,14 +214,6 @@ int main(int /*argc*/, char** argv) {
   const Scene truth = TrueScene(&random);
   const std::vector<Vector2d> pixels = Photograph(truth, &random);
   const Scene start = Perturbed(truth, &random);
-  std::printf("%-17s  %13s  %7s  %10s  %14s  %15s  %s\n",
-              "solver",
-              "cost at start",
-              "cost",
-              "iterations",
-              "error at start",
-              "error of points",
-              "proposals");
   const double lm = Adjust(pixels, truth, start, false);
   const double half_inverse = Adjust(pixels, truth, start, true);
   const bool is_found = lm < kTolerance && half_inverse < kTolerance;

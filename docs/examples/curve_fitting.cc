@@ -20,7 +20,6 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -74,9 +73,8 @@ std::vector<Sample> Measure() {
   return samples;
 }
 
-// Fits and prints a row; returns the largest error of a, b and c.
-double Fit(const std::string& label,
-           const std::vector<Sample>& samples,
+// Fits and prints the result; returns the largest error of a, b and c.
+double Fit(const std::vector<Sample>& samples,
            bool is_robust,
            bool with_half_inverse) {
   // Build.
@@ -109,16 +107,19 @@ double Fit(const std::string& label,
 
   // Report.
   const double largest_error = (abc - kTruth).cwiseAbs().maxCoeff();
-  std::printf("%-31s  %13.4g  %6.4g  %10zu  %5.3f  %5.3f  %6.3f  %5.2g  %s\n",
-              label.c_str(),
-              summary.initial_cost,
-              summary.final_cost,
+  std::printf("%s loss, %s: %zu iterations, cost %.4g -> %.4g\n",
+              is_robust ? "Cauchy" : "squared",
+              with_half_inverse ? "LM + half-inverse" : "LM",
               summary.iterations.size() - 1,
+              summary.initial_cost,
+              summary.final_cost);
+  std::printf("  a %.3f, b %.3f, c %.3f, largest error %.2g\n",
               abc[0],
               abc[1],
               abc[2],
-              largest_error,
-              callback ? callback->summary().BriefReport().c_str() : "-");
+              largest_error);
+  if (callback)
+    std::printf("  %s\n", callback->summary().BriefReport().c_str());
   return largest_error;
 }
 
@@ -127,21 +128,10 @@ double Fit(const std::string& label,
 int main(int /*argc*/, char** argv) {
   google::InitGoogleLogging(argv[0]);
   const std::vector<Sample> samples = Measure();
-  std::printf("%-31s  %13s  %6s  %10s  %5s  %5s  %6s  %5s  %s\n",
-              "fit",
-              "cost at start",
-              "cost",
-              "iterations",
-              "a",
-              "b",
-              "c",
-              "error",
-              "proposals");
-  Fit("squared loss, LM", samples, false, false);
-  Fit("squared loss, LM + half-inverse", samples, false, true);
-  const double lm = Fit("Cauchy loss, LM", samples, true, false);
-  const double half_inverse =
-      Fit("Cauchy loss, LM + half-inverse", samples, true, true);
+  Fit(samples, false, false);
+  Fit(samples, false, true);
+  const double lm = Fit(samples, true, false);
+  const double half_inverse = Fit(samples, true, true);
   const bool is_found = lm < kTolerance && half_inverse < kTolerance;
   std::printf(
       "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);

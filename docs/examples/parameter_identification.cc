@@ -30,8 +30,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -64,26 +64,23 @@ Parameters Truth() {
 }
 
 template <typename T>
-void Derivative(const T* rates, const T* uv, T* derivative) {
+using Counts = Eigen::Matrix<T, 2, 1>;  // u, v
+
+template <typename T>
+Counts<T> Derivative(const T* rates, const Counts<T>& uv) {
   const T meetings = uv[0] * uv[1];
-  derivative[0] = rates[0] * uv[0] - rates[1] * meetings;
-  derivative[1] = rates[3] * meetings - rates[2] * uv[1];
+  return {rates[0] * uv[0] - rates[1] * meetings,
+          rates[3] * meetings - rates[2] * uv[1]};
 }
 
 template <typename T>
-void RungeKuttaStep(const T* rates, T* uv) {
+void RungeKuttaStep(const T* rates, Counts<T>* uv) {
   const double h = kTimeStep;
-  T k1[2], k2[2], k3[2], k4[2], stage[2];
-  Derivative(rates, uv, k1);
-  for (int i = 0; i < 2; ++i) stage[i] = uv[i] + (0.5 * h) * k1[i];
-  Derivative(rates, stage, k2);
-  for (int i = 0; i < 2; ++i) stage[i] = uv[i] + (0.5 * h) * k2[i];
-  Derivative(rates, stage, k3);
-  for (int i = 0; i < 2; ++i) stage[i] = uv[i] + h * k3[i];
-  Derivative(rates, stage, k4);
-  for (int i = 0; i < 2; ++i) {
-    uv[i] += (h / 6.0) * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-  }
+  const Counts<T> k1 = Derivative<T>(rates, *uv);
+  const Counts<T> k2 = Derivative<T>(rates, *uv + (0.5 * h) * k1);
+  const Counts<T> k3 = Derivative<T>(rates, *uv + (0.5 * h) * k2);
+  const Counts<T> k4 = Derivative<T>(rates, *uv + h * k3);
+  *uv += (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4);
 }
 
 struct CountError {
@@ -95,13 +92,13 @@ struct CountError {
     using std::log;
     T parameters[6];
     for (int i = 0; i < 6; ++i) parameters[i] = exp(log_parameters[i]);
-    T uv[2] = {parameters[4], parameters[5]};
+    Counts<T> uv(parameters[4], parameters[5]);
     for (int count = 0; count < kNumCounts; ++count) {
       for (int i = 0; i < 2; ++i) {
         if (!(uv[i] > 0.0)) return false;  // too fast for the time step
         residuals[2 * count + i] = (log(uv[i]) - log_counts(i, count)) / kNoise;
       }
-      for (int k = 0; k < kStepsACount; ++k) RungeKuttaStep(parameters, uv);
+      for (int k = 0; k < kStepsACount; ++k) RungeKuttaStep(parameters, &uv);
     }
     return true;
   }
@@ -131,78 +128,87 @@ std::vector<Parameters> Starts(const CountError& count_error) {
   return starts;
 }
 
-// Where a solve has ended.
-struct Outcome {
-  Parameters estimate;
-  double cost;
-  int num_iterations;
-  invgrad::UpdateCallback::Summary proposals;
-
-  // |log(estimate / truth)|
-  double LargestError() const {
-    return (estimate.array() / Truth().array()).log().abs().maxCoeff();
-  }
-  bool IsTruth() const { return LargestError() < std::log(1.0 + kTolerance); }
+// The solves of one solver from all starts.
+struct Outcomes {
+  std::vector<bool> found;  // whether a start led to the truth
+  Parameters best;          // the estimate of least cost
 };
 
-Outcome Identify(const CountError& count_error,
-                 Parameters log_parameters,
-                 double radius,
-                 bool with_half_inverse) {
-  // Build.
-  ceres::Problem problem;
-  problem.AddResidualBlock(
-      new ceres::AutoDiffCostFunction<CountError, 2 * kNumCounts, 6>(
-          new CountError(count_error)),
-      nullptr,
-      log_parameters.data());
-
-  // Configure.
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 500;
-  options.initial_trust_region_radius = radius;
-  options.logging_type = ceres::SILENT;
-
-  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
-  std::optional<invgrad::UpdateCallback> callback;
-  if (with_half_inverse) {
-    callback.emplace(rule.get(), &problem);
-    callback->AddTo(&options);
-  }
-
-  // Solve.
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  return {log_parameters.array().exp(),
-          summary.final_cost,
-          static_cast<int>(summary.iterations.size()) - 1,
-          callback ? callback->summary() : invgrad::UpdateCallback::Summary()};
+bool IsTruth(const Parameters& estimate) {
+  return (estimate.array() / Truth().array()).log().abs().maxCoeff() <
+         std::log(1.0 + kTolerance);
 }
 
-// Prints a row about all outcomes of a solver; returns the one of least cost.
-Outcome Report(const std::string& solver,
-               const std::vector<Outcome>& outcomes) {
-  Outcome best = *std::min_element(
-      outcomes.begin(), outcomes.end(), [](const auto& a, const auto& b) {
-        return a.cost < b.cost;
-      });
-  std::vector<int> num_iterations;
-  for (const Outcome& outcome : outcomes) {
-    if (outcome.IsTruth()) num_iterations.push_back(outcome.num_iterations);
+// Solves from all starts and prints the result.
+Outcomes Identify(const char* label,
+                  const CountError& count_error,
+                  const std::vector<Parameters>& starts,
+                  double radius,
+                  bool with_half_inverse) {
+  Outcomes outcomes;
+  double least_cost = std::numeric_limits<double>::infinity();
+  std::vector<int> num_iterations;  // of the solves that found the truth
+  invgrad::UpdateCallback::Summary proposals;  // of all solves
+  for (Parameters log_parameters : starts) {
+    // Build.
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<CountError, 2 * kNumCounts, 6>(
+            new CountError(count_error)),
+        nullptr,
+        log_parameters.data());
+
+    // Configure.
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_QR;
+    options.max_num_iterations = 500;
+    options.initial_trust_region_radius = radius;
+    options.logging_type = ceres::SILENT;
+
+    const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+    std::optional<invgrad::UpdateCallback> callback;
+    if (with_half_inverse) {
+      callback.emplace(rule.get(), &problem);
+      callback->AddTo(&options);
+    }
+
+    // Solve.
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+
+    // Report.
+    const Parameters estimate = log_parameters.array().exp();
+    outcomes.found.push_back(IsTruth(estimate));
+    if (outcomes.found.back()) {
+      num_iterations.push_back(static_cast<int>(summary.iterations.size()) - 1);
+    }
+    if (summary.final_cost < least_cost) {
+      least_cost = summary.final_cost;
+      outcomes.best = estimate;
+    }
+    if (callback) {
+      proposals.num_proposed += callback->summary().num_proposed;
+      proposals.num_accepted += callback->summary().num_accepted;
+      proposals.num_rejected += callback->summary().num_rejected;
+      proposals.num_ceres_steps += callback->summary().num_ceres_steps;
+    }
   }
-  CHECK(!num_iterations.empty()) << solver << " has never found the truth";
+  CHECK(!num_iterations.empty()) << label << " has never found the truth";
   std::sort(num_iterations.begin(), num_iterations.end());
-  std::printf("%-20s  %4zu of %zu  %19d  %10.4g",
-              solver.c_str(),
-              num_iterations.size(),
-              outcomes.size(),
-              num_iterations[num_iterations.size() / 2],
-              best.cost);
-  for (const double parameter : best.estimate)
-    std::printf("  %6.3g", parameter);
-  std::printf("  %13.2g\n", best.LargestError());
-  return best;
+  std::printf(
+      "%s: truth found from %zu of %zu starts, in %d iterations "
+      "(median)\n  least cost %.4g, with the parameters",
+      label,
+      num_iterations.size(),
+      starts.size(),
+      num_iterations[num_iterations.size() / 2],
+      least_cost);
+  for (const double parameter : outcomes.best) std::printf(" %.3g", parameter);
+  std::printf("\n");
+  if (with_half_inverse) {
+    std::printf("  %s\n", proposals.BriefReport().c_str());
+  }
+  return outcomes;
 }
 
 }  // namespace
@@ -210,39 +216,23 @@ Outcome Report(const std::string& solver,
 int main(int /*argc*/, char** argv) {
   google::InitGoogleLogging(argv[0]);
   const CountError count_error{Count()};
-  std::vector<Outcome> lm;
-  std::vector<Outcome> short_lm;
-  std::vector<Outcome> half_inverse;
+  const std::vector<Parameters> starts = Starts(count_error);
+  const Outcomes lm = Identify("LM", count_error, starts, kCeresRadius, false);
+  const Outcomes short_lm =
+      Identify("LM, initial radius 1", count_error, starts, 1.0, false);
+  const Outcomes half_inverse =
+      Identify("LM + half-inverse", count_error, starts, kCeresRadius, true);
   int num_only_lm = 0;
   int num_only_half_inverse = 0;
-  invgrad::UpdateCallback::Summary proposals;  // of all solves
-  for (const Parameters& start : Starts(count_error)) {
-    lm.push_back(Identify(count_error, start, kCeresRadius, false));
-    short_lm.push_back(Identify(count_error, start, 1.0, false));
-    half_inverse.push_back(Identify(count_error, start, kCeresRadius, true));
-    const bool by_lm = lm.back().IsTruth();
-    const bool by_half_inverse = half_inverse.back().IsTruth();
-    if (by_lm && !by_half_inverse) ++num_only_lm;
-    if (by_half_inverse && !by_lm) ++num_only_half_inverse;
-    const auto& counts = half_inverse.back().proposals;
-    proposals.num_proposed += counts.num_proposed;
-    proposals.num_accepted += counts.num_accepted;
-    proposals.num_rejected += counts.num_rejected;
-    proposals.num_ceres_steps += counts.num_ceres_steps;
+  for (size_t i = 0; i < starts.size(); ++i) {
+    if (lm.found[i] && !half_inverse.found[i]) ++num_only_lm;
+    if (half_inverse.found[i] && !lm.found[i]) ++num_only_half_inverse;
   }
-  std::printf(
-      "%-20s  truth found  iterations (median)  least cost   alpha    beta   "
-      "gamma   delta    u(0)    v(0)  largest error\n",
-      "solver");
-  const Outcome best_lm = Report("LM", lm);
-  const Outcome best_short_lm = Report("LM, initial radius 1", short_lm);
-  const Outcome best_half_inverse = Report("LM + half-inverse", half_inverse);
   std::printf("found only by LM: %d, only by LM + half-inverse: %d\n",
               num_only_lm,
               num_only_half_inverse);
-  std::printf("proposals: %s\n", proposals.BriefReport().c_str());
-  const bool is_found = best_lm.IsTruth() && best_short_lm.IsTruth() &&
-                        best_half_inverse.IsTruth();
+  const bool is_found =
+      IsTruth(lm.best) && IsTruth(short_lm.best) && IsTruth(half_inverse.best);
   std::printf(
       "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;

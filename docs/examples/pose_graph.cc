@@ -112,12 +112,12 @@ Constraint Measure(const std::vector<Pose>& poses,
                    int from,
                    int to,
                    NumpyGenerator* random) {
-  const Vector3d shift = kPositionNoise * random->StandardNormal(3, 1);
-  const Vector3d turn = kRotationNoise * random->StandardNormal(3, 1);
-  const Quaterniond turned(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
   Pose relative = Relative(poses[from], poses[to]);
-  relative.position += shift;
-  return {from, to, {relative.position, relative.rotation * turned}};
+  relative.position += kPositionNoise * random->StandardNormal(3, 1);
+  const Vector3d turn = kRotationNoise * random->StandardNormal(3, 1);
+  relative.rotation *=
+      Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+  return {from, to, relative};
 }
 
 double PositionError(const std::vector<Pose>& poses,
@@ -129,8 +129,7 @@ double PositionError(const std::vector<Pose>& poses,
   return std::sqrt(sum / kNumPoses);
 }
 
-// Optimizes the poses and prints a row; returns the positions'
-// error.
+// Optimizes the poses and prints the result; returns the positions' error.
 double Optimize(const std::vector<Constraint>& constraints,
                 const std::vector<Pose>& truth,
                 std::vector<Pose> poses,
@@ -175,13 +174,15 @@ double Optimize(const std::vector<Constraint>& constraints,
 
   // Report.
   const double position_error = PositionError(poses, truth);
-  std::printf("%-17s  %13.4g  %7.4g  %10zu  %18.3g  %s\n",
-              with_half_inverse ? "LM + half-inverse" : "LM",
-              summary.initial_cost,
-              summary.final_cost,
-              summary.iterations.size() - 1,
-              position_error,
-              callback ? callback->summary().BriefReport().c_str() : "-");
+  std::printf(
+      "%s: %zu iterations, cost %.4g -> %.4g, error of positions %.3g\n",
+      with_half_inverse ? "LM + half-inverse" : "LM",
+      summary.iterations.size() - 1,
+      summary.initial_cost,
+      summary.final_cost,
+      position_error);
+  if (callback)
+    std::printf("  %s\n", callback->summary().BriefReport().c_str());
   return position_error;
 }
 
@@ -201,13 +202,6 @@ int main(int /*argc*/, char** argv) {
     constraints.push_back(Measure(truth, i - kPosesATurn, i, &random));
   }
   std::printf("error of the odometry: %.3g\n", PositionError(start, truth));
-  std::printf("%-17s  %13s  %7s  %10s  %18s  %s\n",
-              "solver",
-              "cost at start",
-              "cost",
-              "iterations",
-              "error of positions",
-              "proposals");
   const double lm = Optimize(constraints, truth, start, false);
   const double half_inverse = Optimize(constraints, truth, start, true);
   const bool is_found = lm < kTolerance && half_inverse < kTolerance;

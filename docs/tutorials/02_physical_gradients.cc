@@ -20,15 +20,9 @@
 #include "Eigen/Core"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
 #include "invgrad/train/train.h"
 
 // [rules]
@@ -44,13 +38,8 @@ DEFINE_int32(seed, 1, "of the initial weights");
 namespace {
 
 using invgrad::DataSet;
-using invgrad::FormatNumber;
-using invgrad::HistoryRow;
-using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::TrainOptions;
-using invgrad::TrainResult;
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -102,28 +91,29 @@ std::optional<Eigen::VectorXd> InvertArm(const Eigen::Vector2d& y,
 // [data]
 // Places in the arm's reach. The network sees the target.
 DataSet DrawTargets(int num_samples, NumpyRandom* random) {
-  DataSet data;
-  data.targets.resize(2, num_samples);
-  for (int s = 0; s < num_samples; ++s) {
+  Eigen::MatrixXd targets(2, num_samples);
+  for (auto target : targets.colwise()) {
     const double distance = random->Uniform(0.3, 1.7);
     const double direction = random->Uniform(-0.75 * kPi, 0.75 * kPi);
-    data.targets(0, s) = distance * std::cos(direction);
-    data.targets(1, s) = distance * std::sin(direction);
+    target[0] = distance * std::cos(direction);
+    target[1] = distance * std::sin(direction);
   }
-  data.inputs = data.targets;
-  data.contexts.resize(0, num_samples);
-  return data;
+  return invgrad::TrainingData(targets, targets).train;
 }
 // [/data]
 
 // "-" for methods that invert nothing.
 std::string CountText(double count) {
-  return std::isnan(count) ? "-" : FormatNumber(count, 7);
+  return std::isnan(count) ? "-" : invgrad::FormatNumber(count, 7);
 }
 
-int Run() {
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("trains a network in front of a two-link arm");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
   std::string error;
-  std::vector<Method> methods;
+  std::vector<invgrad::Method> methods;
   if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
     std::cerr << "--rules: " << error << "\n";
     return 1;
@@ -138,30 +128,23 @@ int Run() {
       invgrad::Reduction::kMean);
   const auto inverse = invgrad::Inverse(InvertArm);
   // [/model]
-  NumpyRandom random(FLAGS_seed);
-  const Eigen::VectorXd initial_weights = model.network().InitialWeights(
-      invgrad::Initialization::kGlorotUniform, &random);
   NumpyRandom data_random(0);
   const DataSet train = DrawTargets(1024, &data_random);
   const DataSet test = DrawTargets(1024, &data_random);
 
-  std::printf("%-52s  %9s  %9s  %7s  %11s  %11s  %6s\n",
-              "rule",
-              "test loss",
-              "miss [mm]",
-              "ms/step",
-              "inverse",
-              "numerical",
-              "others");
-  for (const Method& method : methods) {
+  std::printf(
+      "%-52s  test loss  miss [mm]  ms/step      inverse    numerical  "
+      "others\n",
+      "rule");
+  for (const invgrad::Method& method : methods) {
     std::cerr << "training: " << method.label << "\n";
     // [train]
-    TrainOptions options;
+    invgrad::TrainOptions options;
     options.max_time_in_seconds = FLAGS_seconds;
     options.batch_size = 64;
-    options.initial_weights = initial_weights;
+    options.seed = FLAGS_seed;
     options.inverse = inverse;
-    const TrainResult result =
+    const invgrad::TrainResult result =
         invgrad::Train(model, {train, test}, method, options);
     if (!result.error.empty()) {
       std::cerr << method.label << ": " << result.error << "\n";
@@ -170,7 +153,7 @@ int Run() {
     // [/train]
 
     // [row]
-    const HistoryRow& last = result.history.back();
+    const invgrad::HistoryRow& last = result.history.back();
     std::printf(
         "%-52s  %9.3g  %9.3g  %7.3g  %11s  %11s  %6s\n",
         method.label.c_str(),
@@ -185,12 +168,4 @@ int Run() {
     // [/row]
   }
   return 0;
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-  gflags::SetUsageMessage("trains a network in front of a two-link arm");
-  gflags::ParseCommandLineFlags(&argc, &argv, true);
-  return Run();
 }

@@ -128,7 +128,9 @@ bool Print(const RankReport::Options& options, const ceres::Problem& problem) {
 }
 // [/print]
 
-int Run() {
+}  // namespace
+
+int main() {
   Robot robot;
   ceres::Problem problem;
   AddOdometry(&robot, &problem);
@@ -164,7 +166,3 @@ int Run() {
   // [/cure]
   return 0;
 }
-
-}  // namespace
-
-int main() { return Run(); }

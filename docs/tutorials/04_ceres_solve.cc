@@ -68,40 +68,31 @@ struct Swing {
     using std::exp;
     const T stiffness = 9.81 / exp(parameters[0]);
     const T damping = exp(parameters[1]);
-    T s[2] = {parameters[2], parameters[3]};
+    State<T> s(parameters[2], parameters[3]);
     for (int i = 0; i < kNumAngles; ++i) {
       residuals[i] = (s[0] - angles[i]) / kNoise;
-      for (int k = 0; k < 10; ++k) RungeKuttaStep(stiffness, damping, 0.02, s);
+      for (int k = 0; k < 10; ++k) RungeKuttaStep(stiffness, damping, 0.02, &s);
     }
     return true;
   }
 
   template <typename T>
-  static void Derivative(const T& stiffness,
-                         const T& damping,
-                         const T* s,
-                         T* derivative) {
-    using std::sin;
-    derivative[0] = s[1];
-    derivative[1] = -stiffness * sin(s[0]) - damping * s[1];
-  }
+  using State = Eigen::Matrix<T, 2, 1>;  // angle and angular velocity
 
   template <typename T>
   static void RungeKuttaStep(const T& stiffness,
                              const T& damping,
                              double h,
-                             T* s) {
-    T k1[2], k2[2], k3[2], k4[2], stage[2];
-    Derivative(stiffness, damping, s, k1);
-    for (int i = 0; i < 2; ++i) stage[i] = s[i] + (0.5 * h) * k1[i];
-    Derivative(stiffness, damping, stage, k2);
-    for (int i = 0; i < 2; ++i) stage[i] = s[i] + (0.5 * h) * k2[i];
-    Derivative(stiffness, damping, stage, k3);
-    for (int i = 0; i < 2; ++i) stage[i] = s[i] + h * k3[i];
-    Derivative(stiffness, damping, stage, k4);
-    for (int i = 0; i < 2; ++i) {
-      s[i] += (h / 6.0) * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-    }
+                             State<T>* s) {
+    const auto derivative = [&](const State<T>& at) -> State<T> {
+      using std::sin;
+      return {at[1], -stiffness * sin(at[0]) - damping * at[1]};
+    };
+    const State<T> k1 = derivative(*s);
+    const State<T> k2 = derivative(*s + (0.5 * h) * k1);
+    const State<T> k3 = derivative(*s + (0.5 * h) * k2);
+    const State<T> k4 = derivative(*s + h * k3);
+    *s += (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4);
   }
 };
 // [/functor]
@@ -214,7 +205,15 @@ void PrintRow(const char* label,
               1e3 * seconds / FLAGS_starts);
 }
 
-int Run() {
+}  // namespace
+
+int main(int argc, char** argv) {
+  gflags::SetUsageMessage("proposes half-inverse steps to ceres::Solve");
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
+  google::InitGoogleLogging(argv[0]);
+  // Ceres logs an error for each start that cannot be simulated; the table
+  // counts it as not found.
+  FLAGS_minloglevel = google::GLOG_FATAL;
   std::string error;
   std::vector<Specification> rules;
   if (!invgrad::ParseSpecifications(FLAGS_rules, &rules, &error)) {
@@ -243,16 +242,4 @@ int Run() {
     PrintRow(rule.text.c_str(), swing, kCeresRadius, rule.text.c_str());
   }
   return 0;
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-  gflags::SetUsageMessage("proposes half-inverse steps to ceres::Solve");
-  gflags::ParseCommandLineFlags(&argc, &argv, true);
-  google::InitGoogleLogging(argv[0]);
-  // Ceres logs an error for each start that cannot be simulated; the table
-  // counts it as not found.
-  FLAGS_minloglevel = google::GLOG_FATAL;
-  return Run();
 }

@@ -26,17 +26,10 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/train/evaluation.h"
 #include "invgrad/train/train.h"
 
 DEFINE_string(rules,
@@ -55,13 +48,8 @@ namespace {
 
 using Eigen::Vector3d;
 using invgrad::DataSet;
-using invgrad::FormatNumber;
-using invgrad::HistoryRow;
-using invgrad::Method;
 using invgrad::Model;
 using invgrad::NumpyRandom;
-using invgrad::TrainOptions;
-using invgrad::TrainResult;
 
 constexpr int kNumSteps = 16;
 constexpr double kTimeStep = 0.25;  // [s]
@@ -70,7 +58,7 @@ constexpr double kTimeStep = 0.25;  // [s]
 // One time step of a robot on two wheels. Geometry: radius of the left and of
 // the right wheel, and their distance [m]. Wheel speeds: left, right [rad/s].
 // Pose: x, y [m], heading [rad]. The heading halfway stands for that of the
-// whole step (midpoint rule, order 2).
+// whole step (midpoint rule, order 2). `next` may be `pose`.
 template <typename G, typename W, typename T>
 void Drive(const G* geometry, const W* wheel_speeds, const T* pose, T* next) {
   using std::cos;
@@ -101,10 +89,8 @@ struct MeasuredDrive {
   template <typename T>
   bool operator()(const T* geometry, T* residuals) const {
     T at[3] = {T(0.0), T(0.0), T(0.0)};
-    T next[3];
     for (int t = 0; t < kNumSteps; ++t) {
-      Drive(geometry, &wheel_speeds[2 * t], at, next);
-      for (int i = 0; i < 3; ++i) at[i] = next[i];
+      Drive(geometry, &wheel_speeds[2 * t], at, at);
     }
     for (int i = 0; i < 3; ++i) residuals[i] = (at[i] - pose[i]) / kNoise;
     return true;
@@ -126,7 +112,7 @@ Geometry Calibrate(const std::vector<MeasuredDrive>& drives) {
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  std::cout << summary.BriefReport() << "\n";
+  std::printf("%s\n", summary.BriefReport().c_str());
   return geometry;
 }
 // [/calibration]
@@ -165,30 +151,6 @@ struct RobotStep {
 using Robot = invgrad::TimeSteppingSimulator<RobotStep>;
 // [/step]
 
-// [check]
-// The largest difference between the Jacobian by Jets, step by step, and
-// central differences, in units of the largest entry.
-double JacobianError(const Robot& robot) {
-  invgrad::NumpyGenerator random(2);
-  const Eigen::VectorXd u = random.StandardNormal(2 * kNumSteps, 1);
-  const Vector3d start(-2.0, 0.5, 0.3);
-  Vector3d y, y_plus, y_minus;
-  Eigen::Matrix<double, 3, 2 * kNumSteps, Eigen::RowMajor> J, differences;
-  CHECK(robot.Evaluate(u.data(), start.data(), y.data(), J.data()));
-  const double h = 1e-5;  // errors h^2 and epsilon / h balance
-  for (int i = 0; i < u.size(); ++i) {
-    const Eigen::VectorXd step = h * Eigen::VectorXd::Unit(u.size(), i);
-    const Eigen::VectorXd u_plus = u + step;
-    const Eigen::VectorXd u_minus = u - step;
-    CHECK(robot.Evaluate(u_plus.data(), start.data(), y_plus.data(), nullptr));
-    CHECK(
-        robot.Evaluate(u_minus.data(), start.data(), y_minus.data(), nullptr));
-    differences.col(i) = (y_plus - y_minus) / (2.0 * h);
-  }
-  return (J - differences).cwiseAbs().maxCoeff() / J.cwiseAbs().maxCoeff();
-}
-// [/check]
-
 // [model]
 // The network is called at every step: from the pose to the wheels' controls.
 // It is to be at (0, 0), with heading 0, after the last one.
@@ -209,10 +171,10 @@ Model ParkingModel(const Geometry& geometry) {
 DataSet DrawStarts(int num_samples, NumpyRandom* random) {
   DataSet data;
   data.inputs.resize(3, num_samples);
-  for (int s = 0; s < num_samples; ++s) {
-    data.inputs(0, s) = random->Uniform(-3.0, -1.5);
-    data.inputs(1, s) = random->Uniform(-1.0, 1.0);
-    data.inputs(2, s) = random->Uniform(-0.8, 0.8);
+  for (auto pose : data.inputs.colwise()) {
+    pose[0] = random->Uniform(-3.0, -1.5);
+    pose[1] = random->Uniform(-1.0, 1.0);
+    pose[2] = random->Uniform(-0.8, 0.8);
   }
   data.contexts = data.inputs;
   data.targets.setZero(3, num_samples);
@@ -220,7 +182,6 @@ DataSet DrawStarts(int num_samples, NumpyRandom* random) {
 }
 // [/data]
 
-// [paths]
 // The ways of the robot, x and y a line, with an empty line between two starts:
 // what gnuplot reads as separate curves.
 std::string Paths(const Model& model,
@@ -233,108 +194,16 @@ std::string Paths(const Model& model,
   std::ostringstream text;
   for (int s = 0; s < starts.num_samples(); ++s) {
     Vector3d pose = starts.contexts.col(s);
+    text << pose.head<2>().transpose() << "\n";
     for (int t = 0; t < kNumSteps; ++t) {
-      text << pose[0] << " " << pose[1] << "\n";
-      Vector3d next;
+      const Vector3d before = pose;
       CHECK(model.feedback()->Advance(
-          pose.data(), controls.col(s).data() + 2 * t, next.data()));
-      pose = next;
+          before.data(), controls.col(s).data() + 2 * t, pose.data()));
+      text << pose.head<2>().transpose() << "\n";
     }
-    text << pose[0] << " " << pose[1] << "\n\n";
+    text << "\n";
   }
   return text.str();
-}
-// [/paths]
-
-int Run() {
-  std::string error;
-  std::vector<Method> methods;
-  if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
-    std::cerr << "--rules: " << error << "\n";
-    return 1;
-  }
-  invgrad::SetBlasThreads(1);
-
-  const Geometry calibrated = Calibrate(MeasureDrives(20));
-  std::cout << "calibrated: wheels " << FormatNumber(calibrated[0], 5)
-            << " and " << FormatNumber(calibrated[1], 5) << " m, distance "
-            << FormatNumber(calibrated[2], 5) << " m\n";
-  std::cout << "Jacobian against finite differences: "
-            << FormatNumber(
-                   JacobianError(Robot(RobotStep{calibrated}, 3, 2, kNumSteps)),
-                   1)
-            << "\n\n";
-
-  // [models]
-  const Model model = ParkingModel(FLAGS_calibrate ? calibrated : kDrawn);
-  const Model reality = ParkingModel(kTrue);
-  // [/models]
-  NumpyRandom random(FLAGS_seed);
-  const Eigen::VectorXd initial_weights = model.network().InitialWeights(
-      invgrad::Initialization::kGlorotUniform, &random);
-  NumpyRandom data_random(0);
-  const DataSet train = DrawStarts(256, &data_random);
-  const DataSet test = DrawStarts(256, &data_random);
-
-  std::printf("%-38s  %10s  %9s  %9s  %14s  %5s  %7s  %s\n",
-              "rule",
-              "train loss",
-              "test loss",
-              "miss [mm]",
-              "real miss [mm]",
-              "steps",
-              "ms/step",
-              "status");
-  // The root of the mean of |y|^2, in which 1 mrad counts as 1 mm.
-  const auto miss = [](double loss) { return 1e3 * std::sqrt(2.0 * loss); };
-  std::ofstream losses(FLAGS_folder + "/robot_losses.txt");
-  std::string paths;  // by the rule with the least test loss
-  double least_loss = std::numeric_limits<double>::infinity();
-  for (const Method& method : methods) {
-    // [train]
-    TrainOptions options;
-    options.max_time_in_seconds = FLAGS_seconds;
-    options.batch_size = 64;
-    options.initial_weights = initial_weights;
-    std::cerr << "training: " << method.label << "\n";
-    const TrainResult result =
-        invgrad::Train(model, {train, test}, method, options);
-    if (!result.error.empty()) {
-      std::cerr << method.label << ": " << result.error << "\n";
-      return 1;
-    }
-    const double real_loss = invgrad::MeanLoss(reality, result.weights, test);
-    // [/train]
-    const HistoryRow& last = result.history.back();
-    std::printf(
-        "%-38s  %10.3g  %9.3g  %9.3g  %14.3g  %5ld  %7.3g  %s\n",
-        method.label.c_str(),
-        last.train_loss,
-        last.test_loss,
-        miss(last.test_loss),
-        miss(real_loss),
-        static_cast<long>(result.summary.num_steps),
-        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
-        result.summary.message.c_str());
-    // A block a rule, begun by its name.
-    losses << '"' << method.label << "\"\n";
-    for (const HistoryRow& row : result.history) {
-      if (row.step == 0) continue;  // has no place on a logarithmic axis
-      losses << row.seconds << " " << row.test_loss << "\n";
-    }
-    losses << "\n\n";
-    if (last.test_loss < least_loss) {
-      least_loss = last.test_loss;
-      paths = Paths(model, result.weights, test.Range(0, 12));
-    }
-  }
-  std::ofstream paths_file(FLAGS_folder + "/robot_paths.txt");
-  paths_file << paths;
-  if (!losses.flush() || !paths_file.flush()) {
-    std::cerr << "cannot write to the folder " << FLAGS_folder << "\n";
-    return 1;
-  }
-  return 0;
 }
 
 }  // namespace
@@ -343,5 +212,76 @@ int main(int argc, char** argv) {
   gflags::SetUsageMessage("calibrates a robot and trains a network to park it");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   google::InitGoogleLogging(argv[0]);
-  return Run();
+  std::string error;
+  std::vector<invgrad::Method> methods;
+  if (!invgrad::ParseMethods(FLAGS_rules, &methods, &error)) {
+    std::cerr << "--rules: " << error << "\n";
+    return 1;
+  }
+  invgrad::SetBlasThreads(1);
+
+  const Geometry calibrated = Calibrate(MeasureDrives(20));
+  std::printf("calibrated: wheels %.5g and %.5g m, distance %.5g m\n\n",
+              calibrated[0],
+              calibrated[1],
+              calibrated[2]);
+
+  // [models]
+  const Model model = ParkingModel(FLAGS_calibrate ? calibrated : kDrawn);
+  const Model reality = ParkingModel(kTrue);
+  // [/models]
+  NumpyRandom data_random(0);
+  const DataSet train = DrawStarts(256, &data_random);
+  const DataSet test = DrawStarts(256, &data_random);
+
+  std::printf("%-38s  train loss  test loss  miss [mm]", "rule");
+  std::printf("  real miss [mm]  steps  ms/step  status\n");
+  // The root of the mean of |y|^2, in which 1 mrad counts as 1 mm.
+  const auto miss = [](double loss) { return 1e3 * std::sqrt(2.0 * loss); };
+  std::ofstream losses(FLAGS_folder + "/robot_losses.txt");
+  double least_loss = std::numeric_limits<double>::infinity();
+  for (const invgrad::Method& method : methods) {
+    // [train]
+    invgrad::TrainOptions options;
+    options.max_time_in_seconds = FLAGS_seconds;
+    options.batch_size = 64;
+    options.seed = FLAGS_seed;
+    std::cerr << "training: " << method.label << "\n";
+    const invgrad::TrainResult result =
+        invgrad::Train(model, {train, test}, method, options);
+    if (!result.error.empty()) {
+      std::cerr << method.label << ": " << result.error << "\n";
+      return 1;
+    }
+    const double real_loss = invgrad::MeanLoss(reality, result.weights, test);
+    // [/train]
+    const invgrad::HistoryRow& last = result.history.back();
+    std::printf(
+        "%-38s  %10.3g  %9.3g  %9.3g  %14.3g  %5ld  %7.3g  %s\n",
+        method.label.c_str(),
+        last.train_loss,
+        last.test_loss,
+        miss(last.test_loss),
+        miss(real_loss),
+        result.summary.num_steps,
+        1e3 * result.summary.train_time_in_seconds / result.summary.num_steps,
+        result.summary.message.c_str());
+    // A block a rule, begun by its name.
+    losses << '"' << method.label << "\"\n";
+    for (const invgrad::HistoryRow& row : result.history) {
+      if (row.step == 0) continue;  // has no place on a logarithmic axis
+      losses << row.seconds << " " << row.test_loss << "\n";
+    }
+    losses << "\n\n";
+    if (last.test_loss < least_loss) {
+      least_loss = last.test_loss;
+      std::ofstream(FLAGS_folder + "/robot_paths.txt")
+          << Paths(model, result.weights, test.Range(0, 12));
+    }
+  }
+  if (!losses.flush()) {
+    std::cerr << "cannot write to the folder " << FLAGS_folder << "\n";
+    return 1;
+  }
+  return 0;
 }

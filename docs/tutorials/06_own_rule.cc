@@ -54,11 +54,9 @@ class ShiftedInverse final : public invgrad::UpdateRule {
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(
         J, Eigen::ComputeThinU | Eigen::ComputeThinV);
     const Eigen::ArrayXd s = svd.singularValues();
-    const Eigen::ArrayXd phi = 1.0 / (s + options_.shift * s[0]);
-    const Eigen::VectorXd d =
-        svd.matrixV() *
-        (phi * (svd.matrixU().transpose() * at_x.loss_gradient).array())
-            .matrix();
+    const Eigen::VectorXd phi = 1.0 / (s + options_.shift * s[0]);
+    const Eigen::VectorXd Utg = svd.matrixU().transpose() * at_x.loss_gradient;
+    const Eigen::VectorXd d = svd.matrixV() * phi.cwiseProduct(Utg);
     // The eta that minimizes the linear model along d.
     const Eigen::VectorXd Jd = J * d;
     const double eta = at_x.loss_gradient.dot(Jd) / Jd.squaredNorm();

@@ -13,7 +13,6 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/train/train.h"
 
 namespace {

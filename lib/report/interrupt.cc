@@ -1,6 +1,7 @@
 #include "report/interrupt.h"
 
 #include <atomic>
+#include <csignal>
 
 #include "glog/logging.h"
 
@@ -12,29 +13,19 @@ std::atomic<bool> exists{false};
 static_assert(std::atomic<bool>::is_always_lock_free,
               "a signal handler may only touch lock-free atomics");
 
-extern "C" void HandleInterrupt(int) {
-  is_requested = true;
-  // From now on each of the signals ends the process, unless it is ignored.
-  for (const int signal_number : {SIGINT, SIGTERM}) {
-    struct sigaction action;
-    if (sigaction(signal_number, nullptr, &action) == 0 &&
-        action.sa_handler == HandleInterrupt) {
-      action.sa_handler = SIG_DFL;
-      sigaction(signal_number, &action, nullptr);
-    }
-  }
+// Sets a handler, unless the signal is ignored; returns the previous handler.
+// (glibc restarts interrupted writes to files.)
+Interrupt::Handler Install(int signal_number, Interrupt::Handler handler) {
+  const Interrupt::Handler before = std::signal(signal_number, handler);
+  if (before == SIG_IGN) std::signal(signal_number, SIG_IGN);
+  return before;
 }
 
-void Install(int signal_number, struct sigaction* before) {
-  struct sigaction action {};
-  action.sa_handler = HandleInterrupt;
-  // Without SA_RESTART a write to a file may fail with EINTR.
-  action.sa_flags = SA_RESTART;
-  sigemptyset(&action.sa_mask);
-  CHECK_EQ(sigaction(signal_number, nullptr, before), 0);
-  if (before->sa_handler != SIG_IGN) {
-    CHECK_EQ(sigaction(signal_number, &action, nullptr), 0);
-  }
+extern "C" void HandleInterrupt(int) {
+  is_requested = true;
+  // From now on each of the signals ends the process.
+  Install(SIGINT, SIG_DFL);
+  Install(SIGTERM, SIG_DFL);
 }
 
 }  // namespace
@@ -42,13 +33,13 @@ void Install(int signal_number, struct sigaction* before) {
 Interrupt::Interrupt() {
   CHECK(!exists.exchange(true)) << "there is an Interrupt already";
   is_requested = false;
-  Install(SIGINT, &before_int_);
-  Install(SIGTERM, &before_term_);
+  before_int_ = Install(SIGINT, HandleInterrupt);
+  before_term_ = Install(SIGTERM, HandleInterrupt);
 }
 
 Interrupt::~Interrupt() {
-  sigaction(SIGINT, &before_int_, nullptr);
-  sigaction(SIGTERM, &before_term_, nullptr);
+  std::signal(SIGINT, before_int_);
+  std::signal(SIGTERM, before_term_);
   exists = false;
 }
 

@@ -12,12 +12,12 @@
 #ifndef REPORT_INTERRUPT_H_
 #define REPORT_INTERRUPT_H_
 
-#include <csignal>
-
 namespace invgrad {
 
 class Interrupt {
  public:
+  using Handler = void (*)(int);
+
   Interrupt();
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
@@ -28,8 +28,8 @@ class Interrupt {
   static bool IsRequested();
 
  private:
-  struct sigaction before_int_;
-  struct sigaction before_term_;
+  Handler before_int_;
+  Handler before_term_;
 };
 
 }  // namespace invgrad

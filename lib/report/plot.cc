@@ -12,8 +12,6 @@
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "report/gnuplot.h"
-#include "report/plot_axis.h"
-#include "report/plot_data.h"
 
 namespace invgrad {
 namespace {
@@ -68,19 +66,18 @@ std::string SeriesStyle(const Series& series, int look, int num_points) {
 std::vector<std::string> Legend(const Plot& plot) {
   std::vector<std::string> titles;
   for (const Series& series : plot.series) {
-    if (plot.has_legend && !series.title.empty())
-      titles.push_back(series.title);
+    if (!series.title.empty()) titles.push_back(series.title);
   }
   return titles;
 }
 
 // In pixels.
 int LegendWidth(const Plot& plot) {
-  size_t num_characters = 0;
+  int width = 0;
   for (const std::string& title : Legend(plot)) {
-    num_characters = std::max(num_characters, title.size());
+    width = std::max(width, 75 + 9 * static_cast<int>(title.size()));
   }
-  return num_characters == 0 ? 0 : 75 + 9 * static_cast<int>(num_characters);
+  return width;
 }
 
 void CheckSizes(const Plot& plot) {
@@ -97,10 +94,8 @@ void CheckSizes(const Plot& plot) {
   if (plot.heat_map) CHECK(!plot.log_x && !plot.log_y) << plot.title;
 }
 
-std::vector<std::pair<double, std::string>> NumberedTicks(
-    const std::vector<std::string>& labels) {
-  std::vector<std::pair<double, std::string>> ticks;
-  ticks.reserve(labels.size());
+Ticks NumberedTicks(const std::vector<std::string>& labels) {
+  Ticks ticks;
   for (const std::string& label : labels) {
     ticks.emplace_back(static_cast<double>(ticks.size()), label);
   }
@@ -110,29 +105,30 @@ std::vector<std::pair<double, std::string>> NumberedTicks(
 // The ranges of x and y: without margin for curves, with a margin for paths,
 // the grid for a field.
 std::pair<Axis, Axis> FitAxes(const Plot& plot) {
-  std::vector<const std::vector<double>*> xs;
-  std::vector<const std::vector<double>*> ys;
-  bool are_curves = true;
-  for (const Series& series : plot.series) {
-    xs.push_back(&series.x);
-    ys.insert(ys.end(), {&series.y, &series.y_low, &series.y_high});
-    are_curves = are_curves && series.style != Series::Style::kPoints &&
-                 std::is_sorted(series.x.begin(), series.x.end());
-  }
-  std::vector<double> columns, rows;
-  if (plot.heat_map) {
-    columns = {-0.5, static_cast<double>(plot.heat_map->z.cols()) - 0.5};
-    rows = {-0.5, static_cast<double>(plot.heat_map->z.rows()) - 0.5};
-    xs = {&columns};
-    ys = {&rows};
-  } else if (plot.contours) {
-    xs = {&plot.contours->x};
-    ys = {&plot.contours->y};
-  }
+  std::vector<double> xs, ys;
   constexpr double kMargin = 0.04;
-  const double margin = plot.heat_map || plot.contours ? 0.0 : kMargin;
-  return {FitAxis(plot.log_x, plot.x_range, are_curves ? 0.0 : margin, xs),
-          FitAxis(plot.log_y, plot.y_range, margin, ys)};
+  double x_margin = 0.0, y_margin = 0.0;
+  if (plot.heat_map) {
+    xs = {-0.5, static_cast<double>(plot.heat_map->z.cols()) - 0.5};
+    ys = {-0.5, static_cast<double>(plot.heat_map->z.rows()) - 0.5};
+  } else if (plot.contours) {
+    xs = plot.contours->x;
+    ys = plot.contours->y;
+  } else {
+    y_margin = kMargin;
+    for (const Series& series : plot.series) {
+      xs.insert(xs.end(), series.x.begin(), series.x.end());
+      for (const auto* values : {&series.y, &series.y_low, &series.y_high}) {
+        ys.insert(ys.end(), values->begin(), values->end());
+      }
+      if (series.style == Series::Style::kPoints ||
+          !std::is_sorted(series.x.begin(), series.x.end())) {
+        x_margin = kMargin;
+      }
+    }
+  }
+  return {FitAxis(plot.log_x, plot.x_range, x_margin, xs),
+          FitAxis(plot.log_y, plot.y_range, y_margin, ys)};
 }
 
 // Appends data blocks and tables to *data, settings and `plot` to *commands:
@@ -155,17 +151,13 @@ void AppendPanel(const Plot& plot,
   if (plot.heat_map) {
     const HeatMap& map = *plot.heat_map;
     const std::vector<double> z(map.z.data(), map.z.data() + map.z.size());
-    AppendCells(prefix + "_cells", map, data);
-    *commands +=
-        kPalette +
-        AxisCommands("cb", FitAxis(map.log_z, map.z_range, 0.0, {&z})) +
-        fmt::format("set cblabel {} noenhanced\n",
-                    QuoteForGnuplot(map.z_label)) +
-        AxisCommands("x", x_axis, NumberedTicks(map.x_labels)) +
-        AxisCommands("y", y_axis, NumberedTicks(map.y_labels));
-    if (std::any_of(z.begin(), z.end(), [&map](double value) {
-          return CanDraw(value, map.log_z);
-        })) {
+    *commands += kPalette +
+                 AxisCommands("cb", FitAxis(map.log_z, map.z_range, 0.0, z)) +
+                 fmt::format("set cblabel {} noenhanced\n",
+                             QuoteForGnuplot(map.z_label)) +
+                 AxisCommands("x", x_axis, NumberedTicks(map.x_labels)) +
+                 AxisCommands("y", y_axis, NumberedTicks(map.y_labels));
+    if (AppendCells(prefix + "_cells", map, data)) {
       // The border closes the gaps between neighbours of one colour.
       elements.push_back(
           prefix +
@@ -322,12 +314,6 @@ void MuteAllButTheLowest(std::vector<Plot>* panels) {
     others.is_muted = true;
     panel.series.push_back(others);
   }
-}
-
-bool WritePlot(const std::string& path_png,
-               const Plot& plot,
-               std::string* error) {
-  return WritePlots(path_png, {plot}, error);
 }
 
 bool WritePlots(const std::string& path_png,

@@ -67,6 +67,7 @@ struct HeatMap {
   AxisRange z_range;    // panels with the same range share their colours
 };
 
+// Of several panels with the same series only the last one has a legend.
 struct Plot {
   std::string title;
   std::string x_label;
@@ -77,10 +78,7 @@ struct Plot {
   std::vector<std::pair<double, std::string>> x_ticks;
   AxisRange x_range;
   AxisRange y_range;
-  bool equal_aspect = false;  // one unit is as long on both axes
-  // Right of the panel. Of several panels with the same entries only the last
-  // one has a legend.
-  bool has_legend = true;
+  bool equal_aspect = false;        // one unit is as long on both axes
   std::optional<HeatMap> heat_map;  // its panel has linear axes
   std::optional<ContourField> contours;
   std::vector<Series> series;
@@ -96,9 +94,6 @@ void MuteAllButTheLowest(std::vector<Plot>* panels);
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& panels,
                 std::string* error);
-bool WritePlot(const std::string& path_png,
-               const Plot& plot,
-               std::string* error);
 
 }  // namespace invgrad
 

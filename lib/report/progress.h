@@ -4,7 +4,7 @@
 //       elapsed 1.3 s  left 4.5 s                     (on the same line)
 //
 // On a terminal the line is rewritten in place, cut to the terminal's width;
-// elsewhere (a log file) whole lines are written at intervals. Speed and
+// elsewhere (a log file) a whole line is written every 10 seconds. Speed and
 // remaining time are measured from the first update on, so they are correct for
 // a resumed run.
 //
@@ -20,6 +20,10 @@
 
 namespace invgrad {
 
+// "0.250 s", "12.3 s", "3 min 05 s", "2 h 03 min", "4 d 07 h"; "?" for values
+// that are no duration.
+std::string FormatDuration(double seconds);
+
 struct ProgressState {
   static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   static constexpr long kNoStep = -1;  // not shown
@@ -34,9 +38,7 @@ class Progress {
  public:
   struct Options {
     std::FILE* out = stderr;
-    std::optional<bool> is_terminal;       // default: by isatty
-    double seconds_between_updates = 0.1;  // on a terminal
-    double seconds_between_lines = 10.0;   // elsewhere
+    std::optional<bool> is_terminal;  // default: by isatty
     // Seconds since any fixed time; the steady clock if not given.
     std::function<double()> clock;
   };
@@ -63,7 +65,7 @@ class Progress {
   double first_time_ = 0.0;
   ProgressState first_;
   double last_written_ = 0.0;
-  int width_shown_ = 0;  // width of the current text on the terminal
+  size_t width_shown_ = 0;  // width of the current text on the terminal
 };
 
 }  // namespace invgrad

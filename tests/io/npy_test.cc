@@ -187,10 +187,10 @@ TEST_F(NpyTest, WrongShapesAreReported) {
   VectorXd vector;
   std::string error;
   EXPECT_FALSE(ReadNpy(path_, -1, &vector, &error));
-  EXPECT_EQ(WithoutPath(error), "found shape (2, 3), wanted (*,)");
+  EXPECT_EQ(WithoutPath(error), "found shape (2, 3), wanted (*, 1)");
   Put(flat);
   EXPECT_FALSE(ReadNpy(path_, 4, &vector, &error));
-  EXPECT_EQ(WithoutPath(error), "found shape (1,), wanted (4,)");
+  EXPECT_EQ(WithoutPath(error), "found shape (1,), wanted (4, 1)");
 }
 
 TEST_F(NpyTest, AColumnIsAVector) {
@@ -247,7 +247,7 @@ TEST_F(NpyTest, OtherTypesAreReported) {
           "{'descr': [('a', '<f8'), ('b', '<f4')], 'fortran_order': False, "
           "'shape': (2,), }",
           std::string(24, '\0')));
-  EXPECT_NE(problem.find("found type '[('a', '<f8'), ('b', '<f4')]'"),
+  EXPECT_NE(problem.find("found type [('a','<f8'),('b','<f4')], wanted"),
             std::string::npos)
       << problem;
 }
@@ -281,7 +281,7 @@ TEST_F(NpyTest, MalformedHeadersAreShown) {
   for (const std::string& header :
        {shape + "(-2, 3), }",
         shape + "(2.0, 3), }",
-        shape + "(2 3), }",
+        shape + "(2; 3), }",
         shape + "(99999999999999999999, 3), }",
         shape + "(2, 3)",
         shape + "(2,",
@@ -304,23 +304,6 @@ TEST_F(NpyTest, FailedWriteIsReported) {
   EXPECT_EQ(error,
             "cannot write " + (folder_ / "none/x.npy") +
                 ": No such file or directory");
-}
-
-TEST(CheckNpyFinite, NamesTheFirstByRows) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  MatrixXd matrix = MatrixXd::Constant(3, 4, 1e308);
-  std::string error;
-  EXPECT_TRUE(CheckNpyFinite("x.npy", matrix, &error));
-  EXPECT_TRUE(CheckNpyFinite("x.npy", MatrixXd(), &error));
-  matrix(2, 0) = -kInfinity;
-  EXPECT_FALSE(CheckNpyFinite("x.npy", matrix, &error));
-  EXPECT_EQ(error, "file x.npy: -inf at row 2, column 0 (counted from 0)");
-  matrix(1, 3) = kInfinity;
-  EXPECT_FALSE(CheckNpyFinite("x.npy", matrix, &error));
-  EXPECT_EQ(error, "file x.npy: inf at row 1, column 3 (counted from 0)");
-  const VectorXd vector = (VectorXd(2) << 1.0, std::nan("")).finished();
-  EXPECT_FALSE(CheckNpyFinite("x.npy", vector, &error));
-  EXPECT_EQ(error, "file x.npy: nan at row 1, column 0 (counted from 0)");
 }
 
 }  // namespace npy_test

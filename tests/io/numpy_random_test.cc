@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "gtest/gtest.h"
@@ -117,65 +116,6 @@ TEST_F(NumpyRandomTest, EmptyAndSinglePermutationsDrawNothing) {
   EXPECT_TRUE(random.Permutation(0).empty());
   EXPECT_EQ(random.Permutation(1), std::vector<int>{0});
   EXPECT_EQ(random.Rand(), 0.5488135039273248);
-}
-
-TEST_F(NumpyRandomTest, StateIsNumpys) {
-  // np.random.seed(42); s = np.random.get_state(); s[1][0], s[1][1],
-  // s[1][623], s[2]; the same after np.random.rand(3)
-  NumpyRandom random(42);
-  Eigen::VectorXd state = random.State();
-  ASSERT_EQ(state.size(), 625);
-  EXPECT_EQ(state[0], 42);
-  EXPECT_EQ(state[1], 3107752595.0);
-  EXPECT_EQ(state[623], 26719530);
-  EXPECT_EQ(state[624], 624);
-  random.Rand(1, 3);
-  state = random.State();
-  EXPECT_EQ(state[0], 723970371);
-  EXPECT_EQ(state[1], 1229153189);
-  EXPECT_EQ(state[623], 4088152671.0);
-  EXPECT_EQ(state[624], 6);
-}
-
-TEST_F(NumpyRandomTest, StateRoundTrip) {
-  // Before the first draw, in the middle of a block of words, at its end.
-  for (const int draws : {0, 1, 311, 312, 313, 1000}) {
-    NumpyRandom random(7);
-    random.Rand(draws, 1);
-    NumpyRandom other(8);
-    ASSERT_TRUE(other.SetState(random.State()));
-    EXPECT_EQ(other.State(), random.State());
-    EXPECT_EQ(other.Rand(400, 1), random.Rand(400, 1));
-    EXPECT_EQ(other.Permutation(30), random.Permutation(30));
-  }
-}
-
-TEST_F(NumpyRandomTest, RefusesWhatIsNoState) {
-  const NumpyRandom source(3);
-  const Eigen::VectorXd good = source.State();
-  std::vector<Eigen::VectorXd> bad;
-  bad.emplace_back();
-  bad.emplace_back(good.head(624));
-  bad.emplace_back(626);
-  bad.back() << good, 1.0;
-  for (const double word : {-1.0,
-                            0.5,
-                            4294967296.0,
-                            1e300,
-                            std::numeric_limits<double>::infinity(),
-                            std::numeric_limits<double>::quiet_NaN()}) {
-    bad.push_back(good);
-    bad.back()[100] = word;
-  }
-  bad.push_back(good);
-  bad.back()[624] = 625;  // a position past the end
-  bad.emplace_back(Eigen::VectorXd::Zero(625));
-
-  NumpyRandom random(42);
-  for (size_t i = 0; i < bad.size(); ++i) {
-    EXPECT_FALSE(random.SetState(bad[i])) << "state " << i;
-  }
-  EXPECT_EQ(random.Rand(), 0.3745401188473625);  // as if nothing had happened
 }
 
 }  // namespace numpy_random_test

@@ -14,7 +14,6 @@
 #include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/train/evaluation.h"
 #include "invgrad/train/train.h"
 #include "tests/methods/line.h"
 #include "tests/support/parse_method.h"

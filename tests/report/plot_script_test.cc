@@ -84,8 +84,6 @@ TEST_F(PlotTest, PanelsWithTheSameEntriesShareALegend) {
   Plot other = plot;
   other.series[0].title = "other";
   EXPECT_EQ(num_legends({plot, other}), 2);
-  plot.has_legend = false;
-  EXPECT_EQ(num_legends({plot}), 0);
   other.series[0].title.clear();
   EXPECT_EQ(num_legends({other}), 0);
 }

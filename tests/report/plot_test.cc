@@ -57,8 +57,8 @@ TEST_F(DrawnPlotTest, LinesPointsBandsAndContoursAreDrawn) {
 
 TEST_F(DrawnPlotTest, PanelsStandSideBySideOrInRows) {
   Plot plot;
-  plot.has_legend = false;
   plot.series = {Line({1, 2, 3}, {1, 2, 3})};
+  plot.series[0].title.clear();
   const auto size = [&](int num_panels) {
     return Draw(std::vector<Plot>(num_panels, plot));
   };
@@ -147,7 +147,7 @@ TEST_F(DrawnPlotTest, PathsMayBeRelative) {
   std::filesystem::current_path(folder_ / "");
   Plot plot;
   std::string error;
-  EXPECT_TRUE(WritePlot("-here.png", plot, &error)) << error;
+  EXPECT_TRUE(WritePlots("-here.png", {plot}, &error)) << error;
   std::filesystem::current_path(before);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "-here.png"));
 }
@@ -156,7 +156,7 @@ TEST_F(PlotTest, MissingGnuplotNamesThePackage) {
   const Path path(folder_ / "empty");
   Plot plot;
   std::string error;
-  EXPECT_FALSE(WritePlot(folder_ / "plot.png", plot, &error));
+  EXPECT_FALSE(WritePlots(folder_ / "plot.png", {plot}, &error));
   EXPECT_EQ(error,
             "no picture " + (folder_ / "plot.png") +
                 ": gnuplot is not installed (apt install gnuplot-nox); its "
@@ -173,22 +173,22 @@ TEST_F(PlotTest, FailuresOfGnuplotAreReported) {
   const std::string end = "; its script is " + (folder_ / "plot.gp");
   {
     const Path path(FakeGnuplot("echo line 3: bad command >&2; exit 1"));
-    EXPECT_FALSE(WritePlot(png, Plot(), &error));
+    EXPECT_FALSE(WritePlots(png, {Plot()}, &error));
     EXPECT_EQ(error, start + "gnuplot failed: line 3: bad command\n" + end);
     EXPECT_FALSE(std::filesystem::exists(png));  // would pass for the new one
   }
   {
     const Path path(FakeGnuplot("kill -9 $$"));
-    EXPECT_FALSE(WritePlot(png, Plot(), &error));
+    EXPECT_FALSE(WritePlots(png, {Plot()}, &error));
     EXPECT_EQ(error, start + "gnuplot was ended by signal 9" + end);
   }
   {
     const Path path(FakeGnuplot("exit 0"));
-    EXPECT_FALSE(WritePlot(png, Plot(), &error));
+    EXPECT_FALSE(WritePlots(png, {Plot()}, &error));
     EXPECT_EQ(error,
               start + "gnuplot wrote nothing (is the folder writable?)" + end);
   }
-  EXPECT_FALSE(WritePlot(folder_ / "none/plot.png", Plot(), &error));
+  EXPECT_FALSE(WritePlots(folder_ / "none/plot.png", {Plot()}, &error));
   EXPECT_EQ(error,
             "cannot write " + (folder_ / "none/plot.gp") +
                 ": No such file or directory");
@@ -197,21 +197,21 @@ TEST_F(PlotTest, FailuresOfGnuplotAreReported) {
 TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {
   std::string error;
   Plot plot;
-  EXPECT_DEATH(WritePlot(folder_ / "plot.pdf", plot, &error), "plot.pdf");
+  EXPECT_DEATH(WritePlots(folder_ / "plot.pdf", {plot}, &error), "plot.pdf");
   EXPECT_DEATH(WritePlots(folder_ / "plot.png", {}, &error), "empty");
   plot.series = {Line({1, 2}, {1})};
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "line");
+  EXPECT_DEATH(WritePlots(folder_ / "plot.png", {plot}, &error), "line");
   plot.series = {Line({1}, {1})};
   plot.series[0].y_low = {1};
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "line");
+  EXPECT_DEATH(WritePlots(folder_ / "plot.png", {plot}, &error), "line");
   plot.series.clear();
   plot.contours = ContourField();
   plot.contours->x = {1};
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "cols");
+  EXPECT_DEATH(WritePlots(folder_ / "plot.png", {plot}, &error), "cols");
   plot.contours.reset();
   plot.heat_map.emplace();
   plot.log_x = true;
-  EXPECT_DEATH(WritePlot(folder_ / "plot.png", plot, &error), "log_x");
+  EXPECT_DEATH(WritePlots(folder_ / "plot.png", {plot}, &error), "log_x");
 }
 
 }  // namespace plot_test

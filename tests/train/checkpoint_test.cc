@@ -1,7 +1,7 @@
 #include "invgrad/train/checkpoint.h"
 
-#include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <string>
 
@@ -14,149 +14,156 @@ namespace checkpoint_test {
 
 using Eigen::VectorXd;
 
+// Members of every kind.
+struct State {
+  VectorXd special;
+  VectorXd empty;
+  double number = 0.0;
+  long count = 0;
+
+  void Visit(StateArchive* archive) {
+    archive->Visit("special", &special);
+    archive->Visit("empty", &empty);
+    archive->set_prefix("run.");
+    archive->Visit("number", &number);
+    archive->Visit("count", &count);
+  }
+};
+
 class CheckpointTest : public testing::Test {
  protected:
+  // The message for a file of these bytes, without its path.
   std::string ReadError(const std::string& bytes) {
     std::string error;
     EXPECT_TRUE(WriteFile(path_, bytes, &error)) << error;
-    Checkpoint checkpoint;
-    checkpoint.arrays["kept"] = VectorXd::Ones(1);
-    EXPECT_FALSE(ReadCheckpoint(path_, &checkpoint, &error));
-    EXPECT_EQ(checkpoint.arrays.count("kept"), 1u) << "output was changed";
-    const std::string start = "file " + path_ + ": ";
-    EXPECT_EQ(error.substr(0, start.size()), start);
+    error = StateArchive::Read(path_).error();
+    const std::string start = path_ + ": ";
+    EXPECT_EQ(error.rfind(start, 0), 0u) << error;
     return error.substr(std::min(start.size(), error.size()));
   }
 
-  // A file with one array of size 1, but for what is written there.
-  std::string Bytes(const std::string& count, const std::string& line) {
-    return magic_ + count + "\n" + line + "\n" + std::string(8, '\0');
+  // The bytes of a file of two arrays.
+  std::string SmallFile() {
+    StateArchive archive;
+    VectorXd one = VectorXd::Constant(1, 1.0), two = VectorXd::Constant(1, 2.0);
+    archive.Visit("b", &two);
+    archive.Visit("a", &one);
+    std::string error;
+    std::string bytes;
+    EXPECT_TRUE(archive.Write(path_, &error)) << error;
+    EXPECT_TRUE(ReadFile(path_, &bytes, &error)) << error;
+    return bytes;
   }
 
   const TemporaryFolder folder_;
   const std::string path_ = folder_ / "checkpoint";
   const std::string magic_ = "invgrad checkpoint, version 1\n";
+  const std::string damaged_ = "the file is truncated or damaged";
 };
 
 TEST_F(CheckpointTest, RoundTripIsBitForBit) {
-  Checkpoint checkpoint;
-  VectorXd special(6);
-  special << -0.0, std::numeric_limits<double>::infinity(),
+  State state;
+  state.special.resize(6);
+  state.special << -0.0, std::numeric_limits<double>::infinity(),
       std::numeric_limits<double>::denorm_min(), 0.1,
       std::numeric_limits<double>::max(), std::nan("7");
-  checkpoint.arrays["special"] = special;
-  checkpoint.arrays["adam.m"] = VectorXd::LinSpaced(1000, -1.0, 2.0);
-  checkpoint.arrays["empty"] = VectorXd();
+  state.number = 1.0 / 3.0;
+  state.count = 1L << 50;
+  StateArchive archive;
+  EXPECT_FALSE(archive.is_reading());
+  state.Visit(&archive);
   std::string error;
-  ASSERT_TRUE(WriteCheckpoint(path_, checkpoint, &error)) << error;
-  Checkpoint back;
-  back.arrays["old"] = special;
-  ASSERT_TRUE(ReadCheckpoint(path_, &back, &error)) << error;
-  ASSERT_EQ(back.arrays.size(), 3u);
-  for (const auto& [name, array] : checkpoint.arrays) {
-    const VectorXd& found = back.arrays.at(name);
-    ASSERT_EQ(found.size(), array.size()) << name;
-    EXPECT_TRUE(
-        std::equal(reinterpret_cast<const char*>(array.data()),
-                   reinterpret_cast<const char*>(array.data() + array.size()),
-                   reinterpret_cast<const char*>(found.data())))
-        << name;
-  }
+  ASSERT_TRUE(archive.Write(path_, &error)) << error;
+
+  State back;
+  back.empty = VectorXd::Ones(3);
+  StateArchive found = StateArchive::Read(path_);
+  EXPECT_TRUE(found.is_reading());
+  back.Visit(&found);
+  ASSERT_EQ(found.error(), "");
+  ASSERT_EQ(back.special.size(), 6);
+  EXPECT_EQ(std::memcmp(back.special.data(), state.special.data(), 6 * 8), 0);
+  EXPECT_EQ(back.empty.size(), 0);
+  EXPECT_EQ(back.number, state.number);
+  EXPECT_EQ(back.count, state.count);
 }
 
 TEST_F(CheckpointTest, NoArraysAreACheckpointToo) {
   std::string error;
-  ASSERT_TRUE(WriteCheckpoint(path_, Checkpoint(), &error)) << error;
-  Checkpoint back;
-  back.arrays["old"] = VectorXd::Ones(1);
-  ASSERT_TRUE(ReadCheckpoint(path_, &back, &error)) << error;
-  EXPECT_TRUE(back.arrays.empty());
+  ASSERT_TRUE(StateArchive().Write(path_, &error)) << error;
+  EXPECT_EQ(StateArchive::Read(path_).error(), "");
 }
 
 TEST_F(CheckpointTest, TheLayoutIsTheDocumentedOne) {
-  Checkpoint checkpoint;
-  checkpoint.arrays["b"] = VectorXd::Constant(1, 2.0);
-  checkpoint.arrays["a"] = VectorXd::Constant(1, 1.0);
-  std::string error;
-  std::string bytes;
-  ASSERT_TRUE(WriteCheckpoint(path_, checkpoint, &error)) << error;
-  ASSERT_TRUE(ReadFile(path_, &bytes, &error)) << error;
   // 1.0 is 3ff0000000000000, 2.0 is 4000000000000000.
-  EXPECT_EQ(bytes,
+  EXPECT_EQ(SmallFile(),
             magic_ + "2\na 1\nb 1\n" + std::string(6, '\0') + "\xf0\x3f" +
                 std::string(7, '\0') + "\x40");
 }
 
 TEST_F(CheckpointTest, EveryTruncationAndEveryExtraByteIsReported) {
-  Checkpoint checkpoint;
-  checkpoint.arrays["theta"] = VectorXd::Ones(3);
-  checkpoint.arrays["v"] = VectorXd::Ones(2);
-  std::string error;
-  std::string bytes;
-  ASSERT_TRUE(WriteCheckpoint(path_, checkpoint, &error)) << error;
-  ASSERT_TRUE(ReadFile(path_, &bytes, &error)) << error;
+  const std::string bytes = SmallFile();
   for (size_t size = 0; size < bytes.size(); ++size) {
     EXPECT_NE(ReadError(bytes.substr(0, size)), "") << size << " bytes";
   }
-  EXPECT_EQ(ReadError(bytes + '\0'), "found 41 bytes of values, wanted 40");
+  EXPECT_EQ(ReadError(bytes + '\0'), damaged_);
 }
 
-TEST_F(CheckpointTest, ErrorsSayWhat) {
+TEST_F(CheckpointTest, ForeignFilesAndDamagedHeadersAreReported) {
+  const std::string first =
+      "the first line is not '" + magic_.substr(0, magic_.size() - 1) + "'";
+  EXPECT_EQ(ReadError("hello\n"), first);
+  EXPECT_EQ(ReadError("invgrad checkpoint, version 2\n0\n"), first);
   const std::string one(8, '\0');
-  EXPECT_EQ(
-      ReadError("hello\n"),
-      "not a checkpoint (it does not begin with 'invgrad checkpoint, version "
-      "')");
-  EXPECT_EQ(ReadError("invgrad checkpoint, version 2\n0\n"),
-            "found version '2', wanted '1'");
-  for (const std::string count : {"", "-1", "1.0", "x", "1 "}) {
-    EXPECT_EQ(ReadError(Bytes(count, "a 1")),
-              "cannot read the number of arrays");
+  for (const std::string header : {"\na 1",
+                                   "-1\na 1",
+                                   "1.0\na 1",
+                                   "x\na 1",
+                                   "2\na 1",
+                                   "1\na",
+                                   "1\na -1",
+                                   "1\na 1.0",
+                                   "1\na b 1",
+                                   "2\na 1\na 0"}) {
+    EXPECT_EQ(ReadError(magic_ + header + "\n" + one), damaged_) << header;
   }
-  EXPECT_EQ(ReadError(magic_ + "2\na 1\n" + one),
-            "array 2 of 2: no line with its name and size (truncated?)");
-  for (const std::string line : {"a", "a ", " 1", "a -1", "a 1.0", "a b 1"}) {
-    EXPECT_EQ(ReadError(Bytes("1", line)),
-              "array 1 of 1: found '" + line + "', wanted name and size");
-  }
-  EXPECT_EQ(ReadError(magic_ + "2\na 1\na 1\n" + one + one),
-            "array 2 of 2: a second 'a'");
 }
 
+// Sizes whose bytes, or whose sum, overflow 64 bits.
 TEST_F(CheckpointTest, LyingSizesDoNotAllocate) {
   const std::string one(8, '\0');
-  // 2^61 doubles are 2^64 bytes, zero modulo 2^64.
   for (const std::string size :
        {"2", "1000000000000", "2305843009213693952", "18446744073709551615"}) {
-    EXPECT_EQ(ReadError(Bytes("1", "a " + size)),
-              "array 1 of 1: 'a' has " + size +
-                  " values, the file is too short for them (truncated?)");
+    EXPECT_EQ(ReadError(magic_ + "1\na " + size + "\n" + one), damaged_);
+    EXPECT_EQ(ReadError(magic_ + "2\na 1\nb " + size + "\n" + one), damaged_);
   }
-  EXPECT_EQ(ReadError(magic_ + "2\na 1\nb 18446744073709551615\n" + one),
-            "array 2 of 2: 'b' has 18446744073709551615 values, the file is "
-            "too short for them (truncated?)");
-  EXPECT_EQ(ReadError(magic_ + "18446744073709551615\na 1\n"),
-            "array 1 of 18446744073709551615: 'a' has 1 values, the file is "
-            "too short for them (truncated?)");
+  EXPECT_EQ(ReadError(magic_ + "18446744073709551615\na 1\n" + one), damaged_);
 }
 
 TEST_F(CheckpointTest, MissingFolderAndFileAreReported) {
   const std::string path = folder_ / "none/checkpoint";
   std::string error;
-  EXPECT_FALSE(WriteCheckpoint(path, Checkpoint(), &error));
+  EXPECT_FALSE(StateArchive().Write(path, &error));
   EXPECT_EQ(error, "cannot write " + path + ": No such file or directory");
-  Checkpoint checkpoint;
-  EXPECT_FALSE(ReadCheckpoint(path, &checkpoint, &error));
-  EXPECT_EQ(error, "cannot read " + path + ": No such file or directory");
+  EXPECT_EQ(StateArchive::Read(path).error(),
+            "cannot read " + path + ": No such file or directory");
 }
 
-TEST_F(CheckpointTest, NamesWithWhiteSpaceAreABug) {
-  std::string error;
-  for (const std::string name : {"", "a b", "a\n"}) {
-    Checkpoint checkpoint;
-    checkpoint.arrays[name] = VectorXd();
-    EXPECT_DEATH(WriteCheckpoint(path_, checkpoint, &error), "name");
-  }
+TEST_F(CheckpointTest, WhatDoesNotFitChangesNothing) {
+  SmallFile();
+  StateArchive archive = StateArchive::Read(path_);
+  VectorXd values = VectorXd::Constant(2, 7.0);
+  archive.Visit("a", &values, 2);
+  EXPECT_EQ(archive.error(),
+            path_ + ": array 'a' is missing or does not fit this run");
+  archive.Visit("b", &values);  // after an error
+  EXPECT_EQ(values, VectorXd::Constant(2, 7.0));
+
+  archive = StateArchive::Read(path_);
+  archive.Expect("a", 1);
+  EXPECT_EQ(archive.error(), "");
+  archive.Expect("b", 1);
+  EXPECT_EQ(archive.error(), path_ + ": found b=2, wanted 1");
 }
 
 }  // namespace checkpoint_test

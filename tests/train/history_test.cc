@@ -22,10 +22,9 @@ void ExpectSame(const History& found, const History& wanted) {
   ASSERT_EQ(found.size(), wanted.size());
   for (size_t i = 0; i < found.size(); ++i) {
     EXPECT_EQ(found[i].step, wanted[i].step);
-    const auto columns = found[i].Columns();
-    for (size_t k = 0; k < columns.size(); ++k) {
-      EXPECT_TRUE(IsSame(columns[k], wanted[i].Columns()[k]))
-          << "row " << i << " column " << k;
+    for (const HistoryColumn& column : kHistoryColumns) {
+      EXPECT_TRUE(IsSame(found[i].*column.value, wanted[i].*column.value))
+          << "row " << i << " column " << column.name;
     }
   }
 }

@@ -65,10 +65,11 @@ TEST(Trainer, RefusesACheckpointOfAnotherRun) {
   const Regression problem;
   const std::string path =
       ::testing::TempDir() + "trainer_other_" + std::to_string(::getpid());
-  Checkpoint checkpoint;
-  checkpoint.arrays["weights"] = Eigen::VectorXd::Zero(3);
+  StateArchive archive;
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(3);
+  archive.Visit("weights", &weights);
   std::string error;
-  ASSERT_TRUE(WriteCheckpoint(path, checkpoint, &error)) << error;
+  ASSERT_TRUE(archive.Write(path, &error)) << error;
   TrainOptions options = Epochs(1, 8);
   options.checkpoint_path = path;
   error = Refusal(problem, options, "adam");
@@ -87,6 +88,21 @@ TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
   const std::string error = Refusal(problem, options, "adam");
   EXPECT_NE(error.find("found batch_size=8, wanted 6"), std::string::npos)
       << error;
+}
+
+// The orders of the samples follow from the seed.
+TEST(Trainer, RefusesACheckpointOfAnotherSeed) {
+  const Regression problem;
+  const TemporaryFolder folder;
+  TrainOptions options = Epochs(2, 8);
+  options.shuffle = true;
+  options.seed = 3;
+  options.checkpoint_path = folder / "checkpoint";
+  const auto rule = MakeRule("adam");
+  TrainRegression(problem, options, rule.get());
+  options.seed = 4;
+  const std::string error = Refusal(problem, options, "adam");
+  EXPECT_NE(error.find("found seed=3, wanted 4"), std::string::npos) << error;
 }
 
 // Full Gauss-Newton steps of almost twice the length on batches of four: some

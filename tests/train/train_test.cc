@@ -7,7 +7,6 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/train/evaluation.h"
 #include "tests/support/train_options.h"
 #include "tests/train/regression.h"
 

@@ -10,6 +10,7 @@
 #include "invgrad/methods/method.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/spectral/spectral_step.h"
+#include "invgrad/train/train.h"
 
 namespace invgrad {
 namespace training_memory_test {

@@ -2,16 +2,13 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
@@ -23,130 +20,63 @@ static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
 constexpr std::string_view kMagic("\x93NUMPY", 6);
 
 struct NpyHeader {
-  std::string type;  // such as "<f8"
+  std::string type;  // with its quotes, such as "'<f8'"
   bool is_fortran_order = false;
   std::vector<std::int64_t> shape;
 };
 
+// Removes `key` and its value from a Python dictionary without spaces. Returns
+// the value, such as "'<f8'", "False" or "(3,4)"; empty if there is none.
+std::string TakeValue(const std::string& key, std::string* dictionary) {
+  const std::string start = "'" + key + "':";
+  const size_t begin = dictionary->find(start);
+  if (begin == std::string::npos) return "";
+  const size_t at = begin + start.size();
+  // A structured type is a list of fields.
+  const char first = (*dictionary)[at];
+  const char* const last = first == '\''  ? "'"
+                           : first == '[' ? "]"
+                           : first == '(' ? ")"
+                                          : "e";  // of True and False
+  const size_t end = dictionary->find(last, at + 1);
+  if (end == std::string::npos) return "";
+  const std::string value = dictionary->substr(at, end + 1 - at);
+  dictionary->erase(begin, end + 1 - begin);
+  return value;
+}
+
+// "(3,4)", "(3,)" or "()"; Python 2 writes long integers, "(3L,4L)".
+bool ParseShape(const std::string& text, std::vector<std::int64_t>* shape) {
+  if (text.empty() || text.front() != '(') return false;
+  const char* at = text.data() + 1;
+  const char* const end = text.data() + text.size() - 1;
+  while (at < end) {
+    std::int64_t size = 0;
+    const auto [next, status] = std::from_chars(at, end, size);
+    if (status != std::errc() || size < 0) return false;
+    shape->push_back(size);
+    at = next;
+    if (*at == 'L') ++at;
+    if (at < end && *at++ != ',') return false;
+  }
+  return true;
+}
+
 // Parses the Python literal of a header,
 //   {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
 // with the keys in any order.
-class HeaderParser {
- public:
-  explicit HeaderParser(std::string_view text) : rest_(text) {}
-
-  bool Parse(NpyHeader* header) {
-    bool has_type = false;
-    bool has_order = false;
-    bool has_shape = false;
-    if (!Take("{")) {
-      return false;
-    }
-    while (!Take("}")) {
-      std::string key;
-      if (!ParseString(&key) || !Take(":")) {
-        return false;
-      }
-      bool* seen = nullptr;
-      bool is_read = false;
-      if (key == "descr") {
-        seen = &has_type;
-        is_read = ParseType(&header->type);
-      } else if (key == "fortran_order") {
-        seen = &has_order;
-        is_read = ParseBool(&header->is_fortran_order);
-      } else if (key == "shape") {
-        seen = &has_shape;
-        is_read = ParseShape(&header->shape);
-      }
-      if (!is_read || *seen) {
-        return false;
-      }
-      *seen = true;
-      if (!Take(",") && !IsNext("}")) {
-        return false;
-      }
-    }
-    SkipSpace();
-    return rest_.empty() && has_type && has_order && has_shape;
+bool ParseHeader(std::string_view text, NpyHeader* header) {
+  std::string rest;
+  for (const char c : text) {
+    if (c != ' ' && c != '\t' && c != '\n') rest += c == '"' ? '\'' : c;
   }
-
- private:
-  void SkipSpace() {
-    rest_.remove_prefix(
-        std::min(rest_.find_first_not_of(" \t\n"), rest_.size()));
-  }
-
-  bool IsNext(std::string_view token) {
-    SkipSpace();
-    return rest_.substr(0, token.size()) == token;
-  }
-
-  bool Take(std::string_view token) {
-    if (!IsNext(token)) {
-      return false;
-    }
-    rest_.remove_prefix(token.size());
-    return true;
-  }
-
-  bool ParseString(std::string* value) {
-    const char quote = IsNext("\"") ? '"' : '\'';
-    if (!Take(std::string_view(&quote, 1))) {
-      return false;
-    }
-    const size_t end = rest_.find(quote);
-    if (end == std::string_view::npos) {
-      return false;
-    }
-    *value = rest_.substr(0, end);
-    rest_.remove_prefix(end + 1);
-    return true;
-  }
-
-  // A structured type is a list of fields, kept as text for the message.
-  bool ParseType(std::string* value) {
-    if (!IsNext("[")) {
-      return ParseString(value);
-    }
-    const size_t end = rest_.find(']');
-    if (end == std::string_view::npos) {
-      return false;
-    }
-    *value = rest_.substr(0, end + 1);
-    rest_.remove_prefix(end + 1);
-    return true;
-  }
-
-  bool ParseBool(bool* value) {
-    *value = IsNext("True");
-    return Take("True") || Take("False");
-  }
-
-  bool ParseShape(std::vector<std::int64_t>* shape) {
-    if (!Take("(")) {
-      return false;
-    }
-    while (!Take(")")) {
-      SkipSpace();
-      std::int64_t size = 0;
-      const auto [end, status] =
-          std::from_chars(rest_.data(), rest_.data() + rest_.size(), size);
-      if (status != std::errc() || size < 0) {
-        return false;
-      }
-      rest_.remove_prefix(end - rest_.data());
-      Take("L");  // a long integer of Python 2
-      shape->push_back(size);
-      if (!Take(",") && !IsNext(")")) {
-        return false;
-      }
-    }
-    return true;
-  }
-
-  std::string_view rest_;
-};
+  header->type = TakeValue("descr", &rest);
+  const std::string order = TakeValue("fortran_order", &rest);
+  header->is_fortran_order = order == "True";
+  return ParseShape(TakeValue("shape", &rest), &header->shape) &&
+         !header->type.empty() && (order == "True" || order == "False") &&
+         (rest == "{,,}" || rest == "{,,,}");
+}
 
 // Formats a shape like a Python tuple; -1 becomes "*".
 std::string ShapeText(const std::vector<std::int64_t>& shape) {
@@ -161,12 +91,11 @@ std::string ShapeText(const std::vector<std::int64_t>& shape) {
 // Row by row.
 bool WriteArray(const std::string& path,
                 const std::vector<std::int64_t>& shape,
-                const double* values,
-                size_t num_values,
+                const Eigen::Ref<const Eigen::VectorXd>& values,
                 std::string* error) {
   std::string header =
-      "{'descr': '<f8', 'fortran_order': False, 'shape': " + ShapeText(shape) +
-      ", }";
+      fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': {}, }}",
+                  ShapeText(shape));
   // The total size of magic, version, length and header is a multiple of 64
   // bytes.
   constexpr size_t kPreamble = 10;
@@ -174,62 +103,46 @@ bool WriteArray(const std::string& path,
   const size_t used = (kPreamble + header.size() + 1) % kAlignment;
   header.append((kAlignment - used) % kAlignment, ' ');
   header += '\n';
-
+  const auto size = static_cast<std::uint16_t>(header.size());
   std::string bytes(kMagic);
-  bytes += '\x01';
-  bytes += '\0';
-  bytes += static_cast<char>(header.size() & 0xff);
-  bytes += static_cast<char>(header.size() >> 8);
+  bytes.append("\x01\0", 2);
+  bytes.append(reinterpret_cast<const char*>(&size), sizeof(size));
   bytes += header;
-  if (num_values > 0) {
-    bytes.append(reinterpret_cast<const char*>(values),
-                 num_values * sizeof(double));
-  }
+  bytes.append(reinterpret_cast<const char*>(values.data()),
+               values.size() * sizeof(double));
   return WriteFile(path, bytes, error);
 }
 
-// Splits a file into header and payload.
-bool ParseFile(std::string_view bytes,
-               NpyHeader* header,
-               std::string_view* payload,
-               std::string* problem) {
+// Splits a file into header and payload. Returns an error message, or an empty
+// string.
+std::string ParseFile(std::string_view bytes,
+                      NpyHeader* header,
+                      std::string_view* payload) {
   if (bytes.substr(0, kMagic.size()) != kMagic) {
-    *problem = "not a .npy file (it does not begin with \\x93NUMPY)";
-    return false;
+    return "not a .npy file (it does not begin with \\x93NUMPY)";
   }
-  const auto byte = [&bytes](size_t i) {
-    return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[i]));
-  };
   const std::string truncated =
       fmt::format("truncated in the header, at {} bytes", bytes.size());
-  if (bytes.size() < 12) {  // magic, version and the longest length
-    *problem = truncated;
-    return false;
+  if (bytes.size() < 12) return truncated;  // magic, version, longest length
+  const int major = bytes[6];
+  const int minor = bytes[7];
+  if (major < 1 || major > 3 || minor != 0) {
+    return fmt::format(
+        "found .npy version {}.{}, wanted 1.0, 2.0 or 3.0", major, minor);
   }
-  if (byte(6) < 1 || byte(6) > 3 || byte(7) != 0) {
-    *problem = fmt::format(
-        "found .npy version {}.{}, wanted 1.0, 2.0 or 3.0", byte(6), byte(7));
-    return false;
-  }
-  const bool is_short = byte(6) == 1;
-  const size_t begin = is_short ? 10 : 12;
-  const size_t size =
-      is_short ? byte(8) | byte(9) << 8
-               : byte(8) | byte(9) << 8 | byte(10) << 16 | byte(11) << 24;
-  if (size > bytes.size() - begin) {
-    *problem = truncated;
-    return false;
-  }
+  const size_t begin = major == 1 ? 10 : 12;
+  std::uint32_t size = 0;
+  std::memcpy(&size, &bytes[8], begin - 8);
+  if (size > bytes.size() - begin) return truncated;
   const std::string_view text = bytes.substr(begin, size);
-  if (!HeaderParser(text).Parse(header)) {
+  if (!ParseHeader(text, header)) {
     constexpr size_t kMaxShown = 120;
     const size_t end = text.find_last_not_of(" \n");
-    *problem = fmt::format("cannot read its header: {}",
-                           text.substr(0, std::min(end + 1, kMaxShown)));
-    return false;
+    return fmt::format("cannot read its header: {}",
+                       text.substr(0, std::min(end + 1, kMaxShown)));
   }
   *payload = bytes.substr(begin + size);
-  return true;
+  return "";
 }
 
 template <typename T>
@@ -243,71 +156,8 @@ Eigen::MatrixXd ToMatrix(std::string_view payload,
   if (!payload.empty()) {
     std::memcpy(values.data(), payload.data(), payload.size());
   }
-  if (!is_fortran_order) {
-    values = Columns(values.transpose());
-  }
+  if (!is_fortran_order) values = Columns(values.transpose());
   return values.template cast<double>();
-}
-
-// `wanted` describes the shape in messages, -1 for any size; `is_wanted` checks
-// it.
-template <typename IsWanted>
-bool ReadArray(const std::string& path,
-               const std::vector<std::int64_t>& wanted,
-               const IsWanted& is_wanted,
-               Eigen::MatrixXd* matrix,
-               std::string* error) {
-  CHECK(error != nullptr);
-  std::string bytes;
-  if (!ReadFile(path, &bytes, error)) {
-    return false;
-  }
-  const auto fail = [&path, error](const std::string& problem) {
-    *error = fmt::format("file {}: {}", path, problem);
-    return false;
-  };
-  NpyHeader header;
-  std::string_view payload;
-  std::string problem;
-  if (!ParseFile(bytes, &header, &payload, &problem)) {
-    return fail(problem);
-  }
-  if (header.type != "<f8" && header.type != "<f4") {
-    return fail(fmt::format(
-        "found type '{}', wanted '<f8' or '<f4' (in Python: x.astype('<f8'))",
-        header.type));
-  }
-  const std::vector<std::int64_t>& shape = header.shape;
-  const auto fail_shape = [&] {
-    return fail(fmt::format(
-        "found shape {}, wanted {}", ShapeText(shape), ShapeText(wanted)));
-  };
-  const bool is_flat = shape.size() == 1;
-  constexpr std::int64_t kMaxSize = std::numeric_limits<int>::max();
-  if ((!is_flat && shape.size() != 2) || shape[0] > kMaxSize ||
-      (!is_flat && shape[1] > kMaxSize)) {
-    return fail_shape();
-  }
-  const int rows = shape[0];
-  const int cols = is_flat ? 1 : shape[1];
-  // Both sizes fit in 31 bits, so their product does not overflow.
-  const size_t size = header.type == "<f8" ? sizeof(double) : sizeof(float);
-  const std::uint64_t num_values = static_cast<std::uint64_t>(rows) * cols;
-  if (payload.size() % size != 0 || payload.size() / size != num_values) {
-    return fail(fmt::format(
-        "shape {} of '{}' does not fit the {} bytes after the header "
-        "(truncated?)",
-        ShapeText(shape),
-        header.type,
-        payload.size()));
-  }
-  if (!is_wanted(rows, cols)) {
-    return fail_shape();
-  }
-  *matrix = header.type == "<f8"
-                ? ToMatrix<double>(payload, rows, cols, header.is_fortran_order)
-                : ToMatrix<float>(payload, rows, cols, header.is_fortran_order);
-  return true;
 }
 
 }  // namespace
@@ -315,18 +165,14 @@ bool ReadArray(const std::string& path,
 bool WriteNpy(const std::string& path,
               const Eigen::VectorXd& vector,
               std::string* error) {
-  return WriteArray(path, {vector.size()}, vector.data(), vector.size(), error);
+  return WriteArray(path, {vector.size()}, vector, error);
 }
 
 bool WriteNpy(const std::string& path,
               const Eigen::MatrixXd& matrix,
               std::string* error) {
-  const Eigen::MatrixXd by_rows = matrix.transpose();
-  return WriteArray(path,
-                    {matrix.rows(), matrix.cols()},
-                    by_rows.data(),
-                    by_rows.size(),
-                    error);
+  const Eigen::VectorXd by_rows = matrix.transpose().reshaped();
+  return WriteArray(path, {matrix.rows(), matrix.cols()}, by_rows, error);
 }
 
 bool ReadNpy(const std::string& path,
@@ -334,56 +180,61 @@ bool ReadNpy(const std::string& path,
              int wanted_cols,
              Eigen::MatrixXd* matrix,
              std::string* error) {
-  CHECK(matrix != nullptr);
-  return ReadArray(
-      path,
-      {wanted_rows, wanted_cols},
-      [wanted_rows, wanted_cols](int rows, int cols) {
-        return (wanted_rows == -1 || rows == wanted_rows) &&
-               (wanted_cols == -1 || cols == wanted_cols);
-      },
-      matrix,
-      error);
+  std::string bytes;
+  if (!ReadFile(path, &bytes, error)) return false;
+  const auto fail = [&path, error](const std::string& problem) {
+    *error = fmt::format("file {}: {}", path, problem);
+    return false;
+  };
+  NpyHeader header;
+  std::string_view payload;
+  const std::string problem = ParseFile(bytes, &header, &payload);
+  if (!problem.empty()) return fail(problem);
+  const bool is_double = header.type == "'<f8'";
+  if (!is_double && header.type != "'<f4'") {
+    return fail(fmt::format(
+        "found type {}, wanted '<f8' or '<f4' (in Python: x.astype('<f8'))",
+        header.type));
+  }
+  const std::vector<std::int64_t>& shape = header.shape;
+  const std::string found = ShapeText(shape);
+  constexpr std::int64_t kMaxSize = std::numeric_limits<int>::max();
+  const bool has_size = shape.size() == 1 || shape.size() == 2;
+  const std::int64_t rows = has_size ? shape[0] : -1;
+  const std::int64_t cols = shape.size() == 2 ? shape[1] : 1;
+  const auto is_wanted = [](std::int64_t size, int wanted) {
+    return size <= kMaxSize && (wanted == -1 || size == wanted);
+  };
+  if (!has_size || !is_wanted(rows, wanted_rows) ||
+      !is_wanted(cols, wanted_cols)) {
+    return fail(fmt::format("found shape {}, wanted {}",
+                            found,
+                            ShapeText({wanted_rows, wanted_cols})));
+  }
+  // Both sizes fit in 31 bits, so their product does not overflow.
+  const size_t size = is_double ? sizeof(double) : sizeof(float);
+  const std::uint64_t num_values = static_cast<std::uint64_t>(rows) * cols;
+  if (payload.size() % size != 0 || payload.size() / size != num_values) {
+    return fail(
+        fmt::format("shape {} of {} does not fit the {} bytes after the header "
+                    "(truncated?)",
+                    found,
+                    header.type,
+                    payload.size()));
+  }
+  *matrix = is_double
+                ? ToMatrix<double>(payload, rows, cols, header.is_fortran_order)
+                : ToMatrix<float>(payload, rows, cols, header.is_fortran_order);
+  return true;
 }
 
 bool ReadNpy(const std::string& path,
              int wanted_size,
              Eigen::VectorXd* vector,
              std::string* error) {
-  CHECK(vector != nullptr);
   Eigen::MatrixXd column;
-  if (!ReadArray(
-          path,
-          {wanted_size},
-          [wanted_size](int rows, int cols) {
-            return cols == 1 && (wanted_size == -1 || rows == wanted_size);
-          },
-          &column,
-          error)) {
-    return false;
-  }
+  if (!ReadNpy(path, wanted_size, 1, &column, error)) return false;
   *vector = column;
-  return true;
-}
-
-bool CheckNpyFinite(const std::string& path,
-                    const Eigen::Ref<const Eigen::MatrixXd>& matrix,
-                    std::string* error) {
-  CHECK(error != nullptr);
-  for (int i = 0; i < matrix.rows(); ++i) {
-    for (int j = 0; j < matrix.cols(); ++j) {
-      const double value = matrix(i, j);
-      if (!std::isfinite(value)) {
-        *error =
-            fmt::format("file {}: {} at row {}, column {} (counted from 0)",
-                        path,
-                        std::isnan(value) ? "nan" : fmt::format("{}", value),
-                        i,
-                        j);
-        return false;
-      }
-    }
-  }
   return true;
 }
 

@@ -6,7 +6,7 @@
 //
 // Fails:   returns false with a message that names the file and the found and
 //          expected format; the output is then unchanged. Infinities and NaN
-//          are valid values; CheckNpyFinite finds them.
+//          are valid values; CheckFinite (finite.h) finds them.
 //
 // Source: numpy/lib/format.py, "Format Version 1.0".
 #ifndef INVGRAD_IO_NPY_H_
@@ -38,12 +38,6 @@ bool ReadNpy(const std::string& path,
              int wanted_size,
              Eigen::VectorXd* vector,
              std::string* error);
-
-// Returns false if an entry is infinite or NaN; *error then names the first
-// one, row by row: "file x.npy: nan at row 3, column 0 (counted from 0)".
-bool CheckNpyFinite(const std::string& path,
-                    const Eigen::Ref<const Eigen::MatrixXd>& matrix,
-                    std::string* error);
 
 }  // namespace invgrad
 

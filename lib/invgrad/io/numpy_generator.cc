@@ -3,8 +3,6 @@
 #include <array>
 #include <cmath>
 
-#include "glog/logging.h"
-
 namespace invgrad {
 namespace {
 
@@ -159,12 +157,9 @@ double NumpyGenerator::StandardNormal() {
 }
 
 Eigen::MatrixXd NumpyGenerator::StandardNormal(int rows, int cols) {
-  CHECK_GE(rows, 0);
-  CHECK_GE(cols, 0);
   Eigen::MatrixXd values(rows, cols);
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < cols; ++j) values(i, j) = StandardNormal();
-  }
+  for (double& value : values.reshaped<Eigen::RowMajor>())
+    value = StandardNormal();
   return values;
 }
 

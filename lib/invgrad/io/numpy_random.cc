@@ -2,27 +2,11 @@
 
 #include <cmath>
 #include <numeric>
-#include <sstream>
 #include <utility>
 
 #include "glog/logging.h"
 
 namespace invgrad {
-namespace {
-
-// The words of the state as the standard library prints them: libstdc++ prints
-// the 624 words of the generator and the position of the next one.
-Eigen::VectorXd Words(const std::mt19937& generator) {
-  std::stringstream text;
-  text << generator;
-  std::vector<double> words;
-  for (std::uint32_t word = 0; text >> word;) {
-    words.push_back(word);
-  }
-  return Eigen::Map<const Eigen::VectorXd>(words.data(), words.size());
-}
-
-}  // namespace
 
 double NumpyRandom::Rand() {
   // Two statements: the order of evaluation within one is not specified.
@@ -32,14 +16,8 @@ double NumpyRandom::Rand() {
 }
 
 Eigen::MatrixXd NumpyRandom::Rand(int rows, int cols) {
-  CHECK_GE(rows, 0);
-  CHECK_GE(cols, 0);
   Eigen::MatrixXd values(rows, cols);
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < cols; ++j) {
-      values(i, j) = Rand();
-    }
-  }
+  for (double& value : values.reshaped<Eigen::RowMajor>()) value = Rand();
   return values;
 }
 
@@ -77,28 +55,6 @@ std::vector<int> NumpyRandom::Permutation(int n) {
     std::swap(order[i], order[j]);
   }
   return order;
-}
-
-Eigen::VectorXd NumpyRandom::State() const { return Words(generator_); }
-
-bool NumpyRandom::SetState(const Eigen::VectorXd& state) {
-  if (state.size() != Words(generator_).size()) {
-    return false;
-  }
-  std::stringstream text;
-  for (const double word : state) {
-    if (!(word >= 0.0 && word <= 4294967295.0) || word != std::floor(word)) {
-      return false;
-    }
-    text << static_cast<std::uint32_t>(word) << ' ';
-  }
-  // The position, and the one state that would draw zeros forever.
-  constexpr int kWords = std::mt19937::state_size;
-  if (state[state.size() - 1] > kWords || state.head(kWords).isZero(0.0)) {
-    return false;
-  }
-  text >> generator_;
-  return true;
 }
 
 }  // namespace invgrad

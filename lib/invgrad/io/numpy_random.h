@@ -39,13 +39,6 @@ class NumpyRandom {
   // np.random.permutation(n)
   std::vector<int> Permutation(int n);
 
-  // The generator's state as exact doubles, for checkpoints: size 625, the 624
-  // words and the position of np.random.get_state().
-  Eigen::VectorXd State() const;
-  // Returns false, and changes nothing, if `state` is not a valid result of
-  // State().
-  bool SetState(const Eigen::VectorXd& state);
-
  private:
   std::mt19937 generator_;
 };

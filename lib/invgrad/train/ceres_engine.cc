@@ -1,32 +1,57 @@
-#include "invgrad/train/ceres_engine.h"
-
 #include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
 #include <utility>
 
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/train/engine.h"
 
 namespace invgrad {
 namespace {
 
-// The budget ends the run; these tolerances end a solve that cannot make
-// progress in double precision.
-MinimizerOptions UnboundedOptions() {
-  MinimizerOptions options;
-  options.max_num_iterations = 1000000000;
-  options.function_tolerance = 1e-16;
-  options.gradient_tolerance = 1e-16;
-  options.parameter_tolerance = 1e-16;
-  return options;
-}
+// Ceres iterates inside ceres::Solve, so the solve runs in a separate thread,
+// whose callback waits after each iteration for the next call of Step: only one
+// of the two threads runs at a time.
+class CeresEngine final : public Engine, private ceres::IterationCallback {
+ public:
+  CeresEngine(const Phase& phase, const Model* model, const DataSet* train)
+      : phase_(phase), model_(*model), train_(*train) {}
+  ~CeresEngine() override { Stop(); }
 
-}  // namespace
+  long steps_per_epoch() const override { return 1; }
+  StepResult Step(double progress, Eigen::VectorXd* weights) override;
+  bool has_state() const override { return false; }
+  std::string Finish() override {
+    Stop();
+    return proposals_;
+  }
 
-CeresEngine::CeresEngine(Phase phase, const Model* model, const DataSet* train)
-    : phase_(std::move(phase)), model_(*model), train_(*train) {}
+ private:
+  // Waits in Ceres' thread.
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override;
+  void Solve(Eigen::VectorXd* weights);
+  void Stop();
 
-CeresEngine::~CeresEngine() { Finish(); }
+  const Phase phase_;
+  const Model& model_;
+  const DataSet& train_;
+
+  std::thread solver_;
+  // Guards the following members; the solver's thread runs while is_solving_.
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool is_solving_ = false;
+  bool has_ended_ = false;  // the solve
+  bool is_stopped_ = false;
+  ceres::IterationSummary iteration_;
+  double lowest_cost_ = std::numeric_limits<double>::infinity();
+  MinimizerSummary summary_;
+  std::string proposals_;  // a text about the proposals
+};
 
 Engine::StepResult CeresEngine::Step(double /*progress*/,
                                      Eigen::VectorXd* weights) {
@@ -50,8 +75,8 @@ Engine::StepResult CeresEngine::Step(double /*progress*/,
   return result;
 }
 
-std::string CeresEngine::Finish() {
-  if (!solver_.joinable()) return proposals_;
+void CeresEngine::Stop() {
+  if (!solver_.joinable()) return;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     is_stopped_ = true;
@@ -59,33 +84,37 @@ std::string CeresEngine::Finish() {
   }
   changed_.notify_all();
   solver_.join();
-  return proposals_;
 }
 
-ceres::CallbackReturnType CeresEngine::Handover::operator()(
+ceres::CallbackReturnType CeresEngine::operator()(
     const ceres::IterationSummary& iteration) {
-  std::unique_lock<std::mutex> lock(engine_.mutex_);
+  std::unique_lock<std::mutex> lock(mutex_);
   // The weights of the lowest cost, without rejected steps and without
   // nonmonotonic steps that raised the cost.
   if (iteration.iteration == 0 || iteration.step_is_successful) {
-    engine_.lowest_cost_ = std::min(engine_.lowest_cost_, iteration.cost);
+    lowest_cost_ = std::min(lowest_cost_, iteration.cost);
   }
   if (iteration.iteration > 0) {
-    engine_.iteration_ = iteration;
-    engine_.is_solving_ = false;
-    engine_.changed_.notify_all();
-    engine_.changed_.wait(lock, [this] { return engine_.is_solving_; });
+    iteration_ = iteration;
+    is_solving_ = false;
+    changed_.notify_all();
+    changed_.wait(lock, [this] { return is_solving_; });
   }
   // On SOLVER_ABORT Ceres resets the weights to the start.
-  return engine_.is_stopped_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                             : ceres::SOLVER_CONTINUE;
+  return is_stopped_ ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                     : ceres::SOLVER_CONTINUE;
 }
 
 void CeresEngine::Solve(Eigen::VectorXd* weights) {
   const ceres::Solver::Options solver_options = phase_.CeresOptions();
-  Handover handover(this);
-  MinimizerOptions options = UnboundedOptions();
-  options.callbacks = {&handover};
+  // The budget ends the run; these tolerances end a solve that cannot make
+  // progress in double precision.
+  MinimizerOptions options;
+  options.max_num_iterations = 1000000000;
+  options.function_tolerance = 1e-16;
+  options.gradient_tolerance = 1e-16;
+  options.parameter_tolerance = 1e-16;
+  options.callbacks = {this};
   MinimizerSummary summary;
   std::string proposals;
   if (phase_.ceres->is_trust_region) {
@@ -109,6 +138,14 @@ void CeresEngine::Solve(Eigen::VectorXd* weights) {
   has_ended_ = true;
   is_solving_ = false;
   changed_.notify_all();
+}
+
+}  // namespace
+
+std::unique_ptr<Engine> MakeCeresEngine(const Phase& phase,
+                                        const Model* model,
+                                        const DataSet* train) {
+  return std::make_unique<CeresEngine>(phase, model, train);
 }
 
 }  // namespace invgrad

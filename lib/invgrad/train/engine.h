@@ -1,18 +1,20 @@
 // An engine makes the steps of one phase of a training run (train.h): by an
-// update rule on batches (rule_engine.h) or by a minimizer of Ceres on all
-// samples (ceres_engine.h). The run owns all other parts: budget, clock,
-// evaluations, callbacks, checkpoint.
+// update rule on batches or by a minimizer of Ceres on all samples. The run
+// owns all other parts: budget, clock, evaluations, callbacks, checkpoint.
 #ifndef INVGRAD_TRAIN_ENGINE_H_
 #define INVGRAD_TRAIN_ENGINE_H_
 
 #include <limits>
+#include <memory>
 #include <string>
 
 #include "Eigen/Core"
 #include "ceres/iteration_callback.h"
 #include "ceres/types.h"
+#include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/pull_back_counts.h"
-#include "invgrad/train/state_archive.h"
+#include "invgrad/train/checkpoint.h"
+#include "invgrad/train/train.h"
 
 namespace invgrad {
 
@@ -65,6 +67,44 @@ class Engine {
   // Ends the phase; returns a text for the run's message.
   virtual std::string Finish() { return ""; }
 };
+
+// Makes the engine of a phase by `rule` (null if the phase has none): a rule
+// lowers the loss of the model, a joint loss, or the proxy of a pull-back
+// through the model; a minimizer of Ceres lowers the loss. Model and data must
+// outlive the engine. Returns null, with *error set, for bad input: a batch size
+// out of range, a method that does not fit the model or the data (a trust
+// region without a least-squares loss, supervised training without solutions,
+// ...), or too little memory.
+std::unique_ptr<Engine> MakeEngine(const Phase& phase,
+                                   std::shared_ptr<UpdateRule> rule,
+                                   const Model& model,
+                                   const TrainingData& data,
+                                   const TrainOptions& options,
+                                   std::string* error);
+
+// The engine of an update rule on mini-batches:
+//
+//   theta_{k+1} = theta_k + rule(linearization of the objective on batch k)
+//
+// A batch is `batch_size` consecutive samples of an epoch's order (shuffle and
+// seed of the options); an incomplete last batch is left out. A rule that
+// judges its steps (control=gain) receives the cost before and after each step;
+// the engine reverts a step that the rule rejects, or after which the next
+// batch has no finite loss. Fails if a batch has no finite loss or the rule has
+// no finite step.
+std::unique_ptr<Engine> MakeRuleEngine(
+    int batch_size,
+    const TrainOptions& options,
+    std::unique_ptr<BatchObjective> objective,
+    std::shared_ptr<UpdateRule> rule,
+    const DataSet* train);
+
+// The engine of a minimizer of Ceres on all samples, with or without proposals
+// of a rule. Every iteration, also a rejected one, is a step and an epoch. Ends
+// when the solve ends by itself; has no state for a checkpoint.
+std::unique_ptr<Engine> MakeCeresEngine(const Phase& phase,
+                                        const Model* model,
+                                        const DataSet* train);
 
 }  // namespace invgrad
 

@@ -18,12 +18,9 @@
 #ifndef INVGRAD_TRAIN_HISTORY_H_
 #define INVGRAD_TRAIN_HISTORY_H_
 
-#include <array>
 #include <limits>
 #include <string>
 #include <vector>
-
-#include "Eigen/Core"
 
 namespace invgrad {
 
@@ -42,20 +39,28 @@ struct HistoryRow {
   double by_inverse_gradient = kNone;
   double by_gradient = kNone;
   double not_moved = kNone;
-
-  // All columns but the step, in the order of the file.
-  static constexpr int kNumColumns = 12;
-  std::array<double, kNumColumns> Columns() const;
-  void SetColumns(const std::array<double, kNumColumns>& columns);
 };
 
-using History = std::vector<HistoryRow>;
+// All columns but the step, in the order of the file.
+struct HistoryColumn {
+  const char* name;
+  double HistoryRow::*value;
+};
+inline constexpr HistoryColumn kHistoryColumns[] = {
+    {"epoch", &HistoryRow::epoch},
+    {"seconds", &HistoryRow::seconds},
+    {"batch_loss", &HistoryRow::batch_loss},
+    {"train_loss", &HistoryRow::train_loss},
+    {"test_loss", &HistoryRow::test_loss},
+    {"step_norm", &HistoryRow::step_norm},
+    {"metric", &HistoryRow::metric},
+    {"by_inverse", &HistoryRow::by_inverse},
+    {"by_numerical_inverse", &HistoryRow::by_numerical_inverse},
+    {"by_inverse_gradient", &HistoryRow::by_inverse_gradient},
+    {"by_gradient", &HistoryRow::by_gradient},
+    {"not_moved", &HistoryRow::not_moved}};
 
-// The rows as one array of doubles, for checkpoints.
-Eigen::VectorXd PackHistory(const History& history);
-// Returns false, and changes nothing, unless PackHistory made the array from at
-// least one row.
-bool UnpackHistory(const Eigen::VectorXd& array, History* history);
+using History = std::vector<HistoryRow>;
 
 bool WriteHistory(const std::string& path,
                   const History& history,

@@ -1,33 +1,87 @@
-#include "invgrad/train/rule_engine.h"
-
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/train/engine.h"
 
 namespace invgrad {
+namespace {
 
-RuleEngine::RuleEngine(const Options& options,
-                       std::unique_ptr<BatchObjective> objective,
-                       std::shared_ptr<UpdateRule> rule,
-                       const DataSet* train)
-    : options_(options),
-      objective_(std::move(objective)),
-      rule_(std::move(rule)),
-      train_(*train),
-      steps_per_epoch_(train->num_samples() / options.batch_size),
-      shuffle_(options.seed) {
-  CHECK_GT(steps_per_epoch_, 0);
-}
+class RuleEngine final : public Engine {
+ public:
+  RuleEngine(int batch_size,
+             const TrainOptions& options,
+             std::unique_ptr<BatchObjective> objective,
+             std::shared_ptr<UpdateRule> rule,
+             const DataSet* train)
+      : batch_size_(batch_size),
+        shuffles_(options.shuffle),
+        seed_(options.seed),
+        objective_(std::move(objective)),
+        rule_(std::move(rule)),
+        train_(*train),
+        steps_per_epoch_(train->num_samples() / batch_size),
+        random_(options.seed) {
+    CHECK_GT(steps_per_epoch_, 0);
+  }
+
+  long steps_per_epoch() const override { return steps_per_epoch_; }
+  StepResult Step(double progress, Eigen::VectorXd* weights) override;
+  bool TakeBack(Eigen::VectorXd* weights) override;
+  void RestoreLastGood(Eigen::VectorXd* weights) override {
+    if (last_good_weights_.size() > 0) *weights = last_good_weights_;
+  }
+  long num_updates() const override {
+    return step_ * objective_->updates_per_step();
+  }
+  long num_taken_back() const override { return num_taken_back_; }
+  const PullBackCounts* counts() const override {
+    return objective_->mutable_counts();
+  }
+  void VisitState(StateArchive* archive) override;
+  std::string Finish() override {
+    const std::string report = counts() == nullptr ? "" : counts()->Report();
+    return report.empty() ? "" : "; " + report;
+  }
+
+ private:
+  // The samples of the next step.
+  DataSet NextBatch();
+  // Makes all updates of a step; *at_weights is the linearization for the first
+  // one.
+  bool Update(const DataSet& batch,
+              Linearization* at_weights,
+              Eigen::VectorXd* weights,
+              std::string* error);
+  // The cost of the objective; NaN if it is not finite.
+  double JudgedCost(const DataSet& batch, const Eigen::VectorXd& weights);
+
+  const int batch_size_;
+  const bool shuffles_;
+  const std::uint32_t seed_;
+  const std::unique_ptr<BatchObjective> objective_;
+  const std::shared_ptr<UpdateRule> rule_;
+  const DataSet& train_;
+  const long steps_per_epoch_;
+
+  long step_ = 0;
+  long num_taken_back_ = 0;
+  NumpyRandom random_;
+  std::vector<int> order_;  // of the current epoch, if shuffled
+  // The weights of the last finite batch loss.
+  Eigen::VectorXd last_good_weights_;
+};
 
 DataSet RuleEngine::NextBatch() {
   const long in_epoch = step_ % steps_per_epoch_;
-  const int first = static_cast<int>(in_epoch) * options_.batch_size;
-  if (!options_.shuffle) return train_.Range(first, options_.batch_size);
-  if (in_epoch == 0) order_ = shuffle_.Permutation(train_.num_samples());
+  const int first = static_cast<int>(in_epoch) * batch_size_;
+  if (!shuffles_) return train_.Range(first, batch_size_);
+  if (in_epoch == 0) order_ = random_.Permutation(train_.num_samples());
   const auto begin = order_.begin() + first;
-  return train_.Select(std::vector<int>(begin, begin + options_.batch_size));
+  return train_.Select(std::vector<int>(begin, begin + batch_size_));
 }
 
 Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
@@ -35,10 +89,11 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   const DataSet batch = NextBatch();
   Linearization at_weights;
   at_weights.progress = progress;
-  bool is_finite = Linearize(batch, *weights, &at_weights, &result.message);
-  if (!is_finite && TakeBack(weights)) {
-    is_finite = Linearize(batch, *weights, &at_weights, &result.message);
-  }
+  const auto linearize = [&] {
+    return objective_->Linearize(
+        *weights, batch, rule_->Needs(), &at_weights, &result.message);
+  };
+  const bool is_finite = linearize() || (TakeBack(weights) && linearize());
   if (is_finite) {
     last_good_weights_ = *weights;
     result.batch_loss = at_weights.cost;
@@ -59,14 +114,6 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   }
   result.iteration.step_norm = (*weights - last_good_weights_).norm();
   return result;
-}
-
-bool RuleEngine::Linearize(const DataSet& batch,
-                           const Eigen::VectorXd& weights,
-                           Linearization* at_weights,
-                           std::string* error) {
-  return objective_->Linearize(
-      weights, batch, rule_->Needs(), at_weights, error);
 }
 
 bool RuleEngine::Update(const DataSet& batch,
@@ -116,24 +163,19 @@ bool RuleEngine::TakeBack(Eigen::VectorXd* weights) {
   return true;
 }
 
-void RuleEngine::RestoreLastGood(Eigen::VectorXd* weights) {
-  if (last_good_weights_.size() > 0) *weights = last_good_weights_;
-}
-
 void RuleEngine::VisitState(StateArchive* archive) {
-  archive->Expect("batch_size", options_.batch_size);
+  archive->Expect("batch_size", batch_size_);
   archive->Expect("num_samples", train_.num_samples());
+  if (shuffles_) archive->Expect("seed", seed_);
   archive->Visit("steps_of_phase", &step_);
   archive->Visit("num_taken_back", &num_taken_back_);
   archive->Visit("last_good_weights", &last_good_weights_);
-  archive->Visit("order", &order_);
-  archive->Require(
-      !options_.shuffle || step_ % steps_per_epoch_ == 0 ||
-          order_.size() == static_cast<size_t>(train_.num_samples()),
-      "order");
-  Eigen::VectorXd shuffle = shuffle_.State();
-  archive->Visit("shuffle", &shuffle);
-  archive->Require(shuffle_.SetState(shuffle), "shuffle");
+  if (archive->is_reading() && shuffles_) {
+    // Draws the orders of all epochs that have begun again.
+    for (long first = 0; first < step_; first += steps_per_epoch_) {
+      order_ = random_.Permutation(train_.num_samples());
+    }
+  }
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
   for (size_t i = 0; i < rule_state.size(); ++i) {
     // An array that is not empty before the first step keeps its size.
@@ -149,9 +191,16 @@ void RuleEngine::VisitState(StateArchive* archive) {
   archive->Require(counts->SetState(state), "pull_back");
 }
 
-std::string RuleEngine::Finish() {
-  const std::string report = counts() == nullptr ? "" : counts()->Report();
-  return report.empty() ? "" : "; " + report;
+}  // namespace
+
+std::unique_ptr<Engine> MakeRuleEngine(
+    int batch_size,
+    const TrainOptions& options,
+    std::unique_ptr<BatchObjective> objective,
+    std::shared_ptr<UpdateRule> rule,
+    const DataSet* train) {
+  return std::make_unique<RuleEngine>(
+      batch_size, options, std::move(objective), std::move(rule), train);
 }
 
 }  // namespace invgrad

@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
+#include <limits>
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/evaluation.h"
-#include "invgrad/train/make_engine.h"
+#include "invgrad/train/engine.h"
 
 namespace invgrad {
 namespace {
@@ -18,126 +15,37 @@ std::string AtStep(const std::string& what, long step) {
   return fmt::format("{} at step {}", what, step);
 }
 
-// Returns an error message if the values of the input are invalid, otherwise an
-// empty string.
-std::string CheckValues(const TrainingData& data,
-                        const Eigen::VectorXd& weights) {
-  std::string where;
-  if (!data.train.IsFinite(&where)) return "train data: " + where;
-  if (!data.test.IsFinite(&where)) return "test data: " + where;
-  if (!weights.allFinite()) return "the initial weights are not finite";
-  return "";
-}
-
-// The number of steps of an earlier phase that ends by its budget.
-long StepsOfShare(const Phase& phase, long steps_per_epoch) {
-  long steps = Budget::kNoSteps;
-  if (phase.num_epochs > 0) steps = phase.num_epochs * steps_per_epoch;
-  if (phase.num_steps > 0) steps = std::min<long>(steps, phase.num_steps);
-  return steps;
+// Unknown if no sample was inverted.
+void FillCounts(const PullBackCounts& counts, HistoryRow* row) {
+  if (counts.of(PullBackSource::kDerivative) > 0) return;
+  const auto count = [&](PullBackSource source) {
+    return static_cast<double>(counts.of(source));
+  };
+  row->by_inverse = count(PullBackSource::kInverse);
+  row->by_numerical_inverse = count(PullBackSource::kNumericalInverse);
+  row->by_inverse_gradient = count(PullBackSource::kInverseGradient);
+  row->by_gradient = count(PullBackSource::kGradient);
+  row->not_moved = count(PullBackSource::kNone);
 }
 
 }  // namespace
 
-TrainingData::TrainingData(Eigen::MatrixXd inputs, Eigen::MatrixXd targets) {
-  CHECK_EQ(inputs.cols(), targets.cols()) << "one column a sample";
-  train.contexts.resize(0, inputs.cols());
-  train.solutions.resize(0, inputs.cols());
-  train.inputs = std::move(inputs);
-  train.targets = std::move(targets);
+double MeanLoss(const Model& model,
+                const Eigen::VectorXd& weights,
+                const DataSet& data) {
+  double cost = 0.0;
+  std::string ignored;
+  if (!model.Cost(weights, data, &cost, &ignored)) return HistoryRow::kNone;
+  const int num_samples = data.num_samples();
+  return cost / (model.BatchScale(num_samples) * num_samples);
 }
 
-TrainingData::TrainingData(DataSet train, DataSet test)
-    : train(std::move(train)), test(std::move(test)) {}
-
-TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
-    : model_(std::move(model)),
-      data_(std::move(data)),
-      options_(std::move(options)),
-      budget_{options_.max_num_epochs,
-              options_.max_num_steps,
-              options_.max_time_in_seconds},
-      recorder_(&model_, &data_.test, options_.metric) {
-  CHECK_GT(data_.train.num_samples(), 0) << "there are no training samples";
-  if (!budget_.is_finite()) {
-    budget_.max_num_epochs = TrainOptions::kDefaultNumEpochs;
-  }
-  if (options_.initial_weights.size() == 0) {
-    NumpyRandom random(options_.seed);
-    options_.initial_weights = model_.network().InitialWeights(
-        Initialization::kGlorotUniform, &random);
-  }
-  CHECK_EQ(options_.initial_weights.size(), model_.num_weights());
-  weights_ = options_.initial_weights;
-  error_ = CheckValues(data_, weights_);
+bool IsEvaluationEpoch(long epoch) {
+  // Spacing 1 up to 40, 2 up to 80, 4 up to 160, ...
+  long spacing = 1;
+  while (epoch > 40 * spacing) spacing *= 2;
+  return epoch % spacing == 0;
 }
-
-TrainingRun::TrainingRun(Model model,
-                         TrainingData data,
-                         const Method& method,
-                         TrainOptions options)
-    : TrainingRun(std::move(model), std::move(data), std::move(options)) {
-  AddPhases(method);
-}
-
-TrainingRun::TrainingRun(Model model,
-                         TrainingData data,
-                         const std::string& method,
-                         TrainOptions options)
-    : TrainingRun(std::move(model), std::move(data), std::move(options)) {
-  Method parsed;
-  std::string why;
-  if (ParseMethod(method, &parsed, &why)) {
-    AddPhases(parsed);
-  } else {
-    error_ = why;
-  }
-}
-
-TrainingRun::TrainingRun(Model model,
-                         TrainingData data,
-                         std::shared_ptr<UpdateRule> rule,
-                         TrainOptions options)
-    : TrainingRun(std::move(model), std::move(data), std::move(options)) {
-  CHECK(rule != nullptr);
-  if (!error().empty()) return;
-  phases_.push_back(
-      {MakeEngine(std::move(rule), model_, data_, options_, &error_),
-       Budget::kNoSteps});
-  Start();
-}
-
-TrainingRun::~TrainingRun() = default;
-
-void TrainingRun::AddPhases(const Method& method) {
-  if (!error().empty()) return;
-  for (const Phase& phase : method.phases) {
-    std::unique_ptr<Engine> engine =
-        MakeEngine(phase, model_, data_, options_, weights_, &error_);
-    if (engine == nullptr) {
-      if (method.phases.size() > 1) {
-        error_ = phase.label + ": " + error_;
-      }
-      return;
-    }
-    const long share = &phase == &method.last_phase()
-                           ? Budget::kNoSteps
-                           : StepsOfShare(phase, engine->steps_per_epoch());
-    phases_.push_back({std::move(engine), share});
-  }
-  Start();
-}
-
-void TrainingRun::Start() {
-  if (!error().empty()) return;
-  if (!options_.checkpoint_path.empty() &&
-      std::filesystem::exists(options_.checkpoint_path)) {
-    Restore();
-  }
-  if (error().empty()) LimitPhase();
-}
-
-// --- The loop ---
 
 bool TrainingRun::Step() {
   if (!error().empty() || has_ended_) return false;
@@ -182,12 +90,11 @@ bool TrainingRun::IsRunning() {
     if (options_.target_loss > 0.0 && last.step == step_ &&
         last.train_loss <= options_.target_loss) {
       End(ceres::CONVERGENCE, AtStep("target loss reached", steps_of_phase()));
-    } else if (options_.patience > 0 &&
-               recorder_.rows_since_best() >= options_.patience) {
+    } else if (options_.patience > 0 && rows_since_best_ >= options_.patience) {
       End(ceres::CONVERGENCE,
           fmt::format("no improvement in {} evaluations", options_.patience));
-    } else if (!budget_.Spent(position()).empty()) {
-      End(ceres::NO_CONVERGENCE, budget_.Spent(position()));
+    } else if (!BudgetSpent().empty()) {
+      End(ceres::NO_CONVERGENCE, BudgetSpent());
     } else if (steps_of_phase() < max_num_steps_ ||
                phase_ + 1 == static_cast<int>(phases_.size())) {
       return true;
@@ -201,26 +108,37 @@ bool TrainingRun::IsRunning() {
 void TrainingRun::BeginNextPhase() {
   if (last_evaluation() != step_) Evaluate();
   if (!phases_[phase_ + 1].engine->has_state()) SaveCheckpoint();
-  start_ = position();
+  first_epoch_ = epoch();
+  first_step_ = step_;
+  first_second_ = seconds_;
   ++phase_;
   LimitPhase();
-  recorder_.BeginPhase();
+  best_loss_ = WatchedLoss();
+  rows_since_best_ = 0;
   CheckStartOfPhase();
 }
 
 void TrainingRun::LimitPhase() {
-  max_num_steps_ =
-      std::min(phases_[phase_].max_num_steps,
-               budget_.NumStepsFrom(start_, engine().steps_per_epoch()));
+  max_num_steps_ = phases_[phase_].max_num_steps;
+  if (options_.max_num_steps < std::numeric_limits<long>::max()) {
+    max_num_steps_ =
+        std::min(max_num_steps_, options_.max_num_steps - first_step_);
+  }
+  if (options_.max_num_epochs < TrainOptions().max_num_epochs) {
+    // A step within an epoch may reach the budget.
+    const double steps = EpochsLeft(first_epoch_) *
+                         static_cast<double>(engine().steps_per_epoch());
+    max_num_steps_ =
+        std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
+  }
 }
 
 bool TrainingRun::TakeStep() {
   const Clock::time_point start = Clock::now();
-  const double budget_in_seconds = budget_.max_time_in_seconds - start_.seconds;
-  const double spent =
-      std::max(static_cast<double>(steps_of_phase()) /
-                   static_cast<double>(max_num_steps_),
-               (seconds_ - start_.seconds) / budget_in_seconds);
+  const double budget_in_seconds = options_.max_time_in_seconds - first_second_;
+  const double spent = std::max(static_cast<double>(steps_of_phase()) /
+                                    static_cast<double>(max_num_steps_),
+                                (seconds_ - first_second_) / budget_in_seconds);
   const Engine::StepResult result =
       engine().Step(std::min(1.0, spent), &weights_);
   seconds_ += std::chrono::duration<double>(Clock::now() - start).count();
@@ -289,7 +207,17 @@ void TrainingRun::Evaluate() {
   if (!std::isfinite(row.train_loss) && engine().TakeBack(&weights_)) {
     row.train_loss = MeanLoss(model_, weights(), data_.train);
   }
-  recorder_.Record(weights(), engine().counts(), row);
+  if (data_.test.num_samples() > 0) {
+    row.test_loss = MeanLoss(model_, weights(), data_.test);
+  }
+  if (options_.metric) row.metric = options_.metric(weights());
+  if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
+  history_.push_back(row);
+  ++rows_since_best_;
+  if (WatchedLoss() < best_loss_) {
+    best_loss_ = WatchedLoss();
+    rows_since_best_ = 0;
+  }
   if (options_.on_evaluation) options_.on_evaluation(weights(), history());
 }
 
@@ -298,7 +226,7 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   TrainSummary& summary = summary_;
   summary.termination_type = type;
   summary.message = message;
-  if (phases_.size() > 1 && message != budget_.Spent(position())) {
+  if (phases_.size() > 1 && message != BudgetSpent()) {
     summary.message = fmt::format("phase {}: {}", phase_ + 1, message);
   }
   std::string reports;
@@ -321,58 +249,39 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   summary.message += reports;
 }
 
+// --- Position and budget ---
+
 double TrainingRun::epoch() const {
   if (!error().empty()) return 0.0;
-  return start_.epoch +
+  return first_epoch_ +
          static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
 }
 
-// --- Checkpoint ---
-
-void TrainingRun::SaveCheckpoint() {
-  if (options_.checkpoint_path.empty() || !engine().has_state()) return;
-  Checkpoint checkpoint;
-  StateArchive archive(StateArchive::Mode::kWrite, &checkpoint);
-  VisitState(&archive);
-  std::string error;
-  // The run continues if a checkpoint cannot be written.
-  if (!WriteCheckpoint(options_.checkpoint_path, checkpoint, &error)) {
-    LOG(ERROR) << error;
-  }
-  last_checkpoint_ = Clock::now();
+double TrainingRun::progress() const {
+  return std::min(1.0,
+                  std::max({epoch() / options_.max_num_epochs,
+                            static_cast<double>(step_) /
+                                static_cast<double>(options_.max_num_steps),
+                            seconds_ / options_.max_time_in_seconds}));
 }
 
-void TrainingRun::Restore() {
-  Checkpoint checkpoint;
-  if (ReadCheckpoint(options_.checkpoint_path, &checkpoint, &error_)) {
-    StateArchive archive(StateArchive::Mode::kRead, &checkpoint);
-    VisitState(&archive);
-    if (archive.error().empty()) return;
-    error_ = options_.checkpoint_path + ": " + archive.error();
-  }
-  weights_ = options_.initial_weights;
-  recorder_.Clear();
+// Epochs of different phases differ in length, so sums of epochs have rounding
+// errors.
+double TrainingRun::EpochsLeft(double epoch) const {
+  constexpr double kRounding = 1e-12;
+  return options_.max_num_epochs * (1.0 - kRounding) - epoch;
 }
 
-void TrainingRun::VisitState(StateArchive* archive) {
-  archive->Expect("num_phases", static_cast<long>(phases_.size()));
-  archive->Visit("weights", &weights_, model_.num_weights());
-  archive->Visit("phase", &phase_);
-  archive->Require(phase_ >= 0 && phase_ < static_cast<int>(phases_.size()),
-                   "phase");
-  if (!archive->error().empty()) return;
-  archive->Visit("first_step", &start_.step);
-  archive->Visit("first_epoch", &start_.epoch);
-  archive->Visit("first_second", &start_.seconds);
-  archive->Visit("step", &step_);
-  archive->Visit("seconds", &seconds_);
-  archive->Visit("batch_loss", &batch_loss_);
-  archive->Visit("step_norm", &step_norm_);
-  recorder_.VisitState(archive);
-  for (int k = 0; k <= phase_; ++k) {
-    archive->set_prefix(fmt::format("phase{}.", k + 1));
-    phases_[k].engine->VisitState(archive);
-  }
+std::string TrainingRun::BudgetSpent() const {
+  if (EpochsLeft(epoch()) <= 0.0) return "epochs done";
+  if (step_ >= options_.max_num_steps) return "steps done";
+  if (seconds_ >= options_.max_time_in_seconds) return "time used up";
+  return "";
+}
+
+double TrainingRun::WatchedLoss() const {
+  const HistoryRow& last = history_.back();
+  return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
 }
 
 TrainResult TrainingRun::result() const {

@@ -13,8 +13,7 @@
 //
 // Time is the wall-clock time of the steps; evaluations, callbacks and
 // checkpoints are not counted. Losses are evaluated before the first step,
-// after the epochs of IsEvaluationEpoch (evaluation.h), and at the end of a
-// phase.
+// after the epochs of IsEvaluationEpoch, and at the end of a phase.
 //
 // Phases share the weights and the counts of steps, epochs and seconds. Each
 // phase has a new rule, its own schedule and patience, and begins with the
@@ -38,6 +37,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -50,12 +50,12 @@
 #include "invgrad/core/update_rule.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/train/budget.h"
-#include "invgrad/train/engine.h"
 #include "invgrad/train/history.h"
-#include "invgrad/train/recorder.h"
 
 namespace invgrad {
+
+class Engine;
+class StateArchive;
 
 struct TrainingData {
   // Without contexts and without test data. inputs: |a| x N; targets: |y| x N.
@@ -83,9 +83,9 @@ struct TrainOptions {
 
   // The budget; the first limit ends the run. 100 epochs if none is set.
   static constexpr int kDefaultNumEpochs = 100;
-  int max_num_epochs = Budget::kNoEpochs;
-  long max_num_steps = Budget::kNoSteps;
-  double max_time_in_seconds = Budget::kNoSeconds;
+  int max_num_epochs = std::numeric_limits<int>::max();
+  long max_num_steps = std::numeric_limits<long>::max();
+  double max_time_in_seconds = std::numeric_limits<double>::infinity();
 
   // Early stop: train loss <= target_loss; or no new minimum of the test loss
   // (of the train loss if there are no test data) in `patience` evaluations. 0:
@@ -132,6 +132,17 @@ struct TrainResult {
   TrainSummary summary;
 };
 
+// The mean loss over the samples for any reduction of the model, so that runs
+// with different batch sizes compare; NaN if the loss cannot be computed.
+double MeanLoss(const Model& model,
+                const Eigen::VectorXd& weights,
+                const DataSet& data);
+
+// True after each of the first 40 epochs, and then whenever the number of
+// epochs has grown by 1/40 to 1/20. This suffices for a logarithmic axis, and
+// does not depend on the machine's speed.
+bool IsEvaluationEpoch(long epoch);
+
 class TrainingRun {
  public:
   // `method` as in methods/method.h.
@@ -162,13 +173,13 @@ class TrainingRun {
   // Not empty for bad input: the run does nothing.
   const std::string& error() const { return error_; }
   const Eigen::VectorXd& weights() const { return weights_; }
-  const History& history() const { return recorder_.history(); }
+  const History& history() const { return history_; }
   // The loss of the last step's batch, before the step; NaN before the first.
   double loss() const { return batch_loss_; }
   long step() const { return step_; }
   double epoch() const;
   // The share of the run's budget that is spent, in [0, 1].
-  double progress() const { return budget_.Share(position()); }
+  double progress() const;
   // The reason of the end, after Step() has returned false.
   const TrainSummary& summary() const { return summary_; }
   TrainResult result() const;
@@ -204,20 +215,23 @@ class TrainingRun {
   // `message` counts steps from the start of the phase.
   void End(ceres::TerminationType type, const std::string& message);
 
-  Engine& engine() { return *phases_[phase_].engine; }
-  const Engine& engine() const { return *phases_[phase_].engine; }
-  long steps_of_phase() const { return step_ - start_.step; }
-  long last_evaluation() const { return history().back().step; }
-  RunPosition position() const { return {step_, epoch(), seconds_}; }
+  // Empty while some budget is left; then a reason such as "epochs done".
+  std::string BudgetSpent() const;
+  double EpochsLeft(double epoch) const;
+  // The last test loss, or train loss if there are no test data.
+  double WatchedLoss() const;
+  Engine& engine() const { return *phases_[phase_].engine; }
+  long steps_of_phase() const { return step_ - first_step_; }
+  long last_evaluation() const { return history_.back().step; }
 
   void SaveCheckpoint();
   void Restore();
   void VisitState(StateArchive* archive);
+  void VisitHistory(StateArchive* archive);
 
   const Model model_;
   const TrainingData data_;
   TrainOptions options_;
-  Budget budget_;
   std::string error_;
   TrainSummary summary_;
   bool has_begun_ = false;
@@ -225,12 +239,17 @@ class TrainingRun {
 
   // The state that a checkpoint holds.
   Eigen::VectorXd weights_;
-  Recorder recorder_;
+  History history_;
+  double best_loss_ = std::numeric_limits<double>::infinity();  // watched
+  int rows_since_best_ = 0;
   // Destroyed before the weights, because an unfinished solve may write to
   // them.
   std::vector<RunPhase> phases_;
   int phase_ = 0;
-  RunPosition start_;  // of the phase
+  // The start of the phase.
+  long first_step_ = 0;
+  double first_epoch_ = 0.0;
+  double first_second_ = 0.0;
   long step_ = 0;
   double seconds_ = 0.0;
   double batch_loss_ = HistoryRow::kNone;

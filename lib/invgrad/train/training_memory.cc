@@ -1,45 +1,27 @@
 #include "invgrad/train/training_memory.h"
 
 #include <algorithm>
-#include <utility>
+#include <numeric>
 
 #include "ceres/solver.h"
-#include "fmt/core.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 
 namespace invgrad {
-
 namespace {
 
 constexpr double kDouble = sizeof(double);
 
-double DataBytes(const DataSet& data) {
-  return kDouble *
-         static_cast<double>(data.inputs.size() + data.contexts.size() +
-                             data.targets.size() + data.solutions.size());
-}
-
-double SumOfHiddenWidths(const DenseNetwork& network) {
-  double sum = 0.0;
-  for (int l = 1; l < network.num_layers(); ++l) sum += network.widths()[l];
-  return sum;
-}
-
-double MaxWidth(const DenseNetwork& network) {
-  return *std::max_element(network.widths().begin(), network.widths().end());
-}
-
-// Memory of a forward and a backward pass: inputs and slopes (and curvatures)
-// of every layer, the outputs with their covectors, two buffers, and with
-// feedback the network's input Jacobians with a buffer.
-double PassBytes(const Model& model, double batch_size, bool with_curvatures) {
-  const DenseNetwork& network = model.network();
-  const double buffers = 2.0 * MaxWidth(network);
-  double of_a_column =
-      network.num_inputs() + 2.0 * network.num_outputs() +
-      (with_curvatures ? 3.0 : 2.0) * SumOfHiddenWidths(network) + buffers;
-  if (model.num_calls() > 1) of_a_column += buffers * network.num_outputs();
-  return kDouble * batch_size * model.num_columns() * of_a_column;
+// A forward and a backward pass: inputs, slopes and covectors of every layer,
+// and with feedback the network's input Jacobians with a buffer.
+MemoryPart Activations(const Model& model, double batch_size) {
+  const auto& widths = model.network().widths();
+  double of_a_column = 3.0 * std::accumulate(widths.begin(), widths.end(), 0.0);
+  if (model.num_calls() > 1) {
+    of_a_column += 2.0 * *std::max_element(widths.begin(), widths.end()) *
+                   model.network().num_outputs();
+  }
+  return {"activations",
+          kDouble * batch_size * model.num_columns() * of_a_column};
 }
 
 // `num_outputs`: the rows of J per sample, |y|, or |x| for a proxy.
@@ -50,18 +32,18 @@ JacobianSizes SizesOfJacobian(const Model& model,
   JacobianSizes J;
   J.rows = num_outputs * batch_size;
   J.cols = network.num_weights();
+  const auto& widths = network.widths();
   for (int l = 0; l < network.num_layers(); ++l) {
-    J.layers.push_back(
-        {network.widths()[l] + 1.0, 1.0 * network.widths()[l + 1]});
+    J.layers.push_back({widths[l] + 1.0, 1.0 * widths[l + 1]});
   }
-  J.factor_bytes =
-      kDouble * J.rows * model.num_columns() * SumOfHiddenWidths(network);
+  J.factor_bytes = kDouble * J.rows * model.num_columns() *
+                   std::accumulate(widths.begin() + 1, widths.end() - 1, 0.0);
   return J;
 }
 
-// Memory of Model::Linearize in addition to the passes.
+// Model::Linearize in addition to the passes. (A closed loop has no Hessian.)
 void AddLinearization(const Model& model,
-                      const LinearizationParts& needs,
+                      bool with_hessian,
                       double batch_size,
                       std::vector<MemoryPart>* parts) {
   const double num_x = model.simulator().num_inputs();
@@ -69,29 +51,23 @@ void AddLinearization(const Model& model,
   const double n = model.num_weights();
   parts->push_back({"Jacobians of the simulator",
                     kDouble * batch_size * (num_x + 2.0) * num_y});
-  if (needs.hessian || !model.loss().SquaredNormFactor().has_value()) {
+  if (with_hessian || !model.loss().SquaredNormFactor().has_value()) {
     parts->push_back(
         {"Hessians of the loss", kDouble * batch_size * num_y * num_y});
   }
-  if (!needs.hessian) return;
-  parts->push_back(
-      {"Hessians of the samples in x", kDouble * batch_size * num_x * num_x});
+  if (!with_hessian) return;
   parts->push_back({"Hessian", kDouble * n * n});
-  if (model.num_calls() > 1) {
-    parts->push_back(
-        {"Hessian of the closed loop",
-         kDouble * batch_size * n * (3.0 * num_x + model.num_calls())});
-  } else {
-    parts->push_back({"gradients of the samples", kDouble * batch_size * n});
-  }
-}
-
-void Append(const std::vector<MemoryPart>& more,
-            std::vector<MemoryPart>* parts) {
-  parts->insert(parts->end(), more.begin(), more.end());
+  parts->push_back({"gradients and Hessians in x of the samples",
+                    kDouble * batch_size * (n + num_x * num_x)});
 }
 
 }  // namespace
+
+double DataBytes(const DataSet& data) {
+  return kDouble *
+         static_cast<double>(data.inputs.size() + data.contexts.size() +
+                             data.targets.size() + data.solutions.size());
+}
 
 std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        const UpdateRule& rule,
@@ -101,62 +77,38 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
   const double num_outputs =
       through_pull_back ? model.simulator().num_inputs() : model.loss().size();
   const JacobianSizes J = SizesOfJacobian(model, num_outputs, batch_size);
-  std::vector<MemoryPart> parts = {
-      {"activations", PassBytes(model, batch_size, needs.hessian)}};
-  if (through_pull_back) {
-    // The proxy's Jacobian and Hessian in the network's outputs.
-    const double width = model.network().num_outputs();
-    if (needs.jacobian) {
-      parts.push_back({"Jacobians of the proxy", kDouble * width * J.rows});
-    }
-    if (needs.hessian) {
-      parts.push_back({"Hessians of the proxy", kDouble * width * J.rows});
-      parts.push_back({"Hessian", kDouble * J.cols * J.cols});
-    }
-  } else if (needs.jacobian || needs.hessian) {
-    AddLinearization(model, needs, batch_size, &parts);
+  std::vector<MemoryPart> parts = rule.StepMemory(J);
+  parts.push_back(Activations(model, batch_size));
+  if (!needs.jacobian && !needs.hessian) return parts;
+  if (!through_pull_back) {
+    AddLinearization(model, needs.hessian, batch_size, &parts);
+    return parts;
   }
-  Append(rule.StepMemory(J), &parts);
+  // The proxy's Jacobian and Hessian in the network's outputs.
+  const double bytes = kDouble * model.network().num_outputs() * J.rows;
+  if (needs.jacobian) parts.push_back({"Jacobians of the proxy", bytes});
+  if (needs.hessian) {
+    parts.push_back({"Hessians of the proxy", bytes});
+    parts.push_back({"Hessian", kDouble * J.cols * J.cols});
+  }
   return parts;
 }
 
-bool TrainingFits(const Model& model,
-                  const TrainingData& data,
-                  const UpdateRule& rule,
-                  bool through_pull_back,
-                  int batch_size,
-                  double limit,
-                  std::string* error) {
-  std::vector<MemoryPart> parts =
-      TrainingMemory(model, rule, through_pull_back, batch_size);
-  parts.push_back(
-      {"batch", DataBytes(data.train) * batch_size / data.train.num_samples()});
-  parts.push_back({"data", DataBytes(data.train) + DataBytes(data.test)});
-  return FitsInMemory(
-      fmt::format("batch_size={}", batch_size), std::move(parts), limit, error);
-}
-
-bool CeresFits(const Phase& phase,
-               const Model& model,
-               const TrainingData& data,
-               double limit,
-               std::string* error) {
-  const int num_samples = data.train.num_samples();
-  std::vector<MemoryPart> parts;
-  if (phase.ceres->is_trust_region) {
-    const ceres::Solver::Options options = phase.CeresOptions();
-    const JacobianSizes J =
-        SizesOfJacobian(model, model.loss().size(), num_samples);
-    parts = TrustRegionMemory(options.linear_solver_type, J.rows, J.cols);
-    parts.push_back({"factors of J", J.factor_bytes});
-    AddLinearization(model, {}, num_samples, &parts);
+std::vector<MemoryPart> CeresMemory(const Phase& phase,
+                                    const Model& model,
+                                    int num_samples) {
+  std::vector<MemoryPart> parts = {Activations(model, num_samples)};
+  if (!phase.ceres->is_trust_region) return parts;
+  const ceres::Solver::Options options = phase.CeresOptions();
+  const JacobianSizes J =
+      SizesOfJacobian(model, model.loss().size(), num_samples);
+  for (const MemoryPart& part :
+       TrustRegionMemory(options.linear_solver_type, J.rows, J.cols)) {
+    parts.push_back(part);
   }
-  parts.push_back({"activations", PassBytes(model, num_samples, false)});
-  parts.push_back({"data", DataBytes(data.train) + DataBytes(data.test)});
-  return FitsInMemory(fmt::format("all {} samples at once", num_samples),
-                      std::move(parts),
-                      limit,
-                      error);
+  parts.push_back({"factors of J", J.factor_bytes});
+  AddLinearization(model, false, num_samples, &parts);
+  return parts;
 }
 
 }  // namespace invgrad

@@ -1,0 +1,138 @@
+#include "invgrad/train/engine.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "fmt/core.h"
+#include "invgrad/ceres/model_cost.h"
+#include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/train/training_memory.h"
+
+namespace invgrad {
+namespace {
+
+// Returns false if the pull-back cannot train this model on these data.
+bool CheckPullBack(const PullBackMethod& pull_back,
+                   const UpdateRule& rule,
+                   const Model& model,
+                   const DataSet& train,
+                   std::string* error) {
+  const bool is_closed_loop = model.feedback() != nullptr;
+  if (is_closed_loop && pull_back.updates() > 1) {
+    *error =
+        "updates > 1: in a closed loop an update moves the inputs of the next "
+        "one";
+  } else if (is_closed_loop && !pull_back.is_joint() && rule.JudgesSteps()) {
+    *error =
+        "control=gain: in a closed loop an update moves the inputs of what is "
+        "pulled back";
+  } else if (pull_back.needs_solutions() && train.solutions.rows() == 0) {
+    *error = "the training data have no solutions x* to learn from";
+  } else {
+    return pull_back.CanPullBack(model.simulator(), error);
+  }
+  return false;
+}
+
+// Whether the parts and the data fit; if not, *error lists them.
+bool Fits(const std::string& who,
+          std::vector<MemoryPart> parts,
+          const TrainingData& data,
+          const TrainOptions& options,
+          std::string* error) {
+  parts.push_back({"data", DataBytes(data.train) + DataBytes(data.test)});
+  return FitsInMemory(who, std::move(parts), options.memory_limit, error);
+}
+
+bool CheckCeres(const Phase& phase,
+                const UpdateRule* rule,
+                const Model& model,
+                const TrainingData& data,
+                const TrainOptions& options,
+                std::string* error) {
+  if (phase.ceres->is_trust_region &&
+      !model.loss().SquaredNormFactor().has_value()) {
+    *error = kNeedsLeastSquares;
+    return false;
+  }
+  const int num_samples = data.train.num_samples();
+  if (!Fits(fmt::format("all {} samples at once", num_samples),
+            CeresMemory(phase, model, num_samples),
+            data,
+            options,
+            error)) {
+    return false;
+  }
+  if (rule == nullptr) return true;
+  if (!model.CanLinearize(rule->Needs(), error)) return false;
+  Eigen::VectorXd any_weights = Eigen::VectorXd::Zero(model.num_weights());
+  ceres::Problem problem;
+  AddModelToProblem(&model, &data.train, &any_weights, &problem);
+  return TakesProposals(phase, problem, error);
+}
+
+}  // namespace
+
+std::unique_ptr<Engine> MakeEngine(const Phase& phase,
+                                   std::shared_ptr<UpdateRule> rule,
+                                   const Model& model,
+                                   const TrainingData& data,
+                                   const TrainOptions& options,
+                                   std::string* error) {
+  if (phase.ceres != nullptr) {
+    if (!CheckCeres(phase, rule.get(), model, data, options, error)) {
+      return nullptr;
+    }
+    return MakeCeresEngine(phase, &model, &data.train);
+  }
+  std::unique_ptr<BatchObjective> objective;
+  if (!phase.pull_back.has_value()) {
+    objective = std::make_unique<ModelObjective>(model);
+  } else {
+    const PullBackMethod& pull_back = *phase.pull_back;
+    if (!CheckPullBack(pull_back, *rule, model, data.train, error)) {
+      return nullptr;
+    }
+    if (pull_back.is_joint()) {
+      objective = std::make_unique<ModelObjective>(model.WithLoss(
+          pull_back.MakeLoss(model.shared_loss()), model.reduction()));
+    } else {
+      objective = std::make_unique<ChainPullBack>(
+          &model, options.inverse, pull_back.ChainOptions());
+    }
+  }
+  if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
+    return nullptr;
+  }
+  const int num_samples = data.train.num_samples();
+  int batch_size =
+      phase.batch_size >= 0 ? phase.batch_size : options.batch_size;
+  if (batch_size > num_samples) {
+    *error = fmt::format(
+        "batch_size={} is out of range; allowed: 1 to the {} training samples, "
+        "or 0 for all",
+        batch_size,
+        num_samples);
+    return nullptr;
+  }
+  if (batch_size == 0) batch_size = num_samples;
+  if (batch_size < 0) {
+    batch_size = std::min(TrainOptions::kDefaultBatchSize, num_samples);
+  }
+  std::vector<MemoryPart> parts =
+      TrainingMemory(model, *rule, objective->is_proxy(), batch_size);
+  parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
+  if (!Fits(fmt::format("batch_size={}", batch_size),
+            std::move(parts),
+            data,
+            options,
+            error)) {
+    return nullptr;
+  }
+  return MakeRuleEngine(
+      batch_size, options, std::move(objective), std::move(rule), &data.train);
+}
+
+}  // namespace invgrad
