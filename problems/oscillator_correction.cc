@@ -1,11 +1,13 @@
 #include "problems/oscillator_correction.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <memory>
 
 #include "fmt/core.h"
+#include "invgrad/chain/loss.h"
 #include "invgrad/chain/trajectory_simulator.h"
+#include "problems/oscillator_chain.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -15,13 +17,7 @@ constexpr int kFineStepsPerStep = 16;
 
 template <int kNumOscillators>
 OscillatorStep<kNumOscillators> CubicChain(int num_oscillators, double dt) {
-  OscillatorStep<kNumOscillators> chain;
-  chain.num_oscillators = num_oscillators;
-  chain.dt = dt;
-  chain.linear = 0.0;
-  chain.cubic = 1.0;
-  chain.control = 0.0;
-  return chain;
+  return {num_oscillators, dt, /*linear=*/0.0, /*cubic=*/1.0, /*control=*/0.0};
 }
 
 template <int kNumOscillators>
@@ -30,8 +26,8 @@ struct CorrectedStep {
 
   template <typename T>
   bool operator()(const T* state, const T* correction, T* next_state) const {
-    const int n = kNumOscillators > 0 ? kNumOscillators : chain.num_oscillators;
-    T rate[2 * (kNumOscillators > 0 ? kNumOscillators : kMaxOscillators)] = {};
+    const int n = chain.count();
+    T rate[2 * OscillatorStep<kNumOscillators>::kCapacity] = {};
     chain.Derivative(state, T(0.0), rate);
     for (int i = 0; i < n; ++i) {
       const T v = state[n + i] + chain.dt * rate[n + i];
@@ -55,8 +51,7 @@ struct WholeState {
 };
 
 template <int kNumOscillators, int kStride>
-void SetModel(const OscillatorCorrection::Options& options,
-              LearningProblem* problem) {
+void SetModel(const OscillatorCorrection& options, LearningProblem* problem) {
   const int state_size = 2 * options.num_oscillators;
   const auto simulator = std::make_shared<
       TrajectorySimulator<CorrectedStep<kNumOscillators>, WholeState, kStride>>(
@@ -77,7 +72,7 @@ void SetModel(const OscillatorCorrection::Options& options,
 }
 
 // (s_1, .., s_T) of the fine solution, one column a sample.
-Eigen::MatrixXd FineTrajectories(const OscillatorCorrection::Options& options,
+Eigen::MatrixXd FineTrajectories(const OscillatorCorrection& options,
                                  const Eigen::MatrixXd& starts) {
   const auto step =
       CubicChain<0>(options.num_oscillators, options.dt / kFineStepsPerStep);
@@ -100,44 +95,42 @@ Eigen::MatrixXd FineTrajectories(const OscillatorCorrection::Options& options,
 
 }  // namespace
 
-bool OscillatorCorrection::Create(const Options& options,
-                                  const Eigen::MatrixXd* data,
-                                  LearningProblem* problem,
-                                  std::string* error) {
-  const int state_size = 2 * options.num_oscillators;
+void OscillatorCorrection::Describe(OptionSet* set) {
+  set->Add("num_oscillators",
+           &num_oscillators,
+           {2, kMaxOscillators},
+           "length of the chain");
+  set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
+  set->Add("dt", &dt, {1e-9, 1}, "length of a coarse step");
+  DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+}
+
+bool OscillatorCorrection::Create(LearningProblem* problem,
+                                  std::string* error) const {
+  const int state_size = 2 * num_oscillators;
   const auto generate = [&](int num_rows) {
-    return UniformData(-1.0, 1.0, num_rows, state_size, options.data_seed);
+    return UniformData(-1.0, 1.0, num_rows, state_size, data_seed);
   };
-  if (!MakeData({options.num_samples,
-                 state_size,
-                 state_size * (2.0 + options.horizon),
-                 fmt::format(":num_oscillators={}:horizon={}",
-                             options.num_oscillators,
-                             options.horizon)},
-                data,
-                generate,
-                problem,
-                error)) {
-    return false;
-  }
+  const SampleSize sample_size = {
+      num_samples,
+      state_size,
+      state_size * (2.0 + horizon),
+      fmt::format(":num_oscillators={}:horizon={}", num_oscillators, horizon)};
+  if (!MakeData(sample_size, generate, problem, error)) return false;
   DataSet all;
   all.inputs = problem->data.transpose();
   all.contexts = all.inputs;
-  all.targets = FineTrajectories(options, all.contexts);
+  all.targets = FineTrajectories(*this, all.contexts);
   if (!all.targets.allFinite()) {
     *error =
-        "the fine solution from one of the states at the start is not "
-        "finite";
+        "the fine solution from one of the states at the start is not finite";
     return false;
   }
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
   // The step for two oscillators and their corrections has eight variables.
-  if (options.num_oscillators == 2) {
-    SetModel<2, 8>(options, problem);
-  } else {
-    SetModel<0, 8>(options, problem);
-  }
+  num_oscillators == 2 ? SetModel<2, 8>(*this, problem)
+                       : SetModel<0, 8>(*this, problem);
   return true;
 }
 

@@ -13,7 +13,6 @@
 //          dt. Fine: classical Runge-Kutta (order 4), 16 steps of dt / 16.
 // Shapes:  s = (q, v), u, network input: ns = 2 num_oscillators;  x: T ns;
 //          y = (s_1, .., s_T): T ns.
-// Units:   none (unit mass and unit spring to the ground).
 // Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
 //          2 num_oscillators)), the states at the start, the first N rows for
 //          training, the others for testing.
@@ -31,35 +30,19 @@
 
 #include <string>
 
-#include "problems/oscillator_chain.h"
 #include "problems/problem.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
+// `data`: states at the start, one a row.
 struct OscillatorCorrection {
-  struct Options {
-    int num_oscillators = 2;
-    int horizon = 16;
-    double dt = 0.25;
-    int num_samples = 1024;
-    int data_seed = 0;
-    void Describe(OptionSet* set) {
-      set->Add("num_oscillators",
-               &num_oscillators,
-               {2, kMaxOscillators},
-               "length of the chain");
-      set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
-      set->Add("dt", &dt, {1e-9, 1}, "length of a coarse step");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
-    }
-  };
-
-  // `data`: states at the start, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  int num_oscillators = 2;
+  int horizon = 16;
+  double dt = 0.25;
+  int num_samples = 1024;
+  int data_seed = 0;
+  void Describe(OptionSet* set);
+  bool Create(LearningProblem* problem, std::string* error) const;
 };
 
 }  // namespace invgrad

@@ -1,12 +1,14 @@
 #include "problems/oscillator_tracking.h"
 
 #include <cmath>
-#include <cstdint>
 #include <memory>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/chain/loss.h"
 #include "invgrad/chain/trajectory_simulator.h"
+#include "problems/oscillator_chain.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -21,8 +23,7 @@ struct TrackingStep {
 
   template <typename T>
   bool operator()(const T* state, const T* u, T* next_state) const {
-    const int chain_size =
-        2 * (kNumOscillators > 0 ? kNumOscillators : chain.num_oscillators);
+    const int chain_size = 2 * chain.count();
     for (int i = 0; i < 2; ++i) {
       const T& a = state[chain_size + 2 * i];
       const T& b = state[chain_size + 2 * i + 1];
@@ -52,21 +53,18 @@ struct TrackingTerms {
   }
 };
 
-int StateSize(const OscillatorTracking::Options& options) {
+int StateSize(const OscillatorTracking& options) {
   return 2 * options.num_oscillators + 4;
 }
 
 template <int kNumOscillators>
-TrackingStep<kNumOscillators> MakeStep(
-    const OscillatorTracking::Options& options) {
+TrackingStep<kNumOscillators> MakeStep(const OscillatorTracking& options) {
+  using Chain = OscillatorStep<kNumOscillators>;
+  const int n = options.num_oscillators;
   TrackingStep<kNumOscillators> step;
-  step.chain.num_oscillators = options.num_oscillators;
-  step.chain.dt = options.dt;
-  if (options.coupling == "cubic") {
-    step.chain.linear = 0.0;
-    step.chain.cubic = 1.0;
-    step.chain.control = 3.0;
-  }
+  step.chain = options.coupling == "cubic"
+                   ? Chain{n, options.dt, 0.0, 1.0, 3.0}
+                   : Chain{n, options.dt, 0.2, 0.0, 1.0};
   for (int i = 0; i < 2; ++i) {
     const double angle = OscillatorTracking::kFrequencies[i] * options.dt;
     step.cosine[i] = std::cos(angle);
@@ -75,19 +73,16 @@ TrackingStep<kNumOscillators> MakeStep(
   return step;
 }
 
-TrackingTerms MakeTerms(const OscillatorTracking::Options& options) {
-  TrackingTerms terms;
-  terms.num_oscillators = options.num_oscillators;
-  terms.horizon = options.horizon;
-  terms.error_factor = std::sqrt(options.dt);
-  terms.end_factor = std::sqrt(options.dt * options.end_weight);
-  terms.force_factor = std::sqrt(options.dt * options.control_weight);
-  return terms;
+TrackingTerms MakeTerms(const OscillatorTracking& options) {
+  return {options.num_oscillators,
+          options.horizon,
+          std::sqrt(options.dt),
+          std::sqrt(options.dt * options.end_weight),
+          std::sqrt(options.dt * options.control_weight)};
 }
 
 template <int kNumOscillators, int kStride>
-void SetModel(const OscillatorTracking::Options& options,
-              LearningProblem* problem) {
+void SetModel(const OscillatorTracking& options, LearningProblem* problem) {
   const int state_size = StateSize(options);
   const auto simulator =
       std::make_shared<TrajectorySimulator<TrackingStep<kNumOscillators>,
@@ -115,7 +110,7 @@ struct Regulator {
   Eigen::MatrixXd gains;      // ns x T, column t is K_t^T
   Eigen::VectorXd curvature;  // T, R + B^T W B
 
-  explicit Regulator(const OscillatorTracking::Options& options)
+  explicit Regulator(const OscillatorTracking& options)
       : A(StateSize(options), StateSize(options)),
         B(StateSize(options)),
         gains(StateSize(options), options.horizon),
@@ -169,7 +164,7 @@ struct Regulator {
   }
 };
 
-Metric RegretMetric(const OscillatorTracking::Options& options) {
+Metric RegretMetric(const OscillatorTracking& options) {
   const auto regulator = std::make_shared<const Regulator>(options);
   const auto evaluate = [regulator](const Eigen::MatrixXd& x,
                                     const DataSet& data) {
@@ -186,40 +181,51 @@ Metric RegretMetric(const OscillatorTracking::Options& options) {
 
 }  // namespace
 
-bool OscillatorTracking::Create(const Options& options,
-                                const Eigen::MatrixXd* data,
-                                LearningProblem* problem,
-                                std::string* error) {
-  const int state_size = StateSize(options);
+void OscillatorTracking::Describe(OptionSet* set) {
+  set->Add("coupling",
+           &coupling,
+           {"linear", "cubic"},
+           "of neighbours, as in oscillator_chain");
+  set->Add("num_oscillators",
+           &num_oscillators,
+           {2, kMaxOscillators},
+           "length of the chain");
+  set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
+  set->Add("dt", &dt, {1e-9, 1}, "length of a step");
+  set->Add("control_weight",
+           &control_weight,
+           {0, 1e6},
+           "weight of the squared force");
+  set->Add("end_weight",
+           &end_weight,
+           {0, 1e6},
+           "weight of the last squared error; of the others: 1");
+  DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+}
+
+bool OscillatorTracking::Create(LearningProblem* problem,
+                                std::string* error) const {
+  const int state_size = StateSize(*this);
   const auto generate = [&](int num_rows) {
-    return UniformData(-1.0, 1.0, num_rows, state_size, options.data_seed);
+    return UniformData(-1.0, 1.0, num_rows, state_size, data_seed);
   };
-  if (!MakeData({options.num_samples,
-                 state_size,
-                 2.0 * (state_size + options.horizon),
-                 fmt::format(":num_oscillators={}:horizon={}",
-                             options.num_oscillators,
-                             options.horizon)},
-                data,
-                generate,
-                problem,
-                error)) {
-    return false;
-  }
+  const SampleSize sample_size = {
+      num_samples,
+      state_size,
+      2.0 * (state_size + horizon),
+      fmt::format(":num_oscillators={}:horizon={}", num_oscillators, horizon)};
+  if (!MakeData(sample_size, generate, problem, error)) return false;
   DataSet all;
   all.inputs = problem->data.transpose();
   all.contexts = all.inputs;
-  all.targets = Eigen::MatrixXd::Zero(2 * options.horizon, all.num_samples());
+  all.targets = Eigen::MatrixXd::Zero(2 * horizon, all.num_samples());
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
   // The step for two oscillators, reference and force has nine variables: two
   // passes of Jets.
-  if (options.num_oscillators == 2) {
-    SetModel<2, 5>(options, problem);
-  } else {
-    SetModel<0, 8>(options, problem);
-  }
-  if (options.coupling == "linear") problem->metric = RegretMetric(options);
+  num_oscillators == 2 ? SetModel<2, 5>(*this, problem)
+                       : SetModel<0, 8>(*this, problem);
+  if (coupling == "linear") problem->metric = RegretMetric(*this);
   return true;
 }
 

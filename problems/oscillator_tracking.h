@@ -16,7 +16,6 @@
 // Shapes:  state, network input: 2 num_oscillators + 4;  x = (u_0, ..): T;
 //          y, of which L is the squared norm: 2 T, at each step the weighted
 //          error and force.
-// Units:   none (unit mass and unit spring to the ground).
 // Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
 //          2 num_oscillators + 4)), the states at the start, the first N rows
 //          for training, the others for testing.
@@ -41,54 +40,26 @@
 
 #include <string>
 
-#include "problems/oscillator_chain.h"
 #include "problems/problem.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
+// `data`: states at the start, one a row.
 struct OscillatorTracking {
-  struct Options {
-    std::string coupling = "linear";
-    int num_oscillators = 2;
-    int horizon = 24;
-    double dt = 0.25;
-    double control_weight = 0.01;
-    double end_weight = 1.0;
-    int num_samples = 1024;
-    int data_seed = 0;
-    void Describe(OptionSet* set) {
-      set->Add("coupling",
-               &coupling,
-               {"linear", "cubic"},
-               "of neighbours, as in oscillator_chain");
-      set->Add("num_oscillators",
-               &num_oscillators,
-               {2, kMaxOscillators},
-               "length of the chain");
-      set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
-      set->Add("dt", &dt, {1e-9, 1}, "length of a step");
-      set->Add("control_weight",
-               &control_weight,
-               {0, 1e6},
-               "weight of the squared force");
-      set->Add("end_weight",
-               &end_weight,
-               {0, 1e6},
-               "weight of the last squared error; of the others: 1");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
-    }
-  };
-
   // omega_1 and omega_2: below and above the chain's own frequencies, 1 for the
   // masses in phase and 1.18 against each other (two linear oscillators).
   static constexpr double kFrequencies[2] = {0.5, 1.5};
 
-  // `data`: states at the start, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  std::string coupling = "linear";
+  int num_oscillators = 2;
+  int horizon = 24;
+  double dt = 0.25;
+  double control_weight = 0.01;
+  double end_weight = 1.0;
+  int num_samples = 1024;
+  int data_seed = 0;
+  void Describe(OptionSet* set);
+  bool Create(LearningProblem* problem, std::string* error) const;
 };
 
 }  // namespace invgrad

@@ -37,11 +37,6 @@ bool AreTargets(const Eigen::MatrixXd& data, std::string* error) {
   return true;
 }
 
-std::shared_ptr<const Loss> MakeLoss(bool rescale) {
-  if (rescale) return std::make_shared<RescaledInfidelity>();
-  return std::make_shared<AutoDiffLoss<Infidelity, kStateSize>>();
-}
-
 }  // namespace
 
 bool RescaledInfidelity::Evaluate(const double* y,
@@ -66,18 +61,12 @@ bool RescaledInfidelity::Evaluate(const double* y,
   return is_finite;
 }
 
-bool QuantumDipole::Create(const Options& options,
-                           const Eigen::MatrixXd* data,
-                           LearningProblem* problem,
-                           std::string* error) {
-  const auto generate = [&options](int num_rows) {
-    return DrawTargets(num_rows, options.data_seed);
+bool QuantumDipole::Create(LearningProblem* problem, std::string* error) const {
+  const auto generate = [this](int num_rows) {
+    return DrawTargets(num_rows, data_seed);
   };
-  if (!MakeData({options.num_samples, kStateSize, 3.0 * kStateSize, ""},
-                data,
-                generate,
-                problem,
-                error) ||
+  const SampleSize sample_size = {num_samples, kStateSize, 3.0 * kStateSize};
+  if (!MakeData(sample_size, generate, problem, error) ||
       !AreTargets(problem->data, error)) {
     return false;
   }
@@ -88,11 +77,16 @@ bool QuantumDipole::Create(const Options& options,
       SchroedingerSimulator::Eigenstate(1).replicate(1, all.num_samples());
   SplitSamples(all, 16, problem);
   problem->num_epochs = 25;
+  std::shared_ptr<const Loss> loss;
+  if (rescale) {
+    loss = std::make_shared<RescaledInfidelity>();
+  } else {
+    loss = std::make_shared<AutoDiffLoss<Infidelity, kStateSize>>();
+  }
   problem->model = std::make_shared<Model>(
-      DenseNetwork({kStateSize, 20, 20, 20, options.num_steps},
-                   Activation::kTanh),
-      std::make_shared<SchroedingerSimulator>(options.num_steps, options.dt),
-      MakeLoss(options.rescale),
+      DenseNetwork({kStateSize, 20, 20, 20, num_steps}, Activation::kTanh),
+      std::make_shared<SchroedingerSimulator>(num_steps, dt),
+      loss,
       Reduction::kMean);
   return true;
 }

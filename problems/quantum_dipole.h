@@ -19,8 +19,7 @@
 //          1024 + 1024, B 16, data_seed 1; half-inverse: step size 0.5,
 //          truncation 1e-5.
 // Facts:   the loss is no sum of squares, so Ceres' trust-region solvers do not
-// apply.
-//          Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
+//          apply. Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
 //          y in the ground state, is a stationary point, at L = 1. As the norm
 //          is conserved, y^T J = 0 for every sample, and a batch has B singular
 //          values that are zero.
@@ -80,28 +79,23 @@ class RescaledInfidelity final : public Loss {
   AutoDiffLoss<Infidelity, SchroedingerSimulator::kStateSize> infidelity_;
 };
 
+// `data`: targets of norm one, one a row.
 struct QuantumDipole {
-  struct Options {
-    int num_steps = 384;
-    double dt = 0.05;
-    int num_samples = 1024;
-    int data_seed = 1;
-    bool rescale = false;
-    void Describe(OptionSet* set) {
-      set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
-      set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
-      set->Add("rescale",
-               &rescale,
-               "multiply each sample's gradient by 1 / |Re <y*|y>|");
-    }
-  };
+  int num_steps = 384;
+  double dt = 0.05;
+  int num_samples = 1024;
+  int data_seed = 1;
+  bool rescale = false;
+  void Describe(OptionSet* set) {
+    set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
+    set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
+    DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+    set->Add("rescale",
+             &rescale,
+             "multiply each sample's gradient by 1 / |Re <y*|y>|");
+  }
 
-  // `data`: targets of norm one, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  bool Create(LearningProblem* problem, std::string* error) const;
 };
 
 }  // namespace invgrad

@@ -22,15 +22,13 @@ struct SampleSize {
   int num_columns = 0;    // of the array, which has a row for each sample
   double num_values = 0;  // of a sample, in all arrays of a DataSet
   // The other options that determine the size, for messages: ":resolution=32".
-  std::string settings;
+  std::string settings = "";
 };
 
-// Sets problem->data to `data`, or, if that is null, to
-// generate(2 num_samples). Returns false, with *error set, if the problem does
-// not fit into memory (checked first), or `data` does not have num_columns
-// columns or has fewer than two rows.
+// Sets problem->data to generate(2 num_samples) if it is empty. Returns false,
+// with *error set, if the problem does not fit into memory (checked first), or
+// problem->data has another shape than CheckDataShape wants.
 bool MakeData(const SampleSize& size,
-              const Eigen::MatrixXd* data,
               const std::function<Eigen::MatrixXd(int num_rows)>& generate,
               LearningProblem* problem,
               std::string* error);

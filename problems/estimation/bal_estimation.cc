@@ -1,11 +1,10 @@
-#include "problems/estimation/bal_estimation.h"
-
 #include <algorithm>
 #include <utility>
 
 #include "fmt/core.h"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/bundle_adjustment.h"
+#include "problems/estimation/estimation.h"
 
 namespace invgrad {
 
@@ -122,8 +121,10 @@ class BalEstimation final : public Estimation {
 
 }  // namespace
 
-std::unique_ptr<Estimation> ReadBalEstimation(const std::string& path,
-                                              std::string* error) {
+std::unique_ptr<Estimation> ReadBalEstimation(
+    const std::string& path,
+    const ReadEstimationOptions& /*options*/,
+    std::string* error) {
   BalData data;
   if (!ReadBalFile(path, &data, error)) return nullptr;
   return std::make_unique<BalEstimation>(std::move(data));

@@ -152,35 +152,6 @@ std::string BalText(const BalData& data) {
   return text;
 }
 
-bool CheckBal(const BalData& data, std::string* error) {
-  if (data.observations.empty() || data.cameras.cols() == 0 ||
-      data.points.cols() == 0) {
-    *error = "there is no observation, camera or point";
-    return false;
-  }
-  for (const BalData::Observation& observation : data.observations) {
-    if (observation.camera < 0 || observation.camera >= data.cameras.cols() ||
-        observation.point < 0 || observation.point >= data.points.cols()) {
-      *error = fmt::format(
-          "an observation is of camera {} and point {}; there are {} and {}",
-          observation.camera,
-          observation.point,
-          data.cameras.cols(),
-          data.points.cols());
-      return false;
-    }
-    if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
-      *error = "an observation is not finite";
-      return false;
-    }
-  }
-  if (!data.cameras.allFinite() || !data.points.allFinite()) {
-    *error = "a camera or a point is not finite";
-    return false;
-  }
-  return true;
-}
-
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error) {
   std::string bytes;
   if (!ReadFile(path, &bytes, error)) return false;
@@ -197,12 +168,7 @@ bool ReadBalFile(const std::string& path, BalData* data, std::string* error) {
 bool WriteBalFile(const std::string& path,
                   const BalData& data,
                   std::string* error) {
-  std::string problem;
-  if (!CheckBal(data, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  return WriteFile(path, BalText(data), error);
+  return WriteReadable(path, data, BalText, ParseBal, error);
 }
 
 }  // namespace invgrad

@@ -5,7 +5,6 @@
 
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/rotation.h"
-#include "problems/estimation/normal_numbers.h"
 
 namespace invgrad {
 
@@ -92,13 +91,13 @@ Eigen::Vector3d CameraCenter(const Eigen::Matrix<double, 9, 1>& camera) {
 void PerturbBundleAdjustment(double sigma, NumpyRandom* random, BalData* data) {
   const double size = SceneSize(*data);
   for (Eigen::Index j = 0; j < data->points.cols(); ++j) {
-    data->points.col(j) += sigma * size * NormalNumbers(3, random);
+    data->points.col(j) += sigma * size * random->Normal(3);
   }
   for (Eigen::Index j = 0; j < data->cameras.cols(); ++j) {
     Eigen::Matrix<double, 9, 1> camera = data->cameras.col(j);
     const Eigen::Vector3d center =
-        CameraCenter(camera) + sigma * size * NormalNumbers(3, random);
-    camera.head<3>() += sigma * NormalNumbers(3, random);
+        CameraCenter(camera) + sigma * size * random->Normal(3);
+    camera.head<3>() += sigma * random->Normal(3);
     camera.segment<3>(3) = -Rotate(camera.head<3>(), center);
     data->cameras.col(j) = camera;
   }

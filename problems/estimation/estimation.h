@@ -68,7 +68,7 @@ class Estimation {
 };
 
 // The names of the kinds.
-const std::vector<std::string>& EstimationKinds();
+std::vector<std::string> EstimationKinds();
 
 // The kind of files with this extension; empty: none.
 std::string EstimationKindOf(const std::string& path);
@@ -79,9 +79,15 @@ struct ReadEstimationOptions {
 };
 
 // Returns null, with *error set, if the file cannot be read.
-std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
-                                           const ReadEstimationOptions& options,
-                                           std::string* error);
+using EstimationReader =
+    std::unique_ptr<Estimation>(const std::string& path,
+                                const ReadEstimationOptions& options,
+                                std::string* error);
+EstimationReader ReadEstimation;
+// Of one kind.
+EstimationReader ReadNistEstimation;
+EstimationReader ReadBalEstimation;
+EstimationReader ReadPoseGraphEstimation;
 
 }  // namespace invgrad
 

@@ -218,22 +218,6 @@ class G2oParser {
   std::vector<FixedId> fixed_;
 };
 
-bool CheckPose(int dimension, const PoseGraph::Pose& pose) {
-  return pose.size() == PoseSize(dimension) && pose.allFinite() &&
-         (dimension == 2 || HasLengthOne(pose.tail<4>()));
-}
-
-bool CheckEdge(const PoseGraph& graph, const PoseGraph::Edge& edge) {
-  const int num_poses = static_cast<int>(graph.ids.size());
-  const int size = TangentSize(graph.dimension);
-  return edge.from >= 0 && edge.from < num_poses && edge.to >= 0 &&
-         edge.to < num_poses && edge.from != edge.to &&
-         CheckPose(graph.dimension, edge.measurement) &&
-         edge.information.rows() == size && edge.information.cols() == size &&
-         edge.information == edge.information.transpose() &&
-         IsPositiveDefinite(edge.information);
-}
-
 template <typename Vector>
 std::string Join(const Vector& values) {
   std::string text;
@@ -279,45 +263,6 @@ std::string G2oText(const PoseGraph& graph) {
   return text;
 }
 
-bool CheckG2o(const PoseGraph& graph, std::string* error) {
-  const int num_poses = static_cast<int>(graph.ids.size());
-  if ((graph.dimension != 2 && graph.dimension != 3) || num_poses == 0 ||
-      graph.poses.rows() != PoseSize(graph.dimension) ||
-      graph.poses.cols() != num_poses) {
-    *error = "the dimension is neither 2 nor 3, or other than its poses'";
-    return false;
-  }
-  std::unordered_set<long> ids;
-  for (int i = 0; i < num_poses; ++i) {
-    if (graph.ids[i] < 0 || !ids.insert(graph.ids[i]).second ||
-        !CheckPose(graph.dimension, graph.poses.col(i))) {
-      *error = fmt::format(
-          "pose {} has an id that is negative or used twice, is not finite, or "
-          "has a quaternion of other length than one",
-          i);
-      return false;
-    }
-  }
-  std::unordered_set<int> fixed;
-  for (const int column : graph.fixed) {
-    if (column < 0 || column >= num_poses || !fixed.insert(column).second) {
-      *error = fmt::format(
-          "pose {} is fixed and does not exist, or is fixed twice", column);
-      return false;
-    }
-  }
-  for (size_t i = 0; i < graph.edges.size(); ++i) {
-    if (!CheckEdge(graph, graph.edges[i])) {
-      *error = fmt::format(
-          "edge {} does not join two poses by a measurement of their dimension "
-          "and a positive definite information matrix",
-          i);
-      return false;
-    }
-  }
-  return true;
-}
-
 bool ReadG2oFile(const std::string& path,
                  PoseGraph* graph,
                  std::string* error) {
@@ -328,12 +273,7 @@ bool ReadG2oFile(const std::string& path,
 bool WriteG2oFile(const std::string& path,
                   const PoseGraph& graph,
                   std::string* error) {
-  std::string problem;
-  if (!CheckG2o(graph, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  return WriteFile(path, G2oText(graph), error);
+  return WriteReadable(path, graph, G2oText, ParseG2o, error);
 }
 
 }  // namespace invgrad

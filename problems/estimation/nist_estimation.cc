@@ -1,14 +1,12 @@
-#include "problems/estimation/nist_estimation.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "fmt/core.h"
+#include "problems/estimation/estimation.h"
 #include "problems/estimation/nist_file.h"
 #include "problems/estimation/nist_models.h"
-#include "problems/estimation/normal_numbers.h"
 
 namespace invgrad {
 
@@ -41,7 +39,7 @@ class NistEstimation final : public Estimation {
   // Relative to the size of each parameter.
   void Perturb(double sigma, NumpyRandom* random) override {
     const Eigen::VectorXd noise =
-        sigma * NormalNumbers(data_.num_parameters(), random);
+        sigma * random->Normal(data_.num_parameters());
     b_.array() *= 1.0 + noise.array();
   }
 
@@ -150,8 +148,10 @@ bool FitsCertificate(const NistModel& model, const NistData& data) {
 
 }  // namespace
 
-std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
-                                               std::string* error) {
+std::unique_ptr<Estimation> ReadNistEstimation(
+    const std::string& path,
+    const ReadEstimationOptions& /*options*/,
+    std::string* error) {
   NistData data;
   if (!ReadNistFile(path, &data, error)) return nullptr;
   std::string why;

@@ -200,50 +200,52 @@ class NistParser {
             cursor_.Fail("a negative number", expected + ": 0 or more"));
   }
 
-  // The lines after the parameters, up to the last certified value.
+  // The lines after the parameters, up to the last certified value: four
+  // values, each at most once, of which two are needed.
   bool ParseSummary() {
-    std::set<std::string_view> lines;
+    std::set<std::string_view> found;
+    const auto begins = [&](std::string_view label) {
+      return found.count(label) == 0 && cursor_.SkipWords(label) &&
+             found.insert(label).second;
+    };
+    constexpr std::string_view kSum = "Residual Sum of Squares:";
+    constexpr std::string_view kCount = "Number of Observations:";
     while (cursor_.line_number() < Get("Certified").last &&
            cursor_.NextLine()) {
-      const std::string_view word = cursor_.NextToken();
-      if (word.empty()) continue;
-      const bool is_sum = word == "Residual" && cursor_.PeekToken() == "Sum";
-      const std::string_view line = is_sum ? "Sum" : word;
-      const bool is_new = lines.insert(line).second;
+      if (cursor_.PeekToken().empty()) continue;
       bool is_read = false;
-      if (is_new && line == "Sum") {
-        is_read = cursor_.ReadWords("Sum of Squares:") &&
-                  ReadNonNegative("the residual sum of squares",
+      if (begins(kSum)) {
+        is_read = ReadNonNegative("the residual sum of squares",
                                   &read_.certified_sum_of_squares);
-      } else if (is_new && line == "Residual") {
+      } else if (begins("Residual Standard Deviation:")) {
         double deviation = 0.0;  // follows from the sum of squares
         is_read =
-            cursor_.ReadWords("Standard Deviation:") &&
             ReadNonNegative("the residual standard deviation", &deviation);
-      } else if (is_new && line == "Degrees") {
+      } else if (begins("Degrees of Freedom:")) {
         // Rat43.dat states 9, and has 15 observations and 4 parameters.
         long degrees = 0;
-        is_read = cursor_.ReadWords("of Freedom:") &&
-                  cursor_.ReadInteger(
-                      "the degrees of freedom", 0, kLargestCount, &degrees);
-      } else if (is_new && line == "Number") {
+        is_read = cursor_.ReadInteger(
+            "the degrees of freedom", 0, kLargestCount, &degrees);
+      } else if (begins(kCount)) {
         long count = Get("Observation").first;
-        is_read = cursor_.ReadWords("of Observations:") &&
-                  cursor_.ReadInteger(
-                      "the number of observations", count, count, &count);
+        is_read = cursor_.ReadInteger(
+            "the number of observations", count, count, &count);
       } else {
         return cursor_.FailAtToken(
-            word,
+            cursor_.NextToken(),
             "one each of 'Residual Sum of Squares:', 'Residual Standard "
             "Deviation:', 'Degrees of Freedom:' and 'Number of "
             "Observations:'");
       }
       if (!is_read || !cursor_.ReadLineEnd()) return false;
     }
-    if (lines.count("Sum") > 0 && lines.count("Number") > 0) return true;
-    return cursor_.Fail("the certified values end",
-                        lines.count("Sum") > 0 ? "'Number of Observations:'"
-                                               : "'Residual Sum of Squares:'");
+    for (const std::string_view label : {kSum, kCount}) {
+      if (found.count(label) == 0) {
+        return cursor_.Fail("the certified values end",
+                            fmt::format("'{}'", label));
+      }
+    }
+    return true;
   }
 
   bool ParseData() {
@@ -352,35 +354,6 @@ std::string NistText(const NistData& data) {
   return text;
 }
 
-bool CheckNist(const NistData& data, std::string* error) {
-  const long n = data.certified.size();
-  const long m = data.responses.size();
-  if (n == 0 || m < n || data.predictors.rows() != m ||
-      data.predictors.cols() == 0 || data.starts.rows() != n ||
-      data.starts.cols() != 2 || data.standard_deviations.size() != n) {
-    *error = "the numbers of parameters, predictors and observations disagree";
-    return false;
-  }
-  if (!data.responses.allFinite() || !data.predictors.allFinite() ||
-      !data.starts.allFinite() || !data.certified.allFinite() ||
-      !data.standard_deviations.allFinite() ||
-      !std::isfinite(data.certified_sum_of_squares)) {
-    *error = "a number is not finite";
-    return false;
-  }
-  if (data.standard_deviations.minCoeff() < 0.0 ||
-      data.certified_sum_of_squares < 0.0) {
-    *error = "a standard deviation or the sum of squares is negative";
-    return false;
-  }
-  if (data.name.empty() ||
-      data.name.find_first_of(" \t\r\n\v\f") != std::string::npos) {
-    *error = "the name '" + data.name + "' is not one word";
-    return false;
-  }
-  return true;
-}
-
 bool ReadNistFile(const std::string& path, NistData* data, std::string* error) {
   std::string text;
   return ReadFile(path, &text, error) && ParseNist(text, path, data, error);
@@ -389,12 +362,7 @@ bool ReadNistFile(const std::string& path, NistData* data, std::string* error) {
 bool WriteNistFile(const std::string& path,
                    const NistData& data,
                    std::string* error) {
-  std::string problem;
-  if (!CheckNist(data, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  return WriteFile(path, NistText(data), error);
+  return WriteReadable(path, data, NistText, ParseNist, error);
 }
 
 }  // namespace invgrad

@@ -10,7 +10,6 @@
 #include "ceres/autodiff_manifold.h"
 #include "ceres/product_manifold.h"
 #include "glog/logging.h"
-#include "problems/estimation/normal_numbers.h"
 
 namespace invgrad {
 
@@ -170,12 +169,12 @@ void PerturbPoseGraph(double sigma, NumpyRandom* random, PoseGraph* graph) {
     }
     auto pose = graph->poses.col(j);
     if (graph->dimension == 2) {
-      pose += sigma * NormalNumbers(3, random);
+      pose += sigma * random->Normal(3);
       pose[2] = NormalizeAngle(pose[2]);
       continue;
     }
-    pose.head<3>() += sigma * NormalNumbers(3, random);
-    const Eigen::Vector3d turn = sigma * NormalNumbers(3, random);
+    pose.head<3>() += sigma * random->Normal(3);
+    const Eigen::Vector3d turn = sigma * random->Normal(3);
     const double angle = turn.norm();
     const Eigen::Quaterniond rotation(
         Eigen::Quaterniond(pose.tail<4>()) *

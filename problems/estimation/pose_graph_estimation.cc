@@ -1,10 +1,9 @@
-#include "problems/estimation/pose_graph_estimation.h"
-
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "fmt/core.h"
+#include "problems/estimation/estimation.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/pose_graph.h"
 
@@ -114,16 +113,18 @@ class PoseGraphEstimation final : public Estimation {
 
 }  // namespace
 
-std::unique_ptr<Estimation> ReadPoseGraphEstimation(const std::string& path,
-                                                    InformationRoot root,
-                                                    std::string* error) {
+std::unique_ptr<Estimation> ReadPoseGraphEstimation(
+    const std::string& path,
+    const ReadEstimationOptions& options,
+    std::string* error) {
   PoseGraph graph;
   if (!ReadG2oFile(path, &graph, error)) return nullptr;
   if (graph.edges.empty()) {
     *error = path + ": no edges; expected poses and the edges between them";
     return nullptr;
   }
-  return std::make_unique<PoseGraphEstimation>(std::move(graph), root);
+  return std::make_unique<PoseGraphEstimation>(std::move(graph),
+                                               options.information_root);
 }
 
 }  // namespace invgrad

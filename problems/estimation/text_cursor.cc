@@ -104,6 +104,15 @@ bool TextCursor::ReadWords(std::string_view words) {
   return true;
 }
 
+bool TextCursor::SkipWords(std::string_view words) {
+  TextCursor copy = *this;
+  std::string error;
+  copy.error_ = &error;
+  if (!copy.ReadWords(words)) return false;
+  line_ = copy.line_;
+  return true;
+}
+
 bool TextCursor::ReadLineEnd() {
   const std::string_view token = NextToken();
   return token.empty() || FailAtToken(token, "the line's end");

@@ -1,5 +1,4 @@
-// Reads the lines, tokens and numbers of a text, and writes numbers that read
-// back bit for bit. Independent of the locale.
+// Reads the lines, tokens and numbers of a text, independently of the locale.
 //
 //   TextCursor cursor(text, "x.g2o", &error);
 //   while (cursor.NextLine()) {
@@ -17,6 +16,8 @@
 
 #include <string>
 #include <string_view>
+
+#include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
 
@@ -43,6 +44,8 @@ class TextCursor {
   bool ReadInteger(std::string_view expected, long min, long max, long* value);
   // Requires these tokens, given with single spaces: "of Squares:".
   bool ReadWords(std::string_view words);
+  // Moves behind these tokens; returns false, and stays, if others follow.
+  bool SkipWords(std::string_view words);
   bool ReadLineEnd();
   // Requires that no tokens follow, on this line or later ones.
   bool ReadTextEnd();
@@ -66,6 +69,26 @@ class TextCursor {
 
 // Whether all of the token is an integer.
 bool ParseInteger(std::string_view token, long* value);
+
+// Writes text_of(data) to a file, if `parse` reads the same data from it.
+// Returns false, with *error set, if not (NaN), or if the file is not written.
+template <typename Data>
+bool WriteReadable(const std::string& path,
+                   const Data& data,
+                   std::string (*text_of)(const Data& data),
+                   bool (*parse)(const std::string& text,
+                                 const std::string& file,
+                                 Data* data,
+                                 std::string* error),
+                   std::string* error) {
+  const std::string text = text_of(data);
+  const std::string failure = "cannot write " + path;
+  Data back;
+  if (!parse(text, failure, &back, error)) return false;
+  if (text_of(back) == text) return WriteFile(path, text, error);
+  *error = failure + ": it would be read as other data";
+  return false;
+}
 
 }  // namespace invgrad
 
