@@ -56,11 +56,10 @@ struct Exponential {
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
-    const auto generate = [this](int num_rows) {
-      return UniformData(0.0, -range, num_rows, 1, data_seed);
-    };
-    if (!MakeData({num_samples, 1, 3.0}, generate, problem, error))
+    if (!MakeUniformData(
+            {num_samples, 1, 3.0}, 0.0, -range, data_seed, problem, error)) {
       return false;
+    }
     DataSet all;
     all.solutions = problem->data.transpose();
     all.targets = all.solutions.array().exp();

@@ -70,11 +70,10 @@ struct Multimodal {
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
-    const auto generate = [this](int num_rows) {
-      return UniformData(1.0, -1.0, num_rows, 1, data_seed);
-    };
-    if (!MakeData({num_samples, 1, 3.0}, generate, problem, error))
+    if (!MakeUniformData(
+            {num_samples, 1, 3.0}, 1.0, -1.0, data_seed, problem, error)) {
       return false;
+    }
     DataSet all;
     all.solutions = problem->data.transpose();
     all.targets = all.solutions.cwiseAbs2();

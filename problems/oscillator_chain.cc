@@ -42,15 +42,14 @@ bool OscillatorChain::Create(LearningProblem* problem,
   const bool is_cubic = coupling == "cubic";
   const int num_steps = is_cubic ? 96 : 24;
   const int state_size = 2 * num_oscillators;
-  const auto generate = [&](int num_rows) {
-    return UniformData(0.0, 1.0, num_rows, state_size, data_seed);
-  };
   const SampleSize sample_size = {
       num_samples,
       state_size,
       3.0 * state_size,
       fmt::format(":num_oscillators={}", num_oscillators)};
-  if (!MakeData(sample_size, generate, problem, error)) return false;
+  if (!MakeUniformData(sample_size, 0.0, 1.0, data_seed, problem, error)) {
+    return false;
+  }
   DataSet all;
   all.inputs = problem->data.transpose();
   all.contexts = all.inputs;

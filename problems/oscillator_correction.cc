@@ -108,15 +108,14 @@ void OscillatorCorrection::Describe(OptionSet* set) {
 bool OscillatorCorrection::Create(LearningProblem* problem,
                                   std::string* error) const {
   const int state_size = 2 * num_oscillators;
-  const auto generate = [&](int num_rows) {
-    return UniformData(-1.0, 1.0, num_rows, state_size, data_seed);
-  };
   const SampleSize sample_size = {
       num_samples,
       state_size,
       state_size * (2.0 + horizon),
       fmt::format(":num_oscillators={}:horizon={}", num_oscillators, horizon)};
-  if (!MakeData(sample_size, generate, problem, error)) return false;
+  if (!MakeUniformData(sample_size, -1.0, 1.0, data_seed, problem, error)) {
+    return false;
+  }
   DataSet all;
   all.inputs = problem->data.transpose();
   all.contexts = all.inputs;

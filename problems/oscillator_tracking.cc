@@ -42,12 +42,15 @@ struct TrackingTerms {
   double end_factor = 1.0;
   double force_factor = 1.0;
 
+  double ErrorFactor(int t) const {
+    return t + 1 == horizon ? end_factor : error_factor;
+  }
+
   template <typename T>
   bool operator()(int t, const T* next_state, const T* u, T* terms) const {
     const T& position = next_state[num_oscillators - 1];
     const T* reference = next_state + 2 * num_oscillators;
-    terms[0] = (t + 1 == horizon ? end_factor : error_factor) *
-               (position - (reference[0] + reference[2]));
+    terms[0] = ErrorFactor(t) * (position - (reference[0] + reference[2]));
     terms[1] = force_factor * u[0];
     return true;
   }
@@ -117,6 +120,7 @@ struct Regulator {
         curvature(options.horizon) {
     const TrackingStep<0> step = MakeStep<0>(options);
     const TrackingTerms terms = MakeTerms(options);
+    const double R = terms.force_factor * terms.force_factor;
     const Eigen::Index ns = B.size();
     const Eigen::MatrixXd units = Eigen::MatrixXd::Identity(ns, ns);
     const Eigen::VectorXd rest = Eigen::VectorXd::Zero(ns);
@@ -127,16 +131,13 @@ struct Regulator {
     }
     step(rest.data(), &unit_force, B.data());
     Eigen::MatrixXd Pi = Eigen::MatrixXd::Zero(ns, ns);
-    Eigen::VectorXd error_row(ns);
-    double y[2];
+    const int n = options.num_oscillators;
+    Eigen::VectorXd error = Eigen::VectorXd::Zero(ns);  // q_last - p
+    error[n - 1] = 1.0;
+    error[2 * n] = error[2 * n + 2] = -1.0;
     for (int t = options.horizon - 1; t >= 0; --t) {
-      for (Eigen::Index i = 0; i < ns; ++i) {
-        terms(t, units.col(i).data(), &no_force, y);
-        error_row[i] = y[0];
-      }
-      terms(t, rest.data(), &unit_force, y);
-      const double R = y[1] * y[1];
-      const Eigen::MatrixXd W = Pi + error_row * error_row.transpose();
+      const Eigen::VectorXd row = terms.ErrorFactor(t) * error;
+      const Eigen::MatrixXd W = Pi + row * row.transpose();
       curvature[t] = R + B.dot(W * B);
       // If the curvature is zero, no force changes the loss.
       gains.col(t).setZero();
@@ -206,15 +207,14 @@ void OscillatorTracking::Describe(OptionSet* set) {
 bool OscillatorTracking::Create(LearningProblem* problem,
                                 std::string* error) const {
   const int state_size = StateSize(*this);
-  const auto generate = [&](int num_rows) {
-    return UniformData(-1.0, 1.0, num_rows, state_size, data_seed);
-  };
   const SampleSize sample_size = {
       num_samples,
       state_size,
       2.0 * (state_size + horizon),
       fmt::format(":num_oscillators={}:horizon={}", num_oscillators, horizon)};
-  if (!MakeData(sample_size, generate, problem, error)) return false;
+  if (!MakeUniformData(sample_size, -1.0, 1.0, data_seed, problem, error)) {
+    return false;
+  }
   DataSet all;
   all.inputs = problem->data.transpose();
   all.contexts = all.inputs;

@@ -10,19 +10,15 @@
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/simulator.h"
 #include "invgrad/io/numpy_generator.h"
+#include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
 namespace {
 
-// The variance of N numbers: with 1 / (N - 1), as PyTorch does, or with 1 / N,
-// as numpy does.
-enum class Variance { kUnbiased, kBiased };
-
-// Makes the samples from problem->data. Returns false, with *error set, if the
-// deviation of the training targets is not positive and finite.
-bool MakeRegression(Variance variance,
-                    LearningProblem* problem,
-                    std::string* error) {
+// Makes the samples from problem->data. The variance of N targets has the factor
+// 1 / (N - ddof). Returns false, with *error set, if the deviation of the
+// training targets is not positive and finite.
+bool MakeRegression(int ddof, LearningProblem* problem, std::string* error) {
   const int num_inputs = static_cast<int>(problem->data.cols()) - 1;
   DataSet all;
   all.inputs = problem->data.leftCols(num_inputs).transpose();
@@ -33,8 +29,7 @@ bool MakeRegression(Variance variance,
   const double mean = targets.mean();
   const double count = static_cast<double>(targets.size());
   const double deviation =
-      std::sqrt((targets - mean).square().sum() /
-                (variance == Variance::kUnbiased ? count - 1.0 : count));
+      std::sqrt((targets - mean).square().sum() / (count - ddof));
   if (!(deviation > 0.0 && std::isfinite(deviation))) {
     *error = fmt::format(
         "the training targets (the last column of the first {} samples) have "
@@ -81,13 +76,14 @@ double Regression1d::Target(double a) {
 
 bool Regression1d::Create(LearningProblem* problem, std::string* error) const {
   const auto generate = [this](int num_rows) {
+    NumpyRandom random(static_cast<std::uint32_t>(data_seed));
     Eigen::MatrixXd samples(num_rows, 2);
-    samples.col(0) = UniformData(-1.0, 1.0, num_rows, 1, data_seed);
+    samples.col(0) = -1.0 + 2.0 * random.Rand(num_rows, 1).array();
     samples.col(1) = samples.col(0).unaryExpr(&Target);
     return samples;
   };
   if (!MakeData({num_samples, 2, 2.0}, generate, problem, error) ||
-      !MakeRegression(Variance::kUnbiased, problem, error)) {
+      !MakeRegression(/*ddof=*/1, problem, error)) {
     return false;
   }
   AddTargetNoise(noise, data_seed, problem);
@@ -149,7 +145,7 @@ bool RandomPolynomial::Create(LearningProblem* problem,
   };
   if (!MakeData(
           {num_samples, kNumColumns, kNumColumns}, generate, problem, error) ||
-      !MakeRegression(Variance::kBiased, problem, error)) {
+      !MakeRegression(/*ddof=*/0, problem, error)) {
     return false;
   }
   AddTargetNoise(noise, data_seed, problem);

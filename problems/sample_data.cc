@@ -53,11 +53,17 @@ bool CheckDataShape(const Eigen::MatrixXd& data,
   return false;
 }
 
-Eigen::MatrixXd UniformData(
-    double low, double high, int rows, int cols, int seed) {
-  const Eigen::MatrixXd u =
-      NumpyRandom(static_cast<std::uint32_t>(seed)).Rand(rows, cols);
-  return low + (high - low) * u.array();
+bool MakeUniformData(const SampleSize& size,
+                     double low,
+                     double high,
+                     int seed,
+                     LearningProblem* problem,
+                     std::string* error) {
+  const auto generate = [&](int num_rows) -> Eigen::MatrixXd {
+    NumpyRandom random(static_cast<std::uint32_t>(seed));
+    return low + (high - low) * random.Rand(num_rows, size.num_columns).array();
+  };
+  return MakeData(size, generate, problem, error);
 }
 
 void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem) {

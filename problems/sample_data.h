@@ -39,9 +39,14 @@ bool CheckDataShape(const Eigen::MatrixXd& data,
                     int num_columns,
                     std::string* error);
 
-// np.random.seed(seed); np.random.uniform(low, high, (rows, cols))
-Eigen::MatrixXd UniformData(
-    double low, double high, int rows, int cols, int seed);
+// MakeData with uniform numbers:
+// np.random.seed(seed); np.random.uniform(low, high, (2 N, num_columns))
+bool MakeUniformData(const SampleSize& size,
+                     double low,
+                     double high,
+                     int seed,
+                     LearningProblem* problem,
+                     std::string* error);
 
 // The first half of the samples is for training, the second for testing. A
 // batch has `batch_size` samples, but at most all training samples. Samples

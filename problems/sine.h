@@ -99,11 +99,10 @@ struct Sine {
   }
 
   bool Create(LearningProblem* problem, std::string* error) const {
-    const auto generate = [this](int num_rows) {
-      return UniformData(-1.0, 1.0, num_rows, 2, data_seed);
-    };
-    if (!MakeData({num_samples, 2, 4.0}, generate, problem, error))
+    if (!MakeUniformData(
+            {num_samples, 2, 4.0}, -1.0, 1.0, data_seed, problem, error)) {
       return false;
+    }
     if ((problem->data.col(0).array().abs() > 1.0).any()) {
       *error = "the first column is y*_0; allowed: [-1, 1]";
       return false;

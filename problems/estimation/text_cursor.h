@@ -3,12 +3,14 @@
 //   TextCursor cursor(text, "x.g2o", &error);
 //   while (cursor.NextLine()) {
 //     const std::string_view tag = cursor.NextToken();
-//     if (!cursor.ReadNumber("an angle", &angle)) return false;
+//     const double angle = cursor.Number("an angle");
 //     ...
+//   if (!cursor.ok()) return false;
 //
 // Tokens are separated by spaces, tabs and carriage returns, so that lines may
-// end as in Windows. The Read functions return false, as Fail does, with
-// *error = "FILE:LINE: found 'nan'; expected an angle: a finite double".
+// end as in Windows. The first failure sets
+// *error = "FILE:LINE: found 'nan'; expected an angle: a finite double". After
+// a failure there are no more tokens and lines, and *error does not change.
 //
 // Cost:    linear in the size of the text, which must outlive the cursor.
 #ifndef PROBLEMS_ESTIMATION_TEXT_CURSOR_H_
@@ -25,6 +27,9 @@ class TextCursor {
  public:
   TextCursor(std::string_view text, std::string_view file, std::string* error);
 
+  // Whether nothing has failed.
+  bool ok() const { return ok_; }
+
   // The number of lines of the text; text after the last line end is a line.
   long num_lines() const { return num_lines_; }
   // From 1; 0 before the first call of NextLine.
@@ -39,30 +44,32 @@ class TextCursor {
   std::string_view NextToken();
   std::string_view PeekToken() const;
 
-  // `expected` completes "expected ...", for example "the focal length".
-  bool ReadNumber(std::string_view expected, double* value);
-  bool ReadInteger(std::string_view expected, long min, long max, long* value);
+  // `expected` completes "expected ...", for example "the focal length". After
+  // a failure 0 or `min`.
+  double Number(std::string_view expected);
+  long Integer(std::string_view expected, long min, long max);
   // Requires these tokens, given with single spaces: "of Squares:".
-  bool ReadWords(std::string_view words);
+  void Words(std::string_view words);
   // Moves behind these tokens; returns false, and stays, if others follow.
   bool SkipWords(std::string_view words);
-  bool ReadLineEnd();
+  void EndLine();
   // Requires that no tokens follow, on this line or later ones.
-  bool ReadTextEnd();
+  void EndText();
 
-  // Sets *error to a message about the current line.
-  bool Fail(std::string_view what, std::string_view expected) const;
-  bool FailOnLine(long line_number,
+  // Fails with a message about the current line.
+  void Fail(std::string_view what, std::string_view expected);
+  void FailOnLine(long line_number,
                   std::string_view what,
-                  std::string_view expected) const;
+                  std::string_view expected);
   // Fails with "found 'token'", "the line ends" or "the text ends".
-  bool FailAtToken(std::string_view token, std::string_view expected) const;
+  void FailAtToken(std::string_view token, std::string_view expected);
 
  private:
   std::string_view rest_;  // after the current line
   std::string_view line_;  // the unread part of the current line
   std::string_view file_;
   std::string* error_;
+  bool ok_ = true;
   long num_lines_;
   long line_number_ = 0;
 };
