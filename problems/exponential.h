@@ -48,13 +48,6 @@ struct Exponential {
     }
   };
 
-  static std::optional<Eigen::VectorXd> Invert(
-      const InverseSimulator::ConstVectorRef& y,
-      const InverseSimulator::ConstVectorRef& /*x_now*/) {
-    if (!(y[0] > 0.0)) return std::nullopt;
-    return Eigen::VectorXd::Constant(1, std::log(y[0]));
-  }
-
   bool Create(LearningProblem* problem, std::string* error) const {
     if (!MakeUniformData(
             {num_samples, 1, 3.0}, 0.0, -range, data_seed, problem, error)) {
@@ -70,7 +63,12 @@ struct Exponential {
         std::make_shared<AutoDiffSimulator<Physics, 1, 1>>(),
         std::make_shared<SquaredNormLoss>(1, 0.5),
         Reduction::kMean);
-    problem->inverse = Inverse(Invert);
+    problem->inverse =
+        Inverse([](const auto& y,
+                   const auto& /*x_now*/) -> std::optional<Eigen::VectorXd> {
+          if (!(y[0] > 0.0)) return std::nullopt;
+          return Eigen::VectorXd::Constant(1, std::log(y[0]));
+        });
     problem->metric = SolutionDistance("distance");
     return true;
   }

@@ -12,10 +12,8 @@
 //              half-inverse        -eta c u_i^-1/2
 //              Gauss-Newton        -eta c u_i^-1
 //            Adam (first step)     -eta
-//          A large c makes every step but Adam's large, although a sensitive
-//          loss calls for short steps. The Hessian is zero: Newton falls back
-//          to gradient descent (its fallback_step_size), and there is no
-//          automatic step size.
+//          The Hessian is zero: Newton falls back to gradient descent (its
+//          fallback_step_size), and there is no automatic step size.
 // Optimum: none; L is unbounded below.
 // Source:  PBDL, chapter physgrad, "Units" and "Function sensitivity",
 //          arXiv 2109.05237.

@@ -31,21 +31,18 @@
 //          of seed("pool") for training and of seed("val") for testing, with
 //          seed(name) = (data_seed ^ zlib.crc32(name)) & 0x7fffffff. std with
 //          1 / N.
-// Facts:   Regression1d: t is odd. The samples are points of a line, so J of a
-//          batch of 32 is singular: at the start its singular values fall from
-//          7 to 2e-6 at the ninth, and on to rounding error. The minimizer of
-//          the batch's linear model is far outside of the model's range of
-//          validity, so the half-inverse needs a small, fixed step size.
-//          Published losses on 10,000 other samples: half-inverse,
-//          half_inverse:step_size=0.005:truncation=1e-6, 1.8e-9 +- 1.0e-9 (15
-//          seeds), Sven 5.1e-7, Adam 3.3e-5, SGD 1.1e-3. Here, by this
-//          half-inverse with shuffled batches: 0.9e-9 to 10e-9, median 3.1e-9
-//          (seeds 1 to 15).
-//          RandomPolynomial: published losses on the same test samples:
-//          half-inverse, half_inverse:step_size=0.1:truncation=1e-8, 0.084 +-
-//          0.024 (15 seeds), Sven 0.139, Adam 0.238, SGD 0.318. Here, by this
-//          half-inverse with shuffled batches: 0.06 to 0.21, median 0.095
-//          (seeds 1 to 15); by half_inverse:step_size=0.12:schedule=cosine
+// Facts:   published losses, and those of this half-inverse here, with shuffled
+//          batches (seeds 1 to 15):
+//          Regression1d: half_inverse:step_size=0.005:truncation=1e-6
+//          1.8e-9 +- 1.0e-9, here 0.9e-9 to 10e-9, median 3.1e-9; Sven 5.1e-7,
+//          Adam 3.3e-5, SGD 1.1e-3. t is odd. The samples are points of a line,
+//          so J of a batch of 32 is singular: at the start its singular values
+//          fall from 7 to 2e-6 at the ninth. The minimizer of the batch's linear
+//          model is far outside of the model's range of validity, so the
+//          half-inverse needs a small, fixed step size.
+//          RandomPolynomial: half_inverse:step_size=0.1:truncation=1e-8
+//          0.084 +- 0.024, here 0.06 to 0.21, median 0.095; Sven 0.139, Adam
+//          0.238, SGD 0.318. half_inverse:step_size=0.12:schedule=cosine here
 //          0.079 to 0.110, median 0.088. Losses are 1.2 to 1.5 times as large
 //          if batches are not shuffled.
 // Source:  the Sven benchmark, sambt/sven-experiments,

@@ -60,13 +60,9 @@ Metric SolutionDistance(const std::string& name);
 //
 //   y*_i += noise rms(y*) z_i,   z_i standard normal
 //
-// rms(y*) is the root mean square of all entries of the training targets. With
-// L = c |y - y*|^2 the training loss of a perfect network is then
-// c |y*| noise^2 rms^2; its test loss is still zero.
-//
-// Stream:  np.random.seed(data_seed ^ 0x9e3779b9), normal numbers sample by
-//          sample: independent of the stream of the data, which noise does not
-//          change.
+// with the root mean square of all entries of the training targets. If L is
+// c |y - y*|^2, the training loss of a perfect network is c |y*| noise^2 rms^2.
+// Stream: np.random.seed(data_seed ^ 0x9e3779b9), independent of the data's.
 void DescribeTargetNoise(double* noise, OptionSet* set);
 void AddTargetNoise(double noise, int data_seed, LearningProblem* problem);
 

@@ -42,16 +42,14 @@ struct SquaredComponent {
     }
   };
 
-  static std::optional<Eigen::VectorXd> Invert(
-      const InverseSimulator::ConstVectorRef& y,
-      const InverseSimulator::ConstVectorRef& x_now) {
-    if (y[1] < 0.0) return std::nullopt;
-    return Eigen::Vector2d(y[0], std::copysign(std::sqrt(y[1]), x_now[1]));
-  }
-
   bool Create(PointProblem* problem, std::string* /*error*/) const {
     problem->simulator = std::make_shared<AutoDiffSimulator<Physics, 2, 2>>();
-    problem->inverse = Inverse(Invert);
+    problem->inverse = Inverse(
+        [](const auto& y, const auto& x_now) -> std::optional<Eigen::VectorXd> {
+          if (y[1] < 0.0) return std::nullopt;
+          return Eigen::Vector2d(y[0],
+                                 std::copysign(std::sqrt(y[1]), x_now[1]));
+        });
     problem->loss = std::make_shared<SquaredNormLoss>(2, 1.0);
     problem->target = Eigen::Vector2d::Zero();
     problem->start = Eigen::Vector2d(start_0, start_1);

@@ -183,12 +183,8 @@ class G2oParser {
 };
 
 template <typename Vector>
-std::string Join(const Vector& values) {
-  std::string text;
-  for (const double value : values) {
-    fmt::format_to(std::back_inserter(text), " {}", value);
-  }
-  return text;
+auto Join(const Vector& values) {
+  return fmt::join(values.begin(), values.end(), " ");
 }
 
 }  // namespace
@@ -206,21 +202,22 @@ std::string G2oText(const PoseGraph& graph) {
   const auto out = std::back_inserter(text);
   for (size_t i = 0; i < graph.ids.size(); ++i) {
     fmt::format_to(
-        out, "VERTEX_{} {}{}\n", kind, graph.ids[i], Join(graph.poses.col(i)));
+        out, "VERTEX_{} {} {}\n", kind, graph.ids[i], Join(graph.poses.col(i)));
   }
   for (const int column : graph.fixed) {
     fmt::format_to(out, "FIX {}\n", graph.ids[column]);
   }
   for (const PoseGraph::Edge& edge : graph.edges) {
     fmt::format_to(out,
-                   "EDGE_{} {} {}{}",
+                   "EDGE_{} {} {} {}",
                    kind,
                    graph.ids[edge.from],
                    graph.ids[edge.to],
                    Join(edge.measurement));
-    const auto& information = edge.information;
-    for (int i = 0; i < information.rows(); ++i) {
-      text += Join(information.row(i).tail(information.cols() - i));
+    for (int i = 0; i < edge.information.rows(); ++i) {
+      const auto rest =
+          edge.information.col(i).tail(edge.information.rows() - i);
+      fmt::format_to(out, " {}", Join(rest));
     }
     text += '\n';
   }

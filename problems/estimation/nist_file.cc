@@ -326,11 +326,11 @@ std::string NistText(const NistData& data) {
   skip_to(first_row - 1);
   text += "Data:   y  x\n";
   for (long i = 0; i < m; ++i) {
-    fmt::format_to(out, "      {}", data.responses(i));
-    for (const double x : data.predictors.row(i)) {
-      fmt::format_to(out, "  {}", x);
-    }
-    text += '\n';
+    const Eigen::VectorXd x = data.predictors.row(i);
+    fmt::format_to(out,
+                   "      {}  {}\n",
+                   data.responses(i),
+                   fmt::join(x.begin(), x.end(), "  "));
   }
   return text;
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "ceres/autodiff_cost_function.h"
 #include "fmt/format.h"
@@ -207,8 +206,7 @@ const std::vector<NistModel>& NistModels() {
 
 const NistModel* FindNistModel(const NistData& data, std::string* error) {
   const NistModel* nearest = nullptr;
-  const NistModel* of_other_size = nullptr;
-  double least = std::numeric_limits<double>::infinity();
+  double least = 0.0;
   std::vector<std::string> names;
   for (const NistModel& model : NistModels()) {
     if (names.empty() || names.back() != model.name) {
@@ -217,8 +215,15 @@ const NistModel* FindNistModel(const NistData& data, std::string* error) {
     if (model.name != data.name) continue;
     if (data.num_parameters() != model.num_parameters ||
         data.predictors.cols() != model.num_predictors) {
-      of_other_size = &model;
-      continue;
+      *error = fmt::format(
+          "{} has {} parameters and {} predictors; expected {} and {} for {}",
+          data.name,
+          data.num_parameters(),
+          data.predictors.cols(),
+          model.num_parameters,
+          model.num_predictors,
+          model.formula);
+      return nullptr;
     }
     const double difference =
         std::abs(SumOfSquares(model, data, data.certified) -
@@ -228,22 +233,12 @@ const NistModel* FindNistModel(const NistData& data, std::string* error) {
       least = difference;
     }
   }
-  if (nearest != nullptr) return nearest;
-  if (of_other_size != nullptr) {
-    *error = fmt::format(
-        "{} has {} parameters and {} predictors; expected {} and {} for {}",
-        data.name,
-        data.num_parameters(),
-        data.predictors.cols(),
-        of_other_size->num_parameters,
-        of_other_size->num_predictors,
-        of_other_size->formula);
-  } else {
+  if (nearest == nullptr) {
     *error = fmt::format("{}; there are {}",
                          UnknownNameMessage("NIST model", data.name, names),
                          fmt::join(names, " "));
   }
-  return nullptr;
+  return nearest;
 }
 
 double SumOfSquares(const NistModel& model,
