@@ -37,7 +37,6 @@
 #include "invgrad/rules/spectral_rule.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
-#include "problems/trained_linearization.h"
 #include "report/table.h"
 
 DEFINE_string(problems,

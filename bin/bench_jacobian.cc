@@ -38,11 +38,11 @@ struct Chain {
   Eigen::VectorXd weights;
 
   explicit Chain(const std::string& coupling) {
-    OscillatorChain::Options options;
-    options.coupling = coupling;
-    options.num_samples = 512;
+    OscillatorChain oscillators;
+    oscillators.coupling = coupling;
+    oscillators.num_samples = 512;
     std::string error;
-    CHECK(OscillatorChain::Create(options, nullptr, &problem, &error)) << error;
+    CHECK(oscillators.Create(&problem, &error)) << error;
     batch = problem.train.Range(0, problem.batch_size);
     NumpyRandom random(1);
     weights = problem.model->network().InitialWeights(problem.initialization,

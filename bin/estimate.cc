@@ -200,7 +200,7 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
     }
     input.estimation = ReadEstimation(file, options, error);
     if (input.estimation == nullptr) return false;
-    if (FLAGS_start == "2" && input.estimation->num_starts() < 2) {
+    if (FLAGS_start == "2" && input.estimation->traits().num_starts < 2) {
       *error = "--start=2: " + file + " has one start";
       return false;
     }
@@ -263,7 +263,8 @@ int Run() {
   options.num_threads = FLAGS_threads;
   SetBlasThreads(FLAGS_threads);
   for (const EstimationInput& input : inputs) {
-    std::cout << input.name << ": " << input.estimation->Description() << "\n";
+    std::cout << input.name << ": " << input.estimation->traits().description
+              << "\n";
   }
   std::cout << "\n";
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {

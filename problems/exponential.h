@@ -5,7 +5,6 @@
 //
 // Shapes:  network 1-16-64-16-1, sigmoid, 2,177 weights, its input is y*;
 //          x, y: 1.
-// Units:   none.
 // Data:    np.random.seed(data_seed); x* = -12 np.random.rand(2 N), the first N
 //          for training; x* is the data's solution.
 // Inverse: log y, global; y <= 0 has no pre-image.
@@ -20,29 +19,59 @@
 #ifndef PROBLEMS_EXPONENTIAL_H_
 #define PROBLEMS_EXPONENTIAL_H_
 
+#include <cmath>
+#include <memory>
+#include <optional>
 #include <string>
 
-#include "Eigen/Core"
-#include "problems/problem.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/loss.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {
 
 struct Exponential {
-  struct Options {
-    double range = 12.0;
-    int num_samples = 10000;
-    int data_seed = 0;
-    void Describe(OptionSet* set) {
-      set->Add("range", &range, {0.0, 700.0, true}, "x* is in (-range, 0]");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+  double range = 12.0;
+  int num_samples = 10000;
+  int data_seed = 0;
+  void Describe(OptionSet* set) {
+    set->Add("range", &range, {0.0, 700.0, true}, "x* is in (-range, 0]");
+    DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+  }
+
+  struct Physics {
+    template <typename T>
+    bool operator()(const T* x, T* y) const {
+      using std::exp;
+      y[0] = exp(x[0]);
+      return true;
     }
   };
 
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  bool Create(LearningProblem* problem, std::string* error) const {
+    if (!MakeUniformData(
+            {num_samples, 1, 3.0}, 0.0, -range, data_seed, problem, error)) {
+      return false;
+    }
+    DataSet all;
+    all.solutions = problem->data.transpose();
+    all.targets = all.solutions.array().exp();
+    all.inputs = all.targets;
+    SplitSamples(all, 100, problem);
+    problem->model = std::make_shared<Model>(
+        DenseNetwork({1, 16, 64, 16, 1}, Activation::kSigmoid),
+        std::make_shared<AutoDiffSimulator<Physics, 1, 1>>(),
+        std::make_shared<SquaredNormLoss>(1, 0.5),
+        Reduction::kMean);
+    problem->inverse =
+        Inverse([](const auto& y,
+                   const auto& /*x_now*/) -> std::optional<Eigen::VectorXd> {
+          if (!(y[0] > 0.0)) return std::nullopt;
+          return Eigen::VectorXd::Constant(1, std::log(y[0]));
+        });
+    problem->metric = SolutionDistance("distance");
+    return true;
+  }
 };
 
 }  // namespace invgrad

@@ -1,23 +1,38 @@
 #include "problems/heat.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <limits>
-#include <memory>
 
 #include "fmt/core.h"
 #include "invgrad/chain/loss.h"
-#include "problems/heat_states.h"
-#include "problems/spectral_diffusion.h"
+#include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
 
 namespace {
 
-std::shared_ptr<const SpectralDiffusion> MakeSimulator(
-    const HeatPhysics& physics, int rows) {
-  const double dx = kHeatBoxSide / physics.resolution;
-  return std::make_shared<SpectralDiffusion>(
-      std::make_shared<FourierGrid>(rows, physics.resolution),
-      physics.nu_t / (dx * dx));
+constexpr double kBoxSide = 64.0;
+constexpr int kMaxRectangles = 10;
+
+// The share of each of n cells that lies in [low, high].
+Eigen::VectorXd Shares(int n, double low, double high) {
+  const double dx = kBoxSide / n;
+  Eigen::VectorXd shares(n);
+  for (int i = 0; i < n; ++i) {
+    const double overlap = std::min(high, (i + 1) * dx) - std::max(low, i * dx);
+    shares[i] = std::max(overlap, 0.0) / dx;
+  }
+  return shares;
+}
+
+// The shares along one axis of the rectangle with the numbers U of p and h.
+Eigen::VectorXd RandomShares(int n, double u_position, double u_half_size) {
+  const double half_size = 10.0 * u_half_size;
+  const double position = kBoxSide / 2.0 + 0.8 * kBoxSide * (u_position - 0.5);
+  const double centre = std::clamp(position, half_size, kBoxSide - half_size);
+  return Shares(n, centre - half_size, centre + half_size);
 }
 
 // A column for each of `states`' columns.
@@ -34,29 +49,45 @@ Eigen::MatrixXd Diffuse(const Simulator& simulator,
   return outputs;
 }
 
-// The network has two hidden layers of `hidden` neurons.
-bool CreateLearning(const HeatLearningOptions& options,
-                    int rows,
-                    int hidden,
-                    const Eigen::MatrixXd* data,
-                    LearningProblem* problem,
-                    std::string* error) {
-  const auto simulator = MakeSimulator(options.physics, rows);
+}  // namespace
+
+void HeatPhysics::Describe(int max_resolution, OptionSet* set) {
+  set->Add("resolution",
+           &resolution,
+           {2.0, 1.0 * max_resolution},
+           "cells a side, n; the side is 64");
+  set->Add("nu_t", &nu_t, {0.0, 1000.0}, "diffusivity x time");
+  set->Add("relative_uncertainty",
+           &uncertainty.relative,
+           {0.0, 1.0},
+           "of the inverse, per |y - P(x)| of a cell");
+  set->Add("absolute_uncertainty",
+           &uncertainty.absolute,
+           {HeatUncertainty::kMinAbsolute, 1.0},
+           "of the inverse, added to that");
+}
+
+std::shared_ptr<const SpectralDiffusion> HeatPhysics::MakeSimulator(
+    int rows) const {
+  const double dx = kBoxSide / resolution;
+  return std::make_shared<SpectralDiffusion>(
+      std::make_shared<FourierGrid>(rows, resolution), nu_t / (dx * dx));
+}
+
+template <int kDimensions>
+bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
+                                      std::string* error) const {
+  const int n = physics.resolution;
+  const int rows = kDimensions == 2 ? n : 1;
+  const int hidden = kDimensions == 2 ? 128 : 64;
+  const auto simulator = physics.MakeSimulator(rows);
   const int size = simulator->num_inputs();
   const auto generate = [&](int num_rows) {
-    return RandomHeatStates(
-        num_rows, rows, options.physics.resolution, options.data_seed);
+    return RandomHeatStates(num_rows, rows, n, data_seed);
   };
-  if (!MakeData({options.num_samples,
-                 size,
-                 3.0 * size,
-                 fmt::format(":resolution={}", options.physics.resolution)},
-                data,
-                generate,
-                problem,
-                error)) {
-    return false;
-  }
+  const SampleSize sample_size = {
+      num_samples, size, 3.0 * size, fmt::format(":resolution={}", n)};
+  if (!MakeData(sample_size, generate, problem, error)) return false;
   DataSet all;
   all.solutions = problem->data.transpose();
   all.targets = Diffuse(*simulator, all.solutions);
@@ -64,7 +95,7 @@ bool CreateLearning(const HeatLearningOptions& options,
   SplitSamples(all, 128, problem);
   problem->metric = SolutionDistance("x_l1");
   problem->inverse =
-      std::make_shared<HeatInverse>(simulator, options.physics.uncertainty);
+      std::make_shared<HeatInverse>(simulator, physics.uncertainty);
   problem->num_epochs = 25;
   problem->model = std::make_shared<Model>(
       DenseNetwork({size, hidden, hidden, size}, Activation::kRelu),
@@ -74,40 +105,50 @@ bool CreateLearning(const HeatLearningOptions& options,
   return true;
 }
 
-}  // namespace
+template struct HeatNetwork<1>;
+template struct HeatNetwork<2>;
 
-bool Heat::Create(const Options& options,
-                  const Eigen::MatrixXd* data,
-                  LearningProblem* problem,
-                  std::string* error) {
-  return CreateLearning(
-      options, options.physics.resolution, 128, data, problem, error);
-}
-
-bool Heat1d::Create(const Options& options,
-                    const Eigen::MatrixXd* data,
-                    LearningProblem* problem,
-                    std::string* error) {
-  return CreateLearning(options, 1, 64, data, problem, error);
-}
-
-bool HeatState::Create(const Options& options,
-                       PointProblem* problem,
-                       std::string* /*error*/) {
-  const int n = options.physics.resolution;
-  const auto simulator = MakeSimulator(options.physics, n);
+bool HeatState::Create(PointProblem* problem, std::string* /*error*/) const {
+  const int n = physics.resolution;
+  const auto simulator = physics.MakeSimulator(n);
   const Eigen::MatrixXd state =
-      RandomHeatStates(1, n, n, options.data_seed).transpose();
+      RandomHeatStates(1, n, n, data_seed).transpose();
   problem->target = Diffuse(*simulator, state);
   problem->simulator = simulator;
   problem->inverse =
-      std::make_shared<HeatInverse>(simulator, options.physics.uncertainty);
+      std::make_shared<HeatInverse>(simulator, physics.uncertainty);
   problem->loss = std::make_shared<SquaredNormLoss>(n * n, 0.5);
   problem->start = Eigen::VectorXd::Zero(n * n);
   problem->minimizer = state;
   problem->minimum = 0.0;
   problem->field_rows = n;
   return true;
+}
+
+Eigen::MatrixXd RandomHeatStates(int num_states, int rows, int cols, int seed) {
+  using RowMajorMatrix =
+      Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  NumpyRandom random(static_cast<std::uint32_t>(seed));
+  const bool is_interval = rows == 1;
+  const int num_axes = is_interval ? 1 : 2;
+  Eigen::MatrixXd states(num_states, rows * cols);
+  for (int n = 0; n < num_states; ++n) {
+    const int num_rectangles = static_cast<int>(4.0 + 7.0 * random.Rand());
+    RowMajorMatrix state = RowMajorMatrix::Zero(rows, cols);
+    for (int i = 0; i < kMaxRectangles; ++i) {
+      const Eigen::MatrixXd u = random.Rand(2, num_axes);
+      const double strength = random.Rand();
+      if (i >= num_rectangles) continue;
+      const Eigen::VectorXd along_rows =
+          is_interval ? Eigen::VectorXd::Ones(1)
+                      : RandomShares(rows, u(0, 0), u(1, 0));
+      const Eigen::VectorXd along_cols =
+          RandomShares(cols, u(0, num_axes - 1), u(1, num_axes - 1));
+      state += strength * along_rows * along_cols.transpose();
+    }
+    states.row(n) = state.reshaped<Eigen::RowMajor>().transpose();
+  }
+  return states;
 }
 
 }  // namespace invgrad

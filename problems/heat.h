@@ -18,10 +18,17 @@
 // Shapes:  network input, x, y: n^2, row by row, or n in one dimension.
 // Inverse: heat_inverse.h, local.
 // Metric:  x_l1 = mean |x - x_gt|. L is insensitive to most modes of x.
-// Data:    random rectangles (heat_states.h). The release draws a new batch
-//          every step. Here N states are drawn once, and as many again for
-//          testing. x_gt is the data's solution. heat_state takes the first of
-//          the states.
+// Data:    random rectangles of heat; a cell holds the mean over its area:
+//            x_gt = sum_{i < c} s_i 1[|r - p_i| <= h_i],   c = floor(4 + 7 U)
+//            per axis p_i = 32 + 51.2 (U - 1/2), h_i = 10 U, then p_i is moved
+//            so that the rectangle lies in the box;   s_i = U
+//          with U from [0, 1), numpy's stream: for every state U for c; then,
+//          for each of ten rectangles, of which c are used, p, h (one U an
+//          axis, rows first) and s. In the release PhiFlow draws the numbers
+//          and computes a cell's share in a rectangle from the distance of its
+//          centre, for a new batch every step. Here N states are drawn once,
+//          and as many again for testing. x_gt is the data's solution.
+//          heat_state takes the first of the states.
 // Settings: B 128, loss summed over the batch, Adam and SIP with step size 1e-3
 //          for 6000 s. Published is a U-net at n = 64; here dense networks with
 //          ReLU, n^2-128-128-n^2 (heat; 115,328 weights at n = 16) and
@@ -32,92 +39,58 @@
 //          network's mean corrected and negative values cut off: Adam 125.0,
 //          SIP 50.4.
 // Source:  Holl, Koltun, Thuerey, NeurIPS 2022, arXiv 2109.15048, and its code,
-//          heat/; PBDL, chapter physgrad-code.
+//          heat/ (generate_heat_example in inv_diffuse.py); PBDL, chapter physgrad-code.
 #ifndef PROBLEMS_HEAT_H_
 #define PROBLEMS_HEAT_H_
 
+#include <memory>
 #include <string>
 
 #include "Eigen/Core"
 #include "problems/heat_inverse.h"
-#include "problems/problem.h"
 #include "problems/sample_data.h"
+#include "problems/spectral_diffusion.h"
 
 namespace invgrad {
 
-// The physics' options, common to the three.
+// The options that the three problems have in common.
 struct HeatPhysics {
-  int resolution = 0;
+  int resolution = 16;
   double nu_t = 8.0;
-  HeatUncertainty uncertainty;
-  void Describe(int max_resolution, OptionSet* set) {
-    set->Add("resolution",
-             &resolution,
-             {2.0, 1.0 * max_resolution},
-             "cells a side, n; the side is 64");
-    set->Add("nu_t", &nu_t, {0.0, 1000.0}, "diffusivity x time");
-    set->Add("relative_uncertainty",
-             &uncertainty.relative,
-             {0.0, 1.0},
-             "of the inverse, per |y - P(x)| of a cell");
-    set->Add("absolute_uncertainty",
-             &uncertainty.absolute,
-             {HeatUncertainty::kMinAbsolute, 1.0},
-             "of the inverse, added to that");
-  }
+  HeatUncertainty uncertainty = {};
+  void Describe(int max_resolution, OptionSet* set);
+
+  // `rows`: of the grid, 1 or `resolution`.
+  std::shared_ptr<const SpectralDiffusion> MakeSimulator(int rows) const;
 };
 
-struct HeatLearningOptions {
-  HeatPhysics physics;
+// heat (kDimensions = 2) and heat_1d (1). `data`: states x_gt, one a row.
+template <int kDimensions>
+struct HeatNetwork {
+  HeatPhysics physics = {kDimensions == 2 ? 16 : 64};
   int num_samples = 4096;
   int data_seed = 0;
-  void Describe(int max_resolution, OptionSet* set) {
-    physics.Describe(max_resolution, set);
+  void Describe(OptionSet* set) {
+    physics.Describe(kDimensions == 2 ? 64 : 1024, set);
     DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
   }
-};
 
-struct Heat {
-  struct Options : HeatLearningOptions {
-    Options() { physics.resolution = 16; }
-    void Describe(OptionSet* set) { HeatLearningOptions::Describe(64, set); }
-  };
-
-  // `data`: states x_gt, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
-};
-
-struct Heat1d {
-  struct Options : HeatLearningOptions {
-    Options() { physics.resolution = 64; }
-    void Describe(OptionSet* set) { HeatLearningOptions::Describe(1024, set); }
-  };
-
-  // `data`: states x_gt, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  bool Create(LearningProblem* problem, std::string* error) const;
 };
 
 struct HeatState {
-  struct Options {
-    HeatPhysics physics;
-    int data_seed = 0;
-    Options() { physics.resolution = 16; }
-    void Describe(OptionSet* set) {
-      physics.Describe(256, set);
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
-    }
-  };
+  HeatPhysics physics;
+  int data_seed = 0;
+  void Describe(OptionSet* set) {
+    physics.Describe(256, set);
+    set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
+  }
 
-  static bool Create(const Options& options,
-                     PointProblem* problem,
-                     std::string* error);
+  bool Create(PointProblem* problem, std::string* error) const;
 };
+
+// States x_gt: num_states x (rows cols). rows = 1 is one dimension.
+Eigen::MatrixXd RandomHeatStates(int num_states, int rows, int cols, int seed);
 
 }  // namespace invgrad
 

@@ -18,20 +18,18 @@
 // Units:   a has the units of y; r is a number.
 // Cost:    four transforms.
 // Facts:   no mode with |D_k| < 1.22 u is amplified, and none by more than
-//          sqrt(N) / u, so noise in y cannot dominate x for any exp(-nu t
-//          |k|^2). If e_k <= u, a mode changes by at most |D_k|. u shrinks with
-//          y - P(x_0). A second step from the new x therefore restores modes
-//          that are indistinguishable from noise in the first step, down to
-//          u = a sqrt(N).
+//          sqrt(N) / u, so noise in y cannot dominate x. If e_k <= u, a mode
+//          changes by at most |D_k|. u shrinks with y - P(x_0), down to
+//          a sqrt(N), so a second step from the new x restores more modes.
 // Fails:   Invert returns false if an input is not finite. Sizes that do not
 //          fit, and a < 1e-100 or r < 0, are CHECKed.
 //
 // Source: PBDL, chapter physgrad-code, inv_diffuse and apply_damping, and the
 //         code of Holl, Koltun, Thuerey, NeurIPS 2022, heat/inv_diffuse.py.
 //         There p_k = 0 if s_k and n_k both underflow, and the exponent is cut
-//         off at 88. Here the ratio is computed first and does not underflow,
-//         and the bound above makes a cut-off unnecessary. There e_k has the
-//         length of a side in place of sqrt(N), the same in two dimensions.
+//         off at 88; here the ratio does not underflow, and the bound above
+//         makes a cut-off unnecessary. There e_k has the length of a side in
+//         place of sqrt(N), the same in two dimensions.
 #ifndef PROBLEMS_HEAT_INVERSE_H_
 #define PROBLEMS_HEAT_INVERSE_H_
 

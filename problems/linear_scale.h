@@ -12,10 +12,8 @@
 //              half-inverse        -eta c u_i^-1/2
 //              Gauss-Newton        -eta c u_i^-1
 //            Adam (first step)     -eta
-//          A large c makes every step but Adam's large, although a sensitive
-//          loss calls for short steps. The Hessian is zero: Newton falls back
-//          to gradient descent (its fallback_step_size), and there is no
-//          automatic step size.
+//          The Hessian is zero: Newton falls back to gradient descent (its
+//          fallback_step_size), and there is no automatic step size.
 // Optimum: none; L is unbounded below.
 // Source:  PBDL, chapter physgrad, "Units" and "Function sensitivity",
 //          arXiv 2109.05237.
@@ -26,30 +24,19 @@
 #include <string>
 
 #include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/linear_simulator.h"
 #include "problems/problem.h"
 
 namespace invgrad {
 
 struct LinearScale {
-  struct Options {
-    double c = 1.0;
-    double unit_0 = 1.0;
-    double unit_1 = 1000.0;
-    void Describe(OptionSet* set) {
-      set->Add("c", &c, {0.0, 1e12, true}, "loss per unit of y");
-      set->Add("unit_0", &unit_0, {0.0, 1e12, true}, "y_0 per unit of x_0");
-      set->Add("unit_1", &unit_1, {0.0, 1e12, true}, "y_1 per unit of x_1");
-    }
-  };
-
-  double unit_0;
-  double unit_1;
-  template <typename T>
-  bool operator()(const T* x, T* y) const {
-    y[0] = unit_0 * x[0];
-    y[1] = unit_1 * x[1];
-    return true;
+  double c = 1.0;
+  double unit_0 = 1.0;
+  double unit_1 = 1000.0;
+  void Describe(OptionSet* set) {
+    set->Add("c", &c, {0.0, 1e12, true}, "loss per unit of y");
+    set->Add("unit_0", &unit_0, {0.0, 1e12, true}, "y_0 per unit of x_0");
+    set->Add("unit_1", &unit_1, {0.0, 1e12, true}, "y_1 per unit of x_1");
   }
 
   struct LinearLoss {
@@ -61,13 +48,13 @@ struct LinearScale {
     }
   };
 
-  static bool Create(const Options& options,
-                     PointProblem* problem,
-                     std::string* /*error*/) {
-    problem->simulator = std::make_shared<AutoDiffSimulator<LinearScale, 2, 2>>(
-        LinearScale{options.unit_0, options.unit_1});
+  bool Create(PointProblem* problem, std::string* /*error*/) const {
+    const Eigen::Vector2d units(unit_0, unit_1);
+    problem->simulator = std::make_shared<LinearSimulator>(
+        Eigen::Matrix2d(units.asDiagonal()).sparseView(),
+        Eigen::Vector2d::Zero());
     problem->loss =
-        std::make_shared<AutoDiffLoss<LinearLoss, 2>>(LinearLoss{options.c});
+        std::make_shared<AutoDiffLoss<LinearLoss, 2>>(LinearLoss{c});
     problem->target = Eigen::Vector2d::Zero();
     problem->start = Eigen::Vector2d::Zero();
     return true;

@@ -27,15 +27,9 @@
 #ifndef PROBLEMS_OSCILLATOR_CHAIN_H_
 #define PROBLEMS_OSCILLATOR_CHAIN_H_
 
-#include <memory>
 #include <string>
-#include <vector>
 
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/time_stepping_simulator.h"
-#include "invgrad/io/numpy_random.h"
 #include "problems/problem.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 
@@ -43,11 +37,13 @@ namespace invgrad {
 constexpr int kMaxOscillators = 16;
 
 // One Runge-Kutta step: state (q, v), control u -> next state. kNumOscillators:
-// fixed at compile time, to unroll loops, or 0 for num_oscillators at run time.
+// num_oscillators at compile time, to unroll loops, or 0.
 template <int kNumOscillators>
-class OscillatorStep {
- public:
-  int num_oscillators = 2;  // read if kNumOscillators is 0
+struct OscillatorStep {
+  static constexpr int kCapacity =
+      kNumOscillators > 0 ? kNumOscillators : kMaxOscillators;
+
+  int num_oscillators = 2;
   double dt = 0.5;
   double linear = 0.2;
   double cubic = 0.0;
@@ -55,8 +51,6 @@ class OscillatorStep {
 
   template <typename T>
   bool operator()(const T* state, const T* u, T* next_state) const {
-    constexpr int kCapacity =
-        kNumOscillators > 0 ? kNumOscillators : kMaxOscillators;
     const int size = 2 * count();
     T k1[2 * kCapacity] = {}, k2[2 * kCapacity] = {}, k3[2 * kCapacity] = {};
     T k4[2 * kCapacity] = {}, stage[2 * kCapacity] = {};
@@ -93,37 +87,19 @@ class OscillatorStep {
     acceleration[count() - 1] += control * u;
   }
 
- private:
   int count() const {
     return kNumOscillators > 0 ? kNumOscillators : num_oscillators;
   }
 };
 
 struct OscillatorChain {
-  struct Options {
-    std::string coupling = "linear";
-    int num_oscillators = 2;
-    int num_samples = 4096;
-    int data_seed = 0;
-    double noise = 0.0;
-    void Describe(OptionSet* set) {
-      set->Add("coupling",
-               &coupling,
-               {"linear", "cubic"},
-               "linear: PBDL notebook; cubic: HIG release");
-      set->Add("num_oscillators",
-               &num_oscillators,
-               {2, kMaxOscillators},
-               "length of the chain");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
-      DescribeTargetNoise(&noise, set);
-    }
-  };
-
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  std::string coupling = "linear";
+  int num_oscillators = 2;
+  int num_samples = 4096;
+  int data_seed = 0;
+  double noise = 0.0;
+  void Describe(OptionSet* set);
+  bool Create(LearningProblem* problem, std::string* error) const;
 };
 
 }  // namespace invgrad

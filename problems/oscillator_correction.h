@@ -13,7 +13,6 @@
 //          dt. Fine: classical Runge-Kutta (order 4), 16 steps of dt / 16.
 // Shapes:  s = (q, v), u, network input: ns = 2 num_oscillators;  x: T ns;
 //          y = (s_1, .., s_T): T ns.
-// Units:   none (unit mass and unit spring to the ground).
 // Data:    np.random.seed(data_seed); np.random.uniform(-1, 1, (2 N,
 //          2 num_oscillators)), the states at the start, the first N rows for
 //          training, the others for testing.
@@ -29,37 +28,143 @@
 #ifndef PROBLEMS_OSCILLATOR_CORRECTION_H_
 #define PROBLEMS_OSCILLATOR_CORRECTION_H_
 
+#include <algorithm>
+#include <memory>
 #include <string>
 
+#include "fmt/core.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/chain/trajectory_simulator.h"
 #include "problems/oscillator_chain.h"
-#include "problems/problem.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {
 
+// `data`: states at the start, one a row.
 struct OscillatorCorrection {
-  struct Options {
-    int num_oscillators = 2;
-    int horizon = 16;
-    double dt = 0.25;
-    int num_samples = 1024;
-    int data_seed = 0;
-    void Describe(OptionSet* set) {
-      set->Add("num_oscillators",
-               &num_oscillators,
-               {2, kMaxOscillators},
-               "length of the chain");
-      set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
-      set->Add("dt", &dt, {1e-9, 1}, "length of a coarse step");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+  int num_oscillators = 2;
+  int horizon = 16;
+  double dt = 0.25;
+  int num_samples = 1024;
+  int data_seed = 0;
+  void Describe(OptionSet* set) {
+    set->Add("num_oscillators",
+             &num_oscillators,
+             {2, kMaxOscillators},
+             "length of the chain");
+    set->Add("horizon", &horizon, {1, 1e5}, "steps, T");
+    set->Add("dt", &dt, {1e-9, 1}, "length of a coarse step");
+    DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+  }
+
+  template <int kNumOscillators>
+  struct CorrectedStep {
+    OscillatorStep<kNumOscillators> chain;
+
+    template <typename T>
+    bool operator()(const T* state, const T* correction, T* next_state) const {
+      const int n = chain.count();
+      T rate[2 * OscillatorStep<kNumOscillators>::kCapacity] = {};
+      chain.Derivative(state, T(0.0), rate);
+      for (int i = 0; i < n; ++i) {
+        const T v = state[n + i] + chain.dt * rate[n + i];
+        next_state[i] = state[i] + chain.dt * (v + correction[i]);
+        next_state[n + i] = v + chain.dt * correction[n + i];
+      }
+      return true;
     }
   };
 
-  // `data`: states at the start, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  struct WholeState {
+    int size = 4;
+    template <typename T>
+    bool operator()(int /*t*/,
+                    const T* next_state,
+                    const T* /*correction*/,
+                    T* output) const {
+      std::copy_n(next_state, size, output);
+      return true;
+    }
+  };
+
+  bool Create(LearningProblem* problem, std::string* error) const {
+    const int state_size = 2 * num_oscillators;
+    const SampleSize sample_size = {
+        num_samples,
+        state_size,
+        state_size * (2.0 + horizon),
+        fmt::format(
+            ":num_oscillators={}:horizon={}", num_oscillators, horizon)};
+    if (!MakeUniformData(sample_size, -1.0, 1.0, data_seed, problem, error)) {
+      return false;
+    }
+    DataSet all;
+    all.inputs = problem->data.transpose();
+    all.contexts = all.inputs;
+    all.targets = FineTrajectories(all.contexts);
+    if (!all.targets.allFinite()) {
+      *error =
+          "the fine solution from one of the states at the start is not finite";
+      return false;
+    }
+    SplitSamples(all, 16, problem);
+    problem->num_epochs = 25;
+    // The step for two oscillators and their corrections has eight variables.
+    num_oscillators == 2 ? SetModel<2, 8>(problem) : SetModel<0, 8>(problem);
+    return true;
+  }
+
+ private:
+  template <int kNumOscillators>
+  OscillatorStep<kNumOscillators> CubicChain(double step_length) const {
+    return {num_oscillators,
+            step_length,
+            /*linear=*/0.0,
+            /*cubic=*/1.0,
+            /*control=*/0.0};
+  }
+
+  template <int kNumOscillators, int kStride>
+  void SetModel(LearningProblem* problem) const {
+    using Step = CorrectedStep<kNumOscillators>;
+    const int size = 2 * num_oscillators;
+    const auto simulator =
+        std::make_shared<TrajectorySimulator<Step, WholeState, kStride>>(
+            Step{CubicChain<kNumOscillators>(dt)},
+            WholeState{size},
+            size,
+            size,
+            size,
+            horizon);
+    problem->model = std::make_shared<Model>(
+        DenseNetwork({size, 16, 16, size}, Activation::kTanh),
+        simulator,
+        std::make_shared<SquaredNormLoss>(simulator->num_outputs(),
+                                          1.0 / horizon),
+        Reduction::kMean,
+        simulator);
+  }
+
+  // (s_1, .., s_T) of the fine solution, one column a sample.
+  Eigen::MatrixXd FineTrajectories(const Eigen::MatrixXd& starts) const {
+    constexpr int kFineStepsPerStep = 16;
+    const auto step = CubicChain<0>(dt / kFineStepsPerStep);
+    const double no_force = 0.0;
+    const Eigen::Index size = starts.rows();
+    Eigen::MatrixXd trajectories(size * horizon, starts.cols());
+    Eigen::VectorXd next(size);
+    for (Eigen::Index s = 0; s < starts.cols(); ++s) {
+      Eigen::VectorXd state = starts.col(s);
+      for (int t = 0; t < horizon; ++t) {
+        for (int k = 0; k < kFineStepsPerStep; ++k) {
+          step(state.data(), &no_force, next.data());
+          state.swap(next);
+        }
+        trajectories.col(s).segment(t * size, size) = state;
+      }
+    }
+    return trajectories;
+  }
 };
 
 }  // namespace invgrad

@@ -2,8 +2,16 @@
 //
 // A point problem looks for the simulator's input x; a learning problem trains
 // a network in front of the simulator. A new problem is one header and one row
-// in problems.cc. The programs' flags, the listing, the conformance tests and
-// docs/problems.md come from the table.
+// in problems.cc. The header has a struct with the settings as fields and
+//
+//   // Names, ranges and help of the settings.
+//   void Describe(OptionSet* set);
+//   // Returns false, with *error set, if a setting or problem->data are not
+//   // allowed. A point problem has PointProblem* in place of LearningProblem*.
+//   bool Create(LearningProblem* problem, std::string* error) const;
+//
+// The programs' flags, the listing, the conformance tests and docs/problems.md
+// come from the table.
 #ifndef PROBLEMS_PROBLEM_H_
 #define PROBLEMS_PROBLEM_H_
 
@@ -62,8 +70,8 @@ struct LearningProblem {
   // The published settings: the defaults of a run.
   int batch_size = 0;  // 0: all samples
   int num_epochs = 100;
-  // The array that gives the same problem if passed as `data` to
-  // ProblemRow::create.
+  // The array that the samples are made from, one a row. If it is set before
+  // Create, Create uses it in place of generated data.
   Eigen::MatrixXd data;
 };
 
@@ -87,6 +95,17 @@ struct ProblemRow {
                      std::string* error)>
       create;
 };
+
+// J and g of the first `batch_size` training samples (0: the problem's own
+// number), after `num_steps` Adam steps of size 1e-3 on batches of that size
+// from the initial weights of seed 0: spectra of Jacobians change in training.
+// Returns false, with *error set, if the training diverges or the batch size
+// does not fit.
+bool LinearizeAfterTraining(const LearningProblem& problem,
+                            int batch_size,
+                            int num_steps,
+                            Linearization* linearization,
+                            std::string* error);
 
 }  // namespace invgrad
 

@@ -19,32 +19,33 @@
 //          1024 + 1024, B 16, data_seed 1; half-inverse: step size 0.5,
 //          truncation 1e-5.
 // Facts:   the loss is no sum of squares, so Ceres' trust-region solvers do not
-// apply.
-//          Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
+//          apply. Its gradient in y vanishes where <y*|y> = 0, so u = 0, which leaves
 //          y in the ground state, is a stationary point, at L = 1. As the norm
 //          is conserved, y^T J = 0 for every sample, and a batch has B singular
 //          values that are zero.
-// rescale: multiplies the gradient of each sample's L in y, and its Hessian, by
-//          1 / |Re <y*|y>|, a factor that is not differentiated; the reported L
-//          does not include it. This removes the gradient's own factor
-//          |<y*|y>|, which slows down samples far from their targets. But g is
-//          then not the derivative of a function: gradient checks fail, and
-//          step_size=auto minimizes the model of a different loss. L does not
-//          depend on the phase of y, but Re <y*|y> does: the factor is
-//          unbounded for phases near i or -i, also for a good y. If Re
-//          <y*|y> = 0, there is no gradient, and the run diverges. The release
-//          has this option, but does not use it.
+// rescale: multiplies the gradient and the Hessian of each sample's L in y by
+//          1 / |Re <y*|y>|, which is not differentiated and not in the reported
+//          L. This removes the gradient's factor |<y*|y>|, which slows down
+//          samples far from their targets. But g is then not the derivative of
+//          a function: gradient checks fail, and step_size=auto minimizes the
+//          model of a different loss. The factor depends on the phase of y, and
+//          is unbounded near i or -i; if Re <y*|y> = 0, the run diverges. The
+//          release has this option, but does not use it.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
 //          and its code, Quantum_dipole/.
 #ifndef PROBLEMS_QUANTUM_DIPOLE_H_
 #define PROBLEMS_QUANTUM_DIPOLE_H_
 
+#include <cmath>
+#include <cstdint>
+#include <memory>
 #include <string>
 
 #include "Eigen/Core"
+#include "fmt/core.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/loss.h"
-#include "problems/problem.h"
+#include "invgrad/io/numpy_random.h"
 #include "problems/sample_data.h"
 #include "problems/schroedinger.h"
 
@@ -64,9 +65,8 @@ struct Infidelity {
   }
 };
 
-// The infidelity with its gradient and Hessian multiplied by 1 / |Re <y*|y>|:
-// see `rescale` above. Evaluate returns false if they are requested and not
-// finite, for example if Re <y*|y> = 0.
+// See `rescale` above. Evaluate returns false if a requested gradient or Hessian
+// is not finite.
 class RescaledInfidelity final : public Loss {
  public:
   int size() const override { return infidelity_.size(); }
@@ -74,34 +74,101 @@ class RescaledInfidelity final : public Loss {
                 const double* target,
                 double* loss,
                 double* gradient,
-                double* hessian) const override;
+                double* hessian) const override {
+    constexpr int kStateSize = SchroedingerSimulator::kStateSize;
+    if (!infidelity_.Evaluate(y, target, loss, gradient, hessian)) return false;
+    using State = Eigen::Matrix<double, kStateSize, 1>;
+    // Real and imaginary parts as one real vector: Re <y*|y>.
+    const double overlap =
+        Eigen::Map<const State>(target).dot(Eigen::Map<const State>(y));
+    const double factor = 1.0 / std::abs(overlap);
+    bool is_finite = true;
+    const auto rescale = [&](double* values, int size) {
+      if (values == nullptr) return;
+      Eigen::Map<Eigen::VectorXd>(values, size) *= factor;
+      is_finite &= AllFinite(values, size);
+    };
+    rescale(gradient, kStateSize);
+    rescale(hessian, kStateSize * kStateSize);
+    return is_finite;
+  }
 
  private:
   AutoDiffLoss<Infidelity, SchroedingerSimulator::kStateSize> infidelity_;
 };
 
+// `data`: targets of norm one, one a row.
 struct QuantumDipole {
-  struct Options {
-    int num_steps = 384;
-    double dt = 0.05;
-    int num_samples = 1024;
-    int data_seed = 1;
-    bool rescale = false;
-    void Describe(OptionSet* set) {
-      set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
-      set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
-      DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
-      set->Add("rescale",
-               &rescale,
-               "multiply each sample's gradient by 1 / |Re <y*|y>|");
-    }
-  };
+  int num_steps = 384;
+  double dt = 0.05;
+  int num_samples = 1024;
+  int data_seed = 1;
+  bool rescale = false;
+  void Describe(OptionSet* set) {
+    set->Add("num_steps", &num_steps, {1, 1e5}, "time steps, Nt");
+    set->Add("dt", &dt, {1e-9, 10.0}, "length of a time step");
+    DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
+    set->Add("rescale",
+             &rescale,
+             "multiply each sample's gradient by 1 / |Re <y*|y>|");
+  }
 
-  // `data`: targets of norm one, one a row.
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error);
+  bool Create(LearningProblem* problem, std::string* error) const {
+    const auto generate = [this](int num_rows) {
+      return DrawTargets(num_rows, data_seed);
+    };
+    const SampleSize sample_size = {num_samples, kStateSize, 3.0 * kStateSize};
+    if (!MakeData(sample_size, generate, problem, error) ||
+        !AreTargets(problem->data, error)) {
+      return false;
+    }
+    DataSet all;
+    all.inputs = problem->data.transpose();
+    all.targets = all.inputs;
+    all.contexts =
+        SchroedingerSimulator::Eigenstate(1).replicate(1, all.num_samples());
+    SplitSamples(all, 16, problem);
+    problem->num_epochs = 25;
+    std::shared_ptr<const Loss> loss;
+    if (rescale) {
+      loss = std::make_shared<RescaledInfidelity>();
+    } else {
+      loss = std::make_shared<AutoDiffLoss<Infidelity, kStateSize>>();
+    }
+    problem->model = std::make_shared<Model>(
+        DenseNetwork({kStateSize, 20, 20, 20, num_steps}, Activation::kTanh),
+        std::make_shared<SchroedingerSimulator>(num_steps, dt),
+        loss,
+        Reduction::kMean);
+    return true;
+  }
+
+ private:
+  static constexpr int kStateSize = SchroedingerSimulator::kStateSize;
+
+  static Eigen::MatrixXd DrawTargets(int num_targets, int seed) {
+    const Eigen::VectorXd es2 = SchroedingerSimulator::Eigenstate(2);
+    const Eigen::VectorXd es3 = SchroedingerSimulator::Eigenstate(3);
+    NumpyRandom random(static_cast<std::uint32_t>(seed));
+    Eigen::MatrixXd targets(num_targets, kStateSize);
+    for (int s = 0; s < num_targets; ++s) {
+      const Eigen::Vector2d amplitude = random.NormalPair().normalized();
+      for (int phase = 0; phase < 2; ++phase) random.Rand();  // not used
+      targets.row(s) = amplitude[0] * es2 + amplitude[1] * es3;
+    }
+    return targets;
+  }
+
+  static bool AreTargets(const Eigen::MatrixXd& data, std::string* error) {
+    const Eigen::VectorXd norms = data.rowwise().norm();
+    for (Eigen::Index s = 0; s < norms.size(); ++s) {
+      if (std::abs(norms[s] - 1.0) < 1e-6) continue;  // single precision
+      *error = fmt::format(
+          "row {} of the data must have norm 1, found {:f}", s, norms[s]);
+      return false;
+    }
+    return true;
+  }
 };
 
 }  // namespace invgrad

@@ -20,26 +20,24 @@ void DescribeSamples(
 }
 
 bool MakeData(const SampleSize& size,
-              const Eigen::MatrixXd* data,
               const std::function<Eigen::MatrixXd(int num_rows)>& generate,
               LearningProblem* problem,
               std::string* error) {
-  const double num_all = data != nullptr ? static_cast<double>(data->rows())
-                                         : 2.0 * size.num_samples;
-  const std::string who =
-      data != nullptr
-          ? fmt::format("data of {} samples{}", data->rows(), size.settings)
-          : fmt::format("num_samples={}{}", size.num_samples, size.settings);
+  Eigen::MatrixXd& data = problem->data;
+  const bool is_given = data.size() > 0;
+  const double num_all =
+      is_given ? static_cast<double>(data.rows()) : 2.0 * size.num_samples;
+  const std::string who = is_given
+                              ? fmt::format("data of {} samples", data.rows())
+                              : fmt::format("num_samples={}", size.num_samples);
   // Memory of the array, and of a DataSet that SplitSamples copies.
   const double bytes =
       sizeof(double) * num_all * (size.num_columns + 2.0 * size.num_values);
-  if (!FitsInMemory(who, {{"its data", bytes}}, 0.0, error)) return false;
-  if (data == nullptr) {
-    problem->data = generate(2 * size.num_samples);
-    return true;
+  if (!FitsInMemory(who + size.settings, {{"its data", bytes}}, 0.0, error)) {
+    return false;
   }
-  if (!CheckDataShape(*data, size.num_columns, error)) return false;
-  problem->data = *data;
+  if (is_given) return CheckDataShape(data, size.num_columns, error);
+  data = generate(2 * size.num_samples);
   return true;
 }
 
@@ -55,11 +53,17 @@ bool CheckDataShape(const Eigen::MatrixXd& data,
   return false;
 }
 
-Eigen::MatrixXd UniformData(
-    double low, double high, int rows, int cols, int seed) {
-  const Eigen::MatrixXd u =
-      NumpyRandom(static_cast<std::uint32_t>(seed)).Rand(rows, cols);
-  return low + (high - low) * u.array();
+bool MakeUniformData(const SampleSize& size,
+                     double low,
+                     double high,
+                     int seed,
+                     LearningProblem* problem,
+                     std::string* error) {
+  const auto generate = [&](int num_rows) -> Eigen::MatrixXd {
+    NumpyRandom random(static_cast<std::uint32_t>(seed));
+    return low + (high - low) * random.Rand(num_rows, size.num_columns).array();
+  };
+  return MakeData(size, generate, problem, error);
 }
 
 void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem) {
@@ -93,11 +97,8 @@ void AddTargetNoise(double noise, int data_seed, LearningProblem* problem) {
       noise *
       std::sqrt(targets.squaredNorm() / static_cast<double>(targets.size()));
   NumpyRandom random(static_cast<std::uint32_t>(data_seed) ^ 0x9e3779b9U);
-  for (Eigen::Index i = 0; i < targets.size(); i += 2) {
-    const Eigen::Vector2d z = random.NormalPair();
-    targets.data()[i] += deviation * z[0];
-    if (i + 1 < targets.size()) targets.data()[i + 1] += deviation * z[1];
-  }
+  targets.reshaped() +=
+      deviation * random.Normal(static_cast<int>(targets.size()));
 }
 
 }  // namespace invgrad

@@ -22,15 +22,13 @@ struct SampleSize {
   int num_columns = 0;    // of the array, which has a row for each sample
   double num_values = 0;  // of a sample, in all arrays of a DataSet
   // The other options that determine the size, for messages: ":resolution=32".
-  std::string settings;
+  std::string settings = "";
 };
 
-// Sets problem->data to `data`, or, if that is null, to
-// generate(2 num_samples). Returns false, with *error set, if the problem does
-// not fit into memory (checked first), or `data` does not have num_columns
-// columns or has fewer than two rows.
+// Sets problem->data to generate(2 num_samples) if it is empty. Returns false,
+// with *error set, if the problem does not fit into memory (checked first), or
+// problem->data has another shape than CheckDataShape wants.
 bool MakeData(const SampleSize& size,
-              const Eigen::MatrixXd* data,
               const std::function<Eigen::MatrixXd(int num_rows)>& generate,
               LearningProblem* problem,
               std::string* error);
@@ -41,9 +39,14 @@ bool CheckDataShape(const Eigen::MatrixXd& data,
                     int num_columns,
                     std::string* error);
 
-// np.random.seed(seed); np.random.uniform(low, high, (rows, cols))
-Eigen::MatrixXd UniformData(
-    double low, double high, int rows, int cols, int seed);
+// MakeData with uniform numbers:
+// np.random.seed(seed); np.random.uniform(low, high, (2 N, num_columns))
+bool MakeUniformData(const SampleSize& size,
+                     double low,
+                     double high,
+                     int seed,
+                     LearningProblem* problem,
+                     std::string* error);
 
 // The first half of the samples is for training, the second for testing. A
 // batch has `batch_size` samples, but at most all training samples. Samples
@@ -57,13 +60,9 @@ Metric SolutionDistance(const std::string& name);
 //
 //   y*_i += noise rms(y*) z_i,   z_i standard normal
 //
-// rms(y*) is the root mean square of all entries of the training targets. With
-// L = c |y - y*|^2 the training loss of a perfect network is then
-// c |y*| noise^2 rms^2; its test loss is still zero.
-//
-// Stream:  np.random.seed(data_seed ^ 0x9e3779b9), normal numbers sample by
-//          sample: independent of the stream of the data, which noise does not
-//          change.
+// with the root mean square of all entries of the training targets. If L is
+// c |y - y*|^2, the training loss of a perfect network is c |y*| noise^2 rms^2.
+// Stream: np.random.seed(data_seed ^ 0x9e3779b9), independent of the data's.
 void DescribeTargetNoise(double* noise, OptionSet* set);
 void AddTargetNoise(double noise, int data_seed, LearningProblem* problem);
 

@@ -6,11 +6,6 @@
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 
-// The loops over kWidth functions and over lanes have constant lengths and
-// write to local arrays, which cannot overlap, so that the compiler vectorizes
-// them. If GCC 12 unrolls the upward loops of Solve first, the Jacobian takes a
-// tenth longer.
-
 namespace invgrad {
 
 SchroedingerSimulator::SchroedingerSimulator(int num_steps, double dt)
@@ -35,20 +30,19 @@ Eigen::VectorXd SchroedingerSimulator::Eigenstate(int n) {
 // side by side.
 void SchroedingerSimulator::Factor(const double* x, Step* steps) const {
   constexpr int kLanes = 8;
+  using Lanes = Values<kLanes>;
   for (int first = 0; first < num_steps_; first += kLanes) {
     const int num_lanes = std::min(kLanes, num_steps_ - first);
-    double u[kLanes] = {};
-    double re[kLanes] = {}, im[kLanes] = {};  // 1 / d_{k-1}
-    std::copy_n(x + first, num_lanes, u);
+    Lanes u = Lanes::Zero();
+    u.head(num_lanes) = Eigen::Map<const Eigen::ArrayXd>(x + first, num_lanes);
+    Lanes re = Lanes::Zero(), im = Lanes::Zero();  // 1 / d_{k-1}
     for (int k = 0; k < kNumPoints; ++k) {
       const double slope = kSpacing * kSpacing * (k + 1) * kSpacing;
-      for (int lane = 0; lane < kLanes; ++lane) {
-        const double d_re = -2.0 - slope * u[lane] - re[lane];
-        const double d_im = scale_ - im[lane];
-        const double inverse_square = 1.0 / (d_re * d_re + d_im * d_im);
-        re[lane] = d_re * inverse_square;
-        im[lane] = -d_im * inverse_square;
-      }
+      const Lanes d_re = -2.0 - slope * u - re;
+      const Lanes d_im = scale_ - im;
+      const Lanes inverse_square = (d_re * d_re + d_im * d_im).inverse();
+      re = d_re * inverse_square;
+      im = -d_im * inverse_square;
       for (int lane = 0; lane < num_lanes; ++lane) {
         steps[first + lane].inverse_pivots.re[k] = re[lane];
         steps[first + lane].inverse_pivots.im[k] = im[lane];
@@ -64,89 +58,59 @@ template <int kWidth>
 void SchroedingerSimulator::Solve(const GridFunction& inverse_pivots,
                                   const GridFunctions<kWidth>& c,
                                   GridFunctions<kWidth>* solution) const {
-  double re[kWidth] = {}, im[kWidth] = {};  // p_{k-1}, then p_{k+1}
+  // p_{k-1}, then p_{k+1}
+  Values<kWidth> re = Values<kWidth>::Zero(), im = Values<kWidth>::Zero();
   for (int k = 0; k < kNumPoints; ++k) {
     const double e_re = inverse_pivots.re[k];
     const double e_im = inverse_pivots.im[k];
-    const double* c_re = c.re + kWidth * k;
-    const double* c_im = c.im + kWidth * k;
-    for (int j = 0; j < kWidth; ++j) {
-      // The right-hand side is also divided by -i / scale.
-      const double b_re = -scale_ * c_im[j] - re[j];
-      const double b_im = scale_ * c_re[j] - im[j];
-      re[j] = e_re * b_re - e_im * b_im;
-      im[j] = e_re * b_im + e_im * b_re;
-    }
-    for (int j = 0; j < kWidth; ++j) {
-      solution->re[kWidth * k + j] = re[j];
-      solution->im[kWidth * k + j] = im[j];
-    }
+    // The right-hand side is also divided by -i / scale.
+    const Values<kWidth> b_re = -scale_ * c.im.col(k) - re;
+    const Values<kWidth> b_im = scale_ * c.re.col(k) - im;
+    solution->re.col(k) = re = e_re * b_re - e_im * b_im;
+    solution->im.col(k) = im = e_re * b_im + e_im * b_re;
   }
   for (int k = kNumPoints - 2; k >= 0; --k) {
     const double e_re = inverse_pivots.re[k];
     const double e_im = inverse_pivots.im[k];
-    double* p_re = solution->re + kWidth * k;
-    double* p_im = solution->im + kWidth * k;
-#pragma GCC unroll 1
-    for (int j = 0; j < kWidth; ++j) {
-      const double above_re = re[j];
-      re[j] = p_re[j] - (e_re * above_re - e_im * im[j]);
-      im[j] = p_im[j] - (e_re * im[j] + e_im * above_re);
-    }
-#pragma GCC unroll 1
-    for (int j = 0; j < kWidth; ++j) {
-      p_re[j] = re[j];
-      p_im[j] = im[j];
-    }
+    const Values<kWidth> above_re = re;
+    re = solution->re.col(k) - (e_re * above_re - e_im * im);
+    im = solution->im.col(k) - (e_re * im + e_im * above_re);
+    solution->re.col(k) = re;
+    solution->im.col(k) = im;
   }
 }
 
-template <int kWidth>
-void SchroedingerSimulator::Advance(const GridFunctions<kWidth>& midpoint,
-                                    GridFunctions<kWidth>* f) {
-  for (int i = 0; i < kWidth * kNumPoints; ++i) {
-    f->re[i] = 2.0 * midpoint.re[i] - f->re[i];
-    f->im[i] = 2.0 * midpoint.im[i] - f->im[i];
-  }
+// f <- 2 midpoint - f.
+template <typename GridFunctions>
+static void Advance(const GridFunctions& midpoint, GridFunctions* f) {
+  f->re = 2.0 * midpoint.re - f->re;
+  f->im = 2.0 * midpoint.im - f->im;
 }
 
 template <int kWidth>
 void SchroedingerSimulator::Dot(const GridFunctions<kWidth>& f,
                                 const GridFunction& g,
-                                double* re,
-                                double* im) {
-  double sum_re[kWidth] = {}, sum_im[kWidth] = {};
+                                Values<kWidth>* re,
+                                Values<kWidth>* im) {
+  re->setZero();
+  im->setZero();
   for (int k = 0; k < kNumPoints; ++k) {
-    const double* f_re = f.re + kWidth * k;
-    const double* f_im = f.im + kWidth * k;
-    for (int j = 0; j < kWidth; ++j) {
-      sum_re[j] += g.re[k] * f_re[j] - g.im[k] * f_im[j];
-      sum_im[j] += g.re[k] * f_im[j] + g.im[k] * f_re[j];
-    }
+    *re += g.re[k] * f.re.col(k) - g.im[k] * f.im.col(k);
+    *im += g.re[k] * f.im.col(k) + g.im[k] * f.re.col(k);
   }
-  std::copy_n(sum_re, kWidth, re);
-  std::copy_n(sum_im, kWidth, im);
 }
 
 SchroedingerSimulator::GridFunction SchroedingerSimulator::Source(
     const GridFunction& f) const {
-  GridFunction source;
-  for (int k = 0; k < kNumPoints; ++k) {
-    const double dt_x = dt_ * (k + 1) * kSpacing;
-    source.re[k] = dt_x * f.im[k];
-    source.im[k] = -dt_x * f.re[k];
-  }
-  return source;
+  const auto dt_x = dt_ * decltype(f.re)::LinSpaced(1.0, kNumPoints) * kSpacing;
+  return {dt_x * f.im, -dt_x * f.re};
 }
 
+// The real and imaginary parts of a state alternate.
 SchroedingerSimulator::GridFunction SchroedingerSimulator::FromState(
     const double* state) {
-  GridFunction f;
-  for (int k = 0; k < kNumPoints; ++k) {
-    f.re[k] = state[2 * k];
-    f.im[k] = state[2 * k + 1];
-  }
-  return f;
+  const Eigen::Map<const Eigen::Array<double, 2, kNumPoints>> parts(state);
+  return {parts.row(0), parts.row(1)};
 }
 
 bool SchroedingerSimulator::RollOut(const double* x,
@@ -160,10 +124,7 @@ bool SchroedingerSimulator::RollOut(const double* x,
     steps[t].source = Source(midpoint);
     Advance(midpoint, &psi);
   }
-  for (int k = 0; k < kNumPoints; ++k) {
-    y[2 * k] = psi.re[k];
-    y[2 * k + 1] = psi.im[k];
-  }
+  Eigen::Map<Eigen::Array<double, 2, kNumPoints>>(y) << psi.re, psi.im;
   return AllFinite(y, kStateSize);
 }
 
@@ -176,12 +137,13 @@ bool SchroedingerSimulator::Evaluate(const double* x,
   if (jacobian == nullptr) return true;
   // Rows 2 j and 2 j + 1 of J are the real and the imaginary part of one
   // complex row, with c for point j.
-  GridFunctions<kNumPoints> c = {}, q;
-  for (int k = 0; k < kNumPoints; ++k) c.re[kNumPoints * k + k] = 1.0;
-  double re[kNumPoints], im[kNumPoints];
+  GridFunctions<kNumPoints> c, q;
+  c.re.matrix().setIdentity();
+  c.im.setZero();
+  Values<kNumPoints> re, im;
   for (int t = num_steps_ - 1; t >= 0; --t) {
     Solve(steps[t].inverse_pivots, c, &q);
-    Dot(q, steps[t].source, re, im);
+    Dot(q, steps[t].source, &re, &im);
     Advance(q, &c);
     for (int j = 0; j < kNumPoints; ++j) {
       jacobian[2 * j * num_steps_ + t] = re[j];
@@ -218,7 +180,7 @@ void SchroedingerSimulator::ChainBack(const double* w,
                                       const Step* steps,
                                       const Visit& visit) const {
   GridFunction c = FromState(w), q;
-  for (double& value : c.im) value = -value;
+  c.im = -c.im;
   for (int t = num_steps_ - 1; t >= 0; --t) {
     Solve(steps[t].inverse_pivots, c, &q);
     visit(t, q);
@@ -236,8 +198,9 @@ bool SchroedingerSimulator::Adjoint(const double* x,
   double w[kStateSize];
   if (!covector(y, w)) return false;
   ChainBack(w, steps.data(), [&](int t, const GridFunction& q) {
-    double im;
-    Dot(q, steps[t].source, x_bar + t, &im);
+    Values<1> re, im;
+    Dot(q, steps[t].source, &re, &im);
+    x_bar[t] = re[0];
   });
   return AllFinite(x_bar, num_steps_);
 }
@@ -256,13 +219,15 @@ bool SchroedingerSimulator::WeightedHessian(const double* x,
   // Propagates the tangents dpsi_t/du_s of kNumPoints successive s side by
   // side; tangents with s >= t are zero.
   Eigen::Map<Eigen::MatrixXd> H(hessian, num_steps_, num_steps_);
-  double re[kNumPoints], im[kNumPoints];
+  Values<kNumPoints> re, im;
   for (int first = 0; first < num_steps_; first += kNumPoints) {
-    GridFunctions<kNumPoints> tangents = {}, midpoints;
+    GridFunctions<kNumPoints> tangents, midpoints;
+    tangents.re.setZero();
+    tangents.im.setZero();
     for (int t = first; t < num_steps_; ++t) {
       const int num_tangents = std::min(t - first, kNumPoints);
       Solve(steps[t].inverse_pivots, tangents, &midpoints);
-      Dot(midpoints, adjoint_sources[t], re, im);
+      Dot(midpoints, adjoint_sources[t], &re, &im);
       Advance(midpoints, &tangents);
       for (int j = 0; j < num_tangents; ++j) {
         H(first + j, t) = H(t, first + j) = re[j];
@@ -270,12 +235,11 @@ bool SchroedingerSimulator::WeightedHessian(const double* x,
       if (num_tangents < kNumPoints) {
         GridFunction tangent;
         Solve(steps[t].inverse_pivots, steps[t].source, &tangent);
-        Dot(tangent, adjoint_sources[t], re, im);
-        H(t, t) = re[0];
-        for (int k = 0; k < kNumPoints; ++k) {
-          tangents.re[kNumPoints * k + num_tangents] = tangent.re[k];
-          tangents.im[kNumPoints * k + num_tangents] = tangent.im[k];
-        }
+        Values<1> curvature, unused;
+        Dot(tangent, adjoint_sources[t], &curvature, &unused);
+        H(t, t) = curvature[0];
+        tangents.re.row(num_tangents) = tangent.re;
+        tangents.im.row(num_tangents) = tangent.im;
       }
     }
   }

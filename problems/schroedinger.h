@@ -79,12 +79,13 @@ class SchroedingerSimulator final : public Simulator {
                               const double* context) const override;
 
  private:
-  // kWidth complex functions on the points, side by side: point k of the j-th
-  // is entry kWidth k + j.
+  template <int kWidth>
+  using Values = Eigen::Array<double, kWidth, 1>;
+  // kWidth complex functions on the points, side by side: column k is point k.
   template <int kWidth>
   struct GridFunctions {
-    double re[kWidth * kNumPoints];
-    double im[kWidth * kNumPoints];
+    Eigen::Array<double, kWidth, kNumPoints> re;
+    Eigen::Array<double, kWidth, kNumPoints> im;
   };
   using GridFunction = GridFunctions<1>;
   // Results of a step for the backward pass.
@@ -100,21 +101,17 @@ class SchroedingerSimulator final : public Simulator {
   void Solve(const GridFunction& inverse_pivots,
              const GridFunctions<kWidth>& c,
              GridFunctions<kWidth>* solution) const;
-  // f <- 2 midpoint - f.
-  template <int kWidth>
-  static void Advance(const GridFunctions<kWidth>& midpoint,
-                      GridFunctions<kWidth>* f);
   // Sums f g over the points, without conjugation: kWidth complex numbers.
   template <int kWidth>
   static void Dot(const GridFunctions<kWidth>& f,
                   const GridFunction& g,
-                  double* re,
-                  double* im);
+                  Values<kWidth>* re,
+                  Values<kWidth>* im);
   // -i dt X f.
   GridFunction Source(const GridFunction& f) const;
   static GridFunction FromState(const double* state);
   static bool IsFinite(const GridFunction& f) {
-    return AllFinite(f.re, kNumPoints) && AllFinite(f.im, kNumPoints);
+    return f.re.allFinite() && f.im.allFinite();
   }
   // Computes y, and fills the steps.
   bool RollOut(const double* x,

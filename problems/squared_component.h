@@ -26,39 +26,33 @@
 namespace invgrad {
 
 struct SquaredComponent {
-  struct Options {
-    double start_0 = 3.0;
-    double start_1 = 3.0;
-    void Describe(OptionSet* set) {
-      set->Add("start_0", &start_0, {}, "x_0 at the start");
-      set->Add("start_1", &start_1, {}, "x_1 at the start");
+  double start_0 = 3.0;
+  double start_1 = 3.0;
+  void Describe(OptionSet* set) {
+    set->Add("start_0", &start_0, {}, "x_0 at the start");
+    set->Add("start_1", &start_1, {}, "x_1 at the start");
+  }
+
+  struct Physics {
+    template <typename T>
+    bool operator()(const T* x, T* y) const {
+      y[0] = x[0];
+      y[1] = x[1] * x[1];
+      return true;
     }
   };
 
-  template <typename T>
-  bool operator()(const T* x, T* y) const {
-    y[0] = x[0];
-    y[1] = x[1] * x[1];
-    return true;
-  }
-
-  static std::optional<Eigen::VectorXd> Invert(
-      const InverseSimulator::ConstVectorRef& y,
-      const InverseSimulator::ConstVectorRef& x_now) {
-    if (y[1] < 0.0) return std::nullopt;
-    return Eigen::Vector2d(y[0], std::copysign(std::sqrt(y[1]), x_now[1]));
-  }
-
-  static bool Create(const Options& options,
-                     PointProblem* problem,
-                     std::string* /*error*/) {
-    problem->simulator =
-        std::make_shared<AutoDiffSimulator<SquaredComponent, 2, 2>>(
-            SquaredComponent());
-    problem->inverse = Inverse(Invert);
+  bool Create(PointProblem* problem, std::string* /*error*/) const {
+    problem->simulator = std::make_shared<AutoDiffSimulator<Physics, 2, 2>>();
+    problem->inverse = Inverse(
+        [](const auto& y, const auto& x_now) -> std::optional<Eigen::VectorXd> {
+          if (y[1] < 0.0) return std::nullopt;
+          return Eigen::Vector2d(y[0],
+                                 std::copysign(std::sqrt(y[1]), x_now[1]));
+        });
     problem->loss = std::make_shared<SquaredNormLoss>(2, 1.0);
     problem->target = Eigen::Vector2d::Zero();
-    problem->start = Eigen::Vector2d(options.start_0, options.start_1);
+    problem->start = Eigen::Vector2d(start_0, start_1);
     problem->minimizer = Eigen::Vector2d::Zero();
     problem->minimum = 0.0;
     return true;

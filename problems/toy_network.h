@@ -30,48 +30,39 @@
 namespace invgrad {
 
 struct ToyNetwork {
-  struct Options {
-    double lambda = 1.0;
-    int num_samples = 256;
-    int num_hidden = 7;
-    void Describe(OptionSet* set) {
-      set->Add("lambda", &lambda, {0.0, 1e6, true}, "scale of y_1");
-      set->Add("num_samples", &num_samples, {2, 1e6}, "samples in [-1, 1]");
-      set->Add("num_hidden", &num_hidden, {1, 1000}, "hidden neurons");
-    }
-  };
+  double lambda = 1.0;
+  int num_samples = 256;
+  int num_hidden = 7;
+  void Describe(OptionSet* set) {
+    set->Add("lambda", &lambda, {0.0, 1e6, true}, "scale of y_1");
+    set->Add("num_samples", &num_samples, {2, 1e6}, "samples in [-1, 1]");
+    set->Add("num_hidden", &num_hidden, {1, 1000}, "hidden neurons");
+  }
 
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error) {
-    Eigen::MatrixXd a(options.num_samples, 1);
-    a.col(0) = Eigen::VectorXd::LinSpaced(options.num_samples, -1.0, 1.0);
-    if (data != nullptr) a = *data;
-    if (a.cols() != 1 || a.rows() == 0) {
+  bool Create(LearningProblem* problem, std::string* error) const {
+    Eigen::MatrixXd& a = problem->data;
+    if (a.size() == 0) a = Eigen::VectorXd::LinSpaced(num_samples, -1.0, 1.0);
+    if (a.cols() != 1) {
       *error = fmt::format("data must have shape (samples, 1), found ({}, {})",
                            a.rows(),
                            a.cols());
       return false;
     }
-    Eigen::SparseMatrix<double, Eigen::RowMajor> scale(2, 2);
-    scale.insert(0, 0) = 1.0;
-    scale.insert(1, 1) = options.lambda;
+    const Eigen::Vector2d scale(1.0, lambda);
     problem->model = std::make_shared<Model>(
-        DenseNetwork({1, options.num_hidden, 2}, Activation::kTanh),
-        std::make_shared<LinearSimulator>(scale, Eigen::Vector2d::Zero()),
+        DenseNetwork({1, num_hidden, 2}, Activation::kTanh),
+        std::make_shared<LinearSimulator>(
+            Eigen::Matrix2d(scale.asDiagonal()).sparseView(),
+            Eigen::Vector2d::Zero()),
         std::make_shared<SquaredNormLoss>(2, 0.5),
         Reduction::kMean);
-    const int num_samples = static_cast<int>(a.rows());
     problem->train.inputs = a.transpose();
-    problem->train.contexts.resize(0, num_samples);
-    problem->train.targets.resize(2, num_samples);
-    problem->train.targets.row(0) = (6.0 * a.col(0).array()).sin();
-    problem->train.targets.row(1) = (9.0 * a.col(0).array()).cos();
+    problem->train.contexts.resize(0, a.rows());
+    problem->train.targets.resize(2, a.rows());
+    problem->train.targets.row(0) = (6.0 * a.array()).sin().transpose();
+    problem->train.targets.row(1) = (9.0 * a.array()).cos().transpose();
     problem->test = problem->train.Range(0, 0);
-    problem->batch_size = 0;
     problem->num_epochs = 5000;
-    problem->data = a;
     return true;
   }
 };

@@ -166,7 +166,7 @@ class Comparison {
         return false;
       }
       // If estimates are not finite, the other runs continue.
-      if (!estimation->Write(file + estimation->Extension(), &why)) {
+      if (!estimation->Write(file + estimation->traits().extension, &why)) {
         Warn(why);
         rows_.back().status += "; no result file: " + why;
       }
@@ -184,7 +184,7 @@ class Comparison {
                         int start,
                         int seed) const {
     std::string name = input.name;
-    if (input.estimation->num_starts() > 1) {
+    if (input.estimation->traits().num_starts > 1) {
       name += fmt::format("-start{}", start + 1);
     }
     if (options_.perturbation > 0.0) name += fmt::format("-seed{}", seed);
@@ -204,8 +204,7 @@ class Comparison {
                 Estimation* estimation,
                 MinimizerSummary* summary,
                 std::string* error) const {
-    MinimizerOptions minimizer;
-    estimation->SetBudget(&minimizer);
+    MinimizerOptions minimizer = estimation->traits().budget;
     if (options_.max_num_iterations > 0) {
       minimizer.max_num_iterations = options_.max_num_iterations;
     }
@@ -219,7 +218,7 @@ class Comparison {
     minimizer.callbacks.push_back(&observer);
     Method with_defaults = method;
     with_defaults.AddCeresDefaults(
-        {{"linear_solver", estimation->LinearSolver()},
+        {{"linear_solver", estimation->traits().linear_solver},
          {"num_threads", std::to_string(options_.num_threads)}});
     const std::unique_ptr<ceres::Problem> problem =
         estimation->MakeProblem(options_.make_loss);
@@ -249,7 +248,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       options.perturbation > 0.0 ? options.seeds : std::vector<int>{0};
   for (const EstimationInput& input : inputs) {
     for (const int start : options.starts) {
-      if (start >= input.estimation->num_starts()) continue;
+      if (start >= input.estimation->traits().num_starts) continue;
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
         if (!comparison.Run(input, start, seed, error)) return false;

@@ -18,7 +18,6 @@
 #ifndef PROBLEMS_SHUTTLECOCK_H_
 #define PROBLEMS_SHUTTLECOCK_H_
 
-#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -27,50 +26,37 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/io/numpy_random.h"
-#include "problems/problem.h"
+#include "problems/sample_data.h"
 
 namespace invgrad {
 // [/header]
 
 // [problem]
 struct Shuttlecock {
-  struct Options {
-    int num_samples = 512;
-    int data_seed = 0;
-    void Describe(OptionSet* set) {
-      set->Add("num_samples",
-               &num_samples,
-               {1, 1e6},
-               "training samples; as many again are for testing");
-      set->Add("data_seed", &data_seed, {0, 2147483647}, "np.random.seed");
-    }
-  };
+  int num_samples = 512;
+  int data_seed = 0;
+  void Describe(OptionSet* set) {
+    DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
+  }
 
-  static bool Create(const Options& options,
-                     const Eigen::MatrixXd* data,
-                     LearningProblem* problem,
-                     std::string* error) {
-    if (data == nullptr) {
-      NumpyRandom random(static_cast<std::uint32_t>(options.data_seed));
-      problem->data.resize(2 * options.num_samples, 2);
-      for (auto target : problem->data.rowwise()) {
+  bool Create(LearningProblem* problem, std::string* error) const {
+    const auto generate = [this](int num_rows) {
+      NumpyRandom random(static_cast<std::uint32_t>(data_seed));
+      Eigen::MatrixXd targets(num_rows, 2);
+      for (auto target : targets.rowwise()) {
         target[0] = random.Uniform(1.0, 12.0);
         target[1] = random.Uniform(-1.0, 2.0);
       }
-    } else if (data->rows() >= 2 && data->cols() == 2) {
-      problem->data = *data;
-    } else {
-      *error = "shuttlecock: data must have shape (2 samples or more, 2)";
+      return targets;
+    };
+    // 2 columns; 4 numbers a sample: its input and its target.
+    if (!MakeData({num_samples, 2, 4.0}, generate, problem, error)) {
       return false;
     }
     DataSet all;
     all.targets = problem->data.transpose();
     all.inputs = all.targets;
-    all.contexts.resize(0, all.targets.cols());
-    const int num_train = all.num_samples() / 2;
-    problem->train = all.Range(0, num_train);
-    problem->test = all.Range(num_train, all.num_samples() - num_train);
-    problem->batch_size = std::min(32, num_train);
+    SplitSamples(all, /*batch_size=*/32, problem);
     problem->num_epochs = 100;
     problem->model = std::make_shared<Model>(
         DenseNetwork({2, 16, 16, 2}, Activation::kTanh),

@@ -16,8 +16,6 @@ namespace invgrad {
 namespace {
 
 constexpr long kMaxCount = std::numeric_limits<int>::max();
-constexpr int kCameraSize = 9;
-constexpr int kPointSize = 3;
 
 bool IsBzip2(std::string_view path) {
   constexpr std::string_view kEnding = ".bz2";
@@ -33,103 +31,64 @@ size_t MaxTextSize(size_t compressed_size) {
                   std::max(64 * kMebibyte, 100 * compressed_size));
 }
 
-class BalParser {
- public:
-  BalParser(const std::string& text,
-            const std::string& file,
-            std::string* error)
-      : cursor_(text, file, error) {}
-
-  bool Parse(BalData* data) {
-    BalData read;
-    if (!ParseCounts() || !ParseObservations(&read.observations)) return false;
-    read.cameras.resize(kCameraSize, num_cameras_);
-    read.points.resize(kPointSize, num_points_);
-    if (!ParseValues("a camera's value", &read.cameras) ||
-        !ParseValues("a point's coordinate", &read.points) ||
-        !cursor_.ReadTextEnd()) {
-      return false;
-    }
-    *data = std::move(read);
-    return true;
-  }
-
- private:
-  bool ParseCounts() {
-    cursor_.NextLine();
-    if (!cursor_.ReadInteger(
-            "the number of cameras", 1, kMaxCount, &num_cameras_) ||
-        !cursor_.ReadInteger(
-            "the number of points", 1, kMaxCount, &num_points_) ||
-        !cursor_.ReadInteger(
-            "the number of observations", 1, kMaxCount, &num_observations_) ||
-        !cursor_.ReadLineEnd()) {
-      return false;
-    }
-    // The shortest lines are "0 0 0 0\n" and "0\n"; the last line needs no end.
-    // Products do not overflow, because counts have 31 bits.
-    const long min_size =
-        8 * num_observations_ +
-        2 * (kCameraSize * num_cameras_ + kPointSize * num_points_) - 1;
-    if (cursor_.num_bytes_left() < min_size) {
-      return cursor_.Fail(
-          fmt::format("the text is too short for {} cameras, {} points and {} "
-                      "observations",
-                      num_cameras_,
-                      num_points_,
-                      num_observations_),
-          fmt::format("at least {} bytes behind this line, not {}",
-                      min_size,
-                      cursor_.num_bytes_left()));
-    }
-    return true;
-  }
-
-  bool ParseObservations(std::vector<BalData::Observation>* observations) {
-    observations->resize(num_observations_);
-    for (BalData::Observation& observation : *observations) {
-      long camera = 0;
-      long point = 0;
-      cursor_.NextLine();
-      if (!cursor_.ReadInteger(
-              "an observation's camera", 0, num_cameras_ - 1, &camera) ||
-          !cursor_.ReadInteger(
-              "an observation's point", 0, num_points_ - 1, &point) ||
-          !cursor_.ReadNumber("an observation's x", &observation.x) ||
-          !cursor_.ReadNumber("an observation's y", &observation.y) ||
-          !cursor_.ReadLineEnd()) {
-        return false;
-      }
-      observation.camera = static_cast<int>(camera);
-      observation.point = static_cast<int>(point);
-    }
-    return true;
-  }
-
-  // All entries, column by column.
-  template <typename Matrix>
-  bool ParseValues(std::string_view expected, Matrix* values) {
-    for (Eigen::Index i = 0; i < values->size(); ++i) {
-      while (cursor_.PeekToken().empty() && cursor_.NextLine()) {
-      }
-      if (!cursor_.ReadNumber(expected, values->data() + i)) return false;
-    }
-    return true;
-  }
-
-  TextCursor cursor_;
-  long num_cameras_ = 0;
-  long num_points_ = 0;
-  long num_observations_ = 0;
-};
-
 }  // namespace
 
 bool ParseBal(const std::string& text,
               const std::string& file,
               BalData* data,
               std::string* error) {
-  return BalParser(text, file, error).Parse(data);
+  TextCursor cursor(text, file, error);
+  cursor.NextLine();
+  const long num_cameras =
+      cursor.Integer("the number of cameras", 1, kMaxCount);
+  const long num_points = cursor.Integer("the number of points", 1, kMaxCount);
+  const long num_observations =
+      cursor.Integer("the number of observations", 1, kMaxCount);
+  cursor.EndLine();
+  // The shortest lines are "0 0 0 0\n" and "0\n"; the last line needs no end.
+  // Products do not overflow, because counts have 31 bits.
+  const long min_size =
+      8 * num_observations + 2 * (9 * num_cameras + 3 * num_points) - 1;
+  if (cursor.num_bytes_left() < min_size) {
+    cursor.Fail(
+        fmt::format("the text is too short for {} cameras, {} points and {} "
+                    "observations",
+                    num_cameras,
+                    num_points,
+                    num_observations),
+        fmt::format("at least {} bytes behind this line, not {}",
+                    min_size,
+                    cursor.num_bytes_left()));
+  }
+  if (!cursor.ok()) return false;  // before memory is allocated
+  BalData read;
+  read.observations.resize(num_observations);
+  for (auto& [camera, point, x, y] : read.observations) {
+    cursor.NextLine();
+    camera = static_cast<int>(
+        cursor.Integer("an observation's camera", 0, num_cameras - 1));
+    point = static_cast<int>(
+        cursor.Integer("an observation's point", 0, num_points - 1));
+    x = cursor.Number("an observation's x");
+    y = cursor.Number("an observation's y");
+    cursor.EndLine();
+  }
+  const auto read_value = [&cursor](const char* expected) {
+    while (cursor.PeekToken().empty() && cursor.NextLine()) {
+    }
+    return cursor.Number(expected);
+  };
+  read.cameras.resize(9, num_cameras);
+  for (double& value : read.cameras.reshaped()) {
+    value = read_value("a camera's value");
+  }
+  read.points.resize(3, num_points);
+  for (double& value : read.points.reshaped()) {
+    value = read_value("a point's coordinate");
+  }
+  cursor.EndText();
+  if (cursor.ok()) *data = std::move(read);
+  return cursor.ok();
 }
 
 std::string BalText(const BalData& data) {
@@ -143,42 +102,14 @@ std::string BalText(const BalData& data) {
   for (const auto& [camera, point, x, y] : data.observations) {
     fmt::format_to(out, "{} {} {} {}\n", camera, point, x, y);
   }
-  for (const double value : data.cameras.reshaped()) {
-    fmt::format_to(out, "{}\n", value);
-  }
-  for (const double value : data.points.reshaped()) {
-    fmt::format_to(out, "{}\n", value);
-  }
+  const auto write_values = [out](const auto& values) {
+    for (const double value : values.reshaped()) {
+      fmt::format_to(out, "{}\n", value);
+    }
+  };
+  write_values(data.cameras);
+  write_values(data.points);
   return text;
-}
-
-bool CheckBal(const BalData& data, std::string* error) {
-  if (data.observations.empty() || data.cameras.cols() == 0 ||
-      data.points.cols() == 0) {
-    *error = "there is no observation, camera or point";
-    return false;
-  }
-  for (const BalData::Observation& observation : data.observations) {
-    if (observation.camera < 0 || observation.camera >= data.cameras.cols() ||
-        observation.point < 0 || observation.point >= data.points.cols()) {
-      *error = fmt::format(
-          "an observation is of camera {} and point {}; there are {} and {}",
-          observation.camera,
-          observation.point,
-          data.cameras.cols(),
-          data.points.cols());
-      return false;
-    }
-    if (!std::isfinite(observation.x) || !std::isfinite(observation.y)) {
-      *error = "an observation is not finite";
-      return false;
-    }
-  }
-  if (!data.cameras.allFinite() || !data.points.allFinite()) {
-    *error = "a camera or a point is not finite";
-    return false;
-  }
-  return true;
 }
 
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error) {
@@ -197,12 +128,7 @@ bool ReadBalFile(const std::string& path, BalData* data, std::string* error) {
 bool WriteBalFile(const std::string& path,
                   const BalData& data,
                   std::string* error) {
-  std::string problem;
-  if (!CheckBal(data, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  return WriteFile(path, BalText(data), error);
+  return WriteReadable(path, data, BalText, ParseBal, error);
 }
 
 }  // namespace invgrad

@@ -53,15 +53,10 @@ bool ParseBal(const std::string& text,
 // Formats `data` as text that ParseBal reads back bit for bit.
 std::string BalText(const BalData& data);
 
-// Checks what ParseBal guarantees and WriteBalFile requires: at least one
-// camera, point and observation, valid indices, and finite numbers. If false,
-// *error names the violated condition.
-bool CheckBal(const BalData& data, std::string* error);
-
 // Decompresses if the path ends in ".bz2".
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error);
 
-// Writes plain text for any path.
+// Writes plain text if ParseBal can read it back.
 bool WriteBalFile(const std::string& path,
                   const BalData& data,
                   std::string* error);

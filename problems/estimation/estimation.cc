@@ -1,11 +1,6 @@
 #include "problems/estimation/estimation.h"
 
-#include <algorithm>
-
 #include "fmt/core.h"
-#include "problems/estimation/bal_estimation.h"
-#include "problems/estimation/nist_estimation.h"
-#include "problems/estimation/pose_graph_estimation.h"
 
 namespace invgrad {
 
@@ -14,36 +9,16 @@ namespace {
 struct Kind {
   std::string name;
   std::vector<std::string> extensions;
-  std::unique_ptr<Estimation> (*read)(const std::string& path,
-                                      const ReadEstimationOptions& options,
-                                      std::string* error);
+  EstimationReader* read;
 };
 
-std::unique_ptr<Estimation> ReadNist(const std::string& path,
-                                     const ReadEstimationOptions& /*options*/,
-                                     std::string* error) {
-  return ReadNistEstimation(path, error);
-}
-
-std::unique_ptr<Estimation> ReadBal(const std::string& path,
-                                    const ReadEstimationOptions& /*options*/,
-                                    std::string* error) {
-  return ReadBalEstimation(path, error);
-}
-
-std::unique_ptr<Estimation> ReadG2o(const std::string& path,
-                                    const ReadEstimationOptions& options,
-                                    std::string* error) {
-  return ReadPoseGraphEstimation(path, options.information_root, error);
-}
-
 const std::vector<Kind>& Kinds() {
-  static const auto* const kinds = new std::vector<Kind>{
-      {"nist", {".dat"}, ReadNist},
-      {"bal", {".txt", ".txt.bz2"}, ReadBal},
-      {"g2o", {".g2o"}, ReadG2o},
+  static const auto& kinds = *new std::vector<Kind>{
+      {"nist", {".dat"}, ReadNistEstimation},
+      {"bal", {".txt", ".txt.bz2"}, ReadBalEstimation},
+      {"g2o", {".g2o"}, ReadPoseGraphEstimation},
   };
-  return *kinds;
+  return kinds;
 }
 
 bool EndsWith(const std::string& text, const std::string& end) {
@@ -51,27 +26,19 @@ bool EndsWith(const std::string& text, const std::string& end) {
          text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
-bool IsOf(const Kind& kind, const std::string& path) {
-  return std::any_of(
-      kind.extensions.begin(),
-      kind.extensions.end(),
-      [&path](const std::string& end) { return EndsWith(path, end); });
-}
-
 }  // namespace
 
-const std::vector<std::string>& EstimationKinds() {
-  static const auto* const names = [] {
-    auto* all = new std::vector<std::string>;
-    for (const Kind& kind : Kinds()) all->push_back(kind.name);
-    return all;
-  }();
-  return *names;
+std::vector<std::string> EstimationKinds() {
+  std::vector<std::string> names;
+  for (const Kind& kind : Kinds()) names.push_back(kind.name);
+  return names;
 }
 
 std::string EstimationKindOf(const std::string& path) {
   for (const Kind& kind : Kinds()) {
-    if (IsOf(kind, path)) return kind.name;
+    for (const std::string& end : kind.extensions) {
+      if (EndsWith(path, end)) return kind.name;
+    }
   }
   return "";
 }

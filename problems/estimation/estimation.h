@@ -6,15 +6,13 @@
 //   nist   .dat                        b                    nist_models.h
 //   bal    .txt, .txt.bz2              cameras and points   bundle_adjustment.h
 //   g2o    .g2o                        poses                pose_graph.h
-//
-// Each kind has its usual tolerances, linear solver of a trust region, and
-// order of elimination.
 #ifndef PROBLEMS_ESTIMATION_ESTIMATION_H_
 #define PROBLEMS_ESTIMATION_ESTIMATION_H_
 
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -28,13 +26,21 @@
 
 namespace invgrad {
 
+struct EstimationTraits {
+  std::string description;  // the sizes, on one line
+  std::string
+      linear_solver;      // the usual one, an option of Ceres' trust regions
+  std::string extension;  // of the result file: ".dat"
+  int num_starts = 1;
+  MinimizerOptions budget;  // the usual iterations and tolerances
+};
+
 class Estimation {
  public:
+  explicit Estimation(EstimationTraits traits) : traits_(std::move(traits)) {}
   virtual ~Estimation() = default;
+  const EstimationTraits& traits() const { return traits_; }
 
-  // The sizes, on one line.
-  virtual std::string Description() const = 0;
-  virtual int num_starts() const { return 1; }
   // Sets the parameters to a start, counted from 0.
   virtual void SetStart(int start) = 0;
   // Normal noise on the parameters that are estimated.
@@ -43,10 +49,6 @@ class Estimation {
   // Returns a new problem, whose parameter blocks are members of this object.
   virtual std::unique_ptr<ceres::Problem> MakeProblem(
       const MakeLossFunction& make_loss) = 0;
-  // The usual iterations and tolerances.
-  virtual void SetBudget(MinimizerOptions* options) const = 0;
-  // A value of the option linear_solver of Ceres' trust regions.
-  virtual std::string LinearSolver() const = 0;
   // Null: Ceres finds one.
   virtual std::shared_ptr<ceres::ParameterBlockOrdering> MakeOrdering() {
     return nullptr;
@@ -56,19 +58,20 @@ class Estimation {
   // file has certified values.
   virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
 
-  // The extension of the result file: ".dat".
-  virtual std::string Extension() const = 0;
-  // The current parameters, in the input's format.
+  // Writes the current parameters, in the input's format.
   virtual bool Write(const std::string& path, std::string* error) const = 0;
 
   // Adds the current parameters to a picture, initially without panels: as
   // curves in a common panel, or as a new panel.
   virtual void Draw(const std::string& label,
                     std::vector<Plot>* panels) const = 0;
+
+ private:
+  const EstimationTraits traits_;
 };
 
 // The names of the kinds.
-const std::vector<std::string>& EstimationKinds();
+std::vector<std::string> EstimationKinds();
 
 // The kind of files with this extension; empty: none.
 std::string EstimationKindOf(const std::string& path);
@@ -79,9 +82,15 @@ struct ReadEstimationOptions {
 };
 
 // Returns null, with *error set, if the file cannot be read.
-std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
-                                           const ReadEstimationOptions& options,
-                                           std::string* error);
+using EstimationReader =
+    std::unique_ptr<Estimation>(const std::string& path,
+                                const ReadEstimationOptions& options,
+                                std::string* error);
+EstimationReader ReadEstimation;
+// Of one kind.
+EstimationReader ReadNistEstimation;
+EstimationReader ReadBalEstimation;
+EstimationReader ReadPoseGraphEstimation;
 
 }  // namespace invgrad
 

@@ -19,22 +19,16 @@ namespace {
 
 using Information = decltype(PoseGraph::Edge::information);
 
-constexpr long kMaxId = std::numeric_limits<long>::max();
-
 int PoseSize(int dimension) { return dimension == 2 ? 3 : 7; }
 int TangentSize(int dimension) { return dimension == 2 ? 3 : 6; }
 
-// The tolerance for length one, the rounding error of a normalization. Such
-// quaternions are not normalized again, because that may change the last bit.
-bool HasLengthOne(const Eigen::Vector4d& quaternion) {
-  constexpr double kTolerance = 16 * std::numeric_limits<double>::epsilon();
-  return std::abs(quaternion.squaredNorm() - 1.0) <= kTolerance;
-}
-
-// False if it is zero.
+// Returns false if the quaternion is zero. One of length one, to the rounding
+// error of a normalization, is not normalized again, because that may change
+// the last bit.
 bool NormalizeQuaternion(PoseGraph::Pose* pose) {
+  constexpr double kTolerance = 16 * std::numeric_limits<double>::epsilon();
   Eigen::Vector4d quaternion = pose->tail<4>();
-  if (HasLengthOne(quaternion)) return true;
+  if (std::abs(quaternion.squaredNorm() - 1.0) <= kTolerance) return true;
   const double largest = quaternion.cwiseAbs().maxCoeff();
   if (largest == 0.0) return false;
   quaternion /= largest;  // so that squares cannot overflow or vanish
@@ -57,13 +51,12 @@ class G2oParser {
       : cursor_(text, file, error) {}
 
   bool Parse(PoseGraph* graph) {
-    while (cursor_.NextLine()) {
-      if (!ParseLine()) return false;
-    }
+    while (cursor_.NextLine()) ParseLine();
     if (read_.ids.empty()) {
-      return cursor_.FailAtToken("", "a VERTEX_SE2 or a VERTEX_SE3:QUAT");
+      cursor_.FailAtToken("", "a VERTEX_SE2 or a VERTEX_SE3:QUAT");
     }
-    if (!ResolveEdges() || !ResolveFixed()) return false;
+    ResolveIds();
+    if (!cursor_.ok()) return false;
     read_.poses = Eigen::Map<const Eigen::MatrixXd>(
         poses_.data(), PoseSize(read_.dimension), read_.ids.size());
     *graph = std::move(read_);
@@ -71,176 +64,127 @@ class G2oParser {
   }
 
  private:
-  // An edge may precede the vertices that it refers to.
-  struct IdsOfEdge {
-    long line;
-    long from;
-    long to;
-  };
-  struct FixedId {
+  // An edge and FIX may precede the vertices that they refer to.
+  struct IdOnLine {
     long line;
     long id;
   };
 
-  bool ParseLine() {
+  void ParseLine() {
     const std::string_view tag = cursor_.NextToken();
-    if (tag.empty() || tag[0] == '#') return true;
-    if (tag == "VERTEX_SE2") return SetDimension(2) && ParseVertex();
-    if (tag == "VERTEX_SE3:QUAT") return SetDimension(3) && ParseVertex();
-    if (tag == "EDGE_SE2") return SetDimension(2) && ParseEdge();
-    if (tag == "EDGE_SE3:QUAT") return SetDimension(3) && ParseEdge();
+    if (tag.empty() || tag[0] == '#') return;
+    if (tag == "VERTEX_SE2") return ParseVertex(2);
+    if (tag == "VERTEX_SE3:QUAT") return ParseVertex(3);
+    if (tag == "EDGE_SE2") return ParseEdge(2);
+    if (tag == "EDGE_SE3:QUAT") return ParseEdge(3);
     if (tag == "FIX") return ParseFixed();
-    return cursor_.FailAtToken(tag,
-                               "VERTEX_SE2, VERTEX_SE3:QUAT, EDGE_SE2, "
-                               "EDGE_SE3:QUAT or FIX");
+    cursor_.FailAtToken(tag,
+                        "VERTEX_SE2, VERTEX_SE3:QUAT, EDGE_SE2, EDGE_SE3:QUAT "
+                        "or FIX");
   }
 
-  bool SetDimension(int dimension) {
+  void SetDimension(int dimension) {
     if (read_.dimension == 0) read_.dimension = dimension;
-    return read_.dimension == dimension ||
-           cursor_.Fail(
-               fmt::format("a tag of SE{}", dimension),
-               fmt::format("SE{} as in the lines before", read_.dimension));
-  }
-
-  bool ParseId(long* id) {
-    return cursor_.ReadInteger("a vertex's id", 0, kMaxId, id);
-  }
-
-  bool ParsePose(PoseGraph::Pose* pose) {
-    pose->resize(PoseSize(read_.dimension));
-    for (double& value : *pose) {
-      if (!cursor_.ReadNumber("a pose's coordinate", &value)) return false;
+    if (read_.dimension != dimension) {
+      cursor_.Fail(fmt::format("a tag of SE{}", dimension),
+                   fmt::format("SE{} as in the lines before", read_.dimension));
     }
-    return read_.dimension == 2 || NormalizeQuaternion(pose) ||
-           cursor_.Fail("the quaternion is zero", "a rotation");
   }
 
-  bool ParseVertex() {
-    long id = 0;
-    PoseGraph::Pose pose;
-    if (!ParseId(&id) || !ParsePose(&pose) || !cursor_.ReadLineEnd()) {
-      return false;
+  IdOnLine ParseId() {
+    constexpr long kMaxId = std::numeric_limits<long>::max();
+    return {cursor_.line_number(), cursor_.Integer("a vertex's id", 0, kMaxId)};
+  }
+
+  PoseGraph::Pose ParsePose() {
+    PoseGraph::Pose pose(PoseSize(read_.dimension));
+    for (double& value : pose) value = cursor_.Number("a pose's coordinate");
+    if (read_.dimension == 3 && !NormalizeQuaternion(&pose)) {
+      cursor_.Fail("the quaternion is zero", "a rotation");
     }
+    return pose;
+  }
+
+  void ParseVertex(int dimension) {
+    SetDimension(dimension);
+    const long id = ParseId().id;
+    const PoseGraph::Pose pose = ParsePose();
+    cursor_.EndLine();
     if (!columns_.emplace(id, static_cast<int>(read_.ids.size())).second) {
-      return cursor_.Fail(fmt::format("vertex {} is there twice", id),
-                          "another id");
+      cursor_.Fail(fmt::format("vertex {} is there twice", id), "another id");
     }
     read_.ids.push_back(id);
     poses_.insert(poses_.end(), pose.data(), pose.data() + pose.size());
-    return true;
   }
 
-  bool ParseEdge() {
-    IdsOfEdge ids = {cursor_.line_number(), 0, 0};
-    PoseGraph::Edge edge = {};
-    if (!ParseId(&ids.from) || !ParseId(&ids.to) ||
-        !ParsePose(&edge.measurement)) {
-      return false;
-    }
-    if (ids.from == ids.to) {
-      return cursor_.Fail(
-          fmt::format("the edge joins vertex {} with itself", ids.to),
+  void ParseEdge(int dimension) {
+    SetDimension(dimension);
+    from_.push_back(ParseId());
+    to_.push_back(ParseId());
+    PoseGraph::Edge edge = {0, 0, ParsePose(), {}};
+    if (from_.back().id == to_.back().id) {
+      cursor_.Fail(
+          fmt::format("the edge joins vertex {} with itself", to_.back().id),
           "two vertices");
     }
     const int size = TangentSize(read_.dimension);
     edge.information.resize(size, size);
     for (int i = 0; i < size; ++i) {
       for (int j = i; j < size; ++j) {
-        if (!cursor_.ReadNumber("an entry of the information matrix",
-                                &edge.information(i, j))) {
-          return false;
-        }
-        edge.information(j, i) = edge.information(i, j);
+        edge.information(i, j) = edge.information(j, i) =
+            cursor_.Number("an entry of the information matrix");
       }
     }
-    if (!cursor_.ReadLineEnd()) return false;
+    cursor_.EndLine();
     if (!IsPositiveDefinite(edge.information)) {
-      return cursor_.Fail("the information matrix is not positive definite",
-                          "the inverse of a covariance");
+      cursor_.Fail("the information matrix is not positive definite",
+                   "the inverse of a covariance");
     }
     read_.edges.push_back(std::move(edge));
-    ids_of_edges_.push_back(ids);
-    return true;
   }
 
-  bool ParseFixed() {
+  void ParseFixed() {
     do {
-      FixedId fixed = {cursor_.line_number(), 0};
-      if (!ParseId(&fixed.id)) return false;
-      fixed_.push_back(fixed);
+      fixed_.push_back(ParseId());
     } while (!cursor_.PeekToken().empty());
-    return true;
   }
 
-  bool FindColumn(long line, long id, int* column) const {
-    const auto found = columns_.find(id);
-    if (found == columns_.end()) {
-      return cursor_.FailOnLine(
-          line, fmt::format("there is no vertex {}", id), "the id of a vertex");
+  int FindColumn(const IdOnLine& vertex) {
+    const auto found = columns_.find(vertex.id);
+    if (found != columns_.end()) return found->second;
+    cursor_.FailOnLine(vertex.line,
+                       fmt::format("there is no vertex {}", vertex.id),
+                       "the id of a vertex");
+    return 0;
+  }
+
+  void ResolveIds() {
+    for (size_t i = 0; i < from_.size(); ++i) {
+      read_.edges[i].from = FindColumn(from_[i]);
+      read_.edges[i].to = FindColumn(to_[i]);
     }
-    *column = found->second;
-    return true;
-  }
-
-  bool ResolveEdges() {
-    for (size_t i = 0; i < ids_of_edges_.size(); ++i) {
-      const IdsOfEdge& ids = ids_of_edges_[i];
-      if (!FindColumn(ids.line, ids.from, &read_.edges[i].from) ||
-          !FindColumn(ids.line, ids.to, &read_.edges[i].to)) {
-        return false;
-      }
-    }
-    return true;
-  }
-
-  bool ResolveFixed() {
     std::unordered_set<int> columns;
-    for (const FixedId& fixed : fixed_) {
-      int column = 0;
-      if (!FindColumn(fixed.line, fixed.id, &column)) return false;
-      if (!columns.insert(column).second) {
-        return cursor_.FailOnLine(
-            fixed.line,
-            fmt::format("vertex {} is fixed twice", fixed.id),
-            "each vertex once");
+    for (const IdOnLine& fixed : fixed_) {
+      read_.fixed.push_back(FindColumn(fixed));
+      if (!columns.insert(read_.fixed.back()).second) {
+        cursor_.FailOnLine(fixed.line,
+                           fmt::format("vertex {} is fixed twice", fixed.id),
+                           "each vertex once");
       }
-      read_.fixed.push_back(column);
     }
-    return true;
   }
 
   TextCursor cursor_;
   PoseGraph read_;
   std::vector<double> poses_;  // all coordinates
   std::unordered_map<long, int> columns_;
-  std::vector<IdsOfEdge> ids_of_edges_;  // of read_.edges
-  std::vector<FixedId> fixed_;
+  std::vector<IdOnLine> from_, to_;  // of read_.edges
+  std::vector<IdOnLine> fixed_;
 };
 
-bool CheckPose(int dimension, const PoseGraph::Pose& pose) {
-  return pose.size() == PoseSize(dimension) && pose.allFinite() &&
-         (dimension == 2 || HasLengthOne(pose.tail<4>()));
-}
-
-bool CheckEdge(const PoseGraph& graph, const PoseGraph::Edge& edge) {
-  const int num_poses = static_cast<int>(graph.ids.size());
-  const int size = TangentSize(graph.dimension);
-  return edge.from >= 0 && edge.from < num_poses && edge.to >= 0 &&
-         edge.to < num_poses && edge.from != edge.to &&
-         CheckPose(graph.dimension, edge.measurement) &&
-         edge.information.rows() == size && edge.information.cols() == size &&
-         edge.information == edge.information.transpose() &&
-         IsPositiveDefinite(edge.information);
-}
-
 template <typename Vector>
-std::string Join(const Vector& values) {
-  std::string text;
-  for (const double value : values) {
-    fmt::format_to(std::back_inserter(text), " {}", value);
-  }
-  return text;
+auto Join(const Vector& values) {
+  return fmt::join(values.begin(), values.end(), " ");
 }
 
 }  // namespace
@@ -258,64 +202,26 @@ std::string G2oText(const PoseGraph& graph) {
   const auto out = std::back_inserter(text);
   for (size_t i = 0; i < graph.ids.size(); ++i) {
     fmt::format_to(
-        out, "VERTEX_{} {}{}\n", kind, graph.ids[i], Join(graph.poses.col(i)));
+        out, "VERTEX_{} {} {}\n", kind, graph.ids[i], Join(graph.poses.col(i)));
   }
   for (const int column : graph.fixed) {
     fmt::format_to(out, "FIX {}\n", graph.ids[column]);
   }
   for (const PoseGraph::Edge& edge : graph.edges) {
     fmt::format_to(out,
-                   "EDGE_{} {} {}{}",
+                   "EDGE_{} {} {} {}",
                    kind,
                    graph.ids[edge.from],
                    graph.ids[edge.to],
                    Join(edge.measurement));
-    const auto& information = edge.information;
-    for (int i = 0; i < information.rows(); ++i) {
-      text += Join(information.row(i).tail(information.cols() - i));
+    for (int i = 0; i < edge.information.rows(); ++i) {
+      const auto rest =
+          edge.information.col(i).tail(edge.information.rows() - i);
+      fmt::format_to(out, " {}", Join(rest));
     }
     text += '\n';
   }
   return text;
-}
-
-bool CheckG2o(const PoseGraph& graph, std::string* error) {
-  const int num_poses = static_cast<int>(graph.ids.size());
-  if ((graph.dimension != 2 && graph.dimension != 3) || num_poses == 0 ||
-      graph.poses.rows() != PoseSize(graph.dimension) ||
-      graph.poses.cols() != num_poses) {
-    *error = "the dimension is neither 2 nor 3, or other than its poses'";
-    return false;
-  }
-  std::unordered_set<long> ids;
-  for (int i = 0; i < num_poses; ++i) {
-    if (graph.ids[i] < 0 || !ids.insert(graph.ids[i]).second ||
-        !CheckPose(graph.dimension, graph.poses.col(i))) {
-      *error = fmt::format(
-          "pose {} has an id that is negative or used twice, is not finite, or "
-          "has a quaternion of other length than one",
-          i);
-      return false;
-    }
-  }
-  std::unordered_set<int> fixed;
-  for (const int column : graph.fixed) {
-    if (column < 0 || column >= num_poses || !fixed.insert(column).second) {
-      *error = fmt::format(
-          "pose {} is fixed and does not exist, or is fixed twice", column);
-      return false;
-    }
-  }
-  for (size_t i = 0; i < graph.edges.size(); ++i) {
-    if (!CheckEdge(graph, graph.edges[i])) {
-      *error = fmt::format(
-          "edge {} does not join two poses by a measurement of their dimension "
-          "and a positive definite information matrix",
-          i);
-      return false;
-    }
-  }
-  return true;
 }
 
 bool ReadG2oFile(const std::string& path,
@@ -328,12 +234,7 @@ bool ReadG2oFile(const std::string& path,
 bool WriteG2oFile(const std::string& path,
                   const PoseGraph& graph,
                   std::string* error) {
-  std::string problem;
-  if (!CheckG2o(graph, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  return WriteFile(path, G2oText(graph), error);
+  return WriteReadable(path, graph, G2oText, ParseG2o, error);
 }
 
 }  // namespace invgrad

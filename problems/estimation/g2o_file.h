@@ -58,13 +58,8 @@ bool ParseG2o(const std::string& text,
 // Formats `graph` as text that ParseG2o reads back bit for bit.
 std::string G2oText(const PoseGraph& graph);
 
-// Checks what ParseG2o guarantees and WriteG2oFile requires: columns in range,
-// unique ids, sizes that fit the dimension, finite numbers, quaternions of
-// length one, and symmetric positive definite information matrices. If false,
-// *error names the violated condition.
-bool CheckG2o(const PoseGraph& graph, std::string* error);
-
 bool ReadG2oFile(const std::string& path, PoseGraph* graph, std::string* error);
+// Writes plain text if ParseG2o can read it back.
 bool WriteG2oFile(const std::string& path,
                   const PoseGraph& graph,
                   std::string* error);

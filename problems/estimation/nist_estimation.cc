@@ -1,14 +1,12 @@
-#include "problems/estimation/nist_estimation.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 #include "fmt/core.h"
+#include "problems/estimation/estimation.h"
 #include "problems/estimation/nist_file.h"
 #include "problems/estimation/nist_models.h"
-#include "problems/estimation/normal_numbers.h"
 
 namespace invgrad {
 
@@ -22,26 +20,20 @@ std::vector<double> ToVector(const Eigen::VectorXd& values) {
 
 class NistEstimation final : public Estimation {
  public:
-  NistEstimation(NistData data, const NistModel& model)
-      : data_(std::move(data)), model_(model), b_(data_.starts.col(0)) {}
-
-  std::string Description() const override {
-    return fmt::format("{} observations, {} parameters; {}",
-                       data_.responses.size(),
-                       data_.num_parameters(),
-                       model_.formula);
-  }
-
-  int num_starts() const override {
-    return static_cast<int>(data_.starts.cols());
-  }
+  NistEstimation(EstimationTraits traits,
+                 const NistData& data,
+                 const NistModel& model)
+      : Estimation(std::move(traits)),
+        data_(data),
+        model_(model),
+        b_(data.starts.col(0)) {}
 
   void SetStart(int start) override { b_ = data_.starts.col(start); }
 
   // Relative to the size of each parameter.
   void Perturb(double sigma, NumpyRandom* random) override {
     const Eigen::VectorXd noise =
-        sigma * NormalNumbers(data_.num_parameters(), random);
+        sigma * random->Normal(data_.num_parameters());
     b_.array() *= 1.0 + noise.array();
   }
 
@@ -57,22 +49,9 @@ class NistEstimation final : public Estimation {
     return problem;
   }
 
-  // Full accuracy, as in Ceres' examples/nist.cc.
-  void SetBudget(MinimizerOptions* options) const override {
-    constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-    options->max_num_iterations = 10000;
-    options->gradient_tolerance = kEpsilon;
-    options->function_tolerance = kEpsilon;
-    options->parameter_tolerance = kEpsilon;
-  }
-
-  std::string LinearSolver() const override { return "dense_qr"; }
-
   std::optional<Eigen::VectorXd> Digits() const override {
     return LogRelativeErrors(b_, data_.certified);
   }
-
-  std::string Extension() const override { return ".dat"; }
 
   // The estimates replace both starts.
   bool Write(const std::string& path, std::string* error) const override {
@@ -84,27 +63,33 @@ class NistEstimation final : public Estimation {
   void Draw(const std::string& label,
             std::vector<Plot>* panels) const override {
     if (panels->empty()) panels->push_back(DataPanel());
+    Eigen::MatrixXd at = data_.predictors;
+    if (at.cols() == 1) {
+      const double low = at.minCoeff();
+      const double high = at.maxCoeff();
+      at.resize(kNumCurvePoints + 1, 1);
+      for (int i = 0; i <= kNumCurvePoints; ++i) {
+        at(i) = low + (high - low) * i / kNumCurvePoints;
+      }
+    }
     Series curve;
     curve.title = label;
-    if (data_.predictors.cols() == 1) {
-      const double low = data_.predictors.minCoeff();
-      const double high = data_.predictors.maxCoeff();
-      for (int i = 0; i <= kNumCurvePoints; ++i) {
-        const double x = low + (high - low) * i / kNumCurvePoints;
-        curve.x.push_back(x);
-        curve.y.push_back(model_.value(&x, b_.data()));
-      }
-    } else {
-      for (Eigen::Index i = 0; i < data_.predictors.rows(); ++i) {
-        const Eigen::VectorXd x = data_.predictors.row(i);
-        curve.x.push_back(static_cast<double>(i + 1));
-        curve.y.push_back(model_.value(x.data(), b_.data()));
-      }
+    curve.x = Places(at);
+    for (const Eigen::VectorXd x : at.rowwise()) {
+      curve.y.push_back(model_.value(x.data(), b_.data()));
     }
     panels->front().series.push_back(std::move(curve));
   }
 
  private:
+  // The predictor, or, if there are several, the numbers of the observations.
+  static std::vector<double> Places(const Eigen::MatrixXd& predictors) {
+    const Eigen::Index m = predictors.rows();
+    return ToVector(predictors.cols() == 1
+                        ? Eigen::VectorXd(predictors.col(0))
+                        : Eigen::VectorXd::LinSpaced(m, 1.0, m));
+  }
+
   Plot DataPanel() const {
     Plot plot;
     plot.title = data_.name;
@@ -117,13 +102,7 @@ class NistEstimation final : public Estimation {
     if (model_.log_response) {
       for (double& y : points.y) y = std::log(y);
     }
-    if (data_.predictors.cols() == 1) {
-      points.x = ToVector(data_.predictors.col(0));
-    } else {
-      for (size_t i = 0; i < points.y.size(); ++i) {
-        points.x.push_back(static_cast<double>(i + 1));
-      }
-    }
+    points.x = Places(data_.predictors);
     // The range of the data: a start may be orders of magnitude away.
     const auto [low, high] =
         std::minmax_element(points.y.begin(), points.y.end());
@@ -150,8 +129,10 @@ bool FitsCertificate(const NistModel& model, const NistData& data) {
 
 }  // namespace
 
-std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
-                                               std::string* error) {
+std::unique_ptr<Estimation> ReadNistEstimation(
+    const std::string& path,
+    const ReadEstimationOptions& /*options*/,
+    std::string* error) {
   NistData data;
   if (!ReadNistFile(path, &data, error)) return nullptr;
   std::string why;
@@ -165,13 +146,28 @@ std::unique_ptr<Estimation> ReadNistEstimation(const std::string& path,
     return nullptr;
   }
   if (!FitsCertificate(*model, data)) {
-    *error = path +
-             ": the certified parameters do not give the certified sum "
-             "of squares: a number is cut off, or the model is not " +
-             model->formula;
+    *error = fmt::format(
+        "{}: the certified parameters do not give the certified sum of "
+        "squares: "
+        "a number is cut off, or the model is not {}",
+        path,
+        model->formula);
     return nullptr;
   }
-  return std::make_unique<NistEstimation>(std::move(data), *model);
+  EstimationTraits traits;
+  traits.description = fmt::format("{} observations, {} parameters; {}",
+                                   data.responses.size(),
+                                   data.num_parameters(),
+                                   model->formula);
+  traits.linear_solver = "dense_qr";
+  traits.extension = ".dat";
+  traits.num_starts = static_cast<int>(data.starts.cols());
+  // Full accuracy, as in Ceres' examples/nist.cc.
+  MinimizerOptions& budget = traits.budget;
+  budget.max_num_iterations = 10000;
+  budget.gradient_tolerance = budget.function_tolerance =
+      budget.parameter_tolerance = std::numeric_limits<double>::epsilon();
+  return std::make_unique<NistEstimation>(traits, data, *model);
 }
 
 }  // namespace invgrad

@@ -35,10 +35,13 @@ class NistParser {
       : cursor_(text, file, error) {}
 
   bool Parse(NistData* data) {
-    if (!ParseHead() || !CheckLines() || !CheckCounts()) return false;
-    if (!ParseParameters() || !ParseSummary() || !ParseData()) return false;
-    *data = std::move(read_);
-    return true;
+    ParseHead();
+    if (cursor_.ok()) CheckHead();
+    if (cursor_.ok()) ParseParameters();
+    if (cursor_.ok()) ParseSummary();
+    if (cursor_.ok()) ParseData();
+    if (cursor_.ok()) *data = std::move(read_);
+    return cursor_.ok();
   }
 
  private:
@@ -46,7 +49,7 @@ class NistParser {
   const Statement& Get(std::string_view kind) const { return head_.at(kind); }
 
   // The starting values end the head.
-  bool ParseHead() {
+  void ParseHead() {
     while (!Has("Starting") ||
            cursor_.line_number() + 1 < Get("Starting").first) {
       if (!cursor_.NextLine()) {
@@ -54,10 +57,10 @@ class NistParser {
                                    "'Starting Values (lines A to B)' and the "
                                    "starting values on these lines");
       }
-      if (!ParseHeadLine()) return false;
+      ParseHeadLine();
     }
     constexpr std::string_view kEnd = "the head ends";
-    if (read_.name.empty()) return cursor_.Fail(kEnd, "'Dataset Name: NAME'");
+    if (read_.name.empty()) cursor_.Fail(kEnd, "'Dataset Name: NAME'");
     constexpr std::pair<std::string_view, std::string_view> kNeeded[] = {
         {"Certified", "'Certified Values (lines A to B)'"},
         {"Data", "'Data (lines A to B)'"},
@@ -65,21 +68,20 @@ class NistParser {
         {"Observation", "'M Observations'"},
         {"Parameter", "'N Parameters'"}};
     for (const auto& [kind, expected] : kNeeded) {
-      if (!Has(kind)) return cursor_.Fail(kEnd, expected);
+      if (!Has(kind)) cursor_.Fail(kEnd, expected);
     }
-    return true;
   }
 
   // The first statement of each kind is used, because later prose may begin
   // like a statement.
-  bool ParseHeadLine() {
+  void ParseHeadLine() {
     const std::string_view first = cursor_.NextToken();
     const std::string_view second = cursor_.PeekToken();
     if (first == "Dataset" && second == "Name:" && read_.name.empty()) {
       cursor_.NextToken();
       read_.name = cursor_.NextToken();
-      return !read_.name.empty() ||
-             cursor_.FailAtToken("", "the data set's name");
+      if (read_.name.empty()) cursor_.FailAtToken("", "the data set's name");
+      return;
     }
     const bool is_data = first == "Data" && second == "(lines";
     const bool is_values =
@@ -91,32 +93,27 @@ class NistParser {
     // The counts are below the prose.
     is_below_prose_ = is_below_prose_ || first == "Data:";
     if (is_below_prose_) ParseCount(first, second);
-    return true;
   }
 
   // "(lines 41 to  43)".
-  bool ParseLines(std::string_view kind) {
+  void ParseLines(std::string_view kind) {
     Statement& lines = head_[kind];
     lines.line = cursor_.line_number();
-    if (!cursor_.ReadWords("(lines") ||
-        !cursor_.ReadInteger("the first line's number",
-                             lines.line + 1,
-                             kLargestCount,
-                             &lines.first) ||
-        !cursor_.ReadWords("to")) {
-      return false;
-    }
+    cursor_.Words("(lines");
+    lines.first = cursor_.Integer(
+        "the first line's number", lines.line + 1, kLargestCount);
+    cursor_.Words("to");
     const std::string_view token = cursor_.NextToken();
     if (token.empty() || token.back() != ')' ||
         !ParseInteger(token.substr(0, token.size() - 1), &lines.last)) {
-      return cursor_.FailAtToken(token, "the last line's number and ')'");
+      cursor_.FailAtToken(token, "the last line's number and ')'");
     }
-    return (lines.last >= lines.first && lines.last <= cursor_.num_lines()) ||
-           cursor_.Fail(
-               fmt::format(
-                   "lines {} to {} are claimed", lines.first, lines.last),
-               fmt::format("lines in order, up to line {}, where the text ends",
-                           cursor_.num_lines()));
+    if (lines.last < lines.first || lines.last > cursor_.num_lines()) {
+      cursor_.Fail(
+          fmt::format("lines {} to {} are claimed", lines.first, lines.last),
+          fmt::format("lines in order, up to line {}, where the text ends",
+                      cursor_.num_lines()));
+    }
   }
 
   // "14 Observations", "1 Predictor Variable", "2 Parameters (b1 and b2)".
@@ -129,147 +126,131 @@ class NistParser {
     }
   }
 
-  bool CheckLines() const {
+  // The ranges of lines are in order, and the counts agree with them.
+  void CheckHead() {
+    const Statement& starts = Get("Starting");
     const Statement& certified = Get("Certified");
-    if (certified.first != Get("Starting").first ||
-        certified.last < Get("Starting").last) {
-      return cursor_.FailOnLine(certified.line,
-                                "the certified values are on other lines",
-                                "lines that begin with the starting values'");
+    const Statement& data = Get("Data");
+    const long n = starts.last - starts.first + 1;
+    const long m = data.last - data.first + 1;
+    if (certified.first != starts.first || certified.last < starts.last) {
+      cursor_.FailOnLine(certified.line,
+                         "the certified values are on other lines",
+                         "lines that begin with the starting values'");
     }
-    return Get("Data").first > certified.last ||
-           cursor_.FailOnLine(
-               Get("Data").line,
-               "the data are not below the certified values",
-               fmt::format("line {} at the earliest", certified.last + 1));
+    if (data.first <= certified.last) {
+      cursor_.FailOnLine(
+          data.line,
+          "the data are not below the certified values",
+          fmt::format("line {} at the earliest", certified.last + 1));
+    }
+    CheckCount("Parameter",
+               Get("Parameter").first == n,
+               fmt::format("{}, as many as lines of starting values", n));
+    CheckCount("Observation",
+               Get("Observation").first == m,
+               fmt::format("{}, as many as lines of data", m));
+    CheckCount("Observation",
+               m >= n,
+               fmt::format("no fewer than the {} parameters", n));
+    CheckCount("Predictor", Get("Predictor").first >= 1, "1 or more");
   }
 
-  // The counts must agree with the ranges of lines.
-  bool CheckCounts() const {
-    const long num_starts = Get("Starting").last - Get("Starting").first + 1;
-    const long num_rows = Get("Data").last - Get("Data").first + 1;
-    return CheckCount("Parameter",
-                      Get("Parameter").first == num_starts,
-                      fmt::format("{}, as many as lines of starting values",
-                                  num_starts)) &&
-           CheckCount("Observation",
-                      Get("Observation").first == num_rows,
-                      fmt::format("{}, as many as lines of data", num_rows)) &&
-           CheckCount(
-               "Observation",
-               num_rows >= num_starts,
-               fmt::format("no fewer than the {} parameters", num_starts)) &&
-           CheckCount("Predictor", Get("Predictor").first >= 1, "1 or more");
-  }
-
-  bool CheckCount(std::string kind,
-                  bool is_right,
-                  std::string_view expected) const {
-    if (is_right) return true;
+  void CheckCount(std::string kind, bool is_right, std::string_view expected) {
+    if (is_right) return;
     const Statement& count = Get(kind);
     kind[0] = static_cast<char>(std::tolower(kind[0]));
-    return cursor_.FailOnLine(
-        count.line,
-        fmt::format("{} {}s are claimed", count.first, kind),
-        expected);
+    cursor_.FailOnLine(count.line,
+                       fmt::format("{} {}s are claimed", count.first, kind),
+                       expected);
   }
 
-  bool ParseParameters() {
+  void ParseParameters() {
     const long n = Get("Parameter").first;
     read_.starts.resize(n, 2);
     read_.certified.resize(n);
     read_.standard_deviations.resize(n);
     for (long i = 0; i < n; ++i) {
       cursor_.NextLine();
-      if (!cursor_.ReadWords(fmt::format("b{} =", i + 1)) ||
-          !cursor_.ReadNumber("starting value 1", &read_.starts(i, 0)) ||
-          !cursor_.ReadNumber("starting value 2", &read_.starts(i, 1)) ||
-          !cursor_.ReadNumber("the certified value", &read_.certified(i)) ||
-          !ReadNonNegative("the standard deviation",
-                           &read_.standard_deviations(i)) ||
-          !cursor_.ReadLineEnd()) {
-        return false;
-      }
+      cursor_.Words(fmt::format("b{} =", i + 1));
+      read_.starts(i, 0) = cursor_.Number("starting value 1");
+      read_.starts(i, 1) = cursor_.Number("starting value 2");
+      read_.certified(i) = cursor_.Number("the certified value");
+      read_.standard_deviations(i) = NonNegative("the standard deviation");
+      cursor_.EndLine();
     }
-    return true;
   }
 
-  bool ReadNonNegative(const std::string& expected, double* value) {
-    return cursor_.ReadNumber(expected, value) &&
-           (*value >= 0.0 ||
-            cursor_.Fail("a negative number", expected + ": 0 or more"));
+  double NonNegative(const std::string& expected) {
+    const double value = cursor_.Number(expected);
+    if (value < 0.0) {
+      cursor_.Fail("a negative number", expected + ": 0 or more");
+    }
+    return value;
   }
 
-  // The lines after the parameters, up to the last certified value.
-  bool ParseSummary() {
-    std::set<std::string_view> lines;
+  // The lines after the parameters, up to the last certified value: four
+  // values, each at most once, of which two are needed.
+  void ParseSummary() {
+    constexpr std::string_view kSum = "Residual Sum of Squares:";
+    constexpr std::string_view kCount = "Number of Observations:";
+    std::set<std::string_view> found;
+    const auto begins = [&](std::string_view label) {
+      return found.count(label) == 0 && cursor_.SkipWords(label) &&
+             found.insert(label).second;
+    };
     while (cursor_.line_number() < Get("Certified").last &&
            cursor_.NextLine()) {
-      const std::string_view word = cursor_.NextToken();
-      if (word.empty()) continue;
-      const bool is_sum = word == "Residual" && cursor_.PeekToken() == "Sum";
-      const std::string_view line = is_sum ? "Sum" : word;
-      const bool is_new = lines.insert(line).second;
-      bool is_read = false;
-      if (is_new && line == "Sum") {
-        is_read = cursor_.ReadWords("Sum of Squares:") &&
-                  ReadNonNegative("the residual sum of squares",
-                                  &read_.certified_sum_of_squares);
-      } else if (is_new && line == "Residual") {
-        double deviation = 0.0;  // follows from the sum of squares
-        is_read =
-            cursor_.ReadWords("Standard Deviation:") &&
-            ReadNonNegative("the residual standard deviation", &deviation);
-      } else if (is_new && line == "Degrees") {
+      if (cursor_.PeekToken().empty()) continue;
+      if (begins(kSum)) {
+        read_.certified_sum_of_squares =
+            NonNegative("the residual sum of squares");
+      } else if (begins("Residual Standard Deviation:")) {
+        NonNegative("the residual standard deviation");  // follows from the sum
+      } else if (begins("Degrees of Freedom:")) {
         // Rat43.dat states 9, and has 15 observations and 4 parameters.
-        long degrees = 0;
-        is_read = cursor_.ReadWords("of Freedom:") &&
-                  cursor_.ReadInteger(
-                      "the degrees of freedom", 0, kLargestCount, &degrees);
-      } else if (is_new && line == "Number") {
-        long count = Get("Observation").first;
-        is_read = cursor_.ReadWords("of Observations:") &&
-                  cursor_.ReadInteger(
-                      "the number of observations", count, count, &count);
+        cursor_.Integer("the degrees of freedom", 0, kLargestCount);
+      } else if (begins(kCount)) {
+        const long m = Get("Observation").first;
+        cursor_.Integer("the number of observations", m, m);
       } else {
-        return cursor_.FailAtToken(
-            word,
+        cursor_.FailAtToken(
+            cursor_.NextToken(),
             "one each of 'Residual Sum of Squares:', 'Residual Standard "
             "Deviation:', 'Degrees of Freedom:' and 'Number of "
             "Observations:'");
       }
-      if (!is_read || !cursor_.ReadLineEnd()) return false;
+      cursor_.EndLine();
     }
-    if (lines.count("Sum") > 0 && lines.count("Number") > 0) return true;
-    return cursor_.Fail("the certified values end",
-                        lines.count("Sum") > 0 ? "'Number of Observations:'"
-                                               : "'Residual Sum of Squares:'");
+    for (const std::string_view label : {kSum, kCount}) {
+      if (found.count(label) == 0) {
+        cursor_.Fail("the certified values end", fmt::format("'{}'", label));
+      }
+    }
   }
 
-  bool ParseData() {
+  void ParseData() {
     const long m = Get("Observation").first;
     const long p = Get("Predictor").first;
     while (cursor_.line_number() + 1 < Get("Data").first) {
       cursor_.NextLine();  // a blank line and the names of the columns
     }
     // "0 0\n" is the shortest row of one predictor.
-    if (!CheckCount("Predictor",
-                    p < (cursor_.num_bytes_left() + 1) / (2 * m),
-                    "as many as there are in the lines of data")) {
-      return false;
-    }
+    CheckCount("Predictor",
+               p < (cursor_.num_bytes_left() + 1) / (2 * m),
+               "as many as there are in the lines of data");
+    if (!cursor_.ok()) return;  // before memory is allocated
     read_.responses.resize(m);
     read_.predictors.resize(m, p);
     for (long i = 0; i < m; ++i) {
       cursor_.NextLine();
-      if (!cursor_.ReadNumber("a response", &read_.responses(i))) return false;
-      for (long j = 0; j < p; ++j) {
-        double* predictor = &read_.predictors(i, j);
-        if (!cursor_.ReadNumber("a predictor", predictor)) return false;
+      read_.responses(i) = cursor_.Number("a response");
+      for (double& x : read_.predictors.row(i)) {
+        x = cursor_.Number("a predictor");
       }
-      if (!cursor_.ReadLineEnd()) return false;
+      cursor_.EndLine();
     }
-    return cursor_.ReadTextEnd();
+    cursor_.EndText();
   }
 
   TextCursor cursor_;
@@ -279,13 +260,6 @@ class NistParser {
   // counts.
   std::map<std::string_view, Statement> head_;
 };
-
-std::string Lines(long first, long last) {
-  return fmt::format("(lines {} to {})\n", first, last);
-}
-std::string Count(long count, std::string_view thing) {
-  return fmt::format("{} {}{}\n", count, thing, count == 1 ? "" : "s");
-}
 
 }  // namespace
 
@@ -312,16 +286,23 @@ std::string NistText(const NistData& data) {
     const long next = std::count(text.begin(), text.end(), '\n') + 1;
     text.append(std::max(line - next, 0L), '\n');
   };
-  const std::string indent(15, ' ');
-  text += "NIST/ITL StRD\nDataset Name:  " + data.name + "\n\n";
+  const auto lines = [out](const char* what, long first, long last) {
+    fmt::format_to(out, "{:15}{:18}(lines {} to {})\n", "", what, first, last);
+  };
+  const auto count = [out](long number, const char* what) {
+    fmt::format_to(
+        out, "{:15}{} {}{}\n", "", number, what, number == 1 ? "" : "s");
+  };
+  fmt::format_to(out, "NIST/ITL StRD\nDataset Name:  {}\n\n", data.name);
   text += "File Format:   ASCII\n";
-  text += indent + "Starting Values   " + Lines(kFirstStart, last_start);
-  text += indent + "Certified Values  " + Lines(kFirstStart, last_certified);
-  text += indent + "Data              " + Lines(first_row, first_row + m - 1);
+  lines("Starting Values", kFirstStart, last_start);
+  lines("Certified Values", kFirstStart, last_certified);
+  lines("Data", first_row, first_row + m - 1);
   text += "\nData:          1 Response\n";
-  text += indent + Count(data.predictors.cols(), "Predictor");
-  text += indent + Count(m, "Observation");
-  text += "\nModel:\n" + indent + Count(n, "Parameter");
+  count(data.predictors.cols(), "Predictor");
+  count(m, "Observation");
+  text += "\nModel:\n";
+  count(n, "Parameter");
   skip_to(kFirstStart - 1);
   text += "        Start 1     Start 2     Parameter     Standard Deviation\n";
   for (long i = 0; i < n; ++i) {
@@ -334,51 +315,24 @@ std::string NistText(const NistData& data) {
                    data.standard_deviations(i));
   }
   const double sum = data.certified_sum_of_squares;
-  fmt::format_to(out, "\nResidual Sum of Squares:  {}\n", sum);
   fmt::format_to(out,
-                 "Residual Standard Deviation:  {}\n",
-                 std::sqrt(sum / static_cast<double>(std::max(m - n, 1L))));
-  fmt::format_to(out, "Degrees of Freedom:  {}\n", m - n);
-  fmt::format_to(out, "Number of Observations:  {}\n", m);
+                 "\nResidual Sum of Squares:  {}\n"
+                 "Residual Standard Deviation:  {}\n"
+                 "Degrees of Freedom:  {}\nNumber of Observations:  {}\n",
+                 sum,
+                 std::sqrt(sum / static_cast<double>(std::max(m - n, 1L))),
+                 m - n,
+                 m);
   skip_to(first_row - 1);
   text += "Data:   y  x\n";
   for (long i = 0; i < m; ++i) {
-    fmt::format_to(out, "      {}", data.responses(i));
-    for (const double x : data.predictors.row(i)) {
-      fmt::format_to(out, "  {}", x);
-    }
-    text += '\n';
+    const Eigen::VectorXd x = data.predictors.row(i);
+    fmt::format_to(out,
+                   "      {}  {}\n",
+                   data.responses(i),
+                   fmt::join(x.begin(), x.end(), "  "));
   }
   return text;
-}
-
-bool CheckNist(const NistData& data, std::string* error) {
-  const long n = data.certified.size();
-  const long m = data.responses.size();
-  if (n == 0 || m < n || data.predictors.rows() != m ||
-      data.predictors.cols() == 0 || data.starts.rows() != n ||
-      data.starts.cols() != 2 || data.standard_deviations.size() != n) {
-    *error = "the numbers of parameters, predictors and observations disagree";
-    return false;
-  }
-  if (!data.responses.allFinite() || !data.predictors.allFinite() ||
-      !data.starts.allFinite() || !data.certified.allFinite() ||
-      !data.standard_deviations.allFinite() ||
-      !std::isfinite(data.certified_sum_of_squares)) {
-    *error = "a number is not finite";
-    return false;
-  }
-  if (data.standard_deviations.minCoeff() < 0.0 ||
-      data.certified_sum_of_squares < 0.0) {
-    *error = "a standard deviation or the sum of squares is negative";
-    return false;
-  }
-  if (data.name.empty() ||
-      data.name.find_first_of(" \t\r\n\v\f") != std::string::npos) {
-    *error = "the name '" + data.name + "' is not one word";
-    return false;
-  }
-  return true;
 }
 
 bool ReadNistFile(const std::string& path, NistData* data, std::string* error) {
@@ -389,12 +343,7 @@ bool ReadNistFile(const std::string& path, NistData* data, std::string* error) {
 bool WriteNistFile(const std::string& path,
                    const NistData& data,
                    std::string* error) {
-  std::string problem;
-  if (!CheckNist(data, &problem)) {
-    *error = "cannot write " + path + ": " + problem;
-    return false;
-  }
-  return WriteFile(path, NistText(data), error);
+  return WriteReadable(path, data, NistText, ParseNist, error);
 }
 
 }  // namespace invgrad

@@ -48,14 +48,9 @@ bool ParseNist(const std::string& text,
 // Formats `data` as text that ParseNist reads back bit for bit.
 std::string NistText(const NistData& data);
 
-// Checks what ParseNist guarantees and WriteNistFile requires: consistent
-// sizes, at least one parameter and predictor, at least as many observations as
-// parameters, finite numbers, and a name of one word. If false, *error names
-// the violated condition.
-bool CheckNist(const NistData& data, std::string* error);
-
 bool ReadNistFile(const std::string& path, NistData* data, std::string* error);
 
+// Writes plain text if ParseNist can read it back.
 bool WriteNistFile(const std::string& path,
                    const NistData& data,
                    std::string* error);

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <type_traits>
 
 #include "ceres/autodiff_cost_function.h"
 #include "fmt/format.h"
@@ -21,11 +19,19 @@ using std::exp;
 using std::pow;
 using std::sin;
 
-constexpr double kPi = 3.14159265358979323846;
-
 template <typename T>
 T Square(const T& value) {
   return value * value;
+}
+
+// x, or a number if there is one predictor.
+template <int kNumPredictors>
+auto Predictors(const double* x) {
+  if constexpr (kNumPredictors == 1) {
+    return *x;
+  } else {
+    return x;
+  }
 }
 
 template <typename Function, int kNumPredictors>
@@ -36,172 +42,159 @@ struct Residual {
 
   template <typename T>
   bool operator()(const T* b, T* residual) const {
-    residual[0] = response - f(x.data(), b);
+    residual[0] = response - f(Predictors<kNumPredictors>(x.data()), b);
     return true;
   }
 };
 
-// f: a function of x and b for any scalar type of b.
+// The model of data sets. f: a function of x (a number, or a pointer to several
+// predictors) and b (a pointer to any scalar type).
 template <int kNumParameters, int kNumPredictors = 1, typename Function>
-NistModel Model(const std::string& name,
-                const std::string& formula,
-                Function f,
-                bool log_response = false) {
-  NistModel model;
-  model.name = name;
-  model.formula = formula;
-  model.num_parameters = kNumParameters;
-  model.num_predictors = kNumPredictors;
-  model.log_response = log_response;
-  model.value = [f](const double* x, const double* b) { return f(x, b); };
-  model.make_cost = [f, log_response](const double* x, double y) {
+std::vector<NistModel> Models(const std::vector<std::string>& names,
+                              const std::string& formula,
+                              Function f) {
+  const bool log_response = formula.rfind("log y", 0) == 0;
+  const auto value = [f](const double* x, const double* b) {
+    return f(Predictors<kNumPredictors>(x), b);
+  };
+  const auto make_cost = [f, log_response](const double* x, double y) {
     using Cost = Residual<Function, kNumPredictors>;
     auto* residual = new Cost{f, {}, log_response ? std::log(y) : y};
     std::copy_n(x, kNumPredictors, residual->x.begin());
     return new ceres::AutoDiffCostFunction<Cost, 1, kNumParameters>(residual);
   };
-  return model;
+  std::vector<NistModel> models;
+  for (const std::string& name : names) {
+    models.push_back({name,
+                      formula,
+                      kNumParameters,
+                      kNumPredictors,
+                      log_response,
+                      value,
+                      make_cost});
+  }
+  return models;
 }
 
 std::vector<NistModel> MakeModels() {
-  // Functions of several data sets.
-  const auto one_minus_exp = [](const double* x, const auto* b) {
-    return b[0] * (1.0 - exp(-b[1] * x[0]));
-  };
-  const auto exp_over_line = [](const double* x, const auto* b) {
-    return exp(-b[0] * x[0]) / (b[1] + b[2] * x[0]);
-  };
-  const auto three_exps = [](const double* x, const auto* b) {
-    return b[0] * exp(-b[1] * x[0]) + b[2] * exp(-b[3] * x[0]) +
-           b[4] * exp(-b[5] * x[0]);
-  };
-  const auto exp_and_two_peaks = [](const double* x, const auto* b) {
-    return b[0] * exp(-b[1] * x[0]) +
-           b[2] * exp(-Square((x[0] - b[3]) / b[4])) +
-           b[5] * exp(-Square((x[0] - b[6]) / b[7]));
-  };
-  const auto cubic_over_cubic = [](const double* x, const auto* b) {
-    return (b[0] + x[0] * (b[1] + x[0] * (b[2] + x[0] * b[3]))) /
-           (1.0 + x[0] * (b[4] + x[0] * (b[5] + x[0] * b[6])));
-  };
-  const std::string one_minus_exp_text = "y = b1 (1 - exp(-b2 x))";
-  const std::string exp_over_line_text = "y = exp(-b1 x) / (b2 + b3 x)";
-  const std::string three_exps_text =
-      "y = b1 exp(-b2 x) + b3 exp(-b4 x) + b5 exp(-b6 x)";
-  const std::string exp_and_two_peaks_text =
-      "y = b1 exp(-b2 x) + b3 exp(-((x - b4) / b5)^2) + b6 exp(-((x - b7) / "
-      "b8)^2)";
-  const std::string cubic_over_cubic_text =
-      "y = (b1 + b2 x + b3 x^2 + b4 x^3) / (1 + b5 x + b6 x^2 + b7 x^3)";
-  return {
-      Model<2>("Misra1a", one_minus_exp_text, one_minus_exp),
-      Model<3>("Chwirut2", exp_over_line_text, exp_over_line),
-      Model<3>("Chwirut1", exp_over_line_text, exp_over_line),
-      Model<6>("Lanczos3", three_exps_text, three_exps),
-      Model<8>("Gauss1", exp_and_two_peaks_text, exp_and_two_peaks),
-      Model<8>("Gauss2", exp_and_two_peaks_text, exp_and_two_peaks),
-      Model<2>("DanWood",
-               "y = b1 x^b2",
-               [](const double* x, const auto* b) {
-                 using T = std::decay_t<decltype(*b)>;
-                 return b[0] * pow(T(x[0]), b[1]);
-               }),
-      Model<2>("Misra1b",
-               "y = b1 (1 - (1 + b2 x / 2)^-2)",
-               [](const double* x, const auto* b) {
-                 return b[0] * (1.0 - pow(1.0 + b[1] * x[0] / 2.0, -2.0));
-               }),
-      Model<5>("Kirby2",
-               "y = (b1 + b2 x + b3 x^2) / (1 + b4 x + b5 x^2)",
-               [](const double* x, const auto* b) {
-                 return (b[0] + x[0] * (b[1] + x[0] * b[2])) /
-                        (1.0 + x[0] * (b[3] + x[0] * b[4]));
-               }),
-      Model<7>("Hahn1", cubic_over_cubic_text, cubic_over_cubic),
-      Model<3, 2>(
-          "Nelson",
-          "log y = b1 - b2 x1 exp(-b3 x2)",
-          [](const double* x, const auto* b) {
-            return b[0] - b[1] * x[0] * exp(-b[2] * x[1]);
-          },
-          /*log_response=*/true),
-      Model<5>("MGH17",
-               "y = b1 + b2 exp(-b4 x) + b3 exp(-b5 x)",
-               [](const double* x, const auto* b) {
-                 return b[0] + b[1] * exp(-b[3] * x[0]) +
-                        b[2] * exp(-b[4] * x[0]);
-               }),
-      Model<6>("Lanczos1", three_exps_text, three_exps),
-      Model<6>("Lanczos2", three_exps_text, three_exps),
-      Model<8>("Gauss3", exp_and_two_peaks_text, exp_and_two_peaks),
-      Model<2>("Misra1c",
-               "y = b1 (1 - (1 + 2 b2 x)^-0.5)",
-               [](const double* x, const auto* b) {
-                 return b[0] * (1.0 - pow(1.0 + 2.0 * b[1] * x[0], -0.5));
-               }),
-      Model<2>("Misra1d",
-               "y = b1 b2 x / (1 + b2 x)",
-               [](const double* x, const auto* b) {
-                 return b[0] * b[1] * x[0] / (1.0 + b[1] * x[0]);
-               }),
+  const std::vector<NistModel> groups[] = {
+      Models<2>({"Misra1a", "BoxBOD"},
+                "y = b1 (1 - exp(-b2 x))",
+                [](auto x, auto b) { return b[0] * (1.0 - exp(-b[1] * x)); }),
+      Models<3>(
+          {"Chwirut1", "Chwirut2"},
+          "y = exp(-b1 x) / (b2 + b3 x)",
+          [](auto x, auto b) { return exp(-b[0] * x) / (b[1] + b[2] * x); }),
+      Models<6>({"Lanczos1", "Lanczos2", "Lanczos3"},
+                "y = b1 exp(-b2 x) + b3 exp(-b4 x) + b5 exp(-b6 x)",
+                [](auto x, auto b) {
+                  return b[0] * exp(-b[1] * x) + b[2] * exp(-b[3] * x) +
+                         b[4] * exp(-b[5] * x);
+                }),
+      Models<8>({"Gauss1", "Gauss2", "Gauss3"},
+                "y = b1 exp(-b2 x) + b3 exp(-((x - b4) / b5)^2) + b6 exp(-((x "
+                "- b7) / b8)^2)",
+                [](auto x, auto b) {
+                  return b[0] * exp(-b[1] * x) +
+                         b[2] * exp(-Square((x - b[3]) / b[4])) +
+                         b[5] * exp(-Square((x - b[6]) / b[7]));
+                }),
+      Models<2>({"DanWood"},
+                "y = b1 x^b2",
+                [](auto x, auto b) { return b[0] * pow(x, b[1]); }),
+      Models<2>({"Misra1b"},
+                "y = b1 (1 - (1 + b2 x / 2)^-2)",
+                [](auto x, auto b) {
+                  return b[0] * (1.0 - pow(1.0 + b[1] * x / 2.0, -2.0));
+                }),
+      Models<5>({"Kirby2"},
+                "y = (b1 + b2 x + b3 x^2) / (1 + b4 x + b5 x^2)",
+                [](auto x, auto b) {
+                  return (b[0] + x * (b[1] + x * b[2])) /
+                         (1.0 + x * (b[3] + x * b[4]));
+                }),
+      Models<7>(
+          {"Hahn1", "Thurber"},
+          "y = (b1 + b2 x + b3 x^2 + b4 x^3) / (1 + b5 x + b6 x^2 + b7 x^3)",
+          [](auto x, auto b) {
+            return (b[0] + x * (b[1] + x * (b[2] + x * b[3]))) /
+                   (1.0 + x * (b[4] + x * (b[5] + x * b[6])));
+          }),
+      Models<3, 2>({"Nelson"},
+                   "log y = b1 - b2 x1 exp(-b3 x2)",
+                   [](auto x, auto b) {
+                     return b[0] - b[1] * x[0] * exp(-b[2] * x[1]);
+                   }),
+      Models<5>({"MGH17"},
+                "y = b1 + b2 exp(-b4 x) + b3 exp(-b5 x)",
+                [](auto x, auto b) {
+                  return b[0] + b[1] * exp(-b[3] * x) + b[2] * exp(-b[4] * x);
+                }),
+      Models<2>({"Misra1c"},
+                "y = b1 (1 - (1 + 2 b2 x)^-0.5)",
+                [](auto x, auto b) {
+                  return b[0] * (1.0 - pow(1.0 + 2.0 * b[1] * x, -0.5));
+                }),
+      Models<2>(
+          {"Misra1d"},
+          "y = b1 b2 x / (1 + b2 x)",
+          [](auto x, auto b) { return b[0] * b[1] * x / (1.0 + b[1] * x); }),
       // arctan in (-pi/2, pi/2) for b3 > 0, x < b4
-      Model<4>("Roszman1",
-               "y = b1 - b2 x - arctan(b3 / (x - b4)) / pi",
-               [](const double* x, const auto* b) {
-                 return b[0] - b[1] * x[0] + atan2(b[2], b[3] - x[0]) / kPi;
-               }),
+      Models<4>({"Roszman1"},
+                "y = b1 - b2 x - arctan(b3 / (x - b4)) / pi",
+                [](auto x, auto b) {
+                  return b[0] - b[1] * x + atan2(b[2], b[3] - x) / M_PI;
+                }),
       // arctan in (0, pi) for b3 > 0
-      Model<4>("Roszman1",
-               "y = b1 - b2 x - atan2(b3, x - b4) / pi",
-               [](const double* x, const auto* b) {
-                 return b[0] - b[1] * x[0] - atan2(b[2], x[0] - b[3]) / kPi;
-               }),
-      Model<9>("ENSO",
-               "y = b1 + b2 cos(2 pi x / 12) + b3 sin(2 pi x / 12) + b5 cos(2 "
-               "pi x / b4) + b6 sin(2 pi x / b4) + b8 cos(2 pi x / b7) + b9 "
-               "sin(2 pi x / b7)",
-               [](const double* x, const auto* b) {
-                 const double year = 2.0 * kPi * x[0] / 12.0;
-                 const auto el_nino = 2.0 * kPi * x[0] / b[3];
-                 const auto oscillation = 2.0 * kPi * x[0] / b[6];
-                 return b[0] + b[1] * cos(year) + b[2] * sin(year) +
-                        b[4] * cos(el_nino) + b[5] * sin(el_nino) +
-                        b[7] * cos(oscillation) + b[8] * sin(oscillation);
-               }),
-      Model<4>("MGH09",
-               "y = b1 (x^2 + b2 x) / (x^2 + b3 x + b4)",
-               [](const double* x, const auto* b) {
-                 return b[0] * x[0] * (x[0] + b[1]) /
-                        (x[0] * (x[0] + b[2]) + b[3]);
-               }),
-      Model<7>("Thurber", cubic_over_cubic_text, cubic_over_cubic),
-      Model<2>("BoxBOD", one_minus_exp_text, one_minus_exp),
-      Model<3>("Rat42",
-               "y = b1 / (1 + exp(b2 - b3 x))",
-               [](const double* x, const auto* b) {
-                 return b[0] / (1.0 + exp(b[1] - b[2] * x[0]));
-               }),
-      Model<3>("MGH10",
-               "y = b1 exp(b2 / (x + b3))",
-               [](const double* x, const auto* b) {
-                 return b[0] * exp(b[1] / (x[0] + b[2]));
-               }),
-      Model<3>("Eckerle4",
-               "y = b1 / b2 exp(-0.5 ((x - b3) / b2)^2)",
-               [](const double* x, const auto* b) {
-                 return b[0] / b[1] * exp(-0.5 * Square((x[0] - b[2]) / b[1]));
-               }),
-      Model<4>("Rat43",
-               "y = b1 / (1 + exp(b2 - b3 x))^(1 / b4)",
-               [](const double* x, const auto* b) {
-                 return b[0] * pow(1.0 + exp(b[1] - b[2] * x[0]), -1.0 / b[3]);
-               }),
-      Model<3>("Bennett5",
-               "y = b1 (b2 + x)^(-1 / b3)",
-               [](const double* x, const auto* b) {
-                 return b[0] * pow(b[1] + x[0], -1.0 / b[2]);
-               }),
+      Models<4>({"Roszman1"},
+                "y = b1 - b2 x - atan2(b3, x - b4) / pi",
+                [](auto x, auto b) {
+                  return b[0] - b[1] * x - atan2(b[2], x - b[3]) / M_PI;
+                }),
+      Models<9>({"ENSO"},
+                "y = b1 + b2 cos(2 pi x / 12) + b3 sin(2 pi x / 12) + b5 cos(2 "
+                "pi x / b4) + b6 sin(2 pi x / b4) + b8 cos(2 pi x / b7) + b9 "
+                "sin(2 pi x / b7)",
+                [](auto x, auto b) {
+                  const double year = 2.0 * M_PI * x / 12.0;
+                  const auto el_nino = 2.0 * M_PI * x / b[3];
+                  const auto oscillation = 2.0 * M_PI * x / b[6];
+                  return b[0] + b[1] * cos(year) + b[2] * sin(year) +
+                         b[4] * cos(el_nino) + b[5] * sin(el_nino) +
+                         b[7] * cos(oscillation) + b[8] * sin(oscillation);
+                }),
+      Models<4>({"MGH09"},
+                "y = b1 (x^2 + b2 x) / (x^2 + b3 x + b4)",
+                [](auto x, auto b) {
+                  return b[0] * x * (x + b[1]) / (x * (x + b[2]) + b[3]);
+                }),
+      Models<3>(
+          {"Rat42"},
+          "y = b1 / (1 + exp(b2 - b3 x))",
+          [](auto x, auto b) { return b[0] / (1.0 + exp(b[1] - b[2] * x)); }),
+      Models<3>({"MGH10"},
+                "y = b1 exp(b2 / (x + b3))",
+                [](auto x, auto b) { return b[0] * exp(b[1] / (x + b[2])); }),
+      Models<3>({"Eckerle4"},
+                "y = b1 / b2 exp(-0.5 ((x - b3) / b2)^2)",
+                [](auto x, auto b) {
+                  return b[0] / b[1] * exp(-0.5 * Square((x - b[2]) / b[1]));
+                }),
+      Models<4>({"Rat43"},
+                "y = b1 / (1 + exp(b2 - b3 x))^(1 / b4)",
+                [](auto x, auto b) {
+                  return b[0] * pow(1.0 + exp(b[1] - b[2] * x), -1.0 / b[3]);
+                }),
+      Models<3>(
+          {"Bennett5"},
+          "y = b1 (b2 + x)^(-1 / b3)",
+          [](auto x, auto b) { return b[0] * pow(b[1] + x, -1.0 / b[2]); }),
   };
+  std::vector<NistModel> models;
+  for (const std::vector<NistModel>& group : groups) {
+    models.insert(models.end(), group.begin(), group.end());
+  }
+  return models;
 }
 
 }  // namespace
@@ -213,8 +206,7 @@ const std::vector<NistModel>& NistModels() {
 
 const NistModel* FindNistModel(const NistData& data, std::string* error) {
   const NistModel* nearest = nullptr;
-  const NistModel* of_other_size = nullptr;
-  double least = std::numeric_limits<double>::infinity();
+  double least = 0.0;
   std::vector<std::string> names;
   for (const NistModel& model : NistModels()) {
     if (names.empty() || names.back() != model.name) {
@@ -223,8 +215,15 @@ const NistModel* FindNistModel(const NistData& data, std::string* error) {
     if (model.name != data.name) continue;
     if (data.num_parameters() != model.num_parameters ||
         data.predictors.cols() != model.num_predictors) {
-      of_other_size = &model;
-      continue;
+      *error = fmt::format(
+          "{} has {} parameters and {} predictors; expected {} and {} for {}",
+          data.name,
+          data.num_parameters(),
+          data.predictors.cols(),
+          model.num_parameters,
+          model.num_predictors,
+          model.formula);
+      return nullptr;
     }
     const double difference =
         std::abs(SumOfSquares(model, data, data.certified) -
@@ -234,22 +233,12 @@ const NistModel* FindNistModel(const NistData& data, std::string* error) {
       least = difference;
     }
   }
-  if (nearest != nullptr) return nearest;
-  if (of_other_size != nullptr) {
-    *error = fmt::format(
-        "{} has {} parameters and {} predictors; expected {} and {} for {}",
-        data.name,
-        data.num_parameters(),
-        data.predictors.cols(),
-        of_other_size->num_parameters,
-        of_other_size->num_predictors,
-        of_other_size->formula);
-  } else {
+  if (nearest == nullptr) {
     *error = fmt::format("{}; there are {}",
                          UnknownNameMessage("NIST model", data.name, names),
                          fmt::join(names, " "));
   }
-  return nullptr;
+  return nearest;
 }
 
 double SumOfSquares(const NistModel& model,

@@ -41,7 +41,7 @@ TextCursor::TextCursor(std::string_view text,
                  (!text.empty() && text.back() != '\n' ? 1 : 0)) {}
 
 bool TextCursor::NextLine() {
-  if (rest_.empty()) {
+  if (rest_.empty() || !ok_) {
     line_ = {};
     return false;
   }
@@ -68,75 +68,84 @@ std::string_view TextCursor::PeekToken() const {
   return line_.substr(begin, end - begin);
 }
 
-bool TextCursor::ReadNumber(std::string_view expected, double* value) {
+double TextCursor::Number(std::string_view expected) {
   const std::string_view token = NextToken();
   // std::from_chars rejects a plus sign.
   const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
-  if (!ParseAll(token.substr(has_plus ? 1 : 0), value) ||
-      !std::isfinite(*value)) {
-    return FailAtToken(token, fmt::format("{}: a finite double", expected));
+  double value = 0.0;
+  if (ParseAll(token.substr(has_plus ? 1 : 0), &value) &&
+      std::isfinite(value)) {
+    return value;
   }
-  return true;
+  FailAtToken(token, fmt::format("{}: a finite double", expected));
+  return 0.0;
 }
 
-bool TextCursor::ReadInteger(std::string_view expected,
-                             long min,
-                             long max,
-                             long* value) {
+long TextCursor::Integer(std::string_view expected, long min, long max) {
   const std::string_view token = NextToken();
-  if (!ParseAll(token, value) || *value < min || *value > max) {
-    return FailAtToken(
-        token,
-        min == max
-            ? fmt::format("{}: {}", expected, min)
-            : fmt::format("{}: an integer from {} to {}", expected, min, max));
-  }
-  return true;
+  long value = 0;
+  if (ParseAll(token, &value) && value >= min && value <= max) return value;
+  FailAtToken(
+      token,
+      min == max
+          ? fmt::format("{}: {}", expected, min)
+          : fmt::format("{}: an integer from {} to {}", expected, min, max));
+  return min;
 }
 
-bool TextCursor::ReadWords(std::string_view words) {
+void TextCursor::Words(std::string_view words) {
   while (!words.empty()) {
     const std::string_view word = words.substr(0, words.find(' '));
     words.remove_prefix(std::min(word.size() + 1, words.size()));
     const std::string_view token = NextToken();
-    if (token != word) return FailAtToken(token, Quote(word));
+    if (token != word) FailAtToken(token, Quote(word));
   }
-  return true;
 }
 
-bool TextCursor::ReadLineEnd() {
+bool TextCursor::SkipWords(std::string_view words) {
+  TextCursor ahead = *this;
+  std::string unused;
+  ahead.error_ = &unused;
+  ahead.Words(words);
+  if (ahead.ok_) line_ = ahead.line_;
+  return ahead.ok_;
+}
+
+void TextCursor::EndLine() {
   const std::string_view token = NextToken();
-  return token.empty() || FailAtToken(token, "the line's end");
+  if (!token.empty()) FailAtToken(token, "the line's end");
 }
 
-bool TextCursor::ReadTextEnd() {
+void TextCursor::EndText() {
   do {
     const std::string_view token = NextToken();
-    if (!token.empty()) return FailAtToken(token, "the text's end");
+    if (!token.empty()) FailAtToken(token, "the text's end");
   } while (NextLine());
-  return true;
 }
 
-bool TextCursor::Fail(std::string_view what, std::string_view expected) const {
-  return FailOnLine(line_number_, what, expected);
+void TextCursor::Fail(std::string_view what, std::string_view expected) {
+  FailOnLine(line_number_, what, expected);
 }
 
-bool TextCursor::FailOnLine(long line_number,
+void TextCursor::FailOnLine(long line_number,
                             std::string_view what,
-                            std::string_view expected) const {
+                            std::string_view expected) {
+  if (!ok_) return;
   *error_ = fmt::format("{}:{}: {}; expected {}",
                         file_,
                         std::max(line_number, 1L),
                         what,
                         expected);
-  return false;
+  ok_ = false;
+  line_ = {};
 }
 
-bool TextCursor::FailAtToken(std::string_view token,
-                             std::string_view expected) const {
-  if (!token.empty()) return Fail("found " + Quote(token), expected);
-  if (num_lines_ == 0) return Fail("the text is empty", expected);
-  return Fail(rest_.empty() ? "the text ends" : "the line ends", expected);
+void TextCursor::FailAtToken(std::string_view token,
+                             std::string_view expected) {
+  const char* const what = num_lines_ == 0 ? "the text is empty"
+                           : rest_.empty() ? "the text ends"
+                                           : "the line ends";
+  Fail(token.empty() ? what : "found " + Quote(token), expected);
 }
 
 bool ParseInteger(std::string_view token, long* value) {

@@ -167,11 +167,12 @@ TEST(NewProblemTutorial, RefusesUnknownRules) {
 TEST(NewProblemTutorial, HeaderMakesTheProblem) {
   LearningProblem problem;
   std::string error;
-  ASSERT_TRUE(Shuttlecock::Create({}, nullptr, &problem, &error)) << error;
+  ASSERT_TRUE(Shuttlecock().Create(&problem, &error)) << error;
   EXPECT_EQ(problem.train.num_samples(), 512);
   EXPECT_EQ(problem.test.num_samples(), 512);
-  const Eigen::MatrixXd wrong = Eigen::MatrixXd::Ones(4, 3);
-  EXPECT_FALSE(Shuttlecock::Create({}, &wrong, &problem, &error));
+  LearningProblem wrong;
+  wrong.data = Eigen::MatrixXd::Ones(4, 3);
+  EXPECT_FALSE(Shuttlecock().Create(&wrong, &error));
 }
 
 // Falling from rest, q_1 = -l log cosh(T sqrt(g / l)).

@@ -11,7 +11,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/io/numpy_random.h"
-#include "problems/fourier_grid.h"
 #include "problems/spectral_diffusion.h"
 
 namespace invgrad {

@@ -7,7 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "problems/heat_states.h"
+#include "problems/heat.h"
 #include "problems/problems.h"
 #include "tests/problems/heat_fields.h"
 

@@ -7,7 +7,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
-#include "problems/heat_states.h"
 #include "problems/problems.h"
 #include "tests/problems/heat_fields.h"
 #include "tests/support/create_problem.h"

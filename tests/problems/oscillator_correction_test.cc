@@ -15,11 +15,10 @@ namespace oscillator_correction_test {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-LearningProblem Create(const OscillatorCorrection::Options& options) {
+LearningProblem Create(const OscillatorCorrection& options) {
   LearningProblem problem;
   std::string error;
-  EXPECT_TRUE(OscillatorCorrection::Create(options, nullptr, &problem, &error))
-      << error;
+  EXPECT_TRUE(options.Create(&problem, &error)) << error;
   return problem;
 }
 
@@ -27,7 +26,7 @@ LearningProblem Create(const OscillatorCorrection::Options& options) {
 // in dt.
 TEST(OscillatorCorrection, CoarseStepIsOfOrderOne) {
   const auto error_at = [](int horizon) {
-    OscillatorCorrection::Options options;
+    OscillatorCorrection options;
     options.horizon = horizon;
     options.dt = 2.0 / horizon;
     options.num_samples = 2;
@@ -45,7 +44,7 @@ TEST(OscillatorCorrection, CoarseStepIsOfOrderOne) {
 // The states of the fine solution do not depend on how the horizon is cut into
 // steps, up to its own error of order four.
 TEST(OscillatorCorrection, FineSolutionHasConverged) {
-  OscillatorCorrection::Options options;
+  OscillatorCorrection options;
   options.num_samples = 3;
   const LearningProblem once = Create(options);
   options.horizon *= 2;
@@ -61,7 +60,7 @@ TEST(OscillatorCorrection, FineSolutionHasConverged) {
 // The missing part of each step as correction: the fine trajectory, no loss.
 TEST(OscillatorCorrection, RightCorrectionGivesTheFineTrajectory) {
   const LearningProblem problem = Create({});
-  const OscillatorCorrection::Options options;
+  const OscillatorCorrection options;
   const Simulator& simulator = problem.model->simulator();
   const Feedback& loop = *problem.model->feedback();
   const VectorXd target = problem.train.targets.col(0);
@@ -82,7 +81,7 @@ TEST(OscillatorCorrection, RightCorrectionGivesTheFineTrajectory) {
 }
 
 TEST(OscillatorCorrection, ShortTrainingBeatsTheCoarseSimulator) {
-  OscillatorCorrection::Options options;
+  OscillatorCorrection options;
   options.num_samples = 64;
   const LearningProblem problem = Create(options);
   std::string error;

@@ -26,7 +26,7 @@ struct Regulator {
   std::vector<MatrixXd> K;  // u_t = -K_t s_t
   MatrixXd Pi;              // L = s_0^T Pi s_0
 
-  explicit Regulator(const OscillatorTracking::Options& options) {
+  explicit Regulator(const OscillatorTracking& options) {
     const int n = options.num_oscillators;
     const int ns = 2 * n + 4;
     const double dt = options.dt;
@@ -84,15 +84,13 @@ struct Regulator {
   }
 };
 
-class LinearTracking
-    : public testing::TestWithParam<OscillatorTracking::Options> {};
+class LinearTracking : public testing::TestWithParam<OscillatorTracking> {};
 
 // The physics, the loss and its terms against the linear theory.
 TEST_P(LinearTracking, OptimalControlsAreThoseOfTheRegulator) {
   LearningProblem problem;
   std::string error;
-  ASSERT_TRUE(
-      OscillatorTracking::Create(GetParam(), nullptr, &problem, &error));
+  ASSERT_TRUE(GetParam().Create(&problem, &error));
   const Regulator regulator(GetParam());
   const Simulator& simulator = problem.model->simulator();
   VectorXd y(simulator.num_outputs());
@@ -125,8 +123,7 @@ TEST_P(LinearTracking, OptimalControlsAreThoseOfTheRegulator) {
 TEST_P(LinearTracking, RegretIsTheDistanceFromTheLeastSquares) {
   LearningProblem problem;
   std::string error;
-  ASSERT_TRUE(
-      OscillatorTracking::Create(GetParam(), nullptr, &problem, &error));
+  ASSERT_TRUE(GetParam().Create(&problem, &error));
   ASSERT_TRUE(problem.metric.has_value());
   const Simulator& simulator = problem.model->simulator();
   VectorXd y(simulator.num_outputs());
@@ -148,8 +145,8 @@ TEST_P(LinearTracking, RegretIsTheDistanceFromTheLeastSquares) {
   }
 }
 
-OscillatorTracking::Options WithEndWeight() {
-  OscillatorTracking::Options options;
+OscillatorTracking WithEndWeight() {
+  OscillatorTracking options;
   options.num_oscillators = 4;
   options.horizon = 9;
   options.control_weight = 0.3;
@@ -160,8 +157,7 @@ OscillatorTracking::Options WithEndWeight() {
 
 INSTANTIATE_TEST_SUITE_P(Options,
                          LinearTracking,
-                         testing::Values(OscillatorTracking::Options(),
-                                         WithEndWeight()),
+                         testing::Values(OscillatorTracking(), WithEndWeight()),
                          [](const auto& info) {
                            return info.index == 0 ? "Defaults" : "EndWeight";
                          });
@@ -170,8 +166,7 @@ INSTANTIATE_TEST_SUITE_P(Options,
 TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
   const LearningProblem problem =
       CreateLearningProblem("oscillator_tracking:num_samples=64");
-  const double bound =
-      Regulator(OscillatorTracking::Options()).Bound(problem.train);
+  const double bound = Regulator(OscillatorTracking()).Bound(problem.train);
   std::string error;
   const auto rule = MakeRule("half_inverse:step_size=auto");
   NumpyRandom random(0);
@@ -208,12 +203,12 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
 // No array grows faster than the horizon. Without force the regret is the loss
 // but for the floor.
 TEST(OscillatorTracking, RegretIsKnownOverLongHorizons) {
-  OscillatorTracking::Options options;
+  OscillatorTracking options;
   options.horizon = 20000;
   options.num_samples = 1;
   LearningProblem problem;
   std::string error;
-  ASSERT_TRUE(OscillatorTracking::Create(options, nullptr, &problem, &error));
+  ASSERT_TRUE(options.Create(&problem, &error));
   const VectorXd x = VectorXd::Zero(options.horizon);
   VectorXd y(2 * options.horizon);
   ASSERT_TRUE(problem.model->simulator().Evaluate(

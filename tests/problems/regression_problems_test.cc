@@ -12,8 +12,7 @@
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
 #include "problems/problems.h"
-#include "problems/random_polynomial.h"
-#include "problems/regression_1d.h"
+#include "problems/regression.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/train_problem.h"
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "problems/fourier_grid.h"
 #include "tests/problems/heat_fields.h"
 
 namespace invgrad {
@@ -31,7 +30,7 @@ TEST(FourierGrid, IsTheSumOfItsHeaderAndItsInverse) {
             Wave(shape, m_0, m_1, 0.5 * M_PI).dot(x));
         EXPECT_LT(std::abs(modes[mode] - sum), 1e-13) << m_0 << ", " << m_1;
         const int centred = 2 * m_0 < shape.rows ? m_0 : m_0 - shape.rows;
-        EXPECT_NEAR(grid.squared_wave_numbers()[mode],
+        EXPECT_NEAR(grid.SquaredWaveNumbers()[mode],
                     SquaredWaveNumber(shape, centred, m_1),
                     1e-13);
       }

@@ -135,12 +135,12 @@ TEST(GolubKahanStep, NeedsALittleMoreIterationsThanTheRank) {
 // The same on the Jacobian of a network and its physics, against the Gram
 // route: the nonlinear oscillators, 512 x 2956, at their initial weights.
 TEST(GolubKahanStep, AgreesWithTheGramRouteOnANetworksJacobian) {
-  OscillatorChain::Options options;
-  options.coupling = "cubic";
-  options.num_samples = 128;
+  OscillatorChain oscillators;
+  oscillators.coupling = "cubic";
+  oscillators.num_samples = 128;
   LearningProblem problem;
   std::string error;
-  ASSERT_TRUE(OscillatorChain::Create(options, nullptr, &problem, &error));
+  ASSERT_TRUE(oscillators.Create(&problem, &error));
   NumpyRandom random(1);
   const VectorXd weights =
       problem.model->network().InitialWeights(problem.initialization, &random);

@@ -7,7 +7,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
-#include "problems/trained_linearization.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

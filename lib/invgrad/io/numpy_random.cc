@@ -36,6 +36,13 @@ Eigen::Vector2d NumpyRandom::NormalPair() {
   return {scale * y, scale * x};
 }
 
+Eigen::VectorXd NumpyRandom::Normal(int size) {
+  Eigen::VectorXd numbers(size + size % 2);
+  for (int i = 0; i < size; i += 2) numbers.segment<2>(i) = NormalPair();
+  numbers.conservativeResize(size);
+  return numbers;
+}
+
 std::vector<int> NumpyRandom::Permutation(int n) {
   CHECK_GE(n, 0);
   std::vector<int> order(n);

@@ -36,6 +36,10 @@ class NumpyRandom {
   // the second for the next call; drawing a pair leaves nothing to store.
   Eigen::Vector2d NormalPair();
 
+  // np.random.normal(size=size). For odd sizes the second number of the last
+  // pair is discarded.
+  Eigen::VectorXd Normal(int size);
+
   // np.random.permutation(n)
   std::vector<int> Permutation(int n);
 
