@@ -10,22 +10,21 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// An array without rows may have no columns.
-void CheckColumns(const MatrixXd& array, int num_samples) {
-  if (array.rows() > 0) CHECK_EQ(array.cols(), num_samples);
-}
-
-MatrixXd SelectColumns(const MatrixXd& array, const std::vector<int>& indices) {
-  MatrixXd selected(array.rows(), static_cast<Eigen::Index>(indices.size()));
-  if (array.rows() == 0) return selected;
-  Eigen::Index column = 0;
-  for (const int index : indices) selected.col(column++) = array.col(index);
-  return selected;
-}
-
-MatrixXd ColumnRange(const MatrixXd& array, int first, int count) {
-  if (array.rows() == 0) return MatrixXd(0, count);
-  return array.middleCols(first, count);
+// columns(array) of all arrays, each with `count` columns.
+template <typename Columns>
+DataSet TakeColumns(const DataSet& data,
+                    Eigen::Index count,
+                    const Columns& columns) {
+  const auto take = [&](const MatrixXd& array) -> MatrixXd {
+    // An array without rows may have no columns.
+    if (array.rows() == 0) return MatrixXd(0, count);
+    CHECK_EQ(array.cols(), data.num_samples());
+    return columns(array);
+  };
+  return {take(data.inputs),
+          take(data.contexts),
+          take(data.targets),
+          take(data.solutions)};
 }
 
 bool IsArrayFinite(const char* name,
@@ -49,30 +48,27 @@ bool IsArrayFinite(const char* name,
 }  // namespace
 
 DataSet DataSet::Select(const std::vector<int>& indices) const {
-  CheckColumns(contexts, num_samples());
-  CheckColumns(targets, num_samples());
-  CheckColumns(solutions, num_samples());
   for (const int index : indices) {
     CHECK_GE(index, 0);
     CHECK_LT(index, num_samples());
   }
-  return {SelectColumns(inputs, indices),
-          SelectColumns(contexts, indices),
-          SelectColumns(targets, indices),
-          SelectColumns(solutions, indices)};
+  const auto count = static_cast<Eigen::Index>(indices.size());
+  return TakeColumns(*this, count, [&](const MatrixXd& array) {
+    MatrixXd selected(array.rows(), count);
+    for (Eigen::Index k = 0; k < count; ++k) {
+      selected.col(k) = array.col(indices[k]);
+    }
+    return selected;
+  });
 }
 
 DataSet DataSet::Range(int first, int count) const {
-  CheckColumns(contexts, num_samples());
-  CheckColumns(targets, num_samples());
-  CheckColumns(solutions, num_samples());
   CHECK_GE(first, 0);
   CHECK_GE(count, 0);
   CHECK_LE(count, num_samples() - first);
-  return {ColumnRange(inputs, first, count),
-          ColumnRange(contexts, first, count),
-          ColumnRange(targets, first, count),
-          ColumnRange(solutions, first, count)};
+  return TakeColumns(*this, count, [&](const MatrixXd& array) {
+    return MatrixXd(array.middleCols(first, count));
+  });
 }
 
 bool DataSet::IsFinite(std::string* error) const {

@@ -1,11 +1,11 @@
 #include "invgrad/methods/pull_back_method.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <limits>
-#include <optional>
 #include <utility>
 
-#include "fmt/core.h"
+#include "fmt/format.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -17,19 +17,19 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // if there is none.
 template <typename Way, std::size_t kSize>
 bool SetWay(const char* part,
-            const WayName<Way> (&names)[kSize],
+            const char* const (&names)[kSize],
             const std::string& name,
             Way* way,
             std::string* error) {
-  if (const std::optional<Way> found = FindWay(names, name)) {
-    *way = *found;
+  const auto* const found = std::find(names, names + kSize, name);
+  if (found != names + kSize) {
+    *way = static_cast<Way>(found - names);
     return true;
   }
-  *error =
-      fmt::format("'{}' is no way back through the {}; allowed:", name, part);
-  for (const WayName<Way>& row : names) {
-    *error += fmt::format("{}{}", &row == names ? " " : ", ", row.name);
-  }
+  *error = fmt::format("'{}' is no way back through the {}; allowed: {}",
+                       name,
+                       part,
+                       fmt::join(names, ", "));
   return false;
 }
 
@@ -38,8 +38,8 @@ bool SetWay(const char* part,
 bool PullBackMethod::SetWays(const std::string& loss,
                              const std::string& simulator,
                              std::string* error) {
-  return SetWay("loss", kLossWays, loss, &loss_, error) &&
-         SetWay("simulator", kSimulatorWays, simulator, &simulator_, error);
+  return SetWay("loss", kLossWayNames, loss, &loss_, error) &&
+         SetWay("simulator", kSimulatorWayNames, simulator, &simulator_, error);
 }
 
 void PullBackMethod::Describe(OptionSet* set) {
@@ -127,7 +127,7 @@ std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
   CHECK(is_joint());
   // The gradient of the loss itself: there is nothing to pull back.
   if (loss_ == LossWay::kGradient && y_step_size_ == 1.0) return loss;
-  return std::make_shared<PulledBackLoss>(MakeLossPullBack(std::move(loss)));
+  return std::make_shared<LossPullBack>(MakeLossPullBack(std::move(loss)));
 }
 
 ChainPullBack::Options PullBackMethod::ChainOptions() const {
