@@ -1,6 +1,7 @@
 #include "invgrad/chain/data_set.h"
 
 #include <cmath>
+#include <utility>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
@@ -25,24 +26,6 @@ DataSet TakeColumns(const DataSet& data,
           take(data.contexts),
           take(data.targets),
           take(data.solutions)};
-}
-
-bool IsArrayFinite(const char* name,
-                   const MatrixXd& array,
-                   std::string* error) {
-  if (array.allFinite()) return true;
-  for (Eigen::Index sample = 0; sample < array.cols(); ++sample) {
-    for (Eigen::Index entry = 0; entry < array.rows(); ++entry) {
-      if (std::isfinite(array(entry, sample))) continue;
-      *error = fmt::format("{}: entry {} of sample {} is {}",
-                           name,
-                           entry,
-                           sample,
-                           array(entry, sample));
-      return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace
@@ -72,10 +55,24 @@ DataSet DataSet::Range(int first, int count) const {
 }
 
 bool DataSet::IsFinite(std::string* error) const {
-  return IsArrayFinite("inputs", inputs, error) &&
-         IsArrayFinite("contexts", contexts, error) &&
-         IsArrayFinite("targets", targets, error) &&
-         IsArrayFinite("solutions", solutions, error);
+  const std::pair<const char*, const MatrixXd&> arrays[] = {
+      {"inputs", inputs},
+      {"contexts", contexts},
+      {"targets", targets},
+      {"solutions", solutions}};
+  for (const auto& [name, array] : arrays) {
+    for (Eigen::Index i = 0; i < array.size(); ++i) {
+      const double value = array.data()[i];
+      if (std::isfinite(value)) continue;
+      *error = fmt::format("{}: entry {} of sample {} is {}",
+                           name,
+                           i % array.rows(),
+                           i / array.rows(),
+                           value);
+      return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace invgrad
