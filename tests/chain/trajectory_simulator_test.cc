@@ -62,7 +62,7 @@ std::vector<T> Trajectory(const std::vector<T>& controls,
   return y;
 }
 
-// The strides of autodiff_step.h are time_stepping_simulator_test.cc's part.
+// time_stepping_simulator_test.cc tests the strides.
 class TrajectorySimulatorTest : public testing::Test {
  protected:
   const TrajectorySimulator<PendulumStep, Terms> simulator_{

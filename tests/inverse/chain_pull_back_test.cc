@@ -205,7 +205,6 @@ TEST(ChainPullBackTest, DataWeightAddsTheDistanceToTheSolutions) {
     Options options = Ways(LossWay::kGradient, SimulatorWay::kAdjoint);
     options.data_weight = 0.7;
     ChainPullBack chain(&model, nullptr, options);
-    EXPECT_TRUE(chain.needs_solutions());
     const Linearization at = Linearized(&chain, weights, data);
     const auto loss = [&](const VectorXd& theta) {
       double cost = 0.0;
@@ -225,7 +224,6 @@ TEST(ChainPullBackTest, SupervisedTrainingSeesTheSolutionsOnly) {
   Options options = Physical();
   options.simulator.way = SimulatorWay::kData;
   ChainPullBack chain(&model, BendInverse(), options);
-  EXPECT_TRUE(chain.needs_solutions());
   const Linearization at = Linearized(&chain, weights, data);
   const MatrixXd d_x = data.solutions - NetworkOutputs(model, weights, data);
   EXPECT_LT((WeightedChange(model, at) - d_x).norm(), 1e-14);
@@ -237,8 +235,6 @@ TEST(ChainPullBackTest, SupervisedTrainingSeesTheSolutionsOnly) {
   // Nor do targets matter to the step.
   data.targets.setZero();
   EXPECT_EQ(Linearized(&chain, weights, data).gradient, at.gradient);
-  EXPECT_FALSE(
-      ChainPullBack(&model, BendInverse(), Physical()).needs_solutions());
 }
 
 // --- Threads, failures and counts ---

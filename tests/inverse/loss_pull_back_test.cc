@@ -331,7 +331,7 @@ TEST_P(PulledBackLossTest, HasTheStatedDerivatives) {
   const std::shared_ptr<const Loss> losses[] = {
       std::make_shared<SquaredNormLoss>(2, 1.5), MakeLoss<2>(Quartic())};
   for (const auto& loss : losses) {
-    const PulledBackLoss pulled_back(LossPullBack(loss, way, eta));
+    const LossPullBack pulled_back(loss, way, eta);
     EXPECT_EQ(pulled_back.size(), 2);
     // No factor: Ceres' trust regions must not take it for |y - y*|^2.
     EXPECT_FALSE(pulled_back.SquaredNormFactor().has_value());
@@ -368,8 +368,7 @@ TEST_P(PulledBackLossTest, HasTheStatedDerivatives) {
 }
 
 TEST_P(PulledBackLossTest, FailsWhereThePullBackDoes) {
-  const PulledBackLoss pulled_back(
-      LossPullBack(MakeLoss<2>(Quartic()), GetParam(), 1.0));
+  const LossPullBack pulled_back(MakeLoss<2>(Quartic()), GetParam(), 1.0);
   const Vector2d target(0.3, -0.2);
   const Vector2d y(1e200, 0.0);
   double value = 0.0;

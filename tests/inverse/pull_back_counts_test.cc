@@ -1,11 +1,9 @@
 #include "invgrad/inverse/pull_back_counts.h"
 
 #include <string>
-#include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/parallel_samples.h"
 
 namespace invgrad {
 namespace pull_back_counts_test {
@@ -62,16 +60,6 @@ TEST(PullBackCountsTest, GoOnFromTheirState) {
   EXPECT_FALSE(restored.SetState(VectorXd::Ones(before.size() + 1)));
   EXPECT_FALSE(restored.SetState(VectorXd()));
   EXPECT_EQ(restored.State(), before);
-}
-
-TEST(ParallelSamplesTest, CallsEverySampleOnce) {
-  for (const int count : {0, 1, 2, 7, 100}) {
-    for (const int num_threads : {1, 2, 3, 8}) {
-      std::vector<int> calls(count, 0);
-      ParallelSamples(count, num_threads, [&](int s) { ++calls[s]; });
-      EXPECT_EQ(calls, std::vector<int>(count, 1));
-    }
-  }
 }
 
 }  // namespace pull_back_counts_test

@@ -12,51 +12,12 @@ struct Derivatives {
   double fourth = 0.0;
 };
 
-// Applies function(z, &derivatives) to every entry. The compiler removes the
-// derivatives whose pointers are null.
-template <typename Function>
-void ForEach(int size,
-             double* z,
-             double* slope,
-             double* curvature,
-             double* third,
-             double* fourth,
-             Function function) {
-  Derivatives d;
-  if (slope == nullptr) {
-    for (int i = 0; i < size; ++i) z[i] = function(z[i], &d);
-  } else if (curvature == nullptr) {
-    for (int i = 0; i < size; ++i) {
-      z[i] = function(z[i], &d);
-      slope[i] = d.slope;
-    }
-  } else {
-    for (int i = 0; i < size; ++i) {
-      z[i] = function(z[i], &d);
-      slope[i] = d.slope;
-      curvature[i] = d.curvature;
-      if (third != nullptr) third[i] = d.third;
-      if (fourth != nullptr) fourth[i] = d.fourth;
-    }
-  }
-}
-
 }  // namespace
 
 const char* ActivationName(Activation activation) {
-  switch (activation) {
-    case Activation::kLinear:
-      return "linear";
-    case Activation::kTanh:
-      return "tanh";
-    case Activation::kRelu:
-      return "relu";
-    case Activation::kSigmoid:
-      return "sigmoid";
-    case Activation::kGelu:
-      return "gelu";
-  }
-  return "unknown";
+  constexpr const char* kNames[] = {
+      "linear", "tanh", "relu", "sigmoid", "gelu"};
+  return kNames[static_cast<int>(activation)];
 }
 
 void ActivateAll(Activation activation,
@@ -66,8 +27,26 @@ void ActivateAll(Activation activation,
                  double* curvature,
                  double* third,
                  double* fourth) {
-  const auto apply = [&](const auto& function) {
-    ForEach(size, z, slope, curvature, third, fourth, function);
+  // z[i] = function(z[i], &derivatives). The compiler removes the derivatives
+  // whose pointers are null.
+  const auto apply = [=](const auto& function) {
+    Derivatives d;
+    if (slope == nullptr) {
+      for (int i = 0; i < size; ++i) z[i] = function(z[i], &d);
+    } else if (curvature == nullptr) {
+      for (int i = 0; i < size; ++i) {
+        z[i] = function(z[i], &d);
+        slope[i] = d.slope;
+      }
+    } else {
+      for (int i = 0; i < size; ++i) {
+        z[i] = function(z[i], &d);
+        slope[i] = d.slope;
+        curvature[i] = d.curvature;
+        if (third != nullptr) third[i] = d.third;
+        if (fourth != nullptr) fourth[i] = d.fourth;
+      }
+    }
   };
   switch (activation) {
     case Activation::kLinear:

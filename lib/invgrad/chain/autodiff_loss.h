@@ -11,15 +11,10 @@
 #ifndef INVGRAD_CHAIN_AUTODIFF_LOSS_H_
 #define INVGRAD_CHAIN_AUTODIFF_LOSS_H_
 
-#include <algorithm>
 #include <utility>
 
-#include "Eigen/Core"
-#include "ceres/jet.h"
+#include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/loss.h"
-#include "invgrad/chain/simulator.h"
-#include "invgrad/core/nested_jet.h"
-#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 
@@ -27,50 +22,22 @@ template <typename Functor, int kSize>
 class AutoDiffLoss final : public Loss {
  public:
   explicit AutoDiffLoss(Functor functor = Functor())
-      : functor_(std::move(functor)) {}
+      : simulator_(std::move(functor)) {}
 
   int size() const override { return kSize; }
-
   bool Evaluate(const double* y,
                 const double* target,
                 double* loss,
                 double* gradient,
                 double* hessian) const override {
-    if (gradient == nullptr && hessian == nullptr) {
-      return functor_(y, target, loss) && AllFinite(loss, 1);
-    }
-    if (hessian == nullptr) return Gradient(y, target, loss, gradient);
-    using Jet = NestedJet<kSize>;
-    Scratch<Jet> y_jets(kSize);
-    for (int i = 0; i < kSize; ++i) y_jets[i] = MakeHessianJet<kSize>(y[i], i);
-    Jet value;
-    if (!functor_(y_jets.data(), target, &value)) return false;
-    *loss = value.a.a;
-    Eigen::Map<Eigen::Matrix<double, kSize, kSize>> H(hessian);
-    for (int i = 0; i < kSize; ++i) {
-      if (gradient != nullptr) gradient[i] = value.v[i].a;
-      H.col(i) = value.v[i].v;
-    }
-    return AllFinite(loss, 1) && AllFinite(hessian, H.size()) &&
-           (gradient == nullptr || AllFinite(gradient, kSize));
+    const double one = 1.0;
+    return simulator_.Evaluate(y, target, loss, gradient) &&
+           (hessian == nullptr ||
+            simulator_.WeightedHessian(y, target, &one, hessian));
   }
 
  private:
-  bool Gradient(const double* y,
-                const double* target,
-                double* loss,
-                double* gradient) const {
-    using Jet = ceres::Jet<double, kSize>;
-    Scratch<Jet> y_jets(kSize);
-    for (int i = 0; i < kSize; ++i) y_jets[i] = Jet(y[i], i);
-    Jet value;
-    if (!functor_(y_jets.data(), target, &value)) return false;
-    *loss = value.a;
-    std::copy_n(value.v.data(), kSize, gradient);
-    return AllFinite(loss, 1) && AllFinite(gradient, kSize);
-  }
-
-  Functor functor_;
+  AutoDiffSimulator<Functor, kSize, 1, kSize> simulator_;  // from y to L
 };
 
 }  // namespace invgrad

@@ -1,6 +1,7 @@
 #include "invgrad/chain/data_set.h"
 
 #include <cmath>
+#include <utility>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
@@ -10,76 +11,68 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// An array without rows may have no columns.
-void CheckColumns(const MatrixXd& array, int num_samples) {
-  if (array.rows() > 0) CHECK_EQ(array.cols(), num_samples);
-}
-
-MatrixXd SelectColumns(const MatrixXd& array, const std::vector<int>& indices) {
-  MatrixXd selected(array.rows(), static_cast<Eigen::Index>(indices.size()));
-  if (array.rows() == 0) return selected;
-  Eigen::Index column = 0;
-  for (const int index : indices) selected.col(column++) = array.col(index);
-  return selected;
-}
-
-MatrixXd ColumnRange(const MatrixXd& array, int first, int count) {
-  if (array.rows() == 0) return MatrixXd(0, count);
-  return array.middleCols(first, count);
-}
-
-bool IsArrayFinite(const char* name,
-                   const MatrixXd& array,
-                   std::string* error) {
-  if (array.allFinite()) return true;
-  for (Eigen::Index sample = 0; sample < array.cols(); ++sample) {
-    for (Eigen::Index entry = 0; entry < array.rows(); ++entry) {
-      if (std::isfinite(array(entry, sample))) continue;
-      *error = fmt::format("{}: entry {} of sample {} is {}",
-                           name,
-                           entry,
-                           sample,
-                           array(entry, sample));
-      return false;
-    }
-  }
-  return true;
+// columns(array) of all arrays, each with `count` columns.
+template <typename Columns>
+DataSet TakeColumns(const DataSet& data,
+                    Eigen::Index count,
+                    const Columns& columns) {
+  const auto take = [&](const MatrixXd& array) -> MatrixXd {
+    // An array without rows may have no columns.
+    if (array.rows() == 0) return MatrixXd(0, count);
+    CHECK_EQ(array.cols(), data.num_samples());
+    return columns(array);
+  };
+  return {take(data.inputs),
+          take(data.contexts),
+          take(data.targets),
+          take(data.solutions)};
 }
 
 }  // namespace
 
 DataSet DataSet::Select(const std::vector<int>& indices) const {
-  CheckColumns(contexts, num_samples());
-  CheckColumns(targets, num_samples());
-  CheckColumns(solutions, num_samples());
   for (const int index : indices) {
     CHECK_GE(index, 0);
     CHECK_LT(index, num_samples());
   }
-  return {SelectColumns(inputs, indices),
-          SelectColumns(contexts, indices),
-          SelectColumns(targets, indices),
-          SelectColumns(solutions, indices)};
+  const auto count = static_cast<Eigen::Index>(indices.size());
+  return TakeColumns(*this, count, [&](const MatrixXd& array) {
+    MatrixXd selected(array.rows(), count);
+    for (Eigen::Index k = 0; k < count; ++k) {
+      selected.col(k) = array.col(indices[k]);
+    }
+    return selected;
+  });
 }
 
 DataSet DataSet::Range(int first, int count) const {
-  CheckColumns(contexts, num_samples());
-  CheckColumns(targets, num_samples());
-  CheckColumns(solutions, num_samples());
   CHECK_GE(first, 0);
   CHECK_GE(count, 0);
   CHECK_LE(count, num_samples() - first);
-  return {ColumnRange(inputs, first, count),
-          ColumnRange(contexts, first, count),
-          ColumnRange(targets, first, count),
-          ColumnRange(solutions, first, count)};
+  return TakeColumns(*this, count, [&](const MatrixXd& array) {
+    return MatrixXd(array.middleCols(first, count));
+  });
 }
 
 bool DataSet::IsFinite(std::string* error) const {
-  return IsArrayFinite("inputs", inputs, error) &&
-         IsArrayFinite("contexts", contexts, error) &&
-         IsArrayFinite("targets", targets, error) &&
-         IsArrayFinite("solutions", solutions, error);
+  const std::pair<const char*, const MatrixXd&> arrays[] = {
+      {"inputs", inputs},
+      {"contexts", contexts},
+      {"targets", targets},
+      {"solutions", solutions}};
+  for (const auto& [name, array] : arrays) {
+    for (Eigen::Index i = 0; i < array.size(); ++i) {
+      const double value = array.data()[i];
+      if (std::isfinite(value)) continue;
+      *error = fmt::format("{}: entry {} of sample {} is {}",
+                           name,
+                           i % array.rows(),
+                           i / array.rows(),
+                           value);
+      return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace invgrad

@@ -46,18 +46,11 @@ VectorXd DenseNetwork::InitialWeights(Initialization initialization,
   for (int l = 0; l < num_layers(); ++l) {
     const int fan_in = widths_[l];
     const int fan_out = widths_[l + 1];
-    double bound = 0.0;
-    switch (initialization) {
-      case Initialization::kGlorotUniform:
-        bound = std::sqrt(6.0 / (fan_in + fan_out));
-        break;
-      case Initialization::kHeUniform:
-        bound = std::sqrt(6.0 / fan_in);
-        break;
-      case Initialization::kPytorch:
-        bound = 1.0 / std::sqrt(fan_in);
-        break;
-    }
+    const double bound = initialization == Initialization::kPytorch
+                             ? 1.0 / std::sqrt(fan_in)
+                         : initialization == Initialization::kHeUniform
+                             ? std::sqrt(6.0 / fan_in)
+                             : std::sqrt(6.0 / (fan_in + fan_out));
     Eigen::Map<MatrixXd> layer(
         weights.data() + offsets_[l], fan_in + 1, fan_out);
     for (int unit = 0; unit < fan_out; ++unit) {
@@ -74,78 +67,97 @@ VectorXd DenseNetwork::InitialWeights(Initialization initialization,
   return weights;
 }
 
+void DenseNetwork::ApplyLayer(int l,
+                              const VectorXd& weights,
+                              const MatrixXd& a,
+                              double beta,
+                              Eigen::Ref<MatrixXd> z) const {
+  const auto W = LayerWeights(l, weights).topRows(a.rows());
+  Gemm(Op::kTranspose, Op::kNone, 1.0, W, a, beta, z);
+}
+
+void DenseNetwork::ApplyLayerTransposed(int l,
+                                        const VectorXd& weights,
+                                        const MatrixXd& z_bar,
+                                        Eigen::Ref<MatrixXd> a_bar) const {
+  const auto W = LayerWeights(l, weights).topRows(widths_[l]);
+  Gemm(Op::kNone, Op::kNone, 1.0, W, z_bar, 0.0, a_bar);
+}
+
 void DenseNetwork::Forward(const VectorXd& weights,
                            const MatrixXd& inputs,
                            bool want_curvatures,
                            Activations* activations) const {
-  CHECK_EQ(inputs.rows(), num_inputs());
   activations->num_channels = 1;
-  activations->inputs.resize(num_layers());
-  activations->inputs[0].resize(num_inputs() + 1, inputs.cols());
-  activations->inputs[0].topRows(num_inputs()) = inputs;
-  RunLayers(weights, want_curvatures, activations);
+  RunLayers(weights, inputs, want_curvatures, activations);
 }
 
 void DenseNetwork::ForwardJets(const VectorXd& weights,
                                const MatrixXd& inputs,
                                bool want_curvatures,
                                Activations* activations) const {
-  CHECK_EQ(inputs.rows(), num_inputs());
   CHECK(hidden_ != Activation::kRelu) << "ReLU has no Laplacian.";
-  const int num_channels = NumTwoJetChannels(num_inputs());
-  activations->num_channels = num_channels;
-  activations->inputs.resize(num_layers());
-  activations->inputs[0].resize(num_inputs() + 1, num_channels * inputs.cols());
-  activations->inputs[0].topRows(num_inputs()) = JetsOfInputs(inputs);
-  RunLayers(weights, want_curvatures, activations);
+  activations->num_channels = NumTwoJetChannels(num_inputs());
+  RunLayers(weights, JetsOfInputs(inputs), want_curvatures, activations);
 }
 
 void DenseNetwork::RunLayers(const VectorXd& weights,
+                             const MatrixXd& inputs,
                              bool want_curvatures,
                              Activations* activations) const {
+  CHECK_EQ(inputs.rows(), num_inputs());
   CHECK_EQ(weights.size(), num_weights());
-  const int batch_size = static_cast<int>(activations->inputs[0].cols());
+  const Eigen::Index num_columns = inputs.cols();
   const int num_channels = activations->num_channels;
+  const int last = num_layers() - 1;
+  activations->inputs.resize(num_layers());
   activations->slopes.resize(num_layers());
   activations->curvatures.resize(want_curvatures ? num_layers() : 0);
-  const auto set_ones = [&](MatrixXd* a) {
-    a->bottomRows(1).setZero();
-    for (int s = 0; s < batch_size; s += num_channels) {
-      (*a)(a->rows() - 1, s) = 1.0;
+  const auto resize_with_ones = [&](int l) {
+    MatrixXd& a = activations->inputs[l];
+    a.resize(widths_[l] + 1, num_columns);
+    a.bottomRows(1).setZero();
+    for (Eigen::Index s = 0; s < num_columns; s += num_channels) {
+      a(widths_[l], s) = 1.0;
     }
   };
-  set_ones(&activations->inputs[0]);
-  for (int l = 0; l + 1 < num_layers(); ++l) {
+  resize_with_ones(0);
+  activations->inputs[0].topRows(num_inputs()) = inputs;
+  for (int l = 0; l < last; ++l) {
     const int width = widths_[l + 1];
-    MatrixXd& above = activations->inputs[l + 1];
-    MatrixXd& slopes = activations->slopes[l];
-    above.resize(width + 1, batch_size);
-    set_ones(&above);
-    slopes.resize(width, batch_size);
-    if (want_curvatures) {
-      activations->curvatures[l].resize(width, batch_size);
-    }
-    Gemm(Op::kTranspose,
-         Op::kNone,
-         1.0,
-         LayerWeights(l, weights),
-         activations->inputs[l],
-         0.0,
-         above.topRows(width));
+    resize_with_ones(l + 1);
+    activations->slopes[l].resize(width, num_columns);
+    if (want_curvatures) activations->curvatures[l].resize(width, num_columns);
+    auto above = activations->inputs[l + 1].topRows(width);
+    ApplyLayer(l, weights, activations->inputs[l], 0.0, above);
     ActivateJets(hidden_,
                  num_channels,
-                 above.topRows(width),
-                 &slopes,
+                 above,
+                 &activations->slopes[l],
                  want_curvatures ? &activations->curvatures[l] : nullptr);
   }
-  activations->outputs.resize(num_outputs(), batch_size);
-  Gemm(Op::kTranspose,
-       Op::kNone,
-       1.0,
-       LayerWeights(num_layers() - 1, weights),
-       activations->inputs.back(),
-       0.0,
-       activations->outputs);
+  activations->outputs.resize(num_outputs(), num_columns);
+  ApplyLayer(
+      last, weights, activations->inputs[last], 0.0, activations->outputs);
+}
+
+void DenseNetwork::BackwardThroughLayer(int l,
+                                        const VectorXd& weights,
+                                        const Activations& activations,
+                                        int calls,
+                                        const MatrixXd& above,
+                                        MatrixXd* below) const {
+  below->resize(widths_[l], above.cols());
+  ApplyLayerTransposed(l, weights, above, *below);
+  const MatrixXd& slopes = activations.slopes[l - 1];
+  const Eigen::Index per_sample = above.cols() / slopes.cols();
+  if (per_sample == 1) calls = activations.batch_size();
+  for (Eigen::Index first = 0; first < above.cols(); first += calls) {
+    const Eigen::Index sample = first / (per_sample * calls);
+    MultiplyJetsTransposed(activations.num_channels,
+                           slopes.middleCols(sample * calls, calls),
+                           below->middleCols(first, calls));
+  }
 }
 
 void DenseNetwork::Backward(const VectorXd& weights,
@@ -170,16 +182,8 @@ void DenseNetwork::Backward(const VectorXd& weights,
          layer_gradient);
     if (l == 0) return;
     MatrixXd& below = buffers[l % 2];
-    below.resize(widths_[l], activations.batch_size());
-    Gemm(Op::kNone,
-         Op::kNone,
-         1.0,
-         LayerWeights(l, weights).topRows(widths_[l]),
-         *delta,
-         0.0,
-         below);
-    MultiplyJetsTransposed(
-        activations.num_channels, activations.slopes[l - 1], below);
+    BackwardThroughLayer(
+        l, weights, activations, activations.num_channels, *delta, &below);
     delta = &below;
   }
 }
@@ -189,29 +193,16 @@ void DenseNetwork::InputJacobians(const VectorXd& weights,
                                   MatrixXd* jacobians) const {
   CHECK_EQ(weights.size(), num_weights());
   CHECK_EQ(activations.num_channels, 1);
-  const int last = num_layers() - 1;
-  const int batch_size = activations.batch_size();
-  // dx_{s,i}/da_l, from the last layer down: for the inputs of the last layer
-  // it equals the weights.
-  MatrixXd above = LayerWeights(last, weights)
-                       .topRows(widths_[last])
-                       .replicate(1, batch_size);
-  for (int l = last; l > 0; --l) {
-    for (Eigen::Index column = 0; column < above.cols(); ++column) {
-      above.col(column).array() *=
-          activations.slopes[l - 1].col(column / num_outputs()).array();
-    }
-    MatrixXd below(widths_[l - 1], above.cols());
-    Gemm(Op::kNone,
-         Op::kNone,
-         1.0,
-         LayerWeights(l - 1, weights).topRows(widths_[l - 1]),
-         above,
-         0.0,
-         below);
+  // dx_{s,i}/dz_l, from the last layer down.
+  MatrixXd above = MatrixXd::Identity(num_outputs(), num_outputs())
+                       .replicate(1, activations.batch_size());
+  MatrixXd below;
+  for (int l = num_layers() - 1; l > 0; --l) {
+    BackwardThroughLayer(l, weights, activations, 1, above, &below);
     above.swap(below);
   }
-  jacobians->swap(above);
+  jacobians->resize(num_inputs(), above.cols());
+  ApplyLayerTransposed(0, weights, above, *jacobians);
 }
 
 void DenseNetwork::Tangent(const VectorXd& weights,
@@ -223,22 +214,8 @@ void DenseNetwork::Tangent(const VectorXd& weights,
   MatrixXd below;  // da_l
   for (int l = 0; l < num_layers(); ++l) {
     MatrixXd above(widths_[l + 1], activations.batch_size());
-    Gemm(Op::kTranspose,
-         Op::kNone,
-         1.0,
-         LayerWeights(l, weight_tangent),
-         activations.inputs[l],
-         0.0,
-         above);
-    if (l > 0) {
-      Gemm(Op::kTranspose,
-           Op::kNone,
-           1.0,
-           LayerWeights(l, weights).topRows(widths_[l]),
-           below,
-           1.0,
-           above);
-    }
+    ApplyLayer(l, weight_tangent, activations.inputs[l], 0.0, above);
+    if (l > 0) ApplyLayer(l, weights, below, 1.0, above);
     if (l + 1 < num_layers()) {
       MultiplyJets(activations.num_channels, activations.slopes[l], above);
     }

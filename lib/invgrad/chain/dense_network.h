@@ -3,9 +3,9 @@
 //
 //   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
 //
-// or, if the simulator is a differential equation in a, f with its derivatives
-// with respect to a: every quantity is then a 2-jet (two_jet.h) with
-// T = |a| + 2 columns a sample instead of one,
+// ForwardJets propagates f with its derivatives with respect to a: every
+// quantity is then a 2-jet (two_jet.h) with T = |a| + 2 columns a sample instead
+// of one,
 //
 //   x = (f, d_1 f, .., d_|a| f, Lap f)
 //
@@ -124,6 +124,16 @@ class DenseNetwork {
                const Eigen::VectorXd& weight_tangent,
                Eigen::MatrixXd* output_tangents) const;
 
+  // below = the covectors of z_{l-1} for the covectors `above` of z_l, l >= 1.
+  // Each sample has any number of covectors side by side, and a covector
+  // `calls` columns, for as many adjacent columns of the activations.
+  void BackwardThroughLayer(int layer,
+                            const Eigen::VectorXd& weights,
+                            const Activations& activations,
+                            int calls,
+                            const Eigen::MatrixXd& above,
+                            Eigen::MatrixXd* below) const;
+
   // H = sum_s [J_s^T X_s J_s + sum_i w_{i,s} d2f_i/dtheta2] (n x n, symmetric):
   // the exact Hessian of sum_s F_s(f(a_s)) with respect to the weights, given
   // the covectors w_s = dF_s/dx and the Hessians X_s = d2F_s/dx2. One
@@ -140,10 +150,23 @@ class DenseNetwork {
   std::string Name() const;
 
  private:
-  // From inputs[0] on, but for its ones.
+  class HessianPass;
+
   void RunLayers(const Eigen::VectorXd& weights,
+                 const Eigen::MatrixXd& inputs,
                  bool want_curvatures,
                  Activations* activations) const;
+  // z = W_l a + beta z, with the bias if `a` has the row of ones.
+  void ApplyLayer(int layer,
+                  const Eigen::VectorXd& weights,
+                  const Eigen::MatrixXd& a,
+                  double beta,
+                  Eigen::Ref<Eigen::MatrixXd> z) const;
+  // a_bar = W_l^T z_bar, without the bias.
+  void ApplyLayerTransposed(int layer,
+                            const Eigen::VectorXd& weights,
+                            const Eigen::MatrixXd& z_bar,
+                            Eigen::Ref<Eigen::MatrixXd> a_bar) const;
 
   std::vector<int> widths_;
   Activation hidden_;

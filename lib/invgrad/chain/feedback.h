@@ -7,25 +7,25 @@
 // The simulator itself is open: y = P(x; s_0) for given controls x. Loss,
 // simulator and every pull-back to x are therefore the same as without the
 // loop; the loop only affects the derivatives of x with respect to the weights.
-// With K_t = du_t/ds_t, K = diag(K_t), and S = ds/dx of the open simulator,
-// strictly lower block triangular,
+// With K_t = du_t/ds_t, K = diag(K_t), S = ds/dx of the open simulator and df
+// the change of the controls at fixed states,
 //
 //   dx = df + K S dx = (I - K S)^-1 df
 //
-// where df is the change of the controls at fixed states. CloseLoop multiplies
-// a covector of x, or each row of J_y_x, by (I - K S)^-1, by a recursion
-// backwards in time that forms neither K nor S. With A_t = ds_{t+1}/ds_t and
+// Model::CloseLoop multiplies a covector of x, or each row of J_y_x, by
+// (I - K S)^-1, by a recursion backwards in time that forms neither K nor S
+// (backpropagation through time [1]). With A_t = ds_{t+1}/ds_t and
 // B_t = ds_{t+1}/du_t:
 //
 //   p = 0;   for t = T-1 .. 0:   x_bar_t += B_t^T p
 //                                p = A_t^T p + K_t^T x_bar_t
 //
-// This is backpropagation through time [1]; the input Jacobian K_t represents
-// the network in each step. Second derivatives are not available.
+// Second derivatives are not available.
 //
 // Shapes:  s: ns;  u: nc;  x: T nc;  K_t: nc x ns;  A_t: ns x ns;
 //          B_t: ns x nc.
-// Cost:    CloseLoop: one StepJacobians and 2 T (ns + 2 nc) ns a covector.
+// Cost:    of CloseLoop, a sample: one StepJacobians and 2 T (ns + 2 nc) ns a
+//          covector.
 // Fails:   every function returns false if the simulator has no finite value.
 // Implementations are immutable, so that several threads may share one.
 //
@@ -33,8 +33,6 @@
 //     Proceedings of the IEEE 78 (1990).
 #ifndef INVGRAD_CHAIN_FEEDBACK_H_
 #define INVGRAD_CHAIN_FEEDBACK_H_
-
-#include "Eigen/Core"
 
 namespace invgrad {
 
@@ -58,15 +56,6 @@ class Feedback {
                              const double* start,
                              double* M) const = 0;
 };
-
-// Multiplies every column of x_bar (T nc x any number), covectors of one
-// sample's x, by (I - K S)^-T. K: ns x T nc, column t nc + i is the derivative
-// of u_{t,i} in s_t. Sizes that do not fit are CHECKed.
-bool CloseLoop(const Feedback& feedback,
-               const double* x,
-               const double* start,
-               const Eigen::Ref<const Eigen::MatrixXd>& K,
-               Eigen::Ref<Eigen::MatrixXd> x_bar);
 
 }  // namespace invgrad
 

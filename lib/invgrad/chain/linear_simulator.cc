@@ -26,13 +26,9 @@ bool LinearSimulator::Evaluate(const double* x,
   y_map = b_;
   y_map.noalias() += A_ * Eigen::Map<const VectorXd>(x, num_inputs());
   if (jacobian != nullptr) {
-    Eigen::Map<MatrixXd> transposed(jacobian, num_inputs(), num_outputs());
-    transposed.setZero();
-    for (int row = 0; row < num_outputs(); ++row) {
-      for (Matrix::InnerIterator it(A_, row); it; ++it) {
-        transposed(it.col(), row) = it.value();
-      }
-    }
+    Eigen::Map<
+        Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+        jacobian, num_outputs(), num_inputs()) = A_;
   }
   return AllFinite(y, num_outputs());
 }

@@ -12,6 +12,7 @@
 namespace invgrad {
 namespace {
 
+using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
@@ -23,18 +24,6 @@ constexpr char kNetworkFailed[] = "the network's output is not finite";
 constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
 constexpr char kNoNextState[] =
     "the simulator has no finite value: there is no finite state after";
-
-// The open roll-out has succeeded; DescribeFailure may still name a step.
-bool LoopError(const Simulator& simulator,
-               const Eigen::Map<const MatrixXd>& x,
-               const DataSet& batch,
-               int sample,
-               std::string* error) {
-  const std::string where = simulator.DescribeFailure(
-      x.col(sample).data(), batch.Context(sample).data());
-  return SampleError(
-      sample, kLoopFailed + (where.empty() ? "" : ": " + where), error);
-}
 
 bool CheckOutputs(const DenseNetwork::Activations& activations,
                   std::string* error) {
@@ -72,6 +61,38 @@ void StoreCall(const DenseNetwork::Activations& call,
   store(call.outputs, &all->outputs);
 }
 
+// Multiplies every column of x_bar (T nc x any number), covectors of one
+// sample's x, by (I - K S)^-T (feedback.h). K: ns x T nc, column t nc + i is the
+// derivative of u_{t,i} in s_t.
+bool CloseSampleLoop(const Feedback& feedback,
+                     const double* x,
+                     const double* start,
+                     const Eigen::Ref<const MatrixXd>& K,
+                     Eigen::Ref<MatrixXd> x_bar) {
+  const Index num_calls = feedback.num_calls();
+  const Index ns = feedback.state_size();
+  const Index nc = feedback.control_size();
+  const Index size = ns + nc;
+  Scratch<double> M(num_calls * ns * size);
+  if (!feedback.StepJacobians(x, start, M.data())) return false;
+  Scratch<double> memory(2 * ns * x_bar.cols());
+  // Covectors of s_{t+1} and of s_t, one per column.
+  Eigen::Map<MatrixXd> p(memory.data(), ns, x_bar.cols());
+  Eigen::Map<MatrixXd> pulled(memory.data() + p.size(), ns, x_bar.cols());
+  p.setZero();
+  for (Index t = num_calls - 1; t >= 0; --t) {
+    // A row-major M_t, read by columns.
+    const Eigen::Map<const MatrixXd> M_transposed(
+        M.data() + t * ns * size, size, ns);
+    auto x_bar_t = x_bar.middleRows(t * nc, nc);
+    x_bar_t.noalias() += M_transposed.bottomRows(nc) * p;
+    pulled.noalias() = M_transposed.topRows(ns) * p;
+    pulled.noalias() += K.middleCols(t * nc, nc) * x_bar_t;
+    p = pulled;
+  }
+  return x_bar.allFinite();
+}
+
 void CheckSizes(const Model& model,
                 const VectorXd& weights,
                 const DataSet& batch) {
@@ -90,30 +111,6 @@ Model::Model(DenseNetwork network,
              std::shared_ptr<const Simulator> simulator,
              std::shared_ptr<const Loss> loss,
              Reduction reduction,
-             std::shared_ptr<const Feedback> feedback)
-    : Model(std::move(network),
-            std::move(simulator),
-            std::move(loss),
-            reduction,
-            std::move(feedback),
-            NetworkOutput::kValue) {}
-
-Model::Model(DenseNetwork network,
-             std::shared_ptr<const Simulator> simulator,
-             std::shared_ptr<const Loss> loss,
-             Reduction reduction,
-             NetworkOutput output)
-    : Model(std::move(network),
-            std::move(simulator),
-            std::move(loss),
-            reduction,
-            nullptr,
-            output) {}
-
-Model::Model(DenseNetwork network,
-             std::shared_ptr<const Simulator> simulator,
-             std::shared_ptr<const Loss> loss,
-             Reduction reduction,
              std::shared_ptr<const Feedback> feedback,
              NetworkOutput output)
     : network_(std::move(network)),
@@ -124,6 +121,7 @@ Model::Model(DenseNetwork network,
       output_(output) {
   CHECK(simulator_ != nullptr);
   CHECK(loss_ != nullptr);
+  CHECK(feedback_ == nullptr || output_ == NetworkOutput::kValue);
   CHECK_EQ(num_columns() * network_.num_outputs(), simulator_->num_inputs())
       << "The network's outputs are the simulator's inputs.";
   if (feedback_ != nullptr) {
@@ -155,22 +153,14 @@ bool Model::Forward(const VectorXd& weights,
                     DenseNetwork::Activations* activations,
                     std::string* error) const {
   CheckSizes(*this, weights, batch);
-  if (feedback_ != nullptr) {
-    return ForwardInLoop(weights, batch, want_curvatures, activations, error);
+  if (feedback_ == nullptr) {
+    if (output_ == NetworkOutput::kTwoJet) {
+      network_.ForwardJets(weights, batch.inputs, want_curvatures, activations);
+    } else {
+      network_.Forward(weights, batch.inputs, want_curvatures, activations);
+    }
+    return CheckOutputs(*activations, error);
   }
-  if (output_ == NetworkOutput::kTwoJet) {
-    network_.ForwardJets(weights, batch.inputs, want_curvatures, activations);
-  } else {
-    network_.Forward(weights, batch.inputs, want_curvatures, activations);
-  }
-  return CheckOutputs(*activations, error);
-}
-
-bool Model::ForwardInLoop(const VectorXd& weights,
-                          const DataSet& batch,
-                          bool want_curvatures,
-                          DenseNetwork::Activations* activations,
-                          std::string* error) const {
   MatrixXd inputs = batch.inputs;
   MatrixXd states = batch.contexts;
   VectorXd next(states.rows());
@@ -197,7 +187,7 @@ bool Model::ForwardInLoop(const VectorXd& weights,
 
 Eigen::Map<const MatrixXd> Model::SimulatorInputs(
     const DenseNetwork::Activations& activations) const {
-  const Eigen::Index num_x = simulator_->num_inputs();
+  const Index num_x = simulator_->num_inputs();
   return {
       activations.outputs.data(), num_x, activations.outputs.size() / num_x};
 }
@@ -209,20 +199,24 @@ bool Model::CloseLoop(const VectorXd& weights,
                       std::string* error) const {
   if (num_calls() == 1) return true;  // there is no loop
   const int batch_size = batch.num_samples();
-  const Eigen::Index num_x = simulator_->num_inputs();
+  const Index num_x = simulator_->num_inputs();
   CHECK_EQ(x_bar.cols() % batch_size, 0);
-  const Eigen::Index per_sample = x_bar.cols() / batch_size;
+  const Index per_sample = x_bar.cols() / batch_size;
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   MatrixXd K;
   network_.InputJacobians(weights, activations, &K);
   for (int s = 0; s < batch_size; ++s) {
-    if (!invgrad::CloseLoop(
+    if (!CloseSampleLoop(
             *feedback_,
             x.col(s).data(),
             batch.Context(s).data(),
             K.topRows(feedback_->state_size()).middleCols(s * num_x, num_x),
             x_bar.middleCols(s * per_sample, per_sample))) {
-      return LoopError(*simulator_, x, batch, s, error);
+      // The open roll-out has succeeded; DescribeFailure may still name a step.
+      const std::string where =
+          simulator_->DescribeFailure(x.col(s).data(), batch.Context(s).data());
+      return SampleError(
+          s, kLoopFailed + (where.empty() ? "" : ": " + where), error);
     }
   }
   return true;

@@ -26,12 +26,10 @@
 //          calls side by side; with jets the same, T = |a| + 2.
 // Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
-//          (network_jacobian.h).
-//          Hessian: one WeightedHessian a sample and DenseNetwork::Hessian;
-//          not with feedback. Only the Hessian allocates per sample. With
-//          feedback: T passes in place of one, an input Jacobian of the
-//          network, and one CloseLoop a sample. With jets: T passes, for the
-//          Hessian T^2.
+//          (network_jacobian.h). Hessian, not with feedback: one
+//          WeightedHessian a sample and DenseNetwork::Hessian. With feedback: T
+//          passes in place of one, an input Jacobian of the network, and one
+//          CloseLoop a sample. With jets: T passes, for the Hessian T^2.
 // Fails:   Linearize, Cost and Predict return false if a simulator or loss
 //          fails or a value is not finite. The message names the sample (its
 //          column in the batch) and the time step of a roll-out. Empty batches
@@ -62,25 +60,31 @@ enum class NetworkOutput { kValue, kTwoJet };
 
 class Model {
  public:
-  // Sizes must fit: network outputs = simulator inputs, simulator outputs =
-  // loss size (CHECKed).
+  // Sizes must fit (CHECKed): network outputs, times |a| + 2 with kTwoJet, =
+  // simulator inputs, and simulator outputs = loss size.
   //
   // feedback: null, or the loop over time of the same simulator, often the
-  // simulator itself. Then T network outputs = T controls = simulator inputs,
-  // and the simulator's context is the state at the start (CHECKed).
+  // simulator itself; not with kTwoJet. Then T network outputs = T controls =
+  // simulator inputs, and the simulator's context is the state at the start.
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
         Reduction reduction,
-        std::shared_ptr<const Feedback> feedback = nullptr);
+        std::shared_ptr<const Feedback> feedback = nullptr,
+        NetworkOutput output = NetworkOutput::kValue);
 
-  // Without feedback. Simulator inputs = network outputs, times |a| + 2 with
-  // kTwoJet (CHECKed).
+  // Without feedback.
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
         Reduction reduction,
-        NetworkOutput output);
+        NetworkOutput output)
+      : Model(std::move(network),
+              std::move(simulator),
+              std::move(loss),
+              reduction,
+              nullptr,
+              output) {}
 
   const DenseNetwork& network() const { return network_; }
   const Simulator& simulator() const { return *simulator_; }
@@ -92,11 +96,10 @@ class Model {
   const Feedback* feedback() const { return feedback_.get(); }  // may be null
   NetworkOutput network_output() const { return output_; }
 
-  // T: calls of the network a sample.
+  // Calls of the network a sample.
   int num_calls() const {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
-
   // T: the columns of a sample in the activations, num_calls() or with jets
   // |a| + 2.
   int num_columns() const;
@@ -119,9 +122,8 @@ class Model {
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
-  // The network's part of the chain; SimulatorInputs reads x from it. Returns
-  // false, with the sample in *error, if an output is not finite or, with
-  // feedback, a step fails.
+  // The network's part of the chain. Returns false, with the sample in *error,
+  // if an output is not finite or, with feedback, a step fails.
   bool Forward(const Eigen::VectorXd& weights,
                const DataSet& batch,
                bool want_curvatures,
@@ -133,18 +135,16 @@ class Model {
       const DenseNetwork::Activations& activations) const;
 
   // Closes the loop, in place, for covectors of x at fixed network inputs
-  // (x_bar: |x| x B k, k for each sample); without feedback x_bar does not
-  // change. Returns false, with the sample in *error, if the simulator has no
-  // finite derivative.
+  // (x_bar: |x| x B k, k for each sample). Returns false, with the sample in
+  // *error, if the simulator has no finite derivative.
   bool CloseLoop(const Eigen::VectorXd& weights,
                  const DataSet& batch,
                  const DenseNetwork::Activations& activations,
                  Eigen::Ref<Eigen::MatrixXd> x_bar,
                  std::string* error) const;
 
-  // Returns false, with advice in *error, if Linearize cannot compute these
-  // parts: the Hessian in a closed loop, or of a simulator without
-  // WeightedHessian.
+  // Returns false, with advice in *error, if Linearize cannot compute the
+  // Hessian.
   bool CanLinearize(const LinearizationParts& parts, std::string* error) const;
 
   // Fills cost and the requested parts; the others are empty.
@@ -154,7 +154,6 @@ class Model {
                  Linearization* linearization,
                  std::string* error) const;
 
-  // L of the batch.
   bool Cost(const Eigen::VectorXd& weights,
             const DataSet& batch,
             double* cost,
@@ -167,38 +166,23 @@ class Model {
                std::string* error) const;
 
  private:
-  // At most one of feedback and jets.
-  Model(DenseNetwork network,
-        std::shared_ptr<const Simulator> simulator,
-        std::shared_ptr<const Loss> loss,
-        Reduction reduction,
-        std::shared_ptr<const Feedback> feedback,
-        NetworkOutput output);
-
   void CheckTargets(const DataSet& batch) const;
   // Predict, all samples at once.
   bool PredictPiece(const Eigen::VectorXd& weights,
                     const DataSet& batch,
                     Eigen::Ref<Eigen::MatrixXd> outputs,
                     std::string* error) const;
-  // Linearize without J, by the simulator's adjoint.
-  bool CostAndGradient(const Eigen::VectorXd& weights,
-                       const DataSet& batch,
-                       double* cost,
-                       Eigen::VectorXd* gradient,
-                       std::string* error) const;
+  // Linearize for the gradient alone.
+  bool LinearizeByAdjoint(const Eigen::VectorXd& weights,
+                          const DataSet& batch,
+                          Linearization* linearization,
+                          std::string* error) const;
   // Linearize with the simulator's Jacobians.
   bool LinearizeThroughJacobians(const Eigen::VectorXd& weights,
                                  const DataSet& batch,
                                  const LinearizationParts& parts,
                                  Linearization* linearization,
                                  std::string* error) const;
-  // Forward with feedback, call by call.
-  bool ForwardInLoop(const Eigen::VectorXd& weights,
-                     const DataSet& batch,
-                     bool want_curvatures,
-                     DenseNetwork::Activations* activations,
-                     std::string* error) const;
 
   DenseNetwork network_;
   std::shared_ptr<const Simulator> simulator_;

@@ -11,26 +11,9 @@
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
-namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// v -> H_L v.
-std::function<VectorXd(const VectorXd&)> LossHessianTimes(MatrixXd blocks) {
-  return [blocks = std::move(blocks)](const VectorXd& v) {
-    CHECK_EQ(v.size(), blocks.cols());
-    const Eigen::Index size = blocks.rows();
-    VectorXd Hv(v.size());
-    for (Eigen::Index row = 0; row < v.size(); row += size) {
-      Hv.segment(row, size).noalias() =
-          blocks.middleCols(row, size) * v.segment(row, size);
-    }
-    return Hv;
-  };
-}
-
-}  // namespace
 
 bool Model::CanLinearize(const LinearizationParts& parts,
                          std::string* error) const {
@@ -60,17 +43,15 @@ bool Model::Linearize(const VectorXd& weights,
         weights, batch, parts, linearization, error);
   }
   if (parts.gradient) {
-    return CostAndGradient(
-        weights, batch, &linearization->cost, &linearization->gradient, error);
+    return LinearizeByAdjoint(weights, batch, linearization, error);
   }
   return Cost(weights, batch, &linearization->cost, error);
 }
 
-bool Model::CostAndGradient(const VectorXd& weights,
-                            const DataSet& batch,
-                            double* cost,
-                            VectorXd* gradient,
-                            std::string* error) const {
+bool Model::LinearizeByAdjoint(const VectorXd& weights,
+                               const DataSet& batch,
+                               Linearization* linearization,
+                               std::string* error) const {
   CheckTargets(batch);
   const double scale = BatchScale(batch.num_samples());
   Scratch<DenseNetwork::Activations> scratch(1);
@@ -79,14 +60,14 @@ bool Model::CostAndGradient(const VectorXd& weights,
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(loss_->size());
   MatrixXd x_bar(x.rows(), x.cols());
-  *cost = 0.0;
+  double cost = 0.0;
   int s = 0;
   bool loss_failed = false;
   const auto loss_gradient = [&](const double* at, double* g) {
     double loss = 0.0;
     loss_failed =
         !loss_->Evaluate(at, batch.targets.col(s).data(), &loss, g, nullptr);
-    *cost += scale * loss;
+    cost += scale * loss;
     Eigen::Map<VectorXd>(g, loss_->size()) *= scale;
     return !loss_failed;
   };
@@ -104,9 +85,10 @@ bool Model::CostAndGradient(const VectorXd& weights,
   }
   if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
   x_bar.resize(network_.num_outputs(), activations.batch_size());
-  network_.Backward(weights, activations, x_bar, gradient);
-  return CheckCost(*cost, error) &&
-         CheckDerivatives(*gradient, MatrixXd(), error);
+  network_.Backward(weights, activations, x_bar, &linearization->gradient);
+  linearization->cost = cost;
+  return CheckCost(cost, error) &&
+         CheckDerivatives(linearization->gradient, MatrixXd(), error);
 }
 
 bool Model::LinearizeThroughJacobians(const VectorXd& weights,
@@ -202,10 +184,19 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     linearization->loss_hessian_times = [c](const VectorXd& v) -> VectorXd {
       return c * v;
     };
-  } else {
-    linearization->loss_hessian_times =
-        LossHessianTimes(std::move(loss_hessians));
+    return true;
   }
+  linearization->loss_hessian_times =
+      [blocks = std::move(loss_hessians)](const VectorXd& v) {
+        CHECK_EQ(v.size(), blocks.cols());
+        const Eigen::Index size = blocks.rows();
+        VectorXd Hv(v.size());
+        for (Eigen::Index row = 0; row < v.size(); row += size) {
+          Hv.segment(row, size).noalias() =
+              blocks.middleCols(row, size) * v.segment(row, size);
+        }
+        return Hv;
+      };
   return true;
 }
 

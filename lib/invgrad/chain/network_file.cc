@@ -5,7 +5,9 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <sstream>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "fmt/format.h"
@@ -16,66 +18,20 @@ namespace invgrad {
 namespace {
 
 constexpr std::string_view kMagic = "invgrad network 1";
+constexpr int kNumHeaderLines = 4;
 
-// All of `text` as a number.
-template <typename T>
-bool ParseNumber(std::string_view text, T* value) {
-  const char* const end = text.data() + text.size();
-  const auto [parsed, status] = std::from_chars(text.data(), end, *value);
-  return status == std::errc() && parsed == end;
+// Removes a complete line from *rest and returns it; empty if there is none:
+// a number without a line end may lack digits.
+std::string_view TakeLine(std::string_view* rest) {
+  const size_t end = rest->find('\n');
+  if (end == std::string_view::npos) return {};
+  const std::string_view line = rest->substr(0, end);
+  rest->remove_prefix(end + 1);
+  return line;
 }
 
-// The unread part of the file, read line by line.
-class Lines {
- public:
-  explicit Lines(std::string_view rest) : rest_(rest) {}
-
-  // Returns false if there is no complete line: the last number may lack
-  // digits.
-  bool Take(std::string_view* line) {
-    const size_t end = rest_.find('\n');
-    if (end == std::string_view::npos) return false;
-    *line = rest_.substr(0, end);
-    rest_.remove_prefix(end + 1);
-    return true;
-  }
-
-  // The text after "key " on the next line.
-  bool TakeValue(std::string_view key, std::string_view* value) {
-    std::string_view line;
-    if (!Take(&line) || line.substr(0, key.size()) != key ||
-        line.substr(key.size(), 1) != " ") {
-      return false;
-    }
-    *value = line.substr(key.size() + 1);
-    return true;
-  }
-
-  size_t num_bytes() const { return rest_.size(); }
-
- private:
-  std::string_view rest_;
-};
-
-bool ParseWidths(std::string_view text, std::vector<int>* widths) {
-  while (true) {
-    const size_t end = std::min(text.find(' '), text.size());
-    int width = 0;
-    if (!ParseNumber(text.substr(0, end), &width) || width < 1) return false;
-    widths->push_back(width);
-    if (end == text.size()) return widths->size() >= 2;
-    text.remove_prefix(end + 1);
-  }
-}
-
-bool ParseActivation(std::string_view name, Activation* activation) {
-  const auto* const found = std::find_if(
-      std::begin(kActivations), std::end(kActivations), [name](Activation a) {
-        return name == ActivationName(a);
-      });
-  if (found == std::end(kActivations)) return false;
-  *activation = *found;
-  return true;
+std::string WidthsLine(const std::vector<int>& widths) {
+  return fmt::format("widths {}", fmt::join(widths, " "));
 }
 
 // Quotes text of a damaged file in a message.
@@ -88,18 +44,21 @@ std::string Quoted(std::string_view text) {
   return "'" + shown + (text.size() > kMaxShown ? "...'" : "'");
 }
 
-std::optional<DenseNetwork> ParseNetwork(std::string_view bytes,
+std::optional<DenseNetwork> ParseNetwork(std::string_view rest,
                                          Eigen::VectorXd* weights,
                                          std::string* problem) {
-  Lines lines(bytes);
-  std::string_view text;
-  if (!lines.Take(&text) || text != kMagic) {
+  if (TakeLine(&rest) != kMagic) {
     *problem = fmt::format(
         "not a network (it does not begin with the line '{}')", kMagic);
     return std::nullopt;
   }
-  std::vector<int> widths;
-  if (!lines.TakeValue("widths", &text) || !ParseWidths(text, &widths)) {
+  const std::string line(TakeLine(&rest));
+  std::istringstream numbers(
+      line.substr(std::min(line.find(' '), line.size())));
+  const std::vector<int> widths(std::istream_iterator<int>(numbers), {});
+  if (widths.size() < 2 ||
+      *std::min_element(widths.begin(), widths.end()) < 1 ||
+      line != WidthsLine(widths)) {
     *problem =
         "line 2 is not 'widths' and at least two positive numbers, each after "
         "one space";
@@ -112,48 +71,51 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view bytes,
                     std::numeric_limits<int>::max());
     return std::nullopt;
   }
-  Activation activation = Activation::kLinear;
-  if (!lines.TakeValue("activation", &text) ||
-      !ParseActivation(text, &activation)) {
+  const std::string_view name = TakeLine(&rest);
+  const auto* const activation = std::find_if(
+      std::begin(kActivations), std::end(kActivations), [name](Activation a) {
+        return name == fmt::format("activation {}", ActivationName(a));
+      });
+  if (activation == std::end(kActivations)) {
     *problem = "line 3 is not 'activation' and one of";
     for (const Activation known : kActivations) {
       *problem += std::string(" ") + ActivationName(known);
     }
     return std::nullopt;
   }
-  int count = 0;
-  if (!lines.TakeValue("weights", &text) || !ParseNumber(text, &count) ||
-      count != wanted) {
-    *problem =
-        fmt::format("line 4 is not 'weights {}', as many as its widths have",
-                    static_cast<int>(wanted));
+  const int count = static_cast<int>(wanted);
+  if (TakeLine(&rest) != fmt::format("weights {}", count)) {
+    *problem = fmt::format(
+        "line 4 is not 'weights {}', as many as its widths have", count);
     return std::nullopt;
   }
   // A weight takes at least a digit and a line end.
-  if (lines.num_bytes() / 2 < static_cast<size_t>(count)) {
+  if (rest.size() / 2 < static_cast<size_t>(count)) {
     *problem = fmt::format("too short for {} weights", count);
     return std::nullopt;
   }
-  constexpr int kHeaderLines = 4;
   Eigen::VectorXd values(count);
   for (int i = 0; i < count; ++i) {
-    if (!lines.Take(&text)) {
+    if (rest.find('\n') == std::string_view::npos) {
       *problem = fmt::format("ends within weight {} of {}", i + 1, count);
       return std::nullopt;
     }
-    if (!ParseNumber(text, &values[i]) || !std::isfinite(values[i])) {
+    const std::string_view text = TakeLine(&rest);
+    const char* const end = text.data() + text.size();
+    const auto [parsed, status] = std::from_chars(text.data(), end, values[i]);
+    if (status != std::errc() || parsed != end || !std::isfinite(values[i])) {
       *problem = fmt::format("line {} is not a finite number: {}",
-                             kHeaderLines + 1 + i,
+                             kNumHeaderLines + 1 + i,
                              Quoted(text));
       return std::nullopt;
     }
   }
-  if (lines.num_bytes() > 0) {
+  if (!rest.empty()) {
     *problem = fmt::format("goes on after its {} weights", count);
     return std::nullopt;
   }
   *weights = std::move(values);
-  return DenseNetwork(std::move(widths), activation);
+  return DenseNetwork(widths, *activation);
 }
 
 }  // namespace
@@ -163,9 +125,9 @@ bool WriteNetwork(const std::string& path,
                   const Eigen::VectorXd& weights,
                   std::string* error) {
   CHECK_EQ(weights.size(), network.num_weights());
-  std::string text = fmt::format("{}\nwidths {}\nactivation {}\nweights {}\n",
+  std::string text = fmt::format("{}\n{}\nactivation {}\nweights {}\n",
                                  kMagic,
-                                 fmt::join(network.widths(), " "),
+                                 WidthsLine(network.widths()),
                                  ActivationName(network.hidden_activation()),
                                  weights.size());
   for (const double weight : weights) {

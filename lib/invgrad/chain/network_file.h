@@ -1,16 +1,5 @@
-// A trained network, architecture and weights, in one file that a program can
-// load. `compare` writes it as network.txt beside the weights of each run.
-//
-//   std::string error;
-//   Eigen::VectorXd weights;
-//   const std::optional<DenseNetwork> network =
-//       ReadNetwork("network.txt", &weights, &error);
-//   if (!network) ...  // error says why
-//   DenseNetwork::Activations activations;
-//   network->Forward(weights, inputs, false, &activations);
-//   // activations.outputs: a column for each column of inputs
-//
-// It is a text file:
+// A trained network, architecture and weights, in one text file that a program
+// can load. `compare` writes it as network.txt beside the weights of each run.
 //
 //   invgrad network 1
 //   widths 4 20 20 20 24
@@ -19,10 +8,8 @@
 //   -0.26128751     one a line, in the order of dense_network.h, each with as
 //   ...             many digits as give back the same double
 //
-// In numpy: np.loadtxt("network.txt", skiprows=4).
-//
-// Inputs and outputs have the units of the problem that the network was trained
-// on.
+// In numpy: np.loadtxt("network.txt", skiprows=4). Inputs and outputs have the
+// units of the problem that the network was trained on.
 //
 // Cost:    20 bytes a weight.
 // Fails:   returns false (nothing), with a message that names the file and the

@@ -4,8 +4,6 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/chain/two_jet.h"
-#include "invgrad/core/blas.h"
 
 namespace invgrad {
 
@@ -72,28 +70,15 @@ const MatrixXd& NetworkJacobian::LayerFactor(int l) const {
   const int last = network_.num_layers() - 1;
   if (l == last) return last_factor_;
   std::call_once(hidden_factors_built_, [this, last] {
-    const std::vector<int>& widths = network_.widths();
     hidden_factors_.resize(last);
-    const MatrixXd* above = &last_factor_;
     for (int k = last; k > 0; --k) {
-      MatrixXd& delta = hidden_factors_[k - 1];
-      delta.resize(widths[k], last_factor_.cols());
-      Gemm(Op::kNone,
-           Op::kNone,
-           1.0,
-           network_.LayerWeights(k, weights_).topRows(widths[k]),
-           *above,
-           0.0,
-           delta);
-      const MatrixXd& slopes = activations_.slopes[k - 1];
-      for (Index row = 0; row < rows(); ++row) {
-        const Index sample = row / outputs_per_sample_;
-        MultiplyJetsTransposed(
-            activations_.num_channels,
-            slopes.middleCols(sample * num_calls_, num_calls_),
-            delta.middleCols(row * num_calls_, num_calls_));
-      }
-      above = &delta;
+      network_.BackwardThroughLayer(
+          k,
+          weights_,
+          activations_,
+          num_calls_,
+          k == last ? last_factor_ : hidden_factors_[k],
+          &hidden_factors_[k - 1]);
     }
   });
   return hidden_factors_[l];

@@ -3,8 +3,7 @@
 //
 //   J = dy/dtheta,   row (s, j) = J_s(j, :) df(a_s)/dtheta,   J_s = dy_s/dx_s
 //
-// The object stores the activations of the forward pass and the J_s. Let
-// a_{l,s} be the input of layer l for sample s (with a last 1 for the bias),
+// Let a_{l,s} be the input of layer l for sample s (with a last 1 for the bias),
 // and delta_{l,sj} the derivative of y_{s,j} with respect to the layer's z. Row
 // (s, j) of J consists of the outer products a_{l,s} delta_{l,sj}^T of all
 // layers, so (layer_jacobian.h)
@@ -14,9 +13,8 @@
 //
 // In a loop over time (feedback.h), x holds the outputs of T calls of the
 // network, J_s includes the closed loop, and a row of J sums the outer products
-// over the sample's calls. If x also holds the network's derivatives with
-// respect to its input (two_jet.h), the T channels of the jets take the place
-// of the calls.
+// over the sample's calls. With 2-jets (two_jet.h) their T channels take the
+// place of the calls.
 //
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
 // Cost:    J v, J^T w: a tangent or backward pass of the batch, and m |x|.

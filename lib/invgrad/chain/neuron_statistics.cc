@@ -1,6 +1,5 @@
 #include "invgrad/chain/neuron_statistics.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace invgrad {
@@ -33,10 +32,9 @@ std::vector<NeuronStatistics> ComputeNeuronStatistics(
 }
 
 int CountSaturated(const std::vector<NeuronStatistics>& neurons) {
-  return static_cast<int>(std::count_if(
-      neurons.begin(), neurons.end(), [](const NeuronStatistics& neuron) {
-        return neuron.is_saturated();
-      }));
+  int count = 0;
+  for (const NeuronStatistics& neuron : neurons) count += neuron.is_saturated();
+  return count;
 }
 
 }  // namespace invgrad

@@ -5,10 +5,7 @@
 //
 // over the samples, a = phi(z) the neuron's activation. A neuron that is flat
 // for nearly all samples (|tanh| > 0.95, a dead ReLU) is saturated: it no
-// longer learns.
-//
-// Source: the activation statistics of Schnell, Holl, Thuerey, ICLR 2022,
-// section 3.1 (mean 1.0 and zero standard deviation after Gauss-Newton steps).
+// longer learns (Schnell, Holl, Thuerey, ICLR 2022, section 3.1).
 #ifndef INVGRAD_CHAIN_NEURON_STATISTICS_H_
 #define INVGRAD_CHAIN_NEURON_STATISTICS_H_
 

@@ -1,9 +1,7 @@
 #include "invgrad/chain/simulator.h"
 
-#include <algorithm>
 #include <cmath>
 
-#include "Eigen/Core"
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
@@ -66,34 +64,6 @@ std::string SimulatorFailure(const Simulator& simulator,
   const std::string where = simulator.DescribeFailure(x, context);
   return "the simulator has no finite value" +
          (where.empty() ? "" : ": " + where);
-}
-
-bool IdentitySimulator::Evaluate(const double* x,
-                                 const double* /*context*/,
-                                 double* y,
-                                 double* jacobian) const {
-  std::copy(x, x + size_, y);
-  if (jacobian != nullptr) {
-    Eigen::Map<Eigen::MatrixXd>(jacobian, size_, size_).setIdentity();
-  }
-  return AllFinite(y, size_);
-}
-
-bool IdentitySimulator::Adjoint(const double* x,
-                                const double* /*context*/,
-                                const Covector& covector,
-                                double* y,
-                                double* x_bar) const {
-  std::copy(x, x + size_, y);
-  return AllFinite(y, size_) && covector(y, x_bar) && AllFinite(x_bar, size_);
-}
-
-bool IdentitySimulator::WeightedHessian(const double* /*x*/,
-                                        const double* /*context*/,
-                                        const double* /*w*/,
-                                        double* hessian) const {
-  Eigen::Map<Eigen::MatrixXd>(hessian, size_, size_).setZero();
-  return true;
 }
 
 }  // namespace invgrad

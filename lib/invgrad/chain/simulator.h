@@ -15,9 +15,12 @@
 #ifndef INVGRAD_CHAIN_SIMULATOR_H_
 #define INVGRAD_CHAIN_SIMULATOR_H_
 
+#include <algorithm>
 #include <cstddef>
 #include <functional>
 #include <string>
+
+#include "Eigen/Core"
 
 namespace invgrad {
 
@@ -90,19 +93,31 @@ class IdentitySimulator final : public Simulator {
   int num_inputs() const override { return size_; }
   int num_outputs() const override { return size_; }
   bool Evaluate(const double* x,
-                const double* context,
+                const double* /*context*/,
                 double* y,
-                double* jacobian) const override;
+                double* jacobian) const override {
+    std::copy_n(x, size_, y);
+    if (jacobian != nullptr) {
+      Eigen::Map<Eigen::MatrixXd>(jacobian, size_, size_).setIdentity();
+    }
+    return AllFinite(y, size_);
+  }
   bool Adjoint(const double* x,
-               const double* context,
+               const double* /*context*/,
                const Covector& covector,
                double* y,
-               double* x_bar) const override;
+               double* x_bar) const override {
+    return Evaluate(x, nullptr, y, nullptr) && covector(y, x_bar) &&
+           AllFinite(x_bar, size_);
+  }
   bool has_weighted_hessian() const override { return true; }
-  bool WeightedHessian(const double* x,
-                       const double* context,
-                       const double* w,
-                       double* hessian) const override;
+  bool WeightedHessian(const double* /*x*/,
+                       const double* /*context*/,
+                       const double* /*w*/,
+                       double* hessian) const override {
+    Eigen::Map<Eigen::MatrixXd>(hessian, size_, size_).setZero();
+    return true;
+  }
 
  private:
   int size_;

@@ -1,34 +1,72 @@
-// The common part of the time-stepping simulators: sizes, and the feedback in
-// which a network computes u_t from s_t (feedback.h).
+// The common part of the simulators that step a state through time
+// (time_stepping_simulator.h, trajectory_simulator.h).
 //
-//   s_{t+1} = step(s_t, u_t),   t = 0 .. N-1,   s_0 = c
+//   (s_{t+1}, z_t) = step(t, s_t, u_t),   t = 0 .. N-1,   s_0 = c
+//   y = (z_0, .., z_{N-1}),   or s_N if the step has no outputs z
 //
-// Shapes:  s, c: ns;  u: nc;  x = u_0 .. u_{N-1}: N nc.
+// The steps' derivatives are chained [1]. With G_t = [A_t B_t; C_t D_t] the
+// Jacobian of a step in (s_t, u_t), M_t = [A_t B_t], and covectors w_t of z_t
+// and p of s_N:
+//
+//   Jacobian  of s_N:  C = I;  for t = N-1 .. 0:   J_t = C B_t,   C = C A_t
+//             of z:    W = 0;  for t = 0 .. N-1:
+//               dz_t/dx = C_t W + D_t dx_t,   W = A_t W + B_t dx_t
+//   adjoint   for t = N-1 .. 0:   [p; x_bar_t] = G_t^T [p; w_t]
+//   Hessian   of F = p . s_N + sum_t w_t . z_t in x. Before step t let p, P =
+//             dF/ds, d2F/ds2 and R = the mixed derivatives with respect to s
+//             and all later controls. With Q_t the Hessian of [p; w_t] . step:
+//               S = Q_t + M_t^T P M_t:   P = S_ss, R_t = S_su, H_tt = S_uu
+//               later controls k > t:    [R_k; H_tk] = M_t^T R_k
+//
+// The simulator is also its own feedback: a network may compute u_t from s_t.
+//
+// Shapes:  s, c: ns;  u: nc;  x = u_0 .. u_{N-1}: N nc;  z: no;
+//          G_t: (ns + no) x (ns + nc), row-major.
+// Cost:    one call of the step's function per time step; chaining J takes
+//          2 ns^2 (ns + nc) N for s_N and N^2 nc ns (ns + no) for z, chaining
+//          the Hessian N^2 nc ns (ns + nc).
+// Fails:   returns false if a step returns false or a value is not finite.
+//
+// [1] Griewank, Walther. Evaluating Derivatives. 2nd edition, SIAM 2008,
+//     chapter 3: forward mode inside a step, reverse mode over the steps.
 #ifndef INVGRAD_CHAIN_STEPPED_SIMULATOR_H_
 #define INVGRAD_CHAIN_STEPPED_SIMULATOR_H_
 
+#include <string>
+
+#include "Eigen/Core"
 #include "invgrad/chain/feedback.h"
-#include "invgrad/chain/roll_out.h"
 #include "invgrad/chain/simulator.h"
 
 namespace invgrad {
 
 class SteppedSimulator : public Simulator, public Feedback {
  public:
-  int num_inputs() const override {
-    return static_cast<int>(states_.num_controls());
+  int num_inputs() const override { return num_steps_ * control_size_; }
+  int num_outputs() const override {
+    return output_size_ == 0 ? state_size_ : num_steps_ * output_size_;
   }
-  int num_context() const override { return state_size(); }
+  int num_context() const override { return state_size_; }
+  bool Evaluate(const double* x,
+                const double* context,
+                double* y,
+                double* jacobian) const override;
+  bool Adjoint(const double* x,
+               const double* context,
+               const Covector& covector,
+               double* y,
+               double* x_bar) const override;
+  bool has_weighted_hessian() const override { return true; }
+  bool WeightedHessian(const double* x,
+                       const double* context,
+                       const double* w,
+                       double* hessian) const override;
+  std::string DescribeFailure(const double* x,
+                              const double* context) const override;
 
-  int num_calls() const override {
-    return static_cast<int>(states_.num_steps());
-  }
-  int state_size() const override {
-    return static_cast<int>(states_.state_size());
-  }
-  int control_size() const override {
-    return static_cast<int>(states_.control_size());
-  }
+  int num_calls() const override { return num_steps_; }
+  int state_size() const override { return state_size_; }
+  int control_size() const override { return control_size_; }
   bool Advance(const double* state,
                const double* control,
                double* next_state) const override;
@@ -36,17 +74,50 @@ class SteppedSimulator : public Simulator, public Feedback {
                      const double* start,
                      double* M) const override;
 
-  bool has_weighted_hessian() const override { return true; }
-
  protected:
   using Index = Eigen::Index;
 
-  // The step must have no outputs (CHECKed).
-  explicit SteppedSimulator(RollOut states);
-  const RollOut& states() const { return states_; }
+  SteppedSimulator(int state_size,
+                   int control_size,
+                   int output_size,
+                   int num_steps);
+
+  // Computes the first `rows` entries of next = (s_{t+1}, z_t): ns, or all.
+  virtual bool Step(Index t,
+                    const double* state,
+                    const double* control,
+                    Index rows,
+                    double* next) const = 0;
+  // Also computes these rows of G_t.
+  virtual bool LinearizeStep(Index t,
+                             const double* state,
+                             const double* control,
+                             Index rows,
+                             double* next,
+                             double* G_t) const = 0;
+  // Computes the Hessian of covector . (s_{t+1}, z_t) in (s_t, u_t).
+  virtual bool StepHessian(Index t,
+                           const double* state,
+                           const double* control,
+                           const Eigen::VectorXd& covector,
+                           Eigen::MatrixXd* hessian) const = 0;
 
  private:
-  RollOut states_;
+  // With rows = ns + no computes y, with rows = ns s_N in its place; unless
+  // null, also the states before the steps and these rows of all G_t.
+  bool RollOut(const double* x,
+               const double* start,
+               Index rows,
+               double* y,
+               double* states,
+               double* G) const;
+  void ChainToEnd(const double* G, double* jacobian) const;
+  void ChainToOutputs(const double* G, double* jacobian) const;
+
+  int state_size_;
+  int control_size_;
+  int output_size_;
+  int num_steps_;
 };
 
 }  // namespace invgrad

@@ -1,7 +1,6 @@
 #include "invgrad/chain/two_jet.h"
 
 #include "glog/logging.h"
-#include "invgrad/core/scratch.h"
 
 namespace invgrad {
 namespace {

@@ -1,17 +1,12 @@
-// The 2-jet of a function of d variables: value, gradient and Laplacian, the
-// terms of many second-order differential equations.
+// The 2-jet of a function of d variables: value, gradient and Laplacian.
 //
 //   j = (v, d_1 v, .., d_d v, Lap v)          T = d + 2 channels
-//
-// Functions and products map 2-jets to 2-jets without other derivatives:
-//
 //   phi(z):  phi,  phi' d_i z,         phi' Lap z + phi'' sum_i (d_i z)^2
 //   s z:     s z,  s d_i z + z d_i s,  s Lap z + 2 sum_i d_i s d_i z + z Lap s
 //
-// A network propagates them in its forward pass [1]. Derivatives of jets with
-// respect to weights need no further rule: since da = phi'(z) dz, the tangent
-// of a jet is its product with the jet of the slope phi'(z). The product is
-// symmetric in its factors, so the same holds for curvatures and all second
+// A network propagates them in its forward pass [1]. The tangent of the jet of
+// a = phi(z) is its product with the jet of phi'(z), since da = phi'(z) dz. The
+// product is symmetric, so the same holds for curvatures and all second
 // derivatives.
 //
 // Shapes:  matrices have one row per function and T adjacent columns, one per

@@ -32,7 +32,9 @@ class BatchObjective {
                               const DataSet& batch,
                               const LinearizationParts& parts,
                               Linearization* linearization,
-                              std::string* error) = 0;
+                              std::string* error) {
+    return Linearize(weights, batch, parts, linearization, error);
+  }
 
   // Whether the objective is a proxy of the loss.
   virtual bool is_proxy() const { return false; }
@@ -51,13 +53,6 @@ class ModelObjective final : public BatchObjective {
                  const LinearizationParts& parts,
                  Linearization* linearization,
                  std::string* error) override {
-    return model_.Linearize(weights, batch, parts, linearization, error);
-  }
-  bool LinearizeAgain(const Eigen::VectorXd& weights,
-                      const DataSet& batch,
-                      const LinearizationParts& parts,
-                      Linearization* linearization,
-                      std::string* error) override {
     return model_.Linearize(weights, batch, parts, linearization, error);
   }
 

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/chain/parallel_samples.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/core/scratch.h"
 
@@ -22,6 +22,23 @@ using Eigen::VectorXd;
 
 // The weight of a sample that does not move.
 constexpr double kNoCurvature = -1.0;
+
+// Calls function(s) for s = 0 .. count - 1, in contiguous shares per thread;
+// the calling thread is one of them.
+template <typename Function>
+void ParallelSamples(int count, int num_threads, const Function& function) {
+  const int shares = std::max(1, std::min(num_threads, count));
+  const auto run = [&](int share) {
+    const auto bound = [&](int k) {
+      return static_cast<int>(static_cast<long>(count) * k / shares);
+    };
+    for (int s = bound(share); s < bound(share + 1); ++s) function(s);
+  };
+  std::vector<std::thread> threads;
+  for (int share = 1; share < shares; ++share) threads.emplace_back(run, share);
+  run(0);
+  for (std::thread& thread : threads) thread.join();
+}
 
 }  // namespace
 
@@ -87,57 +104,15 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
                                     double* cost,
                                     std::string* error) {
   const int num_samples = batch.num_samples();
-  const Index num_y = model_.loss().size();
-  CHECK_EQ(batch.targets.rows(), num_y);
+  CHECK_EQ(batch.targets.rows(), model_.loss().size());
   CHECK_EQ(batch.targets.cols(), num_samples);
-  if (needs_solutions()) CHECK_EQ(batch.solutions.rows(), x.rows());
-  struct Sample {
-    double loss = 0.0;
-    double curvature = kNoCurvature;
-    SimulatorPullBack::Result result;
-    std::string error;
-  };
-  std::vector<Sample> samples(num_samples);
+  if (is_supervised() || options_.data_weight > 0.0) {
+    CHECK_EQ(batch.solutions.rows(), x.rows());
+  }
   d_x_.resize(x.rows(), num_samples);
-  const bool is_weighted = options_.curvature_weight > 0.0;
+  std::vector<Sample> samples(num_samples);
   ParallelSamples(num_samples, options_.num_threads, [&](int s) {
-    Sample& sample = samples[s];
-    Scratch<double> y(num_y);
-    Scratch<double> d_y(num_y);
-    const double* target = batch.targets.col(s).data();
-    const auto wanted_change = [&](const double* at, double* change) {
-      if (!loss_pull_back_.Step(
-              at, target, &sample.loss, change, &sample.error)) {
-        return false;
-      }
-      if (is_weighted) std::copy_n(change, num_y, d_y.data());
-      return true;
-    };
-    const Simulator::Covector covector = std::cref(wanted_change);
-    if (!PullBackSample(
-            x.col(s), batch, s, covector, y.data(), &sample.result)) {
-      if (sample.error.empty()) {
-        sample.error = SimulatorFailure(
-            model_.simulator(), x.col(s).data(), batch.Context(s).data());
-      }
-      return;
-    }
-    const double length = d_x_.col(s).norm();
-    if (length > options_.max_change && !is_supervised()) {
-      d_x_.col(s) *= options_.max_change / length;
-    }
-    if (!is_weighted || length == 0.0) return;
-    Scratch<double> hessian(num_y * num_y);
-    double ignored = 0.0;
-    if (!model_.loss().Evaluate(
-            y.data(), target, &ignored, nullptr, hessian.data())) {
-      sample.error = "the Hessian of the loss has no finite value";
-      return;
-    }
-    const Map<const VectorXd> change(d_y.data(), num_y);
-    const Map<const MatrixXd> H(hessian.data(), num_y, num_y);
-    sample.curvature =
-        std::max(0.0, change.dot(H * change)) / (length * length);
+    samples[s] = PullBackSample(x.col(s), batch, s);
   });
 
   counts_.BeginStep();
@@ -155,29 +130,63 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
   return CheckCost(*cost, error);
 }
 
-bool ChainPullBack::PullBackSample(const InverseSimulator::ConstVectorRef& x,
-                                   const DataSet& batch,
-                                   int sample,
-                                   const Simulator::Covector& wanted_change,
-                                   double* y,
-                                   SimulatorPullBack::Result* result) {
-  auto d_x = d_x_.col(sample);
+ChainPullBack::Sample ChainPullBack::PullBackSample(
+    const InverseSimulator::ConstVectorRef& x, const DataSet& batch, int s) {
+  const Index num_y = model_.loss().size();
+  const auto context = batch.Context(s);
+  const double* target = batch.targets.col(s).data();
+  auto d_x = d_x_.col(s);
+  Sample sample;
+  sample.curvature = kNoCurvature;
+  Scratch<double> y(num_y);
+  Scratch<double> d_y(num_y);
+  const auto wanted_change = [&](const double* at, double* change) {
+    if (!loss_pull_back_.Step(
+            at, target, &sample.loss, d_y.data(), &sample.error)) {
+      return false;
+    }
+    std::copy_n(d_y.data(), num_y, change);
+    return true;
+  };
+  bool has_value = false;
   if (is_supervised()) {
-    // Needed only for the loss, because x~ does not depend on y.
-    Scratch<double> ignored(model_.loss().size());
-    d_x = batch.solutions.col(sample) - x;
-    return model_.simulator().Evaluate(
-               x.data(), batch.Context(sample).data(), y, nullptr) &&
-           wanted_change(y, ignored.data());
+    // P and d_y only serve the loss, because x~ does not depend on y.
+    d_x = batch.solutions.col(s) - x;
+    Scratch<double> ignored(num_y);
+    has_value = model_.simulator().Evaluate(
+                    x.data(), context.data(), y.data(), nullptr) &&
+                wanted_change(y.data(), ignored.data());
+  } else {
+    const Simulator::Covector covector = std::cref(wanted_change);
+    has_value = (*simulator_pull_back_)(
+        x, context, covector, y.data(), d_x, &sample.result);
+    if (options_.data_weight > 0.0) {
+      d_x += options_.data_weight * (batch.solutions.col(s) - x);
+    }
   }
-  if (!(*simulator_pull_back_)(
-          x, batch.Context(sample), wanted_change, y, d_x, result)) {
-    return false;
+  if (!has_value) {
+    if (sample.error.empty()) {
+      sample.error =
+          SimulatorFailure(model_.simulator(), x.data(), context.data());
+    }
+    return sample;
   }
-  if (options_.data_weight > 0.0) {
-    d_x += options_.data_weight * (batch.solutions.col(sample) - x);
+  const double length = d_x.norm();
+  if (length > options_.max_change && !is_supervised()) {
+    d_x *= options_.max_change / length;
   }
-  return true;
+  if (options_.curvature_weight == 0.0 || length == 0.0) return sample;
+  Scratch<double> hessian(num_y * num_y);
+  double ignored = 0.0;
+  if (!model_.loss().Evaluate(
+          y.data(), target, &ignored, nullptr, hessian.data())) {
+    sample.error = "the Hessian of the loss has no finite value";
+    return sample;
+  }
+  const Map<const VectorXd> change(d_y.data(), num_y);
+  const Map<const MatrixXd> H(hessian.data(), num_y, num_y);
+  sample.curvature = std::max(0.0, change.dot(H * change)) / (length * length);
+  return sample;
 }
 
 void ChainPullBack::SetWeights(const VectorXd& curvatures) {

@@ -16,33 +16,30 @@
 //   w_s = c_s^gamma / mean(c^gamma)
 //
 // where the mean is over the samples that move; the others have weight one. A
-// negative c_s counts as zero, and |d_x| is taken before the cut. With
-// gamma = 1 the L2 proxy agrees with the loss to second order along every d_x;
-// gamma = 0 (w = 1) is the published method.
+// negative c_s counts as zero, and |d_x| is taken before the cut to max_change.
+// With gamma = 1 the L2 proxy agrees with the loss to second order along every
+// d_x; gamma = 0 (w = 1) is the published method.
 //
-// Options: |d_x| may be cut to max_change. With the data's solutions x*,
-// d_x += data_weight (x* - x) is the gradient step of an additional
-// data_weight / 2 |x - x*|^2, often called physics-informed loss; the way
-// `data` sets x~ = x*, without a pull-back (supervised training).
+// With the data's solutions x*, d_x += data_weight (x* - x) is the gradient
+// step of an additional data_weight / 2 |x - x*|^2, often called
+// physics-informed loss; the way `data` sets x~ = x*, without a pull-back
+// (supervised training).
 //
 // With feedback (model.h) x holds the network's outputs of all calls, and the
 // network's inputs, the states at these calls, are constant. Only the way
 // `adjoint` closes the loop: there the later states and outputs depend on each
 // output.
 //
-// Several updates: after Linearize, LinearizeAgain uses the same x~ without
-// another evaluation of the simulator.
-//
 // Shapes:  x: |x| B, sample by sample;  scale: the model's BatchScale.
 // Cost:    a forward and a backward pass of the network and one simulator
-//          pull-back a sample, on num_threads threads.
+//          pull-back a sample, on num_threads threads. LinearizeAgain does not
+//          evaluate the simulator.
 // Fails:   Linearize returns false with a message that names the sample if the
 //          network, simulator or loss has no finite value. A sample without a
 //          pull-back does not move (PullBackCounts).
 //
 // Source:  Holl, Koltun, Thuerey. Scale-invariant Learning by Physics
-// Inversion.
-//          NeurIPS 2022, algorithm 1; PBDL, chapters physgrad-nn and
+//          Inversion. NeurIPS 2022, algorithm 1; PBDL, chapters physgrad-nn and
 //          physgrad-discuss (the weights answer its remark on curvature).
 #ifndef INVGRAD_INVERSE_CHAIN_PULL_BACK_H_
 #define INVGRAD_INVERSE_CHAIN_PULL_BACK_H_
@@ -99,16 +96,11 @@ class ChainPullBack final : public BatchObjective {
                       Linearization* linearization,
                       std::string* error) override;
 
-  // Whether the data need solutions x*.
-  bool needs_solutions() const {
-    return is_supervised() || options_.data_weight > 0.0;
-  }
   bool is_proxy() const override { return true; }
   int updates_per_step() const override {
     return options_.updates_per_evaluation;
   }
   const PullBackCounts& counts() const { return counts_; }
-
   PullBackCounts* mutable_counts() override { return &counts_; }
 
  private:
@@ -119,13 +111,16 @@ class ChainPullBack final : public BatchObjective {
                        const DataSet& batch,
                        double* cost,
                        std::string* error);
-  // Computes d_x of one sample, with its source in *result.
-  bool PullBackSample(const InverseSimulator::ConstVectorRef& x,
-                      const DataSet& batch,
-                      int sample,
-                      const Simulator::Covector& wanted_change,
-                      double* y,
-                      SimulatorPullBack::Result* result);
+  struct Sample {
+    double loss = 0.0;
+    double curvature = 0.0;  // c
+    SimulatorPullBack::Result result;
+    std::string error;  // empty: none
+  };
+  // Computes d_x of one sample.
+  Sample PullBackSample(const InverseSimulator::ConstVectorRef& x,
+                        const DataSet& batch,
+                        int s);
   void SetWeights(const Eigen::VectorXd& curvatures);
   // Linearizes the proxy at the weights of activations_.
   bool LinearizeProxy(const Eigen::VectorXd& weights,

@@ -29,7 +29,6 @@
 #ifndef INVGRAD_INVERSE_INVERSE_SIMULATOR_H_
 #define INVGRAD_INVERSE_INVERSE_SIMULATOR_H_
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -58,31 +57,51 @@ class InverseSimulator {
   virtual bool reaches_target() const { return true; }
 };
 
-using InverseFunction = std::function<std::optional<Eigen::VectorXd>(
-    const InverseSimulator::ConstVectorRef& y,
-    const InverseSimulator::ConstVectorRef& x_now,
-    const InverseSimulator::ConstVectorRef& context)>;
+// "the inverse has no x for y = (1.25, -3, 0.5, ...)"
+std::string NoInverse(const InverseSimulator::ConstVectorRef& y);
 
-// Like Inverse, for functions with a context.
-std::shared_ptr<const InverseSimulator> InverseWithContext(
-    InverseFunction function);
+template <typename Function>
+class FunctionInverse final : public InverseSimulator {
+ public:
+  explicit FunctionInverse(Function function)
+      : function_(std::move(function)) {}
+
+  bool Invert(const ConstVectorRef& y,
+              const ConstVectorRef& x_now,
+              const ConstVectorRef& context,
+              Eigen::VectorXd* x,
+              std::string* why) const override {
+    std::optional<Eigen::VectorXd> result = Call(y, x_now, context);
+    if (!result.has_value()) *why = NoInverse(y);
+    *x = std::move(result).value_or(Eigen::VectorXd());
+    return result.has_value();
+  }
+
+ private:
+  using Vector = const ConstVectorRef&;
+
+  std::optional<Eigen::VectorXd> Call(Vector y,
+                                      Vector x_now,
+                                      [[maybe_unused]] Vector context) const {
+    if constexpr (std::
+                      is_invocable_v<const Function&, Vector, Vector, Vector>) {
+      return function_(y, x_now, context);
+    } else {
+      static_assert(std::is_invocable_v<const Function&, Vector, Vector>,
+                    "Inverse takes a function of (y, x_now) or of (y, x_now, "
+                    "context) that returns std::optional<Eigen::VectorXd>");
+      return function_(y, x_now);
+    }
+  }
+
+  Function function_;
+};
 
 // The inverse simulator of function(y, x_now) or function(y, x_now, context),
 // which returns x or std::nullopt; several threads may call it at once.
 template <typename Function>
 std::shared_ptr<const InverseSimulator> Inverse(Function function) {
-  using Vector = const InverseSimulator::ConstVectorRef&;
-  if constexpr (std::is_invocable_v<const Function&, Vector, Vector, Vector>) {
-    return InverseWithContext(std::move(function));
-  } else {
-    static_assert(std::is_invocable_v<const Function&, Vector, Vector>,
-                  "Inverse takes a function of (y, x_now) or of (y, x_now, "
-                  "context) that returns std::optional<Eigen::VectorXd>");
-    return InverseWithContext([function = std::move(function)](
-                                  Vector y, Vector x_now, Vector /*context*/) {
-      return std::optional<Eigen::VectorXd>(function(y, x_now));
-    });
-  }
+  return std::make_shared<FunctionInverse<Function>>(std::move(function));
 }
 
 }  // namespace invgrad

@@ -57,25 +57,21 @@ bool LossPullBack::Step(const double* y,
                         double* loss,
                         double* change,
                         std::string* why) const {
-  const Index size = loss_->size();
-  Map<VectorXd> d(change, size);
+  Map<VectorXd> d(change, size());
   const bool is_gradient = way_ == LossWay::kGradient;
-  if (is_gradient || loss_->SquaredNormFactor().has_value()) {
-    if (!loss_->Evaluate(
-            y, target, loss, is_gradient ? change : nullptr, nullptr)) {
-      *why = kLossFailed;
-      return false;
-    }
-    if (!is_gradient) {
-      d = Map<const VectorXd>(y, size) - Map<const VectorXd>(target, size);
-    }
-  } else {
-    Scratch<double> hessian(size * size);
-    if (!loss_->Evaluate(y, target, loss, change, hessian.data())) {
-      *why = kLossFailed;
-      return false;
-    }
-    const Map<const MatrixXd> H(hessian.data(), size, size);
+  const bool is_squared_norm = loss_->SquaredNormFactor().has_value();
+  const bool needs_hessian = !is_gradient && !is_squared_norm;
+  Scratch<double> hessian(needs_hessian ? size() * size() : 0);
+  if (!loss_->Evaluate(y,
+                       target,
+                       loss,
+                       is_gradient || needs_hessian ? change : nullptr,
+                       needs_hessian ? hessian.data() : nullptr)) {
+    *why = kLossFailed;
+    return false;
+  }
+  if (needs_hessian) {
+    const Map<const MatrixXd> H(hessian.data(), size(), size());
     if (!(way_ == LossWay::kNewton ? Solve(H, &d) : SolveSaddleFree(H, &d))) {
       *why = way_ == LossWay::kNewton
                  ? "the Hessian of the loss is singular; use "
@@ -83,40 +79,38 @@ bool LossPullBack::Step(const double* y,
                  : "the eigenvalues of the loss's Hessian do not converge";
       return false;
     }
+  } else if (!is_gradient) {
+    d = Map<const VectorXd>(y, size()) - Map<const VectorXd>(target, size());
   }
   d *= -step_size_;
-  if (AllFinite(change, size)) return true;
+  if (AllFinite(change, size())) return true;
   *why = "the step in y is not finite";
   return false;
 }
 
-PulledBackLoss::PulledBackLoss(LossPullBack pull_back)
-    : pull_back_(std::move(pull_back)) {}
-
-bool PulledBackLoss::Evaluate(const double* y,
-                              const double* target,
-                              double* loss,
-                              double* gradient,
-                              double* hessian) const {
-  const Loss& original = pull_back_.loss();
+bool LossPullBack::Evaluate(const double* y,
+                            const double* target,
+                            double* loss,
+                            double* gradient,
+                            double* hessian) const {
   if (gradient == nullptr && hessian == nullptr) {
-    return original.Evaluate(y, target, loss, nullptr, nullptr);
+    return loss_->Evaluate(y, target, loss, nullptr, nullptr);
   }
   Scratch<double> change(size());
   std::string why;
-  if (!pull_back_.Step(y, target, loss, change.data(), &why)) return false;
+  if (!Step(y, target, loss, change.data(), &why)) return false;
   if (gradient != nullptr) {
     Map<VectorXd>(gradient, size()) =
         -Map<const VectorXd>(change.data(), size());
   }
   if (hessian == nullptr) return true;
   Map<MatrixXd> H(hessian, size(), size());
-  if (pull_back_.way() != LossWay::kGradient) {
+  if (way_ != LossWay::kGradient) {
     H.setIdentity();
     return true;
   }
-  if (!original.Evaluate(y, target, loss, nullptr, hessian)) return false;
-  H *= pull_back_.step_size();
+  if (!loss_->Evaluate(y, target, loss, nullptr, hessian)) return false;
+  H *= step_size_;
   return true;
 }
 

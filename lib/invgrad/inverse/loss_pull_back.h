@@ -27,11 +27,18 @@
 #include <string>
 
 #include "invgrad/chain/loss.h"
-#include "invgrad/inverse/ways.h"
 
 namespace invgrad {
 
-class LossPullBack {
+enum class LossWay { kGradient, kNewton, kSaddleFreeNewton };
+// In the order of the enumerators.
+inline constexpr const char* kLossWayNames[] = {
+    "gradient", "newton", "saddle_free_newton"};
+
+// As a loss, for a joint update of network and simulator towards y~ = y + d_y:
+// the value of L, the gradient -d_y, and the Hessian of 1/2 |y - y~|^2 for
+// constant y~ (of eta L, for a gradient step).
+class LossPullBack final : public Loss {
  public:
   // eta > 0.
   LossPullBack(std::shared_ptr<const Loss> loss, LossWay way, double step_size);
@@ -43,23 +50,7 @@ class LossPullBack {
             double* change,
             std::string* why) const;
 
-  const Loss& loss() const { return *loss_; }
-  LossWay way() const { return way_; }
-  double step_size() const { return step_size_; }
-
- private:
-  std::shared_ptr<const Loss> loss_;
-  LossWay way_;
-  double step_size_;  // eta
-};
-
-// The loss for a joint update of network and simulator towards y~ = y + d_y:
-// the value of L, the gradient -d_y, and the Hessian of 1/2 |y - y~|^2 for
-// constant y~ (of eta L, for a gradient step).
-class PulledBackLoss final : public Loss {
- public:
-  explicit PulledBackLoss(LossPullBack pull_back);
-  int size() const override { return pull_back_.loss().size(); }
+  int size() const override { return loss_->size(); }
   bool Evaluate(const double* y,
                 const double* target,
                 double* loss,
@@ -67,7 +58,9 @@ class PulledBackLoss final : public Loss {
                 double* hessian) const override;
 
  private:
-  LossPullBack pull_back_;
+  std::shared_ptr<const Loss> loss_;
+  LossWay way_;
+  double step_size_;  // eta
 };
 
 }  // namespace invgrad

@@ -22,12 +22,6 @@ using Eigen::VectorXd;
 constexpr double kEigenvalueRounding = 1e-12;
 constexpr double kFlatSlope = 1e-14;
 
-// exp of the mean of log |lambda|; 0 if an eigenvalue is zero.
-template <typename Vector>
-double GeometricMean(const Vector& lambda) {
-  return std::exp(lambda.array().abs().log().mean());
-}
-
 // *x -= Q d, given the eigenvalues and Q^T g.
 template <typename Lambda, typename Q>
 void Step(const Lambda& lambda,
@@ -35,8 +29,9 @@ void Step(const Lambda& lambda,
           const NewtonInverse::Options& options,
           const Map<const VectorXd>& g,
           Map<VectorXd>* x) {
-  const double bounded_below =
-      (1.0 + kEigenvalueRounding) * GeometricMean(lambda);
+  // The geometric mean; 0 if an eigenvalue is zero.
+  const double mean = std::exp(lambda.array().abs().log().mean());
+  const double bounded_below = (1.0 + kEigenvalueRounding) * mean;
   const double flat = kFlatSlope * g.norm();
   for (Index i = 0; i < lambda.size(); ++i) {
     const double slope = eigenvectors.col(i).dot(g);

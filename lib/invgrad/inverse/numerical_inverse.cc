@@ -28,39 +28,19 @@ constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
 constexpr double kFlat = 1e-14;
 
 // r = (P(x) - y) / scale.
-class ScaledResidual {
- public:
-  ScaledResidual(const Simulator* simulator,
-                 const double* context,
-                 const InverseSimulator::ConstVectorRef& y)
-      : simulator_(*simulator), context_(context), y_(y) {}
+struct ScaledResidual {
+  const Simulator& simulator;
+  const double* context;
+  const InverseSimulator::ConstVectorRef& y;
+  double scale = 1.0;
 
-  void set_scale(double scale) { scale_ = scale; }
-
-  bool Evaluate(const VectorXd& x, VectorXd* r) const {
-    if (!simulator_.Evaluate(x.data(), context_, r->data(), nullptr)) {
+  bool operator()(const VectorXd& x, VectorXd* r) const {
+    if (!simulator.Evaluate(x.data(), context, r->data(), nullptr)) {
       return false;
     }
-    *r = (*r - y_) / scale_;
+    *r = (*r - y) / scale;
     return true;
   }
-
-  // J^T: n x m.
-  bool EvaluateJacobian(const VectorXd& x, MatrixXd* J_transposed) const {
-    Scratch<double> ignored(y_.size());
-    if (!simulator_.Evaluate(
-            x.data(), context_, ignored.data(), J_transposed->data())) {
-      return false;
-    }
-    *J_transposed /= scale_;
-    return true;
-  }
-
- private:
-  const Simulator& simulator_;
-  const double* context_;
-  const InverseSimulator::ConstVectorRef y_;
-  double scale_ = 1.0;
 };
 
 // Minimizes |r(x)| from *x, where r is *r, down to |r| <= target. Returns the
@@ -70,6 +50,7 @@ int Minimize(const ScaledResidual& residual,
              int max_num_iterations,
              VectorXd* x,
              VectorXd* r) {
+  Scratch<double> ignored(r->size());
   MatrixXd J_transposed(x->size(), r->size());
   SmallSvd svd;
   VectorXd c;  // U^T r
@@ -79,7 +60,13 @@ int Minimize(const ScaledResidual& residual,
   bool has_moved = true;
   for (int i = 0; i < max_num_iterations; ++i) {
     if (has_moved) {
-      if (!residual.EvaluateJacobian(*x, &J_transposed)) return i;
+      if (!residual.simulator.Evaluate(x->data(),
+                                       residual.context,
+                                       ignored.data(),
+                                       J_transposed.data())) {
+        return i;
+      }
+      J_transposed /= residual.scale;
       svd.Compute(J_transposed.transpose());
       c = svd.U.transpose() * *r;
     }
@@ -91,7 +78,7 @@ int Minimize(const ScaledResidual& residual,
     const VectorXd x_new =
         *x - svd.V * (c.array() * s / (s.square() + damping)).matrix();
     if (x_new == *x) return i;
-    const bool has_value = residual.Evaluate(x_new, &r_new);
+    const bool has_value = residual(x_new, &r_new);
     const double expected =
         c.squaredNorm() - c.cwiseProduct(left).squaredNorm();
     const double fall = r->squaredNorm() - r_new.squaredNorm();
@@ -130,10 +117,10 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
   CHECK_EQ(y.size(), simulator_->num_outputs());
   CHECK_EQ(x_now.size(), simulator_->num_inputs());
   CHECK_EQ(context.size(), simulator_->num_context());
-  ScaledResidual residual(simulator_.get(), context.data(), y);
+  ScaledResidual residual{*simulator_, context.data(), y};
   *x = x_now;
   VectorXd r(y.size());
-  if (!residual.Evaluate(*x, &r)) {
+  if (!residual(*x, &r)) {
     *why = "the simulator has no finite value at x_now";
     return false;
   }
@@ -143,7 +130,7 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
     *why = "the wanted output is not finite";
     return false;
   }
-  residual.set_scale(distance);
+  residual.scale = distance;
   r /= distance;
   // Quadratic convergence: a thousandth of the tolerance costs one more
   // iteration.

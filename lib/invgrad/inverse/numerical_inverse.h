@@ -8,14 +8,9 @@
 // pre-image, not always the closest: a local inverse. The damping mu is the
 // same for all directions, so every step is in the row space of its J: with
 // more unknowns than outputs x moves no farther than necessary, and for a
-// linear P it is the closest solution. Unlike the normal equations the singular
-// value decomposition does not square the condition of J, and one decomposition
-// serves every mu at a point.
-//
-// Ceres' minimizers damp by diag(J^T J): for one output and three inputs they
-// stall or end far from the closest solution. The setup of a ceres::Problem per
-// sample also costs more than solving a small one. In training the iteration
-// starts from the network's current x.
+// linear P it is the closest solution. One decomposition serves every mu at a
+// point. (Ceres' minimizers damp by diag(J^T J): for one output and three
+// inputs they stall or end far from the closest solution.)
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
 // Cost:    an iteration: one P and, unless the last step was rejected, one

@@ -6,22 +6,14 @@
 #include "fmt/core.h"
 
 namespace invgrad {
-namespace {
-
-constexpr const char* kNames[kNumPullBackSources] = {"derivative",
-                                                     "inverse",
-                                                     "numerical inverse",
-                                                     "inverse gradient",
-                                                     "gradient",
-                                                     "not moved"};
-
-}  // namespace
 
 void PullBackCounts::Add(const SimulatorPullBack::Result& result, int sample) {
-  ++counts_[static_cast<int>(result.source)];
+  ++state_[static_cast<int>(result.source)];
   if (result.why.empty() || !first_failure_.empty()) return;
-  first_failure_ =
-      fmt::format("step {}, sample {}: {}", num_steps_, sample, result.why);
+  first_failure_ = fmt::format("step {:.0f}, sample {}: {}",
+                               state_[kNumPullBackSources],
+                               sample,
+                               result.why);
   // Reduces a message of the user's inverse to one line.
   std::replace_if(
       first_failure_.begin(),
@@ -31,12 +23,18 @@ void PullBackCounts::Add(const SimulatorPullBack::Result& result, int sample) {
 }
 
 std::string PullBackCounts::Report() const {
+  constexpr const char* kNames[kNumPullBackSources] = {"derivative",
+                                                       "inverse",
+                                                       "numerical inverse",
+                                                       "inverse gradient",
+                                                       "gradient",
+                                                       "not moved"};
   if (of(PullBackSource::kDerivative) > 0) return "";
   std::string text;
   for (int i = 0; i < kNumPullBackSources; ++i) {
-    if (counts_[i] == 0) continue;
-    text +=
-        fmt::format("{}{} {}", text.empty() ? "" : ", ", counts_[i], kNames[i]);
+    if (state_[i] == 0.0) continue;
+    text += fmt::format(
+        "{}{:.0f} {}", text.empty() ? "" : ", ", state_[i], kNames[i]);
   }
   if (!first_failure_.empty()) {
     text += fmt::format(" (first at {})", first_failure_);
@@ -44,21 +42,9 @@ std::string PullBackCounts::Report() const {
   return text;
 }
 
-Eigen::VectorXd PullBackCounts::State() const {
-  Eigen::VectorXd state(kNumPullBackSources + 1);
-  for (int i = 0; i < kNumPullBackSources; ++i) {
-    state[i] = static_cast<double>(counts_[i]);
-  }
-  state[kNumPullBackSources] = static_cast<double>(num_steps_);
-  return state;
-}
-
 bool PullBackCounts::SetState(const Eigen::VectorXd& state) {
-  if (state.size() != kNumPullBackSources + 1) return false;
-  for (int i = 0; i < kNumPullBackSources; ++i) {
-    counts_[i] = static_cast<long>(state[i]);
-  }
-  num_steps_ = static_cast<long>(state[kNumPullBackSources]);
+  if (state.size() != state_.size()) return false;
+  state_ = state;
   return true;
 }
 

@@ -3,7 +3,6 @@
 #ifndef INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
 #define INVGRAD_INVERSE_PULL_BACK_COUNTS_H_
 
-#include <array>
 #include <string>
 
 #include "Eigen/Core"
@@ -15,10 +14,10 @@ class PullBackCounts {
  public:
   // The number of samples with a d_x from this source.
   long of(PullBackSource source) const {
-    return counts_[static_cast<int>(source)];
+    return static_cast<long>(state_[static_cast<int>(source)]);
   }
 
-  void BeginStep() { ++num_steps_; }
+  void BeginStep() { ++state_[kNumPullBackSources]; }
   // The result of a sample in the current step.
   void Add(const SimulatorPullBack::Result& result, int sample);
 
@@ -28,13 +27,13 @@ class PullBackCounts {
 
   // The counts, for checkpoints, without the text of the first failure: a
   // resumed run reports its own first failure.
-  Eigen::VectorXd State() const;
+  const Eigen::VectorXd& State() const { return state_; }
   // Returns false, and changes nothing, if the size does not fit.
   bool SetState(const Eigen::VectorXd& state);
 
  private:
-  std::array<long, kNumPullBackSources> counts_ = {};
-  long num_steps_ = 0;
+  // The counts of the sources, then the number of steps.
+  Eigen::VectorXd state_ = Eigen::VectorXd::Zero(kNumPullBackSources + 1);
   std::string first_failure_;
 };
 

@@ -71,6 +71,7 @@ SimulatorPullBack::SimulatorPullBack(
   numerical_ = std::make_shared<NumericalInverse>(simulator_, numerical);
 }
 
+// One sample's pull-back through inverses.
 class SimulatorPullBack::Attempt {
  public:
   Attempt(const SimulatorPullBack& pull_back,
@@ -86,71 +87,57 @@ class SimulatorPullBack::Attempt {
         wanted_(y + d_y),
         distance_(d_y.stableNorm()) {}
 
-  // Computes x~ by the inverse; returns false, with *why, if that fails.
-  bool Invert(const InverseSimulator& inverse, std::string* why) {
+  // Computes x~ by the inverse; returns the reason if that fails, else "".
+  std::string Invert(const InverseSimulator& inverse) {
+    std::string why;
     bool is_inverted = false;
     try {
-      is_inverted = inverse.Invert(wanted_, x_, context_, &x_new_, why);
+      is_inverted = inverse.Invert(wanted_, x_, context_, &x_new_, &why);
     } catch (const std::exception& exception) {
-      *why = fmt::format("the inverse threw: {}", exception.what());
-      return false;
+      return fmt::format("the inverse threw: {}", exception.what());
     } catch (...) {
-      *why = "the inverse threw";
-      return false;
+      return "the inverse threw";
     }
     if (!is_inverted && !(options_.accept_nearer && ComesNearer())) {
-      if (why->empty()) *why = "the inverse failed without a reason";
-      return false;
+      return why.empty() ? "the inverse failed without a reason" : why;
     }
     if (x_new_.size() != x_.size()) {
-      *why = fmt::format(
-          "the inverse returned {} numbers; the simulator has {} "
-          "inputs",
+      return fmt::format(
+          "the inverse returned {} numbers; the simulator has {} inputs",
           x_new_.size(),
           x_.size());
-      return false;
     }
-    if (!IsFinite(x_new_)) {
-      *why = "the inverse is not finite";
-      return false;
-    }
+    if (!IsFinite(x_new_)) return "the inverse is not finite";
     if (inverse.reaches_target() && !ReachesTarget()) {
-      *why = fmt::format("round trip: |P(x~) - y~| is {:.6f} |y~ - y|",
+      return fmt::format("round trip: |P(x~) - y~| is {:.6f} |y~ - y|",
                          DistanceLeft() / distance_);
-      return false;
     }
-    why->clear();
-    return true;
+    return "";
   }
 
-  // Computes x~ from J; returns false if J has no finite value or no candidate
-  // is nearer to the target.
-  bool UseJacobian(PullBackSource* source) {
+  // Computes x~ from J; x~ = x if J has no finite value or no candidate is
+  // nearer to the target.
+  PullBackSource UseJacobian() {
     const Index m = simulator_.num_outputs();
     const Index n = simulator_.num_inputs();
     VectorXd y(m);
     MatrixXd J_transposed(n, m);
-    if (!simulator_.Evaluate(
+    if (simulator_.Evaluate(
             x_.data(), context_.data(), y.data(), J_transposed.data())) {
-      return false;
-    }
-    const MatrixXd J = J_transposed.transpose();
-    x_new_ = x_ + SpectralPullBack(J, d_y_, 1.0, options_.truncation);
-    *source = PullBackSource::kInverseGradient;
-    if (ComesNearer()) return true;
-    const VectorXd gradient = J_transposed * d_y_;
-    const double length = (J * gradient).stableNorm();
-    *source = PullBackSource::kGradient;
-    if (!(length > 0.0)) return false;
-    const double ratio = gradient.stableNorm() / length;
-    double t = ratio * ratio;
-    for (int halving = 0; halving <= kMaxNumHalvings; ++halving, t *= 0.5) {
-      x_new_ = x_ + t * gradient;
-      if (x_new_ != x_ && IsFinite(x_new_) && DistanceLeft() < distance_) {
-        return true;
+      const MatrixXd J = J_transposed.transpose();
+      x_new_ = x_ + SpectralPullBack(J, d_y_, 1.0, options_.truncation);
+      if (ComesNearer()) return PullBackSource::kInverseGradient;
+      const VectorXd gradient = J_transposed * d_y_;
+      const double length = (J * gradient).stableNorm();
+      const double ratio = gradient.stableNorm() / length;
+      double t = ratio * ratio;
+      for (int i = 0; length > 0.0 && i <= kMaxNumHalvings; ++i, t *= 0.5) {
+        x_new_ = x_ + t * gradient;
+        if (ComesNearer()) return PullBackSource::kGradient;
       }
     }
-    return false;
+    x_new_ = x_;
+    return PullBackSource::kNone;
   }
 
   const VectorXd& x_new() const { return x_new_; }
@@ -207,49 +194,41 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
   const Index n = simulator_->num_inputs();
   Scratch<double> d_y_values(m);
   const Map<const VectorXd> d_y(d_y_values.data(), m);
-  if (options_.way == SimulatorWay::kInverseGradient ||
-      options_.way == SimulatorWay::kHalfInverse) {
-    MatrixXd J_transposed(n, m);
-    if (!simulator_->Evaluate(
-            x.data(), context.data(), y, J_transposed.data()) ||
-        !wanted_change(y, d_y_values.data())) {
-      return false;
-    }
-    const double kappa =
-        options_.way == SimulatorWay::kInverseGradient ? 1.0 : 0.5;
-    d_x = SpectralPullBack(
-        J_transposed.transpose(), d_y, kappa, options_.truncation);
-    return AllFinite(d_x.data(), n);
-  }
-  if (!simulator_->Evaluate(x.data(), context.data(), y, nullptr) ||
+  const bool is_half = options_.way == SimulatorWay::kHalfInverse;
+  const bool is_spectral =
+      is_half || options_.way == SimulatorWay::kInverseGradient;
+  MatrixXd J_transposed(is_spectral ? n : 0, m);
+  if (!simulator_->Evaluate(x.data(),
+                            context.data(),
+                            y,
+                            is_spectral ? J_transposed.data() : nullptr) ||
       !wanted_change(y, d_y_values.data())) {
     return false;
   }
-  const Map<const VectorXd> at_x(y, m);
+  if (is_spectral) {
+    d_x = SpectralPullBack(J_transposed.transpose(),
+                           d_y,
+                           is_half ? 0.5 : 1.0,
+                           options_.truncation);
+    return AllFinite(d_x.data(), n);
+  }
+  result->source = inverse_ == nullptr ? PullBackSource::kNumericalInverse
+                                       : PullBackSource::kInverse;
   if (!(d_y.array() != 0.0).any()) {
     d_x.setZero();
-    result->source = inverse_ == nullptr ? PullBackSource::kNumericalInverse
-                                         : PullBackSource::kInverse;
     return true;
   }
-  Attempt attempt(*this, x, context, at_x, d_y);
-  const auto take = [&](PullBackSource source) {
-    result->source = source;
-    d_x = attempt.x_new() - x;
-    return true;
-  };
-  if (inverse_ != nullptr && attempt.Invert(*inverse_, &result->why)) {
-    return take(PullBackSource::kInverse);
+  Attempt attempt(*this, x, context, Map<const VectorXd>(y, m), d_y);
+  if (inverse_ != nullptr) result->why = attempt.Invert(*inverse_);
+  if (inverse_ == nullptr || !result->why.empty()) {
+    result->source = PullBackSource::kNumericalInverse;
+    const std::string why = attempt.Invert(*numerical_);
+    if (!why.empty()) {
+      result->why += (result->why.empty() ? "" : "; ") + why;
+      result->source = attempt.UseJacobian();
+    }
   }
-  std::string why;
-  if (attempt.Invert(*numerical_, &why)) {
-    return take(PullBackSource::kNumericalInverse);
-  }
-  result->why += (result->why.empty() ? "" : "; ") + why;
-  PullBackSource source = PullBackSource::kNone;
-  if (attempt.UseJacobian(&source)) return take(source);
-  result->source = PullBackSource::kNone;
-  d_x.setZero();
+  d_x = attempt.x_new() - x;
   return true;
 }
 

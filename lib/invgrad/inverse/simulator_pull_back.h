@@ -15,16 +15,15 @@
 //   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
 //
 // (with `accept_nearer`, for targets that no input reaches: if P(x~) is nearer
-// to y + d_y than y is). Otherwise these follow, in this order:
+// to y + d_y than y is). Otherwise these follow, and no fallback moves away
+// from y + d_y:
 //
 //   numerical inverse  with the same test
 //   inverse gradient   taken if it comes nearer to y + d_y than y is
 //   gradient           d_x = t J^T d_y, t = |J^T d_y|^2 / |J J^T d_y|^2, the
 //                      minimizer of |J d_x - d_y| along it, halved until it
 //                      comes nearer
-//   none               d_x = 0: J^T d_y is zero, or nothing comes nearer
-//
-// so no fallback moves away from y + d_y.
+//   none               d_x = 0
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
@@ -47,9 +46,28 @@
 #include "invgrad/chain/simulator.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/newton_inverse.h"
-#include "invgrad/inverse/ways.h"
 
 namespace invgrad {
+
+enum class SimulatorWay {
+  kJoint,  // no pull-back: the rule linearizes network and simulator as one
+  kAdjoint,
+  kInverseGradient,
+  kHalfInverse,
+  kInverse,    // the problem's inverse simulator; kNumerical if it has none
+  kNumerical,  // numerical_inverse.h
+  kNewton,     // newton_inverse.h
+  kData,       // no pull-back: x~ is the data's solution x*
+};
+// In the order of the enumerators.
+inline constexpr const char* kSimulatorWayNames[] = {"joint",
+                                                     "adjoint",
+                                                     "inverse_gradient",
+                                                     "half_inverse",
+                                                     "inverse",
+                                                     "numerical",
+                                                     "newton",
+                                                     "data"};
 
 // The source of a sample's d_x. The names are the history's column names.
 enum class PullBackSource {
@@ -96,7 +114,6 @@ class SimulatorPullBack {
   const Simulator& simulator() const { return *simulator_; }
 
  private:
-  // One sample's pull-back through inverses.
   class Attempt;
 
   std::shared_ptr<const Simulator> simulator_;

@@ -1,11 +1,11 @@
 #include "invgrad/methods/pull_back_method.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <limits>
-#include <optional>
 #include <utility>
 
-#include "fmt/core.h"
+#include "fmt/format.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -17,19 +17,19 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // if there is none.
 template <typename Way, std::size_t kSize>
 bool SetWay(const char* part,
-            const WayName<Way> (&names)[kSize],
+            const char* const (&names)[kSize],
             const std::string& name,
             Way* way,
             std::string* error) {
-  if (const std::optional<Way> found = FindWay(names, name)) {
-    *way = *found;
+  const auto* const found = std::find(names, names + kSize, name);
+  if (found != names + kSize) {
+    *way = static_cast<Way>(found - names);
     return true;
   }
-  *error =
-      fmt::format("'{}' is no way back through the {}; allowed:", name, part);
-  for (const WayName<Way>& row : names) {
-    *error += fmt::format("{}{}", &row == names ? " " : ", ", row.name);
-  }
+  *error = fmt::format("'{}' is no way back through the {}; allowed: {}",
+                       name,
+                       part,
+                       fmt::join(names, ", "));
   return false;
 }
 
@@ -38,9 +38,9 @@ bool SetWay(const char* part,
 bool PullBackMethod::SetWays(const std::string& loss,
                              const std::string& simulator,
                              std::string* error) {
-  return SetWay("loss", kLossWays, loss, &options_.loss, error) &&
+  return SetWay("loss", kLossWayNames, loss, &options_.loss, error) &&
          SetWay("simulator",
-                kSimulatorWays,
+                kSimulatorWayNames,
                 simulator,
                 &options_.simulator.way,
                 error);
@@ -122,7 +122,7 @@ std::shared_ptr<const Loss> PullBackMethod::MakeLoss(
   if (options_.loss == LossWay::kGradient && options_.y_step_size == 1.0) {
     return loss;
   }
-  return std::make_shared<PulledBackLoss>(MakeLossPullBack(std::move(loss)));
+  return std::make_shared<LossPullBack>(MakeLossPullBack(std::move(loss)));
 }
 
 ChainPullBack::Options PullBackMethod::ChainOptions() const {

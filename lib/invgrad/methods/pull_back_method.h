@@ -24,7 +24,6 @@
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"
-#include "invgrad/inverse/ways.h"
 #include "invgrad/rules/rules.h"
 
 namespace invgrad {
