@@ -173,7 +173,8 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     cost += evaluation.cost();
     evaluation.WriteResiduals(r.data() + block.row);
     evaluation.WriteJacobian(
-        block, jacobian->mutable_values() + J.outerIndexPtr()[block.row]);
+        block,
+        jacobian->mutable_matrix()->valuePtr() + J.outerIndexPtr()[block.row]);
     if (parts.hessian && block.row_length > 0 &&
         !evaluation.AddHessian(block, &linearization->hessian, error)) {
       return false;

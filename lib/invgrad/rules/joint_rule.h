@@ -37,7 +37,7 @@ class JointRule : public UpdateRule {
     bool kappa_is_a_setting = true;
     GainControlOptions control;
 
-    void DescribeJoint(OptionSet* set);
+    void Describe(OptionSet* set);
   };
 
   LinearizationParts Needs() const final {
@@ -47,7 +47,9 @@ class JointRule : public UpdateRule {
                    Eigen::VectorXd* step,
                    std::string* error) final;
   bool JudgesSteps() const final { return options_.control.is_on(); }
-  bool KeepsStep(double cost, double fraction) final;
+  bool KeepsStep(double cost, double fraction) final {
+    return control_.Judge(cost, fraction);
+  }
   std::vector<Eigen::VectorXd*> MutableState() override {
     return {control_.mutable_state()};
   }

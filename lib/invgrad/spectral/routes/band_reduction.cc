@@ -1,5 +1,3 @@
-#include "invgrad/spectral/routes/band_reduction.h"
-
 #include <lapacke.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/spectral/routes/householder.h"
+#include "invgrad/spectral/routes/two_stage.h"
 
 namespace invgrad {
 namespace {
@@ -103,10 +102,10 @@ class Sweep {
 
 }  // namespace
 
-void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
+void BandReduction::Compute(MatrixXd* K, VectorXd* tau) {
   CHECK_EQ(K->rows(), K->cols());
   const Index m = K->rows();
-  const Index b = bandwidth;
+  constexpr Index b = kBandwidth;
   tau->resize(std::max<Index>(0, m - b));
   if (m <= b) return;
   VW_.resize(m, 2 * b);
@@ -177,11 +176,6 @@ void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
     VW_.swap(next_VW_);
     pending = true;
   }
-}
-
-int64_t BandReduction::Bytes(int m, int bandwidth) {
-  const int64_t b = bandwidth;
-  return static_cast<int64_t>(sizeof(double)) * (6 * b * m + 3 * b * b);
 }
 
 }  // namespace invgrad

@@ -6,14 +6,52 @@
 #ifndef INVGRAD_SPECTRAL_ROUTES_SPECTRAL_ROUTES_H_
 #define INVGRAD_SPECTRAL_ROUTES_SPECTRAL_ROUTES_H_
 
+#include <complex>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
+#include "invgrad/spectral/routes/contour_quadrature.h"
+#include "invgrad/spectral/routes/tridiagonal.h"
+#include "invgrad/spectral/routes/tridiagonalization.h"
 #include "invgrad/spectral/spectral_filter.h"
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
+
+// The arrays that the routes keep from one step to the next.
+struct SvdBuffers {
+  Eigen::MatrixXd J;
+  Eigen::MatrixXd A;
+  Eigen::VectorXd tau;  // of Q's reflectors
+  Eigen::MatrixXd R;
+  Eigen::MatrixXd copy;     // of what dgesdd overwrites
+  Eigen::MatrixXd left;     // W', or W
+  Eigen::MatrixXd right_t;  // Z^T
+  Eigen::VectorXd s;        // descending
+};
+
+struct SpectralBuffers {
+  // Route gram: J J^T or J^T J, divided by `unit`; later the reflectors of the
+  // reduction, or the eigenvectors.
+  Eigen::MatrixXd gram;
+  double unit = 1.0;
+  Eigen::VectorXd b;  // the argument of f(K) b
+  Eigen::VectorXd y;
+  Eigen::VectorXd product;
+  Tridiagonalization reduction;
+  Tridiagonal tridiagonal;
+  Tridiagonal::Perturbations perturbations;
+  Tridiagonal::Changes changes;
+  Eigen::VectorXd change;
+  Eigen::VectorXd values;  // all eigenvalues, if computed
+  std::vector<ContourNode> nodes;
+  std::vector<std::complex<double>> shifts;
+  std::vector<std::complex<double>> coefficients;
+
+  SvdBuffers svd;
+};
 
 struct SpectralProblem {
   const JacobianOperator& J;
@@ -22,6 +60,8 @@ struct SpectralProblem {
 
   Eigen::Index m() const { return J.rows(); }
   Eigen::Index n() const { return J.cols(); }
+  // Route gram uses J^T J in place of J J^T.
+  bool parameter_side() const { return n() < m(); }
 };
 
 bool GramRoute(const SpectralProblem& problem,
@@ -33,10 +73,6 @@ bool SvdRoute(const SpectralProblem& problem,
               SpectralBuffers* buffers,
               Eigen::VectorXd* d,
               SpectralStepSummary* summary);
-
-bool GradientRoute(const SpectralProblem& problem,
-                   Eigen::VectorXd* d,
-                   SpectralStepSummary* summary);
 
 // The jump of phi, in units of s_max: tau, or zero if phi does not vanish at
 // zero. Negative if phi is continuous.

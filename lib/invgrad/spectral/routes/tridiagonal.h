@@ -27,7 +27,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/spectral/routes/aligned_buffer.h"
+#include "invgrad/spectral/routes/simd.h"
 
 namespace invgrad {
 
