@@ -106,7 +106,7 @@ class FirstOrderRule final : public UpdateRule {
            "run.";
     memory_.k[0] += 1.0;
     const double eta = options_.step_size.Scheduled(at_x.progress);
-    options_.law.Advance(gradient, eta, &memory_, step);
+    *step = options_.law.Step(gradient, eta, &memory_);
     // An infinite square would make all further steps of its entry zero.
     return CheckFinite("the squared gradient", memory_.v, error) &&
            CheckFinite("the step", *step, error);
@@ -129,16 +129,11 @@ struct GradientDescent : Law {
     set->Add("momentum", &momentum, kDecay, "mu, memory of the velocity");
     set->Add("nesterov", &nesterov, "look ahead along the velocity");
   }
-  void Advance(const VectorXd& gradient,
-               double eta,
-               Memory* memory,
-               VectorXd* step) const {
-    memory->u = momentum * memory->u + gradient;
-    if (nesterov) {
-      *step = -eta * (gradient + momentum * memory->u);
-    } else {
-      *step = -eta * memory->u;
-    }
+  VectorXd Step(const VectorXd& g, double eta, Memory* memory) const {
+    VectorXd& u = memory->u;
+    u = momentum * u + g;
+    if (nesterov) return -eta * (g + momentum * u);
+    return -eta * u;
   }
 };
 
@@ -153,18 +148,15 @@ struct Adam : Law {
     set->Add("beta2", &beta2, kDecay, "memory of the squared gradient");
     set->Add("epsilon", &epsilon, kPositive, "added to the root");
   }
-  void Advance(const VectorXd& gradient,
-               double eta,
-               Memory* memory,
-               VectorXd* step) const {
+  VectorXd Step(const VectorXd& g, double eta, Memory* memory) const {
     auto& [u, v, k] = *memory;
-    u = beta1 * u + (1.0 - beta1) * gradient;
-    v = beta2 * v + (1.0 - beta2) * gradient.cwiseAbs2();
+    u = beta1 * u + (1.0 - beta1) * g;
+    v = beta2 * v + (1.0 - beta2) * g.cwiseAbs2();
     // Correct the bias of means that start from zero.
     const double weight_u = 1.0 - std::pow(beta1, k[0]);
     const double weight_v = 1.0 - std::pow(beta2, k[0]);
-    *step =
-        -eta / weight_u * u.array() / ((v.array() / weight_v).sqrt() + epsilon);
+    return -eta / weight_u * u.array() /
+           ((v.array() / weight_v).sqrt() + epsilon);
   }
 };
 
@@ -178,14 +170,11 @@ struct RmsProp : Law {
     set->Add("momentum", &momentum, kDecay, "mu, memory of the velocity");
     set->Add("epsilon", &epsilon, kPositive, "added to the root");
   }
-  void Advance(const VectorXd& gradient,
-               double eta,
-               Memory* memory,
-               VectorXd* step) const {
+  VectorXd Step(const VectorXd& g, double eta, Memory* memory) const {
     auto& [u, v, k] = *memory;
-    v = decay * v + (1.0 - decay) * gradient.cwiseAbs2();
-    u = momentum * u.array() + gradient.array() / (v.array().sqrt() + epsilon);
-    *step = -eta * u;
+    v = decay * v + (1.0 - decay) * g.cwiseAbs2();
+    u = momentum * u.array() + g.array() / (v.array().sqrt() + epsilon);
+    return -eta * u;
   }
 };
 
@@ -199,12 +188,9 @@ struct Adagrad : Law {
              "sum of squares at the start");
     set->Add("epsilon", &epsilon, kPositive, "added to the root");
   }
-  void Advance(const VectorXd& gradient,
-               double eta,
-               Memory* memory,
-               VectorXd* step) const {
-    memory->v += gradient.cwiseAbs2();
-    *step = -eta * gradient.array() / (memory->v.array().sqrt() + epsilon);
+  VectorXd Step(const VectorXd& g, double eta, Memory* memory) const {
+    memory->v += g.cwiseAbs2();
+    return -eta * g.array() / (memory->v.array().sqrt() + epsilon);
   }
 };
 
@@ -217,17 +203,13 @@ struct Adadelta : Law {
     set->Add("decay", &decay, kDecay, "memory of squared gradient and step");
     set->Add("epsilon", &epsilon, kPositive, "added under the roots");
   }
-  void Advance(const VectorXd& gradient,
-               double eta,
-               Memory* memory,
-               VectorXd* step) const {
+  VectorXd Step(const VectorXd& g, double eta, Memory* memory) const {
     auto& [u, v, k] = *memory;
-    v = decay * v + (1.0 - decay) * gradient.cwiseAbs2();
+    v = decay * v + (1.0 - decay) * g.cwiseAbs2();
     const VectorXd delta =
-        gradient.array() *
-        ((u.array() + epsilon) / (v.array() + epsilon)).sqrt();
+        g.array() * ((u.array() + epsilon) / (v.array() + epsilon)).sqrt();
     u = decay * u + (1.0 - decay) * delta.cwiseAbs2();
-    *step = -eta * delta;
+    return -eta * delta;
   }
 };
 

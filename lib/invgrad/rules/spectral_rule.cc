@@ -1,24 +1,13 @@
 // Applies a spectral filter of J to the loss gradient: of all of J, or of the
 // columns of one layer at a time.
 //
-//   step = -eta V phi(S) U^T g,             J = U S V^T,   g = dL/dy
+//   step = -eta V phi(S) U^T g,             J = U S V^T,   g = dL/dy     [1]
 //   step_l = -eta V_l phi(S_l) U_l^T g,     J_l = U_l S_l V_l^T    (layerwise)
 //
-//   row                   phi(s)
-//   power                 s^-kappa           for s > truncation s_max, else 0
-//   half_inverse          s^(-1/2)           for s > truncation s_max, else 0
-//   gauss_newton          s^-1               for s > truncation s_max, else 0
-//   levenberg_marquardt   s / (s^2 + damping + relative_damping s_max^2)
-//   layer_half_inverse    layerwise: s^-kappa for s > truncation s_max of J_l,
-//                         else 0; kappa is 1/2 by default
-//   adaptive_power        s^-kappa for s > truncation s_max, else 0; kappa
-//                         starts at 1/2 and follows the gain (gain_control.h),
-//                         and the step size is automatic: no setting is needed
-//
-// These are the defaults of the rows. Every row has the settings truncation and
-// damping of the filter s (s^2 + lambda)^(-(1 + kappa) / 2)
-// (spectral_filter.h). With control=gain, kappa, lambda or both follow the gain
-// and start from the row's values.
+// The rows at the end of this file differ in their defaults. Every row has the
+// settings truncation and damping of the filter (spectral_filter.h); with
+// control=gain, kappa, lambda or both follow the gain (gain_control.h) and start
+// from the row's values.
 //
 // The J_l are the ColumnBlocks of J: a network's layers, or the parameter
 // blocks of a ceres::Problem that are not constant. The rule neglects the
@@ -29,8 +18,7 @@
 // Shapes:  g: m;  J: m x n;  step: n.
 // Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
 //          half-inverse step depends on the units of y, on a factor 1/2 in the
-//          loss, and on sum or mean over a batch. g is used as it is given.
-//          damping has the units of s^2.
+//          loss, and on sum or mean over a batch. damping has the units of s^2.
 // Cost:    one spectral step, see spectral_step.h; step_size=auto adds two
 //          products. Layerwise: one step for each layer, of size min(m, n_l).
 //          This is cheaper than the joint step if most layers have n_l < m

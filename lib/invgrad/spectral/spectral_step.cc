@@ -24,9 +24,9 @@ constexpr Index kSmallestThreaded = 1000;
 // After a Gram matrix that was not accurate enough, this many steps take svd.
 constexpr int kSvdSteps = 20;
 
-bool GradientRoute(const SpectralProblem& problem,
-                   VectorXd* d,
-                   SpectralStepSummary* summary) {
+bool GradientRoute(const SpectralProblem& problem) {
+  VectorXd* d = problem.d;
+  SpectralStepSummary* summary = problem.summary;
   CHECK(problem.filter.IsGradientDescent())
       << "The route gradient only computes phi(s) = s.";
   problem.J.TransposeTimes(problem.g, d);
@@ -37,21 +37,19 @@ bool GradientRoute(const SpectralProblem& problem,
 
 bool TakeRoute(const SpectralProblem& problem,
                SpectralRoute route,
-               const SpectralStepOptions& options,
-               SpectralWorkspace* workspace,
-               VectorXd* d,
-               SpectralStepSummary* summary) {
+               double memory_limit) {
+  SpectralStepSummary* summary = problem.summary;
   *summary = SpectralStepSummary();
   summary->route = route;
   const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
   // Before a message is composed: a step on warm memory allocates nothing.
-  if (!FitsInMemory(bytes, options.memory_limit)) {
+  if (!FitsInMemory(bytes, memory_limit)) {
     FitsInMemory(fmt::format("route {} with J {} x {}",
                              SpectralRouteName(route),
                              problem.m(),
                              problem.n()),
                  {{"its matrices", bytes}},
-                 options.memory_limit,
+                 memory_limit,
                  &summary->message);
     summary->message +=
         "; Golub-Kahan steps (rule krylov) need products with J alone";
@@ -59,11 +57,11 @@ bool TakeRoute(const SpectralProblem& problem,
   }
   switch (route) {
     case SpectralRoute::kGram:
-      return GramRoute(problem, &workspace->buffers(), d, summary);
+      return GramRoute(problem);
     case SpectralRoute::kSvd:
-      return SvdRoute(problem, &workspace->buffers(), d, summary);
+      return SvdRoute(problem);
     case SpectralRoute::kGradient:
-      return GradientRoute(problem, d, summary);
+      return GradientRoute(problem);
     case SpectralRoute::kAuto:
       break;
   }
@@ -100,10 +98,9 @@ bool IsAccurate(const SpectralStepSummary& summary,
 // Route gram, then svd if gram is not accurate enough.
 bool AutoStep(const SpectralProblem& problem,
               const SpectralStepOptions& options,
-              SpectralWorkspace* workspace,
-              VectorXd* d,
-              SpectralStepSummary* summary) {
-  VectorXd& history = workspace->history;
+              VectorXd* workspace_history) {
+  SpectralStepSummary* summary = problem.summary;
+  VectorXd& history = *workspace_history;
   if (history.size() != SpectralWorkspace::kHistorySize ||
       history[0] != static_cast<double>(problem.m()) ||
       history[1] != static_cast<double>(problem.n())) {
@@ -113,7 +110,7 @@ bool AutoStep(const SpectralProblem& problem,
   }
   double& num_svd_steps = history[2];
   const auto take = [&](SpectralRoute route) {
-    return TakeRoute(problem, route, options, workspace, d, summary);
+    return TakeRoute(problem, route, options.memory_limit);
   };
   if (num_svd_steps > 0.0) {
     num_svd_steps -= 1.0;
@@ -142,12 +139,13 @@ double JumpOf(const SpectralFilter& filter) {
   return filter.IsDamped() || filter.kappa < 0.0 ? -1.0 : 0.0;
 }
 
-void SummarizeSpectrum(const SpectralFilter& filter,
+void SummarizeSpectrum(const SpectralProblem& problem,
                        const VectorXd& s,
                        double s_max,
                        int power,
-                       double resolution,
-                       SpectralStepSummary* summary) {
+                       double resolution) {
+  const SpectralFilter& filter = problem.filter;
+  SpectralStepSummary* summary = problem.summary;
   summary->s_max = s_max;
   const double jump = JumpOf(filter);
   summary->threshold_resolution =
@@ -242,16 +240,17 @@ bool SpectralStep(const JacobianOperator& J,
       return false;
     }
   }
-  const SpectralProblem problem{J, g, filter};
+  const SpectralProblem problem{
+      J, g, filter, &workspace->buffers(), d, summary};
   const SingleBlasThread single(std::min(J.rows(), J.cols()) <
                                 kSmallestThreaded);
   if (options.route == SpectralRoute::kAuto && !filter.IsGradientDescent()) {
-    return AutoStep(problem, options, workspace, d, summary);
+    return AutoStep(problem, options, &workspace->history);
   }
   const SpectralRoute route = options.route == SpectralRoute::kAuto
                                   ? SpectralRoute::kGradient
                                   : options.route;
-  if (!TakeRoute(problem, route, options, workspace, d, summary)) return false;
+  if (!TakeRoute(problem, route, options.memory_limit)) return false;
   if (route != SpectralRoute::kGram) return true;
   std::string reason;
   std::string remedy;

@@ -44,23 +44,18 @@ double Resolution(const SpectralProblem& problem) {
 }
 
 // *d from w = f(K) b.
-bool MakeStep(const SpectralProblem& problem,
-              const VectorXd& w,
-              VectorXd* d,
-              SpectralStepSummary* summary) {
+bool MakeStep(const SpectralProblem& problem, const VectorXd& w) {
   if (problem.parameter_side()) {
-    *d = w;
+    *problem.d = w;
   } else {
-    problem.J.TransposeTimes(w, d);
+    problem.J.TransposeTimes(w, problem.d);
   }
-  return CheckFinite("the step", *d, &summary->message);
+  return CheckFinite("the step", *problem.d, &problem.summary->message);
 }
 
 // Computes f(K) b from all eigenvectors of K.
-bool EigenvectorStep(const SpectralProblem& problem,
-                     SpectralBuffers* buffers,
-                     VectorXd* d,
-                     SpectralStepSummary* summary) {
+bool EigenvectorStep(const SpectralProblem& problem) {
+  SpectralBuffers* buffers = problem.buffers;
   MatrixXd& U = buffers->gram;
   const int size = static_cast<int>(U.rows());
   VectorXd& lambda = buffers->values;
@@ -68,7 +63,7 @@ bool EigenvectorStep(const SpectralProblem& problem,
   if (LAPACKE_dsyevd(
           LAPACK_COL_MAJOR, 'V', 'L', size, U.data(), size, lambda.data()) !=
       0) {
-    summary->message =
+    problem.summary->message =
         "the eigenvalues of J's Gram matrix (dsyevd) did not converge";
     return false;
   }
@@ -88,12 +83,12 @@ bool EigenvectorStep(const SpectralProblem& problem,
   w.resize(size);
   Gemv(Op::kNone, 1.0, U, filtered, 0.0, w);
   const double resolution = Resolution(problem);
-  SummarizeSpectrum(problem.filter, s, s_max, 2, resolution, summary);
+  SummarizeSpectrum(problem, s, s_max, 2, resolution);
   std::optional<double> norm_g;
   if (problem.parameter_side()) norm_g = problem.g.norm();
-  summary->estimated_error =
+  problem.summary->estimated_error =
       GramStepError(problem.filter, lambda, s_max, c, norm_g, resolution);
-  return MakeStep(problem, w, d, summary);
+  return MakeStep(problem, w);
 }
 
 // Tolerance of the quadrature, relative to the largest |f|.
@@ -205,23 +200,22 @@ Cut FindCut(const Tridiagonal& T,
 }
 
 // The norm of the step by f(T) h = y.
-double StepNorm(bool parameter_side,
-                const VectorXd& y,
-                SpectralBuffers* buffers) {
-  if (parameter_side) return y.norm();
-  buffers->tridiagonal.Times(y, &buffers->product);
-  return std::sqrt(std::abs(y.dot(buffers->product)));
+double StepNorm(const SpectralProblem& problem, const VectorXd& y) {
+  if (problem.parameter_side()) return y.norm();
+  VectorXd& Ty = problem.buffers->product;
+  problem.buffers->tridiagonal.Times(y, &Ty);
+  return std::sqrt(std::abs(y.dot(Ty)));
 }
 
 // buffers->y = f(T) h for the eigenvalues that `cut` keeps, 0 for the others; h
 // is buffers->b. A contour integral takes 70 to 130 solutions with T,
 // Levenberg-Marquardt without a cut a single one. Returns the relative error of
 // the step due to the backward error of the reduction.
-double ApplyCutFunction(const GramFunction& f,
+double ApplyCutFunction(const SpectralProblem& problem,
+                        const GramFunction& f,
                         double lambda_max,
-                        const Cut& cut,
-                        bool parameter_side,
-                        SpectralBuffers* buffers) {
+                        const Cut& cut) {
+  SpectralBuffers* buffers = problem.buffers;
   Tridiagonal& T = buffers->tridiagonal;
   buffers->shifts.clear();
   buffers->coefficients.clear();
@@ -254,20 +248,18 @@ double ApplyCutFunction(const GramFunction& f,
   double squared_change = 0.0;
   for (int p = 0; p < Tridiagonal::kNumPerturbations; ++p) {
     buffers->change = buffers->changes.col(p);
-    const double norm = StepNorm(parameter_side, buffers->change, buffers);
+    const double norm = StepNorm(problem, buffers->change);
     squared_change += norm * norm / Tridiagonal::kNumPerturbations;
   }
   if (squared_change == 0.0) return 0.0;
   return kSampleSafety * BackwardError(T.size()) * lambda_max *
-         std::sqrt(squared_change) /
-         StepNorm(parameter_side, buffers->y, buffers);
+         std::sqrt(squared_change) / StepNorm(problem, buffers->y);
 }
 
 // Computes f(K) b from the tridiagonal form of K.
-bool ReducedStep(const SpectralProblem& problem,
-                 SpectralBuffers* buffers,
-                 VectorXd* d,
-                 SpectralStepSummary* summary) {
+bool ReducedStep(const SpectralProblem& problem) {
+  SpectralBuffers* buffers = problem.buffers;
+  SpectralStepSummary* summary = problem.summary;
   buffers->reduction.Compute(&buffers->gram);
   buffers->tridiagonal.Set(buffers->reduction.diagonal(),
                            buffers->reduction.off_diagonal());
@@ -302,12 +294,11 @@ bool ReducedStep(const SpectralProblem& problem,
   }
   const double norm_b = buffers->b.norm();
   if (norm_b == 0.0 || summary->rank == 0) {
-    d->setZero(problem.n());
+    problem.d->setZero(problem.n());
     return true;
   }
-  const double relative_error =
-      ApplyCutFunction(f, lambda_max, cut, parameter_side, buffers);
-  const double norm_y = StepNorm(parameter_side, buffers->y, buffers);
+  const double relative_error = ApplyCutFunction(problem, f, lambda_max, cut);
+  const double norm_y = StepNorm(problem, buffers->y);
   // On the parameter side, b = J^T g has additional rounding errors.
   const double norm_g = problem.g.norm() * root_unit;
   double rounding = RoundingError();
@@ -330,15 +321,14 @@ bool ReducedStep(const SpectralProblem& problem,
   summary->estimated_error = relative_error + rounding;
   buffers->reduction.ApplyQ(&buffers->y);
   buffers->y *= f.scale;
-  return MakeStep(problem, buffers->y, d, summary);
+  return MakeStep(problem, buffers->y);
 }
 
 }  // namespace
 
-bool GramRoute(const SpectralProblem& problem,
-               SpectralBuffers* buffers,
-               VectorXd* d,
-               SpectralStepSummary* summary) {
+bool GramRoute(const SpectralProblem& problem) {
+  SpectralBuffers* buffers = problem.buffers;
+  std::string* message = &problem.summary->message;
   MatrixXd& K = buffers->gram;
   if (problem.parameter_side()) {
     problem.J.ParameterGram(&K);
@@ -352,17 +342,17 @@ bool GramRoute(const SpectralProblem& problem,
   // overflows.
   const auto diagonal = K.diagonal();
   if (!diagonal.allFinite()) {
-    if (CheckJacobianFinite(problem.J, &summary->message)) {
-      summary->message = "the squares of J's entries overflow";
+    if (CheckJacobianFinite(problem.J, message)) {
+      *message = "the squares of J's entries overflow";
     }
     return false;
   }
   const double largest = diagonal.maxCoeff();
   if (largest < kSmallestGram) {
     // J = 0, or for this g as good as that.
-    problem.J.TransposeTimes(problem.g, d);
-    if (d->isZero(0.0)) return true;
-    summary->message = "the squares of J's entries underflow";
+    problem.J.TransposeTimes(problem.g, problem.d);
+    if (problem.d->isZero(0.0)) return true;
+    *message = "the squares of J's entries underflow";
     return false;
   }
   // Entries of ordinary size need no scaling, which saves a pass.
@@ -372,8 +362,8 @@ bool GramRoute(const SpectralProblem& problem,
   buffers->unit = std::ldexp(1.0, exponent);
   if (exponent != 0) K.triangularView<Eigen::Lower>() *= 1.0 / buffers->unit;
   return K.rows() < kSmallestReduced || problem.filter.clamp
-             ? EigenvectorStep(problem, buffers, d, summary)
-             : ReducedStep(problem, buffers, d, summary);
+             ? EigenvectorStep(problem)
+             : ReducedStep(problem);
 }
 
 }  // namespace invgrad

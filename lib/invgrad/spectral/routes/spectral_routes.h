@@ -53,10 +53,14 @@ struct SpectralBuffers {
   SvdBuffers svd;
 };
 
+// The arguments of a route.
 struct SpectralProblem {
   const JacobianOperator& J;
   const Eigen::VectorXd& g;
   const SpectralFilter& filter;
+  SpectralBuffers* buffers;
+  Eigen::VectorXd* d;
+  SpectralStepSummary* summary;
 
   Eigen::Index m() const { return J.rows(); }
   Eigen::Index n() const { return J.cols(); }
@@ -64,15 +68,8 @@ struct SpectralProblem {
   bool parameter_side() const { return n() < m(); }
 };
 
-bool GramRoute(const SpectralProblem& problem,
-               SpectralBuffers* buffers,
-               Eigen::VectorXd* d,
-               SpectralStepSummary* summary);
-
-bool SvdRoute(const SpectralProblem& problem,
-              SpectralBuffers* buffers,
-              Eigen::VectorXd* d,
-              SpectralStepSummary* summary);
+bool GramRoute(const SpectralProblem& problem);
+bool SvdRoute(const SpectralProblem& problem);
 
 // The jump of phi, in units of s_max: tau, or zero if phi does not vanish at
 // zero. Negative if phi is continuous.
@@ -80,12 +77,11 @@ double JumpOf(const SpectralFilter& filter);
 
 // Fills the summary's fields about known singular values. Values of
 // (s / s_max)^power within `resolution` of the jump are undecided.
-void SummarizeSpectrum(const SpectralFilter& filter,
+void SummarizeSpectrum(const SpectralProblem& problem,
                        const Eigen::VectorXd& s,
                        double s_max,
                        int power,
-                       double resolution,
-                       SpectralStepSummary* summary);
+                       double resolution);
 
 // True if all entries of J are finite; otherwise the message names the first
 // row with an infinite or NaN entry.

@@ -107,21 +107,20 @@ void ApplyQ(const SvdBuffers& svd, char transpose, VectorXd* x) {
 
 }  // namespace
 
-bool SvdRoute(const SpectralProblem& problem,
-              SpectralBuffers* buffers,
-              VectorXd* d,
-              SpectralStepSummary* summary) {
+bool SvdRoute(const SpectralProblem& problem) {
+  VectorXd* d = problem.d;
+  std::string* message = &problem.summary->message;
   const Index m = problem.m();
   const Index n = problem.n();
   // 3 k^2 + 7 k numbers of workspace, counted by LAPACK in 32 bits.
   constexpr Index kLargest = 26750;
   if (std::min(m, n) > kLargest) {
-    summary->message =
+    *message =
         "J has more than 26750 rows and columns: too many for LAPACK's SVD";
     return false;
   }
-  if (!CheckJacobianFinite(problem.J, &summary->message)) return false;
-  SvdBuffers& svd = buffers->svd;
+  if (!CheckJacobianFinite(problem.J, message)) return false;
+  SvdBuffers& svd = problem.buffers->svd;
   const bool wide = n > m;
   if (wide) {
     problem.J.ToDense(&svd.J);
@@ -130,8 +129,7 @@ bool SvdRoute(const SpectralProblem& problem,
     problem.J.ToDense(&svd.A);
   }
   if (!Factorize(&svd)) {
-    summary->message =
-        "the SVD of J did not converge: dgesdd and dgesvd failed";
+    *message = "the SVD of J did not converge: dgesdd and dgesvd failed";
     return false;
   }
   const double s_max = svd.s[0];
@@ -161,15 +159,15 @@ bool SvdRoute(const SpectralProblem& problem,
   }
   const double resolution = 2.0 * std::numeric_limits<double>::epsilon() *
                             std::sqrt(static_cast<double>(m + n));
-  SummarizeSpectrum(problem.filter, svd.s, s_max, 1, resolution, summary);
+  SummarizeSpectrum(problem, svd.s, s_max, 1, resolution);
   // The component of g outside the span of U.
   const double outside =
       m > n
           ? std::sqrt(std::max(0.0, problem.g.squaredNorm() - c.squaredNorm()))
           : 0.0;
-  summary->estimated_error =
+  problem.summary->estimated_error =
       SvdStepError(problem.filter, svd.s, s_max, c, outside, wide);
-  return CheckFinite("the step", *d, &summary->message);
+  return CheckFinite("the step", *d, message);
 }
 
 }  // namespace invgrad

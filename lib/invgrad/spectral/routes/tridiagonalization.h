@@ -5,29 +5,24 @@
 // A function of K applied to a vector, f(K) g = Q f(T) Q^T g, takes two
 // products with Q and no eigenvectors of K.
 //
-// Large matrices take two stages (two_stage.h). These do more arithmetic, but
-// are faster if K does not fit in the cache. Small matrices take one stage, one
-// column after the other, which equals LAPACK's dsytrd (lower) up to rounding:
-// column j needs the product p = A u with the trailing matrix A, and a symmetric
-// update of A of rank two,
-//
-//   w = tau p - 1/2 tau^2 (p^T u) u,   A -= u w^T + w u^T
-//
-// One sweep over the lower triangle both applies the update for one column and
-// computes the product for the next [1]: each entry is loaded once for eight
-// operations, which is fast while the triangle fits in the cache. LAPACK's
-// dsytrd takes 1.6 to 2.3 times as long at m = 128 to 1,024, and its two-stage
-// form does not apply Q.
+// Large matrices take two stages (two_stage.h), small ones a single stage, which
+// equals LAPACK's dsytrd (lower) up to rounding: column j needs the product
+// p = A u with the trailing matrix A, and A -= u w^T + w u^T with
+// w = tau p - 1/2 tau^2 (p^T u) u. One sweep over the lower triangle both
+// applies the update for one column and computes the product for the next [1]:
+// each entry is loaded once for eight operations, which is fast while the
+// triangle fits in the cache. LAPACK's dsytrd takes 1.6 to 2.3 times as long at
+// m = 128 to 1,024; its two-stage form does not apply Q, and its band reduction
+// (dsytrd_sy2sb) takes 1.2 to 1.4 times as long at m = 4096.
 //
 // Shapes:  K: m x m, of which the lower triangle is read;  Q: m x m;
 //          T: diagonal m, off-diagonal m - 1.
 // Units:   T has the units of K. Squares and products of entries must neither
 //          over- nor underflow: first scale K to entries of order one.
-// Cost:    4/3 m^3 for Compute; 2 m^2 (one stage) or 4 m^2 (two stages) for
-//          each product of Q and a vector. Two stages use BLAS and its threads.
+// Cost:    4/3 m^3, in two stages by BLAS and its threads; 2 m^2 (one stage) or
+//          4 m^2 (two stages) for each product of Q and a vector.
 // Fails:   never; a K that is not finite gives a T that is not finite.
-// Threads: one thread at a time may use an object, also for ApplyQ, which
-//          shares the buffers.
+// Threads: one thread at a time may use an object, also for ApplyQ.
 //
 // [1] Howell, Demmel, Fulton, Hammarling, Marmol. Cache efficient
 //     bidiagonalization using BLAS 2.5 operators. ACM TOMS 34(3), 2008.
