@@ -34,7 +34,6 @@
 #include "bin/support/spectral_reference.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/rules/spectral_rule.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
 #include "report/table.h"
@@ -121,7 +120,6 @@ void Measure(const Linearization& at_weights,
                              static_cast<double>(s[s.size() - 1] / s[0]));
   }
   const SingleSvd single(dense);
-  const SpectralRule::Options rule = SpectralRule::Options::HalfInverse();
   Table table({{"tau"},
                {"rank"},
                {"route", Table::Align::kLeft},
@@ -146,12 +144,11 @@ void Measure(const Linearization& at_weights,
     // The error of a route, with its estimate in brackets.
     const auto cell = [&](SpectralRoute route) -> std::string {
       constexpr double kInfinity = std::numeric_limits<double>::infinity();
-      SpectralStepOptions options;
+      SpectralStepOptions options = SpectralStepOptions::ForTraining();
       options.route = route;
-      const bool is_auto = route == SpectralRoute::kAuto;
-      options.tolerance = is_auto ? rule.tolerance : kInfinity;
-      options.threshold_tolerance =
-          is_auto ? rule.threshold_tolerance : kInfinity;
+      if (route != SpectralRoute::kAuto) {
+        options.tolerance = options.threshold_tolerance = kInfinity;
+      }
       VectorXd d;
       if (!SpectralStep(J, g, filter, options, &d, &summary)) return "refused";
       std::string text = fmt::format(

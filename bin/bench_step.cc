@@ -49,7 +49,6 @@
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
-#include "invgrad/rules/spectral_rule.h"
 #include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_step.h"
 
@@ -78,11 +77,8 @@ std::string SpectralStepAt(const Linearization& at,
                            const SpectralFilter& filter,
                            SpectralRoute route,
                            SpectralWorkspace* workspace) {
-  const SpectralRule::Options rule;
-  SpectralStepOptions options;
+  SpectralStepOptions options = SpectralStepOptions::ForTraining();
   options.route = route;
-  options.tolerance = rule.tolerance;
-  options.threshold_tolerance = rule.threshold_tolerance;
   Eigen::VectorXd d;
   SpectralStepSummary summary;
   return SpectralStep(*at.jacobian,

@@ -13,7 +13,7 @@
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/chain/trajectory_simulator.h"
 #include "invgrad/minimize/chain_objective.h"
-#include "invgrad/rules/first_order_rules.h"
+#include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
 #include "problems/schroedinger.h"
 

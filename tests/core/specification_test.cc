@@ -51,15 +51,19 @@ TEST(ParseSpecifications, RefusesWithThePlaceOfTheError) {
   }
 }
 
-TEST(NearestNames, AreSortedByDistanceAndLimited) {
+TEST(UnknownNameMessage, NamesAreSortedByDistanceAndLimited) {
+  const auto message = [](const std::string& name, const Names& known) {
+    return UnknownNameMessage("rule", name, known);
+  };
   const Names names = {"adagrad", "adadelta", "adam", "rmsprop", "newton"};
-  EXPECT_EQ(NearestNames("adm", names), (Names{"adam"}));
-  EXPECT_EQ(NearestNames("adma", names), (Names{"adam"}));
-  EXPECT_EQ(NearestNames("adamgrad", names), (Names{"adagrad"}));
-  EXPECT_EQ(NearestNames("levenberg", names), Names{});
-  EXPECT_EQ(NearestNames("", names), Names{});
-  EXPECT_EQ(NearestNames("ab", {"aa", "b", "a", "ab", "abc"}),
-            (Names{"ab", "aa", "b"}));
+  EXPECT_EQ(message("adma", names), "unknown rule 'adma'; did you mean adam?");
+  EXPECT_EQ(message("adamgrad", names),
+            "unknown rule 'adamgrad'; did you mean adagrad?");
+  const std::string known = "known: adagrad, adadelta, adam, rmsprop, newton";
+  EXPECT_EQ(message("levenberg", names), "unknown rule 'levenberg'; " + known);
+  EXPECT_EQ(message("", names), "unknown rule ''; " + known);
+  EXPECT_EQ(message("ab", {"aa", "b", "a", "ab", "abc"}),
+            "unknown rule 'ab'; did you mean ab, aa or b?");
 }
 
 TEST(UnknownNameMessage, ListsTheAlternatives) {

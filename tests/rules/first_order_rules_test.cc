@@ -1,12 +1,14 @@
 // The first-order rules against steps computed by hand. The large epsilons show
 // where it is added.
-#include "invgrad/rules/first_order_rules.h"
 
 #include <cmath>
-#include <limits>
+#include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "gtest/gtest.h"
+#include "tests/rules/step_of.h"
 
 namespace invgrad {
 namespace first_order_rules_test {
@@ -20,51 +22,40 @@ VectorXd StepFor(UpdateRule* rule,
   Linearization at_x;
   at_x.gradient = gradient;
   at_x.progress = progress;
-  VectorXd step;
-  std::string error;
-  EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
-  return step;
+  return StepOf(rule, at_x);
 }
 
-double ScalarStep(UpdateRule* rule, double gradient) {
-  return StepFor(rule, VectorXd::Constant(1, gradient))[0];
+double ScalarStep(const std::unique_ptr<UpdateRule>& rule, double gradient) {
+  return StepFor(rule.get(), VectorXd::Constant(1, gradient))[0];
 }
 
 TEST(GradientDescent, PlainStep) {
-  GradientDescent rule(GradientDescent::Options{});
-  EXPECT_EQ(ScalarStep(&rule, 3.0), -0.03);
-  EXPECT_EQ(ScalarStep(&rule, -1.0), 0.01);
+  const auto rule = MakeRule("gradient_descent");
+  EXPECT_EQ(ScalarStep(rule, 3.0), -0.03);
+  EXPECT_EQ(ScalarStep(rule, -1.0), 0.01);
 }
 
 TEST(GradientDescent, MomentumAddsUp) {
-  GradientDescent::Options options;
-  options.step_size.step_size = 0.1;
-  options.momentum = 0.5;
-  GradientDescent rule(options);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 2.0), -0.2);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 4.0), -0.5);   // v = 5
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 0.0), -0.25);  // v = 2.5
+  const auto rule = MakeRule("gradient_descent:step_size=0.1:momentum=0.5");
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 2.0), -0.2);
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 4.0), -0.5);   // v = 5
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 0.0), -0.25);  // v = 2.5
 }
 
 TEST(GradientDescent, NesterovLooksAhead) {
-  GradientDescent::Options options;
-  options.step_size.step_size = 0.1;
-  options.momentum = 0.5;
-  options.nesterov = true;
-  GradientDescent rule(options);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 2.0), -0.3);   // 2 + 0.5 * 2
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 4.0), -0.65);  // 4 + 0.5 * 5
+  const auto rule =
+      MakeRule("gradient_descent:step_size=0.1:momentum=0.5:nesterov=true");
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 2.0), -0.3);   // 2 + 0.5 * 2
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 4.0), -0.65);  // 4 + 0.5 * 5
 }
 
 TEST(GradientDescent, TheVelocityDoesNotRememberTheStepSize) {
-  GradientDescent::Options options;
-  options.step_size.step_size = 1.0;
-  options.step_size.schedule = "linear";
-  options.step_size.final_fraction = 0.5;
-  options.momentum = 0.5;
-  GradientDescent rule(options);
-  StepFor(&rule, VectorXd::Constant(1, 2.0), 0.0);
-  EXPECT_DOUBLE_EQ(StepFor(&rule, VectorXd::Constant(1, 0.0), 1.0)[0], -0.5);
+  const auto rule = MakeRule(
+      "gradient_descent:step_size=1:schedule=linear:final_fraction=0.5:"
+      "momentum=0.5");
+  StepFor(rule.get(), VectorXd::Constant(1, 2.0), 0.0);
+  EXPECT_DOUBLE_EQ(StepFor(rule.get(), VectorXd::Constant(1, 0.0), 1.0)[0],
+                   -0.5);
 }
 
 // x = (3, 3), L = x1^2 + x2^4, eta = 0.01: the iterates that the book
@@ -81,10 +72,10 @@ TEST(GradientDescent, PublishedIterates) {
                               {2.5522888, 1.0479842},
                               {2.501243, 1.0019454},
                               {2.4512184, 0.96171147}};
-  GradientDescent rule(GradientDescent::Options{});
+  const auto rule = MakeRule("gradient_descent");
   Vector2d x(3.0, 3.0);
   for (const Vector2d& expected : printed) {
-    x += StepFor(&rule, Vector2d(2.0 * x[0], 4.0 * std::pow(x[1], 3)));
+    x += StepFor(rule.get(), Vector2d(2.0 * x[0], 4.0 * std::pow(x[1], 3)));
     EXPECT_LE((x - expected).norm(), 1e-6);
   }
   EXPECT_NEAR(x[0], 2.45121842066264, 1e-13);
@@ -92,22 +83,19 @@ TEST(GradientDescent, PublishedIterates) {
 }
 
 TEST(Adam, BiasCorrectedSteps) {
-  Adam::Options options;
-  options.step_size.step_size = 0.5;
-  options.epsilon = 0.1;
-  Adam rule(options);
+  const auto rule = MakeRule("adam:step_size=0.5:epsilon=0.1");
   // m / 0.1 = 2, v / 0.001 = 4.
-  EXPECT_NEAR(ScalarStep(&rule, 2.0), -0.5 * 2.0 / (2.0 + 0.1), 1e-14);
+  EXPECT_NEAR(ScalarStep(rule, 2.0), -0.5 * 2.0 / (2.0 + 0.1), 1e-14);
   // m = 0.9 * 0.2 - 0.1, v = 0.999 * 0.004 + 0.001.
-  EXPECT_NEAR(ScalarStep(&rule, -1.0),
+  EXPECT_NEAR(ScalarStep(rule, -1.0),
               -0.5 * (0.08 / 0.19) / (std::sqrt(0.004996 / 0.001999) + 0.1),
               1e-13);
 }
 
 TEST(Adam, AConstantGradientOfAnySizeGivesStepsOfEta) {
-  Adam rule(Adam::Options{});
+  const auto rule = MakeRule("adam");
   for (int k = 0; k < 100; ++k) {
-    const VectorXd step = StepFor(&rule, Vector2d(1e6, -1e3));
+    const VectorXd step = StepFor(rule.get(), Vector2d(1e6, -1e3));
     // epsilon / 1e3 is below 1e-11.
     EXPECT_NEAR(step[0], -1e-3, 1e-13);
     EXPECT_NEAR(step[1], 1e-3, 1e-13);
@@ -115,75 +103,72 @@ TEST(Adam, AConstantGradientOfAnySizeGivesStepsOfEta) {
 }
 
 TEST(RmsProp, Steps) {
-  RmsProp::Options options;
-  options.step_size.step_size = 0.5;
-  options.decay = 0.75;
-  options.epsilon = 0.1;
-  RmsProp rule(options);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 2.0), -0.5 * 2.0 / (1.0 + 0.1));  // v = 1
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 1.0), -0.5 / (1.0 + 0.1));        // v = 1
-  options.momentum = 0.5;
-  RmsProp with_momentum(options);
-  EXPECT_DOUBLE_EQ(ScalarStep(&with_momentum, 2.0), -0.5 * 2.0 / 1.1);
-  EXPECT_DOUBLE_EQ(ScalarStep(&with_momentum, 1.0),
+  const std::string text = "rmsprop:step_size=0.5:decay=0.75:epsilon=0.1";
+  const auto rule = MakeRule(text);
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 2.0), -0.5 * 2.0 / (1.0 + 0.1));  // v = 1
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 1.0), -0.5 / (1.0 + 0.1));        // v = 1
+  const auto with_momentum = MakeRule(text + ":momentum=0.5");
+  EXPECT_DOUBLE_EQ(ScalarStep(with_momentum, 2.0), -0.5 * 2.0 / 1.1);
+  EXPECT_DOUBLE_EQ(ScalarStep(with_momentum, 1.0),
                    -0.5 * (0.5 * 2.0 / 1.1 + 1.0 / 1.1));
 }
 
 TEST(Adagrad, Steps) {
-  Adagrad::Options options;
-  options.step_size.step_size = 0.5;
-  options.epsilon = 0.1;
-  Adagrad rule(options);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 3.0), -0.5 * 3.0 / 3.1);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, -4.0), 0.5 * 4.0 / 5.1);
-  options.initial_sum = 7.0;
-  Adagrad with_sum(options);
-  EXPECT_DOUBLE_EQ(ScalarStep(&with_sum, 3.0), -0.5 * 3.0 / 4.1);
+  const std::string text = "adagrad:step_size=0.5:epsilon=0.1";
+  const auto rule = MakeRule(text);
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 3.0), -0.5 * 3.0 / 3.1);
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, -4.0), 0.5 * 4.0 / 5.1);
+  const auto with_sum = MakeRule(text + ":initial_sum=7");
+  EXPECT_DOUBLE_EQ(ScalarStep(with_sum, 3.0), -0.5 * 3.0 / 4.1);
 }
 
 TEST(Adadelta, Steps) {
-  Adadelta::Options options;
-  options.step_size.step_size = 0.5;
-  options.decay = 0.75;
-  options.epsilon = 0.25;
-  Adadelta rule(options);
+  const auto rule = MakeRule("adadelta:step_size=0.5:decay=0.75:epsilon=0.25");
   // v = 1, u = 0: delta = sqrt(0.25 / 1.25) 2.
   const double first = 2.0 * std::sqrt(0.25 / 1.25);
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 2.0), -0.5 * first);
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 2.0), -0.5 * first);
   // v = 1, u = 0.25 * 0.8.
-  EXPECT_DOUBLE_EQ(ScalarStep(&rule, 1.0), -0.5 * std::sqrt(0.45 / 1.25));
+  EXPECT_DOUBLE_EQ(ScalarStep(rule, 1.0), -0.5 * std::sqrt(0.45 / 1.25));
 }
 
 TEST(FirstOrderRules, DefaultsArePyTorchs) {
-  EXPECT_EQ(GradientDescent::Options{}.step_size.step_size, 0.01);
-  EXPECT_EQ(GradientDescent::Options{}.momentum, 0.0);
-  EXPECT_FALSE(GradientDescent::Options{}.nesterov);
-  EXPECT_EQ(Adam::Options{}.step_size.step_size, 1e-3);
-  EXPECT_EQ(Adam::Options{}.beta1, 0.9);
-  EXPECT_EQ(Adam::Options{}.beta2, 0.999);
-  EXPECT_EQ(Adam::Options{}.epsilon, 1e-8);
-  EXPECT_EQ(RmsProp::Options{}.step_size.step_size, 0.01);
-  EXPECT_EQ(RmsProp::Options{}.decay, 0.99);
-  EXPECT_EQ(RmsProp::Options{}.momentum, 0.0);
-  EXPECT_EQ(RmsProp::Options{}.epsilon, 1e-8);
-  EXPECT_EQ(Adagrad::Options{}.step_size.step_size, 0.01);
-  EXPECT_EQ(Adagrad::Options{}.initial_sum, 0.0);
-  EXPECT_EQ(Adagrad::Options{}.epsilon, 1e-10);
-  EXPECT_EQ(Adadelta::Options{}.step_size.step_size, 1.0);
-  EXPECT_EQ(Adadelta::Options{}.decay, 0.9);
-  EXPECT_EQ(Adadelta::Options{}.epsilon, 1e-6);
+  using Values = std::vector<std::pair<std::string, std::string>>;
+  const auto defaults = [](const std::string& name) {
+    Values values;
+    for (const OptionSet::Row& option : FindRule(name)->options()) {
+      if (option.name == "schedule" || option.name == "final_fraction")
+        continue;
+      values.emplace_back(option.name, option.default_value);
+    }
+    return values;
+  };
+  EXPECT_EQ(
+      defaults("gradient_descent"),
+      (Values{
+          {"step_size", "0.01"}, {"momentum", "0"}, {"nesterov", "false"}}));
+  EXPECT_EQ(defaults("adam"),
+            (Values{{"step_size", "0.001"},
+                    {"beta1", "0.9"},
+                    {"beta2", "0.999"},
+                    {"epsilon", "1e-08"}}));
+  EXPECT_EQ(defaults("rmsprop"),
+            (Values{{"step_size", "0.01"},
+                    {"decay", "0.99"},
+                    {"momentum", "0"},
+                    {"epsilon", "1e-08"}}));
+  EXPECT_EQ(
+      defaults("adagrad"),
+      (Values{
+          {"step_size", "0.01"}, {"initial_sum", "0"}, {"epsilon", "1e-10"}}));
+  EXPECT_EQ(
+      defaults("adadelta"),
+      (Values{{"step_size", "1"}, {"decay", "0.9"}, {"epsilon", "1e-06"}}));
 }
 
 // Without a check, 1e200 squared would make every later step zero.
 TEST(FirstOrderRules, RefuseAGradientWhoseSquareOverflows) {
-  Adam adam(Adam::Options{});
-  RmsProp rmsprop(RmsProp::Options{});
-  Adagrad adagrad(Adagrad::Options{});
-  Adadelta adadelta(Adadelta::Options{});
-  for (UpdateRule* rule : {static_cast<UpdateRule*>(&adam),
-                           static_cast<UpdateRule*>(&rmsprop),
-                           static_cast<UpdateRule*>(&adagrad),
-                           static_cast<UpdateRule*>(&adadelta)}) {
+  for (const char* name : {"adam", "rmsprop", "adagrad", "adadelta"}) {
+    const auto rule = MakeRule(name);
     Linearization at_x;
     at_x.gradient = Vector2d(1.0, 1e200);
     VectorXd step;
@@ -193,18 +178,19 @@ TEST(FirstOrderRules, RefuseAGradientWhoseSquareOverflows) {
   }
 }
 
-TEST(FirstOrderRulesDeathTest, BadOptionsAndChangedSizesAreChecked) {
-  Adam::Options options;
-  options.beta1 = 1.0;
-  EXPECT_DEATH(Adam{options}, "beta1=1 is out of range; allowed: \\[0, 1\\)");
-  options = Adam::Options();
-  options.step_size.step_size = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_DEATH(Adam{options}, "step_size=nan is not a finite number");
-  options.step_size.step_size = std::nullopt;
-  EXPECT_DEATH(Adam{options}, "no automatic step size");
-  Adam rule(Adam::Options{});
-  StepFor(&rule, VectorXd::Ones(2));
-  EXPECT_DEATH(StepFor(&rule, VectorXd::Ones(3)), "number of unknowns");
+TEST(FirstOrderRules, RefuseOptionsOutOfRange) {
+  std::string error;
+  EXPECT_EQ(MakeRule("adam:beta1=1", &error), nullptr);
+  EXPECT_EQ(error, "adam: beta1=1 is out of range; allowed: [0, 1)");
+  EXPECT_EQ(MakeRule("adam:step_size=nan", &error), nullptr);
+  EXPECT_EQ(error,
+            "adam: step_size=nan is not a finite number; allowed: (0, inf)");
+}
+
+TEST(FirstOrderRulesDeathTest, ChangedSizesAreChecked) {
+  const auto rule = MakeRule("adam");
+  StepFor(rule.get(), VectorXd::Ones(2));
+  EXPECT_DEATH(StepFor(rule.get(), VectorXd::Ones(3)), "number of unknowns");
 }
 
 }  // namespace first_order_rules_test

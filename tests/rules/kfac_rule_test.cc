@@ -117,7 +117,7 @@ TEST(KfacHalfInverse, IsExactForALinearLayerAndALinearSimulator) {
             0.01 * joint.norm());
 }
 
-// [1] of kfac_rule.h, section 10: an affine change of a layer's inputs, which
+// [1] of kfac_rule.cc, section 10: an affine change of a layer's inputs, which
 // its weights undo, does not change what a step of kappa = 1 does to the
 // network's outputs. That of another kappa it does.
 TEST(KfacHalfInverse, FullStepsDoNotDependOnTheBasisOfTheInputs) {

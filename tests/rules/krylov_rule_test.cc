@@ -1,4 +1,4 @@
-#include "invgrad/rules/krylov_rule.h"
+// The rule krylov.
 
 #include <cmath>
 #include <limits>

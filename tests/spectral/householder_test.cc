@@ -9,7 +9,6 @@
 namespace invgrad {
 namespace householder_test {
 
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
@@ -52,28 +51,6 @@ TEST(MakeReflector, KeepsNan) {
   x[4] = std::numeric_limits<double>::quiet_NaN();
   double tau;
   EXPECT_TRUE(std::isnan(MakeReflector(6, x.data(), &tau)));
-}
-
-TEST(ApplyReflectors, AppliesTheLastFirstOrTheFirstFirst) {
-  const int m = 9;
-  const int offset = 2;
-  MatrixXd A(m, m);
-  for (int j = 0; j < m; ++j) A.col(j) = (j + 1) * Wave(m);
-  const VectorXd tau = Wave(m - offset);
-  MatrixXd Q = MatrixXd::Identity(m, m);
-  for (int j = 0; j < tau.size(); ++j) {
-    VectorXd u = VectorXd::Unit(m, j + offset);
-    u.tail(m - 1 - offset - j) = A.col(j).tail(m - 1 - offset - j);
-    Q *= MatrixXd::Identity(m, m) - tau[j] * u * u.transpose();
-  }
-  const VectorXd x = Wave(m).reverse();
-  VectorXd y = x;
-  ApplyReflectors(A, offset, tau, false, &y);
-  EXPECT_LE((y - Q * x).norm(), 100 * kEpsilon * Q.norm() * x.norm());
-  y = x;
-  ApplyReflectors(A, offset, tau, true, &y);
-  EXPECT_LE((y - Q.transpose() * x).norm(),
-            100 * kEpsilon * Q.norm() * x.norm());
 }
 
 }  // namespace householder_test

@@ -72,7 +72,7 @@ TEST_P(RealJacobians, ErrorIsAtMostItsEstimate) {
                                     exact.norm()),
                 summary.estimated_error);
       ++num_tested;
-      // What training asks for, see SpectralRule::Options.
+      // What training asks for, see SpectralStepOptions::ForTraining.
       if (route == SpectralRoute::kAuto) {
         EXPECT_LE(summary.estimated_error, 1e-3);
       }

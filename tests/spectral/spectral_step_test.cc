@@ -227,7 +227,7 @@ TEST(SpectralStep, WhereSquaresOverOrUnderflowAutoTakesTheSvd) {
 TEST(SpectralStep, RoutesHaveNames) {
   EXPECT_STREQ(SpectralRouteName(SpectralRoute::kGradient), "gradient");
   std::string names;
-  for (const SpectralRoute route : GeneralSpectralRoutes()) {
+  for (const SpectralRoute route : kGeneralSpectralRoutes) {
     names += SpectralRouteName(route) + std::string(" ");
   }
   EXPECT_EQ(names, "auto gram svd ");

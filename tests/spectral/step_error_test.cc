@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -130,9 +131,13 @@ TEST(StepError, GramEstimatesAreTheMeanChangeOfTheStep) {
       }
       const double measured = std::sqrt(squared / kNumDraws) / kSize;
       const double estimated = Sensitivity(
-          parameter_side
-              ? ParameterGramStepError(filter, lambda, s_max, c, g.norm(), 0.0)
-              : GramStepError(filter, lambda, s_max, c, 0.0),
+          GramStepError(
+              filter,
+              lambda,
+              s_max,
+              c,
+              parameter_side ? std::optional<double>(g.norm()) : std::nullopt,
+              0.0),
           k);
       // The estimates add the roundings of the products with J.
       EXPECT_LE(measured, 2.0 * estimated)
@@ -169,20 +174,19 @@ TEST(StepError, IsFreeOfUnits) {
   const VectorXd c = random.Vector(9);
   for (const SpectralFilter& filter : Filters()) {
     const double svd = SvdStepError(filter, s, 1.0, c, 2.0, false);
-    const double gram = GramStepError(filter, lambda, 1.0, c, 1e-14);
-    const double parameter =
-        ParameterGramStepError(filter, lambda, 1.0, c, 3.0, 1e-14);
+    const double gram = GramStepError(filter, lambda, 1.0, c, {}, 1e-14);
+    const double parameter = GramStepError(filter, lambda, 1.0, c, 3.0, 1e-14);
     for (const double u : {1e-120, 1e-7, 1e120}) {
       EXPECT_NEAR(
           SvdStepError(filter, s, 1.0, u * c, u * 2.0, false), svd, 1e-9 * svd);
       EXPECT_NEAR(
           SvdStepError(filter, u * s, u, c, 2.0, false), svd, 1e-6 * svd);
-      EXPECT_NEAR(
-          GramStepError(filter, lambda, u, u * c, 1e-14), gram, 1e-6 * gram);
-      EXPECT_NEAR(
-          ParameterGramStepError(filter, lambda, 1.0, u * c, u * 3.0, 1e-14),
-          parameter,
-          1e-6 * parameter);
+      EXPECT_NEAR(GramStepError(filter, lambda, u, u * c, {}, 1e-14),
+                  gram,
+                  1e-6 * gram);
+      EXPECT_NEAR(GramStepError(filter, lambda, 1.0, u * c, u * 3.0, 1e-14),
+                  parameter,
+                  1e-6 * parameter);
     }
   }
 }
@@ -192,10 +196,10 @@ TEST(StepError, WhatIsBelowTheResolutionCounts) {
   const VectorXd lambda = Eigen::Vector2d(1e-18, 1.0);
   const VectorXd c = VectorXd::Ones(2);
   const SpectralFilter filter = SpectralFilter::Power(-0.5, 0.0);
-  const double blind = GramStepError(filter, lambda, 1.0, c, 1e-12);
+  const double blind = GramStepError(filter, lambda, 1.0, c, {}, 1e-12);
   // phi(1e-6) = 1e-3 beside a step of size one.
   EXPECT_NEAR(blind, 1e-3, 1e-4);
-  EXPECT_LE(GramStepError(filter, lambda, 1.0, c, 0.0), 0.5 * blind);
+  EXPECT_LE(GramStepError(filter, lambda, 1.0, c, {}, 0.0), 0.5 * blind);
 }
 
 TEST(StepError, ZeroStepsHaveNoError) {
@@ -203,7 +207,7 @@ TEST(StepError, ZeroStepsHaveNoError) {
   const VectorXd zero = VectorXd::Zero(5);
   const SpectralFilter filter = SpectralFilter::HalfInverse(1e-3);
   EXPECT_EQ(SvdStepError(filter, s, 1.0, zero, 0.0, false), 0.0);
-  EXPECT_EQ(GramStepError(filter, s.cwiseAbs2(), 1.0, zero, 1e-14), 0.0);
+  EXPECT_EQ(GramStepError(filter, s.cwiseAbs2(), 1.0, zero, {}, 1e-14), 0.0);
 }
 
 }  // namespace step_error_test

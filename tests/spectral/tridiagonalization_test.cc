@@ -11,9 +11,7 @@
 #include "Eigen/Core"
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/spectral/routes/band_reduction.h"
-#include "invgrad/spectral/routes/bulge_chase.h"
-#include "invgrad/spectral/routes/one_stage.h"
+#include "invgrad/spectral/routes/two_stage.h"
 
 namespace invgrad {
 namespace tridiagonalization_test {
@@ -81,51 +79,31 @@ std::vector<int> Sizes() {
           50, 51, 63, 65, 95, 97, 100, 129, 191, 193, 240};
 }
 
-TEST(OneStageReduction, FactorsAreThoseOfK) {
+TEST(BandReduction, FactorsAreThoseOfK) {
+  constexpr int b = kBandwidth;
   for (const int m : Sizes()) {
     SCOPED_TRACE(m);
     const MatrixXd K = RandomSymmetric(m, m);
     MatrixXd reflectors = LowerTriangle(K);
-    VectorXd diagonal;
-    VectorXd off_diagonal;
     VectorXd tau;
-    OneStageReduction().Compute(&reflectors, &diagonal, &off_diagonal, &tau);
+    BandReduction().Compute(&reflectors, &tau);
+    ASSERT_EQ(tau.size(), std::max(0, m - b));
     MatrixXd Q = MatrixXd::Identity(m, m);
-    for (int j = 0; j + 1 < m; ++j) {
-      VectorXd u = VectorXd::Unit(m, j + 1);
-      u.tail(m - 2 - j) = reflectors.col(j).tail(m - 2 - j);
+    MatrixXd B = MatrixXd::Zero(m, m);
+    for (int j = 0; j < m; ++j) {
+      const int rows = std::min(b + 1, m - j);
+      B.col(j).segment(j, rows) = reflectors.col(j).segment(j, rows);
+      if (j >= tau.size()) continue;
+      VectorXd u = VectorXd::Unit(m, j + b);
+      u.tail(m - 1 - b - j) = reflectors.col(j).tail(m - 1 - b - j);
       Q -= (tau[j] * (Q * u)) * u.transpose();
     }
-    ExpectFactors(K, Q, Tridiagonal(diagonal, off_diagonal));
-  }
-}
-
-TEST(BandReduction, FactorsAreThoseOfK) {
-  for (const int b : {1, 5, 48}) {
-    for (const int m : Sizes()) {
-      SCOPED_TRACE(std::to_string(b) + " of " + std::to_string(m));
-      const MatrixXd K = RandomSymmetric(m, m);
-      MatrixXd reflectors = LowerTriangle(K);
-      VectorXd tau;
-      BandReduction().Compute(b, &reflectors, &tau);
-      ASSERT_EQ(tau.size(), std::max(0, m - b));
-      MatrixXd Q = MatrixXd::Identity(m, m);
-      MatrixXd B = MatrixXd::Zero(m, m);
-      for (int j = 0; j < m; ++j) {
-        const int rows = std::min(b + 1, m - j);
-        B.col(j).segment(j, rows) = reflectors.col(j).segment(j, rows);
-        if (j >= tau.size()) continue;
-        VectorXd u = VectorXd::Unit(m, j + b);
-        u.tail(m - 1 - b - j) = reflectors.col(j).tail(m - 1 - b - j);
-        Q -= (tau[j] * (Q * u)) * u.transpose();
-      }
-      ExpectFactors(K, Q, B.selfadjointView<Eigen::Lower>());
-    }
+    ExpectFactors(K, Q, B.selfadjointView<Eigen::Lower>());
   }
 }
 
 TEST(BulgeChase, FactorsAreThoseOfTheBand) {
-  constexpr int b = BulgeChase::kBandwidth;
+  constexpr int b = kBandwidth;
   for (const int m : Sizes()) {
     SCOPED_TRACE(m);
     MatrixXd K = RandomSymmetric(m, m);

@@ -147,7 +147,7 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     cost += evaluation.cost();
     evaluation.WriteResiduals(r.data() + block.row);
     if (!evaluation.WriteJacobian(
-            jacobian->mutable_values() + J.outerIndexPtr()[block.row], error) ||
+            jacobian->mutable_matrix()->valuePtr() + J.outerIndexPtr()[block.row], error) ||
         (parts.hessian && block.row_length > 0 &&
          !evaluation.AddHessian(&linearization->hessian, error))) {
       return false;

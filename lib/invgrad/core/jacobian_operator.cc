@@ -9,34 +9,46 @@
 namespace invgrad {
 namespace {
 
-void CheckProductSizes(const JacobianOperator& J,
-                       Eigen::Index operand_size,
-                       bool transposed) {
-  CHECK_EQ(operand_size, transposed ? J.rows() : J.cols())
-      << (transposed ? "J^T w" : "J v") << " with J " << J.rows() << " x "
-      << J.cols();
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Sparse = SparseJacobian::Matrix;
+
+// *y = op(J) x.
+void Multiply(const MatrixXd& J, Op op, const VectorXd& x, VectorXd* y) {
+  y->resize(op == Op::kNone ? J.rows() : J.cols());
+  Gemv(op, 1.0, J, x, 0.0, *y);
+}
+void Multiply(const Sparse& J, Op op, const VectorXd& x, VectorXd* y) {
+  if (op == Op::kNone) {
+    *y = J * x;
+  } else {
+    *y = J.transpose() * x;
+  }
 }
 
-// *G = the lower triangle of op(A) op(A)^T.
-void DenseGram(const Eigen::MatrixXd& A, Op op, Eigen::MatrixXd* G) {
-  const Eigen::Index size = op == Op::kNone ? A.rows() : A.cols();
+// *G = op(J) op(J)^T, the lower triangle.
+void MakeGram(const MatrixXd& J, Op op, MatrixXd* G) {
+  const Eigen::Index size = op == Op::kNone ? J.rows() : J.cols();
   G->resize(size, size);
-  Syrk(op, 1.0, A, 0.0, *G);
+  Syrk(op, 1.0, J, 0.0, *G);
+}
+void MakeGram(const Sparse& J, Op op, MatrixXd* G) {
+  const Sparse transpose = J.transpose();
+  const Sparse product =
+      op == Op::kNone ? Sparse(J * transpose) : Sparse(transpose * J);
+  *G = product;
 }
 
-void CheckBlockSizes(const JacobianOperator& J,
-                     const std::vector<int>& block_sizes) {
-  if (block_sizes.empty()) return;
-  CHECK_EQ(std::accumulate(block_sizes.begin(), block_sizes.end(), 0), J.cols())
-      << "Blocks of columns hold all columns.";
-}
+// J in a form whose columns are contiguous.
+const MatrixXd& ByColumns(const MatrixXd& J) { return J; }
+Eigen::SparseMatrix<double> ByColumns(const Sparse& J) { return J; }
 
 }  // namespace
 
-void JacobianOperator::ParameterGram(Eigen::MatrixXd* JtJ) const {
-  Eigen::MatrixXd J;
+void JacobianOperator::ParameterGram(MatrixXd* JtJ) const {
+  MatrixXd J;
   ToDense(&J);
-  DenseGram(J, Op::kTranspose, JtJ);
+  MakeGram(J, Op::kTranspose, JtJ);
 }
 
 std::string JacobianOperator::RowName(int row) const {
@@ -48,86 +60,53 @@ JacobianOperator::ColumnBlocks() const {
   return {};
 }
 
-DenseJacobian::DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes)
-    : J_(std::move(J)), block_sizes_(std::move(block_sizes)) {
-  CheckBlockSizes(*this, block_sizes_);
-}
-
-void DenseJacobian::Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const {
-  CheckProductSizes(*this, v.size(), false);
-  Jv->resize(rows());
-  Gemv(Op::kNone, 1.0, J_, v, 0.0, *Jv);
-}
-
-void DenseJacobian::TransposeTimes(const Eigen::VectorXd& w,
-                                   Eigen::VectorXd* Jtw) const {
-  CheckProductSizes(*this, w.size(), true);
-  Jtw->resize(cols());
-  Gemv(Op::kTranspose, 1.0, J_, w, 0.0, *Jtw);
-}
-
-void DenseJacobian::Gram(Eigen::MatrixXd* JJt) const {
-  DenseGram(J_, Op::kNone, JJt);
-}
-
-void DenseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
-  DenseGram(J_, Op::kTranspose, JtJ);
-}
-
-std::vector<std::unique_ptr<const JacobianOperator>>
-DenseJacobian::ColumnBlocks() const {
-  std::vector<std::unique_ptr<const JacobianOperator>> blocks;
-  int column = 0;
-  for (const int size : block_sizes_) {
-    blocks.push_back(
-        std::make_unique<DenseJacobian>(J_.middleCols(column, size)));
-    column += size;
-  }
-  return blocks;
-}
-
-SparseJacobian::SparseJacobian(Matrix J, std::vector<int> block_sizes)
+template <typename Matrix>
+StoredJacobian<Matrix>::StoredJacobian(Matrix J, std::vector<int> block_sizes)
     : block_sizes_(std::move(block_sizes)) {
   J_.swap(J);
-  CheckBlockSizes(*this, block_sizes_);
+  if (block_sizes_.empty()) return;
+  CHECK_EQ(std::accumulate(block_sizes_.begin(), block_sizes_.end(), 0), cols())
+      << "Blocks of columns hold all columns.";
 }
 
-void SparseJacobian::Times(const Eigen::VectorXd& v,
-                           Eigen::VectorXd* Jv) const {
-  CheckProductSizes(*this, v.size(), false);
-  *Jv = J_ * v;
+template <typename Matrix>
+void StoredJacobian<Matrix>::Times(const VectorXd& v, VectorXd* Jv) const {
+  CHECK_EQ(v.size(), cols()) << "J v with J " << rows() << " x " << cols();
+  Multiply(J_, Op::kNone, v, Jv);
 }
 
-void SparseJacobian::TransposeTimes(const Eigen::VectorXd& w,
-                                    Eigen::VectorXd* Jtw) const {
-  CheckProductSizes(*this, w.size(), true);
-  *Jtw = J_.transpose() * w;
+template <typename Matrix>
+void StoredJacobian<Matrix>::TransposeTimes(const VectorXd& w,
+                                            VectorXd* Jtw) const {
+  CHECK_EQ(w.size(), rows()) << "J^T w with J " << rows() << " x " << cols();
+  Multiply(J_, Op::kTranspose, w, Jtw);
 }
 
-void SparseJacobian::Gram(Eigen::MatrixXd* JJt) const {
-  const Matrix transpose = J_.transpose();
-  const Matrix product = J_ * transpose;
-  *JJt = product;
+template <typename Matrix>
+void StoredJacobian<Matrix>::Gram(MatrixXd* JJt) const {
+  MakeGram(J_, Op::kNone, JJt);
 }
 
-void SparseJacobian::ParameterGram(Eigen::MatrixXd* JtJ) const {
-  const Matrix transpose = J_.transpose();
-  const Matrix product = transpose * J_;
-  *JtJ = product;
+template <typename Matrix>
+void StoredJacobian<Matrix>::ParameterGram(MatrixXd* JtJ) const {
+  MakeGram(J_, Op::kTranspose, JtJ);
 }
 
+template <typename Matrix>
 std::vector<std::unique_ptr<const JacobianOperator>>
-SparseJacobian::ColumnBlocks() const {
-  // In compressed columns a block is a range of entries.
-  const Eigen::SparseMatrix<double> by_columns = J_;
+StoredJacobian<Matrix>::ColumnBlocks() const {
+  const auto& columns = ByColumns(J_);
   std::vector<std::unique_ptr<const JacobianOperator>> blocks;
   int column = 0;
   for (const int size : block_sizes_) {
-    blocks.push_back(std::make_unique<SparseJacobian>(
-        Matrix(by_columns.middleCols(column, size))));
+    blocks.push_back(std::make_unique<StoredJacobian>(
+        Matrix(columns.middleCols(column, size))));
     column += size;
   }
   return blocks;
 }
+
+template class StoredJacobian<MatrixXd>;
+template class StoredJacobian<Sparse>;
 
 }  // namespace invgrad

@@ -12,7 +12,6 @@
 
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -55,36 +54,17 @@ class JacobianOperator {
       const;
 };
 
-// J stored as a column-major matrix.
-class DenseJacobian final : public JacobianOperator {
+// J stored as a matrix: column-major, or in compressed rows, as for a
+// ceres::Problem.
+template <typename MatrixType>
+class StoredJacobian final : public JacobianOperator {
  public:
-  // block_sizes: the number of columns of each ColumnBlock; the blocks are
-  // copies. Empty, or their sum is n (CHECKed).
-  explicit DenseJacobian(Eigen::MatrixXd J, std::vector<int> block_sizes = {});
+  using Matrix = MatrixType;
 
-  int rows() const override { return static_cast<int>(J_.rows()); }
-  int cols() const override { return static_cast<int>(J_.cols()); }
-  void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const override;
-  void TransposeTimes(const Eigen::VectorXd& w,
-                      Eigen::VectorXd* Jtw) const override;
-  void Gram(Eigen::MatrixXd* JJt) const override;
-  void ToDense(Eigen::MatrixXd* J) const override { *J = J_; }
-  void ParameterGram(Eigen::MatrixXd* JtJ) const override;
-  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
-      const override;
-
- private:
-  Eigen::MatrixXd J_;
-  std::vector<int> block_sizes_;
-};
-
-// J in compressed rows, as for a ceres::Problem.
-class SparseJacobian final : public JacobianOperator {
- public:
-  using Matrix = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-  // J is swapped in, because Eigen's sparse matrices do not move. block_sizes:
-  // as for DenseJacobian. A ColumnBlock has all rows of J, most of them empty.
-  explicit SparseJacobian(Matrix J, std::vector<int> block_sizes = {});
+  // Swaps J in, because Eigen's sparse matrices do not move. block_sizes: the
+  // number of columns of each ColumnBlock; the blocks are copies and have all
+  // rows of J. Empty, or their sum is n (CHECKed).
+  explicit StoredJacobian(Matrix J, std::vector<int> block_sizes = {});
 
   int rows() const override { return static_cast<int>(J_.rows()); }
   int cols() const override { return static_cast<int>(J_.cols()); }
@@ -98,13 +78,19 @@ class SparseJacobian final : public JacobianOperator {
       const override;
 
   const Matrix& matrix() const { return J_; }
-  // The entries, in the order of the compressed rows.
-  double* mutable_values() { return J_.valuePtr(); }
+  Matrix* mutable_matrix() { return &J_; }
 
  private:
   Matrix J_;
   std::vector<int> block_sizes_;
 };
+
+using DenseJacobian = StoredJacobian<Eigen::MatrixXd>;
+using SparseJacobian =
+    StoredJacobian<Eigen::SparseMatrix<double, Eigen::RowMajor>>;
+extern template class StoredJacobian<Eigen::MatrixXd>;
+extern template class StoredJacobian<
+    Eigen::SparseMatrix<double, Eigen::RowMajor>>;
 
 }  // namespace invgrad
 

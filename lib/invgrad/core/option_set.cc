@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <type_traits>
 
 #include "fmt/core.h"
 #include "fmt/format.h"
@@ -12,7 +13,6 @@ namespace invgrad {
 namespace {
 
 constexpr char kAuto[] = "auto";
-constexpr char kNotANumber[] = "is not a finite number";
 
 // The shortest text that reads back as the same number: "0.1", "1e-06".
 std::string NumberText(double value) {
@@ -33,29 +33,25 @@ std::string RangeText(const Range& range) {
 }
 
 bool Contains(const Range& range, double value) {
-  return std::isfinite(value) &&
-         (range.open_low ? value > range.low : value >= range.low) &&
+  return (range.open_low ? value > range.low : value >= range.low) &&
          (range.open_high ? value < range.high : value <= range.high);
 }
 
-// By std::from_chars, which accepts no spaces and ignores the locale. Number is
-// double or int.
-template <typename Number>
-bool ParseNumber(const std::string& text, Number* value) {
-  const char* const end = text.data() + text.size();
-  const std::from_chars_result result =
-      std::from_chars(text.data(), end, *value);
-  return result.ec == std::errc() && result.ptr == end;
-}
-
+// Number is double or int. std::from_chars accepts no spaces and ignores the
+// locale.
 template <typename Number>
 const char* SetNumber(const std::string& text,
                       const Range& range,
-                      const char* not_a_number,
                       Number* field) {
+  const char* const end = text.data() + text.size();
   Number value = 0;
-  if (!ParseNumber(text, &value)) return not_a_number;
-  if (!std::isfinite(static_cast<double>(value))) return not_a_number;
+  const std::from_chars_result result =
+      std::from_chars(text.data(), end, value);
+  if (result.ec != std::errc() || result.ptr != end ||
+      !std::isfinite(static_cast<double>(value))) {
+    return std::is_same_v<Number, int> ? "is not an integer"
+                                       : "is not a finite number";
+  }
   if (!Contains(range, value)) return "is out of range";
   *field = value;
   return nullptr;
@@ -81,7 +77,7 @@ void OptionSet::Add(const std::string& name,
                     const std::string& help) {
   AddRow({name, NumberText(*field), RangeText(range), help},
          [field, range](const std::string& value) {
-           return SetNumber(value, range, kNotANumber, field);
+           return SetNumber(value, range, field);
          });
 }
 
@@ -91,7 +87,7 @@ void OptionSet::Add(const std::string& name,
                     const std::string& help) {
   AddRow({name, std::to_string(*field), "integer in " + RangeText(range), help},
          [field, range](const std::string& value) {
-           return SetNumber(value, range, "is not an integer", field);
+           return SetNumber(value, range, field);
          });
 }
 
@@ -135,7 +131,7 @@ void OptionSet::Add(const std::string& name,
            std::optional<double> number;
            if (value != kAuto) {
              const char* const complaint =
-                 SetNumber(value, range, kNotANumber, &number.emplace());
+                 SetNumber(value, range, &number.emplace());
              if (complaint != nullptr) return complaint;
            }
            *field = number;

@@ -87,14 +87,6 @@ class OptionSet {
   std::vector<Setter> setters_;
 };
 
-// CHECKs that all fields of `options`, as set by a program, have allowed
-// values.
-template <typename Options>
-void CheckOptions(Options options) {
-  OptionSet set;
-  options.Describe(&set);
-}
-
 }  // namespace invgrad
 
 #endif  // INVGRAD_CORE_OPTION_SET_H_

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <map>
 #include <numeric>
 
 #include "fmt/core.h"
@@ -48,14 +49,23 @@ int EditDistance(const std::string& a, const std::string& b) {
   return row[b.size()];
 }
 
-// "a", "a or b", "a, b or c".
-std::string Alternatives(const std::vector<std::string>& names) {
-  std::string text;
-  for (size_t i = 0; i < names.size(); ++i) {
-    if (i > 0) text += i + 1 == names.size() ? " or " : ", ";
-    text += names[i];
+// The candidates nearest to `name`, nearest first, at most three; those too far
+// to be a misspelling are left out.
+std::vector<std::string> NearestNames(
+    const std::string& name, const std::vector<std::string>& candidates) {
+  // One edit, and one more for every four characters: two edits cover swapped
+  // neighbours ("adma"), four a changed ending.
+  const int limit = 1 + static_cast<int>(name.size() / 4);
+  std::multimap<int, std::string> by_distance;
+  for (const std::string& candidate : candidates) {
+    by_distance.emplace(EditDistance(name, candidate), candidate);
   }
-  return text;
+  std::vector<std::string> names;
+  for (const auto& [distance, candidate] : by_distance) {
+    if (distance > limit || names.size() == 3) break;
+    names.push_back(candidate);
+  }
+  return names;
 }
 
 }  // namespace
@@ -99,37 +109,20 @@ bool ParseSpecifications(const std::string& text,
   return true;
 }
 
-std::vector<std::string> NearestNames(
-    const std::string& name, const std::vector<std::string>& candidates) {
-  // One edit, and one more for every four characters: two edits cover swapped
-  // neighbours ("adma"), four a changed ending.
-  const int limit = 1 + static_cast<int>(name.size() / 4);
-  std::vector<std::pair<int, std::string>> near;
-  for (const std::string& candidate : candidates) {
-    const int distance = EditDistance(name, candidate);
-    if (distance <= limit) near.emplace_back(distance, candidate);
-  }
-  std::stable_sort(near.begin(), near.end(), [](const auto& a, const auto& b) {
-    return a.first < b.first;
-  });
-  constexpr size_t kMaxNumNames = 3;
-  if (near.size() > kMaxNumNames) near.resize(kMaxNumNames);
-  std::vector<std::string> names;
-  names.reserve(near.size());
-  for (const auto& [distance, candidate] : near) names.push_back(candidate);
-  return names;
-}
-
 std::string UnknownNameMessage(const std::string& what,
                                const std::string& name,
                                const std::vector<std::string>& candidates) {
-  const std::vector<std::string> names = NearestNames(name, candidates);
-  if (!names.empty()) {
+  std::vector<std::string> names = NearestNames(name, candidates);
+  if (names.empty()) {
     return fmt::format(
-        "unknown {} '{}'; did you mean {}?", what, name, Alternatives(names));
+        "unknown {} '{}'; known: {}", what, name, fmt::join(candidates, ", "));
   }
-  return fmt::format(
-      "unknown {} '{}'; known: {}", what, name, fmt::join(candidates, ", "));
+  std::string last = names.back();
+  names.pop_back();
+  if (!names.empty()) {
+    last = fmt::format("{} or {}", fmt::join(names, ", "), last);
+  }
+  return fmt::format("unknown {} '{}'; did you mean {}?", what, name, last);
 }
 
 }  // namespace invgrad

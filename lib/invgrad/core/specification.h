@@ -25,13 +25,9 @@ bool ParseSpecifications(const std::string& text,
                          std::vector<Specification>* specifications,
                          std::string* error);
 
-// The candidates nearest to `name` by edit distance, nearest first, at most
-// three; those too far to be a misspelling are left out.
-std::vector<std::string> NearestNames(
-    const std::string& name, const std::vector<std::string>& candidates);
-
-// "unknown rule 'adm'; did you mean adam?", or, if no candidate is near,
-// "unknown rule 'q'; known: adam, newton".
+// "unknown rule 'adm'; did you mean adam?" names up to three candidates, nearest
+// by edit distance first. If none is near enough to be a misspelling: "unknown
+// rule 'q'; known: adam, newton".
 std::string UnknownNameMessage(const std::string& what,
                                const std::string& name,
                                const std::vector<std::string>& candidates);

@@ -1,7 +1,5 @@
 #include "invgrad/core/update_rule.h"
 
-#include "glog/logging.h"
-
 namespace invgrad {
 
 std::vector<MemoryPart> UpdateRule::StepMemory(const JacobianSizes& J) const {
@@ -14,13 +12,6 @@ std::vector<MemoryPart> UpdateRule::StepMemory(const JacobianSizes& J) const {
                      3.0 * sizeof(double) * J.cols * J.cols});
   }
   return parts;
-}
-
-void InitializeOnce(Eigen::Index size, double value, Eigen::VectorXd* array) {
-  if (array->size() == 0) array->setConstant(size, value);
-  CHECK_EQ(array->size(), size)
-      << "The number of unknowns has changed; use a new update rule for each "
-         "run.";
 }
 
 }  // namespace invgrad

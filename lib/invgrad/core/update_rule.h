@@ -73,10 +73,6 @@ class UpdateRule {
   virtual std::string LastStepReport() const { return ""; }
 };
 
-// Initializes an array of a rule's memory at the first step: `size` entries
-// `value` if it is empty. Otherwise CHECKs its size.
-void InitializeOnce(Eigen::Index size, double value, Eigen::VectorXd* array);
-
 }  // namespace invgrad
 
 #endif  // INVGRAD_CORE_UPDATE_RULE_H_

@@ -4,9 +4,8 @@
 //   gain = (L(x) - L(x + step)) / (L(x) - M(step))
 //   M(step) = L(x) + g . J step + 1/2 J step . H_L J step
 //
-// A step with gain < 0 is reverted. A step for which M predicts no decrease (it
-// is too long) is reverted if the cost rises. The gain then changes the filter
-// for the next step:
+// A step with gain < 0, or a step that M predicts to be too long and that raises
+// the cost, is reverted. The gain then changes the filter for the next step:
 //
 //   exponent   kappa + 0.02 if gain > 0.85, kappa - 0.05 if gain < 0.4,
 //              within [0.3, 1]
@@ -18,8 +17,6 @@
 //
 // In all cases a reverted step halves the step size, down to 1e-12 of the
 // rule's own, and a kept step doubles the step size, up to the rule's own.
-// (After a reverted step the next one may start at the same point; only its
-// step size differs then.)
 //
 // In training, L is the loss of the mini-batch that the step was computed from:
 // the gain measures the error of the linear model over the step, not the effect

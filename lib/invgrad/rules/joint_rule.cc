@@ -7,40 +7,31 @@
 #include "invgrad/core/finite.h"
 
 namespace invgrad {
-namespace {
 
-void DescribeFilter(SpectralFilter* filter,
-                    bool kappa_is_a_setting,
-                    OptionSet* set) {
+void JointRule::Options::Describe(OptionSet* set) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  step_size.Describe(/*allow_auto=*/true, set);
   if (kappa_is_a_setting) {
     set->Add("kappa",
-             &filter->kappa,
+             &filter.kappa,
              {-1.0, 1.0},
              "exponent: -1 gradient, 1/2 half-inverse, 1 Gauss-Newton");
   }
   set->Add("truncation",
-           &filter->tau,
+           &filter.tau,
            {0.0, 1.0, false, true},
            "tau: singular values s <= tau s_max are dropped");
   set->Add("clamp",
-           &filter->clamp,
+           &filter.clamp,
            "raise small singular values to tau s_max instead");
   set->Add("damping",
-           &filter->damping,
+           &filter.damping,
            {0.0, kInfinity},
            "lambda, added to the squared singular values");
   set->Add("relative_damping",
-           &filter->relative_damping,
+           &filter.relative_damping,
            {0.0, kInfinity},
            "the same, in units of s_max^2");
-}
-
-}  // namespace
-
-void JointRule::Options::DescribeJoint(OptionSet* set) {
-  step_size.Describe(/*allow_auto=*/true, set);
-  DescribeFilter(&filter, kappa_is_a_setting, set);
   control.Describe(set);
 }
 
@@ -104,10 +95,6 @@ bool JointRule::FindStepSize(const Linearization& at_x,
     control_.Expect(at_x.cost, model, *eta);
   }
   return true;
-}
-
-bool JointRule::KeepsStep(double cost, double fraction) {
-  return control_.Judge(cost, fraction);
 }
 
 }  // namespace invgrad

@@ -2,11 +2,8 @@
 // Jacobian of network and simulator: filter, step size, and control.
 //
 //   step = -eta d,   d = V phi(S) U^T g or an approximation,   J = U S V^T
-//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2)   for s > truncation s_max,
-//                                                  else 0
-//   lambda = damping + relative_damping s_max^2
 //
-// A derived rule computes d for a given filter.
+// with phi of spectral_filter.h. A derived rule computes d.
 //
 // Shapes:  g: m;  J: m x n;  step, d: n.
 // Cost:    the cost of d; step_size=auto and control=gain add products with J
@@ -37,7 +34,7 @@ class JointRule : public UpdateRule {
     bool kappa_is_a_setting = true;
     GainControlOptions control;
 
-    void DescribeJoint(OptionSet* set);
+    void Describe(OptionSet* set);
   };
 
   LinearizationParts Needs() const final {
@@ -47,7 +44,9 @@ class JointRule : public UpdateRule {
                    Eigen::VectorXd* step,
                    std::string* error) final;
   bool JudgesSteps() const final { return options_.control.is_on(); }
-  bool KeepsStep(double cost, double fraction) final;
+  bool KeepsStep(double cost, double fraction) final {
+    return control_.Judge(cost, fraction);
+  }
   std::vector<Eigen::VectorXd*> MutableState() override {
     return {control_.mutable_state()};
   }

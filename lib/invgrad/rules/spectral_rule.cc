@@ -1,18 +1,51 @@
-#include "invgrad/rules/spectral_rule.h"
-
+// Applies a spectral filter of J to the loss gradient: of all of J, or of the
+// columns of one layer at a time.
+//
+//   step = -eta V phi(S) U^T g,             J = U S V^T,   g = dL/dy     [1]
+//   step_l = -eta V_l phi(S_l) U_l^T g,     J_l = U_l S_l V_l^T    (layerwise)
+//
+// The rows at the end of this file differ in their defaults. Every row has the
+// settings truncation and damping of the filter (spectral_filter.h); with
+// control=gain, kappa, lambda or both follow the gain (gain_control.h) and start
+// from the row's values.
+//
+// The J_l are the ColumnBlocks of J: a network's layers, or the parameter
+// blocks of a ceres::Problem that are not constant. The rule neglects the
+// coupling between blocks: if each of L layers can correct the outputs, the sum
+// of their full steps (kappa = 1) overshoots L times. If J has no ColumnBlocks,
+// J is the only block.
+//
+// Shapes:  g: m;  J: m x n;  step: n.
+// Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
+//          half-inverse step depends on the units of y, on a factor 1/2 in the
+//          loss, and on sum or mean over a batch. damping has the units of s^2.
+// Cost:    one spectral step, see spectral_step.h; step_size=auto adds two
+//          products. Layerwise: one step for each layer, of size min(m, n_l).
+//          This is cheaper than the joint step if most layers have n_l < m
+//          (large batches): n_l^3 each instead of min(m, n)^3. For n_l >= m it
+//          is L times the work.
+// Fails:   returns false if g, J or the step is not finite, if a factorization
+//          does not converge, or if there is no automatic step size.
+//
+// [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
+//     Learning. ICLR 2022. arXiv 2203.10131. Its eta is 1 for the oscillators.
 #include <algorithm>
 #include <limits>
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/rules/joint_rule.h"
+#include "invgrad/rules/rule_rows.h"
+#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {
 
-// Summarizes the reports of the steps of all blocks.
+// Summarizes the steps of all blocks.
 struct Totals {
   std::map<SpectralRoute, int> num_blocks;
   int rank = 0;
@@ -44,166 +77,175 @@ struct Totals {
     if (num_undecided > 0) {
       report += fmt::format(", {} undecided", num_undecided);
     }
+    if (!message.empty()) report += fmt::format(" ({})", message);
     return report;
   }
 };
 
+class SpectralRule final : public JointRule {
+ public:
+  struct Options : JointRule::Options {
+    bool layerwise = false;  // selects the rule; not a setting
+    std::string route = SpectralRouteName(SpectralRoute::kAuto);
+    SpectralStepOptions step = SpectralStepOptions::ForTraining();
+
+    void Describe(OptionSet* set) {
+      constexpr double kInfinity = std::numeric_limits<double>::infinity();
+      JointRule::Options::Describe(set);
+      std::vector<std::string> names;
+      for (const SpectralRoute candidate : kGeneralSpectralRoutes) {
+        names.emplace_back(SpectralRouteName(candidate));
+      }
+      set->Add("route", &route, names, "how the step is computed");
+      set->Add("tolerance",
+               &step.tolerance,
+               {0.0, kInfinity, true},
+               "largest estimated relative error of a step by the Gram matrix");
+      set->Add("threshold_tolerance",
+               &step.threshold_tolerance,
+               {0.0, kInfinity},
+               "largest relative error of its truncation");
+    }
+  };
+
+  explicit SpectralRule(const Options& options)
+      : JointRule(options),
+        layerwise_(options.layerwise),
+        options_(options.step) {
+    for (const SpectralRoute candidate : kGeneralSpectralRoutes) {
+      if (options.route == SpectralRouteName(candidate)) {
+        options_.route = candidate;
+      }
+    }
+  }
+
+  // Includes the routes' histories, which choose the next step's routes.
+  std::vector<Eigen::VectorXd*> MutableState() override {
+    std::vector<Eigen::VectorXd*> state = JointRule::MutableState();
+    state.push_back(&histories_);
+    return state;
+  }
+
+  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
+    // SpectralStep checks the memory again before it uses a route that needs
+    // more than the first route of auto.
+    const bool is_auto = options_.route == SpectralRoute::kAuto;
+    const SpectralRoute route = !is_auto ? options_.route
+                                : joint_options().filter.IsGradientDescent()
+                                    ? SpectralRoute::kGradient
+                                    : SpectralRoute::kGram;
+    const auto bytes = [&](double cols) {
+      return SpectralStepBytes(route,
+                               static_cast<Eigen::Index>(J.rows),
+                               static_cast<Eigen::Index>(cols));
+    };
+    double step = 0.0;
+    if (layerwise_ && !J.layers.empty()) {
+      // The layers' steps are computed one after the other, in the same memory.
+      for (const JacobianSizes::Layer& layer : J.layers) {
+        step = std::max(step, bytes(layer.fan_in * layer.fan_out));
+      }
+    } else {
+      step = bytes(J.cols);
+    }
+    std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
+    parts.push_back({fmt::format("{}route {}",
+                                 is_auto ? "at least " : "",
+                                 SpectralRouteName(route)),
+                     step});
+    parts.push_back({"factors of J", J.factor_bytes});
+    return parts;
+  }
+
+ private:
+  bool ComputeDirection(const Linearization& at_x,
+                        const SpectralFilter& filter,
+                        Eigen::VectorXd* direction,
+                        std::string* report,
+                        std::string* error) override {
+    const JacobianOperator& J = *at_x.jacobian;
+    std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+    if (layerwise_) blocks = J.ColumnBlocks();
+    const std::size_t num_blocks = std::max<std::size_t>(1, blocks.size());
+    constexpr Eigen::Index kHistory = SpectralWorkspace::kHistorySize;
+    if (histories_.size() != kHistory * static_cast<Eigen::Index>(num_blocks)) {
+      histories_.setZero(kHistory * num_blocks);
+    }
+    direction->resize(J.cols());
+    Totals totals;
+    Eigen::Index column = 0;
+    for (std::size_t i = 0; i < num_blocks; ++i) {
+      const JacobianOperator& block = blocks.empty() ? J : *blocks[i];
+      // The tangent space of a parameter block may have dimension zero.
+      if (block.cols() == 0) continue;
+      workspace_.history = histories_.segment<kHistory>(kHistory * i);
+      SpectralStepSummary summary;
+      if (!SpectralStep(block,
+                        at_x.loss_gradient,
+                        filter,
+                        options_,
+                        &workspace_,
+                        &d_,
+                        &summary)) {
+        *error =
+            num_blocks == 1
+                ? summary.message
+                : fmt::format("columns from {}: {}", column, summary.message);
+        return false;
+      }
+      histories_.segment<kHistory>(kHistory * i) = workspace_.history;
+      direction->segment(column, d_.size()) = d_;
+      column += d_.size();
+      totals.Add(block, summary);
+    }
+    *report = totals.Report();
+    return true;
+  }
+
+  const bool layerwise_;
+  SpectralStepOptions options_;
+  SpectralWorkspace workspace_;
+  Eigen::VectorXd histories_;  // one per block, zero before the first step
+  Eigen::VectorXd d_;          // of a block
+};
+
 }  // namespace
 
-SpectralRule::Options SpectralRule::Options::Power() { return Options(); }
-
-SpectralRule::Options SpectralRule::Options::HalfInverse() {
-  Options options;
-  options.kappa_is_a_setting = false;
-  return options;
-}
-
-SpectralRule::Options SpectralRule::Options::GaussNewton() {
-  Options options;
-  options.filter.kappa = 1.0;
-  options.kappa_is_a_setting = false;
-  return options;
-}
-
-SpectralRule::Options SpectralRule::Options::LayerHalfInverse() {
-  Options options;
-  options.layerwise = true;
-  return options;
-}
-
-SpectralRule::Options SpectralRule::Options::AdaptivePower() {
-  Options options;
-  options.step_size.step_size = std::nullopt;  // auto
-  options.control.control = "gain";
-  return options;
-}
-
-SpectralRule::Options SpectralRule::Options::LevenbergMarquardt() {
-  Options options;
-  options.filter = SpectralFilter::LevenbergMarquardt(0.0, 1e-3);
-  options.control.adapts = "damping";
-  options.kappa_is_a_setting = false;
-  return options;
-}
-
-void SpectralRule::Options::Describe(OptionSet* set) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  DescribeJoint(set);
-  std::vector<std::string> names;
-  for (const SpectralRoute candidate : GeneralSpectralRoutes()) {
-    names.emplace_back(SpectralRouteName(candidate));
-  }
-  set->Add("route", &route, names, "how the step is computed");
-  set->Add("tolerance",
-           &tolerance,
-           {0.0, kInfinity, true},
-           "largest estimated relative error of a step by the Gram matrix");
-  set->Add("threshold_tolerance",
-           &threshold_tolerance,
-           {0.0, kInfinity},
-           "largest relative error of its truncation");
-}
-
-SpectralRule::SpectralRule(const Options& options)
-    : JointRule(options), layerwise_(options.layerwise) {
-  CheckOptions(options);
-  spectral_options_.tolerance = options.tolerance;
-  spectral_options_.threshold_tolerance = options.threshold_tolerance;
-  for (const SpectralRoute candidate : GeneralSpectralRoutes()) {
-    if (options.route == SpectralRouteName(candidate)) {
-      spectral_options_.route = candidate;
-    }
-  }
-}
-
-std::vector<Eigen::VectorXd*> SpectralRule::MutableState() {
-  std::vector<Eigen::VectorXd*> state = JointRule::MutableState();
-  state.push_back(&histories_);
-  return state;
-}
-
-std::vector<MemoryPart> SpectralRule::StepMemory(const JacobianSizes& J) const {
-  const auto of_step = [this](double rows, double cols) -> MemoryPart {
-    SpectralRoute route = spectral_options_.route;
-    std::string name = "route ";
-    if (route == SpectralRoute::kAuto) {
-      // SpectralStep checks the memory again before it uses a route that needs
-      // more.
-      name = "at least route ";
-      route = joint_options().filter.IsGradientDescent()
-                  ? SpectralRoute::kGradient
-                  : SpectralRoute::kGram;
-    }
-    return {name + SpectralRouteName(route),
-            SpectralStepBytes(route,
-                              static_cast<Eigen::Index>(rows),
-                              static_cast<Eigen::Index>(cols))};
+std::vector<RuleRow> SpectralRuleRows() {
+  const SpectralRule::Options power;
+  SpectralRule::Options half_inverse;
+  half_inverse.kappa_is_a_setting = false;
+  SpectralRule::Options gauss_newton = half_inverse;
+  gauss_newton.filter.kappa = 1.0;
+  SpectralRule::Options levenberg_marquardt = half_inverse;
+  levenberg_marquardt.filter = SpectralFilter::LevenbergMarquardt(0.0, 1e-3);
+  levenberg_marquardt.control.adapts = "damping";
+  SpectralRule::Options layer_half_inverse;
+  layer_half_inverse.layerwise = true;
+  SpectralRule::Options adaptive_power;
+  adaptive_power.step_size.step_size = std::nullopt;  // auto
+  adaptive_power.control.control = "gain";
+  return {
+      MakeRuleRow<SpectralRule>(
+          "power", "step = -eta V S^(-kappa) U^T g, s > tau s_max", power),
+      MakeRuleRow<SpectralRule>("half_inverse",
+                                "step = -eta V S^(-1/2) U^T g, s > tau s_max",
+                                half_inverse),
+      MakeRuleRow<SpectralRule>("gauss_newton",
+                                "step = -eta V S^-1 U^T g, s > tau s_max",
+                                gauss_newton),
+      MakeRuleRow<SpectralRule>("levenberg_marquardt",
+                                "step = -eta V S / (S^2 + lambda) U^T g",
+                                levenberg_marquardt),
+      MakeRuleRow<SpectralRule>("layer_half_inverse",
+                                "step_l = -eta V_l S_l^(-kappa) U_l^T g, "
+                                "s > tau s_max of the layer's columns of J",
+                                layer_half_inverse),
+      MakeRuleRow<SpectralRule>("adaptive_power",
+                                "step = -eta V S^(-kappa) U^T g, s > tau "
+                                "s_max; kappa follows the gain",
+                                adaptive_power),
   };
-  MemoryPart step;
-  if (layerwise_ && !J.layers.empty()) {
-    // The layers' steps are computed one after the other, in the same memory.
-    for (const JacobianSizes::Layer& layer : J.layers) {
-      const MemoryPart part = of_step(J.rows, layer.fan_in * layer.fan_out);
-      if (part.bytes > step.bytes) step = part;
-    }
-  } else {
-    step = of_step(J.rows, J.cols);
-  }
-  std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-  parts.push_back(step);
-  parts.push_back({"factors of J", J.factor_bytes});
-  return parts;
-}
-
-bool SpectralRule::ComputeDirection(const Linearization& at_x,
-                                    const SpectralFilter& filter,
-                                    Eigen::VectorXd* direction,
-                                    std::string* report,
-                                    std::string* error) {
-  const JacobianOperator& J = *at_x.jacobian;
-  std::vector<std::unique_ptr<const JacobianOperator>> column_blocks;
-  if (layerwise_) column_blocks = J.ColumnBlocks();
-  std::vector<const JacobianOperator*> blocks;
-  blocks.reserve(column_blocks.size());
-  for (const auto& block : column_blocks) blocks.push_back(block.get());
-  if (blocks.empty()) blocks.push_back(&J);
-
-  direction->resize(J.cols());
-  Totals totals;
-  Eigen::Index column = 0;
-  constexpr Eigen::Index kHistory = SpectralWorkspace::kHistorySize;
-  const auto num_blocks = static_cast<Eigen::Index>(blocks.size());
-  if (histories_.size() != kHistory * num_blocks) {
-    histories_.setZero(kHistory * num_blocks);
-  }
-  Eigen::Index index = -1;
-  for (const JacobianOperator* block : blocks) {
-    ++index;
-    // The tangent space of a parameter block may have dimension zero.
-    if (block->cols() == 0) continue;
-    workspace_.history = histories_.segment(kHistory * index, kHistory);
-    SpectralStepSummary summary;
-    if (!SpectralStep(*block,
-                      at_x.loss_gradient,
-                      filter,
-                      spectral_options_,
-                      &workspace_,
-                      &d_,
-                      &summary)) {
-      *error = summary.message;
-      if (blocks.size() > 1) {
-        *error = fmt::format("columns from {}: {}", column, *error);
-      }
-      return false;
-    }
-    histories_.segment(kHistory * index, kHistory) = workspace_.history;
-    direction->segment(column, d_.size()) = d_;
-    column += d_.size();
-    totals.Add(*block, summary);
-  }
-  *report = totals.Report();
-  if (!totals.message.empty()) *report += " (" + totals.message + ")";
-  return true;
 }
 
 }  // namespace invgrad

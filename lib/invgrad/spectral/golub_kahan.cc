@@ -142,13 +142,11 @@ bool ProjectedStep(const Bidiagonal& R,
   for (Index j = 0; j < size; ++j) filtered[j] *= filter(s[j], s_max);
   y->resize(size);
   Gemv(Op::kTranspose, 1.0, Yt, filtered, 0.0, *y);
-  if (z != nullptr) {
-    for (Index j = 0; j < size; ++j) {
-      if (filtered[j] != 0.0) filtered[j] /= s[j];
-    }
-    z->resize(size);
-    Gemv(Op::kNone, 1.0, X, filtered, 0.0, *z);
+  for (Index j = 0; j < size; ++j) {
+    if (filtered[j] != 0.0) filtered[j] /= s[j];
   }
+  z->resize(size);
+  Gemv(Op::kNone, 1.0, X, filtered, 0.0, *z);
   return true;
 }
 
@@ -196,7 +194,6 @@ class Bidiagonalization {
   const Bidiagonal& R() const { return R_; }
   // The Krylov space is invariant.
   bool is_exhausted() const { return is_exhausted_; }
-  bool keeps_V() const { return keeps_V_; }
 
   // False, with a message, if a product with J is not finite.
   bool Advance(std::string* error) {
@@ -318,15 +315,9 @@ bool GolubKahanStep(const JacobianOperator& J,
     summary->estimated_error = RitzStepError(ritz, filter, exhausted);
     if (!ends && summary->estimated_error > options.tolerance) continue;
     const Index before = k - std::max<Index>(1, k / 32);
-    if (!ProjectedStep(R,
-                       k,
-                       filter,
-                       summary->s_max,
-                       &y,
-                       bidiagonalization.keeps_V() ? nullptr : &z) ||
-        (before > 0 &&
-         !ProjectedStep(
-             R, before, filter, summary->s_max, &y_before, nullptr))) {
+    if ((before > 0 &&
+         !ProjectedStep(R, before, filter, summary->s_max, &y_before, &z)) ||
+        !ProjectedStep(R, k, filter, summary->s_max, &y, &z)) {
       *error = "the SVD of R_k (dbdsdc) did not converge";
       return false;
     }

@@ -10,25 +10,21 @@
 // Shapes:  g: m;  J: m x n;  d: n;  k: summary.num_iterations.
 // Cost:    k products with J and k with J^T; 2 min(m, n) k^2 for
 //          reorthogonalization, and as much again after cancellation; O(k^2)
-//          for each of about 16 log k convergence tests; O(k^3) once or twice
-//          for the SVD of R_k.
+//          for each of about 16 log k convergence tests; O(k^3) once or twice.
 // Memory:  min(m, n) k doubles, up to twice that while the basis grows. Only
 //          the basis with the shorter vectors is reorthogonalized; the other
 //          one is orthonormal to epsilon / tau^2 [3].
 //
-// Convergence. With a sharp truncation, convergence is sudden: the error stays
-// above 1e-3 until every mode near tau s_max is resolved, and then drops to
-// 1e-6 in a few iterations. k / rank is 1.2 to 1.6, and 2 or more for a rank of
-// about ten. Filters without a jump (Levenberg-Marquardt) converge steadily.
+// Convergence is sudden with a sharp truncation: the error stays above 1e-3
+// until every mode near tau s_max is resolved, and then drops to 1e-6 in a few
+// iterations. k / rank is 1.2 to 1.6, and 2 or more for a rank of about ten.
+// Filters without a jump (Levenberg-Marquardt) converge steadily. With a jump at
+// zero (tau = 0, or a clamped filter) the iteration must exhaust the rank of J,
+// and the final estimate may be far above the error.
 //
-// Accuracy. summary.estimated_error combines the estimate of ritz_error.h with
-// the difference from an earlier iterate. With a jump at zero (tau = 0, or a
-// clamped filter) the iteration must exhaust the rank of J, and the final
-// estimate may be far above the error.
-//
-// Contract: d is within estimated_error of the step whose s_max is the largest
-// singular value with a component in g. (Tested on synthetic spectra, not
-// proved.)
+// Contract: d is within estimated_error (ritz_error.h, and the difference from
+// an earlier iterate) of the step whose s_max is the largest singular value with
+// a component in g. (Tested on synthetic spectra, not proved.)
 //
 // Fails:   returns false, with a message, if g, a product with J or d is not
 //          finite, or if the SVD of R_k does not converge. Reaching

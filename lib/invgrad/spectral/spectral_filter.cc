@@ -2,24 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
+
+#include "fmt/core.h"
 
 namespace invgrad {
-namespace {
-
-bool IsInRange(const char* name,
-               double value,
-               bool in_range,
-               const char* allowed,
-               std::string* error) {
-  if (in_range && std::isfinite(value)) return true;
-  std::ostringstream message;
-  message << name << "=" << value << " is out of range; allowed: " << allowed;
-  *error = message.str();
-  return false;
-}
-
-}  // namespace
 
 SpectralFilter SpectralFilter::Power(double kappa, double tau) {
   SpectralFilter filter;
@@ -39,15 +25,29 @@ SpectralFilter SpectralFilter::LevenbergMarquardt(double damping,
 }
 
 bool SpectralFilter::IsValid(std::string* error) const {
-  return IsInRange(
-             "kappa", kappa, kappa >= -1.0 && kappa <= 1.0, "[-1, 1]", error) &&
-         IsInRange("tau", tau, tau >= 0.0 && tau < 1.0, "[0, 1)", error) &&
-         IsInRange("damping", damping, damping >= 0.0, "[0, inf)", error) &&
-         IsInRange("relative_damping",
-                   relative_damping,
-                   relative_damping >= 0.0,
-                   "[0, inf)",
-                   error);
+  const struct {
+    const char* name;
+    double value;
+    bool in_range;
+    const char* allowed;
+  } fields[] = {
+      {"kappa", kappa, kappa >= -1.0 && kappa <= 1.0, "[-1, 1]"},
+      {"tau", tau, tau >= 0.0 && tau < 1.0, "[0, 1)"},
+      {"damping", damping, damping >= 0.0, "[0, inf)"},
+      {"relative_damping",
+       relative_damping,
+       relative_damping >= 0.0,
+       "[0, inf)"},
+  };
+  for (const auto& field : fields) {
+    if (field.in_range && std::isfinite(field.value)) continue;
+    *error = fmt::format("{}={:g} is out of range; allowed: {}",
+                         field.name,
+                         field.value,
+                         field.allowed);
+    return false;
+  }
+  return true;
 }
 
 bool SpectralFilter::IsGradientDescent() const {

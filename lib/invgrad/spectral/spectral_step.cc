@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/core/finite.h"
 #include "invgrad/core/memory_limit.h"
-#include "invgrad/spectral/routes/spectral_buffers.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
+#include "invgrad/spectral/step_error.h"
 
 namespace invgrad {
 namespace {
@@ -19,58 +21,47 @@ using Eigen::VectorXd;
 // A second BLAS thread slows down smaller problems.
 constexpr Index kSmallestThreaded = 1000;
 
-// Tridiagonalization::Bytes takes an int. A Gram matrix of this size is larger
-// than any machine's memory.
-constexpr double kLargestSize = 1 << 24;
-
 // After a Gram matrix that was not accurate enough, this many steps take svd.
 constexpr int kSvdSteps = 20;
 
-struct RouteRow {
-  SpectralRoute route;
-  const char* name;
-};
-constexpr RouteRow kRoutes[] = {{SpectralRoute::kAuto, "auto"},
-                                {SpectralRoute::kGram, "gram"},
-                                {SpectralRoute::kSvd, "svd"},
-                                {SpectralRoute::kGradient, "gradient"}};
-
-bool FitsRoute(const SpectralProblem& problem,
-               SpectralRoute route,
-               double memory_limit,
-               std::string* message) {
-  const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
-  // Before a message is composed: a step on warm memory allocates nothing.
-  if (FitsInMemory(bytes, memory_limit)) return true;
-  FitsInMemory(fmt::format("route {} with J {} x {}",
-                           SpectralRouteName(route),
-                           problem.m(),
-                           problem.n()),
-               {{"its matrices", bytes}},
-               memory_limit,
-               message);
-  *message += "; Golub-Kahan steps (rule krylov) need products with J alone";
-  return false;
+bool GradientRoute(const SpectralProblem& problem) {
+  VectorXd* d = problem.d;
+  SpectralStepSummary* summary = problem.summary;
+  CHECK(problem.filter.IsGradientDescent())
+      << "The route gradient only computes phi(s) = s.";
+  problem.J.TransposeTimes(problem.g, d);
+  summary->estimated_error = RoundingError();
+  return d->allFinite() || (CheckJacobianFinite(problem.J, &summary->message) &&
+                            CheckFinite("J^T g", *d, &summary->message));
 }
 
 bool TakeRoute(const SpectralProblem& problem,
                SpectralRoute route,
-               const SpectralStepOptions& options,
-               SpectralWorkspace* workspace,
-               VectorXd* d,
-               SpectralStepSummary* summary) {
+               double memory_limit) {
+  SpectralStepSummary* summary = problem.summary;
   *summary = SpectralStepSummary();
   summary->route = route;
-  if (!FitsRoute(problem, route, options.memory_limit, &summary->message)) {
+  const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
+  // Before a message is composed: a step on warm memory allocates nothing.
+  if (!FitsInMemory(bytes, memory_limit)) {
+    FitsInMemory(fmt::format("route {} with J {} x {}",
+                             SpectralRouteName(route),
+                             problem.m(),
+                             problem.n()),
+                 {{"its matrices", bytes}},
+                 memory_limit,
+                 &summary->message);
+    summary->message +=
+        "; Golub-Kahan steps (rule krylov) need products with J alone";
     return false;
   }
   switch (route) {
     case SpectralRoute::kGram:
-      return GramRoute(problem, &workspace->buffers(), d, summary);
+      return GramRoute(problem);
     case SpectralRoute::kSvd:
-      return SvdRoute(problem, &workspace->buffers(), d, summary);
+      return SvdRoute(problem);
     case SpectralRoute::kGradient:
-      return GradientRoute(problem, d, summary);
+      return GradientRoute(problem);
     case SpectralRoute::kAuto:
       break;
   }
@@ -107,10 +98,9 @@ bool IsAccurate(const SpectralStepSummary& summary,
 // Route gram, then svd if gram is not accurate enough.
 bool AutoStep(const SpectralProblem& problem,
               const SpectralStepOptions& options,
-              SpectralWorkspace* workspace,
-              VectorXd* d,
-              SpectralStepSummary* summary) {
-  VectorXd& history = workspace->history;
+              VectorXd* workspace_history) {
+  SpectralStepSummary* summary = problem.summary;
+  VectorXd& history = *workspace_history;
   if (history.size() != SpectralWorkspace::kHistorySize ||
       history[0] != static_cast<double>(problem.m()) ||
       history[1] != static_cast<double>(problem.n())) {
@@ -120,7 +110,7 @@ bool AutoStep(const SpectralProblem& problem,
   }
   double& num_svd_steps = history[2];
   const auto take = [&](SpectralRoute route) {
-    return TakeRoute(problem, route, options, workspace, d, summary);
+    return TakeRoute(problem, route, options.memory_limit);
   };
   if (num_svd_steps > 0.0) {
     num_svd_steps -= 1.0;
@@ -144,6 +134,55 @@ bool AutoStep(const SpectralProblem& problem,
 
 }  // namespace
 
+double JumpOf(const SpectralFilter& filter) {
+  if (filter.tau > 0.0) return filter.clamp ? 0.0 : filter.tau;
+  return filter.IsDamped() || filter.kappa < 0.0 ? -1.0 : 0.0;
+}
+
+void SummarizeSpectrum(const SpectralProblem& problem,
+                       const VectorXd& s,
+                       double s_max,
+                       int power,
+                       double resolution) {
+  const SpectralFilter& filter = problem.filter;
+  SpectralStepSummary* summary = problem.summary;
+  summary->s_max = s_max;
+  const double jump = JumpOf(filter);
+  summary->threshold_resolution =
+      jump < 0.0 ? 0.0 : resolution / (power * std::pow(jump, power));
+  for (const double value : s) {
+    if (filter.Keeps(value, s_max)) {
+      summary->s_min_kept =
+          summary->rank == 0 ? value : std::min(summary->s_min_kept, value);
+      ++summary->rank;
+    }
+    const double distance =
+        std::abs(std::pow(value / s_max, power) - std::pow(jump, power));
+    if (jump >= 0.0 && distance <= resolution) ++summary->num_undecided;
+  }
+}
+
+bool CheckJacobianFinite(const JacobianOperator& J, std::string* message) {
+  // A row is finite if its product with tiny numbers is.
+  VectorXd product;
+  J.Times(VectorXd::Constant(J.cols(), std::numeric_limits<double>::min()),
+          &product);
+  for (int row = 0; row < product.size(); ++row) {
+    if (!std::isfinite(product[row])) {
+      *message = "J is not finite: " + J.RowName(row);
+      return false;
+    }
+  }
+  return true;
+}
+
+SpectralStepOptions SpectralStepOptions::ForTraining() {
+  SpectralStepOptions options;
+  options.tolerance = 1e-2;
+  options.threshold_tolerance = 0.25;
+  return options;
+}
+
 SpectralWorkspace::SpectralWorkspace()
     : buffers_(std::make_unique<SpectralBuffers>()) {}
 SpectralWorkspace::~SpectralWorkspace() = default;
@@ -152,17 +191,8 @@ SpectralWorkspace& SpectralWorkspace::operator=(SpectralWorkspace&&) noexcept =
     default;
 
 const char* SpectralRouteName(SpectralRoute route) {
-  for (const RouteRow& row : kRoutes) {
-    if (row.route == route) return row.name;
-  }
-  LOG(FATAL) << "not a route: " << static_cast<int>(route);
-  return "";
-}
-
-const std::vector<SpectralRoute>& GeneralSpectralRoutes() {
-  static const auto& routes = *new std::vector<SpectralRoute>{
-      SpectralRoute::kAuto, SpectralRoute::kGram, SpectralRoute::kSvd};
-  return routes;
+  constexpr const char* kNames[] = {"auto", "gram", "svd", "gradient"};
+  return kNames[static_cast<int>(route)];
 }
 
 double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
@@ -175,8 +205,7 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
       // The Gram matrix, the buffers of its reduction and function, and for
       // J^T J a dense J.
       return kDouble * size * size + 800.0 * size +
-             static_cast<double>(Tridiagonalization::Bytes(
-                 static_cast<int>(std::min(size, kLargestSize)))) +
+             Tridiagonalization::Bytes(size) +
              (cols < rows ? kDouble * rows * cols : 0.0);
     case SpectralRoute::kSvd:
       return kDouble *
@@ -211,16 +240,17 @@ bool SpectralStep(const JacobianOperator& J,
       return false;
     }
   }
-  const SpectralProblem problem{J, g, filter};
+  const SpectralProblem problem{
+      J, g, filter, &workspace->buffers(), d, summary};
   const SingleBlasThread single(std::min(J.rows(), J.cols()) <
                                 kSmallestThreaded);
   if (options.route == SpectralRoute::kAuto && !filter.IsGradientDescent()) {
-    return AutoStep(problem, options, workspace, d, summary);
+    return AutoStep(problem, options, &workspace->history);
   }
   const SpectralRoute route = options.route == SpectralRoute::kAuto
                                   ? SpectralRoute::kGradient
                                   : options.route;
-  if (!TakeRoute(problem, route, options, workspace, d, summary)) return false;
+  if (!TakeRoute(problem, route, options.memory_limit)) return false;
   if (route != SpectralRoute::kGram) return true;
   std::string reason;
   std::string remedy;

@@ -60,7 +60,6 @@
 
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
@@ -73,7 +72,8 @@ enum class SpectralRoute { kAuto, kGram, kSvd, kGradient };
 const char* SpectralRouteName(SpectralRoute route);
 
 // The routes for any filter: all but gradient.
-const std::vector<SpectralRoute>& GeneralSpectralRoutes();
+constexpr SpectralRoute kGeneralSpectralRoutes[] = {
+    SpectralRoute::kAuto, SpectralRoute::kGram, SpectralRoute::kSvd};
 
 struct SpectralStepOptions {
   SpectralRoute route = SpectralRoute::kAuto;
@@ -84,6 +84,13 @@ struct SpectralStepOptions {
   double threshold_tolerance = 0.0;
   // In bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
+
+  // The tolerances of the rules: 1e-2 and 0.25. The error estimate is at least
+  // 20 times the error for the Jacobians of the problems
+  // (docs/results/accuracy.md), and training does not depend on it
+  // (docs/results/speed.md). A value within a quarter of the threshold may be
+  // kept or dropped; tau is rarely known more precisely.
+  static SpectralStepOptions ForTraining();
 };
 
 struct SpectralStepSummary {

@@ -96,50 +96,6 @@ double RelativeError(Index size,
   return RoundingError() + std::sqrt(squared_error / squared_norm);
 }
 
-// For both Gram matrices. `norm_g`: in units of c, only for J^T J.
-double EitherGramStepError(const SpectralFilter& filter,
-                           const VectorXd& lambda,
-                           double s_max,
-                           const VectorXd& c,
-                           bool parameter_side,
-                           double norm_g,
-                           double resolution) {
-  const VectorXd s = lambda.cwiseMax(0.0).cwiseSqrt();
-  const ScaledFilter scaled(filter, s, s_max);
-  const SpectralFunction f =
-      Sample(lambda.cwiseMax(kEpsilon), [&scaled](double x) {
-        const double root = std::sqrt(x);
-        return scaled(root) / root;
-      });
-  const double c_max = LargestMagnitude(c);
-  const double squared_g = std::pow(norm_g / c_max, 2);
-  double sensitivity = 0.0;
-  double unknown = 0.0;
-  double squared_norm = 0.0;
-  for (Index i = 0; i < lambda.size(); ++i) {
-    const double a = parameter_side ? 1.0 : std::sqrt(f.x[i]);
-    double sum = 0.0;
-    for (Index j = 0; j < lambda.size(); ++j) {
-      const double term = f.DividedDifference(i, j) * (c[j] / c_max);
-      sum += term * term;
-    }
-    // Adds the rounding errors of the products with J before or after f(K).
-    const double h_c = f.h[i] * (c[i] / c_max);
-    const double rounding =
-        parameter_side ? f.h[i] * f.h[i] * squared_g : h_c * h_c;
-    sensitivity += a * a * sum + rounding;
-    squared_norm += a * a * h_c * h_c;
-    // A value below the resolution may contribute up to the maximum of phi
-    // there; on the parameter side its c_i is unknown and bounded by |g|.
-    if (lambda[i] <= resolution && f.h[i] != 0.0) {
-      const double phi = scaled.PeakBelow(std::sqrt(resolution));
-      unknown +=
-          phi * phi * (parameter_side ? squared_g : std::pow(c[i] / c_max, 2));
-    }
-  }
-  return RelativeError(lambda.size(), sensitivity, unknown, squared_norm);
-}
-
 }  // namespace
 
 double BackwardError(Index size) {
@@ -184,18 +140,43 @@ double GramStepError(const SpectralFilter& filter,
                      const VectorXd& lambda,
                      double s_max,
                      const VectorXd& c,
+                     std::optional<double> norm_g,
                      double resolution) {
-  return EitherGramStepError(filter, lambda, s_max, c, false, 0.0, resolution);
-}
-
-double ParameterGramStepError(const SpectralFilter& filter,
-                              const VectorXd& lambda,
-                              double s_max,
-                              const VectorXd& c,
-                              double norm_g,
-                              double resolution) {
-  return EitherGramStepError(
-      filter, lambda, s_max, c, true, norm_g * s_max, resolution);
+  const bool parameter_side = norm_g.has_value();
+  const VectorXd s = lambda.cwiseMax(0.0).cwiseSqrt();
+  const ScaledFilter scaled(filter, s, s_max);
+  const SpectralFunction f =
+      Sample(lambda.cwiseMax(kEpsilon), [&scaled](double x) {
+        const double root = std::sqrt(x);
+        return scaled(root) / root;
+      });
+  const double c_max = LargestMagnitude(c);
+  const double squared_g = std::pow(norm_g.value_or(0.0) * s_max / c_max, 2);
+  double sensitivity = 0.0;
+  double unknown = 0.0;
+  double squared_norm = 0.0;
+  for (Index i = 0; i < lambda.size(); ++i) {
+    const double a = parameter_side ? 1.0 : std::sqrt(f.x[i]);
+    double sum = 0.0;
+    for (Index j = 0; j < lambda.size(); ++j) {
+      const double term = f.DividedDifference(i, j) * (c[j] / c_max);
+      sum += term * term;
+    }
+    // Adds the rounding errors of the products with J before or after f(K).
+    const double h_c = f.h[i] * (c[i] / c_max);
+    const double rounding =
+        parameter_side ? f.h[i] * f.h[i] * squared_g : h_c * h_c;
+    sensitivity += a * a * sum + rounding;
+    squared_norm += a * a * h_c * h_c;
+    // A value below the resolution may contribute up to the maximum of phi
+    // there; on the parameter side its c_i is unknown and bounded by |g|.
+    if (lambda[i] <= resolution && f.h[i] != 0.0) {
+      const double phi = scaled.PeakBelow(std::sqrt(resolution));
+      unknown +=
+          phi * phi * (parameter_side ? squared_g : std::pow(c[i] / c_max, 2));
+    }
+  }
+  return RelativeError(lambda.size(), sensitivity, unknown, squared_norm);
 }
 
 }  // namespace invgrad

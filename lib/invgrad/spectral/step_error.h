@@ -18,6 +18,8 @@
 #ifndef INVGRAD_SPECTRAL_STEP_ERROR_H_
 #define INVGRAD_SPECTRAL_STEP_ERROR_H_
 
+#include <optional>
+
 #include "Eigen/Core"
 #include "invgrad/spectral/spectral_filter.h"
 
@@ -42,21 +44,16 @@ double SvdStepError(const SpectralFilter& filter,
                     double outside,
                     bool wide);
 
-// After an eigendecomposition of J J^T: c = U^T g. lambda: in units of the
-// largest; rounding may make values negative.
+// After an eigendecomposition of a Gram matrix, with lambda in units of the
+// largest (rounding may make values negative), and values below `resolution`
+// undetermined. J J^T: c = U^T g, and norm_g has no value; J^T J: c = V^T J^T g
+// and norm_g = |g|.
 double GramStepError(const SpectralFilter& filter,
                      const Eigen::VectorXd& lambda,
                      double s_max,
                      const Eigen::VectorXd& c,
+                     std::optional<double> norm_g,
                      double resolution);
-
-// After an eigendecomposition of J^T J: c = V^T J^T g.
-double ParameterGramStepError(const SpectralFilter& filter,
-                              const Eigen::VectorXd& lambda,
-                              double s_max,
-                              const Eigen::VectorXd& c,
-                              double norm_g,
-                              double resolution);
 
 }  // namespace invgrad
 

@@ -1,5 +1,3 @@
-#include "invgrad/spectral/routes/band_reduction.h"
-
 #include <lapacke.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/spectral/routes/householder.h"
+#include "invgrad/spectral/routes/two_stage.h"
 
 namespace invgrad {
 namespace {
@@ -38,75 +37,56 @@ Index TileEnd(Index i, Index width, Index m) {
 }
 
 // One sweep over the lower triangle of K from row `begin` on:
-// A -= [V W] [W V]^T, unless it is null, and X = A V of the new [V X].
-class Sweep {
- public:
-  Sweep(const MatrixXd* VW, const MatrixXd& WV, MatrixXd* K, MatrixXd* VX)
-      : VW_(VW), WV_(WV), K_(*K), VX_(*VX), b_(VX->cols() / 2) {}
-
-  void Run(Index begin) {
-    const Index m = K_.rows();
-    VX_.block(begin, b_, m - begin, b_).setZero();
-    Index end;
-    for (Index j = begin; j < m; j = end) {
-      end = TileEnd(j, kTileWidth, m);
-      for (Index k = j; k < end;) {
-        const Index square_end = TileEnd(k, kSquare, m);
-        Tile(k, square_end, k, square_end);
-        if (square_end < end) Tile(square_end, end, k, square_end);
-        k = square_end;
-      }
-      for (Index i = end; i < m; i += kTileHeight) {
-        Tile(i, std::min(m, i + kTileHeight), j, end);
-      }
-    }
-  }
-
- private:
-  void Tile(Index i, Index i_end, Index j, Index j_end) {
+// A -= [V W] [W V]^T, unless VW is null, and X = A V of the new VX = [V X].
+void SweepTriangle(const MatrixXd* VW,
+                   const MatrixXd& WV,
+                   Index begin,
+                   MatrixXd* K,
+                   MatrixXd* VX) {
+  constexpr Index b = kBandwidth;
+  const Index m = K->rows();
+  const auto change_tile = [&](Index i, Index i_end, Index j, Index j_end) {
     const Index rows = i_end - i;
     const Index cols = j_end - j;
-    auto A = K_.block(i, j, rows, cols);
-    if (VW_ != nullptr) {
+    auto A = K->block(i, j, rows, cols);
+    const auto V_i = VX->block(i, 0, rows, b);
+    const auto V_j = VX->block(j, 0, cols, b);
+    auto X_i = VX->block(i, b, rows, b);
+    auto X_j = VX->block(j, b, cols, b);
+    if (VW != nullptr) {
       Gemm(Op::kNone,
            Op::kTranspose,
            -1.0,
-           VW_->middleRows(i, rows),
-           WV_.middleRows(j, cols),
+           VW->middleRows(i, rows),
+           WV.middleRows(j, cols),
            1.0,
            A);
     }
-    Gemm(Op::kNone,
-         Op::kNone,
-         1.0,
-         A,
-         VX_.block(j, 0, cols, b_),
-         1.0,
-         VX_.block(i, b_, rows, b_));
-    if (i != j) {
-      Gemm(Op::kTranspose,
-           Op::kNone,
-           1.0,
-           A,
-           VX_.block(i, 0, rows, b_),
-           1.0,
-           VX_.block(j, b_, cols, b_));
+    Gemm(Op::kNone, Op::kNone, 1.0, A, V_j, 1.0, X_i);
+    if (i != j) Gemm(Op::kTranspose, Op::kNone, 1.0, A, V_i, 1.0, X_j);
+  };
+  VX->block(begin, b, m - begin, b).setZero();
+  Index end;
+  for (Index j = begin; j < m; j = end) {
+    end = TileEnd(j, kTileWidth, m);
+    for (Index k = j; k < end;) {
+      const Index square_end = TileEnd(k, kSquare, m);
+      change_tile(k, square_end, k, square_end);
+      if (square_end < end) change_tile(square_end, end, k, square_end);
+      k = square_end;
+    }
+    for (Index i = end; i < m; i += kTileHeight) {
+      change_tile(i, std::min(m, i + kTileHeight), j, end);
     }
   }
-
-  const MatrixXd* VW_;
-  const MatrixXd& WV_;
-  MatrixXd& K_;
-  MatrixXd& VX_;
-  const Index b_;
-};
+}
 
 }  // namespace
 
-void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
+void BandReduction::Compute(MatrixXd* K, VectorXd* tau) {
   CHECK_EQ(K->rows(), K->cols());
   const Index m = K->rows();
-  const Index b = bandwidth;
+  constexpr Index b = kBandwidth;
   tau->resize(std::max<Index>(0, m - b));
   if (m <= b) return;
   VW_.resize(m, 2 * b);
@@ -161,7 +141,7 @@ void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
     next_VW_.bottomRows(n).setZero();
     V = panel.triangularView<Eigen::UnitLower>();
 
-    Sweep(pending ? &VW_ : nullptr, WV_, K, &next_VW_).Run(begin);
+    SweepTriangle(pending ? &VW_ : nullptr, WV_, begin, K, &next_VW_);
 
     auto T = T_.topLeftCorner(width, width);
     auto S = S_.topLeftCorner(width, width);
@@ -177,11 +157,6 @@ void BandReduction::Compute(int bandwidth, MatrixXd* K, VectorXd* tau) {
     VW_.swap(next_VW_);
     pending = true;
   }
-}
-
-int64_t BandReduction::Bytes(int m, int bandwidth) {
-  const int64_t b = bandwidth;
-  return static_cast<int64_t>(sizeof(double)) * (6 * b * m + 3 * b * b);
 }
 
 }  // namespace invgrad

@@ -1,10 +1,8 @@
-#include "invgrad/spectral/routes/bulge_chase.h"
-
 #include <algorithm>
 
 #include "glog/logging.h"
 #include "invgrad/spectral/routes/householder.h"
-#include "invgrad/spectral/routes/simd.h"
+#include "invgrad/spectral/routes/two_stage.h"
 
 namespace invgrad {
 namespace {
@@ -14,7 +12,7 @@ using simd::At;
 using simd::kPack;
 using simd::Pack;
 
-constexpr int b = BulgeChase::kBandwidth;
+constexpr int b = kBandwidth;
 static_assert(b % kPack == 0);
 
 // Column j of the band lies at j (kStride + 1), its diagonal first: b rows of
@@ -259,11 +257,6 @@ void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) const {
     Apply(size_, reflectors_.data(), tau_.data(), transpose, padded);
   });
   std::copy(padded, padded + size_, x->data());
-}
-
-int64_t BulgeChase::Bytes(int m) {
-  return static_cast<int64_t>(sizeof(double)) *
-         (BandSize(m) + TotalReflectors(m) * (b + 1) + m + b);
 }
 
 }  // namespace invgrad

@@ -3,22 +3,19 @@
 //   sum_j Im[weight_j f(z_j) / (z_j - x)]  ~  f(x)   for x in [above, upper],
 //                                             0      for x <= below
 //
-// This is the midpoint rule for Cauchy's integral (1 / 2 pi i) int
-// f(z) / (z - x) dz around [above, upper]. Elliptic functions map the plane
-// without (-inf, below] and [above, upper] to an annulus; the nodes lie on a
-// circle of it [1, Method 1]. f must be analytic outside (-inf, below] and real
-// on the real axis, so the nodes in the upper half-plane suffice.
+// The midpoint rule for Cauchy's integral around [above, upper], on a circle of
+// the annulus to which elliptic functions map the plane without (-inf, below]
+// and [above, upper] [1, Method 1]. f must be analytic outside (-inf, below] and
+// real on the real axis, so the nodes in the upper half-plane suffice.
 //
-// Shapes:  N = (log(1 / tolerance) (log(kappa) + 3)) / pi^2 nodes,
-//          kappa = (upper - below) / (above - below). For tolerance 1e-14: 33
-//          nodes for kappa = 1e3, 78 for 1e9, 123 for 1e15.
-// Units:   z has the units of x.
-// Accuracy: relative to the largest |f| on the contour, which is at most twice
-//          that at `above` for the f of spectral filters: 4 tolerance and a few
-//          roundings. If f is singular at `below`, this holds for x at least
+// Cost:    (log(1 / tolerance) (log(kappa) + 3)) / pi^2 nodes, kappa =
+//          (upper - below) / (above - below). For tolerance 1e-14: 33 nodes for
+//          kappa = 1e3, 78 for 1e9, 123 for 1e15.
+// Accuracy: 4 tolerance and a few roundings, relative to the largest |f| on the
+//          contour, which is at most twice that at `above` for spectral filters.
+//          If f is singular at `below`, this holds for x at least
 //          above - below away from `below`; at x = below the error may be 2000
 //          tolerance (for 1 / x).
-// Fails:   CHECKs below < above < upper and the tolerance.
 //
 // [1] Hale, Higham, Trefethen. Computing A^alpha, log(A), and related matrix
 //     functions by contour integrals. SIAM J. Numer. Anal. 46 (2008), 2505.

@@ -8,12 +8,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
+#include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
-#include "invgrad/spectral/routes/tridiagonal_function.h"
 #include "invgrad/spectral/step_error.h"
 
 namespace invgrad {
@@ -33,11 +35,6 @@ constexpr double kSmallestGram = 1e-270;
 // and gives a better error estimate. Measured: equal at 48.
 constexpr Index kSmallestReduced = 64;
 
-// J^T J in place of J J^T.
-bool IsParameterSide(const SpectralProblem& problem) {
-  return problem.n() < problem.m();
-}
-
 // Values of (s / s_max)^2 within this distance of the jump are undecided.
 double Resolution(const SpectralProblem& problem) {
   const auto size = static_cast<double>(std::min(problem.m(), problem.n()));
@@ -46,65 +43,19 @@ double Resolution(const SpectralProblem& problem) {
   return 2.0 * kEpsilon * (size + std::sqrt(other_size));
 }
 
-enum class GramResult { kFailed, kZero, kDone };
-
-// Fills buffers->gram with K / unit (its lower triangle) and ->unit. kZero: J,
-// or J^T g, is zero. kFailed sets summary->message: J is not finite, or its
-// squares over- or underflow.
-GramResult FormGram(const SpectralProblem& problem,
-                    SpectralBuffers* buffers,
-                    SpectralStepSummary* summary) {
-  MatrixXd& K = buffers->gram;
-  if (IsParameterSide(problem)) {
-    problem.J.ParameterGram(&K);
-  } else {
-    problem.J.Gram(&K);
-  }
-  // A diagonal entry is the squared norm of a row or column of J. It is not
-  // finite if an entry of this row or column is not finite, or if a square
-  // overflows.
-  const auto diagonal = K.diagonal();
-  if (!diagonal.allFinite()) {
-    if (CheckJacobianFinite(problem.J, &summary->message)) {
-      summary->message = "the squares of J's entries overflow";
-    }
-    return GramResult::kFailed;
-  }
-  const double largest = diagonal.maxCoeff();
-  if (largest < kSmallestGram) {
-    // J = 0, or for this g as good as that.
-    problem.J.TransposeTimes(problem.g, &buffers->product);
-    if (buffers->product.isZero(0.0)) return GramResult::kZero;
-    summary->message = "the squares of J's entries underflow";
-    return GramResult::kFailed;
-  }
-  // Entries of ordinary size need no scaling, which saves a pass.
-  int exponent = 0;
-  std::frexp(largest, &exponent);
-  if (std::abs(exponent) <= 100) exponent = 0;
-  buffers->unit = std::ldexp(1.0, exponent);
-  if (exponent != 0) K.triangularView<Eigen::Lower>() *= 1.0 / buffers->unit;
-  return GramResult::kDone;
-}
-
 // *d from w = f(K) b.
-bool MakeStep(const SpectralProblem& problem,
-              const VectorXd& w,
-              VectorXd* d,
-              SpectralStepSummary* summary) {
-  if (IsParameterSide(problem)) {
-    *d = w;
+bool MakeStep(const SpectralProblem& problem, const VectorXd& w) {
+  if (problem.parameter_side()) {
+    *problem.d = w;
   } else {
-    problem.J.TransposeTimes(w, d);
+    problem.J.TransposeTimes(w, problem.d);
   }
-  return CheckFinite("the step", *d, &summary->message);
+  return CheckFinite("the step", *problem.d, &problem.summary->message);
 }
 
 // Computes f(K) b from all eigenvectors of K.
-bool EigenvectorStep(const SpectralProblem& problem,
-                     SpectralBuffers* buffers,
-                     VectorXd* d,
-                     SpectralStepSummary* summary) {
+bool EigenvectorStep(const SpectralProblem& problem) {
+  SpectralBuffers* buffers = problem.buffers;
   MatrixXd& U = buffers->gram;
   const int size = static_cast<int>(U.rows());
   VectorXd& lambda = buffers->values;
@@ -112,7 +63,7 @@ bool EigenvectorStep(const SpectralProblem& problem,
   if (LAPACKE_dsyevd(
           LAPACK_COL_MAJOR, 'V', 'L', size, U.data(), size, lambda.data()) !=
       0) {
-    summary->message =
+    problem.summary->message =
         "the eigenvalues of J's Gram matrix (dsyevd) did not converge";
     return false;
   }
@@ -132,25 +83,188 @@ bool EigenvectorStep(const SpectralProblem& problem,
   w.resize(size);
   Gemv(Op::kNone, 1.0, U, filtered, 0.0, w);
   const double resolution = Resolution(problem);
-  SummarizeSpectrum(problem.filter, s, s_max, 2, resolution, summary);
-  summary->estimated_error =
-      IsParameterSide(problem)
-          ? ParameterGramStepError(
-                problem.filter, lambda, s_max, c, problem.g.norm(), resolution)
-          : GramStepError(problem.filter, lambda, s_max, c, resolution);
-  return MakeStep(problem, w, d, summary);
+  SummarizeSpectrum(problem, s, s_max, 2, resolution);
+  std::optional<double> norm_g;
+  if (problem.parameter_side()) norm_g = problem.g.norm();
+  problem.summary->estimated_error =
+      GramStepError(problem.filter, lambda, s_max, c, norm_g, resolution);
+  return MakeStep(problem, w);
+}
+
+// Tolerance of the quadrature, relative to the largest |f|.
+constexpr double kContourTolerance = 1e-15;
+
+// The root mean square over four random perturbations is hardly ever less than
+// a third of the root mean square over all perturbations. One perturbation is
+// not enough: if a single number determines the error (one value is kept, or
+// one small value lies far from the others), this number may happen to be
+// small.
+constexpr double kSampleSafety = 3.0;
+
+// A few roundings of the largest eigenvalue.
+double RoundingOf(const Tridiagonal& T) {
+  return 4.0 * kEpsilon * std::max(T.upper_bound(), -T.lower_bound());
+}
+
+// Entries +-1 of a fixed pseudo-random sequence (splitmix64).
+void FillSigns(Eigen::Index size, Tridiagonal::Perturbations* signs) {
+  if (signs->cols() == size) return;
+  signs->resize(Eigen::NoChange, size);
+  std::uint64_t state = 0;
+  for (double& sign : signs->reshaped()) {
+    state += 0x9e3779b97f4a7c15u;
+    std::uint64_t z = state;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    sign = ((z ^ (z >> 31)) & 1u) != 0 ? 1.0 : -1.0;
+  }
+}
+
+// f(lambda) = phi(s) / s, lambda = s^2, in units of T: lambda / unit ->
+// f(lambda) / scale = (lambda / unit + damping)^-exponent.
+struct GramFunction {
+  GramFunction(const SpectralFilter& filter, double unit, double lambda_max)
+      : exponent(filter.Exponent()),
+        damping(filter.damping / unit + filter.relative_damping * lambda_max),
+        scale(std::pow(unit, -filter.Exponent())) {}
+
+  std::complex<double> operator()(std::complex<double> z) const {
+    return exponent == 1.0 ? 1.0 / (z + damping)
+                           : std::pow(z + damping, -exponent);
+  }
+
+  // f has a pole or a branch point here, and is analytic above.
+  double singularity() const { return -damping; }
+  // 1 / (z + damping), defined at roundings below zero too.
+  bool is_damped_resolvent() const { return exponent == 1.0 && damping > 0.0; }
+
+  double exponent;
+  double damping;
+  double scale;
+};
+
+// A threshold in T's spectrum. No eigenvalue lies between `below` and `above`.
+struct Cut {
+  int num_below = 0;      // number of dropped eigenvalues
+  int num_undecided = 0;  // within `resolution` of the wanted threshold
+  double below = 0.0;     // the largest dropped eigenvalue, or f's singularity
+  double above = 0.0;     // the smallest kept eigenvalue
+};
+
+// The threshold nearest to `wanted` that lies in a gap of the spectrum:
+// `wanted` itself, unless eigenvalues are within `resolution` of it.
+Cut FindCut(const Tridiagonal& T,
+            double wanted,
+            double resolution,
+            double singularity) {
+  Cut cut;
+  const double rounding = RoundingOf(T);
+  // The number of eigenvalues within the resolution and, if there are any, the
+  // widest gap between them.
+  constexpr int kProbes = 63;
+  double probes[kProbes];
+  int counts[kProbes];
+  for (int k = 0; k < kProbes; ++k) {
+    probes[k] = wanted + resolution * (2.0 * k / (kProbes - 1) - 1.0);
+  }
+  T.CountBelow(probes, kProbes, counts);
+  cut.num_undecided = counts[kProbes - 1] - counts[0];
+  double threshold = wanted;
+  cut.num_below = counts[kProbes / 2];
+  if (cut.num_undecided > 0) {
+    int widest = 0;
+    for (int first = 0; first < kProbes;) {
+      int end = first + 1;
+      while (end < kProbes && counts[end] == counts[first]) ++end;
+      if (end - first > widest) {
+        widest = end - first;
+        threshold = probes[first + widest / 2];
+        cut.num_below = counts[first];
+      }
+      first = end;
+    }
+  }
+  // The eigenvalues on both sides. An eigenvalue far from the others need not
+  // be accurate: the quadrature only needs a gap.
+  cut.above =
+      cut.num_below < T.size()
+          ? T.Eigenvalue(cut.num_below, threshold, T.upper_bound(), rounding)
+          : T.upper_bound();
+  cut.below = singularity;
+  if (cut.num_below > 0) {
+    cut.below = std::max(
+        singularity,
+        T.Eigenvalue(cut.num_below - 1, T.lower_bound(), threshold, rounding));
+  }
+  return cut;
+}
+
+// The norm of the step by f(T) h = y.
+double StepNorm(const SpectralProblem& problem, const VectorXd& y) {
+  if (problem.parameter_side()) return y.norm();
+  VectorXd& Ty = problem.buffers->product;
+  problem.buffers->tridiagonal.Times(y, &Ty);
+  return std::sqrt(std::abs(y.dot(Ty)));
+}
+
+// buffers->y = f(T) h for the eigenvalues that `cut` keeps, 0 for the others; h
+// is buffers->b. A contour integral takes 70 to 130 solutions with T,
+// Levenberg-Marquardt without a cut a single one. Returns the relative error of
+// the step due to the backward error of the reduction.
+double ApplyCutFunction(const SpectralProblem& problem,
+                        const GramFunction& f,
+                        double lambda_max,
+                        const Cut& cut) {
+  SpectralBuffers* buffers = problem.buffers;
+  Tridiagonal& T = buffers->tridiagonal;
+  buffers->shifts.clear();
+  buffers->coefficients.clear();
+  if (f.is_damped_resolvent() && cut.num_below == 0) {
+    // (T + damping)^-1 h = Im[-i (z - T)^-1 h] with z = -damping.
+    buffers->shifts.emplace_back(f.singularity());
+    buffers->coefficients.emplace_back(0.0, -1.0);
+  } else {
+    // Rounding may move eigenvalues slightly out of the interval.
+    const double gap = std::max(cut.above - cut.below, RoundingOf(T));
+    const double below = cut.below + 0.1 * gap;
+    const double above = std::max(cut.above - 0.1 * gap, below + 0.1 * gap);
+    ContourQuadrature(cut.num_below == 0 ? cut.below : below,
+                      above,
+                      lambda_max * (1.0 + 1e-3) + gap,
+                      kContourTolerance,
+                      &buffers->nodes);
+    for (const ContourNode& node : buffers->nodes) {
+      buffers->shifts.push_back(node.z);
+      buffers->coefficients.push_back(node.weight * f(node.z));
+    }
+  }
+  FillSigns(T.size(), &buffers->perturbations);
+  T.ApplyResolvents(buffers->shifts,
+                    buffers->coefficients,
+                    buffers->b,
+                    &buffers->y,
+                    &buffers->perturbations,
+                    &buffers->changes);
+  double squared_change = 0.0;
+  for (int p = 0; p < Tridiagonal::kNumPerturbations; ++p) {
+    buffers->change = buffers->changes.col(p);
+    const double norm = StepNorm(problem, buffers->change);
+    squared_change += norm * norm / Tridiagonal::kNumPerturbations;
+  }
+  if (squared_change == 0.0) return 0.0;
+  return kSampleSafety * BackwardError(T.size()) * lambda_max *
+         std::sqrt(squared_change) / StepNorm(problem, buffers->y);
 }
 
 // Computes f(K) b from the tridiagonal form of K.
-bool ReducedStep(const SpectralProblem& problem,
-                 SpectralBuffers* buffers,
-                 VectorXd* d,
-                 SpectralStepSummary* summary) {
+bool ReducedStep(const SpectralProblem& problem) {
+  SpectralBuffers* buffers = problem.buffers;
+  SpectralStepSummary* summary = problem.summary;
   buffers->reduction.Compute(&buffers->gram);
   buffers->tridiagonal.Set(buffers->reduction.diagonal(),
                            buffers->reduction.off_diagonal());
   buffers->reduction.ApplyQTranspose(&buffers->b);
-  const bool parameter_side = IsParameterSide(problem);
+  const bool parameter_side = problem.parameter_side();
   const double root_unit = std::sqrt(buffers->unit);
   const Tridiagonal& T = buffers->tridiagonal;
   const double lambda_max = T.Eigenvalue(T.size() - 1);
@@ -180,12 +294,11 @@ bool ReducedStep(const SpectralProblem& problem,
   }
   const double norm_b = buffers->b.norm();
   if (norm_b == 0.0 || summary->rank == 0) {
-    d->setZero(problem.n());
+    problem.d->setZero(problem.n());
     return true;
   }
-  const double relative_error =
-      ApplyCutFunction(f, lambda_max, cut, parameter_side, buffers);
-  const double norm_y = StepNorm(parameter_side, buffers->y, buffers);
+  const double relative_error = ApplyCutFunction(problem, f, lambda_max, cut);
+  const double norm_y = StepNorm(problem, buffers->y);
   // On the parameter side, b = J^T g has additional rounding errors.
   const double norm_g = problem.g.norm() * root_unit;
   double rounding = RoundingError();
@@ -207,33 +320,50 @@ bool ReducedStep(const SpectralProblem& problem,
   }
   summary->estimated_error = relative_error + rounding;
   buffers->reduction.ApplyQ(&buffers->y);
-  buffers->y *= f.Scale();
-  return MakeStep(problem, buffers->y, d, summary);
+  buffers->y *= f.scale;
+  return MakeStep(problem, buffers->y);
 }
 
 }  // namespace
 
-bool GramRoute(const SpectralProblem& problem,
-               SpectralBuffers* buffers,
-               VectorXd* d,
-               SpectralStepSummary* summary) {
-  switch (FormGram(problem, buffers, summary)) {
-    case GramResult::kFailed:
-      return false;
-    case GramResult::kZero:
-      d->setZero(problem.n());
-      return true;
-    case GramResult::kDone:
-      break;
-  }
-  if (IsParameterSide(problem)) {
+bool GramRoute(const SpectralProblem& problem) {
+  SpectralBuffers* buffers = problem.buffers;
+  std::string* message = &problem.summary->message;
+  MatrixXd& K = buffers->gram;
+  if (problem.parameter_side()) {
+    problem.J.ParameterGram(&K);
     problem.J.TransposeTimes(problem.g, &buffers->b);
   } else {
+    problem.J.Gram(&K);
     buffers->b = problem.g;
   }
-  return buffers->gram.rows() < kSmallestReduced || problem.filter.clamp
-             ? EigenvectorStep(problem, buffers, d, summary)
-             : ReducedStep(problem, buffers, d, summary);
+  // A diagonal entry is the squared norm of a row or column of J. It is not
+  // finite if an entry of this row or column is not finite, or if a square
+  // overflows.
+  const auto diagonal = K.diagonal();
+  if (!diagonal.allFinite()) {
+    if (CheckJacobianFinite(problem.J, message)) {
+      *message = "the squares of J's entries overflow";
+    }
+    return false;
+  }
+  const double largest = diagonal.maxCoeff();
+  if (largest < kSmallestGram) {
+    // J = 0, or for this g as good as that.
+    problem.J.TransposeTimes(problem.g, problem.d);
+    if (problem.d->isZero(0.0)) return true;
+    *message = "the squares of J's entries underflow";
+    return false;
+  }
+  // Entries of ordinary size need no scaling, which saves a pass.
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  if (std::abs(exponent) <= 100) exponent = 0;
+  buffers->unit = std::ldexp(1.0, exponent);
+  if (exponent != 0) K.triangularView<Eigen::Lower>() *= 1.0 / buffers->unit;
+  return K.rows() < kSmallestReduced || problem.filter.clamp
+             ? EigenvectorStep(problem)
+             : ReducedStep(problem);
 }
 
 }  // namespace invgrad

@@ -8,7 +8,6 @@
 
 #include <cmath>
 
-#include "Eigen/Core"
 #include "invgrad/spectral/routes/simd.h"
 
 namespace invgrad {
@@ -44,16 +43,6 @@ INVGRAD_INLINE inline void ApplyReflector(int n,
   x[0] -= projection;
   for (int i = 1; i < n; ++i) x[i] -= projection * u[i];
 }
-
-// The reflectors of a reduction, below the subdiagonal `offset` of A: column j
-// holds u_1, ... of H_j in rows j + offset + 1, ...; u_0 = 1 is not stored.
-//   x = H_0 H_1 ... x, or its transpose
-// Shapes: A: m x m; tau: at most m - offset; x: m.
-void ApplyReflectors(const Eigen::MatrixXd& A,
-                     int offset,
-                     const Eigen::VectorXd& tau,
-                     bool transpose,
-                     Eigen::VectorXd* x);
 
 }  // namespace invgrad
 

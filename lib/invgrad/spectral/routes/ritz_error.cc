@@ -12,12 +12,12 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kMachineEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Backward error of the bidiagonalization with one orthonormal basis, in units
 // of s_max^2; as in step_error.cc.
-constexpr double kRounding = 10.0 * kEpsilon;
+constexpr double kRounding = 10.0 * kMachineEpsilon;
 
 // The estimate is a bound up to cross terms and small constants. On synthetic
 // spectra (five kinds, white, smooth and nearly invariant g, nine filters) the
@@ -130,7 +130,7 @@ class ErrorEstimate {
     // For smaller distances the slope is more accurate.
     constexpr double kNear = 1e-6;
     // Above a jump at lambda.
-    const double root = std::sqrt(lambda) * (1.0 + 4.0 * kEpsilon);
+    const double root = std::sqrt(lambda) * (1.0 + 4.0 * kMachineEpsilon);
     const double f_lambda = filter_(root * s_max_, s_max_) / unit_ / root;
     double sum = 0.0;
     for (Index i = 0; i < s_.size(); ++i) {

@@ -1,4 +1,4 @@
-// Vectorized loops for a library that runs on any x86-64.
+// Vectorized loops for a library that runs on any x86-64, and their memory.
 //
 // A kernel is written once, with packs of four numbers and functions that are
 // always inlined. Run() compiles the kernel for AVX2 with FMA and for the
@@ -10,6 +10,10 @@
 // are rounded once with FMA and twice without.
 #ifndef INVGRAD_SPECTRAL_ROUTES_SIMD_H_
 #define INVGRAD_SPECTRAL_ROUTES_SIMD_H_
+
+#include <cstddef>
+#include <memory>
+#include <new>
 
 #define INVGRAD_INLINE __attribute__((always_inline))
 
@@ -77,6 +81,34 @@ void Run(const Kernel& kernel) {
 #endif
 
 }  // namespace simd
+
+// A buffer that a computation reuses between calls, aligned to a cache line. It
+// grows and never shrinks.
+class AlignedBuffer {
+ public:
+  // At least `size` uninitialized numbers. Invalidates earlier pointers if the
+  // buffer grows.
+  double* Reserve(std::size_t size) {
+    if (size > size_) {
+      data_.reset();  // frees memory before the new allocation
+      data_.reset(static_cast<double*>(
+          ::operator new(size * sizeof(double), kAlignment)));
+      size_ = size;
+    }
+    return data_.get();
+  }
+  const double* data() const { return data_.get(); }
+
+ private:
+  static constexpr std::align_val_t kAlignment{64};
+  struct Delete {
+    void operator()(double* data) const { ::operator delete(data, kAlignment); }
+  };
+
+  std::size_t size_ = 0;
+  std::unique_ptr<double, Delete> data_;
+};
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_SPECTRAL_ROUTES_SIMD_H_

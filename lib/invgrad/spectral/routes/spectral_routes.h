@@ -6,37 +6,70 @@
 #ifndef INVGRAD_SPECTRAL_ROUTES_SPECTRAL_ROUTES_H_
 #define INVGRAD_SPECTRAL_ROUTES_SPECTRAL_ROUTES_H_
 
+#include <complex>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
+#include "invgrad/spectral/routes/contour_quadrature.h"
+#include "invgrad/spectral/routes/tridiagonal.h"
+#include "invgrad/spectral/routes/tridiagonalization.h"
 #include "invgrad/spectral/spectral_filter.h"
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 
+// The arrays that the routes keep from one step to the next.
+struct SvdBuffers {
+  Eigen::MatrixXd J;
+  Eigen::MatrixXd A;
+  Eigen::VectorXd tau;  // of Q's reflectors
+  Eigen::MatrixXd R;
+  Eigen::MatrixXd copy;     // of what dgesdd overwrites
+  Eigen::MatrixXd left;     // W', or W
+  Eigen::MatrixXd right_t;  // Z^T
+  Eigen::VectorXd s;        // descending
+};
+
+struct SpectralBuffers {
+  // Route gram: J J^T or J^T J, divided by `unit`; later the reflectors of the
+  // reduction, or the eigenvectors.
+  Eigen::MatrixXd gram;
+  double unit = 1.0;
+  Eigen::VectorXd b;  // the argument of f(K) b
+  Eigen::VectorXd y;
+  Eigen::VectorXd product;
+  Tridiagonalization reduction;
+  Tridiagonal tridiagonal;
+  Tridiagonal::Perturbations perturbations;
+  Tridiagonal::Changes changes;
+  Eigen::VectorXd change;
+  Eigen::VectorXd values;  // all eigenvalues, if computed
+  std::vector<ContourNode> nodes;
+  std::vector<std::complex<double>> shifts;
+  std::vector<std::complex<double>> coefficients;
+
+  SvdBuffers svd;
+};
+
+// The arguments of a route.
 struct SpectralProblem {
   const JacobianOperator& J;
   const Eigen::VectorXd& g;
   const SpectralFilter& filter;
+  SpectralBuffers* buffers;
+  Eigen::VectorXd* d;
+  SpectralStepSummary* summary;
 
   Eigen::Index m() const { return J.rows(); }
   Eigen::Index n() const { return J.cols(); }
+  // Route gram uses J^T J in place of J J^T.
+  bool parameter_side() const { return n() < m(); }
 };
 
-bool GramRoute(const SpectralProblem& problem,
-               SpectralBuffers* buffers,
-               Eigen::VectorXd* d,
-               SpectralStepSummary* summary);
-
-bool SvdRoute(const SpectralProblem& problem,
-              SpectralBuffers* buffers,
-              Eigen::VectorXd* d,
-              SpectralStepSummary* summary);
-
-bool GradientRoute(const SpectralProblem& problem,
-                   Eigen::VectorXd* d,
-                   SpectralStepSummary* summary);
+bool GramRoute(const SpectralProblem& problem);
+bool SvdRoute(const SpectralProblem& problem);
 
 // The jump of phi, in units of s_max: tau, or zero if phi does not vanish at
 // zero. Negative if phi is continuous.
@@ -44,12 +77,11 @@ double JumpOf(const SpectralFilter& filter);
 
 // Fills the summary's fields about known singular values. Values of
 // (s / s_max)^power within `resolution` of the jump are undecided.
-void SummarizeSpectrum(const SpectralFilter& filter,
+void SummarizeSpectrum(const SpectralProblem& problem,
                        const Eigen::VectorXd& s,
                        double s_max,
                        int power,
-                       double resolution,
-                       SpectralStepSummary* summary);
+                       double resolution);
 
 // True if all entries of J are finite; otherwise the message names the first
 // row with an infinite or NaN entry.

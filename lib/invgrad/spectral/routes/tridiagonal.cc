@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "glog/logging.h"
-#include "invgrad/spectral/routes/simd.h"
 
 namespace invgrad {
 namespace {
@@ -58,6 +57,21 @@ struct ResolventLanes {
   Complex z, c;
 };
 
+INVGRAD_INLINE inline Complex Select(const Mask& first,
+                                     const Complex& a,
+                                     const Complex& b) {
+  return {first ? a.re : b.re, first ? a.im : b.im};
+}
+INVGRAD_INLINE inline Complex Product(const Complex& a, const Complex& b) {
+  return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+}
+// a - b c.
+INVGRAD_INLINE inline Complex MinusProduct(const Complex& a,
+                                           const Complex& b,
+                                           const Complex& c) {
+  return {a.re - b.re * c.re + b.im * c.im, a.im - b.re * c.im - b.im * c.re};
+}
+
 // A row of the triangular factor of T - z: the inverse pivot, the two entries
 // right of it, and what the elimination of the row below took.
 struct FactorRow {
@@ -84,52 +98,50 @@ INVGRAD_INLINE inline void Eliminate(double e,
                                      OpenRow* open,
                                      FactorRow* row) {
   const Lanes zero = {};
-  const Lanes e_lanes = zero + e;
-  const Lanes h_lanes = zero + h;
+  const Complex below = {zero + e, zero};
   const Lanes f_lanes = zero + f;
   const Complex diagonal = {a - z.re, -z.im};
   const Complex d = open->d;
-  const Complex u = open->u;
-  const Complex r = open->r;
   const Lanes squared_d = d.re * d.re + d.im * d.im;
-  const Lanes squared_e = e_lanes * e_lanes;
+  const Lanes squared_e = below.re * below.re;
   const Mask swap = squared_d < squared_e;
   const Lanes scale = 1.0 / (swap ? squared_e : squared_d);
-  const Complex inverse = {(swap ? e_lanes : d.re) * scale,
-                           (swap ? zero : -d.im) * scale};
-  const Complex right = {swap ? diagonal.re : u.re, swap ? diagonal.im : u.im};
-  const Lanes second = swap ? f_lanes : zero;
-  const Complex x = {swap ? h_lanes : r.re, swap ? zero : r.im};
-  const Complex below = {swap ? d.re : e_lanes, swap ? d.im : zero};
-  const Complex l = {below.re * inverse.re - below.im * inverse.im,
-                     below.re * inverse.im + below.im * inverse.re};
-  row->inverse_pivot = inverse;
-  row->right = right;
-  row->second = second;
-  row->multiplier = l;
+  row->inverse_pivot = {(swap ? below.re : d.re) * scale,
+                        (swap ? zero : -d.im) * scale};
+  row->right = Select(swap, diagonal, open->u);
+  row->second = swap ? f_lanes : zero;
+  row->multiplier = Product(Select(swap, d, below), row->inverse_pivot);
   row->swapped = swap;
-  row->x = x;
-  open->d.re = (swap ? u.re : diagonal.re) - l.re * right.re + l.im * right.im;
-  open->d.im = (swap ? u.im : diagonal.im) - l.re * right.im - l.im * right.re;
-  open->u.re = (swap ? zero : f_lanes) - l.re * second;
-  open->u.im = -l.im * second;
-  open->r.re = (swap ? r.re : h_lanes) - l.re * x.re + l.im * x.im;
-  open->r.im = (swap ? r.im : zero) - l.re * x.im - l.im * x.re;
+  const Complex h_lanes = {zero + h, zero};
+  row->x = Select(swap, h_lanes, open->r);
+  const Complex l = row->multiplier;
+  open->d = MinusProduct(Select(swap, open->u, diagonal), l, row->right);
+  open->u = {(swap ? zero : f_lanes) - l.re * row->second, -l.im * row->second};
+  open->r = MinusProduct(Select(swap, open->r, h_lanes), l, row->x);
 }
 
-// Back substitution of a row, given x of the two rows below; *sum += Im[c x].
-INVGRAD_INLINE inline void Substitute(
-    const Complex& c, FactorRow* row, Complex* x1, Complex* x2, Lanes* sum) {
-  const Complex b = {row->x.re - row->right.re * x1->re +
-                         row->right.im * x1->im - row->second * x2->re,
-                     row->x.im - row->right.re * x1->im -
-                         row->right.im * x1->re - row->second * x2->im};
-  const Complex& p = row->inverse_pivot;
-  const Complex x = {p.re * b.re - p.im * b.im, p.re * b.im + p.im * b.re};
-  *x2 = *x1;
-  *x1 = x;
-  row->x = x;
-  *sum += c.re * x.im + c.im * x.re;
+// Back substitution: y += sign Im[c x], summed over the shifts.
+INVGRAD_INLINE inline void Substitute(Index size,
+                                      const ResolventLanes* lanes,
+                                      double sign,
+                                      FactorRow* rows,
+                                      double* y) {
+  // The solution in the two rows below.
+  Complex x1[kGroups] = {};
+  Complex x2[kGroups] = {};
+  for (Index i = size - 1; i >= 0; --i) {
+    Lanes sum = {};
+    for (int k = 0; k < kGroups; ++k) {
+      FactorRow& row = rows[kGroups * i + k];
+      Complex b = MinusProduct(row.x, row.right, x1[k]);
+      b = {b.re - row.second * x2[k].re, b.im - row.second * x2[k].im};
+      x2[k] = x1[k];
+      x1[k] = row.x = Product(row.inverse_pivot, b);
+      const Complex& c = lanes[k].c;
+      sum += c.re * x1[k].im + c.im * x1[k].re;
+    }
+    y[i] += sign * simd::Sum(sum);
+  }
 }
 
 // x = (T - z)^-1 h in rows[i].x; y -= Im[c x], summed over the shifts. The rows
@@ -159,15 +171,7 @@ INVGRAD_INLINE inline void Solve(Index size,
                 &rows[kGroups * i + k]);
     }
   }
-  Complex x1[kGroups] = {};
-  Complex x2[kGroups] = {};
-  for (Index i = size - 1; i >= 0; --i) {
-    Lanes sum = zero;
-    for (int k = 0; k < kGroups; ++k) {
-      Substitute(lanes[k].c, &rows[kGroups * i + k], &x1[k], &x2[k], &sum);
-    }
-    y[i] -= simd::Sum(sum);
-  }
+  Substitute(size, lanes, -1.0, rows, y);
 }
 
 // After Solve: the change of y by T -> T + E, to first order,
@@ -209,24 +213,12 @@ INVGRAD_INLINE inline void Perturb(Index size,
       for (int k = 0; k < kGroups; ++k) {
         FactorRow& row = rows[kGroups * i + k];
         const Complex next = product(i + 1, k);
-        const Mask swap = row.swapped;
-        const Complex x = {swap ? next.re : r[k].re, swap ? next.im : r[k].im};
-        const Complex& l = row.multiplier;
-        row.x = x;
-        r[k] = {(swap ? r[k].re : next.re) - l.re * x.re + l.im * x.im,
-                (swap ? r[k].im : next.im) - l.re * x.im - l.im * x.re};
+        row.x = Select(row.swapped, next, r[k]);
+        r[k] = MinusProduct(
+            Select(row.swapped, r[k], next), row.multiplier, row.x);
       }
     }
-    double* change = changes + p * size;
-    Complex x1[kGroups] = {};
-    Complex x2[kGroups] = {};
-    for (Index i = size - 1; i >= 0; --i) {
-      Lanes sum = zero;
-      for (int k = 0; k < kGroups; ++k) {
-        Substitute(lanes[k].c, &rows[kGroups * i + k], &x1[k], &x2[k], &sum);
-      }
-      change[i] += simd::Sum(sum);
-    }
+    Substitute(size, lanes, 1.0, rows, changes + p * size);
   }
 }
 

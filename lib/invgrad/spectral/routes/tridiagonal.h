@@ -1,21 +1,15 @@
 // Eigenvalue counts and resolvents of a symmetric tridiagonal matrix, for many
 // shifts at a time. They give functions of the matrix without eigenvectors.
 //
-//   T = diag(a) + diag(e, -1) + diag(e, 1)
-//   CountBelow:     the number of eigenvalues < shift, for every shift
-//   ApplyResolvents: y = sum_j Im[c_j (z_j - T)^-1] h
+//   T = diag(a) + diag(e, -1) + diag(e, 1),   y = sum_j Im[c_j (z_j - T)^-1] h
 //
-// Shapes:  a, h, y: m;  e: m - 1;  z, c: any number N.
-// Units:   T should have entries of order one (within 1e+-100, say), because e
-//          is squared.
-// Cost:    O(m) a shift, several shifts at a time in the processor's vectors:
-//          about 4 cycles a row and shift for counts and 15 for resolvents on
-//          AVX2; each perturbation adds half a solution. 640 m bytes of
-//          workspace.
+// Shapes:  a, h, y: m;  e: m - 1;  z, c: any number.
+// Units:   entries of order one (within 1e+-100, say), because e is squared.
+// Cost:    about 4 cycles a row and shift for counts and 15 for resolvents on
+//          AVX2; each perturbation adds half a solution. 640 m bytes.
 // Accuracy: a count is exact for a T with relative perturbations of a few
-//          epsilon in each entry [1]. Resolvents use partial pivoting: the
-//          solution is exact for a perturbation of T by a few epsilon
-//          (|T| + |z_j|).
+//          epsilon in each entry [1]; a solution, by partial pivoting, for a
+//          perturbation of T by a few epsilon (|T| + |z_j|).
 // Fails:   never; a T with NaN gives NaN, and meaningless counts.
 //
 // [1] Demmel, Dhillon, Ren. On the correctness of some bisection-like parallel
@@ -27,7 +21,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/spectral/routes/aligned_buffer.h"
+#include "invgrad/spectral/routes/simd.h"
 
 namespace invgrad {
 

@@ -1,0 +1,19 @@
+// The rows of the library's rules, which rules.cc joins to the table.
+#ifndef INVGRAD_RULES_RULE_ROWS_H_
+#define INVGRAD_RULES_RULE_ROWS_H_
+
+#include <vector>
+
+#include "invgrad/rules/rules.h"
+
+namespace invgrad {
+
+std::vector<RuleRow> FirstOrderRuleRows();  // first_order_rules.cc
+std::vector<RuleRow> NewtonRuleRows();      // newton.cc
+std::vector<RuleRow> SpectralRuleRows();    // spectral_rule.cc
+std::vector<RuleRow> KfacRuleRows();        // kfac_rule.cc
+std::vector<RuleRow> KrylovRuleRows();      // krylov_rule.cc
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_RULE_ROWS_H_
