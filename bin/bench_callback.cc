@@ -22,14 +22,12 @@ Uses one thread. The problem is the bundle adjustment of --input or, without
 */
 
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <memory>
 #include <string>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/program.h"
-#include "bin/support/ratio_reporter.h"
+#include "bin/support/benchmarks.h"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
@@ -148,27 +146,6 @@ void Run(benchmark::State& state,
   }
 }
 
-void SolvePlain(Instance* instance, ceres::Solver::Summary* summary) {
-  ceres::Solve(instance->options, &instance->problem, summary);
-}
-
-void SolveDeclining(bool needs_jacobian,
-                    Instance* instance,
-                    ceres::Solver::Summary* summary) {
-  DecliningRule rule(needs_jacobian);
-  UpdateCallback callback(&rule, &instance->problem);
-  callback.AddTo(&instance->options);
-  ceres::Solve(instance->options, &instance->problem, summary);
-}
-
-void SolveCached(Instance* instance, ceres::Solver::Summary* summary) {
-  DecliningRule rule(/*needs_jacobian=*/true);
-  CachedProblem cached({}, &instance->problem);
-  UpdateCallback callback(&rule, cached.problem());
-  callback.AddTo(&instance->options);
-  ceres::Solve(instance->options, cached.problem(), summary);
-}
-
 void Linearize(benchmark::State& state, ceres::Problem* problem) {
   const ProblemLinearizer linearizer(problem, {});
   LinearizationParts parts;
@@ -181,59 +158,64 @@ void Linearize(benchmark::State& state, ceres::Problem* problem) {
   }
 }
 
-int Benchmark() {
-  std::string error;
-  if (!CheckFlag("steps", FLAGS_steps > 0, "1 or more", &error) ||
-      !CheckFlag("samples", FLAGS_samples > 2, "3 or more", &error)) {
-    return Fail(error);
-  }
+bool RunAll(std::string* error) {
+  if (!CheckFlags({{"steps", {1.0}}, {"samples", {3.0}}}, error)) return false;
   BalData data;
   MakeInstance make = MakePendulum;
   if (!FLAGS_input.empty()) {
-    if (!ReadBalFile(FLAGS_input, &data, &error)) return Fail(error);
+    if (!ReadBalFile(FLAGS_input, &data, error)) return false;
     make = [&data] { return MakeBundle(data); };
   }
   const SingleBlasThread single(true);
   const auto add = [&](const char* name, auto solve) {
-    benchmark::RegisterBenchmark(name, [&make, solve](benchmark::State& state) {
+    RegisterBenchmark(name, [&make, solve](benchmark::State& state) {
       Run(state, make, solve);
-    })->Unit(benchmark::kMillisecond);
+    });
   };
-  add("plain", SolvePlain);
-  add("declining", [](Instance* instance, ceres::Solver::Summary* summary) {
-    SolveDeclining(/*needs_jacobian=*/false, instance, summary);
+  const auto solve_declining = [](bool needs_jacobian) {
+    return [=](Instance* instance, ceres::Solver::Summary* summary) {
+      DecliningRule rule(needs_jacobian);
+      UpdateCallback callback(&rule, &instance->problem);
+      callback.AddTo(&instance->options);
+      ceres::Solve(instance->options, &instance->problem, summary);
+    };
+  };
+  add("plain", [](Instance* instance, ceres::Solver::Summary* summary) {
+    ceres::Solve(instance->options, &instance->problem, summary);
   });
-  add("asking", [](Instance* instance, ceres::Solver::Summary* summary) {
-    SolveDeclining(/*needs_jacobian=*/true, instance, summary);
+  add("declining", solve_declining(/*needs_jacobian=*/false));
+  add("asking", solve_declining(/*needs_jacobian=*/true));
+  add("cached", [](Instance* instance, ceres::Solver::Summary* summary) {
+    DecliningRule rule(/*needs_jacobian=*/true);
+    CachedProblem cached({}, &instance->problem);
+    UpdateCallback callback(&rule, cached.problem());
+    callback.AddTo(&instance->options);
+    ceres::Solve(instance->options, cached.problem(), summary);
   });
-  add("cached", SolveCached);
-  benchmark::RegisterBenchmark("linearize", [&](benchmark::State& state) {
+  RegisterBenchmark("linearize", [&](benchmark::State& state) {
     Linearize(state, &make()->problem);
-  })->Unit(benchmark::kMillisecond);
-  benchmark::RegisterBenchmark("remembered", [&](benchmark::State& state) {
+  });
+  RegisterBenchmark("remembered", [&](benchmark::State& state) {
     const std::unique_ptr<Instance> instance = make();
     CachedProblem cached({}, &instance->problem);
     Linearize(state, cached.problem());
-  })->Unit(benchmark::kMillisecond);
-
+  });
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
-  reporter.PrintRatio("declining", "plain");
-  reporter.PrintRatio("asking", "plain");
-  reporter.PrintRatio("cached", "plain");
+  for (const char* name : {"declining", "asking", "cached"}) {
+    reporter.PrintRatio(name, "plain");
+  }
   reporter.PrintRatio("remembered", "linearize");
-  return 0;
+  return true;
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark removes its flags from argv.
-  benchmark::Initialize(&argc, argv);
-  return invgrad::RunProgram(
+  return invgrad::RunBenchmarks(
       argc,
       argv,
       "times ceres::Solve with an UpdateCallback beside ceres::Solve alone",
-      invgrad::Benchmark);
+      invgrad::RunAll);
 }

@@ -21,7 +21,7 @@ Sample runs:
 Axes are separated by ";", values by ",". Every combination is one run in a
 separate process. An axis is `rule`, `seed`, `batch_size`, an option of the
 problem or of the rules, or a setting of the network: hidden, activation,
-initialization (network_settings.h). A rule may list alternatives of its
+initialization (training_flags.h). A rule may list alternatives of its
 settings, separated by "|". Tables and pictures show the best alternative at
 each point of the grid, with a remark if it is the smallest or largest one.
 
@@ -48,7 +48,6 @@ keeps the results so far.
 #include "bin/support/program.h"
 #include "bin/support/results.h"
 #include "bin/support/run_directory.h"
-#include "bin/support/training.h"
 #include "bin/support/training_flags.h"
 #include "bin/sweep/grid.h"
 #include "bin/sweep/plan.h"
@@ -83,14 +82,6 @@ DEFINE_int32(jobs, 1, "how many runs at a time, each with one core");
 
 namespace invgrad {
 namespace {
-
-bool CheckFlags(std::string* error) {
-  return CheckTrainingFlags(error) &&
-         CheckFlag(
-             "tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)", error) &&
-         CheckFlag(
-             "jobs", FLAGS_jobs >= 1 && FLAGS_jobs <= 1024, "1 to 1024", error);
-}
 
 std::string Directory(const SweepJob& job) {
   return FLAGS_output + "/jobs/" + job.name;
@@ -224,46 +215,41 @@ bool WriteResults(const SweepPlan& plan,
   });
 }
 
-int Run() {
+bool Run(std::string* error) {
   if (FLAGS_list) {
-    PrintListing(std::cout);
-    return 0;
+    std::cout << Listing();
+    return true;
   }
   // flags.txt has one line a flag.
   std::replace(FLAGS_grid.begin(), FLAGS_grid.end(), '\n', ' ');
-  std::string error;
-  if (!CheckFlags(&error)) return Fail(error);
   if (FLAGS_grid.empty()) {
-    return Fail(
+    *error =
         "--grid is missing; for example "
-        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1..3\"");
+        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1..3\"";
+    return false;
   }
   Grid grid;
   SweepPlan plan;
   SweepValue value;
   const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
-  if (!ParseGrid(FLAGS_grid, &grid, &error) ||
-      !MakeSweepPlan(base, grid, &plan, &error) ||
-      !FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {
-    return Fail(error);
+  if (!CheckTrainingFlags(error) ||
+      !CheckFlags({{"tail", {0.0, 1.0, false, true}}, {"jobs", {1.0, 1024.0}}},
+                  error) ||
+      !ParseGrid(FLAGS_grid, &grid, error) ||
+      !MakeSweepPlan(base, grid, &plan, error) ||
+      !FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, error)) {
+    return false;
   }
   SetBlasThreads(1);
-  if (!PrepareRunDirectory(ExistingDirectory::kResume, &error)) {
-    return Fail(error);
-  }
-  std::set<std::string> warnings;
+  if (!PrepareRunDirectory(ExistingDirectory::kResume, error)) return false;
+  std::set<std::string> warned;
   for (const SweepJob& job : plan.jobs) {
-    AddLeftOutSamples(job.method,
-                      job.batch_size,
-                      job.problem->train.num_samples(),
-                      &warnings);
+    WarnOfLeftOutSamples(
+        job.method, job.batch_size, job.problem->train.num_samples(), &warned);
   }
-  for (const std::string& warning : warnings) Warn(warning);
   const Interrupt interrupt;
   std::vector<SweepRun> runs;
-  return RunJobs(plan, &runs, &error) && WriteResults(plan, runs, value, &error)
-             ? 0
-             : Fail(error);
+  return RunJobs(plan, &runs, error) && WriteResults(plan, runs, value, error);
 }
 
 }  // namespace

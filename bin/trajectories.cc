@@ -24,7 +24,7 @@ restyle it, one CSV a rule, and the flags that repeat the run.
 #include <string>
 #include <vector>
 
-#include "bin/compare/point_path.h"
+#include "bin/compare/point_comparison.h"
 #include "bin/support/program.h"
 #include "bin/support/results.h"
 #include "bin/support/run_directory.h"
@@ -166,58 +166,44 @@ void Print(const PointPath& path) {
   }
 }
 
-int Run() {
-  std::string error;
-  if (!CheckFlag("steps", FLAGS_steps >= 1, "1 or more", &error) ||
-      !CheckFlag(
-          "grid", FLAGS_grid >= 2 && FLAGS_grid <= 1000, "2 to 1000", &error) ||
-      !CheckFlag("margin",
-                 FLAGS_margin >= 0.0 && FLAGS_margin <= 100.0,
-                 "0 to 100",
-                 &error)) {
-    return Fail(error);
-  }
+bool Run(std::string* error) {
   PhysicsProblem problem;
   std::vector<Method> methods;
-  if (!CreateProblem(FLAGS_problem, nullptr, &problem, &error)) {
-    return Fail(error);
-  }
-  if (!ParseMethods(FLAGS_rules, &methods, &error)) {
-    return Fail("--rules: " + error);
+  if (!CheckFlags(
+          {{"steps", {1.0}}, {"grid", {2.0, 1000.0}}, {"margin", {0.0, 100.0}}},
+          error) ||
+      !CreateProblem(FLAGS_problem, nullptr, &problem, error) ||
+      !NameFlag("rules", ParseMethods(FLAGS_rules, &methods, error), error)) {
+    return false;
   }
   if (!problem.point.has_value() || problem.point->start.size() != 2 ||
       problem.point->target.size() != 2) {
-    return Fail(
-        fmt::format("--problem={} does not map two unknowns to two outputs; "
-                    "squared_component, linear_scale and sine_point do",
-                    FLAGS_problem));
+    *error = fmt::format(
+        "--problem={} does not map two unknowns to two outputs; "
+        "squared_component, linear_scale and sine_point do",
+        FLAGS_problem);
+    return false;
   }
   PointPathOptions options;
   options.max_num_iterations = FLAGS_steps;
   options.gradient_tolerance = 0.0;
   std::vector<PointPath> paths;
   for (const Method& method : methods) {
-    PointPath path;
-    if (!TracePath(*problem.point, method, options, &path, &error)) {
-      return Fail(method.label + ": " + error);
+    if (!TracePath(
+            *problem.point, method, options, &paths.emplace_back(), error)) {
+      *error = method.label + ": " + *error;
+      return false;
     }
-    paths.push_back(std::move(path));
   }
-  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {
-    return Fail(error);
-  }
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   for (const PointPath& path : paths) {
     Print(path);
-    const std::string name = FileName(path.label);
-    if (!WritePathCsv(
-            fmt::format("{}/{}.csv", FLAGS_output, name), path, &error)) {
-      return Fail(error);
-    }
+    if (!WritePathCsv(FLAGS_output + "/", path, error)) return false;
   }
   DrawPicture(FLAGS_output + "/trajectories.png",
               MakePlots(*problem.point, paths));
   fmt::print("results in {}\n", FLAGS_output);
-  return 0;
+  return true;
 }
 
 }  // namespace

@@ -5,50 +5,10 @@
 #include <memory>
 
 #include "bin/support/run_directory.h"
-#include "bin/support/training.h"
 #include "fmt/core.h"
 #include "invgrad/io/npy.h"
 
 namespace invgrad {
-
-namespace {
-
-bool DumpMethod(const Model& model,
-                const DataSet& batch,
-                const Method& method,
-                const Eigen::VectorXd& weights,
-                const std::string& directory,
-                std::string* error) {
-  const std::unique_ptr<UpdateRule> rule = method.phases[0].MakeRule();
-  LinearizationParts parts = rule->Needs();
-  parts.gradient = true;
-  parts.jacobian = true;
-  Linearization at_weights;
-  Eigen::MatrixXd outputs, J;
-  Eigen::VectorXd step;
-  if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
-      !model.Predict(weights, batch, &outputs, error) ||
-      !rule->ComputeStep(at_weights, &step, error)) {
-    *error = method.label + ": " + *error;
-    return false;
-  }
-  at_weights.jacobian->ToDense(&J);
-  std::error_code failure;
-  std::filesystem::create_directories(directory, failure);
-  if (failure) {
-    *error = directory + ": " + failure.message();
-    return false;
-  }
-  const Eigen::MatrixXd rows = outputs.transpose();
-  return WriteNpy(directory + "/weights.npy", weights, error) &&
-         WriteNpy(directory + "/outputs.npy", rows, error) &&
-         WriteNpy(directory + "/J.npy", J, error) &&
-         WriteNpy(directory + "/g.npy", at_weights.loss_gradient, error) &&
-         WriteNpy(directory + "/gradient.npy", at_weights.gradient, error) &&
-         WriteNpy(directory + "/step.npy", step, error);
-}
-
-}  // namespace
 
 bool DumpStep(const LearningProblem& problem,
               const std::vector<Method>& methods,
@@ -68,11 +28,34 @@ bool DumpStep(const LearningProblem& problem,
         fmt::format("--dump_step={} exists; give another directory", directory);
     return false;
   }
+  const Model& model = *problem.model;
   for (const Method& method : methods) {
+    const Phase& phase = method.phases[0];
     const DataSet batch = problem.train.Range(
-        0, BatchSize(problem, method.phases[0], batch_size));
+        0, phase.BatchSize(batch_size, problem.train.num_samples()));
+    const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+    LinearizationParts parts = rule->Needs();
+    parts.gradient = true;
+    parts.jacobian = true;
+    Linearization at_weights;
+    Eigen::MatrixXd y, J;
+    Eigen::VectorXd step;
+    if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
+        !model.Predict(weights, batch, &y, error) ||
+        !rule->ComputeStep(at_weights, &step, error)) {
+      *error = method.label + ": " + *error;
+      return false;
+    }
+    at_weights.jacobian->ToDense(&J);
+    y.transposeInPlace();
     const std::string folder = directory + "/" + FileName(method.label);
-    if (!DumpMethod(*problem.model, batch, method, weights, folder, error)) {
+    if (!MakeDirectories(folder, error) ||
+        !WriteNpy(folder + "/weights.npy", weights, error) ||
+        !WriteNpy(folder + "/outputs.npy", y, error) ||
+        !WriteNpy(folder + "/J.npy", J, error) ||
+        !WriteNpy(folder + "/g.npy", at_weights.loss_gradient, error) ||
+        !WriteNpy(folder + "/gradient.npy", at_weights.gradient, error) ||
+        !WriteNpy(folder + "/step.npy", step, error)) {
       return false;
     }
     std::cout << "wrote " << folder << "\n";

@@ -20,7 +20,7 @@
 namespace invgrad {
 
 // Uses the first batch and `weights`. Fails for Ceres' minimizers, which have
-// no step from one linearization. `batch_size`: see BatchSize.
+// no step from one linearization. `batch_size`: of phases without their own.
 bool DumpStep(const LearningProblem& problem,
               const std::vector<Method>& methods,
               int batch_size,

@@ -1,77 +1,110 @@
 #include "bin/compare/learning_comparison.h"
 
 #include <algorithm>
-#include <cmath>
-#include <functional>
+#include <iostream>
 #include <set>
 #include <utility>
 
+#include "bin/compare/dump_step.h"
 #include "bin/compare/learning_plots.h"
+#include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/results.h"
 #include "bin/support/run_directory.h"
-#include "bin/support/training.h"
+#include "bin/support/training_flags.h"
 #include "fmt/core.h"
+#include "gflags/gflags.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "report/interrupt.h"
 #include "report/table.h"
 
+DEFINE_string(seeds,
+              "1",
+              "seeds of the initial weights and of the shuffling: 1,2,5 or "
+              "1..20");
+DEFINE_double(target_loss, 0.0, "stop at this train loss; 0: off");
+DEFINE_int32(patience,
+             0,
+             "stop after so many evaluations without a new minimum of the test "
+             "loss; 0: off");
+DEFINE_string(levels,
+              "1e-3,1e-4,1e-5",
+              "train losses; the table has the seconds to each");
+DEFINE_int32(track_sample,
+             0,
+             "training sample whose path in y space is kept; -1: none");
+DEFINE_bool(resume, false, "go on with the run in the directory");
+DEFINE_string(init_weights, "", "initial weights (.npy) for every seed");
+DEFINE_string(dump_step,
+              "",
+              "write J, g and every rule's first step (.npy) to this "
+              "directory, and stop");
+
 namespace invgrad {
 namespace {
 
-SeedSpread SpreadOf(const std::vector<LearningRunResult>& runs,
-                    double HistoryRow::*loss) {
-  std::vector<double> values;
-  values.reserve(runs.size());
-  for (const LearningRunResult& run : runs) {
-    values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
+// A method from all seeds.
+struct MethodResults {
+  std::string label;
+  std::string refusal;  // why there are no runs
+  std::vector<LearningRunResult> runs;
+
+  SeedSpread Spread(double HistoryRow::*loss) const {
+    std::vector<double> values;
+    for (const LearningRunResult& run : runs) {
+      values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
+    }
+    return SeedSpread(values);
   }
-  return SeedSpread(values);
-}
+  // The run with the median of this final loss; null if there are no runs.
+  const LearningRunResult* MedianRun(double HistoryRow::*loss) const {
+    return runs.empty() ? nullptr : &runs[Spread(loss).median_run];
+  }
+};
 
 Table LearningTable(const LearningProblem& problem,
-                    const LearningComparisonOptions& options,
+                    const std::vector<double>& levels,
+                    bool has_many_seeds,
                     const std::vector<MethodResults>& all) {
   Table table;
   for (const MethodResults& method : all) {
-    const bool has_runs = !method.runs.empty();
-    LearningRunResult none;
-    none.history.emplace_back();
-    const auto median = [&](double HistoryRow::*loss) -> const auto& {
-      return has_runs ? method.MedianRun(loss) : none;
-    };
-    const auto add = [&](const std::string& title, const std::string& cell) {
-      table.Add(title, has_runs ? cell : "-");
-    };
+    const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
     const auto add_last = [&](const std::string& title,
                               double HistoryRow::*loss) {
-      add(title, NumberOrDash(median(loss).last().*loss));
+      const LearningRunResult* median = method.MedianRun(loss);
+      table.Add(title,
+                median == nullptr ? "-" : NumberOrDash(median->last().*loss));
     };
-    const LearningRunResult& run = median(&HistoryRow::train_loss);
     table.BeginRow();
     table.Add("method", method.label, Table::Align::kLeft);
     add_last("train loss", &HistoryRow::train_loss);
     add_last("test loss", &HistoryRow::test_loss);
-    add("best train", FormatNumber(run.BestTrainLoss()));
+    table.Add("best train",
+              run == nullptr ? "-" : FormatNumber(run->BestTrainLoss()));
     if (problem.metric.has_value()) {
       add_last(problem.metric->name, &HistoryRow::metric);
     }
-    if (options.seeds.size() > 1) {
-      add("train loss, all seeds",
-          SpreadOf(method.runs, &HistoryRow::train_loss).Text());
+    if (has_many_seeds) {
+      table.Add(
+          "train loss, all seeds",
+          run == nullptr ? "-" : method.Spread(&HistoryRow::train_loss).Text());
     }
-    AddTimes(run, has_runs, &table);
-    for (const double level : options.levels) {
-      add("s to " + FormatNumber(level),
-          NumberOrDash(run.SecondsToLevel(level)));
+    AddTimes(run, &table);
+    for (const double level : levels) {
+      table.Add(
+          "s to " + FormatNumber(level),
+          run == nullptr ? "-" : NumberOrDash(run->SecondsToLevel(level)));
     }
-    add("saturated",
-        fmt::format("{}/{}", run.num_saturated, run.num_hidden_neurons));
+    table.Add("saturated",
+              run == nullptr
+                  ? "-"
+                  : fmt::format(
+                        "{}/{}", run->num_saturated, run->num_hidden_neurons));
     table.Add("status",
-              has_runs ? run.summary.message : method.refusal,
+              run == nullptr ? method.refusal : run->summary.message,
               Table::Align::kLeft);
   }
   return table;
@@ -101,82 +134,102 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
 // is complete.
 bool RunOrLoad(const LearningProblem& problem,
                const Method& method,
-               const LearningComparisonOptions& options,
+               TrainOptions options,
                const Eigen::VectorXd& weights,
                int seed,
                LearningRunResult* result,
                std::string* error) {
+  options.seed = static_cast<std::uint32_t>(seed);
   LearningRunOptions run;
-  run.train = options.train;
-  run.train.batch_size = BatchSize(problem, options.batch_size);
-  run.train.seed = static_cast<std::uint32_t>(seed);
-  run.tracked_sample = options.tracked_sample;
+  run.train = options;
+  run.tracked_sample = FLAGS_track_sample;
   run.directory =
-      fmt::format("{}/{}-seed{}", options.output, FileName(method.label), seed);
-  if (options.resume) {
-    if (LoadCompleteRun(run.directory, problem, run.train, result, error)) {
+      fmt::format("{}/{}-seed{}", FLAGS_output, FileName(method.label), seed);
+  if (FLAGS_resume) {
+    if (LoadCompleteRun(run.directory, problem, options, result, error)) {
       return true;
     }
     if (!error->empty()) return false;
   }
-  LiveRun live(fmt::format("{} seed {}", method.label, seed));
-  run.on_step = [&live](const TrainingRun& training) {
-    return live.Update({training.step(),
-                        training.history().back().train_loss,
-                        training.epoch(),
-                        training.progress()});
+  Progress progress;
+  ProgressState state;
+  state.label = fmt::format("{} seed {}", method.label, seed);
+  run.on_step = [&](const TrainingRun& training) {
+    state.step = training.step();
+    state.loss = training.history().back().train_loss;
+    state.epoch = training.epoch();
+    state.fraction = training.progress();
+    return ShowProgress(state, &progress);
   };
   return RunLearning(problem, method, seed, weights, run, result, error);
 }
 
 }  // namespace
 
-const LearningRunResult& MethodResults::MedianRun(
-    double HistoryRow::*loss) const {
-  return runs[SpreadOf(runs, loss).median_run];
-}
-
-bool CheckLearningComparison(const LearningProblem& problem,
-                             const std::vector<Method>& methods,
-                             const LearningComparisonOptions& options,
-                             std::string* error) {
-  const int num_samples = problem.train.num_samples();
-  if (options.tracked_sample >= num_samples) {
-    *error = fmt::format(
-        "--track_sample={} is out of range; allowed: -1 (none) to {}",
-        options.tracked_sample,
-        num_samples - 1);
-    return false;
-  }
-  return CheckBatches(problem, methods, options.batch_size, error);
-}
-
-bool CompareLearning(const LearningProblem& problem,
+bool CompareLearning(LearningProblem problem,
                      const std::vector<Method>& methods,
-                     const LearningComparisonOptions& options,
-                     const Eigen::VectorXd& initial_weights,
-                     std::ostream& out,
                      std::string* error) {
-  const Interrupt interrupt;
-  if (!WriteNpy(options.output + "/data.npy", problem.data, error)) {
+  const int num_samples = problem.train.num_samples();
+  std::vector<int> seeds;
+  std::vector<double> levels;
+  if (FLAGS_overwrite && FLAGS_resume) {
+    *error = "--resume=true is not allowed with --overwrite";
     return false;
   }
-  std::set<std::string> warnings;
+  if (!CheckFlags({{"target_loss", {0.0}},
+                   {"patience", {0.0}},
+                   {"track_sample", {-1.0, num_samples - 1.0}}},
+                  error) ||
+      !NameFlag("seeds", ParseSeeds(FLAGS_seeds, &seeds, error), error) ||
+      !NameFlag("levels", ParseNumbers(FLAGS_levels, &levels, error), error)) {
+    return false;
+  }
+  if (!SetNetwork(NetworkOfFlags(), &problem, error)) {
+    *error = "--" + *error;
+    return false;
+  }
+  Eigen::VectorXd given_weights;
+  if ((!FLAGS_init_weights.empty() && !ReadNpy(FLAGS_init_weights,
+                                               problem.model->num_weights(),
+                                               &given_weights,
+                                               error)) ||
+      !CheckBatches(problem, methods, FLAGS_batch_size, error)) {
+    return false;
+  }
+  const auto initial_weights = [&](int seed) {
+    return given_weights.size() > 0 ? given_weights
+                                    : InitialWeights(problem, seed);
+  };
+  TrainOptions options;
+  ApplyTrainingFlags(problem, &options);
+  options.batch_size = BatchSize(problem, FLAGS_batch_size);
+  options.target_loss = FLAGS_target_loss;
+  options.patience = FLAGS_patience;
+  if (!FLAGS_dump_step.empty()) {
+    return DumpStep(problem,
+                    methods,
+                    options.batch_size,
+                    initial_weights(seeds[0]),
+                    FLAGS_dump_step,
+                    error);
+  }
+  if (!PrepareRunDirectory(FLAGS_resume ? ExistingDirectory::kResume
+                                        : ExistingDirectory::kRefuse,
+                           error)) {
+    return false;
+  }
+  const Interrupt interrupt;
+  if (!WriteNpy(FLAGS_output + "/data.npy", problem.data, error)) return false;
+  std::set<std::string> warned;
   std::vector<MethodResults> all;
   for (const Method& method : methods) {
     all.push_back({method.label, "not run: interrupted", {}});
-    AddLeftOutSamples(method,
-                      BatchSize(problem, options.batch_size),
-                      problem.train.num_samples(),
-                      &warnings);
+    WarnOfLeftOutSamples(method, options.batch_size, num_samples, &warned);
   }
-  for (const std::string& warning : warnings) Warn(warning);
-  for (const int seed : options.seeds) {
-    const Eigen::VectorXd weights = initial_weights.size() > 0
-                                        ? initial_weights
-                                        : InitialWeights(problem, seed);
+  for (const int seed : seeds) {
+    const Eigen::VectorXd weights = initial_weights(seed);
     if (!WriteNpy(
-            fmt::format("{}/initial_weights-seed{}.npy", options.output, seed),
+            fmt::format("{}/initial_weights-seed{}.npy", FLAGS_output, seed),
             weights,
             error)) {
       return false;
@@ -193,18 +246,21 @@ bool CompareLearning(const LearningProblem& problem,
       }
     }
   }
-  const Table table = LearningTable(problem, options, all);
-  out << table.ToText();
-  if (!WriteTable(options.output + "/table", table, error) ||
-      !WriteFile(options.output + "/summary.csv", SummaryCsv(all), error)) {
+  const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
+  std::cout << table.ToText();
+  if (!WriteTable(FLAGS_output + "/table", table, error) ||
+      !WriteFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error)) {
     return false;
   }
-  DrawLearning(problem, options.output, options.tracked_sample, all);
-  out << "results in " << options.output << "\n";
+  std::vector<const LearningRunResult*> medians;
+  for (const MethodResults& method : all) {
+    const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
+    if (run != nullptr) medians.push_back(run);
+  }
+  DrawLearning(problem, FLAGS_output, FLAGS_track_sample, medians);
+  std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
-  return std::any_of(all.begin(), all.end(), [](const MethodResults& method) {
-    return !method.runs.empty();
-  });
+  return !medians.empty();
 }
 
 }  // namespace invgrad

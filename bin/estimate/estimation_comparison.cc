@@ -1,8 +1,7 @@
 #include "bin/estimate/estimation_comparison.h"
 
 #include <algorithm>
-#include <filesystem>
-#include <limits>
+#include <iostream>
 #include <utility>
 
 #include "bin/estimate/estimation_table.h"
@@ -11,11 +10,24 @@
 #include "bin/support/results.h"
 #include "bin/support/run_directory.h"
 #include "fmt/core.h"
+#include "gflags/gflags.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/problem_minimization.h"
+#include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
+
+// Of estimate.cc; compare has flags of these names too.
+DECLARE_string(start);
+DECLARE_string(loss);
+DECLARE_double(perturb);
+DECLARE_string(seeds);
+DECLARE_int32(max_iterations);
+DECLARE_double(seconds);
+DECLARE_double(function_tolerance);
+DECLARE_int32(threads);
 
 namespace invgrad {
 namespace {
@@ -46,25 +58,21 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   return status;
 }
 
-EstimationRow MakeRow(const std::string& start,
-                      const Method& method,
-                      const MinimizerSummary& summary,
-                      const Estimation& estimation) {
-  EstimationRow row;
-  row.start = start;
-  row.method = method.label;
+void SetResults(const Method& method,
+                const MinimizerSummary& summary,
+                const Estimation& estimation,
+                EstimationRow* row) {
   // The cost is -1 if the run failed at its start.
-  if (summary.initial_cost >= 0.0) row.initial_cost = summary.initial_cost;
-  if (summary.final_cost >= 0.0) row.final_cost = summary.final_cost;
-  row.num_iterations = summary.num_steps();
+  if (summary.initial_cost >= 0.0) row->initial_cost = summary.initial_cost;
+  if (summary.final_cost >= 0.0) row->final_cost = summary.final_cost;
+  row->num_iterations = summary.num_steps();
   for (size_t k = 1; k < summary.iterations.size(); ++k) {
-    ++(summary.iterations[k].step_is_successful ? row.num_accepted
-                                                : row.num_rejected);
+    ++(summary.iterations[k].step_is_successful ? row->num_accepted
+                                                : row->num_rejected);
   }
-  row.seconds = summary.total_time_in_seconds;
-  row.digits = estimation.Digits();
-  row.status = Status(method, summary);
-  return row;
+  row->seconds = summary.total_time_in_seconds;
+  row->digits = estimation.Digits();
+  row->status = Status(method, summary);
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {
@@ -86,8 +94,7 @@ void AddCosts(const std::string& label,
   Series iterations;
   iterations.title = label;
   Series seconds = iterations;
-  double cost = summary.initial_cost;  // a rejected step does not change the
-                                       // cost
+  double cost = summary.initial_cost;  // a rejected step keeps it
   for (const ceres::IterationSummary& iteration : summary.iterations) {
     if (iteration.step_is_successful) cost = iteration.cost;
     iterations.x.push_back(iteration.iteration);
@@ -101,171 +108,174 @@ void AddCosts(const std::string& label,
 
 class Observer final : public ceres::IterationCallback {
  public:
-  explicit Observer(const std::string& label) : live_(label) {}
+  explicit Observer(const std::string& label) { state_.label = label; }
 
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
-    return live_.Update({iteration.iteration, iteration.cost})
+    state_.step = iteration.iteration;
+    state_.loss = iteration.cost;
+    return ShowProgress(state_, &progress_)
                ? ceres::SOLVER_CONTINUE
                : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }
 
  private:
-  LiveRun live_;
+  ProgressState state_;
+  Progress progress_;
 };
 
-class Comparison {
- public:
-  Comparison(const std::vector<Method>& methods,
-             const EstimationComparisonOptions& options)
-      : methods_(methods), options_(options) {}
+std::string StartName(const EstimationInput& input, int start, int seed) {
+  std::string name = input.name;
+  if (input.estimation->num_starts() > 1) {
+    name += fmt::format("-start{}", start + 1);
+  }
+  if (FLAGS_perturb > 0.0) name += fmt::format("-seed{}", seed);
+  return name;
+}
 
-  const std::vector<EstimationRow>& rows() const { return rows_; }
+void SetStart(int start, int seed, Estimation* estimation) {
+  estimation->SetStart(start);
+  if (FLAGS_perturb > 0.0) {
+    NumpyRandom random(static_cast<std::uint32_t>(seed));
+    estimation->Perturb(FLAGS_perturb, &random);
+  }
+}
 
-  // All methods from one start.
-  bool Run(const EstimationInput& input,
-           int start,
-           int seed,
-           std::string* error) {
-    Estimation* estimation = input.estimation.get();
-    const std::string name = StartName(input, start, seed);
-    const std::string folder = options_.output + "/" + name;
-    std::error_code failure;
-    std::filesystem::create_directories(folder, failure);
-    if (failure) {
-      *error = folder + ": " + failure.message();
-      return false;
-    }
+bool Minimize(const std::string& name,
+              Method method,
+              const MakeLossFunction& make_loss,
+              Estimation* estimation,
+              MinimizerSummary* summary,
+              std::string* error) {
+  MinimizerOptions minimizer;
+  estimation->SetBudget(&minimizer);
+  if (FLAGS_max_iterations > 0) {
+    minimizer.max_num_iterations = FLAGS_max_iterations;
+  }
+  if (FLAGS_seconds > 0.0) minimizer.max_time_in_seconds = FLAGS_seconds;
+  if (FLAGS_function_tolerance >= 0.0) {
+    minimizer.function_tolerance = FLAGS_function_tolerance;
+  }
+  Observer observer(name + " " + method.label);
+  minimizer.callbacks.push_back(&observer);
+  method.AddCeresDefaults({{"linear_solver", estimation->LinearSolver()},
+                           {"num_threads", std::to_string(FLAGS_threads)}});
+  const std::unique_ptr<ceres::Problem> problem =
+      estimation->MakeProblem(make_loss);
+  return MinimizeProblem(method,
+                         minimizer,
+                         estimation->MakeOrdering(),
+                         problem.get(),
+                         summary,
+                         error);
+}
+
+// All methods from one start.
+bool RunFrom(int start,
+             int seed,
+             const EstimationInput& input,
+             const std::vector<Method>& methods,
+             const MakeLossFunction& make_loss,
+             std::vector<EstimationRow>* rows,
+             std::string* error) {
+  Estimation* estimation = input.estimation.get();
+  const std::string name = StartName(input, start, seed);
+  const std::string folder = FLAGS_output + "/" + name;
+  if (!MakeDirectories(folder, error)) return false;
+  SetStart(start, seed, estimation);
+  std::vector<Plot> panels;
+  estimation->Draw("start", &panels);
+  std::vector<Plot> costs(2);
+  costs[0].x_label = "iteration";
+  costs[1].x_label = "seconds";
+  costs[0].y_label = costs[1].y_label = "cost";
+  costs[0].log_y = costs[1].log_y = true;
+  for (const Method& method : methods) {
+    if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
-    std::vector<Plot> panels;
-    estimation->Draw("start", &panels);
-    std::vector<Plot> costs(2);
-    costs[0].x_label = "iteration";
-    costs[1].x_label = "seconds";
-    costs[0].y_label = costs[1].y_label = "cost";
-    costs[0].log_y = costs[1].log_y = true;
-    for (const Method& method : methods_) {
-      if (Interrupt::IsRequested()) break;
-      SetStart(start, seed, estimation);
-      MinimizerSummary summary;
-      std::string why;
-      if (!Minimize(name, method, estimation, &summary, &why)) {
-        EstimationRow row;
-        row.start = name;
-        row.method = method.label;
-        row.status = "not run: " + why;
-        row.was_run = false;
-        rows_.push_back(std::move(row));
-        continue;
-      }
-      rows_.push_back(MakeRow(name, method, summary, *estimation));
-      estimation->Draw(method.label, &panels);
-      AddCosts(method.label, summary, &costs);
-      const std::string file = folder + "/" + FileName(method.label);
-      if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) {
-        return false;
-      }
-      // If estimates are not finite, the other runs continue.
-      if (!estimation->Write(file + estimation->Extension(), &why)) {
-        Warn(why);
-        rows_.back().status += "; no result file: " + why;
-      }
+    EstimationRow& row = rows->emplace_back();
+    row.start = name;
+    row.method = method.label;
+    MinimizerSummary summary;
+    std::string why;
+    row.was_run = Minimize(name, method, make_loss, estimation, &summary, &why);
+    if (!row.was_run) {
+      row.status = "not run: " + why;
+      continue;
     }
-    DrawPicture(folder + "/result.png", panels);
-    if (!costs[0].series.empty()) {
-      MuteAllButTheLowest(&costs);
-      DrawPicture(folder + "/cost.png", costs);
-    }
-    return true;
-  }
-
- private:
-  std::string StartName(const EstimationInput& input,
-                        int start,
-                        int seed) const {
-    std::string name = input.name;
-    if (input.estimation->num_starts() > 1) {
-      name += fmt::format("-start{}", start + 1);
-    }
-    if (options_.perturbation > 0.0) name += fmt::format("-seed{}", seed);
-    return name;
-  }
-
-  void SetStart(int start, int seed, Estimation* estimation) const {
-    estimation->SetStart(start);
-    if (options_.perturbation > 0.0) {
-      NumpyRandom random(static_cast<std::uint32_t>(seed));
-      estimation->Perturb(options_.perturbation, &random);
+    SetResults(method, summary, *estimation, &row);
+    estimation->Draw(method.label, &panels);
+    AddCosts(method.label, summary, &costs);
+    const std::string file = folder + "/" + FileName(method.label);
+    if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) return false;
+    // If estimates are not finite, the other runs continue.
+    if (!estimation->Write(file + estimation->Extension(), &why)) {
+      Warn(why);
+      row.status += "; no result file: " + why;
     }
   }
-
-  bool Minimize(const std::string& name,
-                const Method& method,
-                Estimation* estimation,
-                MinimizerSummary* summary,
-                std::string* error) const {
-    MinimizerOptions minimizer;
-    estimation->SetBudget(&minimizer);
-    if (options_.max_num_iterations > 0) {
-      minimizer.max_num_iterations = options_.max_num_iterations;
-    }
-    if (options_.max_time_in_seconds > 0.0) {
-      minimizer.max_time_in_seconds = options_.max_time_in_seconds;
-    }
-    if (options_.function_tolerance >= 0.0) {
-      minimizer.function_tolerance = options_.function_tolerance;
-    }
-    Observer observer(name + " " + method.label);
-    minimizer.callbacks.push_back(&observer);
-    Method with_defaults = method;
-    with_defaults.AddCeresDefaults(
-        {{"linear_solver", estimation->LinearSolver()},
-         {"num_threads", std::to_string(options_.num_threads)}});
-    const std::unique_ptr<ceres::Problem> problem =
-        estimation->MakeProblem(options_.make_loss);
-    return MinimizeProblem(with_defaults,
-                           minimizer,
-                           estimation->MakeOrdering(),
-                           problem.get(),
-                           summary,
-                           error);
+  DrawPicture(folder + "/result.png", panels);
+  if (!costs[0].series.empty()) {
+    MuteAllButTheLowest(&costs);
+    DrawPicture(folder + "/cost.png", costs);
   }
-
-  const std::vector<Method>& methods_;
-  const EstimationComparisonOptions& options_;
-  std::vector<EstimationRow> rows_;
-};
+  return true;
+}
 
 }  // namespace
 
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
-                        const EstimationComparisonOptions& options,
-                        std::ostream& out,
                         std::string* error) {
-  const Interrupt interrupt;
-  Comparison comparison(methods, options);
-  const std::vector<int> seeds =
-      options.perturbation > 0.0 ? options.seeds : std::vector<int>{0};
+  std::vector<int> seeds;
+  MakeLossFunction make_loss;
+  if (!CheckFlag("start", {"1", "2", "both"}, error) ||
+      !CheckFlags({{"perturb", {0.0}},
+                   {"max_iterations", {0.0}},
+                   {"seconds", {0.0}},
+                   {"function_tolerance", {0.0, 1.0, false, true}},
+                   {"threads", {1.0, 256.0}}},
+                  error) ||
+      !NameFlag("seeds", ParseSeeds(FLAGS_seeds, &seeds, error), error) ||
+      !NameFlag(
+          "loss", ParseRobustLoss(FLAGS_loss, &make_loss, error), error)) {
+    return false;
+  }
   for (const EstimationInput& input : inputs) {
-    for (const int start : options.starts) {
-      if (start >= input.estimation->num_starts()) continue;
+    if (FLAGS_start == "2" && input.estimation->num_starts() < 2) {
+      *error = "--start=2: " + input.name + " has one start";
+      return false;
+    }
+    std::cout << input.name << ": " << input.estimation->Description() << "\n";
+  }
+  std::cout << "\n";
+  SetBlasThreads(FLAGS_threads);
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
+  if (FLAGS_perturb == 0.0) seeds = {0};
+  const Interrupt interrupt;
+  std::vector<EstimationRow> rows;
+  for (const EstimationInput& input : inputs) {
+    for (int start = 0; start < input.estimation->num_starts(); ++start) {
+      if (FLAGS_start != "both" && FLAGS_start != std::to_string(start + 1)) {
+        continue;
+      }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!comparison.Run(input, start, seed, error)) return false;
+        if (!RunFrom(start, seed, input, methods, make_loss, &rows, error)) {
+          return false;
+        }
       }
     }
   }
-  const std::vector<EstimationRow>& rows = comparison.rows();
   const Table table = EstimationTable(rows);
   const Table summary = EstimationSummary(rows);
-  out << table.ToText() << "\n" << summary.ToText();
-  if (!WriteTable(options.output + "/table", table, error) ||
-      !WriteTable(options.output + "/summary", summary, error) ||
-      !WriteFile(options.output + "/results.csv", EstimationCsv(rows), error)) {
+  std::cout << table.ToText() << "\n" << summary.ToText();
+  if (!WriteTable(FLAGS_output + "/table", table, error) ||
+      !WriteTable(FLAGS_output + "/summary", summary, error) ||
+      !WriteFile(FLAGS_output + "/results.csv", EstimationCsv(rows), error)) {
     return false;
   }
-  out << "results in " << options.output << "\n";
+  std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
   return std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
     return row.was_run;

@@ -1,11 +1,13 @@
 #include "bin/support/run_directory.h"
 
+#include <algorithm>
 #include <cctype>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
-#include <set>
 #include <sstream>
+#include <string_view>
 #include <vector>
 
 #include "Eigen/Core"
@@ -29,19 +31,16 @@ namespace fs = std::filesystem;
 
 // A resumed run may be longer than the first one, look at other levels or
 // values, and use other numbers of processes.
-const std::set<std::string>& FlagsThatMayChange() {
-  static const auto& flags = *new std::set<std::string>{"output",
-                                                        "epochs",
-                                                        "steps",
-                                                        "seconds",
-                                                        "levels",
-                                                        "value",
-                                                        "tail",
-                                                        "jobs",
-                                                        "progress",
-                                                        "plots"};
-  return flags;
-}
+constexpr std::string_view kFlagsThatMayChange[] = {"output",
+                                                    "epochs",
+                                                    "steps",
+                                                    "seconds",
+                                                    "levels",
+                                                    "value",
+                                                    "tail",
+                                                    "jobs",
+                                                    "progress",
+                                                    "plots"};
 
 std::map<std::string, std::string> ParseFlagText(const std::string& text) {
   std::map<std::string, std::string> flags;
@@ -82,16 +81,18 @@ std::string VersionsText() {
 bool SameFlags(const std::string& path,
                const std::string& flags,
                std::string* error) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file) {
-    *error = path + ": cannot be read; is this the directory of a run?";
+  std::string text;
+  if (!ReadFile(path, &text, error)) {
+    *error += "; is this the directory of a run?";
     return false;
   }
-  auto before = ParseFlagText(text.str());
+  std::map<std::string, std::string> before = ParseFlagText(text);
   for (const auto& [name, value] : ParseFlagText(flags)) {
-    if (FlagsThatMayChange().count(name) > 0 || before[name] == value) continue;
+    if (before[name] == value || std::count(std::begin(kFlagsThatMayChange),
+                                            std::end(kFlagsThatMayChange),
+                                            name) > 0) {
+      continue;
+    }
     *error = fmt::format(
         "{0}: the run to resume had --{1}={2}, now it is --{1}={3}; give "
         "another --output, or --overwrite",
@@ -102,18 +103,6 @@ bool SameFlags(const std::string& path,
     return false;
   }
   return true;
-}
-
-// The program's flags (program.h), one "--name=value" per line, except those
-// about an existing directory.
-std::string FlagFileText() {
-  std::string text;
-  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
-    if (flag.name != "overwrite" && flag.name != "resume") {
-      text += fmt::format("--{}={}\n", flag.name, flag.current_value);
-    }
-  }
-  return text;
 }
 
 // Whether the directory may be used or reused; removes it if necessary.
@@ -159,10 +148,8 @@ bool PrepareRunDirectory(const std::string& path,
                          const std::string& flags,
                          std::string* error) {
   if (!MakeRoom(path, existing, flags, error)) return false;
-  std::error_code failure;
-  fs::create_directories(path, failure);
-  if (failure) {
-    *error = "--output=" + path + ": " + failure.message();
+  if (!MakeDirectories(path, error)) {
+    *error = "--output=" + *error;
     return false;
   }
   return WriteFile(path + "/flags.txt", flags, error) &&
@@ -174,7 +161,20 @@ bool PrepareRunDirectory(ExistingDirectory existing, std::string* error) {
     FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
   }
   if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
-  return PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), error);
+  std::string flags;  // except those about an existing directory
+  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+    if (flag.name != "overwrite" && flag.name != "resume") {
+      flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
+    }
+  }
+  return PrepareRunDirectory(FLAGS_output, existing, flags, error);
+}
+
+bool MakeDirectories(const std::string& path, std::string* error) {
+  std::error_code failure;
+  fs::create_directories(path, failure);
+  if (failure) *error = path + ": " + failure.message();
+  return !failure;
 }
 
 std::string FileName(const std::string& label) {

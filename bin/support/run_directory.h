@@ -2,7 +2,7 @@
 // program has these flags if it uses this file.
 //
 //   flags.txt      a gflags flag file that repeats the run
-//   versions.txt versions of program and libraries
+//   versions.txt   versions of program and libraries
 #ifndef BIN_SUPPORT_RUN_DIRECTORY_H_
 #define BIN_SUPPORT_RUN_DIRECTORY_H_
 
@@ -30,6 +30,9 @@ bool PrepareRunDirectory(const std::string& path,
 // The same for --output, by default runs/PROGRAM, with the program's flags.
 // --overwrite takes precedence over `existing`.
 bool PrepareRunDirectory(ExistingDirectory existing, std::string* error);
+
+// Makes the directory and its parents.
+bool MakeDirectories(const std::string& path, std::string* error);
 
 // "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6".
 std::string FileName(const std::string& label);

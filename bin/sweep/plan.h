@@ -1,7 +1,7 @@
 // The plan of a sweep: the points of a grid, and their runs.
 //
 // An axis is `rule`, `seed`, `batch_size`, a setting of the network
-// (network_settings.h), an option of the problem, or an option of rules. An
+// (training_flags.h), an option of the problem, or an option of rules. An
 // option of rules applies to every rule that has the option and does not set
 // it; in a method with phases, to the last phase. Any other rule runs once, and
 // its result counts for all values of the axis.
@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "bin/support/network_settings.h"
+#include "bin/support/training_flags.h"
 #include "bin/sweep/grid.h"
 #include "invgrad/methods/method.h"
 #include "problems/problem.h"

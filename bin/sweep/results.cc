@@ -6,7 +6,6 @@
 #include <map>
 #include <utility>
 
-#include "bin/support/training.h"
 #include "fmt/format.h"
 
 namespace invgrad {
@@ -42,39 +41,27 @@ bool FindSweepValue(const SweepPlan& plan,
                     double tail,
                     SweepValue* value,
                     std::string* error) {
-  const auto all_have = [&plan](auto has) {
-    return std::all_of(
-        plan.jobs.begin(), plan.jobs.end(), [&has](const SweepJob& job) {
-          return has(*job.problem);
-        });
-  };
-  const bool have_metric = all_have([](const LearningProblem& problem) {
-    return problem.metric.has_value();
-  });
-  const bool have_test = all_have([](const LearningProblem& problem) {
-    return problem.test.num_samples() > 0;
-  });
-  value->tail = tail;
-  if (have_metric && (name == "metric" || name == "auto")) {
-    value->name = plan.jobs[0].problem->metric->name;
-    value->field = &HistoryRow::metric;
-    return true;
+  bool has_metric = true, has_test = true;
+  for (const SweepJob& job : plan.jobs) {
+    has_metric = has_metric && job.problem->metric.has_value();
+    has_test = has_test && job.problem->test.num_samples() > 0;
   }
-  if (have_test && (name == "test_loss" || name == "auto")) {
-    value->name = "test loss";
-    value->field = &HistoryRow::test_loss;
-    return true;
+  const bool is_auto = name == "auto";
+  if (has_metric && (name == "metric" || is_auto)) {
+    *value = {plan.jobs[0].problem->metric->name, &HistoryRow::metric, tail};
+  } else if (has_test && (name == "test_loss" || is_auto)) {
+    *value = {"test loss", &HistoryRow::test_loss, tail};
+  } else if (name == "train_loss" || is_auto) {
+    *value = {"train loss", &HistoryRow::train_loss, tail};
+  } else {
+    *error =
+        fmt::format("--value={} is not there; allowed: auto, train_loss{}{}",
+                    name,
+                    has_test ? ", test_loss" : "",
+                    has_metric ? ", metric" : "");
+    return false;
   }
-  if (name == "train_loss" || name == "auto") {
-    value->name = "train loss";
-    value->field = &HistoryRow::train_loss;
-    return true;
-  }
-  *error = fmt::format("--value={} is not there; allowed: auto, train_loss{}{}",
-                       name,
-                       have_test ? ", test_loss" : "",
-                       have_metric ? ", metric" : "");
-  return false;
+  return true;
 }
 
 double TailMean(const History& history,
@@ -127,7 +114,8 @@ std::string SweepCsv(const SweepPlan& plan,
   for (const SweepBest& one : best) {
     for (const int point : one.points) best_of[point] = &one;
   }
-  const LearningRunResult none;
+  LearningRunResult none;
+  none.history.emplace_back();
   Table table;
   for (size_t i = 0; i < plan.points.size(); ++i) {
     const SweepPoint& point = plan.points[i];
@@ -138,9 +126,8 @@ std::string SweepCsv(const SweepPlan& plan,
       table.Add(title,
                 is_there && !std::isnan(number) ? ExactNumber(number) : "");
     };
-    const auto add_mean = [&](const std::string& title,
-                              double HistoryRow::*field) {
-      add(title, is_there ? TailMean(result.history, field, value.tail) : 0.0);
+    const auto mean = [&](double HistoryRow::*field) {
+      return TailMean(result.history, field, value.tail);
     };
     table.BeginRow();
     for (size_t k = 0; k < point.at.size(); ++k) {
@@ -149,13 +136,13 @@ std::string SweepCsv(const SweepPlan& plan,
     }
     const int rule = point.at[plan.rule_axis];
     table.Add("alternative", plan.alternatives[rule][point.alternative].chosen);
-    add_mean("train_loss", &HistoryRow::train_loss);
-    add_mean("test_loss", &HistoryRow::test_loss);
-    add_mean("metric", &HistoryRow::metric);
+    add("train_loss", mean(&HistoryRow::train_loss));
+    add("test_loss", mean(&HistoryRow::test_loss));
+    add("metric", mean(&HistoryRow::metric));
     add("best_train_loss", result.BestTrainLoss());
     add("steps", static_cast<double>(result.summary.num_steps));
     add("seconds", result.summary.train_time_in_seconds);
-    add("ms_per_step", MillisecondsPerStep(result));
+    add("ms_per_step", result.MillisecondsPerStep());
     table.Add("best", best_of[i] != nullptr ? "1" : "0");
     table.Add("at_edge", best_of[i] != nullptr ? AtEdge(*best_of[i]) : "");
     table.Add("status", run.status);
@@ -172,7 +159,6 @@ Table SweepTable(const SweepPlan& plan,
       plan.alternatives.begin(), plan.alternatives.end(), [](const auto& rule) {
         return rule.size() > 1;
       });
-  const LearningRunResult none;
   Table table;
   for (const SweepBest& one : best) {
     table.BeginRow();
@@ -195,8 +181,7 @@ Table SweepTable(const SweepPlan& plan,
       table.Add("all seeds", one.spread.Text());
     }
     const SweepRun& run = runs[plan.points[one.median_point()].job];
-    const bool is_there = run.result.has_value();
-    AddTimes(is_there ? *run.result : none, is_there, &table);
+    AddTimes(run.result.has_value() ? &*run.result : nullptr, &table);
     table.Add("status", run.status, Table::Align::kLeft);
   }
   return table;
