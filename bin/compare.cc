@@ -14,21 +14,14 @@ Sample runs:
   compare --problem=oscillator_chain:coupling=cubic --seconds=20 --seeds=1..3 \
     --rules=half_inverse,gauss_newton,adam:step_size=3e-4:batch_size=512 \
     --output=runs/cubic
-  compare --problem=sine:xi=32:phi=45 --seconds=10 --output=runs/sine \
-    --rules=sip,dp_adam,newton/numerical/adam,newton/inverse/half_inverse
-  compare --problem=toy_network:lambda=0.01 --seconds=10 --output=runs/toy \
-    --rules=half_inverse:step_size=auto,adam:step_size=1e-2,ceres_lm
   compare --problem=quantum_dipole --seconds=20 --output=runs/quantum \
     --rules=half_inverse:step_size=0.5:truncation=1e-5,adam:step_size=5e-4
-  compare --problem=oscillator_chain --hidden=40-40 --activation=gelu \
-    --initialization=he --seconds=5 --output=runs/gelu
   compare --problem=oscillator_chain --epochs=25 --output=runs/phases \
     --rules="half_inverse,adam:batch_size=256:epochs=5>half_inverse"
   compare --flagfile=runs/phases/flags.txt --output=runs/again
 
-The run directory holds the flags that repeat the run, versions, histories
-(CSV), weights (.npy), the table and the pictures (PNG). Ctrl-C ends the
-current method, skips the others, and keeps the results so far.
+docs/programs.md has more. Ctrl-C ends the current method, skips the others, and
+keeps the results so far.
 */
 
 #include <iostream>

@@ -15,9 +15,7 @@ Sample runs:
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
-docs/results/estimation.md lists the sources of the files. The run directory
-holds the flags that repeat the run, versions, tables, results in the input's
-format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
+docs/results/estimation.md lists the sources of the files. Ctrl-C ends the
 current method, skips the others, and keeps the results so far.
 */
 

@@ -11,19 +11,12 @@ Sample runs:
   sweep --problem=oscillator_chain --seconds=5 --output=runs/chains \
     --grid="num_oscillators=2,4; seed=1..3;
       rule=half_inverse,adam:step_size=1e-3|3e-4"
-  sweep --problem=toy_network --epochs=100 --tail=0.1 --output=runs/batches \
-    --grid="truncation=1e-3,1e-6,1e-9; batch_size=32,128,0;
-      rule=half_inverse,gauss_newton:step_size=auto"
   sweep --problem=oscillator_chain --epochs=25 --output=runs/networks \
-    --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
+    --grid="initialization=glorot,he; hidden=20,20-20; batch_size=32,0;
       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
 
-Axes are separated by ";", values by ",". Every combination is one run in a
-separate process. An axis is `rule`, `seed`, `batch_size`, an option of the
-problem or of the rules, or a setting of the network: hidden, activation,
-initialization (training_flags.h). A rule may list alternatives of its
-settings, separated by "|". Tables and pictures show the best alternative at
-each point of the grid, with a remark if it is the smallest or largest one.
+Tables and pictures show the best alternative at each point of the grid, with a
+remark if it is the smallest or largest one.
 
   DIR/flags.txt, DIR/versions.txt    see run_directory.h
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
@@ -49,7 +42,6 @@ keeps the results so far.
 #include "bin/support/results.h"
 #include "bin/support/run_directory.h"
 #include "bin/support/training_flags.h"
-#include "bin/sweep/grid.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
 #include "bin/sweep/processes.h"
@@ -88,11 +80,7 @@ std::string Directory(const SweepJob& job) {
 }
 
 TrainOptions TrainOptionsOf(const SweepJob& job) {
-  TrainOptions options;
-  options.batch_size = job.batch_size;
-  options.seed = static_cast<std::uint32_t>(job.seed);
-  ApplyTrainingFlags(*job.problem, &options);
-  return options;
+  return TrainOptionsOfFlags(*job.problem, job.batch_size, job.seed);
 }
 
 // Reads the run of a job if it is done. Returns false if its files are damaged.

@@ -1,11 +1,11 @@
 #include "bin/compare/learning_comparison.h"
 
-#include <algorithm>
+#include <filesystem>
 #include <iostream>
+#include <memory>
 #include <set>
 #include <utility>
 
-#include "bin/compare/dump_step.h"
 #include "bin/compare/learning_plots.h"
 #include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
@@ -134,19 +134,20 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
 // is complete.
 bool RunOrLoad(const LearningProblem& problem,
                const Method& method,
-               TrainOptions options,
+               int batch_size,
                const Eigen::VectorXd& weights,
                int seed,
                LearningRunResult* result,
                std::string* error) {
-  options.seed = static_cast<std::uint32_t>(seed);
   LearningRunOptions run;
-  run.train = options;
+  run.train = TrainOptionsOfFlags(problem, batch_size, seed);
+  run.train.target_loss = FLAGS_target_loss;
+  run.train.patience = FLAGS_patience;
   run.tracked_sample = FLAGS_track_sample;
   run.directory =
       fmt::format("{}/{}-seed{}", FLAGS_output, FileName(method.label), seed);
   if (FLAGS_resume) {
-    if (LoadCompleteRun(run.directory, problem, options, result, error)) {
+    if (LoadCompleteRun(run.directory, problem, run.train, result, error)) {
       return true;
     }
     if (!error->empty()) return false;
@@ -162,6 +163,68 @@ bool RunOrLoad(const LearningProblem& problem,
     return ShowProgress(state, &progress);
   };
   return RunLearning(problem, method, seed, weights, run, result, error);
+}
+
+// Writes the first step of every rule, on the first batch, as numpy arrays, to
+// check another implementation against this one. Fails for Ceres' minimizers,
+// which have no step from one linearization.
+//
+//   DIR/METHOD/weights.npy    theta (n)
+//   DIR/METHOD/outputs.npy    y of the batch, one row a sample (B, |y|)
+//   DIR/METHOD/J.npy          dy/dtheta (m, n), the samples stacked
+//   DIR/METHOD/g.npy          dL/dy (m)
+//   DIR/METHOD/gradient.npy   J^T g (n)
+//   DIR/METHOD/step.npy       the step (n)
+bool DumpStep(const LearningProblem& problem,
+              const std::vector<Method>& methods,
+              int batch_size,
+              const Eigen::VectorXd& weights,
+              std::string* error) {
+  for (const Method& method : methods) {
+    if (method.phases[0].ceres == nullptr) continue;
+    *error = fmt::format(
+        "--dump_step: '{}' is a minimizer of Ceres and has no step to dump",
+        method.label);
+    return false;
+  }
+  if (std::filesystem::exists(FLAGS_dump_step)) {
+    *error = fmt::format("--dump_step={} exists; give another directory",
+                         FLAGS_dump_step);
+    return false;
+  }
+  const Model& model = *problem.model;
+  for (const Method& method : methods) {
+    const Phase& phase = method.phases[0];
+    const DataSet batch = problem.train.Range(
+        0, phase.BatchSize(batch_size, problem.train.num_samples()));
+    const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+    LinearizationParts parts = rule->Needs();
+    parts.gradient = true;
+    parts.jacobian = true;
+    Linearization at_weights;
+    Eigen::MatrixXd y, J;
+    Eigen::VectorXd step;
+    if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
+        !model.Predict(weights, batch, &y, error) ||
+        !rule->ComputeStep(at_weights, &step, error)) {
+      *error = method.label + ": " + *error;
+      return false;
+    }
+    at_weights.jacobian->ToDense(&J);
+    y.transposeInPlace();
+    const std::string folder = FLAGS_dump_step + "/" + FileName(method.label);
+    if (!MakeDirectories(folder, error) ||
+        !WriteNpy(folder + "/weights.npy", weights, error) ||
+        !WriteNpy(folder + "/outputs.npy", y, error) ||
+        !WriteNpy(folder + "/J.npy", J, error) ||
+        !WriteNpy(folder + "/g.npy", at_weights.loss_gradient, error) ||
+        !WriteNpy(folder + "/gradient.npy", at_weights.gradient, error) ||
+        !WriteNpy(folder + "/step.npy", step, error)) {
+      return false;
+    }
+    std::cout << "wrote " << folder << "\n";
+  }
+  return true;
 }
 
 }  // namespace
@@ -200,18 +263,10 @@ bool CompareLearning(LearningProblem problem,
     return given_weights.size() > 0 ? given_weights
                                     : InitialWeights(problem, seed);
   };
-  TrainOptions options;
-  ApplyTrainingFlags(problem, &options);
-  options.batch_size = BatchSize(problem, FLAGS_batch_size);
-  options.target_loss = FLAGS_target_loss;
-  options.patience = FLAGS_patience;
+  const int batch_size = BatchSize(problem, FLAGS_batch_size);
   if (!FLAGS_dump_step.empty()) {
-    return DumpStep(problem,
-                    methods,
-                    options.batch_size,
-                    initial_weights(seeds[0]),
-                    FLAGS_dump_step,
-                    error);
+    return DumpStep(
+        problem, methods, batch_size, initial_weights(seeds[0]), error);
   }
   if (!PrepareRunDirectory(FLAGS_resume ? ExistingDirectory::kResume
                                         : ExistingDirectory::kRefuse,
@@ -224,7 +279,7 @@ bool CompareLearning(LearningProblem problem,
   std::vector<MethodResults> all;
   for (const Method& method : methods) {
     all.push_back({method.label, "not run: interrupted", {}});
-    WarnOfLeftOutSamples(method, options.batch_size, num_samples, &warned);
+    WarnOfLeftOutSamples(method, batch_size, num_samples, &warned);
   }
   for (const int seed : seeds) {
     const Eigen::VectorXd weights = initial_weights(seed);
@@ -238,7 +293,7 @@ bool CompareLearning(LearningProblem problem,
       LearningRunResult result;
       std::string why;
       if (RunOrLoad(
-              problem, methods[i], options, weights, seed, &result, &why)) {
+              problem, methods[i], batch_size, weights, seed, &result, &why)) {
         all[i].runs.push_back(std::move(result));
       } else {
         all[i].refusal = "not run: " + why;

@@ -1,7 +1,6 @@
 #include "bin/compare/learning_plots.h"
 
 #include <algorithm>
-#include <map>
 #include <numeric>
 
 #include "bin/support/results.h"
@@ -22,16 +21,8 @@ Plot CurvePlot(const Runs& runs,
   plot.x_label = against_seconds ? "seconds of training" : "step";
   plot.log_x = plot.log_y = true;
   for (const LearningRunResult* run : runs) {
-    Series series;
-    series.title = run->label;
-    for (const HistoryRow& row : run->history) {
-      // A logarithmic axis cannot show zero.
-      if (row.step == 0) continue;
-      series.x.push_back(against_seconds ? row.seconds
-                                         : static_cast<double>(row.step));
-      series.y.push_back(row.*field);
-    }
-    plot.series.push_back(series);
+    plot.series.push_back(
+        HistoryCurve(run->label, run->history, field, against_seconds));
   }
   return plot;
 }
@@ -56,14 +47,14 @@ std::vector<Plot> NeuronPlots(const Runs& runs) {
   std::vector<Plot> plots;
   for (const LearningRunResult* run : runs) {
     if (run->neurons.empty()) continue;
-    Plot plot;
+    Plot& plot = plots.emplace_back();
     plot.title = run->label;
     plot.x_label = "step";
     plot.y_label = "mean activation";
     plot.log_x = true;
     int layer = 0;
     for (size_t j = 0; j < run->neurons.front().size(); ++j) {
-      Series series;
+      Series& series = plot.series.emplace_back();
       series.color = run->neurons.front()[j].layer - 1;
       if (run->neurons.front()[j].layer != layer) {
         layer = run->neurons.front()[j].layer;
@@ -74,9 +65,7 @@ std::vector<Plot> NeuronPlots(const Runs& runs) {
         series.x.push_back(static_cast<double>(run->history[i].step));
         series.y.push_back(run->neurons[i][j].mean);
       }
-      plot.series.push_back(series);
     }
-    plots.push_back(plot);
   }
   return plots;
 }
@@ -88,22 +77,20 @@ Plot SamplePathPlot(const LearningProblem& problem,
   plot.title = fmt::format("training sample {} in y space", tracked_sample);
   plot.x_label = "y_0";
   plot.y_label = "y_1";
-  for (const LearningRunResult* run : runs) {
-    if (run->sample_path.empty()) continue;
-    Series series;
-    series.title = run->label;
-    for (const Eigen::VectorXd& y : run->sample_path) {
+  const auto add = [&plot](const std::string& title, const auto& path) {
+    if (path.empty()) return;
+    Series& series = plot.series.emplace_back();
+    series.title = title;
+    for (const Eigen::VectorXd& y : path) {
       series.x.push_back(y[0]);
       series.y.push_back(y[1]);
     }
-    plot.series.push_back(series);
-  }
-  Series target;
-  target.title = "target";
-  target.style = Series::Style::kPoints;
-  target.x = {problem.train.targets(0, tracked_sample)};
-  target.y = {problem.train.targets(1, tracked_sample)};
-  plot.series.push_back(target);
+  };
+  for (const LearningRunResult* run : runs) add(run->label, run->sample_path);
+  const std::vector<Eigen::VectorXd> target = {
+      problem.train.targets.col(tracked_sample)};
+  add("target", target);
+  plot.series.back().style = Series::Style::kPoints;
   return plot;
 }
 
@@ -124,7 +111,7 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
   if (sorted.solutions.rows() == 1) {
     // Drawn first, behind the maps; some samples suffice.
     constexpr int kNumPoints = 200;
-    Series solutions;
+    Series& solutions = plot.series.emplace_back();
     solutions.title = "solutions";
     solutions.style = Series::Style::kPoints;
     const int spacing = 1 + sorted.num_samples() / kNumPoints;
@@ -132,7 +119,6 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
       solutions.x.push_back(sorted.inputs(0, s));
       solutions.y.push_back(sorted.solutions(0, s));
     }
-    plot.series.push_back(solutions);
   }
   for (const LearningRunResult* run : runs) {
     DenseNetwork::Activations activations;
@@ -141,13 +127,12 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
             run->weights, sorted, false, &activations, &ignored)) {
       continue;
     }
-    Series series;
+    Series& series = plot.series.emplace_back();
     series.title = run->label;
     series.x.assign(sorted.inputs.data(),
                     sorted.inputs.data() + sorted.num_samples());
     series.y.assign(activations.outputs.data(),
                     activations.outputs.data() + sorted.num_samples());
-    plot.series.push_back(series);
   }
   return plot;
 }

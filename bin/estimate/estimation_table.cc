@@ -24,43 +24,23 @@ bool IsSolved(const Row& row) {
   return row.digits.has_value() && IsNistSolution(*row.digits);
 }
 
-// Counts of a run or of sums of runs, and seconds.
-template <typename Counts>
-void AddCounts(const Counts& counts, Table* table) {
+// Counts of a run or of sums of runs.
+void AddCounts(const Row& counts, Table* table) {
   table->Add("iterations", std::to_string(counts.num_iterations));
   table->Add("accepted", std::to_string(counts.num_accepted));
   table->Add("rejected", std::to_string(counts.num_rejected));
 }
 
-// Sums over the runs of one method.
-struct Sums {
-  std::string method;
-  int num_runs = 0;
-  int num_solved = 0;
-  int num_least = 0;
-  double worst_digits = 0.0;  // of the solved runs
-  double mean_digits = 0.0;
-  long num_iterations = 0;
-  long num_accepted = 0;
-  long num_rejected = 0;
-  double seconds = 0.0;
-
-  void Add(const Row& row, double least_cost) {
-    ++num_runs;
-    if (row.final_cost <= least_cost + kSameCost * std::abs(least_cost)) {
-      ++num_least;
-    }
-    if (IsSolved(row)) {
-      ++num_solved;
-      worst_digits += row.digits->minCoeff();
-      mean_digits += row.digits->mean();
-    }
-    num_iterations += row.num_iterations;
-    num_accepted += row.num_accepted;
-    num_rejected += row.num_rejected;
-    seconds += row.seconds;
-  }
-};
+// The digits of a run for people, or exact.
+void AddDigits(const Row& row, bool is_exact, Table* table) {
+  const auto cell = [&](double digits) {
+    return is_exact ? ExactNumber(digits) : FormatNumber(digits, 3);
+  };
+  const std::string none = is_exact ? "" : "-";
+  table->Add("digits", row.digits ? cell(row.digits->minCoeff()) : none);
+  table->Add(is_exact ? "mean_digits" : "mean digits",
+             row.digits ? cell(row.digits->mean()) : none);
+}
 
 }  // namespace
 
@@ -76,12 +56,8 @@ Table EstimationTable(const std::vector<Row>& rows) {
     AddCounts(row, &table);
     table.Add("s", FormatNumber(row.seconds, 3));
     if (has_digits) {
-      const bool is_known = row.digits.has_value();
-      table.Add("digits",
-                is_known ? FormatNumber(row.digits->minCoeff(), 3) : "-");
-      table.Add("mean digits",
-                is_known ? FormatNumber(row.digits->mean(), 3) : "-");
-      table.Add("solved", !is_known ? "-" : IsSolved(row) ? "yes" : "no");
+      AddDigits(row, /*is_exact=*/false, &table);
+      table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
     }
     table.Add("status", row.status, kLeft);
   }
@@ -95,34 +71,50 @@ Table EstimationSummary(const std::vector<Row>& rows) {
     const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
     if (!is_new) it->second = std::min(it->second, row.final_cost);
   }
-  std::vector<Sums> all;  // in the order of their first runs
+  std::vector<std::string> methods;  // in the order of their first runs
   for (const Row& row : rows) {
-    auto it = std::find_if(all.begin(), all.end(), [&row](const Sums& sums) {
-      return sums.method == row.method;
-    });
-    if (it == all.end()) it = all.insert(all.end(), Sums{row.method});
-    it->Add(row, least_cost[row.start]);
+    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
+      methods.push_back(row.method);
+    }
   }
   const bool has_digits = HasDigits(rows);
   Table table;
-  for (const Sums& sums : all) {
-    const auto mean = [&sums](double digits) {
-      return sums.num_solved > 0 ? FormatNumber(digits / sums.num_solved, 3)
-                                 : "-";
+  for (const std::string& method : methods) {
+    Row sum;
+    int num_runs = 0, num_solved = 0, num_least = 0;
+    double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
+    for (const Row& row : rows) {
+      if (row.method != method) continue;
+      const double least = least_cost[row.start];
+      ++num_runs;
+      num_least += row.final_cost <= least + kSameCost * std::abs(least);
+      if (IsSolved(row)) {
+        ++num_solved;
+        worst_digits += row.digits->minCoeff();
+        mean_digits += row.digits->mean();
+      }
+      sum.num_iterations += row.num_iterations;
+      sum.num_accepted += row.num_accepted;
+      sum.num_rejected += row.num_rejected;
+      sum.seconds += row.seconds;
+    }
+    const auto mean = [num_solved](double digits) {
+      return num_solved > 0 ? FormatNumber(digits / num_solved, 3) : "-";
+    };
+    const auto share = [num_runs](int count) {
+      return fmt::format("{} of {}", count, num_runs);
     };
     table.BeginRow();
-    table.Add("method", sums.method, kLeft);
-    table.Add("starts", std::to_string(sums.num_runs));
-    table.Add("least cost",
-              fmt::format("{} of {}", sums.num_least, sums.num_runs));
+    table.Add("method", method, kLeft);
+    table.Add("starts", std::to_string(num_runs));
+    table.Add("least cost", share(num_least));
     if (has_digits) {
-      table.Add("solved",
-                fmt::format("{} of {}", sums.num_solved, sums.num_runs));
-      table.Add("digits", mean(sums.worst_digits));
-      table.Add("mean digits", mean(sums.mean_digits));
+      table.Add("solved", share(num_solved));
+      table.Add("digits", mean(worst_digits));
+      table.Add("mean digits", mean(mean_digits));
     }
-    AddCounts(sums, &table);
-    table.Add("s", FormatNumber(sums.seconds, 3));
+    AddCounts(sum, &table);
+    table.Add("s", FormatNumber(sum.seconds, 3));
   }
   return table;
 }
@@ -130,7 +122,6 @@ Table EstimationSummary(const std::vector<Row>& rows) {
 std::string EstimationCsv(const std::vector<Row>& rows) {
   Table table;
   for (const Row& row : rows) {
-    const bool is_known = row.digits.has_value();
     table.BeginRow();
     table.Add("start", row.start);
     table.Add("method", row.method);
@@ -138,8 +129,7 @@ std::string EstimationCsv(const std::vector<Row>& rows) {
     table.Add("final_cost", ExactNumber(row.final_cost));
     AddCounts(row, &table);
     table.Add("seconds", ExactNumber(row.seconds));
-    table.Add("digits", is_known ? ExactNumber(row.digits->minCoeff()) : "");
-    table.Add("mean_digits", is_known ? ExactNumber(row.digits->mean()) : "");
+    AddDigits(row, /*is_exact=*/true, &table);
     table.Add("status", row.status);
   }
   return table.ToCsv();

@@ -37,6 +37,18 @@ bool ParseNumber(const char* name,
   return set.Set(name, text, error);
 }
 
+// Defaults are allowed, whatever they are.
+bool SetByFlag(const char* name, OptionSet* set, std::string* error) {
+  const gflags::CommandLineFlagInfo flag =
+      gflags::GetCommandLineFlagInfoOrDie(name);
+  if (flag.current_value == flag.default_value ||
+      set->Set(name, flag.current_value, error)) {
+    return true;
+  }
+  *error = "--" + *error;
+  return false;
+}
+
 }  // namespace
 
 void UseProcessorsKernels(char** argv) {
@@ -109,14 +121,10 @@ std::vector<gflags::CommandLineFlagInfo> ProgramFlags() {
 bool CheckFlags(const std::vector<std::pair<const char*, Range>>& ranges,
                 std::string* error) {
   for (const auto& [name, range] : ranges) {
-    const gflags::CommandLineFlagInfo flag =
-        gflags::GetCommandLineFlagInfoOrDie(name);
     double value = range.low;
-    if (flag.current_value != flag.default_value &&
-        !ParseNumber(name, flag.current_value, range, &value, error)) {
-      *error = "--" + *error;
-      return false;
-    }
+    OptionSet set;
+    set.Add(name, &value, range, "");
+    if (!SetByFlag(name, &set, error)) return false;
   }
   return true;
 }
@@ -124,17 +132,10 @@ bool CheckFlags(const std::vector<std::pair<const char*, Range>>& ranges,
 bool CheckFlag(const char* name,
                const std::vector<std::string>& choices,
                std::string* error) {
-  const gflags::CommandLineFlagInfo flag =
-      gflags::GetCommandLineFlagInfoOrDie(name);
   std::string choice = choices[0];
   OptionSet set;
   set.Add(name, &choice, choices, "");
-  if (flag.current_value == flag.default_value ||
-      set.Set(name, flag.current_value, error)) {
-    return true;
-  }
-  *error = "--" + *error;
-  return false;
+  return SetByFlag(name, &set, error);
 }
 
 bool NameFlag(const char* name, bool is_valid, std::string* error) {

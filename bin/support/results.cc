@@ -32,6 +32,21 @@ void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels) {
   if (!panels.empty() && !WritePlots(path_png, panels, &error)) Warn(error);
 }
 
+Series HistoryCurve(const std::string& title,
+                    const History& history,
+                    double HistoryRow::*field,
+                    bool against_seconds) {
+  Series curve;
+  curve.title = title;
+  for (const HistoryRow& row : history) {
+    if (row.step == 0) continue;
+    curve.x.push_back(against_seconds ? row.seconds
+                                      : static_cast<double>(row.step));
+    curve.y.push_back(row.*field);
+  }
+  return curve;
+}
+
 SeedSpread::SeedSpread(const std::vector<double>& values)
     : num_runs(values.size()) {
   const double none = std::numeric_limits<double>::quiet_NaN();

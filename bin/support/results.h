@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "invgrad/train/history.h"
 #include "report/plot.h"
 #include "report/table.h"
 
@@ -19,6 +20,13 @@ bool WriteTable(const std::string& path,
 // Draws the picture if --plots is set, and removes an earlier one if there are
 // no panels. A failure to draw is a warning.
 void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels);
+
+// A field of the history against seconds of training, or against steps. A
+// logarithmic axis cannot show zero: the initial loss is left out.
+Series HistoryCurve(const std::string& title,
+                    const History& history,
+                    double HistoryRow::*field,
+                    bool against_seconds);
 
 // Values of runs that differ in the seed alone. A value that is not finite is a
 // failed run, which counts as worst.

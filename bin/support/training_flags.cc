@@ -138,14 +138,20 @@ bool CheckTrainingFlags(std::string* error) {
                     error);
 }
 
-void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options) {
-  options->shuffle = FLAGS_shuffle;
-  if (FLAGS_epochs > 0) options->max_num_epochs = FLAGS_epochs;
-  if (FLAGS_steps > 0) options->max_num_steps = FLAGS_steps;
-  if (FLAGS_seconds > 0.0) options->max_time_in_seconds = FLAGS_seconds;
+TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
+                                 int batch_size,
+                                 int seed) {
+  TrainOptions options;
+  options.batch_size = batch_size;
+  options.seed = static_cast<std::uint32_t>(seed);
+  options.shuffle = FLAGS_shuffle;
+  if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
+  if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
+  if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
   if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
-    options->max_num_epochs = problem.num_epochs;
+    options.max_num_epochs = problem.num_epochs;
   }
+  return options;
 }
 
 }  // namespace invgrad

@@ -48,9 +48,10 @@ NetworkSettings NetworkOfFlags();
 // SetNetwork checks the network's flags.
 bool CheckTrainingFlags(std::string* error);
 
-// Sets the budget (default: the problem's) and whether to shuffle, but not the
-// batch size, which depends on the problem and a sweep's axis.
-void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options);
+// With the budget of the flags (default: the problem's).
+TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
+                                 int batch_size,
+                                 int seed);
 
 }  // namespace invgrad
 

@@ -189,7 +189,7 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
   for (const auto& [title, points] :
        GroupByPanel("lines.png", plan, best, shown)) {
-    Plot plot = all;
+    Plot& plot = plots.emplace_back(all);
     plot.title = title;
     for (size_t rule = 0; rule < titles.size(); ++rule) {
       std::map<double, const SeedSpread*> spreads;
@@ -198,7 +198,7 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
           spreads[x.positions[point->at[x.number]]] = &point->spread;
         }
       }
-      Series series;
+      Series& series = plot.series.emplace_back();
       series.title = titles[rule];
       series.style = Series::Style::kLinesAndPoints;
       for (const auto& [at_x, spread] : spreads) {
@@ -207,9 +207,7 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
         series.y_low.push_back(spread->low);
         series.y_high.push_back(spread->high);
       }
-      plot.series.push_back(series);
     }
-    plots.push_back(plot);
   }
   MuteAllButTheLowest(&plots);
   return plots;
@@ -236,7 +234,7 @@ std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
   const std::set<int> shown = {x.number, y.number, plan.seed_axis};
   for (const auto& [title, points] :
        GroupByPanel("heat_map.png", plan, best, shown)) {
-    Plot plot;
+    Plot& plot = plots.emplace_back();
     plot.title = titles[points[0]->at[plan.rule_axis]];
     if (!title.empty()) plot.title += ", " + title;
     plot.x_label = plan.grid.axes[x.number].name;
@@ -249,7 +247,6 @@ std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
           point->spread.median;
     }
     plot.heat_map = map;
-    plots.push_back(plot);
   }
   return plots;
 }
@@ -270,19 +267,13 @@ std::vector<Plot> SweepCurves(const SweepPlan& plan,
     plot.log_x = true;
     for (const SweepBest* point : points) {
       const SweepRun& run = runs[plan.points[point->median_point()].job];
-      Series series;
-      series.title = point->alternative->specification;
-      series.color = point->at[plan.rule_axis];
-      if (run.result.has_value()) {
-        for (const HistoryRow& row : run.result->history) {
-          // A logarithmic axis cannot show zero.
-          if (row.step == 0) continue;
-          series.x.push_back(row.seconds);
-          series.y.push_back(row.*value.field);
-        }
-      }
-      values.insert(values.end(), series.y.begin(), series.y.end());
-      plot.series.push_back(series);
+      Series curve = HistoryCurve(point->alternative->specification,
+                                  run.result ? run.result->history : History(),
+                                  value.field,
+                                  /*against_seconds=*/true);
+      curve.color = point->at[plan.rule_axis];
+      values.insert(values.end(), curve.y.begin(), curve.y.end());
+      plot.series.push_back(curve);
     }
     MuteAllButTheLowest(&panel);
     plots.push_back(plot);

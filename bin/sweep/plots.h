@@ -1,10 +1,9 @@
 // The pictures of a sweep, each of the best alternative of every rule.
 //
 //   DIR/lines.png     the value against the first numeric axis, or if there is
-//                     none against the first other one, its values in the order
-//                     of the grid; a line a rule, the band from the lowest to
-//                     the highest seed; a panel for each point of the other
-//                     axes
+//                     none the first other one; a line a rule, the band from
+//                     the lowest to the highest seed; a panel for each point of
+//                     the other axes
 //   DIR/heat_map.png  the value over the first two numeric axes, a panel a rule
 //                     and point of the other axes, in the same colours
 //   DIR/curves.png    the value against seconds of training, of the median

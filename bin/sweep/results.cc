@@ -11,25 +11,6 @@
 namespace invgrad {
 namespace {
 
-SeedSpread SpreadOf(const SweepPlan& plan,
-                    const std::vector<SweepRun>& runs,
-                    const SweepValue& value,
-                    const std::vector<int>& points) {
-  std::vector<double> values;
-  for (const int point : points) {
-    const std::optional<LearningRunResult>& run =
-        runs[plan.points[point].job].result;
-    values.push_back(run.has_value() && !run->has_failed()
-                         ? TailMean(run->history, value.field, value.tail)
-                         : HistoryRow::kNone);
-  }
-  return SeedSpread(values);
-}
-
-bool IsBetter(const SeedSpread& a, const SeedSpread& b) {
-  return !std::isnan(a.median) && !(a.median >= b.median);
-}
-
 std::string AtEdge(const SweepBest& best) {
   return fmt::format("{}", fmt::join(best.alternative->at_edge, " "));
 }
@@ -91,14 +72,22 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
   std::vector<SweepBest> all;
   for (const auto& [key, points] : seeds) {
     const auto& [at, alternative] = key;
+    std::vector<double> values;
+    for (const int point : points) {
+      const auto& run = runs[plan.points[point].job].result;
+      values.push_back(run.has_value() && !run->has_failed()
+                           ? TailMean(run->history, value.field, value.tail)
+                           : HistoryRow::kNone);
+    }
     const SweepBest candidate{
         at,
         &plan.alternatives[at[plan.rule_axis]][alternative],
         points,
-        SpreadOf(plan, runs, value, points)};
+        SeedSpread(values)};
+    const double median = candidate.spread.median;
     if (alternative == 0) {
       all.push_back(candidate);
-    } else if (IsBetter(candidate.spread, all.back().spread)) {
+    } else if (!std::isnan(median) && !(median >= all.back().spread.median)) {
       all.back() = candidate;
     }
   }
