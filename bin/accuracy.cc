@@ -9,15 +9,10 @@
 //   accuracy --problems=quantum_dipole --truncations=1e-5,1e-10
 //   accuracy --problems=poisson --truncations=1e-5
 //
-// d_exact is computed in long double, by QR and Jacobi's SVD, if the batch has
-// at most --long_double_rows rows (m = 448 takes some minutes), and by the
-// route svd otherwise, whose error is about epsilon / truncation. A cell holds
-// the error and, in brackets, the route's estimate.
-//
-//   auto        the route of a rule with default tolerances
-//   gram, svd   the routes, for any error
-//   sgesdd      LAPACK's SVD in single precision, which the code that came with
-//               the paper uses
+// d_exact is computed in long double (m = 448 takes some minutes), or by the
+// route svd, whose error is about epsilon / truncation. A cell holds the error
+// and, in brackets, the route's estimate; docs/results/accuracy.md names the
+// columns.
 
 #include <algorithm>
 #include <iostream>

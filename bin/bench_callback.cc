@@ -16,9 +16,8 @@ Sample runs:
   linearize   one linearization at the start, by evaluations
   remembered  the same from the stored values of a CachedProblem
 
-Uses one thread. The problem is the bundle adjustment of --input or, without
---input, the identification of a pendulum from samples, each a roll-out of up to
---steps time steps.
+Uses one thread. Without --input the problem is the identification of a pendulum
+from samples, each a roll-out of up to --steps time steps.
 */
 
 #include <cmath>
@@ -187,7 +186,8 @@ bool RunAll(std::string* error) {
     decline(true, cached.problem(), instance, summary);
   });
   RegisterBenchmark("linearize", [&data](benchmark::State& state) {
-    Linearize(state, &Instance(data).problem);
+    Instance instance(data);
+    Linearize(state, &instance.problem);
   });
   RegisterBenchmark("remembered", [&data](benchmark::State& state) {
     Instance instance(data);

@@ -1,5 +1,5 @@
-// Measures the time of the half-inverse step's linear algebra by each route and
-// by a full SVD, for the four published sizes and a million weights.
+// Times the half-inverse step's linear algebra by each route and by a full SVD,
+// for the four published sizes and a million weights (docs/results/speed.md).
 //
 // Sample runs:
 //
@@ -19,10 +19,9 @@
 //   bdcsvd           Eigen's
 //   step             linearization (network, physics, factors) and gram
 //
-// After the usual lines follow ratios within this run, GF/s, and multiples of
-// the lower limit: the arithmetic of the Gram matrix and the reduction,
-// m^2 sum(widths) + 4/3 m^3, at the speed of dgemm in this run. --memory prints
-// the peak memory of a process that makes one such step, and no times.
+// Then follow ratios within this run, GF/s, and multiples of the lower limit
+// (Case::LimitFlops at the speed of dgemm in this run). --memory prints the
+// peak memory of a process that makes one such step, and no times.
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -123,7 +122,8 @@ struct Case {
   const JacobianOperator& J() const { return *at_weights.jacobian; }
   const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
 
-  // The operations of the Gram matrix and its reduction.
+  // The operations of the Gram matrix and its reduction:
+  // m^2 sum(widths) + 4/3 m^3.
   double LimitFlops() const {
     const std::vector<int>& widths = model->network().widths();
     const double sum = std::accumulate(widths.begin() + 1, widths.end(), 0.0);

@@ -1,6 +1,5 @@
 /*
-Compares the time of a training step of several methods on one problem, as
-ratios within one run.
+Compares the time of a training step of several methods on one problem.
 
 Sample runs:
 

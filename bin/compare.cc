@@ -34,7 +34,7 @@ keeps the results so far.
 #include "bin/compare/point_comparison.h"
 #include "bin/support/listing.h"
 #include "bin/support/program.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
@@ -96,7 +96,7 @@ bool ComparePointByFlags(const PointProblem& problem,
   }
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
   return PrepareRunDirectory(ExistingDirectory::kRefuse, error) &&
-         ComparePoint(problem, methods, options, FLAGS_output, error);
+         ComparePoint(problem, methods, options, error);
 }
 
 bool Run(std::string* error) {

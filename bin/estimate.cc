@@ -29,7 +29,7 @@ current method, skips the others, and keeps the results so far.
 #include "bin/estimate/estimation_comparison.h"
 #include "bin/support/listing.h"
 #include "bin/support/program.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "gflags/gflags.h"
 #include "invgrad/minimize/problem_minimization.h"
 

@@ -3,8 +3,7 @@
 //
 // A network 64-w-w-64 in front of a random linear simulator with 64 outputs:
 // n grows with w at m = 1,024, and m with the batch at w = 200. Each point is
-// the minimal time of some steps with one BLAS thread. For comparison: LAPACK's
-// SVD of the dense J (route svd), up to --svd_seconds.
+// the minimal time of some steps with one BLAS thread.
 //
 // Sample runs:
 //

@@ -18,7 +18,7 @@ Sample runs:
 Tables and pictures show the best alternative at each point of the grid, with a
 remark if it is the smallest or largest one.
 
-  DIR/flags.txt, DIR/versions.txt    see run_directory.h
+  DIR/flags.txt, DIR/versions.txt    see run_output.h
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
   DIR/sweep.csv                      one line a run
   DIR/table.txt, DIR/table.md        the best alternatives
@@ -39,8 +39,7 @@ keeps the results so far.
 #include "bin/support/listing.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
@@ -183,19 +182,16 @@ bool WriteResults(const SweepPlan& plan,
                   const std::vector<SweepRun>& runs,
                   const SweepValue& value,
                   std::string* error) {
-  const std::vector<SweepBest> best = FindBest(plan, runs, value);
-  const Table table = SweepTable(plan, runs, value, best);
+  const SweepResults results = FindBest(plan, runs, value);
+  const Table table = SweepTable(results);
   std::cout << table.ToText();
-  if (!WriteFile(FLAGS_output + "/sweep.csv",
-                 SweepCsv(plan, runs, value, best),
-                 error) ||
+  if (!WriteFile(FLAGS_output + "/sweep.csv", SweepCsv(results), error) ||
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;
   }
-  DrawPicture(FLAGS_output + "/lines.png", SweepLines(plan, value, best));
-  DrawPicture(FLAGS_output + "/heat_map.png", SweepHeatMaps(plan, value, best));
-  DrawPicture(FLAGS_output + "/curves.png",
-              SweepCurves(plan, runs, value, best));
+  DrawPicture(FLAGS_output + "/lines.png", SweepLines(results));
+  DrawPicture(FLAGS_output + "/heat_map.png", SweepHeatMaps(results));
+  DrawPicture(FLAGS_output + "/curves.png", SweepCurves(results));
   std::cout << "results in " << FLAGS_output << "\n";
   *error = "no run is complete";
   return std::any_of(runs.begin(), runs.end(), [](const SweepRun& run) {

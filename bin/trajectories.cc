@@ -26,8 +26,7 @@ restyle it, and one CSV a rule.
 
 #include "bin/compare/point_comparison.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/minimize/chain_objective.h"

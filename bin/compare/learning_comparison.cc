@@ -10,8 +10,7 @@
 #include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
@@ -101,8 +100,9 @@ Table LearningTable(const LearningProblem& problem,
     table.Add("saturated",
               run == nullptr
                   ? "-"
-                  : fmt::format(
-                        "{}/{}", run->num_saturated, run->num_hidden_neurons));
+                  : fmt::format("{}/{}",
+                                run->num_saturated,
+                                NumHiddenNeurons(problem.model->network())));
     table.Add("status",
               run == nullptr ? method.refusal : run->summary.message,
               Table::Align::kLeft);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "bin/support/results.h"
+#include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "report/plot.h"
 

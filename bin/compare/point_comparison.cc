@@ -4,8 +4,7 @@
 #include <iostream>
 #include <utility>
 
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/format.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
@@ -65,48 +64,37 @@ Table PointTable(const PointProblem& problem,
   return table;
 }
 
-// The colours of all panels are those of `reference`.
-Plot FieldPlot(const std::string& title,
-               const Eigen::VectorXd& x,
-               int num_rows,
-               const Eigen::VectorXd& reference) {
-  Plot plot;
-  plot.title = title;
-  plot.equal_aspect = true;
-  HeatMap& map = plot.heat_map.emplace();
-  map.z = x.reshaped<Eigen::RowMajor>(num_rows, x.size() / num_rows);
-  map.z_range = {reference.minCoeff(), reference.maxCoeff()};
-  return plot;
-}
-
 // The results of the runs if x is too large to print.
 bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
-                      const std::string& directory,
                       std::string* error) {
-  std::vector<std::pair<std::string, Eigen::VectorXd>> states;
-  if (problem.minimizer.has_value()) {
-    if (!WriteNpy(directory + "/x-true.npy", *problem.minimizer, error)) {
-      return false;
+  std::vector<Plot> panels;
+  const auto add = [&](const std::string& title,
+                       const std::string& file,
+                       const Eigen::VectorXd& x) {
+    if (problem.field_rows > 0) {
+      Plot& plot = panels.emplace_back();
+      plot.title = title;
+      plot.equal_aspect = true;
+      HeatMap& map = plot.heat_map.emplace();
+      map.z = x.reshaped<Eigen::RowMajor>(problem.field_rows,
+                                          x.size() / problem.field_rows);
+      // All panels have the colours of the first.
+      const Eigen::MatrixXd& reference = panels[0].heat_map->z;
+      map.z_range = {reference.minCoeff(), reference.maxCoeff()};
     }
-    states.emplace_back("x*", *problem.minimizer);
+    return WriteNpy(fmt::format("{}/x-{}.npy", FLAGS_output, file), x, error);
+  };
+  if (problem.minimizer.has_value() && !add("x*", "true", *problem.minimizer)) {
+    return false;
   }
   for (const PointPath& path : paths) {
-    if (path.x.empty()) continue;
-    states.emplace_back(path.label, path.x.back());
-    if (!WriteNpy(fmt::format("{}/x-{}.npy", directory, FileName(path.label)),
-                  path.x.back(),
-                  error)) {
+    if (!path.x.empty() &&
+        !add(path.label, FileName(path.label), path.x.back())) {
       return false;
     }
   }
-  std::vector<Plot> panels;
-  for (const auto& [title, x] : states) {
-    if (problem.field_rows == 0) break;
-    panels.push_back(
-        FieldPlot(title, x, problem.field_rows, states.front().second));
-  }
-  DrawPicture(directory + "/fields.png", panels);
+  DrawPicture(FLAGS_output + "/fields.png", panels);
   return true;
 }
 
@@ -186,7 +174,6 @@ bool WritePathCsv(const std::string& prefix,
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
                   const PointPathOptions& options,
-                  const std::string& directory,
                   std::string* error) {
   std::vector<PointPath> paths;
   std::vector<Plot> plots(1);
@@ -198,7 +185,7 @@ bool ComparePoint(const PointProblem& problem,
     PointPath path;
     std::string why;
     if (TracePath(problem, method, options, &path, &why)) {
-      if (!WritePathCsv(directory + "/path-", path, error)) return false;
+      if (!WritePathCsv(FLAGS_output + "/path-", path, error)) return false;
       Series series;
       series.title = method.label;
       series.y = path.loss;
@@ -214,14 +201,14 @@ bool ComparePoint(const PointProblem& problem,
   }
   const Table table = PointTable(problem, paths);
   std::cout << table.ToText();
-  if (!WriteTable(directory + "/table", table, error) ||
+  if (!WriteTable(FLAGS_output + "/table", table, error) ||
       (problem.start.size() > kMaxPrintedSize &&
-       !WriteFinalStates(problem, paths, directory, error))) {
+       !WriteFinalStates(problem, paths, error))) {
     return false;
   }
   MuteAllButTheLowest(&plots);
-  DrawPicture(directory + "/loss.png", plots);
-  std::cout << "results in " << directory << "\n";
+  DrawPicture(FLAGS_output + "/loss.png", plots);
+  std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
   return std::any_of(paths.begin(), paths.end(), [](const PointPath& path) {
     return !path.x.empty();

@@ -4,8 +4,8 @@
 //   DIR/table.txt, DIR/table.md
 //   DIR/loss.png                L against iterations
 //
-// With more than kMaxPrintedSize unknowns path-METHOD.csv has iteration, L, |x|,
-// |x - x*| and seconds, and there are also:
+// With more than kMaxPrintedSize unknowns path-METHOD.csv has iteration, L,
+// |x|, |x - x*| and seconds, and there are also:
 //
 //   DIR/x-METHOD.npy            the final x
 //   DIR/x-true.npy              x*, if it is known
@@ -65,7 +65,6 @@ bool WritePathCsv(const std::string& prefix,
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
                   const PointPathOptions& options,
-                  const std::string& directory,
                   std::string* error);
 
 }  // namespace invgrad

@@ -7,8 +7,7 @@
 #include "bin/estimate/estimation_table.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
@@ -267,12 +266,14 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
     }
   }
-  const Table table = EstimationTable(rows);
+  const Table table = EstimationTable(rows, /*is_exact=*/false);
   const Table summary = EstimationSummary(rows);
   std::cout << table.ToText() << "\n" << summary.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       !WriteTable(FLAGS_output + "/summary", summary, error) ||
-      !WriteFile(FLAGS_output + "/results.csv", EstimationCsv(rows), error)) {
+      !WriteFile(FLAGS_output + "/results.csv",
+                 EstimationTable(rows, /*is_exact=*/true).ToCsv(),
+                 error)) {
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";

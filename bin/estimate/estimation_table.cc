@@ -31,32 +31,31 @@ void AddCounts(const Row& counts, Table* table) {
   table->Add("rejected", std::to_string(counts.num_rejected));
 }
 
-// The digits of a run for people, or exact.
-void AddDigits(const Row& row, bool is_exact, Table* table) {
-  const auto cell = [&](double digits) {
-    return is_exact ? ExactNumber(digits) : FormatNumber(digits, 3);
-  };
-  const std::string none = is_exact ? "" : "-";
-  table->Add("digits", row.digits ? cell(row.digits->minCoeff()) : none);
-  table->Add(is_exact ? "mean_digits" : "mean digits",
-             row.digits ? cell(row.digits->mean()) : none);
-}
-
 }  // namespace
 
-Table EstimationTable(const std::vector<Row>& rows) {
+Table EstimationTable(const std::vector<Row>& rows, bool is_exact) {
   const bool has_digits = HasDigits(rows);
+  const auto number = [is_exact](double value, int digits) {
+    return is_exact ? ExactNumber(value) : FormatNumber(value, digits);
+  };
+  const std::string none = is_exact ? "" : "-";
   Table table;
   for (const Row& row : rows) {
     table.BeginRow();
     table.Add("start", row.start, kLeft);
     table.Add("method", row.method, kLeft);
-    table.Add("initial cost", FormatNumber(row.initial_cost, 7));
-    table.Add("cost", FormatNumber(row.final_cost, 7));
+    table.Add(is_exact ? "initial_cost" : "initial cost",
+              number(row.initial_cost, 7));
+    table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
     AddCounts(row, &table);
-    table.Add("s", FormatNumber(row.seconds, 3));
-    if (has_digits) {
-      AddDigits(row, /*is_exact=*/false, &table);
+    table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
+    if (has_digits || is_exact) {
+      table.Add("digits",
+                row.digits ? number(row.digits->minCoeff(), 3) : none);
+      table.Add(is_exact ? "mean_digits" : "mean digits",
+                row.digits ? number(row.digits->mean(), 3) : none);
+    }
+    if (has_digits && !is_exact) {
       table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
     }
     table.Add("status", row.status, kLeft);
@@ -117,22 +116,6 @@ Table EstimationSummary(const std::vector<Row>& rows) {
     table.Add("s", FormatNumber(sum.seconds, 3));
   }
   return table;
-}
-
-std::string EstimationCsv(const std::vector<Row>& rows) {
-  Table table;
-  for (const Row& row : rows) {
-    table.BeginRow();
-    table.Add("start", row.start);
-    table.Add("method", row.method);
-    table.Add("initial_cost", ExactNumber(row.initial_cost));
-    table.Add("final_cost", ExactNumber(row.final_cost));
-    AddCounts(row, &table);
-    table.Add("seconds", ExactNumber(row.seconds));
-    AddDigits(row, /*is_exact=*/true, &table);
-    table.Add("status", row.status);
-  }
-  return table.ToCsv();
 }
 
 }  // namespace invgrad

@@ -27,7 +27,8 @@ struct EstimationRow {
   bool was_run = true;
 };
 
-Table EstimationTable(const std::vector<EstimationRow>& rows);
+// For people; or with all digits, for CSV.
+Table EstimationTable(const std::vector<EstimationRow>& rows, bool is_exact);
 
 // For each method, over all starts: the number of solved starts (by NIST's
 // digits); the digits of the worst and of the mean parameter, averaged over the
@@ -35,9 +36,6 @@ Table EstimationTable(const std::vector<EstimationRow>& rows);
 // kSameCost; and sums.
 constexpr double kSameCost = 1e-6;
 Table EstimationSummary(const std::vector<EstimationRow>& rows);
-
-// With all digits.
-std::string EstimationCsv(const std::vector<EstimationRow>& rows);
 
 }  // namespace invgrad
 

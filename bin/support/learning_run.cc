@@ -21,14 +21,6 @@ namespace {
 // Networks with more hidden neurons keep only their final statistics.
 constexpr int kMaxTrackedNeurons = 64;
 
-int NumHiddenNeurons(const DenseNetwork& network) {
-  int sum = 0;
-  for (int layer = 1; layer < network.num_layers(); ++layer) {
-    sum += network.widths()[layer];
-  }
-  return sum;
-}
-
 // One line a neuron and evaluation; the last evaluation only, if no other was
 // recorded.
 std::string NeuronsCsv(const LearningRunResult& result,
@@ -152,6 +144,14 @@ bool CreateLearningProblem(const std::string& specification,
   }
   *problem = *std::move(created.learning);
   return true;
+}
+
+int NumHiddenNeurons(const DenseNetwork& network) {
+  int sum = 0;
+  for (int layer = 1; layer < network.num_layers(); ++layer) {
+    sum += network.widths()[layer];
+  }
+  return sum;
 }
 
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
@@ -292,7 +292,6 @@ bool RunLearning(const LearningProblem& problem,
   static_cast<TrainResult&>(*result) = run.result();
   result->label = method.label;
   result->seed = seed;
-  result->num_hidden_neurons = NumHiddenNeurons(network);
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);
@@ -328,7 +327,6 @@ bool LoadCompleteRun(const std::string& directory,
     *error = file + ": not a result of a run";
     return false;
   }
-  result->num_hidden_neurons = NumHiddenNeurons(problem.model->network());
   if (!ReadHistory(directory + "/history.csv", &result->history, error)) {
     return false;
   }

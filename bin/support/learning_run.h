@@ -33,6 +33,8 @@ bool CreateLearningProblem(const std::string& specification,
                            LearningProblem* problem,
                            std::string* error);
 
+int NumHiddenNeurons(const DenseNetwork& network);
+
 // The weights that every method starts from at `seed`.
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);
 
@@ -65,7 +67,6 @@ struct LearningRunOptions {
 struct LearningRunResult : TrainResult {
   std::string label;
   int seed = 0;
-  int num_hidden_neurons = 0;
   int num_saturated = 0;
   // Neurons at history[i], where they were recorded at every evaluation.
   std::vector<std::vector<NeuronStatistics>> neurons;

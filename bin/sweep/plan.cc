@@ -7,7 +7,7 @@
 
 #include "bin/support/learning_run.h"
 #include "bin/support/program.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/format.h"
 #include "problems/problems.h"
 

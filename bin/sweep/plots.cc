@@ -162,25 +162,24 @@ std::vector<PanelPoints> GroupByPanel(const std::string& picture,
 
 }  // namespace
 
-std::vector<Plot> SweepLines(const SweepPlan& plan,
-                             const SweepValue& value,
-                             const std::vector<SweepBest>& best) {
+std::vector<Plot> SweepLines(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   const std::vector<ShownAxis> axes = ShownAxes(plan);
   if (axes.empty()) return {};
   ShownAxis x = axes[0];
   if (x.is_numeric && SpansDecadesAndZero(x.positions)) x.PutSideBySide();
   Plot all;  // what the panels have in common
   all.x_label = plan.grid.axes[x.number].name;
-  all.y_label = value.name;
+  all.y_label = results.value.name;
   all.log_x = x.is_numeric && NeedsLogScale(x.positions);
   all.x_range =
       x.is_numeric
           ? RangeOf(x.positions, all.log_x, kMargin)
           : AxisRange{-0.5, static_cast<double>(x.labels.size()) - 0.5};
   all.x_ticks.assign(x.labels.begin(), x.labels.end());
-  all.log_y = NeedsLogScale(Medians(best));
+  all.log_y = NeedsLogScale(Medians(results.best));
   std::vector<double> ys;
-  for (const SweepBest& one : best) {
+  for (const SweepBest& one : results.best) {
     ys.insert(ys.end(), {one.spread.low, one.spread.high});
   }
   all.y_range = RangeOf(ys, all.log_y, kMargin);
@@ -188,7 +187,7 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
   const std::vector<std::string> titles = RuleTitles(plan);
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
   for (const auto& [title, points] :
-       GroupByPanel("lines.png", plan, best, shown)) {
+       GroupByPanel("lines.png", plan, results.best, shown)) {
     Plot& plot = plots.emplace_back(all);
     plot.title = title;
     for (size_t rule = 0; rule < titles.size(); ++rule) {
@@ -213,17 +212,16 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
   return plots;
 }
 
-std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
-                                const SweepValue& value,
-                                const std::vector<SweepBest>& best) {
+std::vector<Plot> SweepHeatMaps(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   std::vector<ShownAxis> axes = ShownAxes(plan);
   if (axes.size() < 2 || !axes[1].is_numeric) return {};
   ShownAxis& x = axes[0];
   ShownAxis& y = axes[1];
   HeatMap map;
-  map.z_label = value.name;
-  map.log_z = NeedsLogScale(Medians(best));
-  map.z_range = RangeOf(Medians(best), false, 0.0);
+  map.z_label = results.value.name;
+  map.log_z = NeedsLogScale(Medians(results.best));
+  map.z_range = RangeOf(Medians(results.best), false, 0.0);
   for (auto [axis, names] :
        {std::make_pair(&x, &map.x_labels), std::make_pair(&y, &map.y_labels)}) {
     axis->PutSideBySide();
@@ -233,7 +231,7 @@ std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
   const std::vector<std::string> titles = RuleTitles(plan);
   const std::set<int> shown = {x.number, y.number, plan.seed_axis};
   for (const auto& [title, points] :
-       GroupByPanel("heat_map.png", plan, best, shown)) {
+       GroupByPanel("heat_map.png", plan, results.best, shown)) {
     Plot& plot = plots.emplace_back();
     plot.title = titles[points[0]->at[plan.rule_axis]];
     if (!title.empty()) plot.title += ", " + title;
@@ -251,25 +249,27 @@ std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
   return plots;
 }
 
-std::vector<Plot> SweepCurves(const SweepPlan& plan,
-                              const std::vector<SweepRun>& runs,
-                              const SweepValue& value,
-                              const std::vector<SweepBest>& best) {
+std::vector<Plot> SweepCurves(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   std::vector<Plot> plots;
   std::vector<double> values;  // of all panels, so that they compare
-  for (const auto& [title, points] : GroupByPanel(
-           "curves.png", plan, best, {plan.rule_axis, plan.seed_axis})) {
+  for (const auto& [title, points] :
+       GroupByPanel("curves.png",
+                    plan,
+                    results.best,
+                    {plan.rule_axis, plan.seed_axis})) {
     std::vector<Plot> panel(1);
     Plot& plot = panel[0];
     plot.title = title;
     plot.x_label = "seconds of training";
-    plot.y_label = value.name;
+    plot.y_label = results.value.name;
     plot.log_x = true;
     for (const SweepBest* point : points) {
-      const SweepRun& run = runs[plan.points[point->median_point()].job];
+      const SweepRun& run =
+          results.runs[plan.points[point->median_point()].job];
       Series curve = HistoryCurve(point->alternative->specification,
                                   run.result ? run.result->history : History(),
-                                  value.field,
+                                  results.value.field,
                                   /*against_seconds=*/true);
       curve.color = point->at[plan.rule_axis];
       values.insert(values.end(), curve.y.begin(), curve.y.end());

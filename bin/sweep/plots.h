@@ -27,16 +27,9 @@
 namespace invgrad {
 
 // No panels if the grid has too few axes.
-std::vector<Plot> SweepLines(const SweepPlan& plan,
-                             const SweepValue& value,
-                             const std::vector<SweepBest>& best);
-std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
-                                const SweepValue& value,
-                                const std::vector<SweepBest>& best);
-std::vector<Plot> SweepCurves(const SweepPlan& plan,
-                              const std::vector<SweepRun>& runs,
-                              const SweepValue& value,
-                              const std::vector<SweepBest>& best);
+std::vector<Plot> SweepLines(const SweepResults& results);
+std::vector<Plot> SweepHeatMaps(const SweepResults& results);
+std::vector<Plot> SweepCurves(const SweepResults& results);
 
 }  // namespace invgrad
 

@@ -59,9 +59,9 @@ double TailMean(const History& history,
   return sum / count;
 }
 
-std::vector<SweepBest> FindBest(const SweepPlan& plan,
-                                const std::vector<SweepRun>& runs,
-                                const SweepValue& value) {
+SweepResults FindBest(const SweepPlan& plan,
+                      const std::vector<SweepRun>& runs,
+                      const SweepValue& value) {
   // The points that differ in the seed alone.
   std::map<std::pair<std::vector<int>, int>, std::vector<int>> seeds;
   for (size_t i = 0; i < plan.points.size(); ++i) {
@@ -69,7 +69,8 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
     at[plan.seed_axis] = 0;
     seeds[{at, plan.points[i].alternative}].push_back(static_cast<int>(i));
   }
-  std::vector<SweepBest> all;
+  SweepResults results{plan, runs, value, {}};
+  std::vector<SweepBest>& all = results.best;
   for (const auto& [key, points] : seeds) {
     const auto& [at, alternative] = key;
     std::vector<double> values;
@@ -91,16 +92,14 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
       all.back() = candidate;
     }
   }
-  return all;
+  return results;
 }
 
-std::string SweepCsv(const SweepPlan& plan,
-                     const std::vector<SweepRun>& runs,
-                     const SweepValue& value,
-                     const std::vector<SweepBest>& best) {
+std::string SweepCsv(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   // One per point; null if another alternative is best there.
   std::vector<const SweepBest*> best_of(plan.points.size(), nullptr);
-  for (const SweepBest& one : best) {
+  for (const SweepBest& one : results.best) {
     for (const int point : one.points) best_of[point] = &one;
   }
   LearningRunResult none;
@@ -108,7 +107,7 @@ std::string SweepCsv(const SweepPlan& plan,
   Table table;
   for (size_t i = 0; i < plan.points.size(); ++i) {
     const SweepPoint& point = plan.points[i];
-    const SweepRun& run = runs[point.job];
+    const SweepRun& run = results.runs[point.job];
     const bool is_there = run.result.has_value();
     const LearningRunResult& result = is_there ? *run.result : none;
     const auto add = [&](const std::string& title, double number) {
@@ -116,7 +115,7 @@ std::string SweepCsv(const SweepPlan& plan,
                 is_there && !std::isnan(number) ? ExactNumber(number) : "");
     };
     const auto mean = [&](double HistoryRow::*field) {
-      return TailMean(result.history, field, value.tail);
+      return TailMean(result.history, field, results.value.tail);
     };
     table.BeginRow();
     for (size_t k = 0; k < point.at.size(); ++k) {
@@ -139,17 +138,15 @@ std::string SweepCsv(const SweepPlan& plan,
   return table.ToCsv();
 }
 
-Table SweepTable(const SweepPlan& plan,
-                 const std::vector<SweepRun>& runs,
-                 const SweepValue& value,
-                 const std::vector<SweepBest>& best) {
+Table SweepTable(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   const std::vector<GridAxis>& axes = plan.grid.axes;
   const bool has_alternatives = std::any_of(
       plan.alternatives.begin(), plan.alternatives.end(), [](const auto& rule) {
         return rule.size() > 1;
       });
   Table table;
-  for (const SweepBest& one : best) {
+  for (const SweepBest& one : results.best) {
     table.BeginRow();
     for (int k = 0; k < static_cast<int>(axes.size()); ++k) {
       if (k == plan.rule_axis) {
@@ -165,11 +162,11 @@ Table SweepTable(const SweepPlan& plan,
       table.Add(
           "at the edge of", edge.empty() ? "-" : edge, Table::Align::kLeft);
     }
-    table.Add(value.name, NumberOrDash(one.spread.median));
+    table.Add(results.value.name, NumberOrDash(one.spread.median));
     if (axes[plan.seed_axis].values.size() > 1) {
       table.Add("all seeds", one.spread.Text());
     }
-    const SweepRun& run = runs[plan.points[one.median_point()].job];
+    const SweepRun& run = results.runs[plan.points[one.median_point()].job];
     AddTimes(run.result.has_value() ? &*run.result : nullptr, &table);
     table.Add("status", run.status, Table::Align::kLeft);
   }

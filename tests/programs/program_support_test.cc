@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bin/support/program.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "gtest/gtest.h"
 #include "tests/support/temporary_folder.h"
 

@@ -1,14 +1,16 @@
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <map>
+#include <numeric>
 #include <sstream>
 #include <string_view>
-#include <vector>
 
 #include "Eigen/Core"
 #include "bin/support/program.h"
@@ -16,12 +18,14 @@
 #include "fmt/core.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
 #include "invgrad/version.h"
 
 DEFINE_string(output,
               "",
               "directory of the results; empty: runs/ and the program's name");
 DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
+DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
 
@@ -185,6 +189,71 @@ std::string FileName(const std::string& label) {
     name += is_plain ? c : '-';
   }
   return name;
+}
+
+bool WriteTable(const std::string& path,
+                const Table& table,
+                std::string* error) {
+  return WriteFile(path + ".txt", table.ToText(), error) &&
+         WriteFile(path + ".md", table.ToMarkdown(), error);
+}
+
+void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels) {
+  if (!FLAGS_plots) return;
+  std::error_code ignored;
+  fs::remove(path_png, ignored);
+  std::string error;
+  if (!panels.empty() && !WritePlots(path_png, panels, &error)) Warn(error);
+}
+
+Series HistoryCurve(const std::string& title,
+                    const History& history,
+                    double HistoryRow::*field,
+                    bool against_seconds) {
+  Series curve;
+  curve.title = title;
+  for (const HistoryRow& row : history) {
+    if (row.step == 0) continue;
+    curve.x.push_back(against_seconds ? row.seconds
+                                      : static_cast<double>(row.step));
+    curve.y.push_back(row.*field);
+  }
+  return curve;
+}
+
+SeedSpread::SeedSpread(const std::vector<double>& values)
+    : num_runs(values.size()) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  median = low = high = none;
+  if (values.empty()) return;
+  const auto rank = [&values](size_t i) {
+    return std::isfinite(values[i]) ? values[i]
+                                    : std::numeric_limits<double>::infinity();
+  };
+  std::vector<size_t> order(values.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&rank](size_t a, size_t b) {
+    return rank(a) < rank(b);
+  });
+  median_run = order[(order.size() - 1) / 2];
+  if (std::isfinite(values[median_run])) median = values[median_run];
+  for (const double value : values) {
+    if (std::isfinite(value)) {
+      low = std::fmin(low, value);
+      high = std::fmax(high, value);
+    } else {
+      ++num_failed;
+    }
+  }
+}
+
+std::string SeedSpread::Text() const {
+  std::string text = NumberOrDash(low);
+  if (low < high) text += " - " + FormatNumber(high);
+  if (num_failed > 0) {
+    text += fmt::format(", {} of {} failed or not run", num_failed, num_runs);
+  }
+  return text;
 }
 
 }  // namespace invgrad
