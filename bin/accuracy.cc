@@ -114,8 +114,7 @@ void Measure(const Linearization& at_weights,
     const std::string by_auto = cell(SpectralRoute::kAuto);
     const std::string route = SpectralRouteName(summary.route);
     const std::string rank = std::to_string(summary.rank);
-    const VectorXd by_single =
-        FilteredStep(single.U, single.s, single.Vt, filter, g);
+    const VectorXd by_single = FilteredStep(single, filter, g);
     table.AddRow(
         {fmt::format("{:.0e}", tau),
          rank,
@@ -132,12 +131,8 @@ void Measure(const Linearization& at_weights,
 bool Run(std::string* error) {
   std::vector<Specification> problems;
   std::vector<double> truncations;
-  if (!NameFlag("problems",
-                ParseSpecifications(FLAGS_problems, &problems, error),
-                error) ||
-      !NameFlag("truncations",
-                ParseNumbers(FLAGS_truncations, &truncations, error),
-                error) ||
+  if (!ParseFlag("problems", ParseSpecifications, &problems, error) ||
+      !ParseFlag("truncations", ParseNumbers, &truncations, error) ||
       !CheckFlags({{"train_steps", {0.0}}, {"batch_size", {0.0}}}, error)) {
     return false;
   }

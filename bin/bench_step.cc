@@ -202,8 +202,7 @@ Step SvdStep() {
       J = dense.cast<typename Svd::Matrix::Scalar>();
     }
     CHECK(svd.Compute(J));
-    const Eigen::VectorXd d =
-        FilteredStep(svd.U, svd.s, svd.Vt, at.filter, at.g());
+    const Eigen::VectorXd d = FilteredStep(svd, at.filter, at.g());
     benchmark::DoNotOptimize(d.data());
     return "";
   };

@@ -55,10 +55,8 @@ bool Run(std::string* error) {
   LearningProblem problem;
   std::vector<Method> methods;
   if (!CheckFlags({{"steps", {1.0}}}, error) ||
-      !NameFlag("problem",
-                CreateLearningProblem(FLAGS_problem, &problem, error),
-                error) ||
-      !NameFlag("rules", ParseMethods(FLAGS_rules, &methods, error), error)) {
+      !ParseFlag("problem", CreateLearningProblem, &problem, error) ||
+      !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }
   SetBlasThreads(1);

@@ -120,7 +120,7 @@ bool Run(std::string* error) {
                      FLAGS_data.empty() ? nullptr : &data,
                      &problem,
                      error) ||
-      !NameFlag("rules", ParseMethods(FLAGS_rules, &methods, error), error)) {
+      !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }
   SetBlasThreads(FLAGS_blas_threads);

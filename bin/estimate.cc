@@ -165,8 +165,7 @@ bool Run(std::string* error) {
   std::vector<Method> methods;
   if (!CheckFlag("format", EstimationKinds(), error) ||
       !CheckFlag("information_root", {"lower", "upper"}, error) ||
-      !NameFlag(
-          "methods", ParseMethods(FLAGS_methods, &methods, error), error)) {
+      !ParseFlag("methods", ParseMethods, &methods, error)) {
     return false;
   }
   for (const Method& method : methods) {

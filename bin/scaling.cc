@@ -63,8 +63,7 @@ std::string Exponent(double a, double b) {
 bool Run(std::string* error) {
   std::vector<Specification> rules;
   if (!FLAGS_rules.empty() &&
-      !NameFlag(
-          "rules", ParseSpecifications(FLAGS_rules, &rules, error), error)) {
+      !ParseFlag("rules", ParseSpecifications, &rules, error)) {
     return false;
   }
   if (FLAGS_rules.empty()) {

@@ -166,7 +166,7 @@ bool Run(std::string* error) {
           {{"steps", {1.0}}, {"grid", {2.0, 1000.0}}, {"margin", {0.0, 100.0}}},
           error) ||
       !CreateProblem(FLAGS_problem, nullptr, &problem, error) ||
-      !NameFlag("rules", ParseMethods(FLAGS_rules, &methods, error), error)) {
+      !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }
   if (!problem.point.has_value() || problem.point->start.size() != 2 ||

@@ -243,8 +243,8 @@ bool CompareLearning(LearningProblem problem,
                    {"patience", {0.0}},
                    {"track_sample", {-1.0, num_samples - 1.0}}},
                   error) ||
-      !NameFlag("seeds", ParseSeeds(FLAGS_seeds, &seeds, error), error) ||
-      !NameFlag("levels", ParseNumbers(FLAGS_levels, &levels, error), error)) {
+      !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
+      !ParseFlag("levels", ParseNumbers, &levels, error)) {
     return false;
   }
   if (!SetNetwork(NetworkOfFlags(), &problem, error)) {

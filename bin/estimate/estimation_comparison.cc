@@ -235,9 +235,8 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                    {"function_tolerance", {0.0, 1.0, false, true}},
                    {"threads", {1.0, 256.0}}},
                   error) ||
-      !NameFlag("seeds", ParseSeeds(FLAGS_seeds, &seeds, error), error) ||
-      !NameFlag(
-          "loss", ParseRobustLoss(FLAGS_loss, &make_loss, error), error)) {
+      !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
+      !ParseFlag("loss", ParseRobustLoss, &make_loss, error)) {
     return false;
   }
   for (const EstimationInput& input : inputs) {

@@ -13,19 +13,18 @@
 
 namespace invgrad {
 
-// V phi(S) U^T g in the precision of U.
-template <typename U, typename S, typename Vt>
-Eigen::VectorXd FilteredStep(const U& u,
-                             const S& s,
-                             const Vt& vt,
+// V phi(S) U^T g in the precision of an SVD with members U, s and Vt.
+template <typename Svd>
+Eigen::VectorXd FilteredStep(const Svd& svd,
                              const SpectralFilter& filter,
                              const Eigen::VectorXd& g) {
-  using Scalar = typename U::Scalar;
-  S c = u.transpose() * g.template cast<Scalar>();
+  using Scalar = typename Svd::Matrix::Scalar;
+  Eigen::Matrix<Scalar, Eigen::Dynamic, 1> c =
+      svd.U.transpose() * g.cast<Scalar>();
   for (Eigen::Index i = 0; i < c.size(); ++i) {
-    c[i] *= static_cast<Scalar>(filter(s[i], s[0]));
+    c[i] *= static_cast<Scalar>(filter(svd.s[i], svd.s[0]));
   }
-  return (vt.transpose() * c).template cast<double>();
+  return (svd.Vt.transpose() * c).template cast<double>();
 }
 
 // J = U diag(s) Vt. A second decomposition of a size allocates nothing.

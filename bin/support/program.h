@@ -42,6 +42,17 @@ bool CheckFlag(const char* name,
 // Returns `is_valid`; if it is false, *error then begins with "--NAME: ".
 bool NameFlag(const char* name, bool is_valid, std::string* error);
 
+// parse(text of the flag, value, error) under that name.
+template <typename Parse, typename Value>
+bool ParseFlag(const char* name,
+               Parse parse,
+               Value* value,
+               std::string* error) {
+  const std::string text =
+      gflags::GetCommandLineFlagInfoOrDie(name).current_value;
+  return NameFlag(name, parse(text, value, error), error);
+}
+
 // The items of a comma-separated list.
 std::vector<std::string> SplitList(const std::string& list);
 
