@@ -14,7 +14,6 @@
 // and, in brackets, the route's estimate; docs/results/accuracy.md names the
 // columns.
 
-#include <algorithm>
 #include <iostream>
 #include <limits>
 #include <memory>

@@ -14,7 +14,7 @@
 //   cubic_chain/jacobian      the nonlinear oscillators, B = 128
 
 #include <algorithm>
-#include <memory>
+#include <iterator>
 #include <string>
 #include <vector>
 

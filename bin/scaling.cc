@@ -15,6 +15,7 @@ Sample runs:
 
 #include <cmath>
 #include <iostream>
+#include <memory>
 #include <string>
 #include <vector>
 

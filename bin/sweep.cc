@@ -30,6 +30,7 @@ keeps the results so far.
 
 #include <algorithm>
 #include <iostream>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>

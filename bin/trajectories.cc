@@ -17,8 +17,6 @@ The directory holds trajectories.png (left x, right y), trajectories.gp to
 restyle it, and one CSV a rule.
 */
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <string>

@@ -70,41 +70,40 @@ Table LearningTable(const LearningProblem& problem,
                     const std::vector<MethodResults>& all) {
   Table table;
   for (const MethodResults& method : all) {
-    const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
+    const LearningRunResult none;
+    const LearningRunResult* median = method.MedianRun(&HistoryRow::train_loss);
+    const LearningRunResult& run = median != nullptr ? *median : none;
+    const auto add = [&](const std::string& title, const std::string& cell) {
+      table.Add(title, median != nullptr ? cell : "-");
+    };
     const auto add_last = [&](const std::string& title,
                               double HistoryRow::*loss) {
-      const LearningRunResult* median = method.MedianRun(loss);
-      table.Add(title,
-                median == nullptr ? "-" : NumberOrDash(median->last().*loss));
+      const LearningRunResult* its_run = method.MedianRun(loss);
+      add(title, NumberOrDash(its_run ? its_run->last().*loss : 0.0));
     };
     table.BeginRow();
     table.Add("method", method.label, Table::Align::kLeft);
     add_last("train loss", &HistoryRow::train_loss);
     add_last("test loss", &HistoryRow::test_loss);
-    table.Add("best train",
-              run == nullptr ? "-" : FormatNumber(run->BestTrainLoss()));
+    add("best train", FormatNumber(run.BestTrainLoss()));
     if (problem.metric.has_value()) {
       add_last(problem.metric->name, &HistoryRow::metric);
     }
     if (has_many_seeds) {
-      table.Add(
-          "train loss, all seeds",
-          run == nullptr ? "-" : method.Spread(&HistoryRow::train_loss).Text());
+      add("train loss, all seeds",
+          method.Spread(&HistoryRow::train_loss).Text());
     }
-    AddTimes(run, &table);
+    AddTimes(median, &table);
     for (const double level : levels) {
-      table.Add(
-          "s to " + FormatNumber(level),
-          run == nullptr ? "-" : NumberOrDash(run->SecondsToLevel(level)));
+      add("s to " + FormatNumber(level),
+          NumberOrDash(run.SecondsToLevel(level)));
     }
-    table.Add("saturated",
-              run == nullptr
-                  ? "-"
-                  : fmt::format("{}/{}",
-                                run->num_saturated,
-                                NumHiddenNeurons(problem.model->network())));
+    add("saturated",
+        fmt::format("{}/{}",
+                    run.num_saturated,
+                    NumHiddenNeurons(problem.model->network())));
     table.Add("status",
-              run == nullptr ? method.refusal : run->summary.message,
+              median != nullptr ? run.summary.message : method.refusal,
               Table::Align::kLeft);
   }
   return table;

@@ -1,53 +1,59 @@
 #include "bin/estimate/estimation_comparison.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iostream>
+#include <limits>
+#include <map>
+#include <optional>
 #include <utility>
 
-#include "bin/estimate/estimation_table.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
-#include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/problem_minimization.h"
+#include "problems/estimation/nist_models.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
-
-// Of estimate.cc; compare has flags of these names too.
-DECLARE_string(start);
-DECLARE_string(loss);
-DECLARE_double(perturb);
-DECLARE_string(seeds);
-DECLARE_int32(max_iterations);
-DECLARE_double(seconds);
-DECLARE_double(function_tolerance);
-DECLARE_int32(threads);
+#include "report/table.h"
 
 namespace invgrad {
 namespace {
 
-std::string Status(const Method& method, const MinimizerSummary& summary) {
+constexpr auto kLeft = Table::Align::kLeft;
+
+struct Row {
+  std::string start;   // "Misra1a-start1-seed3": runs from one start compare
+  std::string method;  // its label
+  double initial_cost = std::numeric_limits<double>::quiet_NaN();
+  double final_cost = std::numeric_limits<double>::quiet_NaN();
+  int num_iterations = 0;
+  int num_accepted = 0;  // steps
+  int num_rejected = 0;
+  double seconds = 0.0;
+  // Correct digits of every parameter, if there are certified values.
+  std::optional<Eigen::VectorXd> digits;
   std::string status;
-  switch (summary.termination_type) {
-    case ceres::CONVERGENCE:
-      status = "converged";
-      break;
-    case ceres::NO_CONVERGENCE:
-      // Ceres' message, and ours.
-      status = summary.message.rfind("Maximum solver time", 0) == 0
-                   ? "time used up"
-                   : "not converged";
-      break;
-    case ceres::USER_SUCCESS:
-      return "interrupted";
-    default:
-      return "failed: " + summary.message;
+  bool was_run = true;
+};
+
+std::string Status(const Method& method, const MinimizerSummary& summary) {
+  const ceres::TerminationType type = summary.termination_type;
+  if (type == ceres::USER_SUCCESS) return "interrupted";
+  if (type != ceres::CONVERGENCE && type != ceres::NO_CONVERGENCE) {
+    return "failed: " + summary.message;
   }
+  const bool is_late =  // the message is of Ceres or ours
+      summary.message.rfind("Maximum solver time", 0) == 0;
+  std::string status = type == ceres::CONVERGENCE ? "converged"
+                       : is_late                  ? "time used up"
+                                                  : "not converged";
   // The number of steps that the rule proposed.
   const size_t proposals = summary.message.find("; ");
   if (method.last_phase().ceres != nullptr &&
@@ -60,7 +66,7 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
 void SetResults(const Method& method,
                 const MinimizerSummary& summary,
                 const Estimation& estimation,
-                EstimationRow* row) {
+                Row* row) {
   // The cost is -1 if the run failed at its start.
   if (summary.initial_cost >= 0.0) row->initial_cost = summary.initial_cost;
   if (summary.final_cost >= 0.0) row->final_cost = summary.final_cost;
@@ -175,7 +181,7 @@ bool RunFrom(int start,
              const EstimationInput& input,
              const std::vector<Method>& methods,
              const MakeLossFunction& make_loss,
-             std::vector<EstimationRow>* rows,
+             std::vector<Row>* rows,
              std::string* error) {
   Estimation* estimation = input.estimation.get();
   const std::string name = StartName(input, start, seed);
@@ -192,7 +198,7 @@ bool RunFrom(int start,
   for (const Method& method : methods) {
     if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
-    EstimationRow& row = rows->emplace_back();
+    Row& row = rows->emplace_back();
     row.start = name;
     row.method = method.label;
     MinimizerSummary summary;
@@ -219,6 +225,114 @@ bool RunFrom(int start,
     DrawPicture(folder + "/cost.png", costs);
   }
   return true;
+}
+
+bool HasDigits(const std::vector<Row>& rows) {
+  return std::any_of(rows.begin(), rows.end(), [](const Row& row) {
+    return row.digits.has_value();
+  });
+}
+
+bool IsSolved(const Row& row) {
+  return row.digits.has_value() && IsNistSolution(*row.digits);
+}
+
+// Counts of a run or of sums of runs.
+void AddCounts(const Row& counts, Table* table) {
+  table->Add("iterations", std::to_string(counts.num_iterations));
+  table->Add("accepted", std::to_string(counts.num_accepted));
+  table->Add("rejected", std::to_string(counts.num_rejected));
+}
+
+// One row per run, for people; or with all digits, for CSV.
+Table EstimationTable(const std::vector<Row>& rows, bool is_exact) {
+  const bool has_digits = HasDigits(rows);
+  const auto number = [is_exact](double value, int digits) {
+    return is_exact ? ExactNumber(value) : FormatNumber(value, digits);
+  };
+  const std::string none = is_exact ? "" : "-";
+  Table table;
+  for (const Row& row : rows) {
+    table.BeginRow();
+    table.Add("start", row.start, kLeft);
+    table.Add("method", row.method, kLeft);
+    table.Add(is_exact ? "initial_cost" : "initial cost",
+              number(row.initial_cost, 7));
+    table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
+    AddCounts(row, &table);
+    table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
+    if (has_digits || is_exact) {
+      table.Add("digits",
+                row.digits ? number(row.digits->minCoeff(), 3) : none);
+      table.Add(is_exact ? "mean_digits" : "mean digits",
+                row.digits ? number(row.digits->mean(), 3) : none);
+    }
+    if (has_digits && !is_exact) {
+      table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
+    }
+    table.Add("status", row.status, kLeft);
+  }
+  return table;
+}
+
+// For each method, over all starts: the number of solved starts (by NIST's
+// digits); the digits of the worst and of the mean parameter, averaged over the
+// solved starts; the number of starts with the least cost of all methods; and
+// sums.
+Table EstimationSummary(const std::vector<Row>& rows) {
+  constexpr double kSameCost = 1e-6;
+  std::map<std::string, double> least_cost;
+  for (const Row& row : rows) {
+    if (!std::isfinite(row.final_cost)) continue;
+    const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
+    if (!is_new) it->second = std::min(it->second, row.final_cost);
+  }
+  std::vector<std::string> methods;  // in the order of their first runs
+  for (const Row& row : rows) {
+    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
+      methods.push_back(row.method);
+    }
+  }
+  const bool has_digits = HasDigits(rows);
+  Table table;
+  for (const std::string& method : methods) {
+    Row sum;
+    int num_runs = 0, num_solved = 0, num_least = 0;
+    double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
+    for (const Row& row : rows) {
+      if (row.method != method) continue;
+      const double least = least_cost[row.start];
+      ++num_runs;
+      num_least += row.final_cost <= least + kSameCost * std::abs(least);
+      if (IsSolved(row)) {
+        ++num_solved;
+        worst_digits += row.digits->minCoeff();
+        mean_digits += row.digits->mean();
+      }
+      sum.num_iterations += row.num_iterations;
+      sum.num_accepted += row.num_accepted;
+      sum.num_rejected += row.num_rejected;
+      sum.seconds += row.seconds;
+    }
+    const auto mean = [num_solved](double digits) {
+      return num_solved > 0 ? FormatNumber(digits / num_solved, 3) : "-";
+    };
+    const auto share = [num_runs](int count) {
+      return fmt::format("{} of {}", count, num_runs);
+    };
+    table.BeginRow();
+    table.Add("method", method, kLeft);
+    table.Add("starts", std::to_string(num_runs));
+    table.Add("least cost", share(num_least));
+    if (has_digits) {
+      table.Add("solved", share(num_solved));
+      table.Add("digits", mean(worst_digits));
+      table.Add("mean digits", mean(mean_digits));
+    }
+    AddCounts(sum, &table);
+    table.Add("s", FormatNumber(sum.seconds, 3));
+  }
+  return table;
 }
 
 }  // namespace
@@ -251,7 +365,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   if (FLAGS_perturb == 0.0) seeds = {0};
   const Interrupt interrupt;
-  std::vector<EstimationRow> rows;
+  std::vector<Row> rows;
   for (const EstimationInput& input : inputs) {
     for (int start = 0; start < input.estimation->num_starts(); ++start) {
       if (FLAGS_start != "both" && FLAGS_start != std::to_string(start + 1)) {
@@ -277,9 +391,8 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   }
   std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
-  return std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
-    return row.was_run;
-  });
+  return std::any_of(
+      rows.begin(), rows.end(), [](const Row& row) { return row.was_run; });
 }
 
 }  // namespace invgrad

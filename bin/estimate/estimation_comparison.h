@@ -16,8 +16,19 @@
 #include <string>
 #include <vector>
 
+#include "gflags/gflags.h"
 #include "invgrad/methods/method.h"
 #include "problems/estimation/estimation.h"
+
+// Defined in estimate.cc, because compare has flags of the same names.
+DECLARE_string(start);
+DECLARE_string(loss);
+DECLARE_double(perturb);
+DECLARE_string(seeds);
+DECLARE_int32(max_iterations);
+DECLARE_double(seconds);
+DECLARE_double(function_tolerance);
+DECLARE_int32(threads);
 
 namespace invgrad {
 

@@ -348,13 +348,14 @@ bool LoadCompleteRun(const std::string& directory,
 }
 
 void AddTimes(const LearningRunResult* run, Table* table) {
-  table->Add("steps",
-             run == nullptr ? "-" : std::to_string(run->summary.num_steps));
-  table->Add(
-      "s",
-      run == nullptr ? "-" : FormatNumber(run->summary.train_time_in_seconds));
-  table->Add("ms/step",
-             run == nullptr ? "-" : NumberOrDash(run->MillisecondsPerStep()));
+  const LearningRunResult none;
+  const LearningRunResult& times = run != nullptr ? *run : none;
+  const auto add = [&](const std::string& title, const std::string& cell) {
+    table->Add(title, run != nullptr ? cell : "-");
+  };
+  add("steps", std::to_string(times.summary.num_steps));
+  add("s", FormatNumber(times.summary.train_time_in_seconds));
+  add("ms/step", NumberOrDash(times.MillisecondsPerStep()));
 }
 
 }  // namespace invgrad

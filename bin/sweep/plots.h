@@ -18,7 +18,6 @@
 #ifndef BIN_SWEEP_PLOTS_H_
 #define BIN_SWEEP_PLOTS_H_
 
-#include <string>
 #include <vector>
 
 #include "bin/sweep/results.h"
