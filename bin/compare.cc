@@ -90,10 +90,10 @@ bool ComparePointByFlags(const PointProblem& problem,
     *error = "--resume: a point problem runs in seconds; use --overwrite";
     return false;
   }
-  PointPathOptions options;
-  if (FLAGS_steps > 0) {
-    options.max_num_iterations = static_cast<int>(FLAGS_steps);
-  }
+  MinimizerOptions options;
+  options.max_num_iterations =
+      FLAGS_steps > 0 ? static_cast<int>(FLAGS_steps) : 100;
+  options.gradient_tolerance = 1e-12;
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
   return PrepareRunDirectory(ExistingDirectory::kRefuse, error) &&
          ComparePoint(problem, methods, options, error);

@@ -175,9 +175,9 @@ bool Run(std::string* error) {
         FLAGS_problem);
     return false;
   }
-  PointPathOptions options;
+  MinimizerOptions options;
   options.max_num_iterations = FLAGS_steps;
-  options.gradient_tolerance = 0.0;
+  options.gradient_tolerance = 0.0;  // every run takes all steps
   std::vector<PointPath> paths;
   for (const Method& method : methods) {
     if (!TracePath(

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <limits>
 #include <utility>
 
 #include "bin/support/run_output.h"
@@ -102,20 +103,16 @@ bool WriteFinalStates(const PointProblem& problem,
 
 bool TracePath(const PointProblem& problem,
                const Method& method,
-               const PointPathOptions& options,
+               MinimizerOptions options,
                PointPath* path,
                std::string* error) {
   *path = PointPath();
   path->label = method.label;
-  MinimizerOptions minimizer;
-  minimizer.max_num_iterations = options.max_num_iterations;
-  minimizer.max_time_in_seconds = options.max_time_in_seconds;
-  minimizer.gradient_tolerance = options.gradient_tolerance;
-  minimizer.function_tolerance = 0.0;
-  minimizer.parameter_tolerance = 0.0;
+  options.function_tolerance = 0.0;
+  options.parameter_tolerance = 0.0;
   ChainObjective objective = problem.MakeObjective();
   if (!MinimizeByMethod(method,
-                        minimizer,
+                        options,
                         problem.inverse,
                         &objective,
                         &path->x,
@@ -173,7 +170,7 @@ bool WritePathCsv(const std::string& prefix,
 
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
-                  const PointPathOptions& options,
+                  const MinimizerOptions& options,
                   std::string* error) {
   std::vector<PointPath> paths;
   std::vector<Plot> plots(1);

@@ -16,7 +16,6 @@
 #ifndef BIN_COMPARE_POINT_COMPARISON_H_
 #define BIN_COMPARE_POINT_COMPARISON_H_
 
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -30,13 +29,6 @@ namespace invgrad {
 // With more unknowns, tables and CSV files contain only norms.
 constexpr int kMaxPrintedSize = 16;
 
-struct PointPathOptions {
-  int max_num_iterations = 100;
-  double max_time_in_seconds = std::numeric_limits<double>::infinity();
-  // Ends a run that has converged; 0: every run takes all iterations.
-  double gradient_tolerance = 1e-12;
-};
-
 struct PointPath {
   std::string label;
   std::vector<Eigen::VectorXd> x;  // x_0, x_1, ...
@@ -48,10 +40,11 @@ struct PointPath {
   std::string status;
 };
 
-// Runs one method. Returns false if the method does not support the problem.
+// Runs one method, without function and parameter tolerance. Returns false if
+// the method does not support the problem.
 bool TracePath(const PointProblem& problem,
                const Method& method,
-               const PointPathOptions& options,
+               MinimizerOptions options,
                PointPath* path,
                std::string* error);
 
@@ -64,7 +57,7 @@ bool WritePathCsv(const std::string& prefix,
 // false if results cannot be written, or if no method could run.
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
-                  const PointPathOptions& options,
+                  const MinimizerOptions& options,
                   std::string* error);
 
 }  // namespace invgrad
