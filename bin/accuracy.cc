@@ -9,33 +9,26 @@
 //   accuracy --problems=quantum_dipole --truncations=1e-5,1e-10
 //   accuracy --problems=poisson --truncations=1e-5
 //
-// d_exact is computed in long double, by QR and Jacobi's SVD, if the batch has
-// at most --long_double_rows rows (m = 448 takes some minutes), and by the
-// route svd otherwise, whose error is about epsilon / truncation. A cell holds
-// the error and, in brackets, the route's estimate.
-//
-//   auto        the route of a rule with default tolerances
-//   gram, svd   the routes, for any error
-//   sgesdd      LAPACK's SVD in single precision, which the code that came with
-//               the paper uses
+// d_exact is computed in long double (m = 448 takes some minutes), or by the
+// route svd, whose error is about epsilon / truncation. A cell holds the error
+// and, in brackets, the route's estimate; docs/results/accuracy.md names the
+// columns.
 
-#include <lapacke.h>
-
-#include <algorithm>
 #include <iostream>
 #include <limits>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
-#include "bin/support/parse_list.h"
+#include "bin/support/lapack_svd.h"
+#include "bin/support/learning_run.h"
 #include "bin/support/program.h"
 #include "bin/support/spectral_reference.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/spectral/spectral_step.h"
-#include "problems/problems.h"
 #include "report/table.h"
 
 DEFINE_string(problems,
@@ -53,54 +46,8 @@ DEFINE_int32(long_double_rows,
 namespace invgrad {
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::MatrixXf;
 using Eigen::VectorXd;
-using Eigen::VectorXf;
-
-// J = U S V^T by LAPACK's sgesdd.
-class SingleSvd {
- public:
-  explicit SingleSvd(const MatrixXd& J) {
-    MatrixXf A = J.cast<float>();
-    const auto m = static_cast<int>(A.rows());
-    const auto n = static_cast<int>(A.cols());
-    const int k = std::min(m, n);
-    U_.resize(m, k);
-    s_.resize(k);
-    Vt_.resize(k, n);
-    converged_ = LAPACKE_sgesdd(LAPACK_COL_MAJOR,
-                                'S',
-                                m,
-                                n,
-                                A.data(),
-                                m,
-                                s_.data(),
-                                U_.data(),
-                                m,
-                                Vt_.data(),
-                                k) == 0;
-  }
-
-  // NaN if the iteration did not converge.
-  VectorXd Step(const SpectralFilter& filter, const VectorXd& g) const {
-    if (!converged_)
-      return VectorXd::Constant(Vt_.cols(),
-                                std::numeric_limits<double>::quiet_NaN());
-    VectorXf c = U_.transpose() * g.cast<float>();
-    for (Index i = 0; i < c.size(); ++i) {
-      c[i] *= static_cast<float>(filter(s_[i], s_[0]));
-    }
-    return (Vt_.transpose() * c).cast<double>();
-  }
-
- private:
-  MatrixXf U_;
-  VectorXf s_;
-  MatrixXf Vt_;
-  bool converged_ = false;
-};
 
 double RelativeError(const VectorXd& d, const VectorXd& exact) {
   return (d - exact).norm() / exact.norm();
@@ -119,7 +66,8 @@ void Measure(const Linearization& at_weights,
     std::cout << fmt::format("s_min / s_max = {:.1e}\n\n",
                              static_cast<double>(s[s.size() - 1] / s[0]));
   }
-  const SingleSvd single(dense);
+  LapackSvd<float> single;
+  const bool converged = single.Compute(dense.cast<float>());
   Table table({{"tau"},
                {"rank"},
                {"route", Table::Align::kLeft},
@@ -161,7 +109,7 @@ void Measure(const Linearization& at_weights,
     const std::string by_auto = cell(SpectralRoute::kAuto);
     const std::string route = SpectralRouteName(summary.route);
     const std::string rank = std::to_string(summary.rank);
-    const double single_error = RelativeError(single.Step(filter, g), exact);
+    const VectorXd by_single = FilteredStep(single, filter, g);
     table.AddRow(
         {fmt::format("{:.0e}", tau),
          rank,
@@ -169,45 +117,39 @@ void Measure(const Linearization& at_weights,
          by_auto,
          cell(SpectralRoute::kGram),
          reference != nullptr ? cell(SpectralRoute::kSvd) : "reference",
-         fmt::format("{:.1e}", single_error)});
+         converged ? fmt::format("{:.1e}", RelativeError(by_single, exact))
+                   : "nan"});
   }
   std::cout << table.ToMarkdown() << "\n" << std::flush;
 }
 
-int Run() {
+bool Run(std::string* error) {
   std::vector<Specification> problems;
   std::vector<double> truncations;
-  std::string error;
-  if (!ParseSpecifications(FLAGS_problems, &problems, &error)) {
-    return Fail("--problems: " + error);
-  }
-  if (!ParseNumbers(FLAGS_truncations, &truncations, &error)) {
-    return Fail("--truncations: " + error);
+  if (!ParseFlag("problems", ParseSpecifications, &problems, error) ||
+      !ParseFlag("truncations", ParseNumbers, &truncations, error) ||
+      !CheckFlags({{"train_steps", {0.0}}, {"batch_size", {0.0}}}, error)) {
+    return false;
   }
   for (const double tau : truncations) {
-    if (tau >= 1.0) return Fail("--truncations: must be below 1");
+    if (tau < 1.0) continue;
+    *error = "--truncations: must be below 1";
+    return false;
   }
-  if (FLAGS_train_steps < 0) return Fail("--train_steps: must not be negative");
-  if (FLAGS_batch_size < 0) return Fail("--batch_size: must not be negative");
   for (const Specification& specification : problems) {
-    PhysicsProblem problem;
-    if (!CreateProblem(specification.text, nullptr, &problem, &error)) {
-      return Fail("--problems: " + error);
+    LearningProblem problem;
+    if (!NameFlag("problems",
+                  CreateLearningProblem(specification.text, &problem, error),
+                  error)) {
+      return false;
     }
-    if (!problem.learning.has_value()) {
-      return Fail("--problems: " + specification.text +
-                  " has no network; allowed are learning problems");
-    }
-    std::vector<int> train_steps = {0};
-    if (FLAGS_train_steps > 0) train_steps.push_back(FLAGS_train_steps);
+    const std::set<int> train_steps = {0, FLAGS_train_steps};
     for (const int num_steps : train_steps) {
       Linearization at_weights;
-      if (!LinearizeAfterTraining(*problem.learning,
-                                  FLAGS_batch_size,
-                                  num_steps,
-                                  &at_weights,
-                                  &error)) {
-        return Fail(specification.text + ": " + error);
+      if (!LinearizeAfterTraining(
+              problem, FLAGS_batch_size, num_steps, &at_weights, error)) {
+        *error = specification.text + ": " + *error;
+        return false;
       }
       std::cout << fmt::format(
                        "**{}**, {}: J {} x {}\n",
@@ -221,7 +163,7 @@ int Run() {
       Measure(at_weights, truncations);
     }
   }
-  return 0;
+  return true;
 }
 
 }  // namespace

@@ -16,20 +16,17 @@ Sample runs:
   linearize   one linearization at the start, by evaluations
   remembered  the same from the stored values of a CachedProblem
 
-Uses one thread. The problem is the bundle adjustment of --input or, without
---input, the identification of a pendulum from samples, each a roll-out of up to
---steps time steps.
+Uses one thread. Without --input the problem is the identification of a pendulum
+from samples, each a roll-out of up to --steps time steps.
 */
 
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <memory>
 #include <string>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/program.h"
-#include "bin/support/ratio_reporter.h"
+#include "bin/support/benchmarks.h"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
@@ -90,50 +87,44 @@ struct PendulumSample {
   }
 };
 
-// A problem with the same initial values for every instance.
+// A problem with the same initial values for every instance: of the file, or
+// the pendulum.
 struct Instance {
+  explicit Instance(const BalData& data) : bal(data) {
+    options.logging_type = ceres::SILENT;
+    options.num_threads = 1;
+    options.max_num_iterations = 20;
+    if (!bal.observations.empty()) {
+      AddBundleAdjustment([] { return nullptr; }, &bal, &problem);
+      options.linear_solver_type = ceres::DENSE_SCHUR;
+      options.linear_solver_ordering = PointsFirst(&bal);
+      return;
+    }
+    const double truth[] = {0.2, 4.0, 1.0};
+    for (int i = 0; i < FLAGS_samples; ++i) {
+      auto* sample =
+          new PendulumSample{FLAGS_steps * (i + 1) / FLAGS_samples, 0};
+      (*sample)(truth, &sample->measured);
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<PendulumSample, 1, 3>(sample),
+          nullptr,
+          pendulum);
+    }
+    options.linear_solver_type = ceres::DENSE_QR;
+  }
+
   BalData bal;
   double pendulum[3] = {0.05, 3.0, 0.5};
   ceres::Problem problem;
   ceres::Solver::Options options;
 };
 
-std::unique_ptr<Instance> MakePendulum() {
-  auto instance = std::make_unique<Instance>();
-  const double truth[] = {0.2, 4.0, 1.0};
-  for (int i = 0; i < FLAGS_samples; ++i) {
-    auto* sample = new PendulumSample{FLAGS_steps * (i + 1) / FLAGS_samples, 0};
-    (*sample)(truth, &sample->measured);
-    instance->problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<PendulumSample, 1, 3>(sample),
-        nullptr,
-        instance->pendulum);
-  }
-  instance->options.linear_solver_type = ceres::DENSE_QR;
-  return instance;
-}
-
-std::unique_ptr<Instance> MakeBundle(const BalData& data) {
-  auto instance = std::make_unique<Instance>();
-  instance->bal = data;
-  AddBundleAdjustment(
-      [] { return nullptr; }, &instance->bal, &instance->problem);
-  instance->options.linear_solver_type = ceres::DENSE_SCHUR;
-  instance->options.linear_solver_ordering = PointsFirst(&instance->bal);
-  return instance;
-}
-
-using MakeInstance = std::function<std::unique_ptr<Instance>()>;
-
 void Run(benchmark::State& state,
-         const MakeInstance& make,
+         const BalData& data,
          const std::function<void(Instance*, ceres::Solver::Summary*)>& solve) {
   for (auto _ : state) {
     state.PauseTiming();
-    std::unique_ptr<Instance> instance = make();
-    instance->options.logging_type = ceres::SILENT;
-    instance->options.num_threads = 1;
-    instance->options.max_num_iterations = 20;
+    auto instance = std::make_unique<Instance>(data);
     ceres::Solver::Summary summary;
     state.ResumeTiming();
     solve(instance.get(), &summary);
@@ -148,27 +139,6 @@ void Run(benchmark::State& state,
   }
 }
 
-void SolvePlain(Instance* instance, ceres::Solver::Summary* summary) {
-  ceres::Solve(instance->options, &instance->problem, summary);
-}
-
-void SolveDeclining(bool needs_jacobian,
-                    Instance* instance,
-                    ceres::Solver::Summary* summary) {
-  DecliningRule rule(needs_jacobian);
-  UpdateCallback callback(&rule, &instance->problem);
-  callback.AddTo(&instance->options);
-  ceres::Solve(instance->options, &instance->problem, summary);
-}
-
-void SolveCached(Instance* instance, ceres::Solver::Summary* summary) {
-  DecliningRule rule(/*needs_jacobian=*/true);
-  CachedProblem cached({}, &instance->problem);
-  UpdateCallback callback(&rule, cached.problem());
-  callback.AddTo(&instance->options);
-  ceres::Solve(instance->options, cached.problem(), summary);
-}
-
 void Linearize(benchmark::State& state, ceres::Problem* problem) {
   const ProblemLinearizer linearizer(problem, {});
   LinearizationParts parts;
@@ -181,59 +151,65 @@ void Linearize(benchmark::State& state, ceres::Problem* problem) {
   }
 }
 
-int Benchmark() {
-  std::string error;
-  if (!CheckFlag("steps", FLAGS_steps > 0, "1 or more", &error) ||
-      !CheckFlag("samples", FLAGS_samples > 2, "3 or more", &error)) {
-    return Fail(error);
-  }
+bool RunAll(std::string* error) {
   BalData data;
-  MakeInstance make = MakePendulum;
-  if (!FLAGS_input.empty()) {
-    if (!ReadBalFile(FLAGS_input, &data, &error)) return Fail(error);
-    make = [&data] { return MakeBundle(data); };
+  if (!CheckFlags({{"steps", {1.0}}, {"samples", {3.0}}}, error) ||
+      (!FLAGS_input.empty() && !ReadBalFile(FLAGS_input, &data, error))) {
+    return false;
   }
   const SingleBlasThread single(true);
-  const auto add = [&](const char* name, auto solve) {
-    benchmark::RegisterBenchmark(name, [&make, solve](benchmark::State& state) {
-      Run(state, make, solve);
-    })->Unit(benchmark::kMillisecond);
+  const auto add = [&data](const char* name, auto solve) {
+    RegisterBenchmark(name, [&data, solve](benchmark::State& state) {
+      Run(state, data, solve);
+    });
   };
-  add("plain", SolvePlain);
-  add("declining", [](Instance* instance, ceres::Solver::Summary* summary) {
-    SolveDeclining(/*needs_jacobian=*/false, instance, summary);
+  const auto decline = [](bool needs_jacobian,
+                          ceres::Problem* problem,
+                          Instance* instance,
+                          ceres::Solver::Summary* summary) {
+    DecliningRule rule(needs_jacobian);
+    UpdateCallback callback(&rule, problem);
+    callback.AddTo(&instance->options);
+    ceres::Solve(instance->options, problem, summary);
+  };
+  add("plain", [](Instance* instance, auto* summary) {
+    ceres::Solve(instance->options, &instance->problem, summary);
   });
-  add("asking", [](Instance* instance, ceres::Solver::Summary* summary) {
-    SolveDeclining(/*needs_jacobian=*/true, instance, summary);
+  add("declining", [decline](Instance* instance, auto* summary) {
+    decline(false, &instance->problem, instance, summary);
   });
-  add("cached", SolveCached);
-  benchmark::RegisterBenchmark("linearize", [&](benchmark::State& state) {
-    Linearize(state, &make()->problem);
-  })->Unit(benchmark::kMillisecond);
-  benchmark::RegisterBenchmark("remembered", [&](benchmark::State& state) {
-    const std::unique_ptr<Instance> instance = make();
+  add("asking", [decline](Instance* instance, auto* summary) {
+    decline(true, &instance->problem, instance, summary);
+  });
+  add("cached", [decline](Instance* instance, auto* summary) {
     CachedProblem cached({}, &instance->problem);
+    decline(true, cached.problem(), instance, summary);
+  });
+  RegisterBenchmark("linearize", [&data](benchmark::State& state) {
+    Instance instance(data);
+    Linearize(state, &instance.problem);
+  });
+  RegisterBenchmark("remembered", [&data](benchmark::State& state) {
+    Instance instance(data);
+    CachedProblem cached({}, &instance.problem);
     Linearize(state, cached.problem());
-  })->Unit(benchmark::kMillisecond);
-
+  });
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
-  reporter.PrintRatio("declining", "plain");
-  reporter.PrintRatio("asking", "plain");
-  reporter.PrintRatio("cached", "plain");
+  for (const char* name : {"declining", "asking", "cached"}) {
+    reporter.PrintRatio(name, "plain");
+  }
   reporter.PrintRatio("remembered", "linearize");
-  return 0;
+  return true;
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark removes its flags from argv.
-  benchmark::Initialize(&argc, argv);
-  return invgrad::RunProgram(
+  return invgrad::RunBenchmarks(
       argc,
       argv,
       "times ceres::Solve with an UpdateCallback beside ceres::Solve alone",
-      invgrad::Benchmark);
+      invgrad::RunAll);
 }

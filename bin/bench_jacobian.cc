@@ -13,20 +13,19 @@
 //                             the same model: B = 32, m = 128, n = 1,444
 //   cubic_chain/jacobian      the nonlinear oscillators, B = 128
 
-#include <cstdio>
-#include <memory>
+#include <algorithm>
+#include <iterator>
 #include <string>
 #include <vector>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/program.h"
-#include "bin/support/ratio_reporter.h"
+#include "bin/support/benchmarks.h"
+#include "bin/support/learning_run.h"
 #include "ceres/dynamic_autodiff_cost_function.h"
 #include "glog/logging.h"
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/io/numpy_random.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {
@@ -38,15 +37,14 @@ struct Chain {
   Eigen::VectorXd weights;
 
   explicit Chain(const std::string& coupling) {
-    OscillatorChain oscillators;
-    oscillators.coupling = coupling;
-    oscillators.num_samples = 512;
     std::string error;
-    CHECK(oscillators.Create(&problem, &error)) << error;
+    CHECK(CreateLearningProblem(
+        "oscillator_chain:num_samples=512:coupling=" + coupling,
+        &problem,
+        &error))
+        << error;
     batch = problem.train.Range(0, problem.batch_size);
-    NumpyRandom random(1);
-    weights = problem.model->network().InitialWeights(problem.initialization,
-                                                      &random);
+    weights = InitialWeights(problem, 1);
   }
 };
 
@@ -115,40 +113,44 @@ void AutoDiff(benchmark::State& state) {
 }
 
 template <int kStride>
-void RegisterAutoDiff() {
-  const std::string name = "linear_chain/autodiff/" + std::to_string(kStride);
-  benchmark::RegisterBenchmark(name.c_str(), AutoDiff<kStride>)
-      ->Unit(benchmark::kMillisecond);
+std::string RegisterAutoDiff() {
+  const std::string name = fmt::format("linear_chain/autodiff/{}", kStride);
+  RegisterBenchmark(name, AutoDiff<kStride>);
+  return name;
 }
 
-void RegisterAll() {
+bool Run(std::string* /*error*/) {
+  SetBlasThreads(1);
   for (const std::string coupling : {"linear", "cubic"}) {
-    benchmark::RegisterBenchmark(
-        (coupling + "_chain/jacobian").c_str(), JacobianFactors, coupling)
-        ->Unit(benchmark::kMillisecond);
+    RegisterBenchmark(coupling + "_chain/jacobian",
+                      [coupling](benchmark::State& state) {
+                        JacobianFactors(state, coupling);
+                      });
   }
-  RegisterAutoDiff<4>();
-  RegisterAutoDiff<8>();
-  RegisterAutoDiff<16>();
-  RegisterAutoDiff<32>();
+  const std::string strides[] = {RegisterAutoDiff<4>(),
+                                 RegisterAutoDiff<8>(),
+                                 RegisterAutoDiff<16>(),
+                                 RegisterAutoDiff<32>()};
+  RatioReporter reporter;
+  benchmark::RunSpecifiedBenchmarks(&reporter);
+  fmt::print("\nRatio of this run (medians of the repetitions)\n");
+  reporter.PrintRatio(
+      *std::min_element(std::begin(strides),
+                        std::end(strides),
+                        [&reporter](const auto& a, const auto& b) {
+                          return reporter.Median(a) < reporter.Median(b);
+                        }),
+      "linear_chain/jacobian");
+  return true;
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  invgrad::UseProcessorsKernels(argv);
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  invgrad::SetBlasThreads(1);
-  invgrad::RegisterAll();
-  invgrad::RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
-  std::printf("\nRatio of this run (medians of the repetitions)\n");
-  reporter.PrintRatio(reporter.Fastest({"linear_chain/autodiff/4",
-                                        "linear_chain/autodiff/8",
-                                        "linear_chain/autodiff/16",
-                                        "linear_chain/autodiff/32"}),
-                      "linear_chain/jacobian");
-  return 0;
+  return invgrad::RunBenchmarks(
+      argc,
+      argv,
+      "times the Jacobian of network and simulator by each method",
+      invgrad::Run);
 }

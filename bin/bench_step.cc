@@ -1,5 +1,5 @@
-// Measures the time of the half-inverse step's linear algebra by each route and
-// by a full SVD, for the four published sizes and a million weights.
+// Times the half-inverse step's linear algebra by each route and by a full SVD,
+// for the four published sizes and a million weights (docs/results/speed.md).
 //
 // Sample runs:
 //
@@ -19,12 +19,10 @@
 //   bdcsvd           Eigen's
 //   step             linearization (network, physics, factors) and gram
 //
-// After the usual lines follow ratios within this run, GF/s, and multiples of
-// the lower limit: the arithmetic of the Gram matrix and the reduction,
-// m^2 sum(widths) + 4/3 m^3, at the speed of dgemm in this run. --memory prints
-// the peak memory of a process that makes one such step, and no times.
+// Then follow ratios within this run, GF/s, and multiples of the lower limit
+// (Case::LimitFlops at the speed of dgemm in this run). --memory prints the
+// peak memory of a process that makes one such step, and no times.
 
-#include <lapacke.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -35,20 +33,22 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
-#include <sstream>
+#include <numeric>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "benchmark/benchmark.h"
+#include "bin/support/benchmarks.h"
+#include "bin/support/lapack_svd.h"
+#include "bin/support/learning_run.h"
 #include "bin/support/program.h"
-#include "bin/support/ratio_reporter.h"
-#include "bin/support/step_case.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_step.h"
 
@@ -65,53 +65,105 @@ DEFINE_bool(memory, false, "print peak memory instead of times");
 namespace invgrad {
 namespace {
 
-// Measures repeated calls of `step`, which returns the label of the line.
-using Step = std::function<std::string(const StepCase&)>;
+struct CaseRow {
+  const char* name;
+  const char* problem;
+  double truncation;      // the published one
+  bool full_svd_is_slow;  // a minute or more
+  // Of a network in place of the problem's, with a J of 33 GB: no full SVD.
+  std::vector<int> widths;
+};
+
+const std::vector<CaseRow>& CaseRows() {
+  static const auto& rows = *new std::vector<CaseRow>{
+      {"linear_chain", "oscillator_chain", 1e-10, false, {}},
+      {"cubic_chain", "oscillator_chain:coupling=cubic", 1e-6, false, {}},
+      {"quantum_dipole", "quantum_dipole", 1e-5, false, {}},
+      {"poisson", "poisson", 1e-5, true, {}},
+      {"million", "poisson", 1e-5, true, {64, 512, 1024, 416, 64}},
+  };
+  return rows;
+}
+
+// A batch of a problem, linearized at its initial weights.
+struct Case {
+  const CaseRow* row;
+  SpectralFilter filter;
+  std::shared_ptr<const Model> model;
+  DataSet batch;
+  Eigen::VectorXd weights;
+  Linearization at_weights;
+
+  explicit Case(const CaseRow& case_row)
+      : row(&case_row),
+        filter(SpectralFilter::HalfInverse(
+            FLAGS_truncation > 0.0 ? FLAGS_truncation : row->truncation)) {
+    LearningProblem problem;
+    std::string error;
+    CHECK(CreateLearningProblem(row->problem, &problem, &error)) << error;
+    if (!row->widths.empty()) {
+      problem.model =
+          std::make_shared<Model>(problem.model->WithNetwork(DenseNetwork(
+              row->widths, problem.model->network().hidden_activation())));
+    }
+    model = problem.model;
+    batch = problem.train.Range(0, problem.batch_size);
+    weights = InitialWeights(problem, 1);
+    Linearize(&at_weights);
+  }
+
+  void Linearize(Linearization* at) const {
+    std::string error;
+    CHECK(model->Linearize(
+        weights, batch, LinearizationParts::Jacobian(), at, &error))
+        << error;
+  }
+  const JacobianOperator& J() const { return *at_weights.jacobian; }
+  const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
+
+  // The operations of the Gram matrix and its reduction:
+  // m^2 sum(widths) + 4/3 m^3.
+  double LimitFlops() const {
+    const std::vector<int>& widths = model->network().widths();
+    const double sum = std::accumulate(widths.begin() + 1, widths.end(), 0.0);
+    const double m = J().rows();
+    return m * m * sum + 4.0 / 3.0 * m * m * m;
+  }
+};
+
+// Returns the label of the line.
+using Step = std::function<std::string(const Case&)>;
 
 std::string Label(int rank, double estimated_error) {
   return fmt::format("rank {}, error < {:.1e}", rank, estimated_error);
 }
 
-// A step by `route` for the given linearization.
-std::string SpectralStepAt(const Linearization& at,
-                           const SpectralFilter& filter,
-                           SpectralRoute route,
-                           SpectralWorkspace* workspace) {
-  SpectralStepOptions options = SpectralStepOptions::ForTraining();
-  options.route = route;
-  Eigen::VectorXd d;
-  SpectralStepSummary summary;
-  return SpectralStep(*at.jacobian,
-                      at.loss_gradient,
-                      filter,
-                      options,
-                      workspace,
-                      &d,
-                      &summary)
-             ? Label(summary.rank, summary.estimated_error)
-             : summary.message;
-}
-
-Step RouteStep(SpectralRoute route) {
+// A step by `route`; with its linearization if `is_whole`.
+Step RouteStep(SpectralRoute route, bool is_whole = false) {
   auto workspace = std::make_shared<SpectralWorkspace>();
-  return [route, workspace](const StepCase& at) {
-    return SpectralStepAt(at.at_weights, at.filter, route, workspace.get());
-  };
-}
-
-Step FullStep() {
-  auto workspace = std::make_shared<SpectralWorkspace>();
-  return [workspace](const StepCase& at) {
+  return [route, is_whole, workspace](const Case& at) {
     Linearization linearization;
-    at.Linearize(&linearization);
-    return SpectralStepAt(
-        linearization, at.filter, SpectralRoute::kGram, workspace.get());
+    if (is_whole) at.Linearize(&linearization);
+    const Linearization& here = is_whole ? linearization : at.at_weights;
+    SpectralStepOptions options = SpectralStepOptions::ForTraining();
+    options.route = route;
+    Eigen::VectorXd d;
+    SpectralStepSummary summary;
+    return SpectralStep(*here.jacobian,
+                        here.loss_gradient,
+                        at.filter,
+                        options,
+                        workspace.get(),
+                        &d,
+                        &summary)
+               ? Label(summary.rank, summary.estimated_error)
+               : summary.message;
   };
 }
 
 Step KrylovStep() {
   auto basis = std::make_shared<Eigen::MatrixXd>();
-  return [basis](const StepCase& at) {
+  return [basis](const Case& at) {
     GolubKahanOptions options;
     options.tolerance = 1e-6;
     options.max_iterations = std::min(at.J().rows(), at.J().cols());
@@ -124,71 +176,29 @@ Step KrylovStep() {
   };
 }
 
-// V phi(S) U^T g from a thin SVD.
-template <typename Matrix, typename Vector>
-Eigen::VectorXd Filtered(const Matrix& U,
-                         const Vector& s,
-                         const Matrix& Vt,
-                         const StepCase& at) {
-  using Scalar = typename Matrix::Scalar;
-  Vector c = U.transpose() * at.g().template cast<Scalar>();
-  for (Eigen::Index i = 0; i < c.size(); ++i) {
-    c[i] *= static_cast<Scalar>(at.filter(s[i], s[0]));
+struct EigenSvd : SmallSvd {
+  using Matrix = Eigen::MatrixXd;
+  Matrix Vt;
+
+  bool Compute(const Matrix& J) {
+    SmallSvd::Compute(J);
+    Vt = V.transpose();
+    return true;
   }
-  return (Vt.transpose() * c).template cast<double>();
-}
+};
 
-lapack_int Gesdd(int m, int n, double* A, double* s, double* U, double* Vt) {
-  const int k = std::min(m, n);
-  return LAPACKE_dgesdd(LAPACK_COL_MAJOR, 'S', m, n, A, m, s, U, m, Vt, k);
-}
-lapack_int Gesdd(int m, int n, float* A, float* s, float* U, float* Vt) {
-  const int k = std::min(m, n);
-  return LAPACKE_sgesdd(LAPACK_COL_MAJOR, 'S', m, n, A, m, s, U, m, Vt, k);
-}
-
-// LAPACK's SVD of the dense J; steps reuse its arrays.
-template <typename Scalar>
-Step LapackStep() {
-  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
-  using Vector = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
-  struct Arrays {
-    Matrix J, A, U, Vt;
-    Vector s;
-  };
-  auto arrays = std::make_shared<Arrays>();
-  return [arrays](const StepCase& at) -> std::string {
-    const int m = at.J().rows();
-    const int n = at.J().cols();
-    const int k = std::min(m, n);
-    Arrays& a = *arrays;
-    if (a.J.size() == 0) {
-      Eigen::MatrixXd J;
-      at.J().ToDense(&J);
-      a.J = J.cast<Scalar>();
-      a.U.resize(m, k);
-      a.Vt.resize(k, n);
-      a.s.resize(k);
+// A full SVD of the dense J; steps reuse its arrays.
+template <typename Svd>
+Step SvdStep() {
+  return [J = typename Svd::Matrix(),
+          svd = Svd()](const Case& at) mutable -> std::string {
+    if (J.size() == 0) {
+      Eigen::MatrixXd dense;
+      at.J().ToDense(&dense);
+      J = dense.cast<typename Svd::Matrix::Scalar>();
     }
-    a.A = a.J;  // LAPACK overwrites a.A
-    CHECK_EQ(Gesdd(m, n, a.A.data(), a.s.data(), a.U.data(), a.Vt.data()), 0);
-    benchmark::DoNotOptimize(Filtered(a.U, a.s, a.Vt, at).data());
-    return "";
-  };
-}
-
-Step EigenStep() {
-  struct Arrays {
-    Eigen::MatrixXd J;
-    SmallSvd svd;
-  };
-  auto arrays = std::make_shared<Arrays>();
-  return [arrays](const StepCase& at) -> std::string {
-    if (arrays->J.size() == 0) at.J().ToDense(&arrays->J);
-    const SmallSvd& svd = arrays->svd;
-    arrays->svd.Compute(arrays->J);
-    const Eigen::MatrixXd Vt = svd.V.transpose();
-    const Eigen::VectorXd d = Filtered(svd.U, svd.s, Vt, at);
+    CHECK(svd.Compute(J));
+    const Eigen::VectorXd d = FilteredStep(svd, at.filter, at.g());
     benchmark::DoNotOptimize(d.data());
     return "";
   };
@@ -203,34 +213,26 @@ struct RouteRow {
 const std::vector<RouteRow>& RouteRows() {
   static const auto& rows = *new std::vector<RouteRow>{
       {"gram", false, [] { return RouteStep(SpectralRoute::kGram); }},
-      {"step", false, FullStep},
+      {"step", false, [] { return RouteStep(SpectralRoute::kGram, true); }},
       {"golub_kahan", false, KrylovStep},
       {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},
-      {"dgesdd", true, LapackStep<double>},
-      {"sgesdd", true, LapackStep<float>},
-      {"bdcsvd", true, EigenStep},
+      {"dgesdd", true, SvdStep<LapackSvd<double>>},
+      {"sgesdd", true, SvdStep<LapackSvd<float>>},
+      {"bdcsvd", true, SvdStep<EigenSvd>},
   };
   return rows;
 }
 
-std::vector<std::string> Split(const std::string& list) {
-  std::istringstream stream(list);
-  std::vector<std::string> names;
-  std::string name;
-  while (std::getline(stream, name, ',')) names.push_back(name);
-  return names;
-}
-
-bool IsWanted(const StepCaseRow& row, const RouteRow& route) {
+bool IsWanted(const CaseRow& row, const RouteRow& route) {
   const std::string name = route.name;
-  if (row.full_svd_is_impossible && route.is_full_svd) return false;
+  if (route.is_full_svd && !row.widths.empty()) return false;
   if (!FLAGS_routes.empty()) {
-    const std::vector<std::string> wanted = Split(FLAGS_routes);
+    const std::vector<std::string> wanted = SplitList(FLAGS_routes);
     return std::find(wanted.begin(), wanted.end(), name) != wanted.end();
   }
   // golub_kahan is for truncations that keep a small share of the values.
   if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
-  return !(row.full_svd_is_slow && route.is_full_svd);
+  return !(route.is_full_svd && row.full_svd_is_slow);
 }
 
 // The dgemm rate of this run, in flops a second.
@@ -251,11 +253,11 @@ double GemmRate() {
 }
 
 // The memory, in megabytes, of a process that makes one step.
-double PeakMemory(const StepCaseRow& row, const RouteRow& route) {
+double PeakMemory(const CaseRow& row, const RouteRow& route) {
   const pid_t child = fork();
   PCHECK(child >= 0);
   if (child == 0) {
-    route.make()(StepCase(row, FLAGS_truncation));
+    route.make()(Case(row));
     _exit(0);
   }
   int status = 0;
@@ -265,39 +267,29 @@ double PeakMemory(const StepCaseRow& row, const RouteRow& route) {
   return usage.ru_maxrss / 1024.0;
 }
 
-// The row with this name; null, with a message, if there is none.
+// The rows whose names a flag lists.
 template <typename Row>
-const Row* FindRow(const char* flag,
-                   const std::vector<Row>& rows,
-                   const std::string& name) {
-  std::string names;
-  for (const Row& row : rows) {
-    if (name == row.name) return &row;
-    names += std::string(" ") + row.name;
-  }
-  fmt::print(stderr, "--{}={}: allowed are{}\n", flag, name, names);
-  return nullptr;
-}
-
-bool ReadFlags(std::vector<const StepCaseRow*>* cases) {
-  if (!(FLAGS_truncation >= 0.0 && FLAGS_truncation < 1.0)) {
-    fmt::print(
-        stderr, "--truncation={}: allowed are [0, 1)\n", FLAGS_truncation);
-    return false;
-  }
-  for (const std::string& name : Split(FLAGS_routes)) {
-    if (FindRow("routes", RouteRows(), name) == nullptr) return false;
-  }
-  for (const std::string& name : Split(FLAGS_cases)) {
-    cases->push_back(FindRow("cases", StepCaseRows(), name));
-    if (cases->back() == nullptr) return false;
+bool FindRows(const char* flag,
+              const std::vector<Row>& rows,
+              std::vector<const Row*>* found,
+              std::string* error) {
+  std::vector<std::string> names;
+  for (const Row& row : rows) names.emplace_back(row.name);
+  for (const std::string& name :
+       SplitList(gflags::GetCommandLineFlagInfoOrDie(flag).current_value)) {
+    const auto it = std::find(names.begin(), names.end(), name);
+    if (it == names.end()) {
+      *error = UnknownNameMessage(std::string("--") + flag, name, names);
+      return false;
+    }
+    found->push_back(&rows[it - names.begin()]);
   }
   return true;
 }
 
-void PrintMemory(const std::vector<const StepCaseRow*>& cases) {
+void PrintMemory(const std::vector<const CaseRow*>& cases) {
   fmt::print("peak memory of a process that makes one step, MB\n");
-  for (const StepCaseRow* row : cases) {
+  for (const CaseRow* row : cases) {
     for (const RouteRow& route : RouteRows()) {
       if (!IsWanted(*row, route)) continue;
       fmt::print("{:<30} {:8.0f}\n",
@@ -308,29 +300,31 @@ void PrintMemory(const std::vector<const StepCaseRow*>& cases) {
   }
 }
 
-void Register(const std::shared_ptr<const StepCase>& at) {
+// The factors and the first use of the workspace are not measured; they are
+// negligible for steps of a minute.
+void Measure(const Case& at,
+             const RouteRow& route,
+             bool is_slow,
+             benchmark::State* state) {
+  const Step step = route.make();
+  std::string label;
+  if (!is_slow) label = step(at);
+  for (auto _ : *state) label = step(at);
+  state->SetLabel(label);
+}
+
+void Register(const std::shared_ptr<const Case>& at) {
   for (const RouteRow& route : RouteRows()) {
     if (!IsWanted(*at->row, route)) continue;
-    const std::string name = std::string(at->row->name) + "/" + route.name;
-    const bool slow = at->row->full_svd_is_slow && route.is_full_svd;
-    auto* registered = benchmark::RegisterBenchmark(
-        name.c_str(),
-        [at, slow](benchmark::State& state, const RouteRow& it) {
-          // Not measured: the factors and the first use of the workspace, which
-          // is negligible for steps of a minute.
-          const Step step = it.make();
-          std::string label;
-          if (!slow) label = step(*at);
-          for (auto _ : state) label = step(*at);
-          state.SetLabel(label);
-        },
-        route);
-    registered->Unit(benchmark::kMillisecond);
-    if (slow) registered->MinTime(1e-3);  // once
+    const bool is_slow = route.is_full_svd && at->row->full_svd_is_slow;
+    auto* registered = RegisterBenchmark(
+        fmt::format("{}/{}", at->row->name, route.name),
+        [=, &route](auto& state) { Measure(*at, route, is_slow, &state); });
+    if (is_slow) registered->MinTime(1e-3);  // once
   }
 }
 
-void PrintRatios(const std::vector<std::shared_ptr<const StepCase>>& cases,
+void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
                  const RatioReporter& reporter,
                  double gemm_rate) {
   fmt::print("\nRatios of this run (medians of the repetitions)\n");
@@ -358,30 +352,38 @@ void PrintRatios(const std::vector<std::shared_ptr<const StepCase>>& cases,
   }
 }
 
+bool Run(std::string* error) {
+  std::vector<const CaseRow*> rows;
+  std::vector<const RouteRow*> routes;
+  if (!CheckFlags({{"truncation", {0.0, 1.0, false, true}}}, error) ||
+      !FindRows("routes", RouteRows(), &routes, error) ||
+      !FindRows("cases", CaseRows(), &rows, error)) {
+    return false;
+  }
+  SetBlasThreads(1);
+  if (FLAGS_memory) {
+    PrintMemory(rows);
+    return true;
+  }
+  std::vector<std::shared_ptr<const Case>> cases;
+  for (const CaseRow* row : rows) {
+    cases.push_back(std::make_shared<const Case>(*row));
+    Register(cases.back());
+  }
+  const double gemm_rate = GemmRate();
+  RatioReporter reporter;
+  benchmark::RunSpecifiedBenchmarks(&reporter);
+  PrintRatios(cases, reporter, gemm_rate);
+  return true;
+}
+
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  using invgrad::StepCase;
-  invgrad::UseProcessorsKernels(argv);
-  benchmark::Initialize(&argc, argv);
-  gflags::ParseCommandLineFlags(&argc, &argv, true);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  std::vector<const invgrad::StepCaseRow*> rows;
-  if (!invgrad::ReadFlags(&rows)) return 1;
-  invgrad::SetBlasThreads(1);
-  if (FLAGS_memory) {
-    invgrad::PrintMemory(rows);
-    return 0;
-  }
-  std::vector<std::shared_ptr<const StepCase>> cases;
-  for (const invgrad::StepCaseRow* row : rows) {
-    cases.push_back(std::make_shared<const StepCase>(*row, FLAGS_truncation));
-    invgrad::Register(cases.back());
-  }
-  const double gemm_rate = invgrad::GemmRate();
-  invgrad::RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
-  invgrad::PrintRatios(cases, reporter, gemm_rate);
-  return 0;
+  return invgrad::RunBenchmarks(
+      argc,
+      argv,
+      "times the half-inverse step's linear algebra by each route",
+      invgrad::Run);
 }

@@ -1,6 +1,5 @@
 /*
-Compares the time of a training step of several methods on one problem, as
-ratios within one run.
+Compares the time of a training step of several methods on one problem.
 
 Sample runs:
 
@@ -13,18 +12,14 @@ same weights, including batches and linearizations, but no evaluations of the
 loss. The ratios are relative to the first method.
 */
 
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/program.h"
-#include "bin/support/ratio_reporter.h"
-#include "bin/support/training.h"
+#include "bin/support/benchmarks.h"
+#include "bin/support/learning_run.h"
 #include "gflags/gflags.h"
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
-#include "problems/problems.h"
 
 DEFINE_string(problem, "sine:xi=32:phi=45", "a problem with a network");
 DEFINE_string(rules,
@@ -56,44 +51,33 @@ void TrainSteps(benchmark::State& state,
   }
 }
 
-int Run() {
-  std::string error;
-  PhysicsProblem problem;
+bool Run(std::string* error) {
+  LearningProblem problem;
   std::vector<Method> methods;
-  if (!CreateProblem(FLAGS_problem, nullptr, &problem, &error)) {
-    return Fail(error);
+  if (!CheckFlags({{"steps", {1.0}}}, error) ||
+      !ParseFlag("problem", CreateLearningProblem, &problem, error) ||
+      !ParseFlag("rules", ParseMethods, &methods, error)) {
+    return false;
   }
-  if (!problem.learning.has_value()) {
-    return Fail("--problem=" + FLAGS_problem + " has no network to train");
-  }
-  if (!ParseMethods(FLAGS_rules, &methods, &error)) {
-    return Fail("--rules: " + error);
-  }
-  if (FLAGS_steps < 1) return Fail("--steps: allowed: 1 or more");
   SetBlasThreads(1);
   for (const Method& method : methods) {
-    benchmark::RegisterBenchmark(method.label.c_str(),
-                                 [&](benchmark::State& state) {
-                                   TrainSteps(state, *problem.learning, method);
-                                 })
-        ->UseManualTime()
-        ->Unit(benchmark::kMillisecond);
+    RegisterBenchmark(method.label, [&](benchmark::State& state) {
+      TrainSteps(state, problem, method);
+    })->UseManualTime();
   }
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
-  std::printf("\nRatios of this run (medians of the repetitions)\n");
+  fmt::print("\nRatios of this run (medians of the repetitions)\n");
   for (size_t i = 1; i < methods.size(); ++i) {
     reporter.PrintRatio(methods[i].label, methods[0].label);
   }
-  return 0;
+  return true;
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  // Google Benchmark removes its flags from argv.
-  benchmark::Initialize(&argc, argv);
-  return invgrad::RunProgram(
+  return invgrad::RunBenchmarks(
       argc, argv, "times a training step of several methods", invgrad::Run);
 }

@@ -15,31 +15,23 @@ Sample runs:
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
-docs/results/estimation.md lists the sources of the files. The run directory
-holds the flags that repeat the run, versions, tables, results in the input's
-format (uncompressed), iterations (CSV) and pictures (PNG). Ctrl-C ends the
+docs/results/estimation.md lists the sources of the files. Ctrl-C ends the
 current method, skips the others, and keeps the results so far.
 */
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iostream>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "bin/estimate/estimation_comparison.h"
 #include "bin/support/listing.h"
-#include "bin/support/parse_list.h"
 #include "bin/support/program.h"
-#include "bin/support/run_directory.h"
-#include "fmt/core.h"
+#include "bin/support/run_output.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/minimize/problem_minimization.h"
-#include "problems/estimation/nist_models.h"
 
 DEFINE_bool(list,
             false,
@@ -54,13 +46,13 @@ DEFINE_string(
     "lower",
     "which Cholesky factor of an edge's information weights its residual "
     "(g2o): lower, as in Ceres' examples; upper, as the format defines it");
-DEFINE_string(start, "both", "of a NIST file: 1, 2, both");
 DEFINE_string(
     methods,
     "ceres_lm,ceres_dogleg",
     "methods to compare, name[:key=value...],...: a rule, a minimizer "
     "of Ceres, or one with a rule that proposes steps, as "
     "ceres_lm+half_inverse; --list shows all");
+DEFINE_string(start, "both", "of a NIST file: 1, 2, both");
 DEFINE_string(loss,
               "none",
               "robust loss: none, or huber, soft_l_one, cauchy, arctan, tukey "
@@ -86,54 +78,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool CheckFlags(std::string* error) {
-  const std::vector<std::string>& kinds = EstimationKinds();
-  return CheckFlag("input", !FLAGS_input.empty(), "files, folders", error) &&
-         CheckFlag("format",
-                   FLAGS_format.empty() ||
-                       std::find(kinds.begin(), kinds.end(), FLAGS_format) !=
-                           kinds.end(),
-                   "nist, bal, g2o",
-                   error) &&
-         CheckFlag(
-             "start",
-             FLAGS_start == "1" || FLAGS_start == "2" || FLAGS_start == "both",
-             "1, 2, both",
-             error) &&
-         CheckFlag("information_root",
-                   FLAGS_information_root == "lower" ||
-                       FLAGS_information_root == "upper",
-                   "lower, upper",
-                   error) &&
-         CheckFlag("perturb",
-                   std::isfinite(FLAGS_perturb) && FLAGS_perturb >= 0.0,
-                   "0 (off) or more",
-                   error) &&
-         CheckFlag("max_iterations",
-                   FLAGS_max_iterations >= 0,
-                   "0 (usual) or more",
-                   error) &&
-         CheckFlag("seconds",
-                   std::isfinite(FLAGS_seconds) && FLAGS_seconds >= 0.0,
-                   "0 (no limit) or more",
-                   error) &&
-         CheckFlag("function_tolerance",
-                   FLAGS_function_tolerance == -1.0 ||
-                       (FLAGS_function_tolerance >= 0.0 &&
-                        FLAGS_function_tolerance < 1.0),
-                   "-1 (usual), or from 0 to less than 1",
-                   error) &&
-         CheckFlag("threads",
-                   FLAGS_threads >= 1 && FLAGS_threads <= 256,
-                   "1 to 256",
-                   error);
-}
-
 // The files in --input, and all files with a known extension in the folders in
 // --input, in alphabetical order.
 bool FindFiles(std::vector<std::string>* files, std::string* error) {
-  std::istringstream items(FLAGS_input);
-  for (std::string item; std::getline(items, item, ',');) {
+  for (const std::string& item : SplitList(FLAGS_input)) {
     if (item.empty()) {
       *error = "--input=" + FLAGS_input + " has an empty item";
       return false;
@@ -200,80 +148,35 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
     }
     input.estimation = ReadEstimation(file, options, error);
     if (input.estimation == nullptr) return false;
-    if (FLAGS_start == "2" && input.estimation->traits().num_starts < 2) {
-      *error = "--start=2: " + file + " has one start";
-      return false;
-    }
     inputs->push_back(std::move(input));
   }
   return true;
 }
 
-void PrintEstimateListing(std::ostream& out) {
-  out << "Formats (--input)\n"
-         "  .dat            NIST StRD, nonlinear regression (nist)\n"
-         "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
-         ".txt\n"
-         "  .g2o            pose graphs in 2D and 3D (g2o)\n"
-         "\nModels of NIST's files\n";
-  for (const NistModel& model : NistModels()) {
-    out << "  " << model.name << "\n    " << model.formula << "\n";
-  }
-  out << "\nRules (--methods=name:key=value:...,...)\n";
-  PrintRuleListing(out);
-  out << "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
-         "rule "
-         "propose steps.\nlinear_solver is, where nothing is said, dense_qr "
-         "for "
-         "NIST, a Schur complement for BAL,\nsparse_normal_cholesky for g2o\n";
-  PrintCeresListing(out);
-}
-
-int Run() {
+bool Run(std::string* error) {
   if (FLAGS_list) {
-    PrintEstimateListing(std::cout);
-    return 0;
+    std::cout << EstimateListing();
+    return true;
   }
-  std::string error;
-  if (!CheckFlags(&error)) return Fail(error);
-  EstimationComparisonOptions options;
-  if (!ParseSeeds(FLAGS_seeds, &options.seeds, &error)) {
-    return Fail("--seeds: " + error);
-  }
-  if (!ParseRobustLoss(FLAGS_loss, &options.make_loss, &error)) {
-    return Fail("--loss: " + error);
+  if (FLAGS_input.empty()) {
+    *error = "--input is missing: files, or folders of them";
+    return false;
   }
   std::vector<Method> methods;
-  if (!ParseMethods(FLAGS_methods, &methods, &error)) {
-    return Fail("--methods: " + error);
+  if (!CheckFlag("format", EstimationKinds(), error) ||
+      !CheckFlag("information_root", {"lower", "upper"}, error) ||
+      !ParseFlag("methods", ParseMethods, &methods, error)) {
+    return false;
   }
   for (const Method& method : methods) {
-    if (!IsForProblems(method, &error)) {
-      return Fail("--methods: " + method.label + ": " + error);
+    if (!IsForProblems(method, error)) {
+      *error = "--methods: " + method.label + ": " + *error;
+      return false;
     }
   }
   std::vector<EstimationInput> inputs;
-  if (!ReadInputs(&inputs, &error)) return Fail(error);
-  if (FLAGS_start != "2") options.starts.push_back(0);
-  if (FLAGS_start != "1") options.starts.push_back(1);
-  options.perturbation = FLAGS_perturb;
-  options.max_num_iterations = FLAGS_max_iterations;
-  options.max_time_in_seconds = FLAGS_seconds;
-  options.function_tolerance = FLAGS_function_tolerance;
-  options.num_threads = FLAGS_threads;
-  SetBlasThreads(FLAGS_threads);
-  for (const EstimationInput& input : inputs) {
-    std::cout << input.name << ": " << input.estimation->traits().description
-              << "\n";
-  }
-  std::cout << "\n";
-  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {
-    return Fail(error);
-  }
-  options.output = FLAGS_output;
-  return CompareEstimations(inputs, methods, options, std::cout, &error)
-             ? 0
-             : Fail(error);
+  return ReadInputs(&inputs, error) &&
+         CompareEstimations(inputs, methods, error);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@ Sample runs:
 
 #include <cmath>
 #include <iostream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -60,14 +61,16 @@ std::string Exponent(double a, double b) {
   return fmt::format("{:.3g}", std::abs(exponent) < 1e-6 ? 0.0 : exponent);
 }
 
-int Run() {
+bool Run(std::string* error) {
   std::vector<Specification> rules;
-  std::string error;
+  if (!FLAGS_rules.empty() &&
+      !ParseFlag("rules", ParseSpecifications, &rules, error)) {
+    return false;
+  }
   if (FLAGS_rules.empty()) {
-    for (const RuleRow& row : Rules())
+    for (const RuleRow& row : Rules()) {
       rules.push_back({row.name, row.name, {}});
-  } else if (!ParseSpecifications(FLAGS_rules, &rules, &error)) {
-    return Fail("--rules: " + error);
+    }
   }
   std::string refusals;
   Table table({{"rule", Table::Align::kLeft},
@@ -76,18 +79,17 @@ int Run() {
                {"unit of x_1 x 2: step of x_0 x 2^"}});
   for (const Specification& rule : rules) {
     Eigen::VectorXd step, double_loss, double_unit_0, double_unit_1;
-    if (!FirstStep(rule, 1.0, 1.0, 1.0, &step, &error) ||
-        !FirstStep(rule, 2.0, 1.0, 1.0, &double_loss, &error) ||
-        !FirstStep(rule, 1.0, 2.0, 1.0, &double_unit_0, &error) ||
-        !FirstStep(rule, 1.0, 1.0, 2.0, &double_unit_1, &error)) {
+    if (!FirstStep(rule, 1.0, 1.0, 1.0, &step, error) ||
+        !FirstStep(rule, 2.0, 1.0, 1.0, &double_loss, error) ||
+        !FirstStep(rule, 1.0, 2.0, 1.0, &double_unit_0, error) ||
+        !FirstStep(rule, 1.0, 1.0, 2.0, &double_unit_1, error)) {
+      *error = rule.text + ": " + *error;
       // The rule needs parts that the problem does not have: an error only if
       // the user named the rule.
-      if (FLAGS_rules.empty()) {
-        table.AddRow({rule.text, "-", "-", "-"});
-        refusals += rule.text + ": " + error + "\n";
-        continue;
-      }
-      return Fail("--rules: " + rule.text + ": " + error);
+      if (!FLAGS_rules.empty()) return NameFlag("rules", false, error);
+      table.AddRow({rule.text, "-", "-", "-"});
+      refusals += *error + "\n";
+      continue;
     }
     table.AddRow({rule.text,
                   Exponent(double_loss[0], step[0]),
@@ -95,7 +97,7 @@ int Run() {
                   Exponent(double_unit_1[0], step[0])});
   }
   std::cout << table.ToText() << refusals;
-  return 0;
+  return true;
 }
 
 }  // namespace

@@ -3,8 +3,7 @@
 //
 // A network 64-w-w-64 in front of a random linear simulator with 64 outputs:
 // n grows with w at m = 1,024, and m with the batch at w = 200. Each point is
-// the minimal time of some steps with one BLAS thread. For comparison: LAPACK's
-// SVD of the dense J (route svd), up to --svd_seconds.
+// the minimal time of some steps with one BLAS thread.
 //
 // Sample runs:
 //
@@ -158,9 +157,11 @@ Plot MeasurePanel(const std::string& title,
   return plot;
 }
 
-int Run() {
-  if (FLAGS_largest_width < 30) return Fail("--largest_width: at least 30");
-  if (FLAGS_largest_batch < 4) return Fail("--largest_batch: at least 4");
+bool Run(std::string* error) {
+  if (!CheckFlags({{"largest_width", {30.0}}, {"largest_batch", {4.0}}},
+                  error)) {
+    return false;
+  }
   SetBlasThreads(1);
   std::vector<Size> by_weights;
   for (double width = 30.0; width <= FLAGS_largest_width; width *= 1.4) {
@@ -180,13 +181,9 @@ int Run() {
       std::cout << panel.x_label << ", " << curve.title << "\n";
     }
   }
-  std::string error;
   const std::string path = FLAGS_output_directory + "/step_cost";
-  if (!WriteFile(path + ".csv", csv, &error) ||
-      !WritePlots(path + ".png", panels, &error)) {
-    return Fail(error);
-  }
-  return 0;
+  return WriteFile(path + ".csv", csv, error) &&
+         WritePlots(path + ".png", panels, error);
 }
 
 }  // namespace

@@ -11,21 +11,14 @@ Sample runs:
   sweep --problem=oscillator_chain --seconds=5 --output=runs/chains \
     --grid="num_oscillators=2,4; seed=1..3;
       rule=half_inverse,adam:step_size=1e-3|3e-4"
-  sweep --problem=toy_network --epochs=100 --tail=0.1 --output=runs/batches \
-    --grid="truncation=1e-3,1e-6,1e-9; batch_size=32,128,0;
-      rule=half_inverse,gauss_newton:step_size=auto"
   sweep --problem=oscillator_chain --epochs=25 --output=runs/networks \
-    --grid="initialization=glorot,he; hidden=20,20-20,20-20-20;
+    --grid="initialization=glorot,he; hidden=20,20-20; batch_size=32,0;
       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
 
-Axes are separated by ";", values by ",". Every combination is one run in a
-separate process. An axis is `rule`, `seed`, `batch_size`, an option of the
-problem or of the rules, or a setting of the network: hidden, activation,
-initialization (network_settings.h). A rule may list alternatives of its
-settings, separated by "|". Tables and pictures show the best alternative at
-each point of the grid, with a remark if it is the smallest or largest one.
+Tables and pictures show the best alternative at each point of the grid, with a
+remark if it is the smallest or largest one.
 
-  DIR/flags.txt, DIR/versions.txt    see run_directory.h
+  DIR/flags.txt, DIR/versions.txt    see run_output.h
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
   DIR/sweep.csv                      one line a run
   DIR/table.txt, DIR/table.md        the best alternatives
@@ -37,6 +30,7 @@ keeps the results so far.
 
 #include <algorithm>
 #include <iostream>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -46,11 +40,8 @@ keeps the results so far.
 #include "bin/support/listing.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
-#include "bin/support/training.h"
+#include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
-#include "bin/sweep/grid.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
 #include "bin/sweep/processes.h"
@@ -84,24 +75,12 @@ DEFINE_int32(jobs, 1, "how many runs at a time, each with one core");
 namespace invgrad {
 namespace {
 
-bool CheckFlags(std::string* error) {
-  return CheckTrainingFlags(error) &&
-         CheckFlag(
-             "tail", FLAGS_tail >= 0.0 && FLAGS_tail < 1.0, "[0, 1)", error) &&
-         CheckFlag(
-             "jobs", FLAGS_jobs >= 1 && FLAGS_jobs <= 1024, "1 to 1024", error);
-}
-
 std::string Directory(const SweepJob& job) {
   return FLAGS_output + "/jobs/" + job.name;
 }
 
 TrainOptions TrainOptionsOf(const SweepJob& job) {
-  TrainOptions options;
-  options.batch_size = job.batch_size;
-  options.seed = static_cast<std::uint32_t>(job.seed);
-  ApplyTrainingFlags(*job.problem, &options);
-  return options;
+  return TrainOptionsOfFlags(*job.problem, job.batch_size, job.seed);
 }
 
 // Reads the run of a job if it is done. Returns false if its files are damaged.
@@ -204,19 +183,16 @@ bool WriteResults(const SweepPlan& plan,
                   const std::vector<SweepRun>& runs,
                   const SweepValue& value,
                   std::string* error) {
-  const std::vector<SweepBest> best = FindBest(plan, runs, value);
-  const Table table = SweepTable(plan, runs, value, best);
+  const SweepResults results = FindBest(plan, runs, value);
+  const Table table = SweepTable(results);
   std::cout << table.ToText();
-  if (!WriteFile(FLAGS_output + "/sweep.csv",
-                 SweepCsv(plan, runs, value, best),
-                 error) ||
+  if (!WriteFile(FLAGS_output + "/sweep.csv", SweepCsv(results), error) ||
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;
   }
-  DrawPicture(FLAGS_output + "/lines.png", SweepLines(plan, value, best));
-  DrawPicture(FLAGS_output + "/heat_map.png", SweepHeatMaps(plan, value, best));
-  DrawPicture(FLAGS_output + "/curves.png",
-              SweepCurves(plan, runs, value, best));
+  DrawPicture(FLAGS_output + "/lines.png", SweepLines(results));
+  DrawPicture(FLAGS_output + "/heat_map.png", SweepHeatMaps(results));
+  DrawPicture(FLAGS_output + "/curves.png", SweepCurves(results));
   std::cout << "results in " << FLAGS_output << "\n";
   *error = "no run is complete";
   return std::any_of(runs.begin(), runs.end(), [](const SweepRun& run) {
@@ -224,46 +200,41 @@ bool WriteResults(const SweepPlan& plan,
   });
 }
 
-int Run() {
+bool Run(std::string* error) {
   if (FLAGS_list) {
-    PrintListing(std::cout);
-    return 0;
+    std::cout << Listing();
+    return true;
   }
   // flags.txt has one line a flag.
   std::replace(FLAGS_grid.begin(), FLAGS_grid.end(), '\n', ' ');
-  std::string error;
-  if (!CheckFlags(&error)) return Fail(error);
   if (FLAGS_grid.empty()) {
-    return Fail(
+    *error =
         "--grid is missing; for example "
-        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1..3\"");
+        "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1..3\"";
+    return false;
   }
   Grid grid;
   SweepPlan plan;
   SweepValue value;
   const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
-  if (!ParseGrid(FLAGS_grid, &grid, &error) ||
-      !MakeSweepPlan(base, grid, &plan, &error) ||
-      !FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, &error)) {
-    return Fail(error);
+  if (!CheckTrainingFlags(error) ||
+      !CheckFlags({{"tail", {0.0, 1.0, false, true}}, {"jobs", {1.0, 1024.0}}},
+                  error) ||
+      !ParseGrid(FLAGS_grid, &grid, error) ||
+      !MakeSweepPlan(base, grid, &plan, error) ||
+      !FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, error)) {
+    return false;
   }
   SetBlasThreads(1);
-  if (!PrepareRunDirectory(ExistingDirectory::kResume, &error)) {
-    return Fail(error);
-  }
-  std::set<std::string> warnings;
+  if (!PrepareRunDirectory(ExistingDirectory::kResume, error)) return false;
+  std::set<std::string> warned;
   for (const SweepJob& job : plan.jobs) {
-    AddLeftOutSamples(job.method,
-                      job.batch_size,
-                      job.problem->train.num_samples(),
-                      &warnings);
+    WarnOfLeftOutSamples(
+        job.method, job.batch_size, job.problem->train.num_samples(), &warned);
   }
-  for (const std::string& warning : warnings) Warn(warning);
   const Interrupt interrupt;
   std::vector<SweepRun> runs;
-  return RunJobs(plan, &runs, &error) && WriteResults(plan, runs, value, &error)
-             ? 0
-             : Fail(error);
+  return RunJobs(plan, &runs, error) && WriteResults(plan, runs, value, error);
 }
 
 }  // namespace

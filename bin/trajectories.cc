@@ -14,20 +14,17 @@ Sample runs:
     --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
 
 The directory holds trajectories.png (left x, right y), trajectories.gp to
-restyle it, one CSV a rule, and the flags that repeat the run.
+restyle it, and one CSV a rule.
 */
 
-#include <algorithm>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
-#include "bin/compare/point_path.h"
+#include "bin/compare/point_comparison.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/minimize/chain_objective.h"
@@ -53,75 +50,68 @@ DEFINE_double(margin,
 namespace invgrad {
 namespace {
 
-// The points of all paths in x or in y, and the optimum's.
-struct Panel {
-  std::string name;  // "x" or "y"
-  std::vector<std::vector<Eigen::VectorXd>> paths;
-  Eigen::VectorXd goal;  // empty if there is none
-};
+using Points = std::vector<Eigen::VectorXd>;
 
-// `loss` maps a point of the panel to L, NaN if L has no value.
-Plot MakePlot(const Panel& panel,
+// A panel with the points of all paths in x or in y, as `name` says. `goal` is
+// empty if there is none. `loss` maps a point of the panel to L, NaN if L has
+// no value.
+Plot MakePlot(const std::string& name,
               const std::vector<PointPath>& paths,
+              Points PointPath::*points,
+              const Points& goal,
               const std::function<double(const Eigen::Vector2d&)>& loss) {
   Plot plot;
-  plot.title = panel.name + " space";
-  plot.x_label = panel.name + "_0";
-  plot.y_label = panel.name + "_1";
+  plot.title = name + " space";
+  plot.x_label = name + "_0";
+  plot.y_label = name + "_1";
   std::vector<double> xs, ys;  // of all points
-  const auto add = [&](const std::string& title,
-                       Series::Style style,
-                       const std::vector<Eigen::VectorXd>& points) {
-    Series series;
-    series.title = title;
-    series.style = style;
-    for (const Eigen::VectorXd& point : points) {
-      if (point.size() != 2) continue;
-      series.x.push_back(point[0]);
-      series.y.push_back(point[1]);
-      if (!point.allFinite()) continue;
-      xs.push_back(point[0]);
-      ys.push_back(point[1]);
+  const auto add =
+      [&](const std::string& title, Series::Style style, const Points& path) {
+        Series series;
+        series.title = title;
+        series.style = style;
+        for (const Eigen::VectorXd& point : path) {
+          if (point.size() != 2) continue;
+          series.x.push_back(point[0]);
+          series.y.push_back(point[1]);
+          if (!point.allFinite()) continue;
+          xs.push_back(point[0]);
+          ys.push_back(point[1]);
+        }
+        plot.series.push_back(series);
+      };
+  for (const PointPath& path : paths) {
+    add(path.label, Series::Style::kLinesAndPoints, path.*points);
+  }
+  if (!goal.empty()) add("optimum", Series::Style::kPoints, goal);
+  const auto grid = [](const std::vector<double>& values, AxisRange* range) {
+    const Axis axis = FitAxis(false, {}, FLAGS_margin, values);
+    *range = {axis.low, axis.high};
+    std::vector<double> at;
+    for (int i = 0; i < FLAGS_grid; ++i) {
+      const double share = static_cast<double>(i) / (FLAGS_grid - 1);
+      at.push_back(axis.low + (axis.high - axis.low) * share);
     }
-    plot.series.push_back(series);
+    return at;
   };
-  for (size_t i = 0; i < paths.size(); ++i) {
-    add(paths[i].label, Series::Style::kLinesAndPoints, panel.paths[i]);
-  }
-  if (panel.goal.size() == 2) {
-    add("optimum", Series::Style::kPoints, {panel.goal});
-  }
-  const Axis x_axis = FitAxis(false, {}, FLAGS_margin, xs);
-  const Axis y_axis = FitAxis(false, {}, FLAGS_margin, ys);
-  plot.x_range = {x_axis.low, x_axis.high};
-  plot.y_range = {y_axis.low, y_axis.high};
   ContourField& field = plot.contours.emplace();
-  field.z.resize(FLAGS_grid, FLAGS_grid);
-  for (int i = 0; i < FLAGS_grid; ++i) {
-    const double share = static_cast<double>(i) / (FLAGS_grid - 1);
-    field.x.push_back(x_axis.low + (x_axis.high - x_axis.low) * share);
-    field.y.push_back(y_axis.low + (y_axis.high - y_axis.low) * share);
-  }
-  for (int i = 0; i < FLAGS_grid; ++i) {
-    for (int j = 0; j < FLAGS_grid; ++j) {
-      field.z(i, j) = loss(Eigen::Vector2d(field.x[j], field.y[i]));
-    }
-  }
+  field.x = grid(xs, &plot.x_range);
+  field.y = grid(ys, &plot.y_range);
+  field.z = Eigen::MatrixXd::NullaryExpr(
+      FLAGS_grid, FLAGS_grid, [&](Eigen::Index i, Eigen::Index j) {
+        return loss(Eigen::Vector2d(field.x[j], field.y[i]));
+      });
   return plot;
 }
 
 std::vector<Plot> MakePlots(const PointProblem& problem,
                             const std::vector<PointPath>& paths) {
-  Panel x{"x", {}, {}}, y{"y", {}, {}};
-  for (const PointPath& path : paths) {
-    x.paths.push_back(path.x);
-    y.paths.push_back(path.y);
-  }
   ChainObjective objective = problem.MakeObjective();
+  Points x_goal, y_goal;
   if (problem.minimizer.has_value()) {
-    x.goal = *problem.minimizer;
-    objective.SetState(x.goal);
-    y.goal = objective.Outputs();
+    x_goal = {*problem.minimizer};
+    objective.SetState(*problem.minimizer);
+    y_goal = {objective.Outputs()};
   }
   const double none = std::numeric_limits<double>::quiet_NaN();
   const auto loss_in_x = [&](const Eigen::Vector2d& point) {
@@ -137,7 +127,8 @@ std::vector<Plot> MakePlots(const PointProblem& problem,
                ? loss
                : none;
   };
-  return {MakePlot(x, paths, loss_in_x), MakePlot(y, paths, loss_in_y)};
+  return {MakePlot("x", paths, &PointPath::x, x_goal, loss_in_x),
+          MakePlot("y", paths, &PointPath::y, y_goal, loss_in_y)};
 }
 
 void Print(const PointPath& path) {
@@ -166,58 +157,44 @@ void Print(const PointPath& path) {
   }
 }
 
-int Run() {
-  std::string error;
-  if (!CheckFlag("steps", FLAGS_steps >= 1, "1 or more", &error) ||
-      !CheckFlag(
-          "grid", FLAGS_grid >= 2 && FLAGS_grid <= 1000, "2 to 1000", &error) ||
-      !CheckFlag("margin",
-                 FLAGS_margin >= 0.0 && FLAGS_margin <= 100.0,
-                 "0 to 100",
-                 &error)) {
-    return Fail(error);
-  }
+bool Run(std::string* error) {
   PhysicsProblem problem;
   std::vector<Method> methods;
-  if (!CreateProblem(FLAGS_problem, nullptr, &problem, &error)) {
-    return Fail(error);
-  }
-  if (!ParseMethods(FLAGS_rules, &methods, &error)) {
-    return Fail("--rules: " + error);
+  if (!CheckFlags(
+          {{"steps", {1.0}}, {"grid", {2.0, 1000.0}}, {"margin", {0.0, 100.0}}},
+          error) ||
+      !CreateProblem(FLAGS_problem, nullptr, &problem, error) ||
+      !ParseFlag("rules", ParseMethods, &methods, error)) {
+    return false;
   }
   if (!problem.point.has_value() || problem.point->start.size() != 2 ||
       problem.point->target.size() != 2) {
-    return Fail(
-        fmt::format("--problem={} does not map two unknowns to two outputs; "
-                    "squared_component, linear_scale and sine_point do",
-                    FLAGS_problem));
+    *error = fmt::format(
+        "--problem={} does not map two unknowns to two outputs; "
+        "squared_component, linear_scale and sine_point do",
+        FLAGS_problem);
+    return false;
   }
-  PointPathOptions options;
+  MinimizerOptions options;
   options.max_num_iterations = FLAGS_steps;
-  options.gradient_tolerance = 0.0;
+  options.gradient_tolerance = 0.0;  // every run takes all steps
   std::vector<PointPath> paths;
   for (const Method& method : methods) {
-    PointPath path;
-    if (!TracePath(*problem.point, method, options, &path, &error)) {
-      return Fail(method.label + ": " + error);
+    if (!TracePath(
+            *problem.point, method, options, &paths.emplace_back(), error)) {
+      *error = method.label + ": " + *error;
+      return false;
     }
-    paths.push_back(std::move(path));
   }
-  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, &error)) {
-    return Fail(error);
-  }
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   for (const PointPath& path : paths) {
     Print(path);
-    const std::string name = FileName(path.label);
-    if (!WritePathCsv(
-            fmt::format("{}/{}.csv", FLAGS_output, name), path, &error)) {
-      return Fail(error);
-    }
+    if (!WritePathCsv(FLAGS_output + "/", path, error)) return false;
   }
   DrawPicture(FLAGS_output + "/trajectories.png",
               MakePlots(*problem.point, paths));
   fmt::print("results in {}\n", FLAGS_output);
-  return 0;
+  return true;
 }
 
 }  // namespace

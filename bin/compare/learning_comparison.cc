@@ -1,56 +1,86 @@
 #include "bin/compare/learning_comparison.h"
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
+#include <filesystem>
+#include <iostream>
+#include <memory>
 #include <set>
 #include <utility>
 
 #include "bin/compare/learning_plots.h"
+#include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
-#include "bin/support/training.h"
+#include "bin/support/run_output.h"
+#include "bin/support/training_flags.h"
 #include "fmt/core.h"
+#include "gflags/gflags.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "report/interrupt.h"
 #include "report/table.h"
 
+DEFINE_string(seeds,
+              "1",
+              "seeds of the initial weights and of the shuffling: 1,2,5 or "
+              "1..20");
+DEFINE_double(target_loss, 0.0, "stop at this train loss; 0: off");
+DEFINE_int32(patience,
+             0,
+             "stop after so many evaluations without a new minimum of the test "
+             "loss; 0: off");
+DEFINE_string(levels,
+              "1e-3,1e-4,1e-5",
+              "train losses; the table has the seconds to each");
+DEFINE_int32(track_sample,
+             0,
+             "training sample whose path in y space is kept; -1: none");
+DEFINE_bool(resume, false, "go on with the run in the directory");
+DEFINE_string(init_weights, "", "initial weights (.npy) for every seed");
+DEFINE_string(dump_step,
+              "",
+              "write J, g and every rule's first step (.npy) to this "
+              "directory, and stop");
+
 namespace invgrad {
 namespace {
 
-SeedSpread SpreadOf(const std::vector<LearningRunResult>& runs,
-                    double HistoryRow::*loss) {
-  std::vector<double> values;
-  values.reserve(runs.size());
-  for (const LearningRunResult& run : runs) {
-    values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
+// A method from all seeds.
+struct MethodResults {
+  std::string label;
+  std::string refusal;  // why there are no runs
+  std::vector<LearningRunResult> runs;
+
+  SeedSpread Spread(double HistoryRow::*loss) const {
+    std::vector<double> values;
+    for (const LearningRunResult& run : runs) {
+      values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
+    }
+    return SeedSpread(values);
   }
-  return SeedSpread(values);
-}
+  // The run with the median of this final loss; null if there are no runs.
+  const LearningRunResult* MedianRun(double HistoryRow::*loss) const {
+    return runs.empty() ? nullptr : &runs[Spread(loss).median_run];
+  }
+};
 
 Table LearningTable(const LearningProblem& problem,
-                    const LearningComparisonOptions& options,
+                    const std::vector<double>& levels,
+                    bool has_many_seeds,
                     const std::vector<MethodResults>& all) {
   Table table;
   for (const MethodResults& method : all) {
-    const bool has_runs = !method.runs.empty();
-    LearningRunResult none;
-    none.history.emplace_back();
-    const auto median = [&](double HistoryRow::*loss) -> const auto& {
-      return has_runs ? method.MedianRun(loss) : none;
-    };
+    const LearningRunResult none;
+    const LearningRunResult* median = method.MedianRun(&HistoryRow::train_loss);
+    const LearningRunResult& run = median != nullptr ? *median : none;
     const auto add = [&](const std::string& title, const std::string& cell) {
-      table.Add(title, has_runs ? cell : "-");
+      table.Add(title, median != nullptr ? cell : "-");
     };
     const auto add_last = [&](const std::string& title,
                               double HistoryRow::*loss) {
-      add(title, NumberOrDash(median(loss).last().*loss));
+      const LearningRunResult* its_run = method.MedianRun(loss);
+      add(title, NumberOrDash(its_run ? its_run->last().*loss : 0.0));
     };
-    const LearningRunResult& run = median(&HistoryRow::train_loss);
     table.BeginRow();
     table.Add("method", method.label, Table::Align::kLeft);
     add_last("train loss", &HistoryRow::train_loss);
@@ -59,19 +89,21 @@ Table LearningTable(const LearningProblem& problem,
     if (problem.metric.has_value()) {
       add_last(problem.metric->name, &HistoryRow::metric);
     }
-    if (options.seeds.size() > 1) {
+    if (has_many_seeds) {
       add("train loss, all seeds",
-          SpreadOf(method.runs, &HistoryRow::train_loss).Text());
+          method.Spread(&HistoryRow::train_loss).Text());
     }
-    AddTimes(run, has_runs, &table);
-    for (const double level : options.levels) {
+    AddTimes(median, &table);
+    for (const double level : levels) {
       add("s to " + FormatNumber(level),
           NumberOrDash(run.SecondsToLevel(level)));
     }
     add("saturated",
-        fmt::format("{}/{}", run.num_saturated, run.num_hidden_neurons));
+        fmt::format("{}/{}",
+                    run.num_saturated,
+                    NumHiddenNeurons(problem.model->network())));
     table.Add("status",
-              has_runs ? run.summary.message : method.refusal,
+              median != nullptr ? run.summary.message : method.refusal,
               Table::Align::kLeft);
   }
   return table;
@@ -101,82 +133,157 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
 // is complete.
 bool RunOrLoad(const LearningProblem& problem,
                const Method& method,
-               const LearningComparisonOptions& options,
+               int batch_size,
                const Eigen::VectorXd& weights,
                int seed,
                LearningRunResult* result,
                std::string* error) {
   LearningRunOptions run;
-  run.train = options.train;
-  run.train.batch_size = BatchSize(problem, options.batch_size);
-  run.train.seed = static_cast<std::uint32_t>(seed);
-  run.tracked_sample = options.tracked_sample;
+  run.train = TrainOptionsOfFlags(problem, batch_size, seed);
+  run.train.target_loss = FLAGS_target_loss;
+  run.train.patience = FLAGS_patience;
+  run.tracked_sample = FLAGS_track_sample;
   run.directory =
-      fmt::format("{}/{}-seed{}", options.output, FileName(method.label), seed);
-  if (options.resume) {
+      fmt::format("{}/{}-seed{}", FLAGS_output, FileName(method.label), seed);
+  if (FLAGS_resume) {
     if (LoadCompleteRun(run.directory, problem, run.train, result, error)) {
       return true;
     }
     if (!error->empty()) return false;
   }
-  LiveRun live(fmt::format("{} seed {}", method.label, seed));
-  run.on_step = [&live](const TrainingRun& training) {
-    return live.Update({training.step(),
-                        training.history().back().train_loss,
-                        training.epoch(),
-                        training.progress()});
+  Progress progress;
+  ProgressState state;
+  state.label = fmt::format("{} seed {}", method.label, seed);
+  run.on_step = [&](const TrainingRun& training) {
+    state.step = training.step();
+    state.loss = training.history().back().train_loss;
+    state.epoch = training.epoch();
+    state.fraction = training.progress();
+    return ShowProgress(state, &progress);
   };
   return RunLearning(problem, method, seed, weights, run, result, error);
 }
 
+// Writes the first step of every rule, on the first batch, as numpy arrays, to
+// check another implementation against this one. Fails for Ceres' minimizers,
+// which have no step from one linearization.
+//
+//   DIR/METHOD/weights.npy    theta (n)
+//   DIR/METHOD/outputs.npy    y of the batch, one row a sample (B, |y|)
+//   DIR/METHOD/J.npy          dy/dtheta (m, n), the samples stacked
+//   DIR/METHOD/g.npy          dL/dy (m)
+//   DIR/METHOD/gradient.npy   J^T g (n)
+//   DIR/METHOD/step.npy       the step (n)
+bool DumpStep(const LearningProblem& problem,
+              const std::vector<Method>& methods,
+              int batch_size,
+              const Eigen::VectorXd& weights,
+              std::string* error) {
+  for (const Method& method : methods) {
+    if (method.phases[0].ceres == nullptr) continue;
+    *error = fmt::format(
+        "--dump_step: '{}' is a minimizer of Ceres and has no step to dump",
+        method.label);
+    return false;
+  }
+  if (std::filesystem::exists(FLAGS_dump_step)) {
+    *error = fmt::format("--dump_step={} exists; give another directory",
+                         FLAGS_dump_step);
+    return false;
+  }
+  const Model& model = *problem.model;
+  for (const Method& method : methods) {
+    const Phase& phase = method.phases[0];
+    const DataSet batch = problem.train.Range(
+        0, phase.BatchSize(batch_size, problem.train.num_samples()));
+    const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+    LinearizationParts parts = rule->Needs();
+    parts.gradient = true;
+    parts.jacobian = true;
+    Linearization at_weights;
+    Eigen::MatrixXd y, J;
+    Eigen::VectorXd step;
+    if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
+        !model.Predict(weights, batch, &y, error) ||
+        !rule->ComputeStep(at_weights, &step, error)) {
+      *error = method.label + ": " + *error;
+      return false;
+    }
+    at_weights.jacobian->ToDense(&J);
+    y.transposeInPlace();
+    const std::string folder = FLAGS_dump_step + "/" + FileName(method.label);
+    if (!MakeDirectories(folder, error) ||
+        !WriteNpy(folder + "/weights.npy", weights, error) ||
+        !WriteNpy(folder + "/outputs.npy", y, error) ||
+        !WriteNpy(folder + "/J.npy", J, error) ||
+        !WriteNpy(folder + "/g.npy", at_weights.loss_gradient, error) ||
+        !WriteNpy(folder + "/gradient.npy", at_weights.gradient, error) ||
+        !WriteNpy(folder + "/step.npy", step, error)) {
+      return false;
+    }
+    std::cout << "wrote " << folder << "\n";
+  }
+  return true;
+}
+
 }  // namespace
 
-const LearningRunResult& MethodResults::MedianRun(
-    double HistoryRow::*loss) const {
-  return runs[SpreadOf(runs, loss).median_run];
-}
-
-bool CheckLearningComparison(const LearningProblem& problem,
-                             const std::vector<Method>& methods,
-                             const LearningComparisonOptions& options,
-                             std::string* error) {
-  const int num_samples = problem.train.num_samples();
-  if (options.tracked_sample >= num_samples) {
-    *error = fmt::format(
-        "--track_sample={} is out of range; allowed: -1 (none) to {}",
-        options.tracked_sample,
-        num_samples - 1);
-    return false;
-  }
-  return CheckBatches(problem, methods, options.batch_size, error);
-}
-
-bool CompareLearning(const LearningProblem& problem,
+bool CompareLearning(LearningProblem problem,
                      const std::vector<Method>& methods,
-                     const LearningComparisonOptions& options,
-                     const Eigen::VectorXd& initial_weights,
-                     std::ostream& out,
                      std::string* error) {
-  const Interrupt interrupt;
-  if (!WriteNpy(options.output + "/data.npy", problem.data, error)) {
+  const int num_samples = problem.train.num_samples();
+  std::vector<int> seeds;
+  std::vector<double> levels;
+  if (FLAGS_overwrite && FLAGS_resume) {
+    *error = "--resume=true is not allowed with --overwrite";
     return false;
   }
-  std::set<std::string> warnings;
+  if (!CheckFlags({{"target_loss", {0.0}},
+                   {"patience", {0.0}},
+                   {"track_sample", {-1.0, num_samples - 1.0}}},
+                  error) ||
+      !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
+      !ParseFlag("levels", ParseNumbers, &levels, error)) {
+    return false;
+  }
+  if (!SetNetwork(NetworkOfFlags(), &problem, error)) {
+    *error = "--" + *error;
+    return false;
+  }
+  Eigen::VectorXd given_weights;
+  if ((!FLAGS_init_weights.empty() && !ReadNpy(FLAGS_init_weights,
+                                               problem.model->num_weights(),
+                                               &given_weights,
+                                               error)) ||
+      !CheckBatches(problem, methods, FLAGS_batch_size, error)) {
+    return false;
+  }
+  const auto initial_weights = [&](int seed) {
+    return given_weights.size() > 0 ? given_weights
+                                    : InitialWeights(problem, seed);
+  };
+  const int batch_size = BatchSize(problem, FLAGS_batch_size);
+  if (!FLAGS_dump_step.empty()) {
+    return DumpStep(
+        problem, methods, batch_size, initial_weights(seeds[0]), error);
+  }
+  if (!PrepareRunDirectory(FLAGS_resume ? ExistingDirectory::kResume
+                                        : ExistingDirectory::kRefuse,
+                           error)) {
+    return false;
+  }
+  const Interrupt interrupt;
+  if (!WriteNpy(FLAGS_output + "/data.npy", problem.data, error)) return false;
+  std::set<std::string> warned;
   std::vector<MethodResults> all;
   for (const Method& method : methods) {
     all.push_back({method.label, "not run: interrupted", {}});
-    AddLeftOutSamples(method,
-                      BatchSize(problem, options.batch_size),
-                      problem.train.num_samples(),
-                      &warnings);
+    WarnOfLeftOutSamples(method, batch_size, num_samples, &warned);
   }
-  for (const std::string& warning : warnings) Warn(warning);
-  for (const int seed : options.seeds) {
-    const Eigen::VectorXd weights = initial_weights.size() > 0
-                                        ? initial_weights
-                                        : InitialWeights(problem, seed);
+  for (const int seed : seeds) {
+    const Eigen::VectorXd weights = initial_weights(seed);
     if (!WriteNpy(
-            fmt::format("{}/initial_weights-seed{}.npy", options.output, seed),
+            fmt::format("{}/initial_weights-seed{}.npy", FLAGS_output, seed),
             weights,
             error)) {
       return false;
@@ -185,7 +292,7 @@ bool CompareLearning(const LearningProblem& problem,
       LearningRunResult result;
       std::string why;
       if (RunOrLoad(
-              problem, methods[i], options, weights, seed, &result, &why)) {
+              problem, methods[i], batch_size, weights, seed, &result, &why)) {
         all[i].runs.push_back(std::move(result));
       } else {
         all[i].refusal = "not run: " + why;
@@ -193,18 +300,21 @@ bool CompareLearning(const LearningProblem& problem,
       }
     }
   }
-  const Table table = LearningTable(problem, options, all);
-  out << table.ToText();
-  if (!WriteTable(options.output + "/table", table, error) ||
-      !WriteFile(options.output + "/summary.csv", SummaryCsv(all), error)) {
+  const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
+  std::cout << table.ToText();
+  if (!WriteTable(FLAGS_output + "/table", table, error) ||
+      !WriteFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error)) {
     return false;
   }
-  DrawLearning(problem, options.output, options.tracked_sample, all);
-  out << "results in " << options.output << "\n";
+  std::vector<const LearningRunResult*> medians;
+  for (const MethodResults& method : all) {
+    const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
+    if (run != nullptr) medians.push_back(run);
+  }
+  DrawLearning(problem, FLAGS_output, FLAGS_track_sample, medians);
+  std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
-  return std::any_of(all.begin(), all.end(), [](const MethodResults& method) {
-    return !method.runs.empty();
-  });
+  return !medians.empty();
 }
 
 }  // namespace invgrad

@@ -11,54 +11,19 @@
 #ifndef BIN_COMPARE_LEARNING_COMPARISON_H_
 #define BIN_COMPARE_LEARNING_COMPARISON_H_
 
-#include <ostream>
 #include <string>
 #include <vector>
 
-#include "Eigen/Core"
-#include "bin/support/learning_run.h"
 #include "invgrad/methods/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {
 
-struct LearningComparisonOptions {
-  std::string output;
-  std::vector<int> seeds;
-  std::vector<double> levels;  // the table shows the times to reach these
-                               // losses
-  int batch_size = -1;         // see BatchSize in bin/support/training.h
-  int tracked_sample = -1;
-  bool resume = false;
-  TrainOptions train;
-};
-
-// A method from all seeds.
-struct MethodResults {
-  std::string label;
-  std::string refusal;  // why there are no runs
-  std::vector<LearningRunResult> runs;
-
-  // The run with the median of this final loss.
-  const LearningRunResult& MedianRun(
-      double HistoryRow::*loss = &HistoryRow::train_loss) const;
-};
-
-// Returns false if batch sizes or the tracked sample do not fit the data;
-// *error names flag, value and allowed values.
-bool CheckLearningComparison(const LearningProblem& problem,
-                             const std::vector<Method>& methods,
-                             const LearningComparisonOptions& options,
-                             std::string* error);
-
-// Runs everything and prints the table to `out`. `initial_weights`, if not
-// empty, replace the initial weights of every seed. Returns false if results
-// cannot be written, or if no method could run.
-bool CompareLearning(const LearningProblem& problem,
+// Runs everything by the flags, and prints the table. Returns false, with
+// *error, if a flag does not fit the problem, if results cannot be written, or
+// if no method could run.
+bool CompareLearning(LearningProblem problem,
                      const std::vector<Method>& methods,
-                     const LearningComparisonOptions& options,
-                     const Eigen::VectorXd& initial_weights,
-                     std::ostream& out,
                      std::string* error);
 
 }  // namespace invgrad

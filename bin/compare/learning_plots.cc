@@ -1,19 +1,18 @@
 #include "bin/compare/learning_plots.h"
 
 #include <algorithm>
-#include <map>
 #include <numeric>
 
-#include "bin/support/results.h"
+#include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "report/plot.h"
 
 namespace invgrad {
 namespace {
 
-using Results = std::vector<MethodResults>;
+using Runs = std::vector<const LearningRunResult*>;
 
-Plot CurvePlot(const Results& all,
+Plot CurvePlot(const Runs& runs,
                const std::string& title,
                double HistoryRow::*field,
                bool against_seconds) {
@@ -21,101 +20,83 @@ Plot CurvePlot(const Results& all,
   plot.title = plot.y_label = title;
   plot.x_label = against_seconds ? "seconds of training" : "step";
   plot.log_x = plot.log_y = true;
-  for (const MethodResults& method : all) {
-    if (method.runs.empty()) continue;
-    Series series;
-    series.title = method.label;
-    for (const HistoryRow& row : method.MedianRun().history) {
-      // A logarithmic axis cannot show zero.
-      if (row.step == 0) continue;
-      series.x.push_back(against_seconds ? row.seconds
-                                         : static_cast<double>(row.step));
-      series.y.push_back(row.*field);
-    }
-    plot.series.push_back(series);
+  for (const LearningRunResult* run : runs) {
+    plot.series.push_back(
+        HistoryCurve(run->label, run->history, field, against_seconds));
   }
   return plot;
 }
 
-std::vector<Plot> LossPlots(const LearningProblem& problem,
-                            const Results& all) {
+std::vector<Plot> LossPlots(const LearningProblem& problem, const Runs& runs) {
   // Uses the test loss if there is one.
   const bool has_test_data = problem.test.num_samples() > 0;
   const std::string title = has_test_data ? "test loss" : "train loss";
   const auto loss =
       has_test_data ? &HistoryRow::test_loss : &HistoryRow::train_loss;
-  std::vector<Plot> plots = {CurvePlot(all, title, loss, false),
-                             CurvePlot(all, title, loss, true)};
+  std::vector<Plot> plots = {CurvePlot(runs, title, loss, false),
+                             CurvePlot(runs, title, loss, true)};
   if (problem.metric.has_value()) {
     plots.push_back(
-        CurvePlot(all, problem.metric->name, &HistoryRow::metric, true));
+        CurvePlot(runs, problem.metric->name, &HistoryRow::metric, true));
   }
   MuteAllButTheLowest(&plots);
   return plots;
 }
 
-std::vector<Plot> NeuronPlots(const Results& all) {
+std::vector<Plot> NeuronPlots(const Runs& runs) {
   std::vector<Plot> plots;
-  for (const MethodResults& method : all) {
-    if (method.runs.empty()) continue;
-    const LearningRunResult& run = method.MedianRun();
-    if (run.neurons.empty()) continue;
-    Plot plot;
-    plot.title = method.label;
+  for (const LearningRunResult* run : runs) {
+    if (run->neurons.empty()) continue;
+    Plot& plot = plots.emplace_back();
+    plot.title = run->label;
     plot.x_label = "step";
     plot.y_label = "mean activation";
     plot.log_x = true;
     int layer = 0;
-    for (size_t j = 0; j < run.neurons.front().size(); ++j) {
-      Series series;
-      series.color = run.neurons.front()[j].layer - 1;
-      if (run.neurons.front()[j].layer != layer) {
-        layer = run.neurons.front()[j].layer;
+    for (size_t j = 0; j < run->neurons.front().size(); ++j) {
+      Series& series = plot.series.emplace_back();
+      series.color = run->neurons.front()[j].layer - 1;
+      if (run->neurons.front()[j].layer != layer) {
+        layer = run->neurons.front()[j].layer;
         series.title = fmt::format("layer {}", layer);
       }
-      for (size_t i = 0; i < run.neurons.size(); ++i) {
-        if (run.history[i].step == 0) continue;
-        series.x.push_back(static_cast<double>(run.history[i].step));
-        series.y.push_back(run.neurons[i][j].mean);
+      for (size_t i = 0; i < run->neurons.size(); ++i) {
+        if (run->history[i].step == 0) continue;
+        series.x.push_back(static_cast<double>(run->history[i].step));
+        series.y.push_back(run->neurons[i][j].mean);
       }
-      plot.series.push_back(series);
     }
-    plots.push_back(plot);
   }
   return plots;
 }
 
 Plot SamplePathPlot(const LearningProblem& problem,
                     int tracked_sample,
-                    const Results& all) {
+                    const Runs& runs) {
   Plot plot;
   plot.title = fmt::format("training sample {} in y space", tracked_sample);
   plot.x_label = "y_0";
   plot.y_label = "y_1";
-  for (const MethodResults& method : all) {
-    if (method.runs.empty()) continue;
-    const LearningRunResult& run = method.MedianRun();
-    if (run.sample_path.empty()) continue;
-    Series series;
-    series.title = method.label;
-    for (const Eigen::VectorXd& y : run.sample_path) {
+  const auto add = [&plot](const std::string& title, const auto& path) {
+    if (path.empty()) return;
+    Series& series = plot.series.emplace_back();
+    series.title = title;
+    for (const Eigen::VectorXd& y : path) {
       series.x.push_back(y[0]);
       series.y.push_back(y[1]);
     }
-    plot.series.push_back(series);
-  }
-  Series target;
-  target.title = "target";
-  target.style = Series::Style::kPoints;
-  target.x = {problem.train.targets(0, tracked_sample)};
-  target.y = {problem.train.targets(1, tracked_sample)};
-  plot.series.push_back(target);
+  };
+  for (const LearningRunResult* run : runs) add(run->label, run->sample_path);
+  const std::vector<Eigen::VectorXd> target = {
+      problem.train.targets.col(tracked_sample)};
+  add("target", target);
+  plot.series.back().style = Series::Style::kPoints;
   return plot;
 }
 
 // The learned function of a network with one input and one output: x over the
 // input, and the solutions of the data.
-Plot MapPlot(const LearningProblem& problem, const Results& all) {
+Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
   const DataSet& data = problem.train;
   std::vector<int> order(data.num_samples());
   std::iota(order.begin(), order.end(), 0);
@@ -130,7 +111,7 @@ Plot MapPlot(const LearningProblem& problem, const Results& all) {
   if (sorted.solutions.rows() == 1) {
     // Drawn first, behind the maps; some samples suffice.
     constexpr int kNumPoints = 200;
-    Series solutions;
+    Series& solutions = plot.series.emplace_back();
     solutions.title = "solutions";
     solutions.style = Series::Style::kPoints;
     const int spacing = 1 + sorted.num_samples() / kNumPoints;
@@ -138,26 +119,20 @@ Plot MapPlot(const LearningProblem& problem, const Results& all) {
       solutions.x.push_back(sorted.inputs(0, s));
       solutions.y.push_back(sorted.solutions(0, s));
     }
-    plot.series.push_back(solutions);
   }
-  for (const MethodResults& method : all) {
+  for (const LearningRunResult* run : runs) {
     DenseNetwork::Activations activations;
     std::string ignored;
-    if (method.runs.empty() ||
-        !problem.model->Forward(method.MedianRun().weights,
-                                sorted,
-                                false,
-                                &activations,
-                                &ignored)) {
+    if (!problem.model->Forward(
+            run->weights, sorted, false, &activations, &ignored)) {
       continue;
     }
-    Series series;
-    series.title = method.label;
+    Series& series = plot.series.emplace_back();
+    series.title = run->label;
     series.x.assign(sorted.inputs.data(),
                     sorted.inputs.data() + sorted.num_samples());
     series.y.assign(activations.outputs.data(),
                     activations.outputs.data() + sorted.num_samples());
-    plot.series.push_back(series);
   }
   return plot;
 }
@@ -167,16 +142,16 @@ Plot MapPlot(const LearningProblem& problem, const Results& all) {
 void DrawLearning(const LearningProblem& problem,
                   const std::string& directory,
                   int tracked_sample,
-                  const Results& all) {
-  DrawPicture(directory + "/loss.png", LossPlots(problem, all));
-  DrawPicture(directory + "/neurons.png", NeuronPlots(all));
+                  const Runs& runs) {
+  DrawPicture(directory + "/loss.png", LossPlots(problem, runs));
+  DrawPicture(directory + "/neurons.png", NeuronPlots(runs));
   if (problem.train.inputs.rows() == 1 &&
       problem.model->simulator().num_inputs() == 1) {
-    DrawPicture(directory + "/map.png", {MapPlot(problem, all)});
+    DrawPicture(directory + "/map.png", {MapPlot(problem, runs)});
   }
   if (tracked_sample >= 0 && problem.train.targets.rows() >= 2) {
     DrawPicture(directory + "/sample_path.png",
-                {SamplePathPlot(problem, tracked_sample, all)});
+                {SamplePathPlot(problem, tracked_sample, runs)});
   }
 }
 

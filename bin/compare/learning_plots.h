@@ -1,4 +1,4 @@
-// The pictures of a learning comparison, each of a method's median run.
+// The pictures of a learning comparison.
 //
 //   DIR/loss.png         losses against steps and against seconds; the
 //                        problem's metric, if it has one. Of more than eight
@@ -13,15 +13,16 @@
 #include <string>
 #include <vector>
 
-#include "bin/compare/learning_comparison.h"
+#include "bin/support/learning_run.h"
+#include "problems/problem.h"
 
 namespace invgrad {
 
-// `tracked_sample`: -1 if there is none.
+// `tracked_sample`: -1 if there is none. `runs`: one a method.
 void DrawLearning(const LearningProblem& problem,
                   const std::string& directory,
                   int tracked_sample,
-                  const std::vector<MethodResults>& all);
+                  const std::vector<const LearningRunResult*>& runs);
 
 }  // namespace invgrad
 

@@ -1,12 +1,13 @@
 #include "bin/compare/point_comparison.h"
 
 #include <algorithm>
+#include <iostream>
 #include <limits>
 #include <utility>
 
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/format.h"
+#include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "report/plot.h"
@@ -15,10 +16,23 @@
 namespace invgrad {
 namespace {
 
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+std::string Status(const MinimizerSummary& summary) {
+  switch (summary.termination_type) {
+    case ceres::CONVERGENCE:
+      return "converged";
+    case ceres::FAILURE:
+    case ceres::USER_FAILURE:
+      return "failed: " + summary.message;
+    default:
+      return "steps done";
+  }
+}
+
 // A method that could not run has no points.
 Table PointTable(const PointProblem& problem,
                  const std::vector<PointPath>& paths) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const bool is_printed = problem.start.size() <= kMaxPrintedSize;
   Table table;
   for (const PointPath& path : paths) {
@@ -51,58 +65,112 @@ Table PointTable(const PointProblem& problem,
   return table;
 }
 
-// The colours of all panels are those of `reference`.
-Plot FieldPlot(const std::string& title,
-               const Eigen::VectorXd& x,
-               int num_rows,
-               const Eigen::VectorXd& reference) {
-  Plot plot;
-  plot.title = title;
-  plot.equal_aspect = true;
-  HeatMap& map = plot.heat_map.emplace();
-  map.z = x.reshaped<Eigen::RowMajor>(num_rows, x.size() / num_rows);
-  map.z_range = {reference.minCoeff(), reference.maxCoeff()};
-  return plot;
-}
-
 // The results of the runs if x is too large to print.
 bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
-                      const std::string& directory,
                       std::string* error) {
-  std::vector<std::pair<std::string, Eigen::VectorXd>> states;
-  if (problem.minimizer.has_value()) {
-    if (!WriteNpy(directory + "/x-true.npy", *problem.minimizer, error)) {
-      return false;
+  std::vector<Plot> panels;
+  const auto add = [&](const std::string& title,
+                       const std::string& file,
+                       const Eigen::VectorXd& x) {
+    if (problem.field_rows > 0) {
+      Plot& plot = panels.emplace_back();
+      plot.title = title;
+      plot.equal_aspect = true;
+      HeatMap& map = plot.heat_map.emplace();
+      map.z = x.reshaped<Eigen::RowMajor>(problem.field_rows,
+                                          x.size() / problem.field_rows);
+      // All panels have the colours of the first.
+      const Eigen::MatrixXd& reference = panels[0].heat_map->z;
+      map.z_range = {reference.minCoeff(), reference.maxCoeff()};
     }
-    states.emplace_back("x*", *problem.minimizer);
+    return WriteNpy(fmt::format("{}/x-{}.npy", FLAGS_output, file), x, error);
+  };
+  if (problem.minimizer.has_value() && !add("x*", "true", *problem.minimizer)) {
+    return false;
   }
   for (const PointPath& path : paths) {
-    if (path.x.empty()) continue;
-    states.emplace_back(path.label, path.x.back());
-    if (!WriteNpy(fmt::format("{}/x-{}.npy", directory, FileName(path.label)),
-                  path.x.back(),
-                  error)) {
+    if (!path.x.empty() &&
+        !add(path.label, FileName(path.label), path.x.back())) {
       return false;
     }
   }
-  std::vector<Plot> panels;
-  for (const auto& [title, x] : states) {
-    if (problem.field_rows == 0) break;
-    panels.push_back(
-        FieldPlot(title, x, problem.field_rows, states.front().second));
-  }
-  DrawPicture(directory + "/fields.png", panels);
+  DrawPicture(FLAGS_output + "/fields.png", panels);
   return true;
 }
 
 }  // namespace
 
+bool TracePath(const PointProblem& problem,
+               const Method& method,
+               MinimizerOptions options,
+               PointPath* path,
+               std::string* error) {
+  *path = PointPath();
+  path->label = method.label;
+  options.function_tolerance = 0.0;
+  options.parameter_tolerance = 0.0;
+  ChainObjective objective = problem.MakeObjective();
+  if (!MinimizeByMethod(method,
+                        options,
+                        problem.inverse,
+                        &objective,
+                        &path->x,
+                        &path->summary,
+                        error)) {
+    return false;
+  }
+  const auto& iterations = path->summary.iterations;
+  // A failed step is not in the path: the last point is the last good one.
+  for (size_t k = 0; k < path->x.size(); ++k) {
+    const Eigen::VectorXd& x = path->x[k];
+    objective.SetState(x);
+    path->y.push_back(objective.Outputs());
+    double loss = 0.0;
+    std::string ignored;
+    path->loss.push_back(objective.Cost(&loss, &ignored) ? loss : kNan);
+    path->distance.push_back(
+        problem.minimizer.has_value() ? (x - *problem.minimizer).norm() : kNan);
+    path->seconds.push_back(k < iterations.size()
+                                ? iterations[k].cumulative_time_in_seconds
+                                : kNan);
+  }
+  path->status = Status(path->summary);
+  return true;
+}
+
+bool WritePathCsv(const std::string& prefix,
+                  const PointPath& path,
+                  std::string* error) {
+  const bool is_printed = path.x[0].size() <= kMaxPrintedSize;
+  std::string csv = "iteration,loss";
+  if (is_printed) {
+    for (Eigen::Index i = 0; i < path.x[0].size(); ++i) {
+      csv += fmt::format(",x{}", i);
+    }
+    for (Eigen::Index i = 0; i < path.y[0].size(); ++i) {
+      csv += fmt::format(",y{}", i);
+    }
+  } else {
+    csv += ",x_norm,distance,seconds";
+  }
+  for (size_t k = 0; k < path.x.size(); ++k) {
+    std::vector<double> row = {path.loss[k]};
+    if (is_printed) {
+      row.insert(row.end(), path.x[k].begin(), path.x[k].end());
+      row.insert(row.end(), path.y[k].begin(), path.y[k].end());
+    } else {
+      row.insert(row.end(),
+                 {path.x[k].norm(), path.distance[k], path.seconds[k]});
+    }
+    csv += fmt::format("\n{},{:.17g}", k, fmt::join(row, ","));
+  }
+  return WriteFile(prefix + FileName(path.label) + ".csv", csv + '\n', error);
+}
+
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
-                  const PointPathOptions& options,
-                  const std::string& directory,
-                  std::ostream& out,
+                  const MinimizerOptions& options,
                   std::string* error) {
   std::vector<PointPath> paths;
   std::vector<Plot> plots(1);
@@ -114,11 +182,7 @@ bool ComparePoint(const PointProblem& problem,
     PointPath path;
     std::string why;
     if (TracePath(problem, method, options, &path, &why)) {
-      const std::string name = FileName(method.label);
-      if (!WritePathCsv(
-              fmt::format("{}/path-{}.csv", directory, name), path, error)) {
-        return false;
-      }
+      if (!WritePathCsv(FLAGS_output + "/path-", path, error)) return false;
       Series series;
       series.title = method.label;
       series.y = path.loss;
@@ -133,15 +197,15 @@ bool ComparePoint(const PointProblem& problem,
     paths.push_back(std::move(path));
   }
   const Table table = PointTable(problem, paths);
-  out << table.ToText();
-  if (!WriteTable(directory + "/table", table, error) ||
+  std::cout << table.ToText();
+  if (!WriteTable(FLAGS_output + "/table", table, error) ||
       (problem.start.size() > kMaxPrintedSize &&
-       !WriteFinalStates(problem, paths, directory, error))) {
+       !WriteFinalStates(problem, paths, error))) {
     return false;
   }
   MuteAllButTheLowest(&plots);
-  DrawPicture(directory + "/loss.png", plots);
-  out << "results in " << directory << "\n";
+  DrawPicture(FLAGS_output + "/loss.png", plots);
+  std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
   return std::any_of(paths.begin(), paths.end(), [](const PointPath& path) {
     return !path.x.empty();

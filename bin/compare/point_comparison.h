@@ -1,10 +1,11 @@
 // All methods on a point problem: paths and final losses.
 //
-//   DIR/path-METHOD.csv         see point_path.h
+//   DIR/path-METHOD.csv         iteration, L, x, y
 //   DIR/table.txt, DIR/table.md
 //   DIR/loss.png                L against iterations
 //
-// With more than kMaxPrintedSize unknowns also:
+// With more than kMaxPrintedSize unknowns path-METHOD.csv has iteration, L,
+// |x|, |x - x*| and seconds, and there are also:
 //
 //   DIR/x-METHOD.npy            the final x
 //   DIR/x-true.npy              x*, if it is known
@@ -15,21 +16,48 @@
 #ifndef BIN_COMPARE_POINT_COMPARISON_H_
 #define BIN_COMPARE_POINT_COMPARISON_H_
 
-#include <ostream>
 #include <string>
 #include <vector>
 
-#include "bin/compare/point_path.h"
+#include "Eigen/Core"
+#include "invgrad/methods/method.h"
+#include "invgrad/minimize/method_minimization.h"
+#include "problems/problem.h"
 
 namespace invgrad {
+
+// With more unknowns, tables and CSV files contain only norms.
+constexpr int kMaxPrintedSize = 16;
+
+struct PointPath {
+  std::string label;
+  std::vector<Eigen::VectorXd> x;  // x_0, x_1, ...
+  std::vector<Eigen::VectorXd> y;  // P(x_k); empty where P fails
+  std::vector<double> loss;        // L at x_k; NaN where it is not finite
+  std::vector<double> distance;    // |x_k - x*|; NaN if x* is not known
+  std::vector<double> seconds;     // since the start; NaN where not recorded
+  MinimizerSummary summary;
+  std::string status;
+};
+
+// Runs one method, without function and parameter tolerance. Returns false if
+// the method does not support the problem.
+bool TracePath(const PointProblem& problem,
+               const Method& method,
+               MinimizerOptions options,
+               PointPath* path,
+               std::string* error);
+
+// Writes the columns above to PREFIX + METHOD.csv.
+bool WritePathCsv(const std::string& prefix,
+                  const PointPath& path,
+                  std::string* error);
 
 // A method that does not support the problem has a row with the reason. Returns
 // false if results cannot be written, or if no method could run.
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
-                  const PointPathOptions& options,
-                  const std::string& directory,
-                  std::ostream& out,
+                  const MinimizerOptions& options,
                   std::string* error);
 
 }  // namespace invgrad

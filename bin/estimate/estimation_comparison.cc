@@ -1,42 +1,59 @@
 #include "bin/estimate/estimation_comparison.h"
 
 #include <algorithm>
-#include <filesystem>
+#include <cmath>
+#include <iostream>
 #include <limits>
+#include <map>
+#include <optional>
 #include <utility>
 
-#include "bin/estimate/estimation_table.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
-#include "bin/support/results.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 #include "fmt/core.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/problem_minimization.h"
+#include "problems/estimation/nist_models.h"
+#include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
+#include "report/table.h"
 
 namespace invgrad {
 namespace {
 
-std::string Status(const Method& method, const MinimizerSummary& summary) {
+constexpr auto kLeft = Table::Align::kLeft;
+
+struct Row {
+  std::string start;   // "Misra1a-start1-seed3": runs from one start compare
+  std::string method;  // its label
+  double initial_cost = std::numeric_limits<double>::quiet_NaN();
+  double final_cost = std::numeric_limits<double>::quiet_NaN();
+  int num_iterations = 0;
+  int num_accepted = 0;  // steps
+  int num_rejected = 0;
+  double seconds = 0.0;
+  // Correct digits of every parameter, if there are certified values.
+  std::optional<Eigen::VectorXd> digits;
   std::string status;
-  switch (summary.termination_type) {
-    case ceres::CONVERGENCE:
-      status = "converged";
-      break;
-    case ceres::NO_CONVERGENCE:
-      // Ceres' message, and ours.
-      status = summary.message.rfind("Maximum solver time", 0) == 0
-                   ? "time used up"
-                   : "not converged";
-      break;
-    case ceres::USER_SUCCESS:
-      return "interrupted";
-    default:
-      return "failed: " + summary.message;
+  bool was_run = true;
+};
+
+std::string Status(const Method& method, const MinimizerSummary& summary) {
+  const ceres::TerminationType type = summary.termination_type;
+  if (type == ceres::USER_SUCCESS) return "interrupted";
+  if (type != ceres::CONVERGENCE && type != ceres::NO_CONVERGENCE) {
+    return "failed: " + summary.message;
   }
+  const bool is_late =  // the message is of Ceres or ours
+      summary.message.rfind("Maximum solver time", 0) == 0;
+  std::string status = type == ceres::CONVERGENCE ? "converged"
+                       : is_late                  ? "time used up"
+                                                  : "not converged";
   // The number of steps that the rule proposed.
   const size_t proposals = summary.message.find("; ");
   if (method.last_phase().ceres != nullptr &&
@@ -46,25 +63,21 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   return status;
 }
 
-EstimationRow MakeRow(const std::string& start,
-                      const Method& method,
-                      const MinimizerSummary& summary,
-                      const Estimation& estimation) {
-  EstimationRow row;
-  row.start = start;
-  row.method = method.label;
+void SetResults(const Method& method,
+                const MinimizerSummary& summary,
+                const Estimation& estimation,
+                Row* row) {
   // The cost is -1 if the run failed at its start.
-  if (summary.initial_cost >= 0.0) row.initial_cost = summary.initial_cost;
-  if (summary.final_cost >= 0.0) row.final_cost = summary.final_cost;
-  row.num_iterations = summary.num_steps();
+  if (summary.initial_cost >= 0.0) row->initial_cost = summary.initial_cost;
+  if (summary.final_cost >= 0.0) row->final_cost = summary.final_cost;
+  row->num_iterations = summary.num_steps();
   for (size_t k = 1; k < summary.iterations.size(); ++k) {
-    ++(summary.iterations[k].step_is_successful ? row.num_accepted
-                                                : row.num_rejected);
+    ++(summary.iterations[k].step_is_successful ? row->num_accepted
+                                                : row->num_rejected);
   }
-  row.seconds = summary.total_time_in_seconds;
-  row.digits = estimation.Digits();
-  row.status = Status(method, summary);
-  return row;
+  row->seconds = summary.total_time_in_seconds;
+  row->digits = estimation.Digits();
+  row->status = Status(method, summary);
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {
@@ -86,8 +99,7 @@ void AddCosts(const std::string& label,
   Series iterations;
   iterations.title = label;
   Series seconds = iterations;
-  double cost = summary.initial_cost;  // a rejected step does not change the
-                                       // cost
+  double cost = summary.initial_cost;  // a rejected step keeps it
   for (const ceres::IterationSummary& iteration : summary.iterations) {
     if (iteration.step_is_successful) cost = iteration.cost;
     iterations.x.push_back(iteration.iteration);
@@ -101,174 +113,285 @@ void AddCosts(const std::string& label,
 
 class Observer final : public ceres::IterationCallback {
  public:
-  explicit Observer(const std::string& label) : live_(label) {}
+  explicit Observer(const std::string& label) { state_.label = label; }
 
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
-    return live_.Update({iteration.iteration, iteration.cost})
+    state_.step = iteration.iteration;
+    state_.loss = iteration.cost;
+    return ShowProgress(state_, &progress_)
                ? ceres::SOLVER_CONTINUE
                : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }
 
  private:
-  LiveRun live_;
+  ProgressState state_;
+  Progress progress_;
 };
 
-class Comparison {
- public:
-  Comparison(const std::vector<Method>& methods,
-             const EstimationComparisonOptions& options)
-      : methods_(methods), options_(options) {}
+std::string StartName(const EstimationInput& input, int start, int seed) {
+  std::string name = input.name;
+  if (input.estimation->traits().num_starts > 1) {
+    name += fmt::format("-start{}", start + 1);
+  }
+  if (FLAGS_perturb > 0.0) name += fmt::format("-seed{}", seed);
+  return name;
+}
 
-  const std::vector<EstimationRow>& rows() const { return rows_; }
+void SetStart(int start, int seed, Estimation* estimation) {
+  estimation->SetStart(start);
+  if (FLAGS_perturb > 0.0) {
+    NumpyRandom random(static_cast<std::uint32_t>(seed));
+    estimation->Perturb(FLAGS_perturb, &random);
+  }
+}
 
-  // All methods from one start.
-  bool Run(const EstimationInput& input,
-           int start,
-           int seed,
-           std::string* error) {
-    Estimation* estimation = input.estimation.get();
-    const std::string name = StartName(input, start, seed);
-    const std::string folder = options_.output + "/" + name;
-    std::error_code failure;
-    std::filesystem::create_directories(folder, failure);
-    if (failure) {
-      *error = folder + ": " + failure.message();
-      return false;
-    }
+bool Minimize(const std::string& name,
+              Method method,
+              const MakeLossFunction& make_loss,
+              Estimation* estimation,
+              MinimizerSummary* summary,
+              std::string* error) {
+  MinimizerOptions minimizer = estimation->traits().budget;
+  if (FLAGS_max_iterations > 0) {
+    minimizer.max_num_iterations = FLAGS_max_iterations;
+  }
+  if (FLAGS_seconds > 0.0) minimizer.max_time_in_seconds = FLAGS_seconds;
+  if (FLAGS_function_tolerance >= 0.0) {
+    minimizer.function_tolerance = FLAGS_function_tolerance;
+  }
+  Observer observer(name + " " + method.label);
+  minimizer.callbacks.push_back(&observer);
+  method.AddCeresDefaults({{"linear_solver", estimation->traits().linear_solver},
+                           {"num_threads", std::to_string(FLAGS_threads)}});
+  const std::unique_ptr<ceres::Problem> problem =
+      estimation->MakeProblem(make_loss);
+  return MinimizeProblem(method,
+                         minimizer,
+                         estimation->MakeOrdering(),
+                         problem.get(),
+                         summary,
+                         error);
+}
+
+// All methods from one start.
+bool RunFrom(int start,
+             int seed,
+             const EstimationInput& input,
+             const std::vector<Method>& methods,
+             const MakeLossFunction& make_loss,
+             std::vector<Row>* rows,
+             std::string* error) {
+  Estimation* estimation = input.estimation.get();
+  const std::string name = StartName(input, start, seed);
+  const std::string folder = FLAGS_output + "/" + name;
+  if (!MakeDirectories(folder, error)) return false;
+  SetStart(start, seed, estimation);
+  std::vector<Plot> panels;
+  estimation->Draw("start", &panels);
+  std::vector<Plot> costs(2);
+  costs[0].x_label = "iteration";
+  costs[1].x_label = "seconds";
+  costs[0].y_label = costs[1].y_label = "cost";
+  costs[0].log_y = costs[1].log_y = true;
+  for (const Method& method : methods) {
+    if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
-    std::vector<Plot> panels;
-    estimation->Draw("start", &panels);
-    std::vector<Plot> costs(2);
-    costs[0].x_label = "iteration";
-    costs[1].x_label = "seconds";
-    costs[0].y_label = costs[1].y_label = "cost";
-    costs[0].log_y = costs[1].log_y = true;
-    for (const Method& method : methods_) {
-      if (Interrupt::IsRequested()) break;
-      SetStart(start, seed, estimation);
-      MinimizerSummary summary;
-      std::string why;
-      if (!Minimize(name, method, estimation, &summary, &why)) {
-        EstimationRow row;
-        row.start = name;
-        row.method = method.label;
-        row.status = "not run: " + why;
-        row.was_run = false;
-        rows_.push_back(std::move(row));
-        continue;
+    Row& row = rows->emplace_back();
+    row.start = name;
+    row.method = method.label;
+    MinimizerSummary summary;
+    std::string why;
+    row.was_run = Minimize(name, method, make_loss, estimation, &summary, &why);
+    if (!row.was_run) {
+      row.status = "not run: " + why;
+      continue;
+    }
+    SetResults(method, summary, *estimation, &row);
+    estimation->Draw(method.label, &panels);
+    AddCosts(method.label, summary, &costs);
+    const std::string file = folder + "/" + FileName(method.label);
+    if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) return false;
+    // If estimates are not finite, the other runs continue.
+    if (!estimation->Write(file + estimation->traits().extension, &why)) {
+      Warn(why);
+      row.status += "; no result file: " + why;
+    }
+  }
+  DrawPicture(folder + "/result.png", panels);
+  if (!costs[0].series.empty()) {
+    MuteAllButTheLowest(&costs);
+    DrawPicture(folder + "/cost.png", costs);
+  }
+  return true;
+}
+
+bool HasDigits(const std::vector<Row>& rows) {
+  return std::any_of(rows.begin(), rows.end(), [](const Row& row) {
+    return row.digits.has_value();
+  });
+}
+
+bool IsSolved(const Row& row) {
+  return row.digits.has_value() && IsNistSolution(*row.digits);
+}
+
+// Counts of a run or of sums of runs.
+void AddCounts(const Row& counts, Table* table) {
+  table->Add("iterations", std::to_string(counts.num_iterations));
+  table->Add("accepted", std::to_string(counts.num_accepted));
+  table->Add("rejected", std::to_string(counts.num_rejected));
+}
+
+// One row per run, for people; or with all digits, for CSV.
+Table EstimationTable(const std::vector<Row>& rows, bool is_exact) {
+  const bool has_digits = HasDigits(rows);
+  const auto number = [is_exact](double value, int digits) {
+    return is_exact ? ExactNumber(value) : FormatNumber(value, digits);
+  };
+  const std::string none = is_exact ? "" : "-";
+  Table table;
+  for (const Row& row : rows) {
+    table.BeginRow();
+    table.Add("start", row.start, kLeft);
+    table.Add("method", row.method, kLeft);
+    table.Add(is_exact ? "initial_cost" : "initial cost",
+              number(row.initial_cost, 7));
+    table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
+    AddCounts(row, &table);
+    table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
+    if (has_digits || is_exact) {
+      table.Add("digits",
+                row.digits ? number(row.digits->minCoeff(), 3) : none);
+      table.Add(is_exact ? "mean_digits" : "mean digits",
+                row.digits ? number(row.digits->mean(), 3) : none);
+    }
+    if (has_digits && !is_exact) {
+      table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
+    }
+    table.Add("status", row.status, kLeft);
+  }
+  return table;
+}
+
+// For each method, over all starts: the number of solved starts (by NIST's
+// digits); the digits of the worst and of the mean parameter, averaged over the
+// solved starts; the number of starts with the least cost of all methods; and
+// sums.
+Table EstimationSummary(const std::vector<Row>& rows) {
+  constexpr double kSameCost = 1e-6;
+  std::map<std::string, double> least_cost;
+  for (const Row& row : rows) {
+    if (!std::isfinite(row.final_cost)) continue;
+    const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
+    if (!is_new) it->second = std::min(it->second, row.final_cost);
+  }
+  std::vector<std::string> methods;  // in the order of their first runs
+  for (const Row& row : rows) {
+    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
+      methods.push_back(row.method);
+    }
+  }
+  const bool has_digits = HasDigits(rows);
+  Table table;
+  for (const std::string& method : methods) {
+    Row sum;
+    int num_runs = 0, num_solved = 0, num_least = 0;
+    double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
+    for (const Row& row : rows) {
+      if (row.method != method) continue;
+      const double least = least_cost[row.start];
+      ++num_runs;
+      num_least += row.final_cost <= least + kSameCost * std::abs(least);
+      if (IsSolved(row)) {
+        ++num_solved;
+        worst_digits += row.digits->minCoeff();
+        mean_digits += row.digits->mean();
       }
-      rows_.push_back(MakeRow(name, method, summary, *estimation));
-      estimation->Draw(method.label, &panels);
-      AddCosts(method.label, summary, &costs);
-      const std::string file = folder + "/" + FileName(method.label);
-      if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) {
-        return false;
-      }
-      // If estimates are not finite, the other runs continue.
-      if (!estimation->Write(file + estimation->traits().extension, &why)) {
-        Warn(why);
-        rows_.back().status += "; no result file: " + why;
-      }
+      sum.num_iterations += row.num_iterations;
+      sum.num_accepted += row.num_accepted;
+      sum.num_rejected += row.num_rejected;
+      sum.seconds += row.seconds;
     }
-    DrawPicture(folder + "/result.png", panels);
-    if (!costs[0].series.empty()) {
-      MuteAllButTheLowest(&costs);
-      DrawPicture(folder + "/cost.png", costs);
+    const auto mean = [num_solved](double digits) {
+      return num_solved > 0 ? FormatNumber(digits / num_solved, 3) : "-";
+    };
+    const auto share = [num_runs](int count) {
+      return fmt::format("{} of {}", count, num_runs);
+    };
+    table.BeginRow();
+    table.Add("method", method, kLeft);
+    table.Add("starts", std::to_string(num_runs));
+    table.Add("least cost", share(num_least));
+    if (has_digits) {
+      table.Add("solved", share(num_solved));
+      table.Add("digits", mean(worst_digits));
+      table.Add("mean digits", mean(mean_digits));
     }
-    return true;
+    AddCounts(sum, &table);
+    table.Add("s", FormatNumber(sum.seconds, 3));
   }
-
- private:
-  std::string StartName(const EstimationInput& input,
-                        int start,
-                        int seed) const {
-    std::string name = input.name;
-    if (input.estimation->traits().num_starts > 1) {
-      name += fmt::format("-start{}", start + 1);
-    }
-    if (options_.perturbation > 0.0) name += fmt::format("-seed{}", seed);
-    return name;
-  }
-
-  void SetStart(int start, int seed, Estimation* estimation) const {
-    estimation->SetStart(start);
-    if (options_.perturbation > 0.0) {
-      NumpyRandom random(static_cast<std::uint32_t>(seed));
-      estimation->Perturb(options_.perturbation, &random);
-    }
-  }
-
-  bool Minimize(const std::string& name,
-                const Method& method,
-                Estimation* estimation,
-                MinimizerSummary* summary,
-                std::string* error) const {
-    MinimizerOptions minimizer = estimation->traits().budget;
-    if (options_.max_num_iterations > 0) {
-      minimizer.max_num_iterations = options_.max_num_iterations;
-    }
-    if (options_.max_time_in_seconds > 0.0) {
-      minimizer.max_time_in_seconds = options_.max_time_in_seconds;
-    }
-    if (options_.function_tolerance >= 0.0) {
-      minimizer.function_tolerance = options_.function_tolerance;
-    }
-    Observer observer(name + " " + method.label);
-    minimizer.callbacks.push_back(&observer);
-    Method with_defaults = method;
-    with_defaults.AddCeresDefaults(
-        {{"linear_solver", estimation->traits().linear_solver},
-         {"num_threads", std::to_string(options_.num_threads)}});
-    const std::unique_ptr<ceres::Problem> problem =
-        estimation->MakeProblem(options_.make_loss);
-    return MinimizeProblem(with_defaults,
-                           minimizer,
-                           estimation->MakeOrdering(),
-                           problem.get(),
-                           summary,
-                           error);
-  }
-
-  const std::vector<Method>& methods_;
-  const EstimationComparisonOptions& options_;
-  std::vector<EstimationRow> rows_;
-};
+  return table;
+}
 
 }  // namespace
 
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
-                        const EstimationComparisonOptions& options,
-                        std::ostream& out,
                         std::string* error) {
-  const Interrupt interrupt;
-  Comparison comparison(methods, options);
-  const std::vector<int> seeds =
-      options.perturbation > 0.0 ? options.seeds : std::vector<int>{0};
+  std::vector<int> seeds;
+  MakeLossFunction make_loss;
+  if (!CheckFlag("start", {"1", "2", "both"}, error) ||
+      !CheckFlags({{"perturb", {0.0}},
+                   {"max_iterations", {0.0}},
+                   {"seconds", {0.0}},
+                   {"function_tolerance", {0.0, 1.0, false, true}},
+                   {"threads", {1.0, 256.0}}},
+                  error) ||
+      !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
+      !ParseFlag("loss", ParseRobustLoss, &make_loss, error)) {
+    return false;
+  }
   for (const EstimationInput& input : inputs) {
-    for (const int start : options.starts) {
-      if (start >= input.estimation->traits().num_starts) continue;
+    if (FLAGS_start == "2" && input.estimation->traits().num_starts < 2) {
+      *error = "--start=2: " + input.name + " has one start";
+      return false;
+    }
+    std::cout << input.name << ": " << input.estimation->traits().description << "\n";
+  }
+  std::cout << "\n";
+  SetBlasThreads(FLAGS_threads);
+  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
+  if (FLAGS_perturb == 0.0) seeds = {0};
+  const Interrupt interrupt;
+  std::vector<Row> rows;
+  for (const EstimationInput& input : inputs) {
+    for (int start = 0; start < input.estimation->traits().num_starts; ++start) {
+      if (FLAGS_start != "both" && FLAGS_start != std::to_string(start + 1)) {
+        continue;
+      }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!comparison.Run(input, start, seed, error)) return false;
+        if (!RunFrom(start, seed, input, methods, make_loss, &rows, error)) {
+          return false;
+        }
       }
     }
   }
-  const std::vector<EstimationRow>& rows = comparison.rows();
-  const Table table = EstimationTable(rows);
+  const Table table = EstimationTable(rows, /*is_exact=*/false);
   const Table summary = EstimationSummary(rows);
-  out << table.ToText() << "\n" << summary.ToText();
-  if (!WriteTable(options.output + "/table", table, error) ||
-      !WriteTable(options.output + "/summary", summary, error) ||
-      !WriteFile(options.output + "/results.csv", EstimationCsv(rows), error)) {
+  std::cout << table.ToText() << "\n" << summary.ToText();
+  if (!WriteTable(FLAGS_output + "/table", table, error) ||
+      !WriteTable(FLAGS_output + "/summary", summary, error) ||
+      !WriteFile(FLAGS_output + "/results.csv",
+                 EstimationTable(rows, /*is_exact=*/true).ToCsv(),
+                 error)) {
     return false;
   }
-  out << "results in " << options.output << "\n";
+  std::cout << "results in " << FLAGS_output << "\n";
   *error = "no method could run";
-  return std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
-    return row.was_run;
-  });
+  return std::any_of(
+      rows.begin(), rows.end(), [](const Row& row) { return row.was_run; });
 }
 
 }  // namespace invgrad

@@ -13,13 +13,22 @@
 #define BIN_ESTIMATE_ESTIMATION_COMPARISON_H_
 
 #include <memory>
-#include <ostream>
 #include <string>
 #include <vector>
 
+#include "gflags/gflags.h"
 #include "invgrad/methods/method.h"
 #include "problems/estimation/estimation.h"
-#include "problems/estimation/robust_loss.h"
+
+// Defined in estimate.cc, because compare has flags of the same names.
+DECLARE_string(start);
+DECLARE_string(loss);
+DECLARE_double(perturb);
+DECLARE_string(seeds);
+DECLARE_int32(max_iterations);
+DECLARE_double(seconds);
+DECLARE_double(function_tolerance);
+DECLARE_int32(threads);
 
 namespace invgrad {
 
@@ -28,25 +37,12 @@ struct EstimationInput {
   std::unique_ptr<Estimation> estimation;
 };
 
-struct EstimationComparisonOptions {
-  std::string output;
-  std::vector<int> starts;  // from 0; those that an input has
-  double perturbation = 0.0;
-  std::vector<int> seeds;            // of the perturbations
-  int max_num_iterations = 0;        // 0: what is usual for the input
-  double max_time_in_seconds = 0.0;  // a run; 0: no limit
-  double function_tolerance = -1.0;  // < 0: what is usual for the input
-  MakeLossFunction make_loss;
-  int num_threads = 1;
-};
-
-// A method that does not support a problem has a row with the reason. Returns
-// false, with *error set, if a file cannot be written, or if no method could
-// run.
+// Runs all methods from the starts of the flags. A method that does not support
+// a problem has a row with the reason. Returns false, with *error set, if a
+// flag's value is not allowed, if a file cannot be written, or if no method
+// could run.
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
-                        const EstimationComparisonOptions& options,
-                        std::ostream& out,
                         std::string* error);
 
 }  // namespace invgrad

@@ -3,110 +3,87 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <limits>
 #include <sstream>
+#include <utility>
 
+#include "bin/support/program.h"
+#include "fmt/format.h"
 #include "invgrad/chain/network_file.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
+#include "invgrad/io/numpy_random.h"
+#include "problems/problems.h"
 
 namespace invgrad {
-
 namespace {
 
 // Networks with more hidden neurons keep only their final statistics.
 constexpr int kMaxTrackedNeurons = 64;
 
-int NumHiddenNeurons(const DenseNetwork& network) {
-  int sum = 0;
-  for (int layer = 1; layer < network.num_layers(); ++layer) {
-    sum += network.widths()[layer];
+// One line a neuron and evaluation; the last evaluation only, if no other was
+// recorded.
+std::string NeuronsCsv(const LearningRunResult& result,
+                       const std::vector<NeuronStatistics>& final_neurons) {
+  std::string csv = "step,layer,neuron,mean,deviation,flat_share\n";
+  const auto add = [&csv](long step, const auto& neurons) {
+    for (const NeuronStatistics& neuron : neurons) {
+      csv += fmt::format("{},{},{},{:.17g},{:.17g},{:.17g}\n",
+                         step,
+                         neuron.layer,
+                         neuron.neuron,
+                         neuron.mean,
+                         neuron.deviation,
+                         neuron.flat_share);
+    }
+  };
+  if (result.neurons.empty()) add(result.summary.num_steps, final_neurons);
+  for (size_t i = 0; i < result.neurons.size(); ++i) {
+    add(result.history[i].step, result.neurons[i]);
   }
-  return sum;
-}
-
-std::ostringstream CsvStream() {
-  std::ostringstream csv;
-  csv.precision(std::numeric_limits<double>::max_digits10);
   return csv;
 }
 
-// One line a neuron and evaluation; the last evaluation only, if no other was
-// recorded.
-std::string NeuronsCsv(
-    const std::vector<long>& steps,
-    const std::vector<std::vector<NeuronStatistics>>& neurons) {
-  std::ostringstream csv = CsvStream();
-  csv << "step,layer,neuron,mean,deviation,flat_share\n";
-  for (size_t i = 0; i < neurons.size(); ++i) {
-    for (const NeuronStatistics& neuron : neurons[i]) {
-      csv << steps[i] << ',' << neuron.layer << ',' << neuron.neuron << ','
-          << neuron.mean << ',' << neuron.deviation << ',' << neuron.flat_share
-          << '\n';
-    }
+std::string SamplePathCsv(const LearningRunResult& result) {
+  std::string csv = "step";
+  for (Eigen::Index j = 0; j < result.sample_path[0].size(); ++j) {
+    csv += fmt::format(",y{}", j);
   }
-  return csv.str();
-}
-
-std::string SamplePathCsv(const History& history,
-                          const std::vector<Eigen::VectorXd>& path) {
-  std::ostringstream csv = CsvStream();
-  csv << "step";
-  for (Eigen::Index j = 0; j < path.front().size(); ++j) csv << ",y" << j;
-  csv << '\n';
-  for (size_t i = 0; i < path.size(); ++i) {
-    csv << history[i].step;
-    for (const double y : path[i]) csv << ',' << y;
-    csv << '\n';
+  for (size_t i = 0; i < result.sample_path.size(); ++i) {
+    csv += fmt::format("\n{},{:.17g}",
+                       result.history[i].step,
+                       fmt::join(result.sample_path[i], ","));
   }
-  return csv.str();
+  return csv + '\n';
 }
 
 std::string ResultText(const LearningRunResult& result) {
-  std::ostringstream text;
-  text.precision(std::numeric_limits<double>::max_digits10);
-  text << "label " << result.label << "\nseed " << result.seed << "\nsteps "
-       << result.summary.num_steps << "\nseconds "
-       << result.summary.train_time_in_seconds << "\nsaturated "
-       << result.num_saturated << "\ntermination "
-       << result.summary.termination_type << "\nmessage "
-       << result.summary.message << "\n";
-  return text.str();
+  return fmt::format(
+      "label {}\nseed {}\nsteps {}\nseconds {:.17g}\nsaturated {}\n"
+      "termination {}\nmessage {}\n",
+      result.label,
+      result.seed,
+      result.summary.num_steps,
+      result.summary.train_time_in_seconds,
+      result.num_saturated,
+      static_cast<int>(result.summary.termination_type),
+      result.summary.message);
 }
 
 bool ParseResultText(const std::string& text, LearningRunResult* result) {
-  std::istringstream lines(text);
+  std::istringstream in(text);
+  std::string key;
   int termination = -1;
-  int num_fields = 0;
-  for (std::string line; std::getline(lines, line);) {
-    const size_t space = line.find(' ');
-    if (space == std::string::npos) return false;
-    const std::string key = line.substr(0, space);
-    std::istringstream value(line.substr(space + 1));
-    ++num_fields;
-    if (key == "label") {
-      result->label = value.str();
-    } else if (key == "seed") {
-      value >> result->seed;
-    } else if (key == "steps") {
-      value >> result->summary.num_steps;
-    } else if (key == "seconds") {
-      value >> result->summary.train_time_in_seconds;
-    } else if (key == "saturated") {
-      value >> result->num_saturated;
-    } else if (key == "termination") {
-      value >> termination;
-    } else if (key == "message") {
-      result->summary.message = value.str();
-    } else {
-      return false;
-    }
-    if (value.fail()) return false;
-  }
+  in >> key >> std::ws;
+  std::getline(in, result->label);
+  in >> key >> result->seed >> key >> result->summary.num_steps >> key >>
+      result->summary.train_time_in_seconds >> key >> result->num_saturated >>
+      key >> termination >> key;
+  in.ignore();  // the space
+  std::getline(in, result->summary.message);
   result->summary.termination_type =
       static_cast<ceres::TerminationType>(termination);
-  return num_fields == 7 && termination >= 0;
+  return !in.fail() && key == "message" && termination >= 0;
 }
 
 bool WriteRun(const std::string& directory,
@@ -114,24 +91,19 @@ bool WriteRun(const std::string& directory,
               const LearningRunResult& result,
               const std::vector<NeuronStatistics>& final_neurons,
               std::string* error) {
-  std::vector<long> steps;
-  std::vector<std::vector<NeuronStatistics>> neurons = result.neurons;
-  for (const HistoryRow& row : result.history) steps.push_back(row.step);
-  if (neurons.empty()) {
-    neurons.push_back(final_neurons);
-    steps = {result.summary.num_steps};
-  }
+  const bool was_interrupted =
+      result.summary.termination_type == ceres::USER_SUCCESS;
   return WriteHistory(directory + "/history.csv", result.history, error) &&
          WriteNpy(directory + "/weights.npy", result.weights, error) &&
          WriteNetwork(
              directory + "/network.txt", network, result.weights, error) &&
-         WriteFile(
-             directory + "/neurons.csv", NeuronsCsv(steps, neurons), error) &&
+         WriteFile(directory + "/neurons.csv",
+                   NeuronsCsv(result, final_neurons),
+                   error) &&
          (result.sample_path.empty() ||
-          WriteFile(directory + "/sample_path.csv",
-                    SamplePathCsv(result.history, result.sample_path),
-                    error)) &&
-         (result.was_interrupted() ||
+          WriteFile(
+              directory + "/sample_path.csv", SamplePathCsv(result), error)) &&
+         (was_interrupted ||
           WriteFile(directory + "/result.txt", ResultText(result), error));
 }
 
@@ -159,6 +131,89 @@ double EvaluateMetric(const LearningProblem& problem,
 
 }  // namespace
 
+bool CreateLearningProblem(const std::string& specification,
+                           LearningProblem* problem,
+                           std::string* error) {
+  PhysicsProblem created;
+  if (!CreateProblem(specification, nullptr, &created, error)) return false;
+  if (!created.learning.has_value()) {
+    *error = specification +
+             " has no network to train; allowed are learning problems "
+             "(compare and trajectories show point problems)";
+    return false;
+  }
+  *problem = *std::move(created.learning);
+  return true;
+}
+
+int NumHiddenNeurons(const DenseNetwork& network) {
+  int sum = 0;
+  for (int layer = 1; layer < network.num_layers(); ++layer) {
+    sum += network.widths()[layer];
+  }
+  return sum;
+}
+
+Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed) {
+  NumpyRandom random(static_cast<std::uint32_t>(seed));
+  return problem.model->network().InitialWeights(problem.initialization,
+                                                 &random);
+}
+
+int BatchSize(const LearningProblem& problem, int flag_batch_size) {
+  return Phase().BatchSize(
+      flag_batch_size >= 0 ? flag_batch_size : problem.batch_size,
+      problem.train.num_samples());
+}
+
+bool CheckBatches(const LearningProblem& problem,
+                  const std::vector<Method>& methods,
+                  int flag_batch_size,
+                  std::string* error) {
+  const int num_samples = problem.train.num_samples();
+  const auto fits = [&](const std::string& what, int batch_size) {
+    if (batch_size <= num_samples) return true;
+    *error = fmt::format(
+        "{}batch_size={} is out of range; allowed: 1 to the {} training "
+        "samples, or 0 for all",
+        what,
+        batch_size,
+        num_samples);
+    return false;
+  };
+  if (!fits("--", BatchSize(problem, flag_batch_size))) return false;
+  for (const Method& method : methods) {
+    for (const Phase& phase : method.phases) {
+      if (!fits("--rules: " + method.label + ": ", phase.batch_size)) {
+        return false;
+      }
+    }
+  }
+  return problem.train.IsFinite(error) && problem.test.IsFinite(error);
+}
+
+void WarnOfLeftOutSamples(const Method& method,
+                          int batch_size,
+                          int num_samples,
+                          std::set<std::string>* warned) {
+  for (const Phase& phase : method.phases) {
+    const int size = phase.BatchSize(batch_size, num_samples);
+    if (num_samples % size == 0) continue;
+    int below = size, above = size;
+    while (num_samples % below != 0) --below;
+    while (num_samples % above != 0) ++above;
+    const std::string warning = fmt::format(
+        "batch_size={}: {} of {} samples are left out of every "
+        "epoch; divisors near: {}, {}",
+        size,
+        num_samples % size,
+        num_samples,
+        below,
+        above);
+    if (warned->insert(warning).second) Warn(warning);
+  }
+}
+
 double LearningRunResult::BestTrainLoss() const {
   double best = HistoryRow::kNone;
   for (const HistoryRow& row : history) best = std::fmin(best, row.train_loss);
@@ -172,12 +227,10 @@ double LearningRunResult::SecondsToLevel(double level) const {
   return HistoryRow::kNone;
 }
 
-bool HasBudgetLeft(const LearningRunResult& result,
-                   const TrainOptions& options) {
-  return result.has_used_its_budget() &&
-         result.last().epoch < options.max_num_epochs * (1.0 - 1e-12) &&
-         result.summary.num_steps < options.max_num_steps &&
-         result.summary.train_time_in_seconds < options.max_time_in_seconds;
+double LearningRunResult::MillisecondsPerStep() const {
+  return summary.num_steps > 0 ? 1e3 * summary.train_time_in_seconds /
+                                     static_cast<double>(summary.num_steps)
+                               : HistoryRow::kNone;
 }
 
 bool RunLearning(const LearningProblem& problem,
@@ -198,14 +251,10 @@ bool RunLearning(const LearningProblem& problem,
     std::filesystem::remove(options.directory + name, failure);
   }
   const DenseNetwork& network = problem.model->network();
-  *result = LearningRunResult();
-  result->label = method.label;
-  result->seed = seed;
-  result->num_hidden_neurons = NumHiddenNeurons(network);
-  const bool tracks_neurons = result->num_hidden_neurons <= kMaxTrackedNeurons;
-  const DataSet tracked = options.tracked_sample < 0
-                              ? problem.train.Range(0, 0)
-                              : problem.train.Range(options.tracked_sample, 1);
+  std::vector<std::vector<NeuronStatistics>> neurons;
+  std::vector<Eigen::VectorXd> sample_path;
+  const bool tracks_neurons = NumHiddenNeurons(network) <= kMaxTrackedNeurons;
+  const int tracked = options.tracked_sample;
 
   TrainOptions train_options = options.train;
   train_options.initial_weights = initial_weights;
@@ -217,22 +266,19 @@ bool RunLearning(const LearningProblem& problem,
     };
   }
   train_options.on_evaluation = [&](const Eigen::VectorXd& weights,
-                                    const History& history) {
+                                    const History& /*history*/) {
     if (tracks_neurons) {
-      result->neurons.push_back(
+      neurons.push_back(
           ComputeNeuronStatistics(network, weights, problem.train));
     }
-    if (tracked.num_samples() > 0) {
+    if (tracked >= 0) {
       Eigen::MatrixXd y;
       std::string ignored;
-      result->sample_path.push_back(
-          problem.model->Predict(weights, tracked, &y, &ignored)
-              ? Eigen::VectorXd(y.col(0))
-              : Eigen::VectorXd::Constant(problem.model->loss().size(),
-                                          HistoryRow::kNone));
-    }
-    if (options.train.on_evaluation) {
-      options.train.on_evaluation(weights, history);
+      if (!problem.model->Predict(
+              weights, problem.train.Range(tracked, 1), &y, &ignored)) {
+        y.setConstant(HistoryRow::kNone);
+      }
+      sample_path.emplace_back(y.col(0));
     }
   };
   TrainingRun run(
@@ -242,42 +288,45 @@ bool RunLearning(const LearningProblem& problem,
   }
   *error = run.error();
   if (!error->empty()) return false;
-  result->weights = run.weights();
-  result->history = run.history();
-  result->summary = run.summary();
+  *result = LearningRunResult();
+  static_cast<TrainResult&>(*result) = run.result();
+  result->label = method.label;
+  result->seed = seed;
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);
   // Neurons and y of evaluations before a checkpoint, in another process, are
   // unknown.
-  if (result->neurons.size() != result->history.size()) result->neurons.clear();
-  if (result->sample_path.size() != result->history.size()) {
-    result->sample_path.clear();
+  const size_t num_evaluations = result->history.size();
+  if (neurons.size() == num_evaluations) result->neurons = std::move(neurons);
+  if (sample_path.size() == num_evaluations) {
+    result->sample_path = std::move(sample_path);
   }
   if (!WriteRun(options.directory, network, *result, final_neurons, error)) {
     return false;
   }
-  if (!result->was_interrupted() && !result->has_used_its_budget()) {
+  const ceres::TerminationType type = result->summary.termination_type;
+  if (type != ceres::USER_SUCCESS && type != ceres::NO_CONVERGENCE) {
     std::filesystem::remove(train_options.checkpoint_path, failure);
   }
   return true;
 }
 
-bool LoadLearningRun(const std::string& directory,
+bool LoadCompleteRun(const std::string& directory,
                      const LearningProblem& problem,
+                     const TrainOptions& options,
                      LearningRunResult* result,
                      std::string* error) {
   error->clear();
-  std::ifstream file(directory + "/result.txt");
-  if (!file) return false;
-  std::ostringstream text;
-  text << file.rdbuf();
   *result = LearningRunResult();
-  if (!ParseResultText(text.str(), result)) {
-    *error = directory + "/result.txt: not a result of compare";
+  const std::string file = directory + "/result.txt";
+  std::string text;
+  if (!std::filesystem::exists(file)) return false;
+  if (!ReadFile(file, &text, error)) return false;
+  if (!ParseResultText(text, result)) {
+    *error = file + ": not a result of a run";
     return false;
   }
-  result->num_hidden_neurons = NumHiddenNeurons(problem.model->network());
   if (!ReadHistory(directory + "/history.csv", &result->history, error)) {
     return false;
   }
@@ -285,10 +334,28 @@ bool LoadLearningRun(const std::string& directory,
     *error = directory + "/history.csv: has no rows";
     return false;
   }
+  const TrainSummary& summary = result->summary;
+  const bool has_budget_left =
+      summary.termination_type == ceres::NO_CONVERGENCE &&
+      result->last().epoch < options.max_num_epochs * (1.0 - 1e-12) &&
+      summary.num_steps < options.max_num_steps &&
+      summary.train_time_in_seconds < options.max_time_in_seconds;
   return ReadNpy(directory + "/weights.npy",
                  problem.model->num_weights(),
                  &result->weights,
-                 error);
+                 error) &&
+         !has_budget_left;
+}
+
+void AddTimes(const LearningRunResult* run, Table* table) {
+  const LearningRunResult none;
+  const LearningRunResult& times = run != nullptr ? *run : none;
+  const auto add = [&](const std::string& title, const std::string& cell) {
+    table->Add(title, run != nullptr ? cell : "-");
+  };
+  add("steps", std::to_string(times.summary.num_steps));
+  add("s", FormatNumber(times.summary.train_time_in_seconds));
+  add("ms/step", NumberOrDash(times.MillisecondsPerStep()));
 }
 
 }  // namespace invgrad

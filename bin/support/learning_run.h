@@ -1,29 +1,60 @@
 // One training run, of one method from one seed, and its files.
 //
-//   DIR/history.csv   losses against steps, epochs and seconds
-//   DIR/weights.npy   the final weights
-//   DIR/network.txt   the network with these weights, for programs to load
-//                     (network_file.h)
-//   DIR/neurons.csv   statistics of the hidden neurons at the end; for small
-//                     networks at every evaluation
+//   DIR/history.csv       losses against steps, epochs and seconds
+//   DIR/weights.npy       the final weights
+//   DIR/network.txt       the network with these weights, for programs to load
+//                         (network_file.h)
+//   DIR/neurons.csv       statistics of the hidden neurons at the end; for
+//                         small networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
-//   DIR/result.txt written last: marks a complete run DIR/checkpoint where the
-//   run can go on, unless it converged or failed
+//   DIR/result.txt        written last: marks a complete run
+//   DIR/checkpoint        where the run can go on, unless it converged or
+//                         failed
 #ifndef BIN_SUPPORT_LEARNING_RUN_H_
 #define BIN_SUPPORT_LEARNING_RUN_H_
 
 #include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/chain/neuron_statistics.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/train/history.h"
 #include "invgrad/train/train.h"
 #include "problems/problem.h"
+#include "report/table.h"
 
 namespace invgrad {
+
+// Makes the problem of a specification. Returns false, with *error, if it is
+// invalid or has no network.
+bool CreateLearningProblem(const std::string& specification,
+                           LearningProblem* problem,
+                           std::string* error);
+
+int NumHiddenNeurons(const DenseNetwork& network);
+
+// The weights that every method starts from at `seed`.
+Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);
+
+// The batch size of phases without their own, at least 1. `flag_batch_size`:
+// --batch_size, or -1 for the problem's.
+int BatchSize(const LearningProblem& problem, int flag_batch_size);
+
+// Returns false if a batch size does not fit the data, or if the data are not
+// finite; *error names flag, value and allowed values.
+bool CheckBatches(const LearningProblem& problem,
+                  const std::vector<Method>& methods,
+                  int flag_batch_size,
+                  std::string* error);
+
+// Warns of phases whose batches do not divide the samples, with the divisors
+// near; not of what is in *warned. Ceres' minimizers use all samples.
+void WarnOfLeftOutSamples(const Method& method,
+                          int batch_size,
+                          int num_samples,
+                          std::set<std::string>* warned);
 
 struct LearningRunOptions {
   TrainOptions train;
@@ -33,38 +64,23 @@ struct LearningRunOptions {
   std::function<bool(const TrainingRun& run)> on_step;
 };
 
-struct LearningRunResult {
+struct LearningRunResult : TrainResult {
   std::string label;
   int seed = 0;
-  History history;
-  TrainSummary summary;
-  Eigen::VectorXd weights;
-  int num_hidden_neurons = 0;
   int num_saturated = 0;
-
   // Neurons at history[i], where they were recorded at every evaluation.
   std::vector<std::vector<NeuronStatistics>> neurons;
   std::vector<Eigen::VectorXd> sample_path;  // y at history[i]
 
   bool has_failed() const { return summary.termination_type == ceres::FAILURE; }
-  // The user stopped the run; it can resume from its checkpoint.
-  bool was_interrupted() const {
-    return summary.termination_type == ceres::USER_SUCCESS;
-  }
   const HistoryRow& last() const { return history.back(); }
-  // The budget ended the run; it can resume with a larger budget.
-  bool has_used_its_budget() const {
-    return summary.termination_type == ceres::NO_CONVERGENCE;
-  }
   double BestTrainLoss() const;
   // Seconds until the train loss was first at most `level`; NaN if that never
   // happened.
   double SecondsToLevel(double level) const;
+  // NaN before the first step.
+  double MillisecondsPerStep() const;
 };
-
-// Whether a run that ended by its budget can resume with the current budget.
-bool HasBudgetLeft(const LearningRunResult& result,
-                   const TrainOptions& options);
 
 // Trains from `initial_weights` and writes the files. Returns false, with
 // *error set, for bad input or if a file cannot be written.
@@ -76,12 +92,18 @@ bool RunLearning(const LearningProblem& problem,
                  LearningRunResult* result,
                  std::string* error);
 
-// Reads a complete run. Returns false with *error empty if there is none in
-// `directory`, and with *error set if its files are damaged.
-bool LoadLearningRun(const std::string& directory,
+// Reads the run in the directory. Returns true if the run is complete: its
+// result exists, and it did not end by a budget that is now larger. Returns
+// false, with *error empty, if the run must start or resume; *result then holds
+// the existing part. *error is not empty if the files are damaged.
+bool LoadCompleteRun(const std::string& directory,
                      const LearningProblem& problem,
+                     const TrainOptions& options,
                      LearningRunResult* result,
                      std::string* error);
+
+// Adds the columns steps, s and ms/step; "-" for null.
+void AddTimes(const LearningRunResult* run, Table* table);
 
 }  // namespace invgrad
 

@@ -1,12 +1,12 @@
 #include "bin/support/listing.h"
 
-#include <iomanip>
-#include <string>
 #include <vector>
 
+#include "fmt/core.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/rules/rules.h"
+#include "problems/estimation/nist_models.h"
 #include "problems/problems.h"
 #include "report/table.h"
 
@@ -14,80 +14,98 @@ namespace invgrad {
 
 namespace {
 
-void PrintOptions(const std::vector<OptionSet::Row>& options,
-                  std::ostream& out) {
-  for (const OptionSet::Row& option : options) {
-    const std::string with_default = option.name + "=" + option.default_value;
-    out << "      " << std::left << std::setw(28) << with_default << " "
-        << option.help << "; " << option.allowed << "\n";
+enum class Format { kText, kMarkdown };
+
+// A row of a table, and its options.
+std::string RowText(Format format,
+                    const std::string& name,
+                    const std::string& about,
+                    const std::vector<OptionSet::Row>& options) {
+  if (format == Format::kText) {
+    std::string text = fmt::format("  {}\n    {}\n", name, about);
+    for (const OptionSet::Row& option : options) {
+      text += fmt::format("      {:<28} {}; {}\n",
+                          option.name + "=" + option.default_value,
+                          option.help,
+                          option.allowed);
+    }
+    return text;
   }
+  std::string text = fmt::format("## {}\n\n    {}\n\n", name, about);
+  if (options.empty()) return text + "No options.\n\n";
+  text += "| option | default | allowed | meaning |\n|---|---|---|---|\n";
+  for (const OptionSet::Row& option : options) {
+    text += fmt::format("| `{}` | {} | {} | {} |\n",
+                        option.name,
+                        MarkdownCell(option.default_value),
+                        MarkdownCell(option.allowed),
+                        MarkdownCell(option.help));
+  }
+  return text + "\n";
 }
 
-void PrintOptionsMarkdown(const std::vector<OptionSet::Row>& options,
-                          std::ostream& out) {
-  if (options.empty()) {
-    out << "No options.\n\n";
-    return;
-  }
-  out << "| option | default | allowed | meaning |\n|---|---|---|---|\n";
-  for (const OptionSet::Row& option : options) {
-    out << "| `" << option.name << "` | " << MarkdownCell(option.default_value)
-        << " | " << MarkdownCell(option.allowed) << " | "
-        << MarkdownCell(option.help) << " |\n";
-  }
-  out << "\n";
-}
-
-// The table of rules, minimizers of Ceres, and ways of pull-backs.
+// The table of rules, minimizers of Ceres, or ways of pull-backs.
 template <typename Rows>
-void PrintRows(const Rows& rows, std::ostream& out) {
+std::string RowTexts(Format format, const Rows& rows) {
+  std::string text;
   for (const auto& row : rows) {
-    out << "  " << row.name << "\n    " << row.formula << "\n";
-    PrintOptions(row.options(), out);
+    text += RowText(format, row.name, row.formula, row.options());
   }
-}
-template <typename Rows>
-void PrintRowsMarkdown(const Rows& rows, std::ostream& out) {
-  for (const auto& row : rows) {
-    out << "## " << row.name << "\n\n    " << row.formula << "\n\n";
-    PrintOptionsMarkdown(row.options(), out);
-  }
+  return text;
 }
 
 }  // namespace
 
-void PrintListing(std::ostream& out) {
-  out << "Problems (--problem=name:key=value:...)\n";
+std::string Listing() {
+  std::string text = "Problems (--problem=name:key=value:...)\n";
   for (const ProblemRow& row : Problems()) {
-    out << "  " << row.name << "\n    " << row.equation << "  [" << row.source
-        << "]\n";
-    PrintOptions(row.options(), out);
+    text += RowText(Format::kText,
+                    row.name,
+                    row.equation + "  [" + row.source + "]",
+                    row.options());
   }
-  out << "\nRules (--rules=name:key=value:...,...); batch_size is an option of "
-         "every rule\n";
-  PrintRuleListing(out);
-  out << "\nMethods that pull a wanted change back, part by part: "
+  return text +
+         "\nRules (--rules=name:key=value:...,...); batch_size is an option of "
+         "every rule\n" +
+         RowTexts(Format::kText, Rules()) +
+         "\nMethods that pull a wanted change back, part by part: "
          "LOSS/SIMULATOR/RULE with\n  LOSS gradient, newton, "
          "saddle_free_newton; SIMULATOR joint, adjoint, inverse_gradient,\n  "
          "half_inverse, inverse, numerical, newton, data; RULE any rule. By "
-         "name:\n";
-  PrintRows(ChainMethods(), out);
-  out << "\nPhases, one after the other: adam:epochs=5>half_inverse. Each but "
-         "the last has\n  epochs= or steps=, its share of the run\n";
-  out << "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
-         "ceres_dogleg+RULE let a rule propose steps\n";
-  PrintCeresListing(out);
+         "name:\n" +
+         RowTexts(Format::kText, ChainMethods()) +
+         "\nPhases, one after the other: adam:epochs=5>half_inverse. Each but "
+         "the last has\n  epochs= or steps=, its share of the run\n"
+         "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
+         "ceres_dogleg+RULE let a rule propose steps\n" +
+         RowTexts(Format::kText, CeresMethods());
 }
 
-void PrintRuleListing(std::ostream& out) { PrintRows(Rules(), out); }
+std::string EstimateListing() {
+  std::string text =
+      "Formats (--input)\n"
+      "  .dat            NIST StRD, nonlinear regression (nist)\n"
+      "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
+      ".txt\n"
+      "  .g2o            pose graphs in 2D and 3D (g2o)\n"
+      "\nModels of NIST's files\n";
+  for (const NistModel& model : NistModels()) {
+    text += fmt::format("  {}\n    {}\n", model.name, model.formula);
+  }
+  return text + "\nRules (--methods=name:key=value:...,...)\n" +
+         RowTexts(Format::kText, Rules()) +
+         "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
+         "rule propose steps.\nlinear_solver is, where nothing is said, "
+         "dense_qr for NIST, a Schur complement for BAL,\n"
+         "sparse_normal_cholesky for g2o\n" +
+         RowTexts(Format::kText, CeresMethods());
+}
 
-void PrintCeresListing(std::ostream& out) { PrintRows(CeresMethods(), out); }
-
-void PrintRulesMarkdown(std::ostream& out) {
-  out << "# Update rules\n\nGenerated by `compare --list_markdown=rules`.\n"
-         "Symbols: [conventions.md](conventions.md).\n\n";
-  PrintRowsMarkdown(Rules(), out);
-  out << "# Pull-backs through the chain\n\n"
+std::string RulesMarkdown() {
+  return "# Update rules\n\nGenerated by `compare --list_markdown=rules`.\n"
+         "Symbols: [conventions.md](conventions.md).\n\n" +
+         RowTexts(Format::kMarkdown, Rules()) +
+         "# Pull-backs through the chain\n\n"
          "`LOSS/SIMULATOR/RULE` pulls a wanted change back part by part: from "
          "the loss to a change of y, through the simulator to a change of x, "
          "and by a rule to one of the weights. Any combination works.\n\n"
@@ -112,33 +130,34 @@ void PrintRulesMarkdown(std::ostream& out) {
          "RULE is any update rule above, of the proxy 1/2 \\|x - x~\\|^2. A "
          "setting goes to the rule if the rule has it. `numerical` has all "
          "options of `sip`, `newton` also `newton_steps`, `max_loss_change` "
-         "and `newton_damping`. Known combinations:\n\n";
-  PrintRowsMarkdown(ChainMethods(), out);
-  out << "# Minimizers of Ceres\n\nThe trust-region ones take proposals from "
-         "any rule above: `ceres_lm+half_inverse`.\n\n";
-  PrintRowsMarkdown(CeresMethods(), out);
-  out << "# Phases\n\n`adam:batch_size=256:epochs=5>half_inverse` trains by "
-         "one "
-         "method after the other in one run, with the weights carried over: "
-         "each but the last has `epochs` or `steps`, its share of the run, and "
-         "the last one takes what the run's budget leaves. Any rule and any "
-         "`LOSS/SIMULATOR/RULE` can be a phase, a minimizer of Ceres the last "
-         "one. Every phase begins with a new rule, its schedule runs from the "
-         "phase's start to its end, and `patience` and the order of the "
-         "samples "
-         "begin anew.\n";
+         "and `newton_damping`. Known combinations:\n\n" +
+         RowTexts(Format::kMarkdown, ChainMethods()) +
+         "# Minimizers of Ceres\n\nThe trust-region ones take proposals from "
+         "any rule above: `ceres_lm+half_inverse`.\n\n" +
+         RowTexts(Format::kMarkdown, CeresMethods()) +
+         "# Phases\n\n`adam:batch_size=256:epochs=5>half_inverse` trains by "
+         "one method after the other in one run, with the weights carried "
+         "over: each but the last has `epochs` or `steps`, its share of the "
+         "run, and the last one takes what the run's budget leaves. Any rule "
+         "and any `LOSS/SIMULATOR/RULE` can be a phase, a minimizer of Ceres "
+         "the last one. Every phase begins with a new rule, its schedule runs "
+         "from the phase's start to its end, and `patience` and the order of "
+         "the samples begin anew.\n";
 }
 
-void PrintProblemsMarkdown(std::ostream& out) {
-  out << "# Problems\n\nGenerated by `compare --list_markdown=problems`.\n\n"
-         "Problems with a network have a network of their own; `--hidden`, "
-         "`--activation` and `--initialization` of `compare` and `sweep` give "
-         "them another one. Details are in the headers of `problems/`.\n\n";
+std::string ProblemsMarkdown() {
+  std::string text =
+      "# Problems\n\nGenerated by `compare --list_markdown=problems`.\n\n"
+      "Problems with a network have a network of their own; `--hidden`, "
+      "`--activation` and `--initialization` of `compare` and `sweep` give "
+      "them another one. Details are in the headers of `problems/`.\n\n";
   for (const ProblemRow& row : Problems()) {
-    out << "## " << row.name << "\n\n    " << row.equation
-        << "\n\nSource: " << row.source << ".\n\n";
-    PrintOptionsMarkdown(row.options(), out);
+    text += RowText(Format::kMarkdown,
+                    row.name,
+                    row.equation + "\n\nSource: " + row.source + ".",
+                    row.options());
   }
+  return text;
 }
 
 }  // namespace invgrad

@@ -1,20 +1,18 @@
-// The tables of problems and rules as text, and as the Markdown of
-// docs/problems.md and docs/rules.md.
+// The tables of problems, rules and methods as text, and as the Markdown of
+// docs/rules.md and docs/problems.md.
 #ifndef BIN_SUPPORT_LISTING_H_
 #define BIN_SUPPORT_LISTING_H_
 
-#include <ostream>
+#include <string>
 
 namespace invgrad {
 
-void PrintListing(std::ostream& out);
+std::string Listing();
+// What `estimate` accepts, which needs no network.
+std::string EstimateListing();
 
-// The parts of the table that also apply to problems without a chain.
-void PrintRuleListing(std::ostream& out);
-void PrintCeresListing(std::ostream& out);
-
-void PrintRulesMarkdown(std::ostream& out);
-void PrintProblemsMarkdown(std::ostream& out);
+std::string RulesMarkdown();
+std::string ProblemsMarkdown();
 
 }  // namespace invgrad
 

@@ -2,8 +2,6 @@
 #ifndef BIN_SUPPORT_LIVE_RUN_H_
 #define BIN_SUPPORT_LIVE_RUN_H_
 
-#include <string>
-
 #include "gflags/gflags.h"
 #include "report/progress.h"
 
@@ -11,24 +9,9 @@ DECLARE_bool(progress);
 
 namespace invgrad {
 
-class LiveRun {
- public:
-  explicit LiveRun(const std::string& label) { state_.label = label; }
-
-  struct Now {
-    long step = 0;
-    double loss = ProgressState::kUnknown;
-    double epoch = ProgressState::kUnknown;
-    double fraction = ProgressState::kUnknown;  // of the budget
-  };
-  // Call after every step. Returns false if the run must end, after an
-  // Interrupt (report/interrupt.h).
-  bool Update(const Now& now);
-
- private:
-  ProgressState state_;
-  Progress progress_;
-};
+// Call after every step. Returns false if the run must end, after an Interrupt
+// (report/interrupt.h).
+bool ShowProgress(const ProgressState& state, Progress* progress);
 
 }  // namespace invgrad
 

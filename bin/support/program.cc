@@ -2,9 +2,12 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <limits>
+#include <sstream>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
@@ -14,13 +17,36 @@
 DECLARE_bool(helpshort);  // of gflags
 
 namespace invgrad {
-
 namespace {
 
 // With a slash at its end; this is bin/support/program.cc.
 std::string BinDirectory() {
   return std::filesystem::path(__FILE__).parent_path().parent_path().string() +
          "/";
+}
+
+// An OptionSet has the number's syntax, range and messages.
+template <typename Number>
+bool ParseNumber(const char* name,
+                 const std::string& text,
+                 const Range& range,
+                 Number* number,
+                 std::string* error) {
+  OptionSet set;
+  set.Add(name, number, range, "");
+  return set.Set(name, text, error);
+}
+
+// Defaults are allowed, whatever they are.
+bool SetByFlag(const char* name, OptionSet* set, std::string* error) {
+  const gflags::CommandLineFlagInfo flag =
+      gflags::GetCommandLineFlagInfoOrDie(name);
+  if (flag.current_value == flag.default_value ||
+      set->Set(name, flag.current_value, error)) {
+    return true;
+  }
+  *error = "--" + *error;
+  return false;
 }
 
 }  // namespace
@@ -50,7 +76,10 @@ void UseProcessorsKernels(char** argv) {
   std::cerr << name << ": cannot start again. " << old_kernels << "\n";
 }
 
-int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
+int RunProgram(int argc,
+               char** argv,
+               const std::string& usage,
+               bool (*run)(std::string* error)) {
   UseProcessorsKernels(argv);
   FLAGS_logtostderr = true;
   // Ceres warns of every restart of nonlinear conjugate gradients.
@@ -65,38 +94,134 @@ int RunProgram(int argc, char** argv, const std::string& usage, int (*run)()) {
   }
   gflags::HandleCommandLineHelpFlags();
   google::InitGoogleLogging(argv[0]);
+  std::string error;
   if (argc > 1) {
-    return Fail(std::string("unexpected argument '") + argv[1] +
-                "'; every argument is a --flag");
+    error = fmt::format("unexpected argument '{}'; every argument is a --flag",
+                        argv[1]);
+  } else if (run(&error)) {
+    return 0;
   }
-  return run();
+  Warn(error);
+  return 1;
 }
 
 std::vector<gflags::CommandLineFlagInfo> ProgramFlags() {
   const std::string directory = BinDirectory();
-  std::vector<gflags::CommandLineFlagInfo> all;
-  gflags::GetAllFlags(&all);
   std::vector<gflags::CommandLineFlagInfo> flags;
-  for (const gflags::CommandLineFlagInfo& flag : all) {
-    if (flag.filename.rfind(directory, 0) == 0) flags.push_back(flag);
-  }
+  gflags::GetAllFlags(&flags);
+  flags.erase(std::remove_if(flags.begin(),
+                             flags.end(),
+                             [&directory](const auto& flag) {
+                               return flag.filename.rfind(directory, 0) != 0;
+                             }),
+              flags.end());
   return flags;
 }
 
-bool CheckFlag(const char* name,
-               bool is_allowed,
-               const std::string& allowed,
-               std::string* error) {
-  if (is_allowed) return true;
-  *error = std::string("--") + name + "=" +
-           gflags::GetCommandLineFlagInfoOrDie(name).current_value +
-           " is out of range; allowed: " + allowed;
-  return false;
+bool CheckFlags(const std::vector<std::pair<const char*, Range>>& ranges,
+                std::string* error) {
+  for (const auto& [name, range] : ranges) {
+    double value = range.low;
+    OptionSet set;
+    set.Add(name, &value, range, "");
+    if (!SetByFlag(name, &set, error)) return false;
+  }
+  return true;
 }
 
-int Fail(const std::string& message) {
-  Warn(message);
-  return 1;
+bool CheckFlag(const char* name,
+               const std::vector<std::string>& choices,
+               std::string* error) {
+  std::string choice = choices[0];
+  OptionSet set;
+  set.Add(name, &choice, choices, "");
+  return SetByFlag(name, &set, error);
+}
+
+bool NameFlag(const char* name, bool is_valid, std::string* error) {
+  if (!is_valid) *error = fmt::format("--{}: {}", name, *error);
+  return is_valid;
+}
+
+std::vector<std::string> SplitList(const std::string& list) {
+  std::vector<std::string> items;
+  std::istringstream stream(list);
+  for (std::string item; std::getline(stream, item, ',');) {
+    items.push_back(item);
+  }
+  return items;
+}
+
+bool ParseSeeds(const std::string& text,
+                std::vector<int>* seeds,
+                std::string* error) {
+  constexpr long kMaxNumSeeds = 10000;
+  const auto parse = [error](const std::string& item, int* seed) {
+    const Range range{0.0, std::numeric_limits<int>::max()};
+    *seed = 0;
+    return ParseNumber("seed", item, range, seed, error);
+  };
+  seeds->clear();
+  const std::vector<std::string> items = SplitList(text);
+  for (size_t i = 0; i < items.size(); ++i) {
+    std::string last_item = items[i];
+    long step = 1;
+    int last = 0;
+    const size_t dots = items[i].find("..");
+    const bool is_list =
+        items[i] == "..." && i > 0 && i + 1 < items.size();  // "1,2,...,20"
+    const bool is_range = dots != std::string::npos;
+    if (is_list) {
+      const size_t size = seeds->size();
+      if (size > 1) step = long{seeds->back()} - (*seeds)[size - 2];
+      last_item = items[++i];
+    } else if (is_range) {
+      if (!parse(items[i].substr(0, dots), &last)) return false;
+      seeds->push_back(last);
+      last_item = items[i].substr(dots + 2);
+    }
+    if (!parse(last_item, &last)) return false;
+    if (!is_range) {
+      seeds->push_back(last);
+      continue;
+    }
+    const long length = long{last} - seeds->back();
+    if (step <= 0 || length <= 0 || length % step != 0 ||
+        length / step >= kMaxNumSeeds) {
+      *error = fmt::format(
+          "{} is no list; expected 1..20 or 1,2,...,20: ascending to the last "
+          "one, at most {} seeds",
+          text,
+          kMaxNumSeeds);
+      return false;
+    }
+    while (seeds->back() != last) {
+      seeds->push_back(static_cast<int>(seeds->back() + step));
+    }
+  }
+  std::vector<int> sorted = *seeds;
+  std::sort(sorted.begin(), sorted.end());
+  const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+  if (twice != sorted.end()) {
+    *error = fmt::format("seed {} is given twice", *twice);
+  } else if (seeds->empty()) {
+    *error = "no seed is given";
+  }
+  return twice == sorted.end() && !seeds->empty();
+}
+
+bool ParseNumbers(const std::string& text,
+                  std::vector<double>* numbers,
+                  std::string* error) {
+  numbers->clear();
+  for (const std::string& item : SplitList(text)) {
+    const Range range{0.0, std::numeric_limits<double>::infinity(), true};
+    if (!ParseNumber(
+            "number", item, range, &numbers->emplace_back(1.0), error)) {
+      return false;
+    }
+  }
+  return true;
 }
 
 void Warn(const std::string& message) {

@@ -1,11 +1,13 @@
-// Start and end of every program.
+// Start and end of every program, and the values of its flags.
 #ifndef BIN_SUPPORT_PROGRAM_H_
 #define BIN_SUPPORT_PROGRAM_H_
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "gflags/gflags.h"
+#include "invgrad/core/option_set.h"
 
 namespace invgrad {
 
@@ -15,24 +17,55 @@ namespace invgrad {
 // message. Call it first, because earlier code runs twice.
 void UseProcessorsKernels(char** argv);
 
-// Calls UseProcessorsKernels, reads the flags, rejects other arguments, runs
-// `run`, and returns its exit code. `usage` describes the program in a line;
-// --helpshort prints it with the program's flags.
-int RunProgram(int argc, char** argv, const std::string& usage, int (*run)());
+// Calls UseProcessorsKernels, reads the flags, rejects other arguments, and
+// calls `run`. Returns the exit code: 1, after *error is printed, if `run`
+// returns false. --helpshort prints `usage`, a line about the program, and the
+// program's flags.
+int RunProgram(int argc,
+               char** argv,
+               const std::string& usage,
+               bool (*run)(std::string* error));
 
 // The flags that bin/ defines in this program, its own file and those of
 // bin/support that it links; not those of gflags and glog.
 std::vector<gflags::CommandLineFlagInfo> ProgramFlags();
 
-// False, with *error "--steps=-1 is out of range; allowed: 0 or more", unless
-// the flag's value is allowed.
+// Return false, with *error "--steps=-1 is out of range; allowed: [0, inf)",
+// for the first flag whose value is not allowed. Defaults are allowed; ranges
+// include their lower ends.
+bool CheckFlags(const std::vector<std::pair<const char*, Range>>& ranges,
+                std::string* error);
 bool CheckFlag(const char* name,
-               bool is_allowed,
-               const std::string& allowed,
+               const std::vector<std::string>& choices,
                std::string* error);
 
-// Prints "PROGRAM: message" to stderr; returns 1, the exit code of bad input.
-int Fail(const std::string& message);
+// Returns `is_valid`; if it is false, *error then begins with "--NAME: ".
+bool NameFlag(const char* name, bool is_valid, std::string* error);
+
+// parse(text of the flag, value, error) under that name.
+template <typename Parse, typename Value>
+bool ParseFlag(const char* name,
+               Parse parse,
+               Value* value,
+               std::string* error) {
+  const std::string text =
+      gflags::GetCommandLineFlagInfoOrDie(name).current_value;
+  return NameFlag(name, parse(text, value, error), error);
+}
+
+// The items of a comma-separated list.
+std::vector<std::string> SplitList(const std::string& list);
+
+// "1,2,5", "1..20" or "1,2,...,20": 1 to 10000 different integers from 0 to
+// 2^31 - 1.
+bool ParseSeeds(const std::string& text,
+                std::vector<int>* seeds,
+                std::string* error);
+
+// "1e-3,1e-4": positive numbers; may be empty.
+bool ParseNumbers(const std::string& text,
+                  std::vector<double>* numbers,
+                  std::string* error);
 
 // Prints the warning "PROGRAM: message" to stderr.
 void Warn(const std::string& message);

@@ -1,8 +1,13 @@
 #include "bin/support/training_flags.h"
 
-#include <cmath>
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <sstream>
 
 #include "bin/support/program.h"
+#include "fmt/core.h"
+#include "invgrad/core/option_set.h"
 
 DEFINE_string(hidden,
               "",
@@ -22,32 +27,131 @@ DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
 DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
 
 namespace invgrad {
+namespace {
 
-bool CheckTrainingFlags(std::string* error) {
-  return CheckFlag("epochs", FLAGS_epochs >= 0, "0 (none) or more", error) &&
-         CheckFlag("steps", FLAGS_steps >= 0, "0 (none) or more", error) &&
-         CheckFlag("seconds",
-                   FLAGS_seconds >= 0.0 && std::isfinite(FLAGS_seconds),
-                   "0 (none) or more",
-                   error) &&
-         CheckFlag("batch_size",
-                   FLAGS_batch_size >= -1,
-                   "-1 (the problem's own), 0 (all), or more",
-                   error);
+// Replaces *value by the one with this name, if the name is not empty. `names`:
+// in the order of the enumerators.
+template <typename Enum>
+bool Choose(const char* setting,
+            const std::string& name,
+            const std::vector<std::string>& names,
+            Enum* value,
+            std::string* error) {
+  if (name.empty()) return true;
+  std::string chosen = names[0];
+  OptionSet set;
+  set.Add(setting, &chosen, names, "");
+  if (!set.Set(setting, name, error)) return false;
+  const auto it = std::find(names.begin(), names.end(), chosen);
+  *value = static_cast<Enum>(it - names.begin());
+  return true;
+}
+
+// "20-20-20". A network's weights are numbered by an int.
+bool ParseWidths(const std::string& text,
+                 std::vector<int>* widths,
+                 std::string* error) {
+  if (text.empty()) return true;
+  constexpr double kMaxWidth = 1e6;
+  constexpr int kMaxNumWeights = std::numeric_limits<int>::max();
+  std::vector<int> all = {widths->front()};
+  std::istringstream parts(text + "-");
+  for (std::string part; std::getline(parts, part, '-');) {
+    OptionSet set;
+    set.Add("width", &all.emplace_back(1), {1.0, kMaxWidth}, "");
+    if (!set.Set("width", part, error)) {
+      *error = fmt::format(
+          "hidden={}: {}; expected a width for each hidden layer, as in "
+          "20-20-20",
+          text,
+          *error);
+      return false;
+    }
+  }
+  all.push_back(widths->back());
+  *widths = all;
+  if (DenseNetwork::CountWeights(all) <= kMaxNumWeights) return true;
+  *error = fmt::format(
+      "hidden={}: the network would have more than the {} weights that are "
+      "allowed",
+      text,
+      kMaxNumWeights);
+  return false;
+}
+
+}  // namespace
+
+const std::vector<std::string>& NetworkSettings::Names() {
+  static const auto& names =
+      *new std::vector<std::string>{"hidden", "activation", "initialization"};
+  return names;
+}
+
+std::string* NetworkSettings::Find(const std::string& name) {
+  return name == "hidden"           ? &hidden
+         : name == "activation"     ? &activation
+         : name == "initialization" ? &initialization
+                                    : nullptr;
+}
+
+bool SetNetwork(const NetworkSettings& settings,
+                LearningProblem* problem,
+                std::string* error) {
+  const Model& own = *problem->model;
+  std::vector<std::string> activations;
+  for (const Activation activation : kActivations) {
+    activations.emplace_back(ActivationName(activation));
+  }
+  Activation activation = own.network().hidden_activation();
+  Initialization initialization = problem->initialization;
+  std::vector<int> widths = own.network().widths();
+  if (!ParseWidths(settings.hidden, &widths, error) ||
+      !Choose(
+          "activation", settings.activation, activations, &activation, error) ||
+      !Choose("initialization",
+              settings.initialization,
+              {"glorot", "he", "pytorch"},
+              &initialization,
+              error)) {
+    return false;
+  }
+  if (own.network_output() == NetworkOutput::kTwoJet &&
+      activation == Activation::kRelu) {
+    *error = "activation=relu has no Laplacian, which this problem needs";
+    return false;
+  }
+  problem->initialization = initialization;
+  problem->model = std::make_shared<Model>(
+      own.WithNetwork(DenseNetwork(widths, activation)));
+  return true;
 }
 
 NetworkSettings NetworkOfFlags() {
   return {FLAGS_hidden, FLAGS_activation, FLAGS_initialization};
 }
 
-void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options) {
-  options->shuffle = FLAGS_shuffle;
-  if (FLAGS_epochs > 0) options->max_num_epochs = FLAGS_epochs;
-  if (FLAGS_steps > 0) options->max_num_steps = FLAGS_steps;
-  if (FLAGS_seconds > 0.0) options->max_time_in_seconds = FLAGS_seconds;
+bool CheckTrainingFlags(std::string* error) {
+  return CheckFlags({{"epochs", {0.0}},
+                     {"steps", {0.0}},
+                     {"seconds", {0.0}},
+                     {"batch_size", {-1.0}}},
+                    error);
+}
+
+TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
+                                 int batch_size,
+                                 int seed) {
+  TrainOptions options;
+  options.batch_size = batch_size;
+  options.seed = static_cast<std::uint32_t>(seed);
+  options.shuffle = FLAGS_shuffle;
+  if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
+  if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
+  if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
   if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
-    options->max_num_epochs = problem.num_epochs;
+    options.max_num_epochs = problem.num_epochs;
   }
+  return options;
 }
 
 }  // namespace invgrad

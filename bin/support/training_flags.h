@@ -1,35 +1,57 @@
-// The flags of the programs that train a network: settings of the network,
-// budget and batches. A program has these flags if it uses this file.
+// The flags of the programs that train a network: budget, batches, and settings
+// that replace the problem's network. A program has these flags if it uses this
+// file.
+//
+//   hidden=20-20-20        a width a hidden layer
+//   activation=relu        linear, tanh, relu, sigmoid, gelu; see activation.h
+//   initialization=he      glorot, he, pytorch; see dense_network.h
 #ifndef BIN_SUPPORT_TRAINING_FLAGS_H_
 #define BIN_SUPPORT_TRAINING_FLAGS_H_
 
 #include <string>
+#include <vector>
 
-#include "bin/support/network_settings.h"
 #include "gflags/gflags.h"
 #include "invgrad/train/train.h"
 #include "problems/problem.h"
 
-DECLARE_string(hidden);
-DECLARE_string(activation);
-DECLARE_string(initialization);
 DECLARE_int32(epochs);
 DECLARE_int64(steps);
 DECLARE_double(seconds);
 DECLARE_int32(batch_size);
-DECLARE_bool(shuffle);
 
 namespace invgrad {
 
-// Returns false for a value that is not allowed; *error names flag, value and
-// allowed values. SetNetwork checks the network's flags.
-bool CheckTrainingFlags(std::string* error);
+// Empty text keeps the problem's setting.
+struct NetworkSettings {
+  std::string hidden;
+  std::string activation;
+  std::string initialization;
+
+  // "hidden", "activation", "initialization": as flags and as axes of a sweep.
+  static const std::vector<std::string>& Names();
+  // The field with this name, or null.
+  std::string* Find(const std::string& name);
+};
+
+// Replaces the problem's network; inputs, outputs, simulator, loss, data and
+// feedback do not change. Returns false with *error "activation=sine is no
+// choice; allowed: one of ..." for a setting that is not allowed; the problem
+// is then unchanged.
+bool SetNetwork(const NetworkSettings& settings,
+                LearningProblem* problem,
+                std::string* error);
 
 NetworkSettings NetworkOfFlags();
 
-// Sets the budget (default: the problem's) and whether to shuffle, but not the
-// batch size, which depends on the problem and a sweep's axis.
-void ApplyTrainingFlags(const LearningProblem& problem, TrainOptions* options);
+// Returns false, with *error, for a budget or a batch size that is not allowed.
+// SetNetwork checks the network's flags.
+bool CheckTrainingFlags(std::string* error);
+
+// With the budget of the flags (default: the problem's).
+TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
+                                 int batch_size,
+                                 int seed);
 
 }  // namespace invgrad
 

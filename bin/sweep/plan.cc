@@ -1,42 +1,93 @@
 #include "bin/sweep/plan.h"
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <map>
 
-#include "bin/support/parse_list.h"
-#include "bin/support/run_directory.h"
-#include "bin/support/training.h"
+#include "bin/support/learning_run.h"
+#include "bin/support/program.h"
+#include "bin/support/run_output.h"
 #include "fmt/format.h"
 #include "problems/problems.h"
 
 namespace invgrad {
 namespace {
 
+// Without the spaces around it.
+std::string Trimmed(const std::string& text) {
+  constexpr char kSpace[] = " \t\r\n";
+  const size_t begin = text.find_first_not_of(kSpace);
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
+}
+
+// The trimmed pieces between the separators.
+std::vector<std::string> Split(const std::string& text, char separator) {
+  std::vector<std::string> pieces;
+  for (size_t begin = 0, end = 0; end < text.size() || pieces.empty();
+       begin = end + 1) {
+    end = std::min(text.find(separator, begin), text.size());
+    pieces.push_back(Trimmed(text.substr(begin, end - begin)));
+  }
+  return pieces;
+}
+
+// True if `choice` is the smallest or the largest of the numbers.
+bool IsAtEdge(const std::vector<std::string>& values, size_t choice) {
+  std::vector<double> numbers(values.size());
+  for (size_t i = 0; i < values.size(); ++i) {
+    if (!ParseFinite(values[i], &numbers[i])) return false;
+  }
+  const auto [low, high] = std::minmax_element(numbers.begin(), numbers.end());
+  return *low < *high && (numbers[choice] == *low || numbers[choice] == *high);
+}
+
+// A part of a method: the name of a phase's rule, or a setting of it.
+struct Piece {
+  std::string mark;  // the separator before it: "", ">" or ":"
+  std::string name;
+  std::vector<std::string> values;  // of a setting; several: alternatives
+
+  std::string Text(size_t k) const {
+    return name + (values.empty() ? "" : "=" + values[k]);
+  }
+};
+
+// The parts of "adam:epochs=5>half_inverse:truncation=1e-6|1e-3".
+std::vector<Piece> Pieces(const std::string& method) {
+  std::vector<Piece> pieces;
+  for (const std::string& phase : Split(method, '>')) {
+    std::string mark = pieces.empty() ? "" : ">";
+    for (const std::string& part : Split(phase, ':')) {
+      const size_t equals = part.find('=');
+      Piece piece{mark, Trimmed(part.substr(0, equals)), {}};
+      if (equals != std::string::npos) {
+        piece.values = Split(part.substr(equals + 1), '|');
+      }
+      pieces.push_back(piece);
+      mark = ":";
+    }
+  }
+  return pieces;
+}
+
 bool Contains(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
-
-// The target of an axis' value.
-enum class Kind { kRule, kSeed, kBatchSize, kNetwork, kProblem, kRuleOption };
-
-// The setting of one axis at a point.
-struct Setting {
-  Kind kind;
-  std::string name;
-  std::string value;
-
-  std::string Text() const { return name + "=" + value; }
-};
 
 class Planner {
  public:
   Planner(const SweepBase& base, SweepPlan* plan, std::string* error)
       : base_(base), plan_(plan), error_(error) {}
 
-  bool Plan() {
-    if (!CheckBase() || !ReadSeeds() || !ReadRules() || !SortAxes()) {
-      return false;
-    }
+  bool Plan() { return CheckBase() && NameFlag("grid", PlanGrid(), error_); }
+
+ private:
+  std::vector<GridAxis>& axes() { return plan_->grid.axes; }
+
+  bool PlanGrid() {
+    if (!ReadSeeds() || !ReadRules() || !CheckAxes()) return false;
     std::vector<int> at(axes().size(), 0);
     do {
       if (!AddPoints(at)) return false;
@@ -44,19 +95,17 @@ class Planner {
     return true;
   }
 
- private:
-  std::vector<GridAxis>& axes() { return plan_->grid.axes; }
-
-  bool Refuse(const std::string& message) {
-    *error_ = "--grid: " + message;
-    return false;
-  }
-
   bool CheckBase() {
     std::shared_ptr<const LearningProblem> problem;
-    if (!FindProblem(base_.problem, {}, &problem, error_)) return false;
-    if (FindProblem(base_.problem, base_.network, &problem, error_))
-      return true;
+    if (!NameFlag(
+            "problem", FindProblem(base_.problem, {}, &problem), error_)) {
+      return false;
+    }
+    const std::string name = base_.problem.substr(0, base_.problem.find(':'));
+    for (const auto& row : invgrad::FindProblem(name)->options()) {
+      problem_options_.push_back(row.name);
+    }
+    if (FindProblem(base_.problem, base_.network, &problem)) return true;
     *error_ = "--" + *error_;
     return false;
   }
@@ -66,9 +115,9 @@ class Planner {
     plan_->seed_axis = plan_->grid.Find("seed");
     std::vector<std::string>& values = axes()[plan_->seed_axis].values;
     std::vector<int> seeds;
-    std::string why;
-    if (!ParseSeeds(fmt::format("{}", fmt::join(values, ",")), &seeds, &why)) {
-      return Refuse(why);
+    if (!ParseSeeds(
+            fmt::format("{}", fmt::join(values, ",")), &seeds, error_)) {
+      return false;
     }
     values.clear();
     for (const int seed : seeds) values.push_back(std::to_string(seed));
@@ -78,89 +127,54 @@ class Planner {
   bool ReadRules() {
     plan_->rule_axis = plan_->grid.Find("rule");
     if (plan_->rule_axis < 0) {
-      return Refuse("expected an axis with the rules, rule=method,method");
+      *error_ = "expected an axis with the rules, rule=method,method";
+      return false;
     }
     for (const std::string& value : axes()[plan_->rule_axis].values) {
       plan_->alternatives.push_back(ExpandRule(value));
       for (const RuleAlternative& rule : plan_->alternatives.back()) {
         Method method;
-        std::string why;
-        if (!ParseMethod(rule.specification, &method, &why)) {
-          return Refuse(fmt::format("rule={}: {}", value, why));
+        if (!ParseMethod(rule.specification, &method, error_)) {
+          *error_ = fmt::format("rule={}: {}", value, *error_);
+          return false;
         }
       }
     }
     return true;
   }
 
-  // Determines the kind of each axis, and which rules have its option.
-  bool SortAxes() {
-    const std::string name = base_.problem.substr(0, base_.problem.find(':'));
-    std::vector<std::string> options;
-    for (const auto& row : invgrad::FindProblem(name)->options()) {
-      options.push_back(row.name);
-    }
-    for (const GridAxis& axis : axes()) {
-      if (axis.name == "rule") {
-        kinds_.push_back(Kind::kRule);
-      } else if (axis.name == "seed") {
-        kinds_.push_back(Kind::kSeed);
-      } else if (axis.name == "batch_size") {
-        kinds_.push_back(Kind::kBatchSize);
-      } else if (Contains(NetworkSettings::Names(), axis.name)) {
-        kinds_.push_back(Kind::kNetwork);
-      } else if (Contains(options, axis.name)) {
-        kinds_.push_back(Kind::kProblem);
-      } else if (IsRuleOption(axis)) {
-        kinds_.push_back(Kind::kRuleOption);
-      } else {
-        return RefuseAxis(axis, options);
-      }
-    }
-    return true;
-  }
-
-  static bool Takes(const RuleAlternative& rule,
-                    const GridAxis& axis,
-                    const std::string& value,
-                    std::string* why) {
-    Method method;
-    return ParseMethod(
-        fmt::format("{}:{}={}", rule.specification, axis.name, value),
-        &method,
-        why);
-  }
-
-  // A rule has an option if it accepts at least one of the values.
-  bool IsRuleOption(const GridAxis& axis) {
-    std::vector<bool>& takers = takers_[axis.name];
-    for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
-      std::string ignored;
-      takers.push_back(std::any_of(axis.values.begin(),
-                                   axis.values.end(),
-                                   [&](const std::string& value) {
-                                     return Takes(
-                                         rule[0], axis, value, &ignored);
-                                   }));
-    }
-    return std::find(takers.begin(), takers.end(), true) != takers.end();
-  }
-
-  // The reason, for each rule, why the axis does not apply.
-  bool RefuseAxis(const GridAxis& axis, std::vector<std::string> names) {
+  // Determines which rules have the option of an axis: those that accept at
+  // least one of its values.
+  bool CheckAxes() {
+    std::vector<std::string> names = problem_options_;
     names.insert(names.end(), {"rule", "seed", "batch_size"});
     const std::vector<std::string>& network = NetworkSettings::Names();
     names.insert(names.end(), network.begin(), network.end());
-    std::string message =
-        fmt::format("{}\n  allowed: {}",
-                    UnknownNameMessage("axis", axis.name, names),
-                    fmt::join(names, ", "));
-    for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
-      std::string why;
-      Takes(rule[0], axis, axis.values[0], &why);
-      message += "\n  and no option of a rule: " + why;
+    for (const GridAxis& axis : axes()) {
+      if (Contains(names, axis.name)) continue;
+      std::string reasons;  // of each rule, why the axis does not apply
+      std::vector<bool>& takers = takers_[axis.name];
+      for (const std::vector<RuleAlternative>& rule : plan_->alternatives) {
+        std::string why;
+        const auto takes = [&](const std::string& value) {
+          Method method;
+          return ParseMethod(
+              fmt::format("{}:{}={}", rule[0].specification, axis.name, value),
+              &method,
+              &why);
+        };
+        takers.push_back(
+            std::any_of(axis.values.begin(), axis.values.end(), takes));
+        reasons += "\n  and no option of a rule: " + why;
+      }
+      if (std::count(takers.begin(), takers.end(), true) > 0) continue;
+      *error_ = fmt::format("{}\n  allowed: {}{}",
+                            UnknownNameMessage("axis", axis.name, names),
+                            fmt::join(names, ", "),
+                            reasons);
+      return false;
     }
-    return Refuse(message);
+    return true;
   }
 
   // The next point of the grid, the last axis changing fastest.
@@ -175,77 +189,58 @@ class Planner {
 
   // The jobs of all alternatives at one point.
   bool AddPoints(const std::vector<int>& at) {
-    const int rule_number = at[plan_->rule_axis];
-    std::vector<Setting> settings;
-    for (size_t k = 0; k < at.size(); ++k) {
-      const GridAxis& axis = axes()[k];
-      if (kinds_[k] == Kind::kRule || (kinds_[k] == Kind::kRuleOption &&
-                                       !takers_[axis.name][rule_number])) {
-        continue;
-      }
-      settings.push_back({kinds_[k], axis.name, axis.values[at[k]]});
-    }
     const std::vector<RuleAlternative>& rules =
-        plan_->alternatives[rule_number];
+        plan_->alternatives[at[plan_->rule_axis]];
     for (size_t i = 0; i < rules.size(); ++i) {
       SweepJob job;
-      std::string why;
-      if (!MakeJob(rules[i].specification, settings, &job, &why)) {
-        return Refuse(why);
-      }
+      if (!MakeJob(rules[i].specification, at, &job)) return false;
       plan_->points.push_back({at, static_cast<int>(i), FindOrAddJob(job)});
     }
     return true;
   }
 
   bool MakeJob(const std::string& rule,
-               const std::vector<Setting>& settings,
-               SweepJob* job,
-               std::string* error) {
+               const std::vector<int>& at,
+               SweepJob* job) {
     std::string problem = base_.problem;
     std::string method = rule;
     std::string directory;  // identifies the job
     NetworkSettings network = base_.network;
     int batch_size = base_.batch_size;
-    for (const Setting& setting : settings) {
-      switch (setting.kind) {
-        case Kind::kRule:
-          break;
-        case Kind::kSeed:
-          job->seed = std::stoi(setting.value);
-          break;
-        case Kind::kBatchSize: {
-          int size = 0;
-          OptionSet set;
-          set.Add("batch_size", &size, {0, 1e9}, "");
-          if (!set.Set("batch_size", setting.value, error)) return false;
-          batch_size = size;
-          break;
-        }
-        case Kind::kNetwork:
-          *network.Find(setting.name) = setting.value;
-          directory += setting.Text() + "-";
-          break;
-        case Kind::kProblem:
-          problem += ":" + setting.Text();
-          directory += setting.Text() + "-";
-          break;
-        case Kind::kRuleOption:
-          method += ":" + setting.Text();
-          break;
+    for (size_t k = 0; k < at.size(); ++k) {
+      const std::string& name = axes()[k].name;
+      const std::string& value = axes()[k].values[at[k]];
+      const std::string setting = name + "=" + value;
+      if (name == "rule") continue;
+      if (name == "seed") {
+        job->seed = std::stoi(value);
+      } else if (name == "batch_size") {
+        batch_size = 0;
+        OptionSet set;
+        set.Add(name, &batch_size, {0, 1e9}, "");
+        if (!set.Set(name, value, error_)) return false;
+      } else if (network.Find(name) != nullptr) {
+        *network.Find(name) = value;
+        directory += setting + "-";
+      } else if (Contains(problem_options_, name)) {
+        problem += ":" + setting;
+        directory += setting + "-";
+      } else if (takers_[name][at[plan_->rule_axis]]) {
+        method += ":" + setting;
       }
     }
-    if (!FindProblem(problem, network, &job->problem, error) ||
-        !ParseMethod(method, &job->method, error) ||
-        !CheckBatches(*job->problem, {job->method}, batch_size, error)) {
+    if (!FindProblem(problem, network, &job->problem) ||
+        !ParseMethod(method, &job->method, error_) ||
+        !CheckBatches(*job->problem, {job->method}, batch_size, error_)) {
       return false;
     }
     job->batch_size = BatchSize(*job->problem, batch_size);
     std::string sizes;  // "256+32": of all phases
     for (const Phase& phase : job->method.phases) {
-      sizes += fmt::format("{}{}",
-                           sizes.empty() ? "" : "+",
-                           BatchSize(*job->problem, phase, batch_size));
+      sizes += fmt::format(
+          "{}{}",
+          sizes.empty() ? "" : "+",
+          phase.BatchSize(job->batch_size, job->problem->train.num_samples()));
     }
     job->name = fmt::format(
         "{}{}-batch{}-seed{}", directory, job->method.label, sizes, job->seed);
@@ -255,20 +250,14 @@ class Planner {
   // Makes each problem once, and each of its networks.
   bool FindProblem(const std::string& specification,
                    const NetworkSettings& network,
-                   std::shared_ptr<const LearningProblem>* problem,
-                   std::string* error) {
+                   std::shared_ptr<const LearningProblem>* problem) {
     std::shared_ptr<const LearningProblem>& own = problems_[specification];
     if (own == nullptr) {
-      PhysicsProblem created;
-      if (!CreateProblem(specification, nullptr, &created, error)) return false;
-      if (!created.learning.has_value()) {
-        *error = fmt::format(
-            "--problem={} has no network to train; compare and trajectories "
-            "show point problems",
-            specification);
+      auto created = std::make_shared<LearningProblem>();
+      if (!CreateLearningProblem(specification, created.get(), error_)) {
         return false;
       }
-      own = std::make_shared<LearningProblem>(*std::move(created.learning));
+      own = created;
     }
     std::shared_ptr<const LearningProblem>& known =
         problems_[fmt::format("{};{};{};{}",
@@ -277,9 +266,9 @@ class Planner {
                               network.activation,
                               network.initialization)];
     if (known == nullptr) {
-      LearningProblem changed = *own;
-      if (!SetNetwork(network, &changed, error)) return false;
-      known = std::make_shared<LearningProblem>(std::move(changed));
+      auto changed = std::make_shared<LearningProblem>(*own);
+      if (!SetNetwork(network, changed.get(), error_)) return false;
+      known = changed;
     }
     *problem = known;
     return true;
@@ -304,13 +293,96 @@ class Planner {
   SweepPlan* plan_;
   std::string* error_;
 
-  std::vector<Kind> kinds_;                          // of the axes
-  std::map<std::string, std::vector<bool>> takers_;  // of an option, by rule
+  std::vector<std::string> problem_options_;
+  // For an option of rules, which rules have it.
+  std::map<std::string, std::vector<bool>> takers_;
   std::map<std::string, std::shared_ptr<const LearningProblem>> problems_;
   std::map<std::string, int> job_numbers_;
 };
 
 }  // namespace
+
+int Grid::Find(const std::string& name) const {
+  for (size_t k = 0; k < axes.size(); ++k) {
+    if (axes[k].name == name) return static_cast<int>(k);
+  }
+  return -1;
+}
+
+bool ParseGrid(const std::string& text, Grid* grid, std::string* error) {
+  grid->axes.clear();
+  const auto refuse = [error](const std::string& message) {
+    *error = "--grid: " + message;
+    return false;
+  };
+  for (const std::string& part : Split(text, ';')) {
+    const size_t equals = part.find('=');
+    GridAxis axis{Trimmed(part.substr(0, equals)), {}};
+    if (equals == std::string::npos || axis.name.empty()) {
+      return refuse("expected an axis, name=value,value, found '" + part + "'");
+    }
+    if (grid->Find(axis.name) >= 0) {
+      return refuse("the axis '" + axis.name + "' is given twice");
+    }
+    for (const std::string& value : Split(part.substr(equals + 1), ',')) {
+      if (value.empty()) {
+        return refuse("the axis '" + axis.name + "' has an empty value");
+      }
+      if (axis.name != "rule" && value.find('|') != std::string::npos) {
+        return refuse("'" + value +
+                      "': '|' is for alternatives of a rule's setting; "
+                      "expected ',' between values");
+      }
+      if (value != "..." &&
+          std::count(axis.values.begin(), axis.values.end(), value) > 0) {
+        return refuse(fmt::format(
+            "the value '{}' of '{}' is given twice", value, axis.name));
+      }
+      axis.values.push_back(value);
+    }
+    grid->axes.push_back(axis);
+  }
+  return true;
+}
+
+std::vector<RuleAlternative> ExpandRule(const std::string& rule) {
+  std::vector<RuleAlternative> all = {RuleAlternative()};
+  for (const Piece& piece : Pieces(rule)) {
+    std::vector<RuleAlternative> longer;
+    for (const RuleAlternative& before : all) {
+      for (size_t k = 0; k < std::max<size_t>(piece.values.size(), 1); ++k) {
+        RuleAlternative alternative = before;
+        alternative.specification += piece.mark + piece.Text(k);
+        if (piece.values.size() > 1) {
+          alternative.chosen += alternative.chosen.empty() ? "" : ":";
+          alternative.chosen += piece.Text(k);
+          if (IsAtEdge(piece.values, k)) {
+            alternative.at_edge.push_back(piece.name);
+          }
+        }
+        longer.push_back(alternative);
+      }
+    }
+    all = longer;
+  }
+  return all;
+}
+
+std::string WithoutAlternatives(const std::string& rule) {
+  std::string text;
+  for (const Piece& piece : Pieces(rule)) {
+    if (piece.values.size() < 2) text += piece.mark + piece.Text(0);
+  }
+  return text;
+}
+
+bool ParseFinite(const std::string& text, double* number) {
+  const char* const end = text.data() + text.size();
+  const std::from_chars_result result =
+      std::from_chars(text.data(), end, *number);
+  return result.ec == std::errc() && result.ptr == end &&
+         std::isfinite(*number);
+}
 
 bool MakeSweepPlan(const SweepBase& base,
                    const Grid& grid,

@@ -1,105 +1,87 @@
 #include "bin/sweep/plots.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
-#include <limits>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
+#include "report/gnuplot.h"
 
 namespace invgrad {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 // An axis of the grid with two values or more, other than rule and seed.
 struct ShownAxis {
   int number = 0;  // in the grid
-  std::string name;
-  bool is_numeric = false;
+  bool is_numeric = true;
   // The positions of the values, in the order of the grid: the numbers
   // themselves, or 0, 1, 2, ...
   std::vector<double> positions;
+  // The distinct positions in ascending order: "1" and "1.0" are one number.
+  std::map<double, std::string> labels;
+
+  // Replaces positions by 0 for the lowest, 1 for the next one, ...
+  void PutSideBySide() {
+    is_numeric = false;
+    for (double& position : positions) {
+      position = static_cast<double>(
+          std::distance(labels.begin(), labels.find(position)));
+    }
+    std::map<double, std::string> ranked;
+    for (const auto& [position, label] : labels) {
+      ranked.emplace(static_cast<double>(ranked.size()), label);
+    }
+    labels = ranked;
+  }
 };
 
+// Numeric axes first.
 std::vector<ShownAxis> ShownAxes(const SweepPlan& plan) {
   std::vector<ShownAxis> shown;
   for (int k = 0; k < static_cast<int>(plan.grid.axes.size()); ++k) {
-    const GridAxis& axis = plan.grid.axes[k];
-    if (k == plan.rule_axis || k == plan.seed_axis || axis.values.size() < 2) {
+    const auto& [name, values] = plan.grid.axes[k];
+    if (k == plan.rule_axis || k == plan.seed_axis || values.size() < 2) {
       continue;
     }
-    ShownAxis candidate{k, axis.name, true, {}};
-    for (const std::string& value : axis.values) {
+    ShownAxis axis;
+    axis.number = k;
+    for (const std::string& value : values) {
       double number = 0.0;
-      candidate.is_numeric =
-          candidate.is_numeric && ParseFinite(value, &number);
-      if (axis.name == "batch_size" && number == 0.0) {  // all samples
+      axis.is_numeric = axis.is_numeric && ParseFinite(value, &number);
+      if (name == "batch_size" && number == 0.0) {  // all samples
         number = plan.jobs[0].problem->train.num_samples();
       }
-      candidate.positions.push_back(number);
+      axis.positions.push_back(number);
     }
-    for (size_t i = 0; i < axis.values.size() && !candidate.is_numeric; ++i) {
-      candidate.positions[i] = static_cast<double>(i);
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (!axis.is_numeric) axis.positions[i] = static_cast<double>(i);
+      axis.labels.emplace(axis.positions[i], values[i]);
     }
-    shown.push_back(candidate);
+    shown.push_back(axis);
   }
-  // Numeric axes first.
   std::stable_partition(shown.begin(), shown.end(), [](const ShownAxis& axis) {
     return axis.is_numeric;
   });
   return shown;
 }
 
-// The distinct positions in ascending order, and their labels: "1" and "1.0"
-// are one number.
-std::map<double, std::string> Labels(const SweepPlan& plan,
-                                     const ShownAxis& axis) {
-  std::map<double, std::string> labels;
-  for (size_t i = 0; i < axis.positions.size(); ++i) {
-    labels.emplace(axis.positions[i], plan.grid.axes[axis.number].values[i]);
-  }
-  return labels;
+AxisRange RangeOf(const std::vector<double>& values,
+                  bool is_log,
+                  double margin) {
+  const Axis axis = FitAxis(is_log, {}, margin, values);
+  return {axis.low, axis.high};
 }
+// Keeps points off the frame.
+constexpr double kMargin = 0.04;
 
-// Replaces positions by 0 for the lowest, 1 for the next one, ...
-void PutSideBySide(const std::map<double, std::string>& labels,
-                   ShownAxis* axis) {
-  axis->is_numeric = false;
-  for (double& position : axis->positions) {
-    position = static_cast<double>(
-        std::distance(labels.begin(), labels.find(position)));
-  }
+// More than a decade, and all positive.
+bool NeedsLogScale(const std::vector<double>& values) {
+  const AxisRange range = RangeOf(values, false, 0.0);
+  return *range.low > 0.0 && *range.high > 10.0 * *range.low;
 }
-
-// The finite values from the lowest to the highest.
-struct Extent {
-  double low = kInfinity;
-  double high = -kInfinity;
-
-  explicit Extent(const std::vector<double>& values) {
-    for (const double value : values) {
-      if (!std::isfinite(value)) continue;
-      low = std::min(low, value);
-      high = std::max(high, value);
-    }
-  }
-  // More than a decade, and all positive.
-  bool NeedsLogScale() const { return low > 0.0 && high > 10.0 * low; }
-  // With a margin that keeps points off the frame. Nothing if it is empty.
-  AxisRange WithMargin(bool is_log) const {
-    if (low >= high) return AxisRange();
-    constexpr double kMargin = 0.04;
-    const double ratio = std::pow(high / low, kMargin);
-    const double margin = kMargin * (high - low);
-    return is_log ? AxisRange{low / ratio, high * ratio}
-                  : AxisRange{low - margin, high + margin};
-  }
-};
 
 // Whether no scale can separate the numbers, such as 0, 1e-6 and 1.
 bool SpansDecadesAndZero(const std::vector<double>& values) {
@@ -107,8 +89,9 @@ bool SpansDecadesAndZero(const std::vector<double>& values) {
   for (const double value : values) {
     if (value > 0.0) positive.push_back(value);
   }
-  const Extent extent(positive);
-  return positive.size() < values.size() && extent.high > 100.0 * extent.low;
+  return positive.size() < values.size() && !positive.empty() &&
+         *std::max_element(positive.begin(), positive.end()) >
+             100.0 * *std::min_element(positive.begin(), positive.end());
 }
 
 std::vector<double> Medians(const std::vector<SweepBest>& best) {
@@ -179,41 +162,33 @@ std::vector<PanelPoints> GroupByPanel(const std::string& picture,
 
 }  // namespace
 
-std::vector<Plot> SweepLines(const SweepPlan& plan,
-                             const SweepValue& value,
-                             const std::vector<SweepBest>& best) {
+std::vector<Plot> SweepLines(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   const std::vector<ShownAxis> axes = ShownAxes(plan);
   if (axes.empty()) return {};
   ShownAxis x = axes[0];
-  const std::map<double, std::string> labels = Labels(plan, x);
-  if (x.is_numeric && SpansDecadesAndZero(x.positions)) {
-    PutSideBySide(labels, &x);
-  }
+  if (x.is_numeric && SpansDecadesAndZero(x.positions)) x.PutSideBySide();
   Plot all;  // what the panels have in common
-  all.x_label = x.name;
-  all.y_label = value.name;
-  all.log_x = x.is_numeric && Extent(x.positions).NeedsLogScale();
-  all.x_range = x.is_numeric
-                    ? Extent(x.positions).WithMargin(all.log_x)
-                    : AxisRange{-0.5, static_cast<double>(labels.size()) - 0.5};
-  for (const auto& [position, label] : labels) {
-    const auto rank = static_cast<double>(all.x_ticks.size());
-    all.x_ticks.emplace_back(x.is_numeric ? position : rank, label);
-  }
-  all.log_y = Extent(Medians(best)).NeedsLogScale();
+  all.x_label = plan.grid.axes[x.number].name;
+  all.y_label = results.value.name;
+  all.log_x = x.is_numeric && NeedsLogScale(x.positions);
+  all.x_range =
+      x.is_numeric
+          ? RangeOf(x.positions, all.log_x, kMargin)
+          : AxisRange{-0.5, static_cast<double>(x.labels.size()) - 0.5};
+  all.x_ticks.assign(x.labels.begin(), x.labels.end());
+  all.log_y = NeedsLogScale(Medians(results.best));
   std::vector<double> ys;
-  for (const SweepBest& one : best) {
-    for (const double y : {one.spread.low, one.spread.high}) {
-      if (!all.log_y || y > 0.0) ys.push_back(y);
-    }
+  for (const SweepBest& one : results.best) {
+    ys.insert(ys.end(), {one.spread.low, one.spread.high});
   }
-  all.y_range = Extent(ys).WithMargin(all.log_y);
+  all.y_range = RangeOf(ys, all.log_y, kMargin);
   std::vector<Plot> plots;
   const std::vector<std::string> titles = RuleTitles(plan);
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
   for (const auto& [title, points] :
-       GroupByPanel("lines.png", plan, best, shown)) {
-    Plot plot = all;
+       GroupByPanel("lines.png", plan, results.best, shown)) {
+    Plot& plot = plots.emplace_back(all);
     plot.title = title;
     for (size_t rule = 0; rule < titles.size(); ++rule) {
       std::map<double, const SeedSpread*> spreads;
@@ -222,7 +197,7 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
           spreads[x.positions[point->at[x.number]]] = &point->spread;
         }
       }
-      Series series;
+      Series& series = plot.series.emplace_back();
       series.title = titles[rule];
       series.style = Series::Style::kLinesAndPoints;
       for (const auto& [at_x, spread] : spreads) {
@@ -231,42 +206,37 @@ std::vector<Plot> SweepLines(const SweepPlan& plan,
         series.y_low.push_back(spread->low);
         series.y_high.push_back(spread->high);
       }
-      plot.series.push_back(series);
     }
-    plots.push_back(plot);
   }
   MuteAllButTheLowest(&plots);
   return plots;
 }
 
-std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
-                                const SweepValue& value,
-                                const std::vector<SweepBest>& best) {
+std::vector<Plot> SweepHeatMaps(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   std::vector<ShownAxis> axes = ShownAxes(plan);
   if (axes.size() < 2 || !axes[1].is_numeric) return {};
   ShownAxis& x = axes[0];
   ShownAxis& y = axes[1];
   HeatMap map;
-  map.z_label = value.name;
-  const Extent extent(Medians(best));
-  map.log_z = extent.NeedsLogScale();
-  if (extent.low < extent.high) map.z_range = {extent.low, extent.high};
+  map.z_label = results.value.name;
+  map.log_z = NeedsLogScale(Medians(results.best));
+  map.z_range = RangeOf(Medians(results.best), false, 0.0);
   for (auto [axis, names] :
        {std::make_pair(&x, &map.x_labels), std::make_pair(&y, &map.y_labels)}) {
-    const std::map<double, std::string> labels = Labels(plan, *axis);
-    PutSideBySide(labels, axis);
-    for (const auto& [position, label] : labels) names->push_back(label);
+    axis->PutSideBySide();
+    for (const auto& [position, label] : axis->labels) names->push_back(label);
   }
   std::vector<Plot> plots;
   const std::vector<std::string> titles = RuleTitles(plan);
   const std::set<int> shown = {x.number, y.number, plan.seed_axis};
   for (const auto& [title, points] :
-       GroupByPanel("heat_map.png", plan, best, shown)) {
-    Plot plot;
+       GroupByPanel("heat_map.png", plan, results.best, shown)) {
+    Plot& plot = plots.emplace_back();
     plot.title = titles[points[0]->at[plan.rule_axis]];
     if (!title.empty()) plot.title += ", " + title;
-    plot.x_label = x.name;
-    plot.y_label = y.name;
+    plot.x_label = plan.grid.axes[x.number].name;
+    plot.y_label = plan.grid.axes[y.number].name;
     map.z.setConstant(
         map.y_labels.size(), map.x_labels.size(), HistoryRow::kNone);
     for (const SweepBest* point : points) {
@@ -275,48 +245,42 @@ std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
           point->spread.median;
     }
     plot.heat_map = map;
-    plots.push_back(plot);
   }
   return plots;
 }
 
-std::vector<Plot> SweepCurves(const SweepPlan& plan,
-                              const std::vector<SweepRun>& runs,
-                              const SweepValue& value,
-                              const std::vector<SweepBest>& best) {
+std::vector<Plot> SweepCurves(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   std::vector<Plot> plots;
   std::vector<double> values;  // of all panels, so that they compare
-  for (const auto& [title, points] : GroupByPanel(
-           "curves.png", plan, best, {plan.rule_axis, plan.seed_axis})) {
+  for (const auto& [title, points] :
+       GroupByPanel("curves.png",
+                    plan,
+                    results.best,
+                    {plan.rule_axis, plan.seed_axis})) {
     std::vector<Plot> panel(1);
     Plot& plot = panel[0];
     plot.title = title;
     plot.x_label = "seconds of training";
-    plot.y_label = value.name;
+    plot.y_label = results.value.name;
     plot.log_x = true;
     for (const SweepBest* point : points) {
-      const SweepRun& run = runs[plan.points[point->median_point()].job];
-      Series series;
-      series.title = point->alternative->specification;
-      series.color = point->at[plan.rule_axis];
-      if (run.result.has_value()) {
-        for (const HistoryRow& row : run.result->history) {
-          // A logarithmic axis cannot show zero.
-          if (row.step == 0) continue;
-          series.x.push_back(row.seconds);
-          series.y.push_back(row.*value.field);
-        }
-      }
-      values.insert(values.end(), series.y.begin(), series.y.end());
-      plot.series.push_back(series);
+      const SweepRun& run =
+          results.runs[plan.points[point->median_point()].job];
+      Series curve = HistoryCurve(point->alternative->specification,
+                                  run.result ? run.result->history : History(),
+                                  results.value.field,
+                                  /*against_seconds=*/true);
+      curve.color = point->at[plan.rule_axis];
+      values.insert(values.end(), curve.y.begin(), curve.y.end());
+      plot.series.push_back(curve);
     }
     MuteAllButTheLowest(&panel);
     plots.push_back(plot);
   }
-  const Extent extent(values);
   for (Plot& plot : plots) {
-    plot.log_y = extent.NeedsLogScale();
-    plot.y_range = extent.WithMargin(plot.log_y);
+    plot.log_y = NeedsLogScale(values);
+    plot.y_range = RangeOf(values, plot.log_y, kMargin);
   }
   return plots;
 }

@@ -1,10 +1,9 @@
 // The pictures of a sweep, each of the best alternative of every rule.
 //
 //   DIR/lines.png     the value against the first numeric axis, or if there is
-//                     none against the first other one, its values in the order
-//                     of the grid; a line a rule, the band from the lowest to
-//                     the highest seed; a panel for each point of the other
-//                     axes
+//                     none the first other one; a line a rule, the band from
+//                     the lowest to the highest seed; a panel for each point of
+//                     the other axes
 //   DIR/heat_map.png  the value over the first two numeric axes, a panel a rule
 //                     and point of the other axes, in the same colours
 //   DIR/curves.png    the value against seconds of training, of the median
@@ -19,7 +18,6 @@
 #ifndef BIN_SWEEP_PLOTS_H_
 #define BIN_SWEEP_PLOTS_H_
 
-#include <string>
 #include <vector>
 
 #include "bin/sweep/results.h"
@@ -28,16 +26,9 @@
 namespace invgrad {
 
 // No panels if the grid has too few axes.
-std::vector<Plot> SweepLines(const SweepPlan& plan,
-                             const SweepValue& value,
-                             const std::vector<SweepBest>& best);
-std::vector<Plot> SweepHeatMaps(const SweepPlan& plan,
-                                const SweepValue& value,
-                                const std::vector<SweepBest>& best);
-std::vector<Plot> SweepCurves(const SweepPlan& plan,
-                              const std::vector<SweepRun>& runs,
-                              const SweepValue& value,
-                              const std::vector<SweepBest>& best);
+std::vector<Plot> SweepLines(const SweepResults& results);
+std::vector<Plot> SweepHeatMaps(const SweepResults& results);
+std::vector<Plot> SweepCurves(const SweepResults& results);
 
 }  // namespace invgrad
 

@@ -2,34 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <utility>
 
-#include "bin/support/training.h"
 #include "fmt/format.h"
 
 namespace invgrad {
 namespace {
-
-SeedSpread SpreadOf(const SweepPlan& plan,
-                    const std::vector<SweepRun>& runs,
-                    const SweepValue& value,
-                    const std::vector<int>& points) {
-  std::vector<double> values;
-  for (const int point : points) {
-    const std::optional<LearningRunResult>& run =
-        runs[plan.points[point].job].result;
-    values.push_back(run.has_value() && !run->has_failed()
-                         ? TailMean(run->history, value.field, value.tail)
-                         : HistoryRow::kNone);
-  }
-  return SeedSpread(values);
-}
-
-bool IsBetter(const SeedSpread& a, const SeedSpread& b) {
-  return !std::isnan(a.median) && !(a.median >= b.median);
-}
 
 std::string AtEdge(const SweepBest& best) {
   return fmt::format("{}", fmt::join(best.alternative->at_edge, " "));
@@ -42,39 +21,27 @@ bool FindSweepValue(const SweepPlan& plan,
                     double tail,
                     SweepValue* value,
                     std::string* error) {
-  const auto all_have = [&plan](auto has) {
-    return std::all_of(
-        plan.jobs.begin(), plan.jobs.end(), [&has](const SweepJob& job) {
-          return has(*job.problem);
-        });
-  };
-  const bool have_metric = all_have([](const LearningProblem& problem) {
-    return problem.metric.has_value();
-  });
-  const bool have_test = all_have([](const LearningProblem& problem) {
-    return problem.test.num_samples() > 0;
-  });
-  value->tail = tail;
-  if (have_metric && (name == "metric" || name == "auto")) {
-    value->name = plan.jobs[0].problem->metric->name;
-    value->field = &HistoryRow::metric;
-    return true;
+  bool has_metric = true, has_test = true;
+  for (const SweepJob& job : plan.jobs) {
+    has_metric = has_metric && job.problem->metric.has_value();
+    has_test = has_test && job.problem->test.num_samples() > 0;
   }
-  if (have_test && (name == "test_loss" || name == "auto")) {
-    value->name = "test loss";
-    value->field = &HistoryRow::test_loss;
-    return true;
+  const bool is_auto = name == "auto";
+  if (has_metric && (name == "metric" || is_auto)) {
+    *value = {plan.jobs[0].problem->metric->name, &HistoryRow::metric, tail};
+  } else if (has_test && (name == "test_loss" || is_auto)) {
+    *value = {"test loss", &HistoryRow::test_loss, tail};
+  } else if (name == "train_loss" || is_auto) {
+    *value = {"train loss", &HistoryRow::train_loss, tail};
+  } else {
+    *error =
+        fmt::format("--value={} is not there; allowed: auto, train_loss{}{}",
+                    name,
+                    has_test ? ", test_loss" : "",
+                    has_metric ? ", metric" : "");
+    return false;
   }
-  if (name == "train_loss" || name == "auto") {
-    value->name = "train loss";
-    value->field = &HistoryRow::train_loss;
-    return true;
-  }
-  *error = fmt::format("--value={} is not there; allowed: auto, train_loss{}{}",
-                       name,
-                       have_test ? ", test_loss" : "",
-                       have_metric ? ", metric" : "");
-  return false;
+  return true;
 }
 
 double TailMean(const History& history,
@@ -91,9 +58,9 @@ double TailMean(const History& history,
   return sum / count;
 }
 
-std::vector<SweepBest> FindBest(const SweepPlan& plan,
-                                const std::vector<SweepRun>& runs,
-                                const SweepValue& value) {
+SweepResults FindBest(const SweepPlan& plan,
+                      const std::vector<SweepRun>& runs,
+                      const SweepValue& value) {
   // The points that differ in the seed alone.
   std::map<std::pair<std::vector<int>, int>, std::vector<int>> seeds;
   for (size_t i = 0; i < plan.points.size(); ++i) {
@@ -101,46 +68,53 @@ std::vector<SweepBest> FindBest(const SweepPlan& plan,
     at[plan.seed_axis] = 0;
     seeds[{at, plan.points[i].alternative}].push_back(static_cast<int>(i));
   }
-  std::vector<SweepBest> all;
+  SweepResults results{plan, runs, value, {}};
+  std::vector<SweepBest>& all = results.best;
   for (const auto& [key, points] : seeds) {
     const auto& [at, alternative] = key;
+    std::vector<double> values;
+    for (const int point : points) {
+      const auto& run = runs[plan.points[point].job].result;
+      values.push_back(run.has_value() && !run->has_failed()
+                           ? TailMean(run->history, value.field, value.tail)
+                           : HistoryRow::kNone);
+    }
     const SweepBest candidate{
         at,
         &plan.alternatives[at[plan.rule_axis]][alternative],
         points,
-        SpreadOf(plan, runs, value, points)};
+        SeedSpread(values)};
+    const double median = candidate.spread.median;
     if (alternative == 0) {
       all.push_back(candidate);
-    } else if (IsBetter(candidate.spread, all.back().spread)) {
+    } else if (!std::isnan(median) && !(median >= all.back().spread.median)) {
       all.back() = candidate;
     }
   }
-  return all;
+  return results;
 }
 
-std::string SweepCsv(const SweepPlan& plan,
-                     const std::vector<SweepRun>& runs,
-                     const SweepValue& value,
-                     const std::vector<SweepBest>& best) {
+std::string SweepCsv(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   // One per point; null if another alternative is best there.
   std::vector<const SweepBest*> best_of(plan.points.size(), nullptr);
-  for (const SweepBest& one : best) {
+  for (const SweepBest& one : results.best) {
     for (const int point : one.points) best_of[point] = &one;
   }
-  const LearningRunResult none;
+  LearningRunResult none;
+  none.history.emplace_back();
   Table table;
   for (size_t i = 0; i < plan.points.size(); ++i) {
     const SweepPoint& point = plan.points[i];
-    const SweepRun& run = runs[point.job];
+    const SweepRun& run = results.runs[point.job];
     const bool is_there = run.result.has_value();
     const LearningRunResult& result = is_there ? *run.result : none;
     const auto add = [&](const std::string& title, double number) {
       table.Add(title,
                 is_there && !std::isnan(number) ? ExactNumber(number) : "");
     };
-    const auto add_mean = [&](const std::string& title,
-                              double HistoryRow::*field) {
-      add(title, is_there ? TailMean(result.history, field, value.tail) : 0.0);
+    const auto mean = [&](double HistoryRow::*field) {
+      return TailMean(result.history, field, results.value.tail);
     };
     table.BeginRow();
     for (size_t k = 0; k < point.at.size(); ++k) {
@@ -149,13 +123,13 @@ std::string SweepCsv(const SweepPlan& plan,
     }
     const int rule = point.at[plan.rule_axis];
     table.Add("alternative", plan.alternatives[rule][point.alternative].chosen);
-    add_mean("train_loss", &HistoryRow::train_loss);
-    add_mean("test_loss", &HistoryRow::test_loss);
-    add_mean("metric", &HistoryRow::metric);
+    add("train_loss", mean(&HistoryRow::train_loss));
+    add("test_loss", mean(&HistoryRow::test_loss));
+    add("metric", mean(&HistoryRow::metric));
     add("best_train_loss", result.BestTrainLoss());
     add("steps", static_cast<double>(result.summary.num_steps));
     add("seconds", result.summary.train_time_in_seconds);
-    add("ms_per_step", MillisecondsPerStep(result));
+    add("ms_per_step", result.MillisecondsPerStep());
     table.Add("best", best_of[i] != nullptr ? "1" : "0");
     table.Add("at_edge", best_of[i] != nullptr ? AtEdge(*best_of[i]) : "");
     table.Add("status", run.status);
@@ -163,18 +137,15 @@ std::string SweepCsv(const SweepPlan& plan,
   return table.ToCsv();
 }
 
-Table SweepTable(const SweepPlan& plan,
-                 const std::vector<SweepRun>& runs,
-                 const SweepValue& value,
-                 const std::vector<SweepBest>& best) {
+Table SweepTable(const SweepResults& results) {
+  const SweepPlan& plan = results.plan;
   const std::vector<GridAxis>& axes = plan.grid.axes;
   const bool has_alternatives = std::any_of(
       plan.alternatives.begin(), plan.alternatives.end(), [](const auto& rule) {
         return rule.size() > 1;
       });
-  const LearningRunResult none;
   Table table;
-  for (const SweepBest& one : best) {
+  for (const SweepBest& one : results.best) {
     table.BeginRow();
     for (int k = 0; k < static_cast<int>(axes.size()); ++k) {
       if (k == plan.rule_axis) {
@@ -190,13 +161,12 @@ Table SweepTable(const SweepPlan& plan,
       table.Add(
           "at the edge of", edge.empty() ? "-" : edge, Table::Align::kLeft);
     }
-    table.Add(value.name, NumberOrDash(one.spread.median));
+    table.Add(results.value.name, NumberOrDash(one.spread.median));
     if (axes[plan.seed_axis].values.size() > 1) {
       table.Add("all seeds", one.spread.Text());
     }
-    const SweepRun& run = runs[plan.points[one.median_point()].job];
-    const bool is_there = run.result.has_value();
-    AddTimes(is_there ? *run.result : none, is_there, &table);
+    const SweepRun& run = results.runs[plan.points[one.median_point()].job];
+    AddTimes(run.result.has_value() ? &*run.result : nullptr, &table);
     table.Add("status", run.status, Table::Align::kLeft);
   }
   return table;

@@ -3,8 +3,8 @@
 //
 // The value of a run is its last one, or the mean over the last part of its
 // history, by the seconds of training. The best alternative has the lowest
-// median over the seeds (SeedSpread in bin/support/results.h), the first one of
-// several.
+// median over the seeds (SeedSpread in bin/support/run_output.h), the first one
+// of several.
 #ifndef BIN_SWEEP_RESULTS_H_
 #define BIN_SWEEP_RESULTS_H_
 
@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "bin/support/learning_run.h"
-#include "bin/support/results.h"
+#include "bin/support/run_output.h"
 #include "bin/sweep/plan.h"
 #include "report/table.h"
 
@@ -52,24 +52,25 @@ struct SweepBest {
   int median_point() const { return points[spread.median_run]; }
 };
 
-// In the order of the plan's points. `runs`: one a job of the plan.
-std::vector<SweepBest> FindBest(const SweepPlan& plan,
-                                const std::vector<SweepRun>& runs,
-                                const SweepValue& value);
+struct SweepResults {
+  const SweepPlan& plan;
+  const std::vector<SweepRun>& runs;  // one a job
+  const SweepValue& value;
+  std::vector<SweepBest> best;  // in the order of the plan's points
+};
+
+// The arguments must outlive the results.
+SweepResults FindBest(const SweepPlan& plan,
+                      const std::vector<SweepRun>& runs,
+                      const SweepValue& value);
 
 // A row a run, all digits: every axis, alternative, train_loss, test_loss,
 // metric, best_train_loss, steps, seconds, ms_per_step, best (1 or 0), at_edge,
 // status. Unknown values are empty.
-std::string SweepCsv(const SweepPlan& plan,
-                     const std::vector<SweepRun>& runs,
-                     const SweepValue& value,
-                     const std::vector<SweepBest>& best);
+std::string SweepCsv(const SweepResults& results);
 
 // A row a rule and point of the grid.
-Table SweepTable(const SweepPlan& plan,
-                 const std::vector<SweepRun>& runs,
-                 const SweepValue& value,
-                 const std::vector<SweepBest>& best);
+Table SweepTable(const SweepResults& results);
 
 }  // namespace invgrad
 

@@ -277,7 +277,7 @@ TEST_F(EstimateProgram, RefusesBadFlags) {
   ExpectRefused({good, "--max_iterations=-1"}, {"--max_iterations=-1"});
   ExpectRefused({good, "--seconds=-1"}, {"--seconds=-1"});
   ExpectRefused({good, "--function_tolerance=2"}, {"--function_tolerance=2"});
-  ExpectRefused({good, "--threads=0"}, {"--threads=0", "1 to 256"});
+  ExpectRefused({good, "--threads=0"}, {"--threads=0", "[1, 256]"});
   ExpectRefused({good, "--information_root=left"}, {"lower, upper"});
   ExpectRefused({good, "stray"}, {"stray"});
 }

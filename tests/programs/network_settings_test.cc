@@ -1,6 +1,6 @@
 // Another network in front of a problem's physics.
 
-#include "bin/support/network_settings.h"
+#include "bin/support/training_flags.h"
 
 #include <cmath>
 #include <string>

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "bin/support/parse_list.h"
-#include "bin/support/run_directory.h"
+#include "bin/support/program.h"
+#include "bin/support/run_output.h"
 #include "gtest/gtest.h"
 #include "tests/support/temporary_folder.h"
 

@@ -4,7 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include "bin/sweep/grid.h"
 #include "bin/sweep/plan.h"
 #include "gtest/gtest.h"
 

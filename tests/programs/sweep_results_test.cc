@@ -111,7 +111,7 @@ TEST(FindBest, TakesTheLowestMedianOverTheSeeds) {
                                            9,
                                            5,
                                            0.2});  // seed 3
-  const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss());
+  const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss()).best;
   ASSERT_EQ(best.size(), 1u);
   EXPECT_EQ(best[0].alternative->chosen, "step_size=3");
   EXPECT_EQ(best[0].alternative->at_edge,
@@ -127,14 +127,15 @@ TEST(FindBest, AFailedRunIsWorseThanAnyOther) {
   {
     // The first is the lowest where it does not fail.
     const std::vector<SweepBest> best =
-        FindBest(plan, Runs({0.1, 3, 9, kNan, 4, 9, kNan, 5, 9}), TrainLoss());
+        FindBest(plan, Runs({0.1, 3, 9, kNan, 4, 9, kNan, 5, 9}), TrainLoss())
+            .best;
     EXPECT_EQ(best[0].alternative->chosen, "step_size=2");
     EXPECT_TRUE(best[0].alternative->at_edge.empty());
     EXPECT_EQ(best[0].spread.median, 4.0);
   }
   {
     const std::vector<SweepBest> best =
-        FindBest(plan, Runs(std::vector<double>(9, kNan)), TrainLoss());
+        FindBest(plan, Runs(std::vector<double>(9, kNan)), TrainLoss()).best;
     EXPECT_EQ(best[0].alternative->chosen, "step_size=1");
     EXPECT_TRUE(std::isnan(best[0].spread.median));
     EXPECT_EQ(best[0].spread.num_failed, 3);
@@ -143,7 +144,7 @@ TEST(FindBest, AFailedRunIsWorseThanAnyOther) {
     // So is one that was not run.
     std::vector<SweepRun> runs = Runs({0.1, 3, 9, 0.1, 4, 9, 0.1, 5, 9});
     runs[0] = runs[3] = {std::nullopt, "interrupted"};
-    const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss());
+    const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss()).best;
     EXPECT_EQ(best[0].alternative->chosen, "step_size=2");
   }
 }
@@ -152,7 +153,7 @@ TEST(FindBest, EveryPointAndRuleHasItsOwn) {
   const SweepPlan plan =
       Plan("lambda=1,0.1;rule=adam:step_size=1|2,half_inverse");
   const std::vector<SweepBest> best =
-      FindBest(plan, Runs({1, 2, 5, 4, 3, 6}), TrainLoss());
+      FindBest(plan, Runs({1, 2, 5, 4, 3, 6}), TrainLoss()).best;
   ASSERT_EQ(best.size(), 4u);
   EXPECT_EQ(best[0].alternative->chosen, "step_size=1");
   EXPECT_EQ(best[1].spread.median, 5.0);
@@ -165,8 +166,7 @@ TEST(SweepCsv, HasALineForEveryRun) {
   const SweepPlan plan = Plan("lambda=1,0.1;rule=adam:step_size=1|2|4");
   std::vector<SweepRun> runs = Runs({3, 1.0 / 3.0, 2, 1, 5, kNan});
   runs[4] = {std::nullopt, "not run: \"a\", b"};
-  const std::string csv =
-      SweepCsv(plan, runs, TrainLoss(), FindBest(plan, runs, TrainLoss()));
+  const std::string csv = SweepCsv(FindBest(plan, runs, TrainLoss()));
   EXPECT_EQ(csv,
             "lambda,rule,seed,alternative,train_loss,test_loss,metric,"
             "best_train_loss,steps,seconds,ms_per_step,best,at_edge,status\n"
@@ -186,8 +186,8 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
       Plan("lambda=1,0.01;rule=adam,half_inverse;batch_size=8,4,0");
   const std::vector<SweepRun> runs =
       Runs({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, kNan, 12});
-  const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss());
-  const std::vector<Plot> lines = SweepLines(plan, TrainLoss(), best);
+  const SweepResults results = FindBest(plan, runs, TrainLoss());
+  const std::vector<Plot> lines = SweepLines(results);
   ASSERT_EQ(lines.size(), 3u);  // one a batch size
   EXPECT_EQ(lines[1].title, "batch_size=4");
   EXPECT_TRUE(lines[1].log_x);
@@ -200,7 +200,7 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_EQ(lines[1].series[0].y, (std::vector<double>{8.0, 2.0}));
   EXPECT_TRUE(std::isnan(lines[1].series[1].y[0]));
 
-  const std::vector<Plot> maps = SweepHeatMaps(plan, TrainLoss(), best);
+  const std::vector<Plot> maps = SweepHeatMaps(results);
   ASSERT_EQ(maps.size(), 2u);  // one a rule
   EXPECT_EQ(maps[1].title, "half_inverse");
   const HeatMap& map = *maps[1].heat_map;
@@ -213,7 +213,7 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   EXPECT_EQ(map.z_range.low, 1.0);
   EXPECT_EQ(map.z_range.high, 12.0);
 
-  const std::vector<Plot> curves = SweepCurves(plan, runs, TrainLoss(), best);
+  const std::vector<Plot> curves = SweepCurves(results);
   ASSERT_EQ(curves.size(), 6u);
   EXPECT_EQ(curves[5].title, "lambda=0.01, batch_size=0");
   EXPECT_EQ(curves[5].series[1].y, (std::vector<double>{12.0}));
@@ -223,18 +223,18 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
 
   const SweepPlan single = Plan("rule=adam,half_inverse");
   const std::vector<SweepRun> two = Runs({1, 2});
-  const std::vector<SweepBest> of_two = FindBest(single, two, TrainLoss());
-  EXPECT_TRUE(SweepLines(single, TrainLoss(), of_two).empty());
-  EXPECT_TRUE(SweepHeatMaps(single, TrainLoss(), of_two).empty());
-  EXPECT_EQ(SweepCurves(single, two, TrainLoss(), of_two).size(), 1u);
+  const SweepResults of_two = FindBest(single, two, TrainLoss());
+  EXPECT_TRUE(SweepLines(of_two).empty());
+  EXPECT_TRUE(SweepHeatMaps(of_two).empty());
+  EXPECT_EQ(SweepCurves(of_two).size(), 1u);
 }
 
 TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
   const SweepPlan plan = Plan(
       "step_size=0.1,auto;hidden=9-9,9;rule=gauss_newton,half_inverse;seed=1");
   const std::vector<SweepRun> runs = Runs({1, 2, 3, 4, 5, 6, 7, 8});
-  const std::vector<SweepBest> best = FindBest(plan, runs, TrainLoss());
-  const std::vector<Plot> lines = SweepLines(plan, TrainLoss(), best);
+  const SweepResults results = FindBest(plan, runs, TrainLoss());
+  const std::vector<Plot> lines = SweepLines(results);
   ASSERT_EQ(lines.size(), 2u);
   EXPECT_EQ(lines[1].title, "hidden=9");
   EXPECT_EQ(lines[1].x_ticks,
@@ -246,13 +246,13 @@ TEST(SweepPlots, WithoutNumbersLinesFollowTheGrid) {
   EXPECT_EQ(lines[1].series[0].x, (std::vector<double>{0.0, 1.0}));
   EXPECT_EQ(lines[1].series[0].y, (std::vector<double>{3.0, 7.0}));
   EXPECT_EQ(lines[1].series[1].y, (std::vector<double>{4.0, 8.0}));
-  EXPECT_TRUE(SweepHeatMaps(plan, TrainLoss(), best).empty());
+  EXPECT_TRUE(SweepHeatMaps(results).empty());
 
   // Numbers go first, wherever they stand.
   const SweepPlan mixed = Plan("activation=tanh,relu;batch_size=8,4;rule=adam");
   const std::vector<SweepRun> four = Runs({1, 2, 3, 4});
   const std::vector<Plot> of_mixed =
-      SweepLines(mixed, TrainLoss(), FindBest(mixed, four, TrainLoss()));
+      SweepLines(FindBest(mixed, four, TrainLoss()));
   ASSERT_EQ(of_mixed.size(), 2u);
   EXPECT_EQ(of_mixed[1].title, "activation=relu");
   EXPECT_EQ(
@@ -271,7 +271,7 @@ TEST(SweepPlots, ZeroAndDecadesStandSideBySide) {
     const SweepPlan plan =
         Plan("truncation=" + values + ";rule=half_inverse;seed=1");
     const std::vector<SweepRun> runs = Runs({1, 2, 3});
-    return SweepLines(plan, TrainLoss(), FindBest(plan, runs, TrainLoss()))[0];
+    return SweepLines(FindBest(plan, runs, TrainLoss()))[0];
   };
   const Plot with_zero = lines("1e-3,0,1e-6");
   EXPECT_FALSE(with_zero.log_x);
@@ -297,7 +297,7 @@ TEST(SweepPlots, LeaveOutPanelsBeyondTheSixteenthWithAWarning) {
         Runs(std::vector<double>(num_panels, 1.0));
     testing::internal::CaptureStderr();
     const std::vector<Plot> curves =
-        SweepCurves(plan, runs, TrainLoss(), FindBest(plan, runs, TrainLoss()));
+        SweepCurves(FindBest(plan, runs, TrainLoss()));
     const std::string warning = testing::internal::GetCapturedStderr();
     EXPECT_EQ(curves.size(), 16u);
     EXPECT_EQ(warning.find("curves.png shows the first 16 of 17 panels") !=

@@ -90,7 +90,7 @@ TEST_F(TrajectoriesProgram, RefusesBadInput) {
   ExpectRefused({"--problem=toy_network"}, {"toy_network", "two unknowns"});
   ExpectRefused({"--problem=squared_component:start_0=inf"}, {"start_0=inf"});
   ExpectRefused({"--steps=0"}, {"--steps=0", "allowed"});
-  ExpectRefused({"--grid=1"}, {"--grid=1", "2 to 1000"});
+  ExpectRefused({"--grid=1"}, {"--grid=1", "[2, 1000]"});
   ExpectRefused({"stray"}, {"stray"});
 }
 

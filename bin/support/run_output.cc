@@ -1,12 +1,16 @@
-#include "bin/support/run_directory.h"
+#include "bin/support/run_output.h"
 
+#include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <limits>
 #include <map>
-#include <set>
+#include <numeric>
 #include <sstream>
-#include <vector>
+#include <string_view>
 
 #include "Eigen/Core"
 #include "bin/support/program.h"
@@ -14,12 +18,14 @@
 #include "fmt/core.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/format.h"
 #include "invgrad/version.h"
 
 DEFINE_string(output,
               "",
               "directory of the results; empty: runs/ and the program's name");
 DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
+DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
 
@@ -29,19 +35,16 @@ namespace fs = std::filesystem;
 
 // A resumed run may be longer than the first one, look at other levels or
 // values, and use other numbers of processes.
-const std::set<std::string>& FlagsThatMayChange() {
-  static const auto& flags = *new std::set<std::string>{"output",
-                                                        "epochs",
-                                                        "steps",
-                                                        "seconds",
-                                                        "levels",
-                                                        "value",
-                                                        "tail",
-                                                        "jobs",
-                                                        "progress",
-                                                        "plots"};
-  return flags;
-}
+constexpr std::string_view kFlagsThatMayChange[] = {"output",
+                                                    "epochs",
+                                                    "steps",
+                                                    "seconds",
+                                                    "levels",
+                                                    "value",
+                                                    "tail",
+                                                    "jobs",
+                                                    "progress",
+                                                    "plots"};
 
 std::map<std::string, std::string> ParseFlagText(const std::string& text) {
   std::map<std::string, std::string> flags;
@@ -82,16 +85,18 @@ std::string VersionsText() {
 bool SameFlags(const std::string& path,
                const std::string& flags,
                std::string* error) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file) {
-    *error = path + ": cannot be read; is this the directory of a run?";
+  std::string text;
+  if (!ReadFile(path, &text, error)) {
+    *error += "; is this the directory of a run?";
     return false;
   }
-  auto before = ParseFlagText(text.str());
+  std::map<std::string, std::string> before = ParseFlagText(text);
   for (const auto& [name, value] : ParseFlagText(flags)) {
-    if (FlagsThatMayChange().count(name) > 0 || before[name] == value) continue;
+    if (before[name] == value || std::count(std::begin(kFlagsThatMayChange),
+                                            std::end(kFlagsThatMayChange),
+                                            name) > 0) {
+      continue;
+    }
     *error = fmt::format(
         "{0}: the run to resume had --{1}={2}, now it is --{1}={3}; give "
         "another --output, or --overwrite",
@@ -102,18 +107,6 @@ bool SameFlags(const std::string& path,
     return false;
   }
   return true;
-}
-
-// The program's flags (program.h), one "--name=value" per line, except those
-// about an existing directory.
-std::string FlagFileText() {
-  std::string text;
-  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
-    if (flag.name != "overwrite" && flag.name != "resume") {
-      text += fmt::format("--{}={}\n", flag.name, flag.current_value);
-    }
-  }
-  return text;
 }
 
 // Whether the directory may be used or reused; removes it if necessary.
@@ -159,10 +152,8 @@ bool PrepareRunDirectory(const std::string& path,
                          const std::string& flags,
                          std::string* error) {
   if (!MakeRoom(path, existing, flags, error)) return false;
-  std::error_code failure;
-  fs::create_directories(path, failure);
-  if (failure) {
-    *error = "--output=" + path + ": " + failure.message();
+  if (!MakeDirectories(path, error)) {
+    *error = "--output=" + *error;
     return false;
   }
   return WriteFile(path + "/flags.txt", flags, error) &&
@@ -174,7 +165,20 @@ bool PrepareRunDirectory(ExistingDirectory existing, std::string* error) {
     FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
   }
   if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
-  return PrepareRunDirectory(FLAGS_output, existing, FlagFileText(), error);
+  std::string flags;  // except those about an existing directory
+  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+    if (flag.name != "overwrite" && flag.name != "resume") {
+      flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
+    }
+  }
+  return PrepareRunDirectory(FLAGS_output, existing, flags, error);
+}
+
+bool MakeDirectories(const std::string& path, std::string* error) {
+  std::error_code failure;
+  fs::create_directories(path, failure);
+  if (failure) *error = path + ": " + failure.message();
+  return !failure;
 }
 
 std::string FileName(const std::string& label) {
@@ -185,6 +189,71 @@ std::string FileName(const std::string& label) {
     name += is_plain ? c : '-';
   }
   return name;
+}
+
+bool WriteTable(const std::string& path,
+                const Table& table,
+                std::string* error) {
+  return WriteFile(path + ".txt", table.ToText(), error) &&
+         WriteFile(path + ".md", table.ToMarkdown(), error);
+}
+
+void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels) {
+  if (!FLAGS_plots) return;
+  std::error_code ignored;
+  fs::remove(path_png, ignored);
+  std::string error;
+  if (!panels.empty() && !WritePlots(path_png, panels, &error)) Warn(error);
+}
+
+Series HistoryCurve(const std::string& title,
+                    const History& history,
+                    double HistoryRow::*field,
+                    bool against_seconds) {
+  Series curve;
+  curve.title = title;
+  for (const HistoryRow& row : history) {
+    if (row.step == 0) continue;
+    curve.x.push_back(against_seconds ? row.seconds
+                                      : static_cast<double>(row.step));
+    curve.y.push_back(row.*field);
+  }
+  return curve;
+}
+
+SeedSpread::SeedSpread(const std::vector<double>& values)
+    : num_runs(values.size()) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  median = low = high = none;
+  if (values.empty()) return;
+  const auto rank = [&values](size_t i) {
+    return std::isfinite(values[i]) ? values[i]
+                                    : std::numeric_limits<double>::infinity();
+  };
+  std::vector<size_t> order(values.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&rank](size_t a, size_t b) {
+    return rank(a) < rank(b);
+  });
+  median_run = order[(order.size() - 1) / 2];
+  if (std::isfinite(values[median_run])) median = values[median_run];
+  for (const double value : values) {
+    if (std::isfinite(value)) {
+      low = std::fmin(low, value);
+      high = std::fmax(high, value);
+    } else {
+      ++num_failed;
+    }
+  }
+}
+
+std::string SeedSpread::Text() const {
+  std::string text = NumberOrDash(low);
+  if (low < high) text += " - " + FormatNumber(high);
+  if (num_failed > 0) {
+    text += fmt::format(", {} of {} failed or not run", num_failed, num_runs);
+  }
+  return text;
 }
 
 }  // namespace invgrad

@@ -1,19 +1,23 @@
-// Prints Google Benchmark's lines, and keeps the times for ratios of one run.
-#ifndef BIN_SUPPORT_RATIO_REPORTER_H_
-#define BIN_SUPPORT_RATIO_REPORTER_H_
+// A program of Google Benchmark that prints ratios of the times of one run.
+#ifndef BIN_SUPPORT_BENCHMARKS_H_
+#define BIN_SUPPORT_BENCHMARKS_H_
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <functional>
 #include <limits>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "benchmark/benchmark.h"
+#include "bin/support/program.h"
+#include "fmt/core.h"
 
 namespace invgrad {
 
+// Prints Google Benchmark's lines, and keeps the times.
 class RatioReporter final : public benchmark::ConsoleReporter {
  public:
   void ReportRuns(const std::vector<Run>& runs) override {
@@ -40,27 +44,30 @@ class RatioReporter final : public benchmark::ConsoleReporter {
   void PrintRatio(const std::string& slow, const std::string& fast) const {
     const double ratio = Median(slow) / Median(fast);
     if (!std::isnan(ratio)) {
-      std::printf("%-34s / %-28s = %8.3g\n", slow.c_str(), fast.c_str(), ratio);
+      fmt::print("{:<34} / {:<28} = {:8.3g}\n", slow, fast, ratio);
     }
-  }
-
-  // The name of the fastest benchmark that ran; "" if none ran.
-  std::string Fastest(const std::vector<std::string>& names) const {
-    std::string fastest;
-    double least = std::numeric_limits<double>::infinity();
-    for (const std::string& name : names) {
-      if (Median(name) < least) {
-        least = Median(name);
-        fastest = name;
-      }
-    }
-    return fastest;
   }
 
  private:
   std::map<std::string, std::vector<double>> times_;
 };
 
+inline benchmark::internal::Benchmark* RegisterBenchmark(
+    const std::string& name, std::function<void(benchmark::State&)> measure) {
+  return benchmark::RegisterBenchmark(name.c_str(), std::move(measure))
+      ->Unit(benchmark::kMillisecond);
+}
+
+// RunProgram after Google Benchmark has taken its flags.
+inline int RunBenchmarks(int argc,
+                         char** argv,
+                         const std::string& usage,
+                         bool (*run)(std::string* error)) {
+  UseProcessorsKernels(argv);
+  benchmark::Initialize(&argc, argv);
+  return RunProgram(argc, argv, usage, run);
+}
+
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_RATIO_REPORTER_H_
+#endif  // BIN_SUPPORT_BENCHMARKS_H_

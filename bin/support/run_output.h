@@ -1,0 +1,80 @@
+// What a run leaves behind: its directory, tables and pictures. A program has
+// the flags --output, --overwrite and --plots if it uses this file.
+//
+//   flags.txt      a gflags flag file that repeats the run
+//   versions.txt   versions of program and libraries
+#ifndef BIN_SUPPORT_RUN_OUTPUT_H_
+#define BIN_SUPPORT_RUN_OUTPUT_H_
+
+#include <string>
+#include <vector>
+
+#include "gflags/gflags.h"
+#include "invgrad/train/history.h"
+#include "report/plot.h"
+#include "report/table.h"
+
+DECLARE_string(output);
+DECLARE_bool(overwrite);
+
+namespace invgrad {
+
+// The treatment of a directory that is not empty. kRefuse: fail. kOverwrite:
+// empty it, if an earlier run made it. kResume: keep it, if the earlier run had
+// the same flags, except for output and budget.
+enum class ExistingDirectory { kRefuse, kOverwrite, kResume };
+
+// Makes `path` (and its parents) and writes flags.txt and versions.txt. Returns
+// false, with *error set, if that fails or is not allowed.
+bool PrepareRunDirectory(const std::string& path,
+                         ExistingDirectory existing,
+                         const std::string& flags,
+                         std::string* error);
+
+// The same for --output, by default runs/PROGRAM, with the program's flags.
+// --overwrite takes precedence over `existing`.
+bool PrepareRunDirectory(ExistingDirectory existing, std::string* error);
+
+// Makes the directory and its parents.
+bool MakeDirectories(const std::string& path, std::string* error);
+
+// "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6".
+std::string FileName(const std::string& label);
+
+// Writes PATH.txt and PATH.md.
+bool WriteTable(const std::string& path,
+                const Table& table,
+                std::string* error);
+
+// Draws the picture if --plots is set, and removes an earlier one if there are
+// no panels. A failure to draw is a warning.
+void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels);
+
+// A field of the history against seconds of training, or against steps. A
+// logarithmic axis cannot show zero: the initial loss is left out.
+Series HistoryCurve(const std::string& title,
+                    const History& history,
+                    double HistoryRow::*field,
+                    bool against_seconds);
+
+// Values of runs that differ in the seed alone. A value that is not finite is a
+// failed run, which counts as worst.
+struct SeedSpread {
+  explicit SeedSpread(const std::vector<double>& values);
+
+  // "0.1 - 0.3, 1 of 3 failed or not run"
+  std::string Text() const;
+
+  size_t num_runs = 0;
+  size_t num_failed = 0;
+  // The position of the median; of an even number, of the lower of the two.
+  size_t median_run = 0;
+  // NaN if that run failed, or all runs.
+  double median;
+  double low;
+  double high;
+};
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_RUN_OUTPUT_H_
