@@ -38,7 +38,7 @@ current method, skips the others, and keeps the results so far.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "problems/estimation/nist_models.h"
 
 DEFINE_bool(list,

@@ -13,7 +13,7 @@
 #include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
 

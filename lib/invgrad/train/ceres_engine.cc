@@ -5,7 +5,7 @@
 
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/minimize/ceres_minimizer.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 
 namespace invgrad {
 namespace {

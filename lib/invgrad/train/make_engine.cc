@@ -7,7 +7,7 @@
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/chain_pull_back.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "invgrad/train/ceres_engine.h"
 #include "invgrad/train/rule_engine.h"
 #include "invgrad/train/training_memory.h"

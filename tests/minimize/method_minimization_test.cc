@@ -1,4 +1,4 @@
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 
 #include <memory>
 #include <string>
