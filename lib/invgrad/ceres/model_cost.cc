@@ -88,9 +88,11 @@ bool ModelCostFunction::Evaluate(double const* const* parameters,
     return true;
   }
   Linearization linearization;
-  LinearizationParts parts;
-  parts.jacobian = true;
-  if (!model_->Linearize(weights, *data_, parts, &linearization, &error)) {
+  if (!model_->Linearize(weights,
+                         *data_,
+                         LinearizationParts::Jacobian(),
+                         &linearization,
+                         &error)) {
     return Failed(error);
   }
   // g = 2 c scale (y - y*).

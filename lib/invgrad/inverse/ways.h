@@ -5,10 +5,6 @@
 #ifndef INVGRAD_INVERSE_WAYS_H_
 #define INVGRAD_INVERSE_WAYS_H_
 
-#include <cstddef>
-#include <optional>
-#include <string>
-
 namespace invgrad {
 
 // loss_pull_back.h
@@ -44,16 +40,6 @@ inline constexpr WayName<SimulatorWay> kSimulatorWays[] = {
     {SimulatorWay::kNumerical, "numerical"},
     {SimulatorWay::kNewton, "newton"},
     {SimulatorWay::kData, "data"}};
-
-// The way with this name, or nothing.
-template <typename Way, std::size_t kSize>
-std::optional<Way> FindWay(const WayName<Way> (&names)[kSize],
-                           const std::string& name) {
-  for (const WayName<Way>& row : names) {
-    if (name == row.name) return row.way;
-  }
-  return std::nullopt;
-}
 
 }  // namespace invgrad
 

@@ -2,10 +2,10 @@
 
 #include <cstddef>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "fmt/core.h"
+#include "fmt/format.h"
 #include "glog/logging.h"
 
 namespace invgrad {
@@ -17,19 +17,20 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // if there is none.
 template <typename Way, std::size_t kSize>
 bool SetWay(const char* part,
-            const WayName<Way> (&names)[kSize],
+            const WayName<Way> (&rows)[kSize],
             const std::string& name,
             Way* way,
             std::string* error) {
-  if (const std::optional<Way> found = FindWay(names, name)) {
-    *way = *found;
-    return true;
+  std::vector<std::string> names;
+  for (const WayName<Way>& row : rows) {
+    *way = row.way;
+    if (name == row.name) return true;
+    names.push_back(row.name);
   }
-  *error =
-      fmt::format("'{}' is no way back through the {}; allowed:", name, part);
-  for (const WayName<Way>& row : names) {
-    *error += fmt::format("{}{}", &row == names ? " " : ", ", row.name);
-  }
+  *error = fmt::format("'{}' is no way back through the {}; allowed: {}",
+                       name,
+                       part,
+                       fmt::join(names, ", "));
   return false;
 }
 
