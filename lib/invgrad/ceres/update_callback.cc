@@ -91,8 +91,6 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   }
 
  private:
-  enum class Outcome { kStep, kNoStep, kAnotherState };
-
   static constexpr int kMaxNumTurnsLost = 8;
 
   ceres::CallbackReturnType PrepareNext(
@@ -167,62 +165,49 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     num_backoffs_ = 0;
     radius_ = iteration.trust_region_radius;
     fraction_ = scale_;
-    switch (ComputeStep(iteration)) {
-      case Outcome::kStep:
-        Stage();
-        return ceres::SOLVER_CONTINUE;
-      case Outcome::kNoStep:
-        turns_.RuleHadNoStep();
-        return ceres::SOLVER_CONTINUE;
-      case Outcome::kAnotherState:
-        break;
+    if (ComputeStep(iteration)) {
+      Stage();
+    } else if (is_another_state_) {
+      return Abort(
+          "the parameter blocks do not hold the solver's state; add the "
+          "UpdateCallback by AddTo, leave "
+          "Solver::Options::update_state_every_iteration = true, and change no "
+          "parameter block in another callback");
+    } else {
+      turns_.RuleHadNoStep();
     }
-    return Abort(
-        "the parameter blocks do not hold the solver's state; add the "
-        "UpdateCallback by AddTo, leave "
-        "Solver::Options::update_state_every_iteration = true, and change no "
-        "parameter block in another callback");
+    return ceres::SOLVER_CONTINUE;
   }
 
   // Sets step_, or summary_.message if there is no step. For a rule that needs
   // no linearization, linearizes the problem only if there is a step.
-  Outcome ComputeStep(const ceres::IterationSummary& iteration) {
+  bool ComputeStep(const ceres::IterationSummary& iteration) {
     Linearization at_x;
     at_x.cost = iteration.cost;
-    if (needs_linearization_) {
-      const Outcome outcome = Linearize(iteration, &at_x);
-      if (outcome != Outcome::kStep) return outcome;
-    }
-    if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
-      return Outcome::kNoStep;
+    if ((needs_linearization_ && !Linearize(iteration, &at_x)) ||
+        !rule_->ComputeStep(at_x, &step_, &summary_.message)) {
+      return false;
     }
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
-    if (!needs_linearization_) {
-      const Outcome outcome = Linearize(iteration, &at_x);
-      if (outcome != Outcome::kStep) return outcome;
-    }
-    if (IsPromising(at_x)) return Outcome::kStep;
+    if (!needs_linearization_ && !Linearize(iteration, &at_x)) return false;
+    if (IsPromising(at_x)) return true;
     summary_.message =
         "the linear model predicts too small a decrease of the cost";
     // The scale may be too small, and only a proposal can raise it.
     scale_ = std::min(2.0 * scale_, 1.0);
-    return Outcome::kNoStep;
+    return false;
   }
 
-  // kStep: the rule can compute a step.
-  Outcome Linearize(const ceres::IterationSummary& iteration,
-                    Linearization* at_x) {
-    if (!linearizer_.Linearize(parts_, at_x, &summary_.message)) {
-      return Outcome::kNoStep;
-    }
+  bool Linearize(const ceres::IterationSummary& iteration,
+                 Linearization* at_x) {
+    if (!linearizer_.Linearize(parts_, at_x, &summary_.message)) return false;
     // At the same state the two sums differ by rounding. Both contain the fixed
     // cost of residual blocks that cannot change.
     constexpr double kCostTolerance = 1e-9;
-    return std::abs(at_x->cost - iteration.cost) <=
-                   kCostTolerance * std::abs(iteration.cost)
-               ? Outcome::kStep
-               : Outcome::kAnotherState;
+    is_another_state_ = !(std::abs(at_x->cost - iteration.cost) <=
+                          kCostTolerance * std::abs(iteration.cost));
+    return !is_another_state_;
   }
 
   // Whether the linear model predicts a large enough L(x) - L(x + step); false
@@ -275,13 +260,14 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   std::optional<StagedStep> staged_;
   Eigen::VectorXd step_;  // n: the last proposal
   bool has_run_ = false;
-  bool has_proposal_ = false;  // staged in the last call
-  int num_backoffs_ = 0;       // of the last proposal
-  double radius_ = 0.0;        // Ceres' radius at the first attempt of this
-                               // proposal
-  double scale_ = 1.0;         // of proposals: the scale of the last accepted
-                               // ones
-  double fraction_ = 1.0;      // step_ / the rule's step
+  bool is_another_state_ = false;  // the blocks do not hold the solver's state
+  bool has_proposal_ = false;      // staged in the last call
+  int num_backoffs_ = 0;           // of the last proposal
+  double radius_ = 0.0;            // Ceres' radius at the first attempt of this
+                                   // proposal
+  double scale_ = 1.0;     // of proposals: the scale of the last accepted
+                           // ones
+  double fraction_ = 1.0;  // step_ / the rule's step
   // Ceres has the turn while its radius is smaller,
   double lost_radius_ = 0.0;
   int num_turns_lost_ = 0;  // but no more turns than these
