@@ -31,7 +31,7 @@ current method, skips the others, and keeps the results so far.
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "gflags/gflags.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 
 DEFINE_bool(list,
             false,

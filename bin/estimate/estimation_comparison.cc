@@ -16,7 +16,7 @@
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "problems/estimation/nist_models.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
@@ -162,8 +162,9 @@ bool Minimize(const std::string& name,
   }
   Observer observer(name + " " + method.label);
   minimizer.callbacks.push_back(&observer);
-  method.AddCeresDefaults({{"linear_solver", estimation->traits().linear_solver},
-                           {"num_threads", std::to_string(FLAGS_threads)}});
+  method.AddCeresDefaults(
+      {{"linear_solver", estimation->traits().linear_solver},
+       {"num_threads", std::to_string(FLAGS_threads)}});
   const std::unique_ptr<ceres::Problem> problem =
       estimation->MakeProblem(make_loss);
   return MinimizeProblem(method,
@@ -357,7 +358,8 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       *error = "--start=2: " + input.name + " has one start";
       return false;
     }
-    std::cout << input.name << ": " << input.estimation->traits().description << "\n";
+    std::cout << input.name << ": " << input.estimation->traits().description
+              << "\n";
   }
   std::cout << "\n";
   SetBlasThreads(FLAGS_threads);
@@ -366,7 +368,8 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   const Interrupt interrupt;
   std::vector<Row> rows;
   for (const EstimationInput& input : inputs) {
-    for (int start = 0; start < input.estimation->traits().num_starts; ++start) {
+    for (int start = 0; start < input.estimation->traits().num_starts;
+         ++start) {
       if (FLAGS_start != "both" && FLAGS_start != std::to_string(start + 1)) {
         continue;
       }

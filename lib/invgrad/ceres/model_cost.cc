@@ -17,6 +17,12 @@ double SquaredResidualScale(const Model& model, const DataSet& data) {
          model.BatchScale(data.num_samples());
 }
 
+// Evaluate has no message.
+bool Failed(const std::string& error) {
+  VLOG(1) << error;
+  return false;
+}
+
 }  // namespace
 
 ModelCostFunction::ModelCostFunction(const Model* model, const DataSet* data)
@@ -59,8 +65,7 @@ bool ModelCostFunction::WeightedHessian(const double* const* parameters,
   std::string error;
   if (!dot_product.Linearize(
           Weights(parameters), weighted, parts, &linearization, &error)) {
-    VLOG(1) << error;
-    return false;
+    return Failed(error);
   }
   const int n = model_->num_weights();
   Eigen::Map<Eigen::MatrixXd>(hessian, n, n) = linearization.hessian;
@@ -77,18 +82,18 @@ bool ModelCostFunction::Evaluate(double const* const* parameters,
   if (jacobians == nullptr) {
     Eigen::MatrixXd y;
     if (!model_->Predict(weights, *data_, &y, &error)) {
-      VLOG(1) << error;
-      return false;
+      return Failed(error);
     }
     residual = std::sqrt(squared_scale) * (y - data_->targets).reshaped();
     return true;
   }
   Linearization linearization;
-  LinearizationParts parts;
-  parts.jacobian = true;
-  if (!model_->Linearize(weights, *data_, parts, &linearization, &error)) {
-    VLOG(1) << error;
-    return false;
+  if (!model_->Linearize(weights,
+                         *data_,
+                         LinearizationParts::Jacobian(),
+                         &linearization,
+                         &error)) {
+    return Failed(error);
   }
   // g = 2 c scale (y - y*).
   residual = linearization.loss_gradient / std::sqrt(squared_scale);
@@ -126,8 +131,7 @@ bool ModelFunction::Evaluate(const double* parameters,
           parts,
           &linearization,
           &error)) {
-    VLOG(1) << error;
-    return false;
+    return Failed(error);
   }
   *cost = linearization.cost;
   if (gradient != nullptr) {
@@ -135,8 +139,6 @@ bool ModelFunction::Evaluate(const double* parameters,
   }
   return true;
 }
-
-int ModelFunction::NumParameters() const { return model_->num_weights(); }
 
 std::vector<double*> NeuronBlocks(const DenseNetwork& network,
                                   double* weights) {

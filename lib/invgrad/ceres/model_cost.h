@@ -48,7 +48,7 @@ class ModelFunction final : public ceres::FirstOrderFunction {
   bool Evaluate(const double* parameters,
                 double* cost,
                 double* gradient) const override;
-  int NumParameters() const override;
+  int NumParameters() const override { return model_->num_weights(); }
 
  private:
   const Model* model_;

@@ -44,13 +44,6 @@ ProblemLinearizer::ProblemLinearizer(const ceres::Problem* problem,
   structure_ = ReadStructure(*problem, options_.residual_blocks);
 }
 
-void ProblemLinearizer::Prepare(bool evaluate_jacobians) const {
-  if (options_.evaluation_callback != nullptr) {
-    options_.evaluation_callback->PrepareForEvaluation(
-        evaluate_jacobians, /*new_evaluation_point=*/true);
-  }
-}
-
 bool ProblemLinearizer::PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                                       std::string* error) const {
   const std::vector<ParameterBlock>& blocks = structure_.parameter_blocks;
@@ -126,28 +119,36 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   CHECK(linearization != nullptr);
   CHECK(error != nullptr);
   const bool needs_jacobian = parts.gradient || parts.jacobian || parts.hessian;
-  if (!needs_jacobian) return Cost(&linearization->cost, error);
-
   if (parts.hessian) {
     if (!CanComputeHessian(error)) return false;
     linearization->hessian.setZero(structure_.num_parameters,
                                    structure_.num_parameters);
   }
   std::vector<RowMajorMatrix> plus_jacobians;
-  if (!PlusJacobians(&plus_jacobians, error)) return false;
-  const std::shared_ptr<SparseJacobian> jacobian = NewJacobian();
-  const SparseJacobian::Matrix& J = jacobian->matrix();
-  Eigen::VectorXd r(structure_.num_residuals);
+  std::shared_ptr<SparseJacobian> jacobian;
+  Eigen::VectorXd r;
+  if (needs_jacobian) {
+    if (!PlusJacobians(&plus_jacobians, error)) return false;
+    jacobian = NewJacobian();
+    r.resize(structure_.num_residuals);
+  }
+  if (options_.evaluation_callback != nullptr) {
+    options_.evaluation_callback->PrepareForEvaluation(
+        needs_jacobian, /*new_evaluation_point=*/true);
+  }
   double cost = 0.0;
-  Prepare(/*evaluate_jacobians=*/true);
-  ResidualEvaluation evaluation(
-      structure_, options_.apply_loss_function, &plus_jacobians);
+  ResidualEvaluation evaluation(structure_,
+                                options_.apply_loss_function,
+                                needs_jacobian ? &plus_jacobians : nullptr);
   for (const ResidualBlock& block : structure_.residual_blocks) {
     if (!evaluation.Evaluate(block, error)) return false;
     cost += evaluation.cost();
+    if (!needs_jacobian) continue;
     evaluation.WriteResiduals(r.data() + block.row);
     if (!evaluation.WriteJacobian(
-            jacobian->mutable_matrix()->valuePtr() + J.outerIndexPtr()[block.row], error) ||
+            jacobian->mutable_matrix()->valuePtr() +
+                jacobian->matrix().outerIndexPtr()[block.row],
+            error) ||
         (parts.hessian && block.row_length > 0 &&
          !evaluation.AddHessian(&linearization->hessian, error))) {
       return false;
@@ -158,6 +159,8 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     return false;
   }
   linearization->cost = cost;
+  if (!needs_jacobian) return true;
+  const SparseJacobian::Matrix& J = jacobian->matrix();
   if (parts.gradient) {
     linearization->gradient = J.transpose() * r;
     if (!linearization->gradient.allFinite()) {
@@ -188,20 +191,9 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
 
 bool ProblemLinearizer::Cost(double* cost, std::string* error) const {
   CHECK(cost != nullptr);
-  CHECK(error != nullptr);
-  double sum = 0.0;
-  Prepare(/*evaluate_jacobians=*/false);
-  ResidualEvaluation evaluation(
-      structure_, options_.apply_loss_function, nullptr);
-  for (const ResidualBlock& block : structure_.residual_blocks) {
-    if (!evaluation.Evaluate(block, error)) return false;
-    sum += evaluation.cost();
-  }
-  if (!std::isfinite(sum)) {
-    *error = "the sum of the residual blocks' costs is not finite";
-    return false;
-  }
-  *cost = sum;
+  Linearization linearization;
+  if (!Linearize({}, &linearization, error)) return false;
+  *cost = linearization.cost;
   return true;
 }
 

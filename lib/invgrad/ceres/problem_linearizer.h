@@ -83,7 +83,6 @@ class ProblemLinearizer final : public Objective {
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
   std::shared_ptr<SparseJacobian> NewJacobian() const;
-  void Prepare(bool evaluate_jacobians) const;
   bool PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                      std::string* error) const;
   bool CanComputeHessian(std::string* error) const;

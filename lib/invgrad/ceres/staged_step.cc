@@ -121,14 +121,11 @@ std::vector<StagingManifold*> StagingManifold::Take(
   const std::lock_guard<std::mutex> lock(Kept().mutex);
   std::vector<StagingManifold*>& kept = Kept().by_problem[identity];
   std::vector<StagingManifold*> manifolds;
-  manifolds.reserve(num);
-  while (manifolds.size() < num && !kept.empty()) {
+  while (manifolds.size() < num) {
+    if (kept.empty()) kept.push_back(new StagingManifold(identity));
     manifolds.push_back(kept.back());
     manifolds.back()->is_in_use_ = true;
     kept.pop_back();
-  }
-  while (manifolds.size() < num) {
-    manifolds.push_back(new StagingManifold(identity));
   }
   return manifolds;
 }

@@ -67,7 +67,6 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   }
 
  private:
-  enum class Outcome { kStep, kNoStep, kMismatch };
   // What replaces the next step of Ceres.
   enum class Next {
     kCeresStep,  // nothing
@@ -197,58 +196,45 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     num_backoffs_ = 0;
     radius_ = iteration.trust_region_radius;
     fraction_ = scale_;
-    switch (ComputeStep(iteration)) {
-      case Outcome::kStep:
-        Stage();
-        return ceres::SOLVER_CONTINUE;
-      case Outcome::kNoStep:
-        turns_.RuleHadNoStep();
-        return ceres::SOLVER_CONTINUE;
-      case Outcome::kMismatch:
-        break;
+    if (ComputeStep(iteration)) {
+      Stage();
+    } else if (is_another_state_) {
+      return Abort(kAnotherState);
+    } else {
+      turns_.RuleHadNoStep();
     }
-    return Abort(kAnotherState);
+    return ceres::SOLVER_CONTINUE;
   }
 
   // Sets step_, or summary_.message if there is no step. For a rule that needs
   // no linearization, linearizes the problem only if there is a step.
-  Outcome ComputeStep(const ceres::IterationSummary& iteration) {
+  bool ComputeStep(const ceres::IterationSummary& iteration) {
     Linearization at_x;
     at_x.cost = iteration.cost;
-    if (needs_linearization_) {
-      const Outcome outcome = Linearize(iteration, &at_x);
-      if (outcome != Outcome::kStep) return outcome;
-    }
-    if (!rule_->ComputeStep(at_x, &step_, &summary_.message)) {
-      return Outcome::kNoStep;
+    if ((needs_linearization_ && !Linearize(iteration, &at_x)) ||
+        !rule_->ComputeStep(at_x, &step_, &summary_.message)) {
+      return false;
     }
     CHECK_EQ(step_.size(), linearizer_.num_parameters());
     step_ *= scale_;
-    if (!needs_linearization_) {
-      const Outcome outcome = Linearize(iteration, &at_x);
-      if (outcome != Outcome::kStep) return outcome;
-    }
-    if (IsPromising(at_x)) return Outcome::kStep;
+    if (!needs_linearization_ && !Linearize(iteration, &at_x)) return false;
+    if (IsPromising(at_x)) return true;
     summary_.message =
         "the linear model predicts too small a decrease of the cost";
     // The scale may be too small, and only a proposal can raise it.
     scale_ = std::min(2.0 * scale_, 1.0);
-    return Outcome::kNoStep;
+    return false;
   }
 
-  // kStep: the rule can compute a step.
-  Outcome Linearize(const ceres::IterationSummary& iteration,
-                    Linearization* at_x) {
-    if (!linearizer_.Linearize(parts_, at_x, &summary_.message)) {
-      return Outcome::kNoStep;
-    }
+  bool Linearize(const ceres::IterationSummary& iteration,
+                 Linearization* at_x) {
+    if (!linearizer_.Linearize(parts_, at_x, &summary_.message)) return false;
     // At the same state the two sums differ by rounding. Both contain the fixed
     // cost of residual blocks that cannot change.
     constexpr double kCostTolerance = 1e-9;
-    return std::abs(at_x->cost - iteration.cost) <=
-                   kCostTolerance * std::abs(iteration.cost)
-               ? Outcome::kStep
-               : Outcome::kMismatch;
+    is_another_state_ = !(std::abs(at_x->cost - iteration.cost) <=
+                          kCostTolerance * std::abs(iteration.cost));
+    return !is_another_state_;
   }
 
   // Whether the linear model predicts a large enough L(x) - L(x + step); false
@@ -310,6 +296,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   std::optional<Safeguard> safeguard_;
   Eigen::VectorXd step_;  // n: the last proposal
   bool has_run_ = false;
+  bool is_another_state_ = false;  // the blocks do not hold the solver's state
   Next next_ = Next::kCeresStep;
   Eigen::VectorXd staged_state_;
   Eigen::VectorXd last_state_;  // of the blocks, in the last call

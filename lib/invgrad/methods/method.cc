@@ -35,31 +35,16 @@ bool FindRuleRow(const std::string& name, Phase* phase, std::string* error) {
   return false;
 }
 
-// "loss/simulator/rule"
-bool FindWays(const std::string& name, Phase* phase, std::string* error) {
-  const size_t first = name.find('/');
-  const size_t second = name.find('/', first + 1);
-  if (second == std::string::npos ||
-      name.find('/', second + 1) != std::string::npos) {
-    *error = fmt::format("'{}': wanted LOSS/SIMULATOR/RULE", name);
-    return false;
-  }
-  return phase->pull_back.emplace().SetWays(
-             name.substr(0, first),
-             name.substr(first + 1, second - first - 1),
-             error) &&
-         FindRuleRow(name.substr(second + 1), phase, error);
-}
-
 // Finds the table rows of "rule", "loss/simulator/rule", "ceres" or
 // "ceres+rule".
 bool FindRows(const std::string& name, Phase* phase, std::string* error) {
-  if (const ChainMethodRow* chain = FindChainMethod(name)) {
+  const ChainMethodRow* chain = FindChainMethod(name);
+  if (chain != nullptr || name.find('/') != std::string::npos) {
+    std::string rule;
     return phase->pull_back.emplace().SetWays(
-               chain->loss, chain->simulator, error) &&
-           FindRuleRow(chain->rule, phase, error);
+               chain != nullptr ? chain->ways : name, &rule, error) &&
+           FindRuleRow(rule, phase, error);
   }
-  if (name.find('/') != std::string::npos) return FindWays(name, phase, error);
   const size_t plus = name.find('+');
   phase->ceres = FindCeresMethod(name.substr(0, plus));
   if (plus == std::string::npos) {
@@ -210,6 +195,11 @@ ceres::Solver::Options Phase::CeresOptions() const {
   std::string error;
   CHECK(ceres->configure(ceres_settings, &options, &error)) << error;
   return options;
+}
+
+int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
+  const int size = batch_size >= 0 ? batch_size : batch_size_of_run;
+  return size == 0 || ceres != nullptr ? num_samples : size;
 }
 
 void Method::AddCeresDefaults(const Settings& defaults) {

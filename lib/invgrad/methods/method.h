@@ -43,6 +43,9 @@ struct Phase {
 
   // A new rule object; null if the phase has no rule.
   std::unique_ptr<UpdateRule> MakeRule() const;
+  // The phase's own batch size, or the given one; all samples if that is 0, and
+  // for a minimizer of Ceres.
+  int BatchSize(int batch_size_of_run, int num_samples) const;
   // Ceres' options with the settings of the phase. CHECKs that the phase has a
   // minimizer.
   ceres::Solver::Options CeresOptions() const;

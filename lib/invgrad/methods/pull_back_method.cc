@@ -35,13 +35,25 @@ bool SetWay(const char* part,
 
 }  // namespace
 
-bool PullBackMethod::SetWays(const std::string& loss,
-                             const std::string& simulator,
+bool PullBackMethod::SetWays(const std::string& text,
+                             std::string* rule,
                              std::string* error) {
-  return SetWay("loss", kLossWayNames, loss, &options_.loss, error) &&
+  const std::size_t first = text.find('/');
+  const std::size_t second = text.find('/', first + 1);
+  if (second == std::string::npos ||
+      text.find('/', second + 1) != std::string::npos) {
+    *error = fmt::format("'{}': wanted LOSS/SIMULATOR/RULE", text);
+    return false;
+  }
+  *rule = text.substr(second + 1);
+  return SetWay("loss",
+                kLossWayNames,
+                text.substr(0, first),
+                &options_.loss,
+                error) &&
          SetWay("simulator",
                 kSimulatorWayNames,
-                simulator,
+                text.substr(first + 1, second - first - 1),
                 &options_.simulator.way,
                 error);
 }
@@ -142,8 +154,9 @@ SimulatorPullBack PullBackMethod::MakeSimulatorPullBack(
 
 std::vector<OptionSet::Row> ChainMethodRow::options() const {
   PullBackMethod method;
+  std::string rule;
   std::string error;
-  CHECK(method.SetWays(loss, simulator, &error)) << error;
+  CHECK(method.SetWays(ways, &rule, &error)) << error;
   OptionSet set;
   method.Describe(&set);
   std::vector<OptionSet::Row> rows = FindRule(rule)->options();
@@ -161,42 +174,30 @@ const std::vector<ChainMethodRow>& ChainMethods() {
       {"dp_adam",
        "differentiable physics: gradient/adjoint/adam, the gradient of the "
        "whole chain",
-       "gradient",
-       "adjoint",
-       "adam",
+       "gradient/adjoint/adam",
        {}},
       {"supervised",
        "newton/data/adam: |f - x*|^2, x* the solution that the data were made "
        "from",
-       "newton",
-       "data",
-       "adam",
+       "newton/data/adam",
        {}},
       {"physics_informed",
        "gradient/adjoint/adam with data_weight 1: L + 1/2 |f - x*|^2",
-       "gradient",
-       "adjoint",
-       "adam",
+       "gradient/adjoint/adam",
        {{"data_weight", "1"}}},
       {"sip",
        "scale-invariant physics training: newton/inverse/adam, |f - (x + "
        "P^-1(y + d_y; x) - x)|^2",
-       "newton",
-       "inverse",
-       "adam",
+       "newton/inverse/adam",
        {}},
       {"physical_gradient",
        "newton/inverse/gradient_descent with step size 1: x <- P^-1(y + d_y; "
        "x)",
-       "newton",
-       "inverse",
-       "gradient_descent",
+       "newton/inverse/gradient_descent",
        {{"step_size", "1"}}},
       {"hig",
        "half-inverse gradients: gradient/joint/half_inverse",
-       "gradient",
-       "joint",
-       "half_inverse",
+       "gradient/joint/half_inverse",
        {}},
   };
   return rows;

@@ -31,10 +31,9 @@ namespace invgrad {
 // The ways of the pull-backs through loss and simulator.
 class PullBackMethod {
  public:
-  // Returns false for an unknown name; *error lists the known ones.
-  bool SetWays(const std::string& loss,
-               const std::string& simulator,
-               std::string* error);
+  // Sets the ways, and *rule to the rule's name, of "LOSS/SIMULATOR/RULE".
+  // Returns false for an unknown way; *error lists the known ones.
+  bool SetWays(const std::string& text, std::string* rule, std::string* error);
 
   // The options that these ways read.
   void Describe(OptionSet* set);
@@ -78,10 +77,8 @@ class PullBackMethod {
 struct ChainMethodRow {
   std::string name;     // "sip"
   std::string formula;  // one line
-  std::string loss;
-  std::string simulator;
-  std::string rule;
-  Settings defaults;  // where they differ from the defaults of its parts
+  std::string ways;     // "newton/inverse/adam"
+  Settings defaults;    // where they differ from the defaults of its parts
 
   // The options of the ways and the rule, with these defaults.
   std::vector<OptionSet::Row> options() const;

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/memory_limit.h"
 
@@ -70,26 +71,22 @@ bool ChainObjective::PullBackGradient(Linearization* linearization,
   return false;
 }
 
-bool ChainObjective::JacobianFits(const LinearizationParts& parts,
-                                  std::string* error) const {
-  constexpr double kDouble = sizeof(double);
-  const int n = simulator_->num_inputs();
-  const int m = simulator_->num_outputs();
-  std::vector<MemoryPart> memory = {{"J", 2.0 * kDouble * m * n}};
-  if (parts.hessian) memory.push_back({"Hessian", 3.0 * kDouble * n * n});
-  if (!loss_->SquaredNormFactor().has_value()) {
-    memory.push_back({"Hessian of the loss", kDouble * m * m});
-  }
-  return FitsInMemory(
-      "J " + std::to_string(m) + " x " + std::to_string(n), memory, 0.0, error);
-}
-
 bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
                                            Linearization* linearization,
                                            std::string* error) const {
   const int n = simulator_->num_inputs();
   const int m = simulator_->num_outputs();
-  if (!JacobianFits(parts, error)) return false;
+  // H_L is 2 c I, or `loss_hessian`.
+  const std::optional<double> factor = loss_->SquaredNormFactor();
+  constexpr double kDouble = sizeof(double);
+  std::vector<MemoryPart> memory = {{"J", 2.0 * kDouble * m * n}};
+  if (parts.hessian) memory.push_back({"Hessian", 3.0 * kDouble * n * n});
+  if (!factor.has_value()) {
+    memory.push_back({"Hessian of the loss", kDouble * m * m});
+  }
+  if (!FitsInMemory(fmt::format("J {} x {}", m, n), memory, 0.0, error)) {
+    return false;
+  }
   Eigen::VectorXd y(m);
   RowMajorMatrix J(m, n);
   if (!simulator_->Evaluate(x_.data(), nullptr, y.data(), J.data()) ||
@@ -97,8 +94,6 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
     *error = OutputsError();
     return false;
   }
-  // H_L is 2 c I, or `loss_hessian`.
-  const std::optional<double> factor = loss_->SquaredNormFactor();
   Eigen::VectorXd g(m);
   Eigen::MatrixXd loss_hessian;
   if (!factor.has_value()) loss_hessian.resize(m, m);
@@ -130,17 +125,12 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
   if (parts.jacobian) {
     linearization->loss_gradient = std::move(g);
     linearization->jacobian = std::make_shared<DenseJacobian>(J);
-    if (factor.has_value()) {
-      linearization->loss_hessian_times =
-          [scale = 2.0 * *factor](const Eigen::VectorXd& v) {
-            return Eigen::VectorXd(scale * v);
-          };
-    } else {
-      linearization->loss_hessian_times =
-          [H = std::move(loss_hessian)](const Eigen::VectorXd& v) {
-            return Eigen::VectorXd(H * v);
-          };
-    }
+    linearization->loss_hessian_times =
+        [factor, H = std::move(loss_hessian)](
+            const Eigen::VectorXd& v) -> Eigen::VectorXd {
+      if (factor.has_value()) return 2.0 * *factor * v;
+      return H * v;
+    };
   }
   return true;
 }
@@ -226,15 +216,16 @@ bool ChainFunction::Evaluate(const double* parameters,
                              double* gradient) const {
   ChainObjective at_x = *objective_;
   at_x.SetState(Eigen::Map<const Eigen::VectorXd>(parameters, NumParameters()));
-  std::string error;
-  if (gradient == nullptr) return at_x.Cost(cost, &error);
   LinearizationParts parts;
-  parts.gradient = true;
+  parts.gradient = gradient != nullptr;
   Linearization linearization;
+  std::string error;
   if (!at_x.Linearize(parts, &linearization, &error)) return false;
   *cost = linearization.cost;
-  Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) =
-      linearization.gradient;
+  if (gradient != nullptr) {
+    Eigen::Map<Eigen::VectorXd>(gradient, NumParameters()) =
+        linearization.gradient;
+  }
   return true;
 }
 

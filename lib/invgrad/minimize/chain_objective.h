@@ -57,7 +57,6 @@ class ChainObjective final : public Objective {
 
  private:
   bool PullBackGradient(Linearization* linearization, std::string* error) const;
-  bool JacobianFits(const LinearizationParts& parts, std::string* error) const;
   // The message if the simulator fails.
   std::string OutputsError() const;
   bool LinearizeWithJacobian(const LinearizationParts& parts,

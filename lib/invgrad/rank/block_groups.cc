@@ -219,10 +219,11 @@ bool GroupBlocks(const RankReport::Options& options,
   linearizer_options.apply_loss_function = options.apply_loss_function;
   linearizer_options.evaluation_callback = options.evaluation_callback;
   const ProblemLinearizer linearizer(&problem, linearizer_options);
-  LinearizationParts parts;
-  parts.jacobian = true;
   Linearization linearization;
-  if (!linearizer.Linearize(parts, &linearization, error)) return false;
+  if (!linearizer.Linearize(
+          LinearizationParts::Jacobian(), &linearization, error)) {
+    return false;
+  }
   const SparseMatrix J = ToSparse(*linearization.jacobian);
   linearization = Linearization();
   if (!CheckMemory(J, error)) return false;

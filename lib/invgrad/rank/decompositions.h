@@ -2,13 +2,8 @@
 //
 //   A = U diag(s) V^T,   X = Q R,   A P = Q R
 //
-// Eigen's decompositions take up to ten seconds to compile in each file that
-// uses them.
-//
-// Shapes:  A: m x n, any m and n.
-// Cost:    O(m n min(m, n)) and a copy of the argument.
-// Fails:   s and V are NaN if LAPACK's SVD does not converge, or if A is not
-//          finite.
+// O(m n min(m, n)) for m x n. s and V are NaN if the SVD does not converge, or if
+// A is not finite.
 #ifndef INVGRAD_RANK_DECOMPOSITIONS_H_
 #define INVGRAD_RANK_DECOMPOSITIONS_H_
 

@@ -110,12 +110,13 @@ class GroupDescription {
     dimension_ = V.cols();
     reported_.resize(V.rows(), 0);
     const LocalizedBasis basis = Localize(V, group_.offsets);
-    for (Index j = 0; j < basis.single.cols(); ++j) {
-      Report(basis.single.col(j));
-      const int b = basis.single_blocks[j];
-      if (j == 0 || basis.single_blocks[j - 1] != b) {
-        SuggestWithinBlock(b, basis);
-      }
+    const std::vector<int>& blocks = basis.single_blocks;
+    for (Index j = 0; j < basis.single.cols();) {
+      const Index num = std::count(blocks.begin(), blocks.end(), blocks[j]);
+      const MatrixXd within = basis.single.middleCols(j, num);
+      for (const auto v : within.colwise()) Report(v);
+      Suggest(within, 1);
+      j += num;
     }
     if (basis.rest.cols() == 0) return;
     const GaugeMatch gauge = matcher_.Best(options_.threshold * report_.s_max,
@@ -132,14 +133,7 @@ class GroupDescription {
       if (!touches_few(v)) Report(v);
     }
     constexpr int kMaxAnchors = 20;
-    std::vector<bool> can_hold;
-    for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
-      can_hold.push_back(CanHoldComponents(b));
-    }
-    for (const Anchor& anchor :
-         ChooseAnchors(basis.rest, group_.offsets, can_hold, kMaxAnchors)) {
-      Suggest(anchor.block, anchor);
-    }
+    Suggest(basis.rest, kMaxAnchors);
   }
 
   void DescribeWeak(const MatrixXd& V) {
@@ -186,41 +180,29 @@ class GroupDescription {
     report_.gauges.push_back(std::move(freedom));
   }
 
-  // Whether every tangent direction of block b of the group is a component.
-  bool CanHoldComponents(std::size_t b) const {
-    const std::vector<int>& components =
-        report_.blocks[group_.blocks[b]].components;
-    return std::count(components.begin(), components.end(), -1) == 0;
-  }
-
-  // For the directions within block b of the group.
-  void SuggestWithinBlock(int b, const LocalizedBasis& basis) {
-    const std::vector<int>& blocks = basis.single_blocks;
-    const auto first = std::find(blocks.begin(), blocks.end(), b);
-    const auto count = std::count(blocks.begin(), blocks.end(), b);
-    const int begin = group_.offsets[b];
-    const int size = group_.offsets[b + 1] - begin;
-    const MatrixXd directions =
-        basis.single.block(begin, first - blocks.begin(), size, count);
-    for (const Anchor& anchor :
-         ChooseAnchors(directions, {0, size}, {CanHoldComponents(b)}, 1)) {
-      Suggest(b, anchor);
+  void Suggest(const MatrixXd& directions, int max_anchors) {
+    // A block whose tangent directions are all components.
+    std::vector<bool> can_hold_rows;
+    for (const int b : group_.blocks) {
+      const std::vector<int>& components = report_.blocks[b].components;
+      can_hold_rows.push_back(
+          std::count(components.begin(), components.end(), -1) == 0);
     }
-  }
-
-  void Suggest(int b, const Anchor& anchor) {
-    const RankReport::Block& block = report_.blocks[group_.blocks[b]];
-    RankReport::Suggestion suggestion;
-    suggestion.group = g_;
-    suggestion.block = group_.blocks[b];
-    for (const int row : anchor.rows) {
-      suggestion.tangent.push_back(group_.columns[group_.offsets[b] + row] -
-                                   block.column);
+    for (const Anchor& anchor : ChooseAnchors(
+             directions, group_.offsets, can_hold_rows, max_anchors)) {
+      RankReport::Suggestion suggestion;
+      suggestion.group = g_;
+      suggestion.block = group_.blocks[anchor.block];
+      const RankReport::Block& block = report_.blocks[suggestion.block];
+      for (const int row : anchor.rows) {
+        suggestion.tangent.push_back(
+            group_.columns[group_.offsets[anchor.block] + row] - block.column);
+      }
+      suggestion.whole_block =
+          static_cast<int>(anchor.rows.size()) == block.tangent_size;
+      suggestion.num_removed = anchor.num_removed;
+      report_.suggestions.push_back(std::move(suggestion));
     }
-    suggestion.whole_block =
-        static_cast<int>(anchor.rows.size()) == block.tangent_size;
-    suggestion.num_removed = anchor.num_removed;
-    report_.suggestions.push_back(std::move(suggestion));
   }
 
   // v: scaled, of length one, one entry a column of the group.

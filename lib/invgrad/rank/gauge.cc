@@ -68,8 +68,7 @@ bool FactorOfProduct(const GaugeComponent& component, MatrixXd* motions) {
   return true;
 }
 
-// Poses in the plane (z = 0, rotations about z) and in space.
-
+// Of poses in the plane (z = 0, rotations about z) and in space.
 enum class Rotation { kAngle, kAngleAxis, kWxyz, kXyzw };
 
 // d(phi) for R(phi) -> exp(delta) R(phi): the inverse of SO(3)'s left Jacobian
@@ -220,14 +219,13 @@ bool ReadSplitPoses(const GaugeComponent& component, Scene* scene) {
       if (block.size != 1) return false;
       const auto [it, is_new] = roles.insert({arguments[i], role});
       if (it->second != role) return false;
-      if (!is_new || role == 1) continue;
-      if (role == 2) {
+      if (is_new && role == 0) {
+        const GaugeBlock& y = component.blocks[arguments[i + 1]];
+        scene->points.push_back(
+            {{*block.values, *y.values, 0.0}, {block.offset, y.offset}});
+      } else if (is_new && role == 2) {
         scene->turns.push_back({Rotation::kAngle, block.values, block.offset});
-        continue;
       }
-      const GaugeBlock& y = component.blocks[arguments[i + 1]];
-      scene->points.push_back(
-          {{*block.values, *y.values, 0.0}, {block.offset, y.offset}});
     }
   }
   return true;
@@ -263,11 +261,9 @@ struct SpatialLayout {
   bool blocks_of_three_are_points;
 };
 
+// Quaternions may lie slightly off the sphere after an optimization.
 bool IsUnit(const double* q) {
-  // Quaternions may lie slightly off the sphere after an optimization.
-  constexpr double kTolerance = 1e-3;
-  return std::abs(Eigen::Map<const Eigen::Vector4d>(q).norm() - 1.0) <
-         kTolerance;
+  return std::abs(Eigen::Map<const Eigen::Vector4d>(q).norm() - 1.0) < 1e-3;
 }
 
 // The manifold's own order, if it has one.
@@ -380,8 +376,7 @@ std::vector<Gauge> BuiltInGauges() {
        FactorOfProduct},
       {"common factor of all blocks", {"scale"}, CommonFactor}};
   // Larger blocks are rarely positions.
-  constexpr int kLargestPlace = 3;
-  for (int size = 1; size <= kLargestPlace; ++size) {
+  for (int size = 1; size <= 3; ++size) {
     gauges.push_back(Translation(size));
   }
   for (const bool with_scale : {false, true}) {

@@ -3,10 +3,9 @@
 //
 //   x_b -> x_b + e v_b(x),   each ambient motion v is a generator
 //
-// For example translations and rotations of a pose graph without anchor, and
-// also scalings of a reconstruction from images. A Gauge proposes such motions
-// for blocks of one layout. The rank report tests each proposal by J v, so a
-// wrong layout is harmless.
+// such as translations and rotations of a pose graph without anchor. A Gauge
+// proposes motions for blocks of one layout; the rank report tests them by J v,
+// so a wrong layout is harmless.
 //
 // The layouts that BuiltInGauges() covers:
 //   blocks of one size         translation, one generator a component

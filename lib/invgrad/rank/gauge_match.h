@@ -3,12 +3,8 @@
 //   A = J D^-1,  G = D v(x),  Q orthonormal with span(Q) = span(G):
 //   the directions Q c with |A Q c| <= limit |c|
 //
-// This includes combinations of a gauge's generators: if one camera is
-// constant, the scale about its centre remains, which combines scale and
-// translation.
-//
-// Shapes:  A: m x n;  D: n;  motions in tangent directions, scaled: n x g.
-// Cost:    O((m + n) g^2) a gauge.
+// This includes combinations of a gauge's g generators, as the scale about a
+// constant camera. O((m + n) g^2) a gauge.
 #ifndef INVGRAD_RANK_GAUGE_MATCH_H_
 #define INVGRAD_RANK_GAUGE_MATCH_H_
 

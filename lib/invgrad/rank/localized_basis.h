@@ -3,17 +3,14 @@
 //
 //   span(W) = span(V)
 //
-// An SVD returns an arbitrary rotation of a null space. Directions within one
-// block are found exactly: if |V_b c| = |c|, then V c is zero outside of block
-// b. The others are those of the reduced echelon form on the pivot rows of a QR
-// decomposition of V^T with column pivoting, which separates parts of disjoint
-// support.
+// Directions within one block are found exactly: if |V_b c| = |c|, then V c is
+// zero outside of block b. The others are those of the reduced echelon form on
+// the pivot rows of a QR decomposition of V^T with column pivoting, which
+// separates parts of disjoint support.
 //
-// Shapes:  V: n x k with orthonormal columns;  W: n x k, columns of length one,
-//          in general not orthogonal. Block b has rows offsets[b] ...
-//          offsets[b + 1] - 1.
-// Cost:    n k^2.
-// Units:   entries are compared by size, so rows should have comparable units.
+// Shapes:  V: n x k with orthonormal columns, rows of comparable units;
+//          W: n x k, columns of length one, in general not orthogonal. Block b
+//          has rows offsets[b] ... offsets[b + 1] - 1.
 #ifndef INVGRAD_RANK_LOCALIZED_BASIS_H_
 #define INVGRAD_RANK_LOCALIZED_BASIS_H_
 

@@ -6,17 +6,15 @@
 //                                            unchanged
 //   weak          s <= weak_threshold s_max  they change r by s / s_max only
 //
-// J is the Jacobian of ProblemLinearizer: tangent directions of the
-// non-constant blocks, at the current values, with or without robust losses.
-// The columns are scaled to length one, so that the result does not depend on
-// the units of the parameters. Columns of zeros are reported first: no residual
-// depends on these parameters.
+// J is the Jacobian of ProblemLinearizer, at the current values, in tangent
+// directions of the non-constant blocks. Its columns are scaled to length one,
+// so that the result does not depend on the units of the parameters. Columns of
+// zeros are reported first: no residual depends on these parameters.
 //
 // Undetermined directions are reported in a readable basis: those within one
 // block, those that touch few blocks, gauge freedoms by name (gauge.h), and
 // then the rest. For every group of blocks that residuals couple, the report
-// suggests parameters to hold constant, with the number of directions that this
-// removes.
+// suggests parameters to hold constant.
 //
 // Cost:    one decomposition per group: QR and SVD up to max_dense_size
 //          parameters, a sparse Cholesky decomposition and subspace iteration

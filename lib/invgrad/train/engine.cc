@@ -7,7 +7,7 @@
 #include "fmt/core.h"
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/inverse/chain_pull_back.h"
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 #include "invgrad/train/training_memory.h"
 
 namespace invgrad {

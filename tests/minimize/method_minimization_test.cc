@@ -1,4 +1,4 @@
-#include "invgrad/minimize/problem_minimization.h"
+#include "invgrad/minimize/method_minimization.h"
 
 #include <memory>
 #include <string>
@@ -10,7 +10,7 @@
 #include "tests/support/rosenbrock.h"
 
 namespace invgrad {
-namespace problem_minimization_test {
+namespace method_minimization_test {
 
 class ProblemMinimization : public testing::Test {
  protected:
@@ -105,5 +105,5 @@ TEST_F(ProblemMinimization, DefaultsOfAProblemGiveWayToSettings) {
   }
 }
 
-}  // namespace problem_minimization_test
+}  // namespace method_minimization_test
 }  // namespace invgrad
