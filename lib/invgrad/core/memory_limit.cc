@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "fmt/core.h"
+#include "fmt/format.h"
 
 namespace invgrad {
 
@@ -76,24 +77,18 @@ bool FitsInMemory(const std::string& who,
       parts.begin(), parts.end(), [](const MemoryPart& a, const MemoryPart& b) {
         return a.bytes > b.bytes;
       });
-  std::string list;
-  if (parts.size() == 1) {
-    list = "for " + parts[0].name;
-  } else {
-    // Parts below a hundredth are left out.
-    for (const MemoryPart& part : parts) {
-      if (part.bytes < 0.01 * total) break;
-      list += fmt::format("{}{} {}",
-                          list.empty() ? "(" : ", ",
-                          part.name,
-                          FormatBytes(part.bytes));
-    }
-    list += ")";
+  // Parts below a hundredth are left out.
+  std::vector<std::string> list;
+  for (const MemoryPart& part : parts) {
+    if (part.bytes < 0.01 * total) break;
+    list.push_back(fmt::format("{} {}", part.name, FormatBytes(part.bytes)));
   }
   *error = fmt::format("{} needs {} {}; the limit is {}",
                        who,
                        FormatBytes(total),
-                       list,
+                       parts.size() == 1
+                           ? "for " + parts[0].name
+                           : fmt::format("({})", fmt::join(list, ", ")),
                        LimitText(limit));
   return false;
 }

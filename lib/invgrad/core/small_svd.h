@@ -8,8 +8,7 @@
 //          to compile: other files use this class instead.
 // Fails:   s has NaN if A has.
 //
-// For batches see spectral_step.h. For products with the singular vectors of a
-// tall matrix see tall_svd.h.
+// For batches see spectral_step.h.
 #ifndef INVGRAD_CORE_SMALL_SVD_H_
 #define INVGRAD_CORE_SMALL_SVD_H_
 

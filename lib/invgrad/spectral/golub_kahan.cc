@@ -22,49 +22,6 @@ using Eigen::VectorXd;
 
 constexpr double kRoundoff = std::numeric_limits<double>::epsilon();
 
-// An orthonormal basis in the columns of a buffer that grows.
-class Basis {
- public:
-  Basis(Index size, MatrixXd* buffer) : size_(size), buffer_(buffer) {}
-
-  // Makes *w orthogonal to the basis, with a second pass if cancellation in the
-  // first one amplifies rounding errors [Daniel, Gragg, Kaufman, Stewart, Math.
-  // Comp. 30 (1976)].
-  void Orthogonalize(VectorXd* w) {
-    if (count_ == 0) return;
-    const auto Q = buffer_->leftCols(count_);
-    coefficients_.resize(count_);
-    double norm = w->stableNorm();
-    for (int pass = 0; pass < 2; ++pass) {
-      Gemv(Op::kTranspose, 1.0, Q, *w, 0.0, coefficients_);
-      Gemv(Op::kNone, -1.0, Q, coefficients_, 1.0, *w);
-      const double left = w->stableNorm();
-      if (left > 0.7 * norm) return;
-      norm = left;
-    }
-  }
-
-  void Append(const VectorXd& q) {
-    if (buffer_->rows() != size_ || buffer_->cols() == count_) {
-      buffer_->conservativeResize(size_, std::max<Index>(32, 2 * count_));
-    }
-    buffer_->col(count_++) = q;
-  }
-
-  // Q z.
-  VectorXd Times(const VectorXd& z) const {
-    VectorXd Qz(size_);
-    Gemv(Op::kNone, 1.0, buffer_->leftCols(count_), z, 0.0, Qz);
-    return Qz;
-  }
-
- private:
-  Index size_;
-  Index count_ = 0;
-  MatrixXd* buffer_;
-  VectorXd coefficients_;
-};
-
 // R_k, upper bidiagonal, and the coupling to the next iteration.
 struct Bidiagonal {
   std::vector<double> diagonal;       // k
@@ -188,7 +145,7 @@ class Bidiagonalization {
         keeps_V_(J.rows() >= J.cols()),
         negligible_(kRoundoff *
                     (8.0 + std::sqrt(std::max(J.rows(), J.cols())))),
-        basis_(std::min(J.rows(), J.cols()), basis),
+        basis_(*basis),
         v_(v) {}
 
   const Bidiagonal& R() const { return R_; }
@@ -198,10 +155,10 @@ class Bidiagonalization {
   // False, with a message, if a product with J is not finite.
   bool Advance(std::string* error) {
     // p_k rho_k = J v_k - theta_{k-1} p_{k-1}
-    if (keeps_V_) basis_.Append(v_);
+    if (keeps_V_) Append(v_);
     J_.Times(v_, &w_);
     if (R_.size() > 0) w_ -= R_.theta * p_;
-    if (!keeps_V_) basis_.Orthogonalize(&w_);
+    if (!keeps_V_) Orthogonalize(&w_);
     double rho = w_.stableNorm();
     if (!CheckNorm("J v", w_, rho, error)) return false;
     if (rho <= negligible_ * J_norm_) {
@@ -212,7 +169,7 @@ class Bidiagonalization {
     } else {
       p_ = w_ / rho;
     }
-    if (!keeps_V_) basis_.Append(p_);
+    if (!keeps_V_) Append(p_);
     if (R_.size() > 0) R_.superdiagonal.push_back(R_.theta);
     R_.diagonal.push_back(rho);
     R_.h.push_back(p_.dot(g_));
@@ -220,7 +177,7 @@ class Bidiagonalization {
     // v_{k+1} theta_k = J^T p_k - rho_k v_k
     J_.TransposeTimes(p_, &w_);
     w_ -= rho * v_;
-    if (keeps_V_) basis_.Orthogonalize(&w_);
+    if (keeps_V_) Orthogonalize(&w_);
     R_.theta = w_.stableNorm();
     if (!CheckNorm("J^T p", w_, R_.theta, error)) return false;
     J_norm_ = std::max({J_norm_, rho, R_.theta});
@@ -235,19 +192,47 @@ class Bidiagonalization {
 
   // V_k y, or the same from P_k z: J^T P_k z = V_k y + theta z_k v_{k+1}.
   VectorXd Step(const VectorXd& y, const VectorXd& z) const {
-    if (keeps_V_) return basis_.Times(y);
+    VectorXd product(basis_.rows());
+    const auto Q = basis_.leftCols(basis_size_);
+    Gemv(Op::kNone, 1.0, Q, keeps_V_ ? y : z, 0.0, product);
+    if (keeps_V_) return product;
     VectorXd d;
-    J_.TransposeTimes(basis_.Times(z), &d);
+    J_.TransposeTimes(product, &d);
     d -= (R_.theta * z[z.size() - 1]) * v_;
     return d;
   }
 
  private:
+  // Makes *w orthogonal to the basis, with a second pass if cancellation in the
+  // first one amplifies rounding errors [Daniel, Gragg, Kaufman, Stewart, Math.
+  // Comp. 30 (1976)].
+  void Orthogonalize(VectorXd* w) {
+    if (basis_size_ == 0) return;
+    const auto Q = basis_.leftCols(basis_size_);
+    VectorXd coefficients(basis_size_);
+    double norm = w->stableNorm();
+    for (int pass = 0; pass < 2; ++pass) {
+      Gemv(Op::kTranspose, 1.0, Q, *w, 0.0, coefficients);
+      Gemv(Op::kNone, -1.0, Q, coefficients, 1.0, *w);
+      const double left = w->stableNorm();
+      if (left > 0.7 * norm) return;
+      norm = left;
+    }
+  }
+
+  void Append(const VectorXd& q) {
+    if (basis_.rows() != q.size() || basis_.cols() == basis_size_) {
+      basis_.conservativeResize(q.size(), std::max<Index>(32, 2 * basis_size_));
+    }
+    basis_.col(basis_size_++) = q;
+  }
+
   const JacobianOperator& J_;
   const VectorXd& g_;
   const bool keeps_V_;
   const double negligible_;  // relative to |J|
-  Basis basis_;              // P_k or V_k
+  MatrixXd& basis_;          // P_k or V_k in its first columns
+  Index basis_size_ = 0;
   Bidiagonal R_;
   VectorXd p_;           // p_k
   VectorXd v_;           // v_{k+1}

@@ -69,30 +69,28 @@ bool TakeRoute(const SpectralProblem& problem,
   return false;
 }
 
-// Whether a gram step meets the tolerances. Otherwise *reason names the
-// violated tolerance, and *remedy the option.
-bool IsAccurate(const SpectralStepSummary& summary,
-                const SpectralStepOptions& options,
-                std::string* reason,
-                std::string* remedy) {
-  if (summary.num_undecided > 0 &&
-      summary.threshold_resolution > options.threshold_tolerance) {
-    *reason = fmt::format(
-        "gram: {} singular values undecided, threshold resolved to {:.2g} > {}",
-        summary.num_undecided,
-        summary.threshold_resolution,
-        options.threshold_tolerance);
-    *remedy = "threshold_tolerance";
-    return false;
+// A tolerance that a gram step violates; none if `option` is null.
+struct Violation {
+  std::string reason;
+  const char* option = nullptr;
+};
+
+Violation ViolationBy(const SpectralStepSummary& gram,
+                      const SpectralStepOptions& options) {
+  if (gram.num_undecided > 0 &&
+      gram.threshold_resolution > options.threshold_tolerance) {
+    return {fmt::format("gram: {} singular values undecided, threshold "
+                        "resolved to {:.2g} > {}",
+                        gram.num_undecided,
+                        gram.threshold_resolution,
+                        options.threshold_tolerance),
+            "threshold_tolerance"};
   }
-  if (!(summary.estimated_error <= options.tolerance)) {
-    *reason = fmt::format("gram: estimated error {:.2g} > {}",
-                          summary.estimated_error,
-                          options.tolerance);
-    *remedy = "tolerance";
-    return false;
-  }
-  return true;
+  if (gram.estimated_error <= options.tolerance) return {};
+  return {fmt::format("gram: estimated error {:.2g} > {}",
+                      gram.estimated_error,
+                      options.tolerance),
+          "tolerance"};
 }
 
 // Route gram, then svd if gram is not accurate enough.
@@ -117,13 +115,14 @@ bool AutoStep(const SpectralProblem& problem,
     return take(SpectralRoute::kSvd);
   }
   std::string reason;
-  std::string remedy;
-  if (!take(SpectralRoute::kGram)) {
+  if (take(SpectralRoute::kGram)) {
+    const Violation violation = ViolationBy(*summary, options);
+    if (violation.option == nullptr) return true;
+    reason = violation.reason;
+  } else {
     reason = "gram: " + summary->message;
     // An SVD would find the same, or not fit into memory.
     if (!CheckJacobianFinite(problem.J, &summary->message)) return false;
-  } else if (IsAccurate(*summary, options, &reason, &remedy)) {
-    return true;
   }
   // If the SVD fails too, its message matters more than the reason.
   if (!take(SpectralRoute::kSvd)) return false;
@@ -252,11 +251,12 @@ bool SpectralStep(const JacobianOperator& J,
                                   : options.route;
   if (!TakeRoute(problem, route, options.memory_limit)) return false;
   if (route != SpectralRoute::kGram) return true;
-  std::string reason;
-  std::string remedy;
-  if (IsAccurate(*summary, options, &reason, &remedy)) return true;
-  summary->message = fmt::format(
-      "route {}; take route auto or svd, or a larger {}", reason, remedy);
+  const Violation violation = ViolationBy(*summary, options);
+  if (violation.option == nullptr) return true;
+  summary->message =
+      fmt::format("route {}; take route auto or svd, or a larger {}",
+                  violation.reason,
+                  violation.option);
   return false;
 }
 

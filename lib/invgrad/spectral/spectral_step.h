@@ -6,16 +6,16 @@
 //   gram      the Gram matrix of the smaller side, reduced to a tridiagonal T:
 //             m <= n: J J^T = Q T Q^T,  d = J^T Q f(T) Q^T g
 //             n < m:  J^T J = Q T Q^T,  d = Q f(T) Q^T J^T g
-//             f(lambda) = phi(s) / s, lambda = s^2
+//             f(lambda) = phi(s) / s, lambda = s^2. A contour integral applies
+//             f(T) by 70 to 130 solutions of shifted tridiagonal systems,
+//             without eigenvectors; the truncation stays sharp
+//             (contour_quadrature.h). For k < 64, and for clamped filters,
+//             whose f is not analytic, gram computes all eigenvectors.
 //   svd       LAPACK's SVD of the dense J, after a QR factorization
 //   gradient  phi(s) = s: d = J^T g, no factorization
-//   auto      gradient if phi(s) = s; otherwise gram, and svd where gram is not
-//             accurate enough
-//
-// A contour integral applies f(T) to one vector by 70 to 130 solutions of
-// shifted tridiagonal systems, without eigenvectors; the truncation stays sharp
-// (contour_quadrature.h). For k < 64, and for clamped filters, whose f is not
-// analytic, gram computes all eigenvectors.
+//   auto      gradient if phi(s) = s; otherwise gram, and where gram is not
+//             accurate enough, svd for this step and the next 20 of the same
+//             shape; summary.message gives the reason
 //
 // Shapes:  g: m;  J: m x n;  d: n.
 // Cost:    gram: one Gram matrix (m^2 sum of the layer widths for a network,
@@ -28,12 +28,12 @@
 // from its Gram matrix (gram) by E, whose entries are about
 // 10 epsilon / sqrt(k) times the largest singular value (eigenvalue).
 // summary.estimated_error is the first-order change of d by such an E, relative
-// to |d|. With eigenvectors or an SVD it is the root mean square over all E
-// (step_error.h), with a contour integral three times the root mean square over
-// four random E. It includes small kept values, components of g that leak
-// across the threshold from dropped directions, and values that the route does
-// not resolve from zero. With tau_eff = s_min_kept / s_max it grows as
-// epsilon / tau_eff for svd and as epsilon / tau_eff^2 for gram.
+// to |d|: the root mean square over all E (step_error.h) or, with a contour
+// integral, three times the root mean square over four random E. It includes
+// small kept values, components of g that leak across the threshold from dropped
+// directions, and values that the route does not resolve from zero. With
+// tau_eff = s_min_kept / s_max it grows as epsilon / tau_eff for svd and as
+// epsilon / tau_eff^2 for gram.
 //
 // A value is undecided if its distance from the jump of phi (at tau s_max; at
 // zero for tau = 0 or a clamped filter, unless phi vanishes there) is below the
@@ -46,9 +46,8 @@
 // of tau s_max.
 //
 // A gram step is accurate if estimated_error <= tolerance, and no value is
-// undecided or the threshold is resolved to threshold_tolerance. Otherwise auto
-// uses svd for this step and the next 20 of the same shape, and summary.message
-// gives the reason. A step by svd is returned with its estimate in any case.
+// undecided or the threshold is resolved to threshold_tolerance. A step by svd
+// is returned with its estimate in any case.
 //
 // Fails:   returns false, with a message, if g or J is not finite (the message
 //          names the first such row), if a factorization does not converge, if

@@ -24,21 +24,10 @@ constexpr double kRounding = 10.0 * kMachineEpsilon;
 // error was at most 0.9 times the estimate.
 constexpr double kSafety = 5.0;
 
-// True if phi has no jump and no singular slope: damped, not truncated.
-bool IsSmooth(const SpectralFilter& filter) {
-  return filter.IsDamped() && filter.tau == 0.0;
-}
-
-// The threshold below which values are dropped or clamped, in units of s_max.
-double TruncationOf(const SpectralFilter& filter) {
-  return filter.clamp ? 0.0 : filter.tau;
-}
-
-// The estimate, term by term as in the header. All values
-// are in units of s_max, and phi in units of its largest value.
+// The estimate, term by term as in the header. All values are in units of s_max,
+// and phi in units of its largest value.
 class ErrorEstimate {
  public:
-  // `exhausted`: the Krylov space is invariant.
   ErrorEstimate(const RitzValues& ritz,
                 const SpectralFilter& filter,
                 bool exhausted)
@@ -59,8 +48,12 @@ class ErrorEstimate {
   // Relative to |d_k|.
   double Relative() const {
     if (unit_ == 0.0) return 1.0;
+    // Damped and not truncated, phi has no jump and no singular slope. Clamped
+    // values are not dropped.
     const double squared =
-        IsSmooth(filter_) ? Squared() : SquaredAcross(TruncationOf(filter_));
+        filter_.IsDamped() && filter_.tau == 0.0
+            ? Squared()
+            : SquaredAcross(filter_.clamp ? 0.0 : filter_.tau);
     const double estimate =
         (kSafety * std::sqrt(squared + SquaredShift()) + RoundingError()) /
         norm_;
