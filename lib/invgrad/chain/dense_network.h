@@ -4,8 +4,7 @@
 //   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
 //
 // ForwardJets propagates f with its derivatives with respect to a: every
-// quantity is then a 2-jet (two_jet.h) with T = |a| + 2 columns a sample instead
-// of one,
+// quantity is then a 2-jet (two_jet.h) with T = |a| + 2 columns a sample,
 //
 //   x = (f, d_1 f, .., d_|a| f, Lap f)
 //

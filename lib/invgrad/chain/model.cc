@@ -62,8 +62,8 @@ void StoreCall(const DenseNetwork::Activations& call,
 }
 
 // Multiplies every column of x_bar (T nc x any number), covectors of one
-// sample's x, by (I - K S)^-T (feedback.h). K: ns x T nc, column t nc + i is the
-// derivative of u_{t,i} in s_t.
+// sample's x, by (I - K S)^-T (feedback.h). K: ns x T nc, column t nc + i is
+// the derivative of u_{t,i} in s_t.
 bool CloseSampleLoop(const Feedback& feedback,
                      const double* x,
                      const double* start,
@@ -257,33 +257,28 @@ bool Model::Predict(const VectorXd& weights,
   CheckSizes(*this, weights, batch);
   const int num_samples = batch.num_samples();
   outputs->resize(simulator_->num_outputs(), num_samples);
+  const auto predict = [&](int begin, int count) {
+    const DataSet piece = batch.Range(begin, count);
+    Scratch<DenseNetwork::Activations> activations(1);
+    if (!Forward(weights, piece, false, activations.data(), error)) {
+      return false;
+    }
+    const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations[0]);
+    for (int s = 0; s < count; ++s) {
+      if (!simulator_->Evaluate(x.col(s).data(),
+                                piece.Context(s).data(),
+                                outputs->col(begin + s).data(),
+                                nullptr)) {
+        return SimulatorError(*simulator_, x, piece, s, error);
+      }
+    }
+    return true;
+  };
   for (int first = 0; first < num_samples; first += kPieceSize) {
-    const int count = std::min(kPieceSize, num_samples - first);
-    if (!PredictPiece(weights,
-                      batch.Range(first, count),
-                      outputs->middleCols(first, count),
-                      error)) {
+    if (!predict(first, std::min(kPieceSize, num_samples - first))) {
       // Repeats the whole batch, for a message with the sample's number in the
       // batch.
-      return PredictPiece(weights, batch, *outputs, error);
-    }
-  }
-  return true;
-}
-
-bool Model::PredictPiece(const VectorXd& weights,
-                         const DataSet& batch,
-                         Eigen::Ref<MatrixXd> outputs,
-                         std::string* error) const {
-  Scratch<DenseNetwork::Activations> activations(1);
-  if (!Forward(weights, batch, false, activations.data(), error)) return false;
-  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations[0]);
-  for (int s = 0; s < batch.num_samples(); ++s) {
-    if (!simulator_->Evaluate(x.col(s).data(),
-                              batch.Context(s).data(),
-                              outputs.col(s).data(),
-                              nullptr)) {
-      return SimulatorError(*simulator_, x, batch, s, error);
+      return predict(0, num_samples);
     }
   }
   return true;

@@ -104,13 +104,11 @@ class Model {
   // |a| + 2.
   int num_columns() const;
 
-  // The same network and simulator in front of another loss.
+  // The same chain with another loss, or another network.
   Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {
     return Model(
         network_, simulator_, std::move(loss), reduction, feedback_, output_);
   }
-
-  // Another network in front of the same simulator and loss.
   Model WithNetwork(DenseNetwork network) const {
     return Model(
         std::move(network), simulator_, loss_, reduction_, feedback_, output_);
@@ -167,11 +165,6 @@ class Model {
 
  private:
   void CheckTargets(const DataSet& batch) const;
-  // Predict, all samples at once.
-  bool PredictPiece(const Eigen::VectorXd& weights,
-                    const DataSet& batch,
-                    Eigen::Ref<Eigen::MatrixXd> outputs,
-                    std::string* error) const;
   // Linearize for the gradient alone.
   bool LinearizeByAdjoint(const Eigen::VectorXd& weights,
                           const DataSet& batch,

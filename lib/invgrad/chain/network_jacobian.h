@@ -3,7 +3,7 @@
 //
 //   J = dy/dtheta,   row (s, j) = J_s(j, :) df(a_s)/dtheta,   J_s = dy_s/dx_s
 //
-// Let a_{l,s} be the input of layer l for sample s (with a last 1 for the bias),
+// Let a_{l,s} be the input of layer l for sample s, with a last 1 for the bias,
 // and delta_{l,sj} the derivative of y_{s,j} with respect to the layer's z. Row
 // (s, j) of J consists of the outer products a_{l,s} delta_{l,sj}^T of all
 // layers, so (layer_jacobian.h)
