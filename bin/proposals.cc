@@ -20,7 +20,6 @@ Sample runs:
 #include <string>
 #include <vector>
 
-#include "bin/support/parse_list.h"
 #include "bin/support/program.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
@@ -105,28 +104,27 @@ std::vector<Outcome> SolveAll(const std::vector<double>& radii,
   return outcomes;
 }
 
-int Run() {
-  std::string error;
+bool Run(std::string* error) {
   std::vector<Specification> rules;
+  std::vector<double> radii;
+  if (!CheckFlags({{"tolerance", {0.0, 1.0}}}, error) ||
+      !ParseFlag("radii", ParseNumbers, &radii, error) ||
+      (!FLAGS_rules.empty() &&
+       !ParseFlag("rules", ParseSpecifications, &rules, error))) {
+    return false;
+  }
   if (FLAGS_rules.empty()) {
-    for (const RuleRow& row : Rules())
+    for (const RuleRow& row : Rules()) {
       rules.push_back({row.name, row.name, {}});
-  } else if (!ParseSpecifications(FLAGS_rules, &rules, &error)) {
-    return Fail("--rules: " + error);
+    }
   }
   for (const Specification& rule : rules) {
-    if (MakeRule(rule, &error) == nullptr) return Fail("--rules: " + error);
+    if (!NameFlag("rules", MakeRule(rule, error) != nullptr, error)) {
+      return false;
+    }
   }
-  std::vector<double> radii;
-  if (!ParseNumbers(FLAGS_radii, &radii, &error)) {
-    return Fail("--radii: " + error);
-  }
-  if (radii.empty()) return Fail("--radii is empty");
-  if (!CheckFlag("tolerance",
-                 FLAGS_tolerance >= 0.0 && FLAGS_tolerance < 1.0,
-                 "from 0 (Ceres' defaults) to less than 1",
-                 &error)) {
-    return Fail(error);
+  if (!NameFlag("radii", !radii.empty(), &(*error = "expected a number"))) {
+    return false;
   }
   const std::vector<Outcome> plain = SolveAll(radii, nullptr);
   const auto num_solved = [](const std::vector<Outcome>& outcomes) {
@@ -164,7 +162,7 @@ int Run() {
                   fmt::format("{:.3g}", work[work.size() / 2])});
   }
   std::cout << table.ToText();
-  return 0;
+  return true;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/train/engine.h"
 
 namespace invgrad {
 namespace {
