@@ -12,8 +12,8 @@
 // Start:      the odometry, one step after the other.
 // Gauge:      pose 0 is constant.
 // Expect:     the loop closures bring an error of 0.86 down to 0.25, with
-//             either solver. From so good a start Levenberg-Marquardt is done
-//             after 3 iterations, of which proposals make a few more.
+//             either solver. From so good a start Levenberg-Marquardt
+//             converges in 3 iterations; with proposals there are a few more.
 //
 // Solved by Ceres' Levenberg-Marquardt, and by the same with half-inverse steps
 // proposed. Exits with 0 if both find the positions within kTolerance of the

@@ -8,11 +8,15 @@
 // Truth:    a = 1, b = 1, c = 1.5, d = 4.
 // Start:    a = 0.5, b = 0.5, c = 0.5, d = 2.
 //
+// Then the same rule trains a network: which push brings a pendulum to a wanted
+// angle?
+//
 // 06_own_rule.md explains this program piece by piece.
 
 // [includes]
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <string>
 
 #include "Eigen/Core"
@@ -22,8 +26,10 @@
 #include "ceres/solver.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
+#include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/minimize/minimizer.h"
 #include "invgrad/rules/rules.h"
+#include "invgrad/train/train.h"
 // [/includes]
 
 namespace {
@@ -57,9 +63,11 @@ class ShiftedInverse final : public invgrad::UpdateRule {
     const Eigen::VectorXd phi = 1.0 / (s + options_.shift * s[0]);
     const Eigen::VectorXd Utg = svd.matrixU().transpose() * at_x.loss_gradient;
     const Eigen::VectorXd d = svd.matrixV() * phi.cwiseProduct(Utg);
-    // The eta that minimizes the linear model along d.
+    // The eta that minimizes L - eta g . (J d) + 1/2 eta^2 (J d) . H_L (J d).
     const Eigen::VectorXd Jd = J * d;
-    const double eta = at_x.loss_gradient.dot(Jd) / Jd.squaredNorm();
+    const Eigen::VectorXd curved =
+        at_x.loss_hessian_times ? at_x.loss_hessian_times(Jd) : Jd;
+    const double eta = at_x.loss_gradient.dot(Jd) / Jd.dot(curved);
     if (!std::isfinite(eta)) {
       *error = "the step size is not finite";
       return false;
@@ -155,6 +163,41 @@ void MinimizeBy(const std::string& rule_text) {
   Print(rule_text, summary.num_steps(), &fit);
 }
 
+// [train]
+// A pendulum at rest gets a constant push x [1/s^2] for one second; y is its
+// angle [rad] then.
+struct Pendulum {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    using std::sin;
+    T angle(0.0);
+    T velocity(0.0);
+    for (int i = 0; i < 100; ++i) {
+      velocity += 0.01 * (x[0] - 9.81 * sin(angle) - 0.5 * velocity);
+      angle += 0.01 * velocity;
+    }
+    y[0] = angle;
+    return true;
+  }
+};
+
+void TrainBy(const std::string& method) {
+  const invgrad::Model model(
+      invgrad::DenseNetwork({1, 16, 1}, invgrad::Activation::kTanh),
+      std::make_shared<invgrad::AutoDiffSimulator<Pendulum, 1, 1>>(),
+      std::make_shared<invgrad::SquaredNormLoss>(1, 0.5),
+      invgrad::Reduction::kMean);
+  const Eigen::MatrixXd angles = Eigen::RowVectorXd::LinSpaced(256, -1.0, 1.0);
+  const invgrad::TrainResult result =
+      invgrad::Train(model, {angles, angles}, method);
+  std::printf("%-15s  loss %.1e after %ld steps, %s\n",
+              method.c_str(),
+              result.history.back().train_loss,
+              result.summary.num_steps,
+              result.summary.message.c_str());
+}
+// [/train]
+
 }  // namespace
 
 int main(int /*argc*/, char** argv) {
@@ -171,6 +214,10 @@ int main(int /*argc*/, char** argv) {
                            "shifted_inverse:shift=1e-3"}) {
     SolveByCeres(rule);
     MinimizeBy(rule);
+  }
+  std::printf("\n");
+  for (const char* rule : {"shifted_inverse", "half_inverse", "adam"}) {
+    TrainBy(rule);
   }
   // [error]
   std::string error;
