@@ -115,8 +115,9 @@ bool Run(std::string* error) {
   std::vector<Method> methods;
   if (!CheckTrainingFlags(error) ||
       !CheckFlags({{"blas_threads", {1, 256}}}, error) ||
-      (!FLAGS_data.empty() && (!ReadNpy(FLAGS_data, -1, -1, &data, error) ||
-                               !CheckFinite("file " + FLAGS_data, data, error))) ||
+      (!FLAGS_data.empty() &&
+       (!ReadNpy(FLAGS_data, -1, -1, &data, error) ||
+        !CheckFinite("file " + FLAGS_data, data, error))) ||
       !CreateProblem(FLAGS_problem,
                      FLAGS_data.empty() ? nullptr : &data,
                      &problem,

@@ -112,7 +112,8 @@ Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
       has_branched_ = true;
     }
     cost_ = iteration.cost - fixed_cost_;
-    norm_ = state.norm();
+    // Ceres applies the parameter tolerance only after an accepted step.
+    norm_ = iteration.iteration == 0 ? -1.0 : state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
   }
   if (compares_ && has_branched_) {
