@@ -36,7 +36,8 @@ double Solve(const MoreGarbowHillstromRow& row,
     UpdateCallback callback(rule, &problem);
     callback.AddTo(&options);
     ceres::Solve(options, &problem, &summary);
-    EXPECT_FALSE(callback.summary().ended_on_proposal) << row.name;
+    EXPECT_FALSE(callback.summary().ended_on_proposal)
+        << row.name << " from " << factor << ": " << summary.message;
   }
   return summary.IsSolutionUsable() ? 2.0 * summary.final_cost
                                     : std::numeric_limits<double>::infinity();

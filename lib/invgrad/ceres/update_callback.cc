@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -139,7 +140,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
       rule_->KeepsStep(iteration.cost, fraction_);
     }
     if (iteration.iteration == 0) {
-      cost_ = iteration.cost;
+      start_cost_ = cost_ = iteration.cost;
       return Propose(iteration);
     }
     const double gain =
@@ -182,6 +183,11 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     if (iteration.step_is_nonmonotonic) {
       // The blocks hold the state of least cost, not the current state.
       summary_.message = "the last step was nonmonotonic";
+      return ceres::SOLVER_CONTINUE;
+    }
+    constexpr double kRounding = std::numeric_limits<double>::epsilon();
+    if (iteration.cost <= kRounding * kRounding * start_cost_) {
+      summary_.message = "the cost is zero up to rounding";
       return ceres::SOLVER_CONTINUE;
     }
     if (iteration.trust_region_radius < lost_radius_ && num_turns_lost_ > 0) {
@@ -310,6 +316,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   double lost_radius_ = 0.0;
   int num_turns_lost_ = 0;  // but no more turns than these
   double cost_ = 0.0;       // at the last accepted state
+  double start_cost_ = 0.0;
   TurnTaking turns_;
   Summary summary_;
 };
