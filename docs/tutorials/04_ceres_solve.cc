@@ -170,7 +170,9 @@ void ReportOne(const Swing& swing, const char* rule_text) {
               std::exp(outcome.parameters[0]),
               std::exp(outcome.parameters[1]));
   if (rule_text != nullptr) {
-    std::printf("  %s\n", outcome.proposals.BriefReport().c_str());
+    std::printf("  %s\n  comparison: %d iterations\n",
+                outcome.proposals.BriefReport().c_str(),
+                outcome.proposals.num_plain_iterations);
   }
 }
 
@@ -180,7 +182,8 @@ void PrintRow(const char* label,
               double radius,
               const char* rule_text) {
   invgrad::NumpyGenerator random(1);
-  std::vector<int> num_iterations;  // of the solves that have found the truth
+  // Of the solves that have found the truth, with those of the comparison.
+  std::vector<int> num_iterations;
   double seconds = 0.0;
   for (int i = 0; i < FLAGS_starts; ++i) {
     Vector4d start(Truth()[0], Truth()[1], swing.angles.front(), 0.0);
@@ -189,7 +192,8 @@ void PrintRow(const char* label,
     seconds += outcome.solver.total_time_in_seconds;
     if (outcome.IsTruth()) {
       num_iterations.push_back(
-          static_cast<int>(outcome.solver.iterations.size()) - 1);
+          static_cast<int>(outcome.solver.iterations.size()) - 1 +
+          outcome.proposals.num_plain_iterations);
     }
   }
   std::sort(num_iterations.begin(), num_iterations.end());

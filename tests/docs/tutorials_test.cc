@@ -80,6 +80,7 @@ TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
   // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
   for (const char* word : {"length 1.50",
                            " proposed, ",
+                           "comparison: 16 iterations",
                            "nobody",
                            "initial_trust_region_radius = 1",
                            "control=gain",
@@ -114,6 +115,8 @@ TEST(OwnRuleTutorial, UsesTheRuleByName) {
   for (const char* word : {"ceres_lm+shifted_inverse ",
                            "shifted_inverse:shift=1e-3 ",
                            "1.000  1.000  1.500  4.000",
+                           "shifted_inverse  loss ",
+                           "adam             loss ",
                            "unknown option 'shft'; did you mean shift?"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
