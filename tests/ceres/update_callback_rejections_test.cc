@@ -53,6 +53,7 @@ TEST(UpdateCallback, BacksOffThenLeavesToCeres) {
   });
   Options options;
   options.min_relative_model_decrease = -1e300;
+  options.compare_with_plain = false;
   UpdateCallback callback(&rule, &problem, options);
   ceres::Solver::Summary summary;
   ceres::Solve(SolverOptions(&callback), &problem, &summary);

@@ -104,16 +104,15 @@ Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
                                                    : Verdict::kPlainIsBetter;
   }
   const bool has_converged = is_own && MeetsTolerances(iteration);
+  if (iteration.iteration > 0 && !is_own) has_branched_ = true;
   if (iteration.iteration == 0 || iteration.step_is_successful) {
     if (iteration.iteration == 0) {
       start_ = state;
       start_cost_ = iteration.cost;
-    } else if (!is_own) {
-      has_branched_ = true;
     }
     cost_ = iteration.cost - fixed_cost_;
-    // Ceres applies the parameter tolerance only after an accepted step.
-    norm_ = iteration.iteration == 0 ? -1.0 : state.norm();
+    is_at_start_ = iteration.iteration == 0;
+    norm_ = state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
   }
   if (compares_ && has_branched_) {
@@ -145,13 +144,17 @@ bool Safeguard::MeetsTolerances(
       iteration.gradient_max_norm <= options_.gradient_tolerance) {
     return true;
   }
+  // Ceres applies the parameter tolerance only after an accepted step.
+  const bool is_short =
+      !is_at_start_ &&
+      iteration.step_norm <=
+          options_.parameter_tolerance * (norm_ + options_.parameter_tolerance);
+  const double least_change =
+      std::max(options_.function_tolerance * cost_,
+               // Below it, the difference cost_ is rounding error.
+               std::numeric_limits<double>::epsilon() * fixed_cost_);
   return iteration.iteration > 0 &&
-         (iteration.step_norm <= options_.parameter_tolerance *
-                                     (norm_ + options_.parameter_tolerance) ||
-          std::abs(iteration.cost_change) <=
-              std::max(options_.function_tolerance * cost_,
-                       // Below it, the difference cost_ is rounding error.
-                       std::numeric_limits<double>::epsilon() * fixed_cost_));
+         (is_short || std::abs(iteration.cost_change) <= least_change);
 }
 
 // Whether the next step of Ceres may change the cost by nothing at all, which

@@ -9,12 +9,12 @@
 //   |L_candidate - L| <= function_tolerance L,
 //   or |gradient|_max <= gradient_tolerance
 //
-// Comparison. An accepted proposal can lead to a worse minimum. The plain solve
-// (the same options, start and cost functions, no proposals) runs once inside
-// the run, as soon as the run has accepted proposals and has either converged
-// or taken kNumFreeIterations. If its cost is lower, the run moves to its
-// result at the end, and not later than after as many iterations as the plain
-// solve took.
+// Comparison. An accepted proposal can lead to a worse minimum, and a rejected one
+// shrinks the trust region. The plain solve (the same options, start and cost
+// functions, no proposals) runs once inside the run, as soon as the run has had
+// proposals and has either converged or taken kNumFreeIterations. If its cost is
+// lower, the run moves to its result at the end, and not later than after as
+// many iterations as the plain solve took.
 //
 // Source: Ceres Solver 2.1, internal/ceres/trust_region_minimizer.cc.
 #ifndef INVGRAD_CERES_SAFEGUARD_H_
@@ -79,8 +79,9 @@ class Safeguard {
   // At the last accepted state, the cost without the fixed cost.
   double cost_ = 0.0;
   double norm_ = 0.0;
+  bool is_at_start_ = true;
   double gradient_max_norm_ = 0.0;
-  bool has_branched_ = false;  // a proposal was accepted
+  bool has_branched_ = false;  // there was a proposal
   bool is_compared_ = false;
   bool is_moving_ = false;  // to the result of the plain solve
   std::optional<Plain> plain_;

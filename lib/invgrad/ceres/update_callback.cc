@@ -16,8 +16,6 @@
 #include "invgrad/core/linearization.h"
 
 namespace invgrad {
-namespace {}  // namespace
-
 class UpdateCallback::State final : public ceres::IterationCallback {
  public:
   State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
@@ -77,6 +75,8 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   };
 
   static constexpr int kMaxNumTurnsLost = 8;
+  // Less than Ceres' max_num_consecutive_invalid_steps.
+  static constexpr int kMaxNumHolds = 3;
   static constexpr char kAnotherState[] =
       "the parameter blocks do not hold the solver's state; add the "
       "UpdateCallback by AddTo, leave "
@@ -112,10 +112,13 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     }
     last_state_ = std::move(state);
     if (next_ == Next::kSameState) {
-      // Inner iterations moved further; without a valid step Ceres makes no
-      // step of length zero.
-      return was_passed_over ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                             : StageState(Next::kSameState, last_state_);
+      // Inner iterations moved further, or Ceres had no valid step. It tries
+      // again with a smaller trust region, but fails after too many.
+      summary_.has_converged = true;
+      num_holds_ += was_passed_over;
+      return num_holds_ < kMaxNumHolds
+                 ? StageState(Next::kSameState, last_state_)
+                 : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
     }
     if (safeguard_) {
       switch (safeguard_->Judge(
@@ -306,6 +309,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   Next next_ = Next::kCeresStep;
   Eigen::VectorXd staged_state_;
   Eigen::VectorXd last_state_;  // of the blocks, in the last call
+  int num_holds_ = 0;           // iterations without a valid step at the end
   int num_backoffs_ = 0;        // of the last proposal
   double radius_ = 0.0;         // Ceres' radius at the first attempt of this
                                 // proposal

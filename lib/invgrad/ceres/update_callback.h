@@ -79,6 +79,9 @@ class UpdateCallback final {
     // A proposal changed the cost by nothing at all, or the tolerances were set
     // after AddTo.
     bool ended_on_proposal = false;
+    // The run has met a tolerance, but Ceres, without a valid step at the end,
+    // reports USER_SUCCESS in place of CONVERGENCE.
+    bool has_converged = false;
     int num_plain_iterations = 0;  // of the solve without proposals
     // The solve without proposals was better, and its result is the run's.
     bool took_plain_result = false;

@@ -82,6 +82,9 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   ceres::Solver::Summary ceres_summary;
   ceres::Solve(ceres_options, problem, &ceres_summary);
   ConvertSummary(ceres_summary, summary);
+  if (proposals != nullptr && proposals->summary().has_converged) {
+    summary->termination_type = ceres::CONVERGENCE;
+  }
 }
 
 void MinimizeWithCeres(const MinimizerOptions& options,
