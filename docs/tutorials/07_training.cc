@@ -52,8 +52,10 @@ int main() {
   // [/model]
 
   // [train]
+  // [call]
   const invgrad::TrainResult result =
       invgrad::Train(model, {angles, angles}, "adaptive_power");
+  // [/call]
   std::printf("%s: loss %.1e after %ld steps\n",
               result.summary.message.c_str(),
               result.history.back().train_loss,
