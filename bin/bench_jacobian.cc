@@ -114,7 +114,7 @@ void AutoDiff(benchmark::State& state) {
 
 template <int kStride>
 std::string RegisterAutoDiff() {
-  const std::string name = fmt::format("linear_chain/autodiff/{}", kStride);
+  std::string name = fmt::format("linear_chain/autodiff/{}", kStride);
   RegisterBenchmark(name, AutoDiff<kStride>);
   return name;
 }

@@ -274,6 +274,7 @@ bool FindRows(const char* flag,
               std::vector<const Row*>* found,
               std::string* error) {
   std::vector<std::string> names;
+  names.reserve(rows.size());
   for (const Row& row : rows) names.emplace_back(row.name);
   for (const std::string& name :
        SplitList(gflags::GetCommandLineFlagInfoOrDie(flag).current_value)) {

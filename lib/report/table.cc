@@ -43,7 +43,7 @@ std::string MarkdownCell(const std::string& text) {
   return cell;
 }
 
-Table::Table(std::vector<Column> columns) : rows_(1) {
+Table::Table(const std::vector<Column>& columns) : rows_(1) {
   for (const Column& column : columns) {
     aligns_.push_back(column.align);
     rows_[0].push_back(OnOneLine(column.title));

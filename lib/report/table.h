@@ -27,7 +27,7 @@ class Table {
     Align align = Align::kRight;
   };
 
-  explicit Table(std::vector<Column> columns);
+  explicit Table(const std::vector<Column>& columns);
   void AddRow(std::vector<std::string> cells);
 
   // Or cell by cell: the first row defines the columns, and the others must

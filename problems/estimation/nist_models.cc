@@ -64,6 +64,7 @@ std::vector<NistModel> Models(const std::vector<std::string>& names,
     return new ceres::AutoDiffCostFunction<Cost, 1, kNumParameters>(residual);
   };
   std::vector<NistModel> models;
+  models.reserve(names.size());
   for (const std::string& name : names) {
     models.push_back({name,
                       formula,

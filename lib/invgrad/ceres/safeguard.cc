@@ -77,7 +77,7 @@ double FixedCost(const ceres::Problem& problem) {
 }
 
 ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
-  const ceres::Solver::Options users = *options;
+  ceres::Solver::Options users = *options;
   options->function_tolerance = 0.0;
   options->gradient_tolerance = 0.0;
   options->parameter_tolerance = 0.0;

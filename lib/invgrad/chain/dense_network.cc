@@ -71,15 +71,16 @@ void DenseNetwork::ApplyLayer(int l,
                               const VectorXd& weights,
                               const MatrixXd& a,
                               double beta,
-                              Eigen::Ref<MatrixXd> z) const {
+                              const Eigen::Ref<MatrixXd>& z) const {
   const auto W = LayerWeights(l, weights).topRows(a.rows());
   Gemm(Op::kTranspose, Op::kNone, 1.0, W, a, beta, z);
 }
 
-void DenseNetwork::ApplyLayerTransposed(int l,
-                                        const VectorXd& weights,
-                                        const MatrixXd& z_bar,
-                                        Eigen::Ref<MatrixXd> a_bar) const {
+void DenseNetwork::ApplyLayerTransposed(
+    int l,
+    const VectorXd& weights,
+    const MatrixXd& z_bar,
+    const Eigen::Ref<MatrixXd>& a_bar) const {
   const auto W = LayerWeights(l, weights).topRows(widths_[l]);
   Gemm(Op::kNone, Op::kNone, 1.0, W, z_bar, 0.0, a_bar);
 }

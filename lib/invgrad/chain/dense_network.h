@@ -160,12 +160,12 @@ class DenseNetwork {
                   const Eigen::VectorXd& weights,
                   const Eigen::MatrixXd& a,
                   double beta,
-                  Eigen::Ref<Eigen::MatrixXd> z) const;
+                  const Eigen::Ref<Eigen::MatrixXd>& z) const;
   // a_bar = W_l^T z_bar, without the bias.
   void ApplyLayerTransposed(int layer,
                             const Eigen::VectorXd& weights,
                             const Eigen::MatrixXd& z_bar,
-                            Eigen::Ref<Eigen::MatrixXd> a_bar) const;
+                            const Eigen::Ref<Eigen::MatrixXd>& a_bar) const;
 
   std::vector<int> widths_;
   Activation hidden_;

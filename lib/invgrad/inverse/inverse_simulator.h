@@ -72,9 +72,13 @@ class FunctionInverse final : public InverseSimulator {
               Eigen::VectorXd* x,
               std::string* why) const override {
     std::optional<Eigen::VectorXd> result = Call(y, x_now, context);
-    if (!result.has_value()) *why = NoInverse(y);
-    *x = std::move(result).value_or(Eigen::VectorXd());
-    return result.has_value();
+    if (!result.has_value()) {
+      *why = NoInverse(y);
+      x->resize(0);
+      return false;
+    }
+    *x = *std::move(result);
+    return true;
   }
 
  private:

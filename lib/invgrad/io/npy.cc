@@ -40,7 +40,7 @@ std::string TakeValue(const std::string& key, std::string* dictionary) {
                                           : "e";  // of True and False
   const size_t end = dictionary->find(last, at + 1);
   if (end == std::string::npos) return "";
-  const std::string value = dictionary->substr(at, end + 1 - at);
+  std::string value = dictionary->substr(at, end + 1 - at);
   dictionary->erase(begin, end + 1 - begin);
   return value;
 }
@@ -121,11 +121,11 @@ std::string ParseFile(std::string_view bytes,
   if (bytes.substr(0, kMagic.size()) != kMagic) {
     return "not a .npy file (it does not begin with \\x93NUMPY)";
   }
-  const std::string truncated =
+  std::string truncated =
       fmt::format("truncated in the header, at {} bytes", bytes.size());
   if (bytes.size() < 12) return truncated;  // magic, version, longest length
-  const int major = bytes[6];
-  const int minor = bytes[7];
+  const int major = static_cast<unsigned char>(bytes[6]);
+  const int minor = static_cast<unsigned char>(bytes[7]);
   if (major < 1 || major > 3 || minor != 0) {
     return fmt::format(
         "found .npy version {}.{}, wanted 1.0, 2.0 or 3.0", major, minor);

@@ -151,6 +151,7 @@ struct Generator {
 std::vector<Generator> Generators(bool in_space, bool with_scale) {
   const char* const axes[] = {"x", "y", "z"};
   std::vector<Generator> generators;
+  generators.reserve(7);
   for (int i = 0; i < (in_space ? 3 : 2); ++i) {
     generators.push_back(
         {fmt::format("translation {}", axes[i]), Vector3d::Unit(i)});
