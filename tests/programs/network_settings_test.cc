@@ -1,12 +1,11 @@
 // Another network in front of a problem's physics.
 
-#include "bin/support/training_flags.h"
-
 #include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "bin/support/training_flags.h"
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/problems.h"

@@ -87,6 +87,30 @@ TEST(RankReport, SumIsSeparateFromTheRest) {
       << report.ToText();
 }
 
+// One linear residual of k scalars leaves k - 1 combinations undetermined, which
+// are no gauge, also where x, y and angle of a pose would span all three.
+TEST(RankReport, CombinationsOfScalarsAreNoMotions) {
+  const double rows[][4] = {
+      {1.0, 2.0, 3.0, 4.0}, {1.0, -0.7, 2.0, 0.5}, {5.0, 0.1, 1.0, -2.0}};
+  for (const auto& a : rows) {
+    for (const int k : {2, 3, 4}) {
+      double x[] = {1.0, -1.7, 0.6, 2.3};
+      ceres::Problem problem;
+      std::vector<MatrixXd> coefficients;
+      std::vector<double*> blocks;
+      for (int i = 0; i < k; ++i) {
+        coefficients.push_back(Row({a[i]}));
+        blocks.push_back(&x[i]);
+      }
+      problem.AddResidualBlock(new Linear(coefficients), nullptr, blocks);
+      const RankReport report = Report(problem);
+      EXPECT_EQ(report.rank, 1);
+      EXPECT_EQ(report.undetermined.size(), k - 1u);
+      EXPECT_TRUE(report.gauges.empty()) << report.ToText();
+    }
+  }
+}
+
 TEST(RankReport, UnusedParametersAreExact) {
   double a[3] = {1.0, 2.0, 3.0};
   double lonely[2] = {0.0, 0.0};

@@ -117,6 +117,9 @@ GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
     candidate.motions = motions(Eigen::all, moving);
     candidate.motions.colwise().normalize();
     candidate.basis = Span(candidate.motions);
+    // A gauge that spans all motions of the group, such as rigid motion in the
+    // plane for three scalars, explains none of them.
+    if (candidate.basis.cols() == A_.cols()) continue;
     candidates_.push_back(std::move(candidate));
   }
 }
