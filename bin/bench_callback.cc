@@ -133,7 +133,7 @@ void Run(benchmark::State& state,
       state.SkipWithError(summary.BriefReport().c_str());
     }
     state.counters["iterations"] =
-        static_cast<double>(summary.iterations.size());
+        static_cast<double>(summary.iterations.size() - 1);
     instance.reset();
     state.ResumeTiming();
   }

@@ -51,7 +51,7 @@ struct Outcome {
   int num_iterations = 0;  // the comparison's included
 };
 
-// Solves from factor * start; rule_text = "": without proposals.
+// Solves from factor * start; rule_text = null: without proposals.
 Outcome Solve(const MoreGarbowHillstromRow& row,
               double factor,
               double radius,
@@ -123,7 +123,8 @@ bool Run(std::string* error) {
       return false;
     }
   }
-  if (!NameFlag("radii", !radii.empty(), &(*error = "expected a number"))) {
+  if (radii.empty()) {
+    *error = "--radii: expected a number";
     return false;
   }
   const std::vector<Outcome> plain = SolveAll(radii, nullptr);

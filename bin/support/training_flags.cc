@@ -21,7 +21,7 @@ DEFINE_string(initialization,
               "",
               "of the weights: glorot, he, pytorch; empty: the problem's own");
 DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
-DEFINE_int64(steps, 0, "budget in steps; 0: none");
+DEFINE_int64(steps, 0, "budget in steps; 0: none (100 for a point problem)");
 DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
 DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
 DEFINE_bool(shuffle, false, "a new order of the samples each epoch");

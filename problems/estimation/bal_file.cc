@@ -56,7 +56,7 @@ bool ParseBal(const std::string& text,
                     num_cameras,
                     num_points,
                     num_observations),
-        fmt::format("at least {} bytes behind this line, not {}",
+        fmt::format("at least {} bytes after this line, not {}",
                     min_size,
                     cursor.num_bytes_left()));
   }

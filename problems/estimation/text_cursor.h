@@ -50,7 +50,7 @@ class TextCursor {
   long Integer(std::string_view expected, long min, long max);
   // Requires these tokens, given with single spaces: "of Squares:".
   void Words(std::string_view words);
-  // Moves behind these tokens; returns false, and stays, if others follow.
+  // Skips these tokens; returns false, and does not move, if others follow.
   bool SkipWords(std::string_view words);
   void EndLine();
   // Requires that no tokens follow, on this line or later ones.

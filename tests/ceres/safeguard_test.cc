@@ -194,7 +194,7 @@ TEST(Safeguard, AProposalIntoAWorseWellIsTakenBack) {
   }
 }
 
-// Without an accepted proposal there is nothing to compare.
+// Without a proposal there is nothing to compare.
 TEST(Safeguard, APlainRunIsNotRepeated) {
   PoseProblem p;
   FunctionRule rule([](const auto&, auto*, std::string*) { return false; });

@@ -183,8 +183,9 @@ TEST(UpdateCallback, RestoresLocalParameterizations) {
     {
       PowerRule rule(0.5);
       UpdateCallback callback(&rule, &p.problem);
-      ceres::Solver::Options solver_options = SolverOptions(&callback);
+      ceres::Solver::Options solver_options = SolverOptions(nullptr);
       solver_options.function_tolerance = 1e-16;
+      callback.AddTo(&solver_options);
       ceres::Solver::Summary summary;
       ceres::Solve(solver_options, &p.problem, &summary);
       for (int i = 0; i < 4; ++i) EXPECT_NEAR(p.q[i], p.kTruth[i], 1e-6);

@@ -86,10 +86,12 @@ TEST(UpdateCallback, TheScaleRecovers) {
   });
   Options options;
   options.by_merit = false;
+  options.compare_with_plain = false;
   options.min_relative_model_decrease = -1e300;
   UpdateCallback callback(&rule, &problem, options);
-  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  ceres::Solver::Options solver_options = SolverOptions(nullptr);
   solver_options.max_num_iterations = 3;
+  callback.AddTo(&solver_options);
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options, &problem, &summary);
   EXPECT_EQ(x, 11.0);
@@ -113,7 +115,7 @@ class JudgingRule final : public UpdateRule {
   bool JudgesSteps() const override { return true; }
   bool KeepsStep(double cost, double fraction) override {
     judged.emplace_back(cost, fraction);
-    return false;  // which is not heard
+    return false;  // has no effect
   }
   std::vector<std::pair<double, double>> judged;
 
@@ -133,10 +135,12 @@ TEST(UpdateCallback, ARuleThatJudgesIsToldWhatBecameOfItsSteps) {
   JudgingRule rule(60.0);
   Options options;
   options.by_merit = false;
+  options.compare_with_plain = false;
   options.min_relative_model_decrease = -1e300;
   UpdateCallback callback(&rule, &problem, options);
-  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  ceres::Solver::Options solver_options = SolverOptions(nullptr);
   solver_options.max_num_iterations = 4;
+  callback.AddTo(&solver_options);
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options, &problem, &summary);
   EXPECT_EQ(rule.judged,
@@ -230,9 +234,10 @@ TEST(UpdateCallback, ABadProposalDoesNotSilenceTheRule) {
     options.min_relative_model_decrease = -1e300;
     options.compare_with_plain = false;
     UpdateCallback callback(&rule, &problem, options);
-    ceres::Solver::Options solver_options = SolverOptions(&callback);
+    ceres::Solver::Options solver_options = SolverOptions(nullptr);
     solver_options.trust_region_strategy_type = strategy;
     solver_options.max_num_iterations = 30;
+    callback.AddTo(&solver_options);
     ceres::Solver::Summary summary;
     ceres::Solve(solver_options, &problem, &summary);
     EXPECT_EQ(callback.summary().num_rejected, 3);

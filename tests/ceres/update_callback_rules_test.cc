@@ -119,8 +119,9 @@ TEST(UpdateCallbackRules, ProductAndSubsetManifolds) {
       const std::unique_ptr<UpdateRule> rule = MakeRule(text);
       ceres::Problem* const problem = is_cached ? cached.problem() : &p.problem;
       UpdateCallback callback(rule.get(), problem);
-      ceres::Solver::Options options = SolverOptions(&callback);
+      ceres::Solver::Options options = SolverOptions(nullptr);
       options.num_threads = 2;
+      callback.AddTo(&options);
       ceres::Solver::Summary summary;
       ceres::Solve(options, problem, &summary);
       EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
@@ -197,11 +198,12 @@ TEST(UpdateCallbackRules, ARuleThatFailsIsAskedLessAndLess) {
   Declines rule;
   UpdateCallback callback(&rule, &p.problem);
   // A small trust region makes for many accepted steps.
-  ceres::Solver::Options options = SolverOptions(&callback);
+  ceres::Solver::Options options = SolverOptions(nullptr);
   options.initial_trust_region_radius = 1e-3;
   options.max_trust_region_radius = 1e-3;
   options.function_tolerance = 0.0;
   options.parameter_tolerance = 0.0;
+  callback.AddTo(&options);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &p.problem, &summary);
   ASSERT_GT(summary.num_successful_steps, 60);

@@ -63,8 +63,9 @@ TEST(UpdateCallback, TheCandidateIsTheRules) {
     return true;
   });
   UpdateCallback callback(&rule, &p.problem);
-  ceres::Solver::Options solver_options = SolverOptions(&callback);
+  ceres::Solver::Options solver_options = SolverOptions(nullptr);
   solver_options.max_num_iterations = 1;
+  callback.AddTo(&solver_options);
   ceres::Solver::Summary summary;
   ceres::Solve(solver_options, &p.problem, &summary);
   const UpdateCallback::Summary counts = callback.summary();
@@ -134,10 +135,11 @@ TEST(UpdateCallback, ManifoldsLossesAndConstantBlocks) {
       PoseProblem p;
       PowerRule rule(kappa);
       UpdateCallback callback(&rule, &p.problem);
-      ceres::Solver::Options options = SolverOptions(&callback);
+      ceres::Solver::Options options = SolverOptions(nullptr);
       options.num_threads = num_threads;
       // The fixed cost of the anchors would hide the end.
       options.function_tolerance = 1e-16;
+      callback.AddTo(&options);
       ceres::Solver::Summary summary;
       ceres::Solve(options, &p.problem, &summary);
       EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
@@ -163,8 +165,9 @@ TEST(UpdateCallback, OtherTrustRegions) {
     TwoBlockRosenbrock p;
     PowerRule rule(0.5);
     UpdateCallback callback(&rule, &p.problem);
-    ceres::Solver::Options options = SolverOptions(&callback);
+    ceres::Solver::Options options = SolverOptions(nullptr);
     variants[i](&options);
+    callback.AddTo(&options);
     ceres::Solver::Summary summary;
     ceres::Solve(options, &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)

@@ -168,7 +168,7 @@ TEST_F(NetworkFile, SizesThatTheFileDoesNotHoldAreRefused) {
             std::string::npos);
   EXPECT_NE(Refusal(begin + "2147483647 2147483647\nactivation tanh\nweights "
                             "1\n1\n")
-                .find("more than the 2147483647"),
+                .find("more than 2147483647 weights"),
             std::string::npos);
 }
 

@@ -168,12 +168,12 @@ TEST(BalFile, SaysWhatIsWrongAndWhere) {
       {1,
        "2147483647 1 3",
        "1: the text is too short for 2147483647 cameras, 1 points and 3 "
-       "observations; expected at least 38654705675 bytes behind this line, "
+       "observations; expected at least 38654705675 bytes after this line, "
        "not 304"},
       {1,
        "2147483647 2147483647 2147483647",
        "1: the text is too short for 2147483647 cameras, 2147483647 points and "
-       "2147483647 observations; expected at least 68719476703 bytes behind "
+       "2147483647 observations; expected at least 68719476703 bytes after "
        "this line, not 304"},
       {1,
        "3 1 3",

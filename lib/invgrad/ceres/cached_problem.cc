@@ -10,6 +10,7 @@
 #include "ceres/manifold.h"
 #include "ceres/types.h"
 #include "glog/logging.h"
+#include "invgrad/ceres/copy_problem.h"
 #include "invgrad/ceres/second_order_cost_function.h"
 
 namespace invgrad {
@@ -122,54 +123,16 @@ ceres::CostFunction* MakeCaching(const ceres::CostFunction* own) {
   return new CachingCostFunction<ceres::CostFunction>(own);
 }
 
-// The copy owns its caching cost functions, but no object of the user.
-ceres::Problem::Options CopyOptions(ceres::EvaluationCallback* callback) {
-  ceres::Problem::Options options;
-  options.cost_function_ownership = ceres::TAKE_OWNERSHIP;
-  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  // The user's problem is already checked.
-  options.disable_all_safety_checks = true;
-  options.evaluation_callback = callback;
-  return options;
-}
-
 }  // namespace
 
-// The getters of a problem return pointers to const; the setters take pointers
-// to non-const.
 CachedProblem::CachedProblem(const Options& options, ceres::Problem* problem)
-    : copy_(CopyOptions(options.evaluation_callback)) {
+    : copy_(CopyOptions(ceres::TAKE_OWNERSHIP, options.evaluation_callback)) {
   CHECK(problem != nullptr);
-  std::vector<ceres::ResidualBlockId> ids;
-  problem->GetResidualBlocks(&ids);
-  std::vector<double*> blocks;
-  for (const ceres::ResidualBlockId id : ids) {
-    problem->GetParameterBlocksForResidualBlock(id, &blocks);
-    copy_.AddResidualBlock(
-        MakeCaching(problem->GetCostFunctionForResidualBlock(id)),
-        const_cast<ceres::LossFunction*>(
-            problem->GetLossFunctionForResidualBlock(id)),
-        blocks);
-  }
-  problem->GetParameterBlocks(&blocks);
-  for (double* values : blocks) {
-    const int size = problem->ParameterBlockSize(values);
-    copy_.AddParameterBlock(
-        values,
-        size,
-        const_cast<ceres::Manifold*>(problem->GetManifold(values)));
-    if (problem->IsParameterBlockConstant(values)) {
-      copy_.SetParameterBlockConstant(values);
-    }
-    for (int i = 0; i < size; ++i) {
-      // These have no effect without a bound.
-      copy_.SetParameterLowerBound(
-          values, i, problem->GetParameterLowerBound(values, i));
-      copy_.SetParameterUpperBound(
-          values, i, problem->GetParameterUpperBound(values, i));
-    }
-  }
+  CopyProblem(
+      *problem,
+      MakeCaching,
+      [problem](const double* values) { return problem->GetManifold(values); },
+      &copy_);
 }
 
 }  // namespace invgrad

@@ -3,73 +3,28 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 #include <vector>
 
 #include "ceres/cost_function.h"
-#include "ceres/loss_function.h"
 #include "ceres/manifold.h"
+#include "invgrad/ceres/copy_problem.h"
 
 namespace invgrad {
 namespace {
 
-// A problem that uses objects of another one.
-ceres::Problem::Options OwnsNothing() {
-  ceres::Problem::Options options;
-  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  // The user's problem is already checked.
-  options.disable_all_safety_checks = true;
-  return options;
-}
-
-// Adds the blocks of the problem, with the manifolds that the linearizer has
-// read, to an empty problem.
-void Copy(const ceres::Problem& problem,
-          const ProblemLinearizer& linearizer,
-          ceres::Problem* copy) {
-  std::vector<double*> blocks;
-  problem.GetParameterBlocks(&blocks);
-  for (double* values : blocks) {
-    copy->AddParameterBlock(values, problem.ParameterBlockSize(values));
-    if (problem.IsParameterBlockConstant(values)) {
-      copy->SetParameterBlockConstant(values);
-    }
-  }
-  // The getters return pointers to const; the setters take pointers to
-  // non-const.
-  for (const auto& block : linearizer.structure().parameter_blocks) {
-    copy->SetManifold(block.values,
-                      const_cast<ceres::Manifold*>(block.manifold));
-  }
-  std::vector<ceres::ResidualBlockId> ids;
-  problem.GetResidualBlocks(&ids);
-  for (const ceres::ResidualBlockId id : ids) {
-    problem.GetParameterBlocksForResidualBlock(id, &blocks);
-    copy->AddResidualBlock(const_cast<ceres::CostFunction*>(
-                               problem.GetCostFunctionForResidualBlock(id)),
-                           const_cast<ceres::LossFunction*>(
-                               problem.GetLossFunctionForResidualBlock(id)),
-                           blocks);
-  }
-}
-
 // The cost of the residual blocks that nothing can change. Ceres leaves it out
 // of the cost to which it applies the function tolerance.
-double FixedCost(const ceres::Problem& problem) {
-  double sum = 0.0;
+double FixedCost(const ceres::Problem& problem,
+                 const ProblemStructure& structure) {
   std::vector<ceres::ResidualBlockId> ids;
-  std::vector<double*> blocks;
   problem.GetResidualBlocks(&ids);
-  for (const ceres::ResidualBlockId id : ids) {
-    problem.GetParameterBlocksForResidualBlock(id, &blocks);
+  double sum = 0.0;
+  for (const auto& block : structure.residual_blocks) {
     double cost = 0.0;
-    if (std::all_of(blocks.begin(),
-                    blocks.end(),
-                    [&problem](const double* block) {
-                      return problem.IsParameterBlockConstant(block);
-                    }) &&
-        problem.EvaluateResidualBlock(id, true, &cost, nullptr, nullptr)) {
+    if (block.row_length == 0 &&
+        problem.EvaluateResidualBlock(
+            ids[block.index], true, &cost, nullptr, nullptr)) {
       sum += cost;
     }
   }
@@ -94,7 +49,7 @@ Safeguard::Safeguard(bool compares,
       options_(TakeTolerances(options)),
       problem_(*problem),
       linearizer_(*linearizer),
-      fixed_cost_(FixedCost(*problem)) {}
+      fixed_cost_(FixedCost(*problem, linearizer->structure())) {}
 
 Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
                                     const Eigen::VectorXd& state,
@@ -104,7 +59,7 @@ Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
                                                    : Verdict::kPlainIsBetter;
   }
   const bool has_converged = is_own && MeetsTolerances(iteration);
-  if (iteration.iteration > 0 && !is_own) has_branched_ = true;
+  if (iteration.iteration > 0 && !is_own) has_proposals_ = true;
   if (iteration.iteration == 0 || iteration.step_is_successful) {
     if (iteration.iteration == 0) {
       start_ = state;
@@ -115,7 +70,7 @@ Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
     norm_ = state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
   }
-  if (compares_ && has_branched_) {
+  if (compares_ && has_proposals_) {
     const bool is_last =
         has_converged || IsFlat(iteration) ||
         iteration.iteration + kNumFreeIterations >= options_.max_num_iterations;
@@ -173,8 +128,23 @@ bool Safeguard::IsPlainBetter() const {
 }
 
 void Safeguard::SolvePlain() {
-  ceres::Problem copy(OwnsNothing());
-  Copy(problem_, linearizer_, &copy);
+  ceres::Problem copy(
+      CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, /*callback=*/nullptr));
+  // The manifolds before they were wrapped.
+  std::unordered_map<const double*, const ceres::Manifold*> manifolds;
+  for (const auto& block : linearizer_.structure().parameter_blocks) {
+    manifolds[block.values] = block.manifold;
+  }
+  CopyProblem(
+      problem_,
+      [](const ceres::CostFunction* function) {
+        return const_cast<ceres::CostFunction*>(function);
+      },
+      [&manifolds](const double* values) {
+        const auto found = manifolds.find(values);
+        return found == manifolds.end() ? nullptr : found->second;
+      },
+      &copy);
   ceres::Solver::Options options = options_;
   options.callbacks.clear();
   options.minimizer_progress_to_stdout = false;

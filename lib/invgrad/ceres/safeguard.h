@@ -16,6 +16,10 @@
 // lower, the run moves to its result at the end, and not later than after as
 // many iterations as the plain solve took.
 //
+// Fails:   no comparison if the cost functions depend on more than their
+//          parameters (an evaluation callback); message() says so. If a state
+//          after an accepted proposal has no finite Jacobian, Ceres fails
+//          without another call, and the run ends there.
 // Source: Ceres Solver 2.1, internal/ceres/trust_region_minimizer.cc.
 #ifndef INVGRAD_CERES_SAFEGUARD_H_
 #define INVGRAD_CERES_SAFEGUARD_H_
@@ -81,7 +85,7 @@ class Safeguard {
   double norm_ = 0.0;
   bool is_at_start_ = true;
   double gradient_max_norm_ = 0.0;
-  bool has_branched_ = false;  // there was a proposal
+  bool has_proposals_ = false;
   bool is_compared_ = false;
   bool is_moving_ = false;  // to the result of the plain solve
   std::optional<Plain> plain_;

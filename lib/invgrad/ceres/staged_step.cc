@@ -196,7 +196,7 @@ bool StagedStep::IsSupported(int max_block_size,
 struct StagedStep::Block {
   double* values;
   int column;
-  std::ptrdiff_t offset;            // in the state
+  int offset;                       // in the state
   const ceres::Manifold* manifold;  // null: Euclidean
   const ceres::LocalParameterization* parameterization;
   StagingManifold* staging;
@@ -208,7 +208,6 @@ StagedStep::StagedStep(const ProblemStructure& structure,
   const std::vector<StagingManifold*> manifolds =
       StagingManifold::Take(*problem, structure.parameter_blocks.size());
   blocks_.reserve(manifolds.size());
-  std::ptrdiff_t offset = 0;
   for (std::size_t i = 0; i < manifolds.size(); ++i) {
     const ProblemStructure::ParameterBlock& block =
         structure.parameter_blocks[i];
@@ -216,14 +215,13 @@ StagedStep::StagedStep(const ProblemStructure& structure,
         << "Another UpdateCallback of this problem still exists.";
     blocks_.push_back({block.values,
                        block.column,
-                       offset,
+                       block.offset,
                        block.manifold,
                        block.manifold == nullptr
                            ? nullptr
                            : problem->GetParameterization(block.values),
                        manifolds[i]});
     const int size = block.ambient_size;
-    offset += size;
     manifolds[i]->Init(block.manifold != nullptr
                            ? block.manifold
                            : &euclidean_.try_emplace(size, size).first->second);

@@ -9,8 +9,11 @@
 // problem and computes the rule's step, which replaces Ceres' next step: a
 // wrapper around the manifold of each parameter block adds it when Ceres forms
 // its candidate. Ceres accepts or rejects the candidate by its gain ratio, so
-// the cost never rises. Progress table, summary, tolerances, robust losses,
+// the cost never rises (unless nonmonotonic steps are on). Progress table, summary, tolerances, robust losses,
 // constant blocks, manifolds and threads work as without the callback.
+//
+// Tolerances apply to Ceres' own steps only. The solve without proposals runs
+// once beside the run, and the better result is kept (safeguard.h).
 //
 // Rule and Ceres take turns; the one whose steps decrease the cost more has
 // more turns (turn_taking.h). The turns of a rule become rarer if it has no
@@ -33,8 +36,11 @@
 // Cost:    at each turn of the rule one linearization, which evaluates all
 //          residual blocks, except for a CachedProblem (cached_problem.h), and
 //          one step. While a step is staged, Ceres multiplies J by a k x k
-//          matrix for a Euclidean block of size k.
-// Fails:   never. After a numerical failure of the rule Ceres has the turn.
+//          matrix for a Euclidean block of size k. With compare_with_plain one
+//          more solve.
+// Fails:   as Ceres does: for instance if a cost function has no finite Jacobian
+//          after an accepted proposal. After a numerical failure of the rule
+//          Ceres has the turn.
 #ifndef INVGRAD_CERES_UPDATE_CALLBACK_H_
 #define INVGRAD_CERES_UPDATE_CALLBACK_H_
 

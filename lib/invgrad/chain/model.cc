@@ -276,8 +276,7 @@ bool Model::Predict(const VectorXd& weights,
   };
   for (int first = 0; first < num_samples; first += kPieceSize) {
     if (!predict(first, std::min(kPieceSize, num_samples - first))) {
-      // Repeats the whole batch, for a message with the sample's number in the
-      // batch.
+      // Repeats the whole batch, for a message with the sample's number in it.
       return predict(0, num_samples);
     }
   }

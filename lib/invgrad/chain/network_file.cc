@@ -67,7 +67,7 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view rest,
   const double wanted = DenseNetwork::CountWeights(widths);
   if (wanted > std::numeric_limits<int>::max()) {
     *problem =
-        fmt::format("line 2 asks for more than the {} weights that are allowed",
+        fmt::format("the widths in line 2 stand for more than {} weights",
                     std::numeric_limits<int>::max());
     return std::nullopt;
   }

@@ -43,7 +43,7 @@ bool Simulator::WeightedHessian(const double* /*x*/,
                                 const double* /*context*/,
                                 const double* /*w*/,
                                 double* /*hessian*/) const {
-  LOG(FATAL) << "the simulator has no WeightedHessian; ask "
+  LOG(FATAL) << "the simulator has no WeightedHessian; check "
                 "has_weighted_hessian() first";
   return false;
 }

@@ -222,7 +222,7 @@ bool SteppedSimulator::WeightedHessian(const double* x,
     stacked.tail(no) = Map<const VectorXd>(w + t * no, no);
     if (!StepHessian(t, &states[t * ns], x + t * nc, stacked, &S)) return false;
     S.noalias() += M_t.transpose() * P * M_t;
-    S.triangularView<Eigen::StrictlyUpper>() = S.transpose();  // to the bit
+    S.triangularView<Eigen::StrictlyUpper>() = S.transpose();  // bit for bit
     const Index column = t * nc;
     const Index first_later = column + nc;
     const Index num_later = num_x - first_later;

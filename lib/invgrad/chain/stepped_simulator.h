@@ -1,7 +1,8 @@
 // The common part of the simulators that step a state through time
 // (time_stepping_simulator.h, trajectory_simulator.h).
 //
-//   (s_{t+1}, z_t) = step(t, s_t, u_t),   t = 0 .. N-1,   s_0 = c
+//   s_{t+1} = step(s_t, u_t),   z_t = output(t, s_{t+1}, u_t),
+//   t = 0 .. N-1,   s_0 = c
 //   y = (z_0, .., z_{N-1}),   or s_N if the step has no outputs z
 //
 // The steps' derivatives are chained [1]. With G_t = [A_t B_t; C_t D_t] the
@@ -103,8 +104,8 @@ class SteppedSimulator : public Simulator, public Feedback {
                            Eigen::MatrixXd* hessian) const = 0;
 
  private:
-  // With rows = ns + no computes y, with rows = ns s_N in its place; unless
-  // null, also the states before the steps and these rows of all G_t.
+  // rows = ns + no: computes y. rows = ns: computes s_N, in *y. Also writes,
+  // unless null, the states before the steps and these rows of all G_t.
   bool RollOut(const double* x,
                const double* start,
                Index rows,

@@ -68,6 +68,8 @@ class ChainPullBack final : public BatchObjective {
     SimulatorPullBack::Options simulator;
     Proxy proxy = Proxy::kL2;
     double curvature_weight = 0.0;  // gamma in [0, 1]
+    // A longer d_x, with the data term, is scaled to this length; not for the
+    // way data.
     double max_change = std::numeric_limits<double>::infinity();
     double data_weight = 0.0;
     int updates_per_evaluation = 1;

@@ -69,7 +69,7 @@ inline constexpr const char* kSimulatorWayNames[] = {"joint",
                                                      "newton",
                                                      "data"};
 
-// The source of a sample's d_x. The names are the history's column names.
+// The source of a sample's d_x.
 enum class PullBackSource {
   kDerivative,        // sources that need no test
   kInverse,           // the given inverse, or Newton's

@@ -31,7 +31,7 @@
 //          to epsilon the step does not depend on the scale of L. adadelta: eta
 //          is a number, and epsilon is added to squares of both x and L / x.
 // Cost:    O(n).
-// Fails:   returns false if the gradient, its square or the step is not finite.
+// Fails:   returns false if the gradient, v or the step is not finite.
 //
 // [1] Sutskever, Martens, Dahl, Hinton. On the importance of initialization and
 //     momentum in deep learning. ICML 2013.
@@ -218,10 +218,10 @@ struct Adadelta : Law {
 std::vector<RuleRow> FirstOrderRuleRows() {
   return {
       MakeRuleRow<FirstOrderRule<GradientDescent>>(
-          "gradient_descent", "v <- mu v + gradient, step = -eta v"),
+          "gradient_descent", "u <- mu u + gradient, step = -eta u"),
       MakeRuleRow<FirstOrderRule<Adam>>(
           "adam",
-          "step = -eta m / (sqrt(v) + epsilon), m and v the corrected means of "
+          "step = -eta u / (sqrt(v) + epsilon), u and v the corrected means of "
           "gradient and gradient^2"),
       MakeRuleRow<FirstOrderRule<RmsProp>>(
           "rmsprop",
@@ -234,7 +234,7 @@ std::vector<RuleRow> FirstOrderRuleRows() {
       MakeRuleRow<FirstOrderRule<Adadelta>>(
           "adadelta",
           "step = -eta sqrt((u + epsilon) / (v + epsilon)) gradient, u and v "
-          "the means of step^2 and gradient^2"),
+          "the means of (step / eta)^2 and gradient^2"),
   };
 }
 

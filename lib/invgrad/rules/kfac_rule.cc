@@ -6,9 +6,9 @@
 //   D = sum_s D_s = Q diag(mu) Q^T,   D_s = sum_j delta_{s,j} delta_{s,j}^T
 //
 //   step_l = -eta P [phi(s_ik) / s_ik * (P^T G_l Q)_ik] Q^T,
-//   s_ik = sqrt(lambda_i mu_k / B),   phi(s) = s^-kappa for s > tau s_max
+//   s_ik = sqrt(lambda_i mu_k / B),   phi(s) = max(s, tau s_max)^-kappa
 //
-// so that step_l = -eta B^p A^-p G_l D^-p with p = (1 + kappa) / 2: 3/4 for
+// so that, without clamped values, step_l = -eta B^p A^-p G_l D^-p with p = (1 + kappa) / 2: 3/4 for
 // half-inverse, 1 for the Gauss-Newton step of K-FAC [1]. G_l is the gradient
 // J_l^T g in the layer's weights as a matrix, a_s and delta_{s,j} the factors
 // of layer_jacobian.h, tau and s_max (of each layer) as in spectral_filter.h.

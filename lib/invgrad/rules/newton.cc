@@ -46,7 +46,7 @@ using Eigen::VectorXd;
 // largest entry near one: a well-posed H in different units would look singular
 // otherwise. Zero rows keep d = 1.
 //
-// [1] Ruiz. A scaling algorithm to equilibrate both rows and columns norms in
+// [3] Ruiz. A scaling algorithm to equilibrate both rows and columns norms in
 //     matrices. RAL-TR-2001-034, 2001. Each pass halves the remaining
 //     exponents; 12 passes bring 1e300 to within a factor of two.
 VectorXd EquilibrationOf(const MatrixXd& H) {
