@@ -105,7 +105,9 @@ TEST(Safeguard, AProposalMeetsNoTolerance) {
       options.parameter_tolerance = 0.0;
       options.function_tolerance = 0.995;
     }
-    const Outcome outcome = Solve(&rule, options, &problem);
+    UpdateCallback::Options callback_options;
+    callback_options.compare_with_plain = false;
+    const Outcome outcome = Solve(&rule, options, &problem, callback_options);
     EXPECT_EQ(outcome.proposals.num_accepted, 1);
     EXPECT_FALSE(outcome.proposals.ended_on_proposal);
     EXPECT_GE(outcome.proposals.num_ceres_steps, 1);
@@ -226,22 +228,29 @@ class PreparedCost final : public ceres::SizedCostFunction<1, 1> {
   const Squared& prepared_;
 };
 
-TEST(Safeguard, AnEvaluationCallbackForbidsTheComparison) {
-  double x = 20.0;
-  Squared prepared;
-  prepared.x = &x;
-  ceres::Problem::Options problem_options;
-  problem_options.evaluation_callback = &prepared;
-  ceres::Problem problem(problem_options);
-  problem.AddResidualBlock(new PreparedCost(&prepared), nullptr, &x);
-  PowerRule rule(0.5);
-  const Outcome outcome = Solve(&rule, SolverOptions(nullptr), &problem);
-  EXPECT_EQ(outcome.solver.termination_type, ceres::CONVERGENCE);
-  EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
-  EXPECT_GT(outcome.proposals.num_accepted, 0);
-  EXPECT_NE(outcome.proposals.message.find("evaluation callback"),
-            std::string::npos)
-      << outcome.proposals.message;
+TEST(Safeguard, ComparesIfItKnowsTheEvaluationCallback) {
+  for (const bool is_known : {false, true}) {
+    double x = 20.0;
+    Squared prepared;
+    prepared.x = &x;
+    ceres::Problem::Options problem_options;
+    problem_options.evaluation_callback = &prepared;
+    ceres::Problem problem(problem_options);
+    problem.AddResidualBlock(new PreparedCost(&prepared), nullptr, &x);
+    PowerRule rule(0.5);
+    UpdateCallback::Options options;
+    if (is_known) options.evaluation_callback = &prepared;
+    const Outcome outcome =
+        Solve(&rule, SolverOptions(nullptr), &problem, options);
+    EXPECT_EQ(outcome.solver.termination_type, ceres::CONVERGENCE);
+    EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
+    EXPECT_GT(outcome.proposals.num_accepted, 0);
+    EXPECT_EQ(outcome.proposals.num_plain_iterations > 0, is_known);
+    EXPECT_EQ(outcome.proposals.message.find("evaluation callback") ==
+                  std::string::npos,
+              is_known)
+        << outcome.proposals.message;
+  }
 }
 
 }  // namespace safeguard_test

@@ -58,7 +58,9 @@ TEST(UpdateCallback, ManifoldsAreThereForItsOwnStepsOnly) {
     int& num_questions_;
   };
   Sometimes rule(&power, &num_questions);
-  UpdateCallback callback(&rule, &p.problem);
+  UpdateCallback::Options callback_options;
+  callback_options.compare_with_plain = false;
+  UpdateCallback callback(&rule, &p.problem, callback_options);
   Watch watch(&p);
   ceres::Solver::Options options = SolverOptions(&callback);
   options.callbacks.push_back(&watch);
@@ -110,7 +112,9 @@ TEST(UpdateCallback, ManifoldsAreDeletedOnce) {
   const auto solve = [](double* x, ceres::Problem* problem) {
     *x = 0.0;
     PowerRule rule(0.5);
-    UpdateCallback callback(&rule, problem);
+    UpdateCallback::Options options;
+    options.compare_with_plain = false;
+    UpdateCallback callback(&rule, problem, options);
     ceres::Solver::Summary summary;
     ceres::Solve(SolverOptions(&callback), problem, &summary);
     EXPECT_NEAR(*x, 10.0, 1e-6);

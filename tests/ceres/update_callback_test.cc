@@ -111,7 +111,7 @@ TEST(UpdateCallback, AWrongRuleDoesNotStopCeres) {
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_NEAR(p.x, 1.0, 1e-6);
   EXPECT_NEAR(p.y, 1.0, 1e-6);
-  EXPECT_GE(callback.summary().num_rejected, 3);
+  EXPECT_GE(callback.summary().num_withheld, 3);
 }
 
 TEST(UpdateCallback, SmallPromisesAreLeftToCeres) {

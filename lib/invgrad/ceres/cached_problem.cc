@@ -14,14 +14,33 @@
 #include "invgrad/ceres/second_order_cost_function.h"
 
 namespace invgrad {
+
+// Calls the user's evaluation callback.
+class CachedProblem::Preparation final : public ceres::EvaluationCallback {
+ public:
+  explicit Preparation(ceres::EvaluationCallback* own) : own_(own) {}
+  void PrepareForEvaluation(bool evaluate_jacobians,
+                            bool new_evaluation_point) override {
+    num_points_ += new_evaluation_point;
+    own_->PrepareForEvaluation(evaluate_jacobians, new_evaluation_point);
+  }
+  // Values that were stored before the last one are not used.
+  const long& num_points() const { return num_points_; }
+
+ private:
+  ceres::EvaluationCallback* own_;  // null: none
+  long num_points_ = 0;
+};
+
 namespace {
 
 // Base is ceres::CostFunction or SecondOrderCostFunction.
 template <typename Base>
 class CachingCostFunction : public Base {
  public:
-  // Does not own its argument.
-  explicit CachingCostFunction(const Base* own) : own_(*own) {
+  // Does not own its arguments.
+  CachingCostFunction(const long* num_points, const Base* own)
+      : own_(*own), num_points_(*num_points) {
     this->set_num_residuals(own->num_residuals());
     *this->mutable_parameter_block_sizes() = own->parameter_block_sizes();
     const auto& sizes = own->parameter_block_sizes();
@@ -62,7 +81,7 @@ class CachingCostFunction : public Base {
   }
 
   bool IsStored(double const* const* parameters, double** jacobians) const {
-    if (memory_.empty()) return false;
+    if (memory_.empty() || point_ != num_points_) return false;
     const double* stored = memory_.data();
     bool any = false;
     for (std::size_t b = 0; b < has_jacobian_.size(); ++b) {
@@ -80,6 +99,7 @@ class CachingCostFunction : public Base {
   void Store(double const* const* parameters,
              const double* residuals,
              double** jacobians) const {
+    point_ = num_points_;
     const std::size_t num_residuals = this->num_residuals();
     memory_.resize(num_parameters_ + num_residuals +
                    num_residuals * num_parameters_);
@@ -98,10 +118,12 @@ class CachingCostFunction : public Base {
     }
   }
 
+  const long& num_points_;
   std::size_t num_parameters_;
   // Parameters, residuals, row-major Jacobians of all blocks; empty: none.
   mutable std::vector<double> memory_;
   mutable std::vector<char> has_jacobian_;  // of each block
+  mutable long point_ = 0;                  // num_points_ when they were stored
 };
 
 class CachingSecondOrderCostFunction final
@@ -115,24 +137,33 @@ class CachingSecondOrderCostFunction final
   }
 };
 
-ceres::CostFunction* MakeCaching(const ceres::CostFunction* own) {
+ceres::CostFunction* MakeCaching(const long* num_points,
+                                 const ceres::CostFunction* own) {
   if (const auto* second_order =
           dynamic_cast<const SecondOrderCostFunction*>(own)) {
-    return new CachingSecondOrderCostFunction(second_order);
+    return new CachingSecondOrderCostFunction(num_points, second_order);
   }
-  return new CachingCostFunction<ceres::CostFunction>(own);
+  return new CachingCostFunction<ceres::CostFunction>(num_points, own);
 }
 
 }  // namespace
 
 CachedProblem::CachedProblem(const Options& options, ceres::Problem* problem)
-    : copy_(CopyOptions(ceres::TAKE_OWNERSHIP, options.evaluation_callback)) {
+    : preparation_(std::make_unique<Preparation>(options.evaluation_callback)),
+      copy_(CopyOptions(ceres::TAKE_OWNERSHIP,
+                        options.evaluation_callback != nullptr
+                            ? preparation_.get()
+                            : nullptr)) {
   CHECK(problem != nullptr);
   CopyProblem(
       *problem,
-      MakeCaching,
+      [this](const ceres::CostFunction* own) {
+        return MakeCaching(&preparation_->num_points(), own);
+      },
       [problem](const double* values) { return problem->GetManifold(values); },
       &copy_);
 }
+
+CachedProblem::~CachedProblem() = default;
 
 }  // namespace invgrad

@@ -10,7 +10,8 @@
 // residual blocks with their Jacobians, so the linearization needs no
 // evaluation of the user's cost functions. A request for Jacobians uses the
 // stored values if all parameters equal, bit for bit, the parameters of the
-// last evaluation.
+// last evaluation (with an evaluation callback, of one after its last call for a
+// new state).
 //
 // The user's problem is not changed. Both problems use the same cost functions,
 // loss functions, manifolds and values, in the same order of residual blocks. A
@@ -23,6 +24,8 @@
 //          that the evaluation callback computes from these.
 #ifndef INVGRAD_CERES_CACHED_PROBLEM_H_
 #define INVGRAD_CERES_CACHED_PROBLEM_H_
+
+#include <memory>
 
 #include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
@@ -40,10 +43,14 @@ class CachedProblem {
   // Later changes of blocks, manifolds, bounds and constness have no effect.
   // The problem must outlive the copy, and keep its residual blocks.
   CachedProblem(const Options& options, ceres::Problem* problem);
+  ~CachedProblem();
 
   ceres::Problem* problem() { return &copy_; }
 
  private:
+  class Preparation;
+
+  std::unique_ptr<Preparation> preparation_;
   ceres::Problem copy_;
 };
 

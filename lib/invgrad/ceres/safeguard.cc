@@ -43,49 +43,59 @@ ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
 
 Safeguard::Safeguard(bool compares,
                      ceres::Solver::Options* options,
+                     ceres::EvaluationCallback* evaluation_callback,
                      const ceres::Problem* problem,
-                     ProblemLinearizer* linearizer)
+                     ProblemLinearizer* linearizer,
+                     WorkLimit* work)
     : compares_(compares),
       options_(TakeTolerances(options)),
+      evaluation_callback_(evaluation_callback),
       problem_(*problem),
       linearizer_(*linearizer),
+      work_(*work),
       fixed_cost_(FixedCost(*problem, linearizer->structure())) {}
 
-Safeguard::Verdict Safeguard::Judge(const ceres::IterationSummary& iteration,
-                                    const Eigen::VectorXd& state,
-                                    bool is_own) {
-  if (is_moving_) {
-    return iteration.step_is_successful && !is_own ? Verdict::kConverged
-                                                   : Verdict::kPlainIsBetter;
+void Safeguard::Observe(const ceres::IterationSummary& iteration,
+                        const Eigen::VectorXd& state,
+                        bool is_own) {
+  // Moves may be rejected until the trust region is smaller.
+  constexpr int kNumMoves = 3;
+  constexpr double kLate = 0.75;
+  // The gradient falls so much faster than the cost where the run converges. If
+  // it becomes exactly zero, the run ends before it can move.
+  constexpr double kSettles = 100.0;
+  seconds_ = iteration.cumulative_time_in_seconds;
+  has_converged_ = is_own && MeetsTolerances(iteration);
+  if (iteration.iteration == 0) {
+    start_ = state;
+    start_cost_ = iteration.cost;
+  } else {
+    work_.CountIteration();
+    if (!is_own) has_proposals_ = true;
   }
-  const bool has_converged = is_own && MeetsTolerances(iteration);
-  if (iteration.iteration > 0 && !is_own) has_proposals_ = true;
+  bool settles = false;
   if (iteration.iteration == 0 || iteration.step_is_successful) {
-    if (iteration.iteration == 0) {
-      start_ = state;
-      start_cost_ = iteration.cost;
-    }
-    cost_ = iteration.cost - fixed_cost_;
+    const double cost = iteration.cost - fixed_cost_;
+    settles = iteration.iteration > 0 &&
+              gradient_max_norm_ * cost >
+                  kSettles * iteration.gradient_max_norm * cost_;
+    cost_ = cost;
     is_at_start_ = iteration.iteration == 0;
     norm_ = state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
   }
-  if (compares_ && has_proposals_) {
-    const bool is_last =
-        has_converged || IsFlat(iteration) ||
-        iteration.iteration + kNumFreeIterations >= options_.max_num_iterations;
-    if (!is_compared_ &&
-        (is_last || iteration.iteration >= kNumFreeIterations)) {
-      is_compared_ = true;
-      SolvePlain();
-    }
-    if (IsPlainBetter() &&
-        (is_last || iteration.iteration >= plain_->num_iterations)) {
-      is_moving_ = true;
-      return Verdict::kPlainIsBetter;
-    }
+  is_late_ = settles || IsFlat(iteration) ||
+             iteration.iteration + kNumMoves >= options_.max_num_iterations ||
+             seconds_ >= kLate * options_.max_solver_time_in_seconds;
+}
+
+Safeguard::Verdict Safeguard::verdict() const {
+  if (IsPlainBetter() &&
+      (has_converged_ || is_late_ || !work_.AllowsIteration() ||
+       (!has_proposals_ && !work_.AllowsStep()))) {
+    return Verdict::kPlainIsBetter;
   }
-  return has_converged ? Verdict::kConverged : Verdict::kContinue;
+  return has_converged_ ? Verdict::kConverged : Verdict::kContinue;
 }
 
 bool Safeguard::MeetsTolerances(
@@ -113,7 +123,7 @@ bool Safeguard::MeetsTolerances(
 }
 
 // Whether the next step of Ceres may change the cost by nothing at all, which
-// ends the run before Judge.
+// ends the run without a call of Observe.
 bool Safeguard::IsFlat(const ceres::IterationSummary& iteration) const {
   constexpr double kFlat = 1e-6;  // Ceres' default function tolerance
   return iteration.step_is_valid &&
@@ -127,9 +137,11 @@ bool Safeguard::IsPlainBetter() const {
                                    (1.0 - options_.function_tolerance) * cost_;
 }
 
-void Safeguard::SolvePlain() {
+void Safeguard::Compare() {
+  if (!compares_ || is_compared_) return;
+  is_compared_ = true;
   ceres::Problem copy(
-      CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, /*callback=*/nullptr));
+      CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, evaluation_callback_));
   // The manifolds before they were wrapped.
   std::unordered_map<const double*, const ceres::Manifold*> manifolds;
   for (const auto& block : linearizer_.structure().parameter_blocks) {
@@ -151,24 +163,31 @@ void Safeguard::SolvePlain() {
   options.logging_type = ceres::SILENT;
   options.update_state_every_iteration = false;
   options.trust_region_minimizer_iterations_to_dump.clear();
+  options.max_solver_time_in_seconds =
+      0.5 * std::max(0.0, options_.max_solver_time_in_seconds - seconds_);
   const Eigen::VectorXd state = linearizer_.State();
   linearizer_.SetState(start_);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &copy, &summary);
-  // An evaluation callback, which the copy does not have, would leave values of
+  // Without their evaluation callback, cost functions return the values of
   // another state.
   constexpr double kCostTolerance = 1e-9;
   if (std::abs(summary.initial_cost - start_cost_) >
-      kCostTolerance * std::abs(start_cost_)) {
+          kCostTolerance * std::abs(start_cost_) ||
+      !(summary.final_cost < summary.initial_cost)) {
     message_ =
-        "no comparison with the solve without proposals: the cost functions "
-        "depend on more than their parameters (an evaluation callback?)";
+        "no comparison: the solve without proposals does not decrease the cost "
+        "(do the cost functions need an evaluation callback? Then set "
+        "UpdateCallback::Options::evaluation_callback)";
   } else if (summary.IsSolutionUsable()) {
     plain_ = Plain{summary.final_cost,
                    static_cast<int>(summary.iterations.size()) - 1,
+                   summary.termination_type == ceres::CONVERGENCE,
                    linearizer_.State()};
   }
   linearizer_.SetState(state);
+  work_.SetComparison(plain_ ? std::optional<int>(plain_->num_iterations)
+                             : std::nullopt);
 }
 
 }  // namespace invgrad

@@ -9,17 +9,17 @@
 //   |L_candidate - L| <= function_tolerance L,
 //   or |gradient|_max <= gradient_tolerance
 //
-// Comparison. An accepted proposal can lead to a worse minimum, and a rejected one
-// shrinks the trust region. The plain solve (the same options, start and cost
-// functions, no proposals) runs once inside the run, as soon as the run has had
-// proposals and has either converged or taken kNumFreeIterations. If its cost is
-// lower, the run moves to its result at the end, and not later than after as
-// many iterations as the plain solve took.
+// Comparison. An accepted proposal can lead to a worse minimum, and a rejected
+// one shrinks the trust region. So the plain solve (the same options, start and
+// cost functions, no proposals) runs once, before the first proposal. If its
+// result is lower, the run moves there when it converges, or when no work is
+// left (work_limit.h).
 //
+// Time.    Half of the time that is left is for the plain solve, if
+//          max_solver_time_in_seconds is set, and half of the rest for
+//          proposals.
 // Fails:   no comparison if the cost functions depend on more than their
-//          parameters (an evaluation callback); message() says so. If a state
-//          after an accepted proposal has no finite Jacobian, Ceres fails
-//          without another call, and the run ends there.
+//          parameters (an evaluation callback); message() says so.
 // Source: Ceres Solver 2.1, internal/ceres/trust_region_minimizer.cc.
 #ifndef INVGRAD_CERES_SAFEGUARD_H_
 #define INVGRAD_CERES_SAFEGUARD_H_
@@ -28,10 +28,12 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "ceres/evaluation_callback.h"
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/work_limit.h"
 
 namespace invgrad {
 
@@ -43,22 +45,29 @@ class Safeguard {
   struct Plain {
     double cost = 0.0;
     int num_iterations = 0;
+    bool has_converged = false;
     Eigen::VectorXd state;  // as ProblemLinearizer::State
   };
 
-  // Sets the tolerances of `options` to zero. Keeps pointers to the problem and
-  // the linearizer, which has read the problem before its manifolds were
-  // wrapped. compares = false: no plain solve.
+  // Sets the tolerances of `options` to zero. Keeps pointers to the evaluation
+  // callback, the problem, the limit and the linearizer, which has read the problem before its
+  // manifolds were wrapped. compares = false: no plain solve.
   Safeguard(bool compares,
             ceres::Solver::Options* options,
+            ceres::EvaluationCallback* evaluation_callback,
             const ceres::Problem* problem,
-            ProblemLinearizer* linearizer);
+            ProblemLinearizer* linearizer,
+            WorkLimit* work);
 
   // Call after each iteration, in order, the 0th included. `state`: of the
   // blocks. `is_own`: the step, if any, was computed by Ceres.
-  Verdict Judge(const ceres::IterationSummary& iteration,
-                const Eigen::VectorXd& state,
-                bool is_own);
+  void Observe(const ceres::IterationSummary& iteration,
+               const Eigen::VectorXd& state,
+               bool is_own);
+  Verdict verdict() const;
+
+  // Runs the plain solve, once. Call it before the first proposal.
+  void Compare();
 
   // Nothing before the plain solve, or if it failed.
   const std::optional<Plain>& plain() const { return plain_; }
@@ -69,14 +78,13 @@ class Safeguard {
   bool MeetsTolerances(const ceres::IterationSummary& iteration) const;
   bool IsFlat(const ceres::IterationSummary& iteration) const;
   bool IsPlainBetter() const;
-  void SolvePlain();
-
-  static constexpr int kNumFreeIterations = 5;
 
   const bool compares_;
   const ceres::Solver::Options options_;  // of the user
+  ceres::EvaluationCallback* const evaluation_callback_;
   const ceres::Problem& problem_;
   ProblemLinearizer& linearizer_;
+  WorkLimit& work_;
   const double fixed_cost_;
   Eigen::VectorXd start_;
   double start_cost_ = 0.0;
@@ -85,9 +93,12 @@ class Safeguard {
   double norm_ = 0.0;
   bool is_at_start_ = true;
   double gradient_max_norm_ = 0.0;
+  double seconds_ = 0.0;
+  // The next call may be too late to move to the result of the plain solve.
+  bool is_late_ = false;
+  bool has_converged_ = false;
   bool has_proposals_ = false;
   bool is_compared_ = false;
-  bool is_moving_ = false;  // to the result of the plain solve
   std::optional<Plain> plain_;
   std::string message_;
 };

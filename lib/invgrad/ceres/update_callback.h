@@ -9,22 +9,21 @@
 // problem and computes the rule's step, which replaces Ceres' next step: a
 // wrapper around the manifold of each parameter block adds it when Ceres forms
 // its candidate. Ceres accepts or rejects the candidate by its gain ratio, so
-// the cost never rises (unless nonmonotonic steps are on). Progress table, summary, tolerances, robust losses,
-// constant blocks, manifolds and threads work as without the callback.
+// the cost never rises, unless nonmonotonic steps are on. Progress table,
+// summary, robust losses, constant blocks, manifolds and threads work as without
+// the callback.
 //
 // Tolerances apply to Ceres' own steps only. The solve without proposals runs
-// once beside the run, and the better result is kept (safeguard.h).
+// once, before the first proposal, and the better result is kept (safeguard.h).
+// Proposals end when they have taken as long (work_limit.h), and a rule whose
+// step takes longer than all of Ceres' iterations makes none.
 //
 // Rule and Ceres take turns; the one whose steps decrease the cost more has
 // more turns (turn_taking.h). The turns of a rule become rarer if it has no
 // step, or if the linear model predicts no sufficient decrease.
 //
-// A rejected proposal is halved and proposed again. Later proposals keep this
-// scale; it doubles, up to 1, with every proposal that is accepted or whose
-// predicted decrease is too small. After max_num_backoffs halvings Ceres has
-// the turn until its trust region, which rejections shrink, is as large as
-// before, a step of Ceres is rejected, or Ceres has had eight turns. A rule
-// with control=gain adapts the scale itself.
+// A step that does not lower the cost is halved, up to two times, before it is
+// proposed (proposal.h).
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on); otherwise the callback aborts the
@@ -33,20 +32,21 @@
 //          Plus repeatedly. One callback for a problem at a time, one solve for
 //          a callback, and no other solve of the problem while the callback
 //          exists. Rules must not throw.
-// Cost:    at each turn of the rule one linearization, which evaluates all
-//          residual blocks, except for a CachedProblem (cached_problem.h), and
-//          one step. While a step is staged, Ceres multiplies J by a k x k
+// Cost:    at each turn of the rule one step and one or two linearizations, at
+//          x and at the candidate. They evaluate all residual blocks, except for
+//          a CachedProblem (cached_problem.h). While a step is staged, Ceres multiplies J by a k x k
 //          matrix for a Euclidean block of size k. With compare_with_plain one
 //          more solve.
-// Fails:   as Ceres does: for instance if a cost function has no finite Jacobian
-//          after an accepted proposal. After a numerical failure of the rule
-//          Ceres has the turn.
+// Fails:   as Ceres does. A step that leads to where the Jacobian is not finite
+//          is not proposed. After a numerical failure of the rule Ceres has the
+//          turn.
 #ifndef INVGRAD_CERES_UPDATE_CALLBACK_H_
 #define INVGRAD_CERES_UPDATE_CALLBACK_H_
 
 #include <memory>
 #include <string>
 
+#include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "invgrad/core/update_rule.h"
@@ -60,18 +60,22 @@ class UpdateCallback final {
     // Ceres' own (turn_taking.h). False: the rule has every turn for which it
     // has a step.
     bool by_merit = true;
-    // The number of times that a rejected proposal is halved and proposed
-    // again.
-    int max_num_backoffs = 2;
     // The limit on tangent spaces (see Cost).
     int max_block_size = 512;
     // A proposal is made only if the linear model predicts
-    //   L(x) - L(x + step) >= min_relative_model_decrease * L(x),
-    // so that Ceres' function tolerance does not end the run on a proposal.
+    //   L(x) - L(x + step) >= min_relative_model_decrease * L(x).
     double min_relative_model_decrease = 1e-3;
     // True: the solve without proposals runs as well, and its result is kept if
     // it is better (safeguard.h).
     bool compare_with_plain = true;
+    // The limit on the time of the solve, the comparison included, relative to
+    // that of the solve without proposals: by an estimate from the sizes of the
+    // problem (work_limit.h). Infinity: none.
+    double max_relative_work = 2.0;
+    // The evaluation callback of the problem, which Ceres 2.1 does not expose.
+    // Without it, candidates are evaluated with the values that it prepared for
+    // another state, and there may be no comparison. Not owned.
+    ceres::EvaluationCallback* evaluation_callback = nullptr;
   };
 
   // Summary of the last solve. num_proposed = num_accepted + num_rejected, plus
@@ -80,8 +84,10 @@ class UpdateCallback final {
     int num_proposed = 0;
     int num_accepted = 0;     // of those proposed
     int num_rejected = 0;     // of those proposed
+    int num_withheld = 0;     // steps and halves that would not lower the cost
     int num_ceres_steps = 0;  // iterations with a step of Ceres
-    std::string message;      // why there was no proposal at the last turn
+    // Why there was no proposal at the last turn, or none at all.
+    std::string message;
     // A proposal changed the cost by nothing at all, or the tolerances were set
     // after AddTo.
     bool ended_on_proposal = false;

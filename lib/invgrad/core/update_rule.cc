@@ -14,4 +14,8 @@ std::vector<MemoryPart> UpdateRule::StepMemory(const JacobianSizes& J) const {
   return parts;
 }
 
+double UpdateRule::StepWork(const JacobianSizes& J) const {
+  return Needs().hessian ? 10.0 * J.cols * J.cols * J.cols : 0.0;
+}
+
 }  // namespace invgrad

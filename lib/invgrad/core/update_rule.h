@@ -29,8 +29,9 @@ struct JacobianSizes {
     double fan_in = 0.0;  // with the bias
     double fan_out = 0.0;
   };
-  double rows = 0.0;  // m
-  double cols = 0.0;  // n, the sum of the layers' fan_in fan_out
+  double rows = 0.0;      // m
+  double cols = 0.0;      // n, the sum of the layers' fan_in fan_out
+  double nonzeros = 0.0;  // of the J of a ceres::Problem; 0: of a network
   std::vector<Layer> layers;
   // Memory of the factors that determine J, its Gram matrix and its layers.
   double factor_bytes = 0.0;
@@ -67,6 +68,13 @@ class UpdateRule {
   // training run fails at its start if this exceeds the memory limit. Default:
   // some vectors, and the factorization of the Hessian if the rule needs it.
   virtual std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const;
+
+  // Estimated work of ComputeStep, in operations of a large dense product (1e10
+  // a second on one core); an operation on a sparse J counts kSparseOperation.
+  // UpdateCallback makes no step that takes too long. Default: none, or 10 n^3
+  // for a Hessian.
+  static constexpr double kSparseOperation = 6.0;
+  virtual double StepWork(const JacobianSizes& J) const;
 
   // A short report of the last step for a progress line or a table ("route
   // gram, rank 97 of 128"); may be empty.

@@ -72,6 +72,12 @@ class KrylovRule final : public JointRule {
     return parts;
   }
 
+  double StepWork(const JacobianSizes& J) const override {
+    const double size = std::min(J.rows, J.cols);
+    const double k = std::min(1.0 * options_.max_iterations, size);
+    return k * (4.0 * kSparseOperation * J.nonzeros + 2.0 * size * k);
+  }
+
  private:
   bool ComputeDirection(const Linearization& at_x,
                         const SpectralFilter& filter,

@@ -157,6 +157,23 @@ class SpectralRule final : public JointRule {
     return parts;
   }
 
+  // Of a dense J: of a sparse one the Gram matrix costs less, and the rest the
+  // same.
+  double StepWork(const JacobianSizes& J) const override {
+    if (joint_options().filter.IsGradientDescent()) return 0.0;
+    const auto work = [&J](double cols) {
+      const double k = std::min(J.rows, cols);
+      return k * k * (std::max(J.rows, cols) + 10.0 * k);
+    };
+    if (!layerwise_ || J.layers.empty()) return work(J.cols);
+    double sum = 0.0;
+    for (const JacobianSizes::Layer& layer : J.layers) {
+      // Each layer is copied with all rows of J.
+      sum += work(layer.fan_in * layer.fan_out) + kSparseOperation * J.rows;
+    }
+    return sum;
+  }
+
  private:
   bool ComputeDirection(const Linearization& at_x,
                         const SpectralFilter& filter,

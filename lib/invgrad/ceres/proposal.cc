@@ -1,0 +1,136 @@
+#include "invgrad/ceres/proposal.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "fmt/core.h"
+#include "glog/logging.h"
+
+namespace invgrad {
+namespace {
+
+// Two sums of the same residual blocks differ by rounding.
+bool AreEqual(double cost, double other) {
+  constexpr double kCostTolerance = 1e-9;
+  return std::abs(cost - other) <= kCostTolerance * std::abs(other);
+}
+
+}  // namespace
+
+Proposal::Proposal(double min_relative_model_decrease,
+                   UpdateRule* rule,
+                   ProblemLinearizer* linearizer,
+                   WorkLimit* work)
+    : min_relative_model_decrease_(min_relative_model_decrease),
+      rule_(*rule),
+      linearizer_(*linearizer),
+      work_(*work),
+      parts_(rule->Needs()),
+      needs_linearization_(parts_.gradient || parts_.jacobian ||
+                           parts_.hessian) {
+  parts_.jacobian = true;
+}
+
+// For a rule that needs no linearization, linearizes the problem only if there
+// is a step.
+bool Proposal::ComputeStep(double cost,
+                           const Eigen::VectorXd& state,
+                           std::string* message) {
+  cost_ = cost;
+  state_ = state;
+  num_withheld_ = 0;
+  fraction_ = scale_;
+  Linearization at_x;
+  at_x.cost = cost;
+  if (needs_linearization_ && !Linearize(&at_x, message)) return false;
+  work_.CountStep();
+  if (!rule_.ComputeStep(at_x, &step_, message)) return false;
+  CHECK_EQ(step_.size(), linearizer_.num_parameters());
+  step_ *= scale_;
+  if (!needs_linearization_ && !Linearize(&at_x, message)) return false;
+  if (IsPromising(at_x)) return true;
+  *message = "the linear model predicts too small a decrease of the cost";
+  // The scale may be too small, and only a proposal can raise it.
+  DoubleScale();
+  return false;
+}
+
+bool Proposal::Linearize(Linearization* at_x, std::string* message) {
+  if (candidate_.size() > 0 && candidate_ == state_ &&
+      AreEqual(at_candidate_.cost, cost_)) {
+    *at_x = std::move(at_candidate_);
+    candidate_.resize(0);
+    return true;
+  }
+  work_.CountLinearization();
+  if (!linearizer_.Linearize(parts_, at_x, message)) return false;
+  // Both contain the fixed cost of residual blocks that cannot change.
+  is_another_state_ = !AreEqual(at_x->cost, cost_);
+  return !is_another_state_;
+}
+
+// Whether the linear model predicts a large enough L(x) - L(x + step); false
+// for NaN.
+bool Proposal::IsPromising(const Linearization& at_x) const {
+  Eigen::VectorXd J_step;
+  at_x.jacobian->Times(step_, &J_step);
+  const double decrease =
+      -at_x.loss_gradient.dot(J_step) - 0.5 * J_step.squaredNorm();
+  return decrease >= min_relative_model_decrease_ * at_x.cost;
+}
+
+bool Proposal::FindCandidate(std::string* message) {
+  constexpr int kMaxNumHalvings = 2;
+  for (;; step_ *= 0.5, fraction_ *= 0.5) {
+    double cost = std::numeric_limits<double>::quiet_NaN();
+    std::string error;
+    if (linearizer_.Plus(step_)) {
+      candidate_ = linearizer_.State();
+      work_.CountLinearization();
+      if (linearizer_.Linearize(parts_, &at_candidate_, &error) &&
+          CanContinueFromCandidate()) {
+        cost = at_candidate_.cost;
+      }
+    }
+    linearizer_.SetState(state_);
+    if (cost <= cost_) return true;
+    if (rule_.JudgesSteps()) {
+      rule_.KeepsStep(cost, fraction_);
+    } else {
+      scale_ *= 0.5;
+    }
+    if (num_withheld_++ == kMaxNumHalvings) break;
+  }
+  candidate_.resize(0);
+  *message = fmt::format("no lower cost by the last step of the rule, {} times",
+                         num_withheld_);
+  return false;
+}
+
+bool Proposal::CanContinueFromCandidate() const {
+  const JacobianOperator& J = *at_candidate_.jacobian;
+  Eigen::VectorXd gradient;
+  J.TransposeTimes(at_candidate_.loss_gradient, &gradient);
+  Eigen::VectorXd row_sums;
+  Eigen::VectorXd squares;
+  J.Times(Eigen::VectorXd::Ones(J.cols()), &row_sums);
+  J.TransposeTimes(row_sums, &squares);
+  return gradient.allFinite() && squares.allFinite() &&
+         (at_candidate_.cost == 0.0 || !gradient.isZero(0.0));
+}
+
+void Proposal::Decided(bool is_accepted, double cost) {
+  // The result of KeepsStep is not used.
+  if (rule_.JudgesSteps()) {
+    rule_.KeepsStep(cost, fraction_);
+  } else if (!is_accepted) {
+    scale_ *= 0.5;
+  }
+  if (is_accepted) DoubleScale();
+}
+
+void Proposal::DoubleScale() { scale_ = std::min(2.0 * scale_, 1.0); }
+
+}  // namespace invgrad

@@ -1,0 +1,77 @@
+// The step that a rule proposes at a state of a ceres::Solve, and the state that
+// it leads to.
+//
+//   candidate = Plus(x, scale step),   halved until L(candidate) <= L(x)
+//
+// After two halvings there is no proposal. The next proposal keeps the scale; it
+// doubles, up to 1, with every proposal that Ceres accepts, or whose predicted
+// decrease is too small. A rule that judges its steps (JudgesSteps) adapts its
+// own step size instead.
+//
+// A candidate from which Ceres cannot continue counts as higher: J^T J is not
+// finite there, or the gradient is exactly zero at a higher cost than zero, as in
+// a flat region, which ends the run at once.
+#ifndef INVGRAD_CERES_PROPOSAL_H_
+#define INVGRAD_CERES_PROPOSAL_H_
+
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/work_limit.h"
+#include "invgrad/core/linearization.h"
+#include "invgrad/core/update_rule.h"
+
+namespace invgrad {
+
+class Proposal {
+ public:
+  // Keeps the pointers.
+  Proposal(double min_relative_model_decrease,
+           UpdateRule* rule,
+           ProblemLinearizer* linearizer,
+           WorkLimit* work);
+
+  // The problem must be at `state`, where Ceres computed `cost`. Return false,
+  // with *message, if there is no step, or no candidate.
+  bool ComputeStep(double cost,
+                   const Eigen::VectorXd& state,
+                   std::string* message);
+  bool FindCandidate(std::string* message);
+
+  const Eigen::VectorXd& step() const { return step_; }
+  // Candidates of the last step that were too high.
+  int num_withheld() const { return num_withheld_; }
+  // The problem at the state differs from that which Ceres evaluated.
+  bool is_another_state() const { return is_another_state_; }
+
+  // Ceres has decided; `cost`: of the candidate.
+  void Decided(bool is_accepted, double cost);
+
+ private:
+  bool Linearize(Linearization* at_x, std::string* message);
+  bool IsPromising(const Linearization& at_x) const;
+  bool CanContinueFromCandidate() const;
+  void DoubleScale();
+
+  const double min_relative_model_decrease_;
+  UpdateRule& rule_;
+  ProblemLinearizer& linearizer_;
+  WorkLimit& work_;
+  LinearizationParts parts_;  // that the rule needs, and J for the linear model
+  bool needs_linearization_;  // to compute a step
+
+  double cost_ = 0.0;
+  Eigen::VectorXd state_;
+  Eigen::VectorXd step_;  // n
+  double scale_ = 1.0;
+  double fraction_ = 1.0;  // step_ / the rule's step
+  int num_withheld_ = 0;
+  bool is_another_state_ = false;
+  Eigen::VectorXd candidate_;  // empty: none
+  Linearization at_candidate_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CERES_PROPOSAL_H_
