@@ -117,8 +117,9 @@ bool Proposal::CanContinueFromCandidate() const {
   Eigen::VectorXd squares;
   J.Times(Eigen::VectorXd::Ones(J.cols()), &row_sums);
   J.TransposeTimes(row_sums, &squares);
+  constexpr double kFlat = 1e-10;
   return gradient.allFinite() && squares.allFinite() &&
-         (at_candidate_.cost == 0.0 || !gradient.isZero(0.0));
+         gradient.norm() * candidate_.norm() >= kFlat * at_candidate_.cost;
 }
 
 void Proposal::Decided(bool is_accepted, double cost) {

@@ -9,8 +9,8 @@
 // own step size instead.
 //
 // A candidate from which Ceres cannot continue counts as higher: J^T J is not
-// finite there, or the gradient is exactly zero at a higher cost than zero, as in
-// a flat region, which ends the run at once.
+// finite there, or |gradient| |x| is less than 1e-10 of the cost, as in a flat
+// region.
 #ifndef INVGRAD_CERES_PROPOSAL_H_
 #define INVGRAD_CERES_PROPOSAL_H_
 
