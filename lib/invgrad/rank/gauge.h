@@ -23,7 +23,8 @@
 //                              with an angle axis and a translation (BAL: 9)
 //   a b                        the common factor of a group of blocks, and the
 //                              factor between the first and second arguments of
-//                              a product
+//                              a product; for products of the components of
+//                              blocks of one size, 2 to 8, a factor a component
 // Blocks of other sizes do not move. Blocks of sizes 1 to 3 beside poses may be
 // positions or calibrations; both are tested. Quaternions are (w, x, y, z) or
 // (x, y, z, w), according to their ceres::Manifold; for other manifolds both
@@ -50,6 +51,7 @@ struct GaugeBlock {
   int size = 0;    // ambient
   int offset = 0;  // of its entries in a motion
   bool is_constant = false;
+  std::string name;  // of the report; may be empty if is_constant
   const ceres::Manifold* manifold = nullptr;  // null: Euclidean
 };
 
@@ -68,10 +70,21 @@ struct Gauge {
   // Fills the motions: ambient_size x number of generators, zero on entry.
   // False if the blocks do not have this gauge's layout.
   std::function<bool(const GaugeComponent&, Eigen::MatrixXd* motions)> motions;
+
+  struct Combination {
+    std::string name;              // "rotation about `pose 0`"
+    Eigen::VectorXd coefficients;  // of the generators
+  };
+  // Optional. Names combinations of the generators in the span of the columns of
+  // `coefficients`, which are independent. It is needed if residuals determine a
+  // part of the gauge only, such as the position of a pose. Without it the report
+  // names single generators.
+  std::function<std::vector<Combination>(const GaugeComponent&,
+                                         const Eigen::MatrixXd& coefficients)>
+      name_combinations = nullptr;
 };
 
-// In the order of their number of generators, so that of equally good gauges
-// the first one is the simplest.
+// Of equally good gauges, the first one is the simplest.
 std::vector<Gauge> BuiltInGauges();
 
 }  // namespace invgrad

@@ -92,8 +92,10 @@ struct RankReport {
     double singular_value = 0.0;  // |A v| / s_max for |v| = 1
     std::vector<Part> parts;      // the largest share first
     int group = 0;
-    std::string gauge;      // a gauge freedom's name, or empty
-    std::string generator;  // "translation x"; empty: a combination of them
+    std::string gauge;  // a gauge freedom's name, or empty
+    // "translation x", "rotation about `pose 0`"; empty: no gauge, or a
+    // combination of its generators without a name.
+    std::string generator;
   };
 
   // Parameters that no residual depends on.
