@@ -24,8 +24,8 @@ GaugeComponent MakeComponent(const RankReport::Options& options,
                              const BlockGroup& group) {
   GaugeComponent component;
   std::unordered_map<const double*, int> index;
-  const auto add = [&](const double* values,
-                       const RankReport::Block* variable) {
+  const auto add = [&](const BlockArgument& argument, bool is_constant) {
+    const auto [values, b] = argument;
     const auto [it, is_new] =
         index.insert({values, static_cast<int>(component.blocks.size())});
     if (is_new) {
@@ -33,26 +33,25 @@ GaugeComponent MakeComponent(const RankReport::Options& options,
       block.values = values;
       block.size = problem.ParameterBlockSize(values);
       block.offset = component.ambient_size;
-      block.is_constant = variable == nullptr;
-      if (variable != nullptr) {
-        block.name = variable->name;
+      block.is_constant = is_constant;
+      if (b >= 0) {
+        block.name = report.blocks[b].name;
       } else if (options.block_name) {
         block.name = options.block_name(values);
       }
       block.manifold = problem.GetManifold(values);
       component.ambient_size += block.size;
-      component.blocks.push_back(block);
+      component.blocks.push_back(std::move(block));
     }
     return it->second;
   };
-  for (const int b : group.blocks) {
-    add(report.blocks[b].values, &report.blocks[b]);
-  }
-  for (const std::vector<double*>& blocks : group.arguments) {
+  for (const int b : group.blocks) add({report.blocks[b].values, b}, false);
+  for (const std::vector<BlockArgument>& residual_block : group.arguments) {
     std::vector<int> arguments;
-    arguments.reserve(blocks.size());
-    for (const double* values : blocks)
-      arguments.push_back(add(values, nullptr));
+    arguments.reserve(residual_block.size());
+    for (const BlockArgument& argument : residual_block) {
+      arguments.push_back(add(argument, true));
+    }
     component.arguments.push_back(std::move(arguments));
   }
   return component;
