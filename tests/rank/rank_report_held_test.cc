@@ -47,8 +47,8 @@ void AddPrior(const MatrixXd& A, double* x, ceres::Problem* problem) {
 }
 
 TEST(HeldGauge, RotationInThePlaneAboutAHeldPosition) {
-  // 3 to 3400 poses: up to 10,200 parameters, by the sparse decomposition.
-  for (const int size : {3, 40, 3400}) {
+  // 2 to 3400 poses: up to 10,200 parameters, by the sparse decomposition.
+  for (const int size : {2, 3, 40, 3400}) {
     SCOPED_TRACE(size);
     ceres::Problem problem;
     Graph2 graph(size, 1.0, &problem);
@@ -91,18 +91,40 @@ TEST(HeldGauge, PriorsInThePlane) {
   }
 }
 
-// Their mean's place, at which there is no block.
-TEST(HeldGauge, RotationAboutAPointWithoutABlock) {
+// Where there is no block, or more than one, the name has the coordinates: the
+// others may be no points.
+TEST(HeldGauge, RotationAboutAPointWithoutABlockOfItsOwn) {
   ceres::Problem problem;
   Graph2 graph(12, 1.0, &problem);
   graph.poses[3] = {1.0, 2.0, 0.1};
   graph.poses[8] = {2.0, 0.5, 0.4};
   const MatrixXd A = MatrixXd::Identity(2, 3);
-  problem.AddResidualBlock(new Linear({A, A}),
-                           nullptr,
-                           graph.poses[3].data(),
-                           graph.poses[8].data());
+  const auto mean = problem.AddResidualBlock(new Linear({A, A}),
+                                             nullptr,
+                                             graph.poses[3].data(),
+                                             graph.poses[8].data());
   EXPECT_EQ(NamesOf(problem), Names{"rotation about (1.5, 1.25)"});
+  problem.RemoveResidualBlock(mean);
+  AddPrior(A, graph.poses[3].data(), &problem);
+  graph.poses[8] = {1.0, 2.0, -2.0};
+  EXPECT_EQ(NamesOf(problem), Names{"rotation about (1, 2)"});
+}
+
+// Lengths and angles in other units, and far from the origin.
+TEST(HeldGauge, UnitsAndOriginDoNotMatter) {
+  for (const double unit : {1e-6, 1.0, 1e6}) {
+    for (const double offset : {0.0, 4e6}) {
+      SCOPED_TRACE(testing::Message() << unit << " " << offset);
+      ceres::Problem problem;
+      Graph2 graph(30, 1.0, &problem);
+      for (auto& pose : graph.poses) {
+        for (int i = 0; i < 2; ++i) pose[i] = unit * (pose[i] + offset);
+      }
+      AddPrior(MatrixXd::Identity(2, 3), graph.poses[12].data(), &problem);
+      EXPECT_EQ(NamesOf(problem, Labelled(graph.poses[12].data(), "dock")),
+                Names{"rotation about `dock`"});
+    }
+  }
 }
 
 // x, y and angle in their own blocks.
@@ -154,6 +176,22 @@ TEST(HeldGauge, RotationsInSpace) {
     EXPECT_EQ(NamesOf(problem, options),
               Names{"rotation about the axis through `p 0` and `p 2`"});
   }
+}
+
+// Two heights held: a hinge, and a rotation about the vertical.
+TEST(HeldGauge, HeightsOfTwoPoses) {
+  ceres::Problem problem;
+  Graph3 graph(9, &problem);
+  graph.p[2] = {1.0, 0.5, 0.0};
+  graph.p[5] = {4.0, 4.5, 2.0};
+  for (const int i : {2, 5}) {
+    problem.SetManifold(graph.p[i].data(), new ceres::SubsetManifold(3, {2}));
+  }
+  EXPECT_EQ(NamesOf(problem, Labelled(graph.p[2].data(), "p 2")),
+            (Names{"translation x",
+                   "translation y",
+                   "rotation about z through `p 2`",
+                   "rotation about (0.6, 0.8, 0) through `p 2`"}));
 }
 
 // The tangent of an Eigen quaternion turns about the axes of the world.
@@ -390,6 +428,45 @@ TEST(HeldGauge, FactorOfEachChannel) {
     problem.SetManifold(colours[2].data(), new ceres::SubsetManifold(3, {0}));
     EXPECT_EQ(NamesOf(problem), Names{"factor of component 2"});
   }
+}
+
+// A gauge of one's own names what remains of it by itself.
+TEST(HeldGauge, CombinationsOfOnesOwnGauge) {
+  std::vector<std::array<double, 4>> x(5, {1.0, 2.0, 3.0, 4.0});
+  const MatrixXd I = MatrixXd::Identity(4, 4);
+  ceres::Problem problem;
+  for (std::size_t i = 0; i + 1 < x.size(); ++i) {
+    problem.AddResidualBlock(
+        new Linear({I, -I}), nullptr, x[i].data(), x[i + 1].data());
+  }
+  // Translations with these rows' null vector (1, 2, -1, 0) / 2 remain.
+  MatrixXd held(3, 4);
+  held << 2.0, -1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0;
+  AddPrior(held, x[1].data(), &problem);
+  RankReport::Options options;
+  Gauge gauge;
+  gauge.name = "offsets";
+  gauge.generators = {"a", "b", "c", "d"};
+  gauge.motions = [](const GaugeComponent& component, MatrixXd* motions) {
+    for (const GaugeBlock& block : component.blocks) {
+      motions->middleRows(block.offset, 4).setIdentity();
+    }
+    return true;
+  };
+  options.gauges = {gauge};
+  EXPECT_EQ(NamesOf(problem, options), Names{""});
+  VectorXd given;
+  options.gauges[0].name_combinations = [&given](const GaugeComponent&,
+                                                 const MatrixXd& coefficients) {
+    EXPECT_EQ(coefficients.cols(), 1);
+    given = coefficients.col(0);
+    return std::vector<Gauge::Combination>{
+        {"no such motion", VectorXd::Ones(4)}, {"a + 2 b - c", given}};
+  };
+  // A combination that changes the residuals is not reported.
+  EXPECT_EQ(NamesOf(problem, options), Names{"a + 2 b - c"});
+  EXPECT_LE((given / given[0] - Eigen::Vector4d(1.0, 2.0, -1.0, 0.0)).norm(),
+            1e-12);
 }
 
 }  // namespace rank_report_held_test

@@ -3,8 +3,6 @@
 #include <map>
 
 #include "fmt/core.h"
-#include "invgrad/rank/decompositions.h"
-#include "invgrad/rank/motion_names.h"
 #include "invgrad/rank/pose_gauge.h"
 
 namespace invgrad {
@@ -14,16 +12,12 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 Gauge Translation(int size) {
-  const auto name_of = [size](const VectorXd& direction) -> std::string {
-    if (size == 1) return "translation";
-    const int axis = Axis(direction);
-    return axis >= 0 ? fmt::format("translation of component {}", axis)
-                     : "translation along " + Coordinates(direction);
-  };
   Gauge gauge;
   gauge.name = fmt::format("common translation of the blocks of size {}", size);
   for (int i = 0; i < size; ++i) {
-    gauge.generators.push_back(name_of(VectorXd::Unit(size, i)));
+    gauge.generators.push_back(
+        size == 1 ? "translation"
+                  : fmt::format("translation of component {}", i));
   }
   gauge.motions = [size](const GaugeComponent& component, MatrixXd* motions) {
     int num_blocks = 0;
@@ -33,15 +27,6 @@ Gauge Translation(int size) {
       motions->middleRows(block.offset, size).setIdentity();
     }
     return num_blocks > 1;
-  };
-  gauge.name_combinations = [name_of](const GaugeComponent&,
-                                      const MatrixXd& coefficients) {
-    std::vector<Gauge::Combination> combinations;
-    const MatrixXd directions = UnitVectorsFirst(Orthonormalized(coefficients));
-    for (const auto direction : directions.colwise()) {
-      combinations.push_back({name_of(direction), direction});
-    }
-    return combinations;
   };
   return gauge;
 }

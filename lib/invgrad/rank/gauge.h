@@ -48,10 +48,9 @@ namespace invgrad {
 
 struct GaugeBlock {
   const double* values = nullptr;
-  int size = 0;    // ambient
-  int offset = 0;  // of its entries in a motion
-  bool is_constant = false;
-  std::string name;  // of the report; may be empty if is_constant
+  int size = 0;      // ambient
+  int offset = 0;    // of its entries in a motion
+  std::string name;  // in the report; empty for a constant block without one
   const ceres::Manifold* manifold = nullptr;  // null: Euclidean
 };
 

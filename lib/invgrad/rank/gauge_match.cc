@@ -17,14 +17,14 @@ using Eigen::VectorXd;
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// The group's blocks, and the other blocks of its residuals as constant ones.
+// The group's blocks, and then the other blocks of its residuals.
 GaugeComponent MakeComponent(const RankReport::Options& options,
                              const ceres::Problem& problem,
                              const RankReport& report,
                              const BlockGroup& group) {
   GaugeComponent component;
   std::unordered_map<const double*, int> index;
-  const auto add = [&](const BlockArgument& argument, bool is_constant) {
+  const auto add = [&](const BlockArgument& argument) {
     const auto [values, b] = argument;
     const auto [it, is_new] =
         index.insert({values, static_cast<int>(component.blocks.size())});
@@ -33,7 +33,6 @@ GaugeComponent MakeComponent(const RankReport::Options& options,
       block.values = values;
       block.size = problem.ParameterBlockSize(values);
       block.offset = component.ambient_size;
-      block.is_constant = is_constant;
       if (b >= 0) {
         block.name = report.blocks[b].name;
       } else if (options.block_name) {
@@ -45,12 +44,12 @@ GaugeComponent MakeComponent(const RankReport::Options& options,
     }
     return it->second;
   };
-  for (const int b : group.blocks) add({report.blocks[b].values, b}, false);
+  for (const int b : group.blocks) add({report.blocks[b].values, b});
   for (const std::vector<BlockArgument>& residual_block : group.arguments) {
     std::vector<int> arguments;
     arguments.reserve(residual_block.size());
     for (const BlockArgument& argument : residual_block) {
-      arguments.push_back(add(argument, true));
+      arguments.push_back(add(argument));
     }
     component.arguments.push_back(std::move(arguments));
   }
@@ -131,43 +130,50 @@ GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
 GaugeMatch GaugeMatcher::Best(double limit,
                               Index num_null,
                               Index num_wanted) const {
-  GaugeMatch match;
-  const Candidate* best = nullptr;
-  RightSvd svd;  // of A on the best candidate's basis
-  Index num_unseen = 0;
+  GaugeMatch best;
   for (const Candidate& candidate : candidates_) {
-    RightSvd found = ComputeRightSvd(A_ * candidate.basis);
-    const Index unseen = (found.s.array() <= limit).count();
-    const Index by_chance = candidate.basis.cols() + num_null - A_.cols();
-    if (unseen <= std::max(num_unseen, by_chance)) continue;
-    best = &candidate;
-    svd = std::move(found);
-    num_unseen = unseen;
-    if (unseen >= num_wanted) break;
+    const RightSvd svd = ComputeRightSvd(A_ * candidate.basis);
+    const Index g = candidate.basis.cols();
+    const Index unseen = (svd.s.array() <= limit).count();
+    const Index by_chance = g + num_null - A_.cols();
+    if (unseen < best.directions.cols() ||
+        unseen <= std::max<Index>(by_chance, 0)) {
+      continue;
+    }
+    GaugeMatch match = Match(candidate,
+                             candidate.basis * svd.V.rightCols(unseen),
+                             candidate.basis * svd.V.leftCols(g - unseen),
+                             limit);
+    if (unseen == best.directions.cols() && match.num_named <= best.num_named) {
+      continue;
+    }
+    best = std::move(match);
+    if (best.num_named >= num_wanted) break;
   }
-  if (best == nullptr) return match;
-  match.name = best->gauge.name;
+  return best;
+}
+
+GaugeMatch GaugeMatcher::Match(const Candidate& candidate,
+                               const MatrixXd& unseen,
+                               const MatrixXd& seen,
+                               double limit) const {
+  GaugeMatch match;
+  match.name = candidate.gauge.name;
   match.num_generators =
-      static_cast<int>((best->lengths.array() > 0.0).count());
-  // Combinations whose motions lie in the unseen part of the span.
-  const MatrixXd seen = svd.V.leftCols(svd.V.cols() - num_unseen).transpose() *
-                        (best->basis.transpose() * best->motions);
-  const MatrixXd C =
-      ComputeRightSvd(seen).V.rightCols(best->motions.cols() - seen.rows());
-  match.directions.resize(A_.cols(), 0);
-  MatrixXd named(A_.cols(), 0);  // an orthonormal basis of the directions
-  for (const auto& [name, motion] : Named(*best, C, limit)) {
-    if (!Extend(motion, &named)) continue;
-    match.directions.conservativeResize(Eigen::NoChange, named.cols());
-    match.directions.rightCols<1>() = motion;
+      static_cast<int>((candidate.lengths.array() > 0.0).count());
+  // Coefficients of the generators whose motions are unseen.
+  const MatrixXd C = ComputeRightSvd(seen.transpose() * candidate.motions)
+                         .V.rightCols(candidate.motions.cols() - seen.cols());
+  match.directions.resize(A_.cols(), unseen.cols());
+  MatrixXd basis(A_.cols(), 0);  // of the directions
+  for (const auto& [name, motion] : Named(candidate, C, limit)) {
+    if (basis.cols() == unseen.cols() || !Extend(motion, &basis)) continue;
+    match.directions.col(match.num_named++) = motion;
     match.generators.push_back(name);
   }
-  const MatrixXd rest =
-      OrthogonalRest(best->basis * svd.V.rightCols(num_unseen), named);
-  match.directions.conservativeResize(Eigen::NoChange,
-                                      named.cols() + rest.cols());
+  const MatrixXd rest = OrthogonalRest(unseen, basis);
   match.directions.rightCols(rest.cols()) = rest;
-  match.generators.resize(static_cast<std::size_t>(match.directions.cols()));
+  match.generators.resize(static_cast<std::size_t>(unseen.cols()));
   return match;
 }
 

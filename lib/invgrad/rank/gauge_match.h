@@ -29,6 +29,7 @@ struct GaugeMatch {
   Eigen::MatrixXd directions;
   // One a direction: a generator, a combination that the gauge names, or empty.
   std::vector<std::string> generators;
+  int num_named = 0;  // of the directions, which they begin with
 };
 
 class GaugeMatcher {
@@ -41,9 +42,10 @@ class GaugeMatcher {
                const BlockGroup& group);
 
   // The gauge with the most directions that leave the residuals unchanged; of
-  // several, the first. The search ends at `num_wanted` of them. A gauge whose
-  // span has no more of them in common with the null space, of dimension
-  // `num_null`, than any span of its dimension explains nothing.
+  // several, the one with most names; of several, the first. The search ends at
+  // `num_wanted` named directions. A gauge whose span has no more of them in
+  // common with the null space, of dimension `num_null`, than any span of its
+  // dimension explains nothing.
   GaugeMatch Best(double limit,
                   Eigen::Index num_null,
                   Eigen::Index num_wanted) const;
@@ -64,6 +66,13 @@ class GaugeMatcher {
     std::string name;
     Eigen::VectorXd motion;  // n, of length one
   };
+
+  // Together, the columns of `unseen`, which leave the residuals unchanged, and
+  // of `seen` are an orthonormal basis of the candidate's span.
+  GaugeMatch Match(const Candidate& candidate,
+                   const Eigen::MatrixXd& unseen,
+                   const Eigen::MatrixXd& seen,
+                   double limit) const;
 
   // Motions that leave the residuals unchanged and have names, among the
   // combinations with coefficients in the span of C's columns.

@@ -33,6 +33,42 @@ MatrixXd WithZeroRows(const MatrixXd& Q, Index first, Index num) {
   return Q * svd.V.rightCols((svd.s.array() <= kNegligible).count());
 }
 
+// An orthonormal basis of the span of Q's orthonormal columns, which begins with
+// the unit vectors that the span contains.
+MatrixXd UnitVectorsFirst(const MatrixXd& Q) {
+  MatrixXd units(Q.rows(), 0);
+  for (Index i = 0; i < Q.rows(); ++i) {
+    const VectorXd unit = VectorXd::Unit(Q.rows(), i);
+    if ((unit - Q * Q.row(i).transpose()).norm() > kNegligible) continue;
+    units.conservativeResize(Eigen::NoChange, units.cols() + 1);
+    units.rightCols<1>() = unit;
+  }
+  MatrixXd rest = OrthogonalRest(Q, units);
+  for (auto direction : rest.colwise()) {
+    Index largest = 0;
+    direction.cwiseAbs().maxCoeff(&largest);
+    if (direction[largest] < 0.0) direction = -direction;
+  }
+  MatrixXd basis(Q.rows(), units.cols() + rest.cols());
+  basis << units, rest;
+  return basis;
+}
+
+// The index of a unit vector's nonzero entry, or -1.
+int Axis(const VectorXd& direction) {
+  Index largest = 0;
+  return direction.cwiseAbs().maxCoeff(&largest) >= 1.0 - kNegligible
+             ? static_cast<int>(largest)
+             : -1;
+}
+
+// "(0.6, 0.8)"
+std::string Coordinates(const VectorXd& x) {
+  std::vector<std::string> entries;
+  for (const double entry : x) entries.push_back(FormatNumber(entry, 4));
+  return fmt::format("({})", fmt::join(entries, ", "));
+}
+
 // Velocities relative to the centre, modulo translations.
 class FieldNames {
  public:
@@ -71,7 +107,7 @@ class FieldNames {
     MatrixXd M;
     VectorXd v;
     Vector3d point = Vector3d::Zero();
-    const Landmark* landmark = nullptr;  // at the point, if there is one
+    const Landmark* landmark = nullptr;  // at the point, if there is just one
 
     double DistanceTo(const Vector3d& q) const { return (M * q - v).norm(); }
   };
@@ -91,9 +127,9 @@ class FieldNames {
       }
       fixed.v.segment<3>(3 * j) = -P * fields.col(j).head<3>();
     }
-    fixed.landmark = Nearest(fixed, nullptr);
-    if (fixed.landmark != nullptr) {
-      fixed.point = Relative(*fixed.landmark);
+    if (const Landmark* landmark = Nearest(fixed, nullptr)) {
+      fixed.point = Relative(*landmark);
+      if (IsAlone(*landmark)) fixed.landmark = landmark;
       return fixed;
     }
     Eigen::CompleteOrthogonalDecomposition<MatrixXd> solver(3 * fields.cols(),
@@ -104,28 +140,36 @@ class FieldNames {
     return fixed;
   }
 
-  // The landmark at a fixed point, and not where `other` is. Of several at one
-  // place, a constant one, or the first.
+  // The landmark at a fixed point, and not where `other` is. Of several, the
+  // first.
   const Landmark* Nearest(const FixedPoints& fixed,
                           const Landmark* other) const {
+    constexpr double kRounding = 1e-9;
     const Landmark* nearest = nullptr;
     double least = kNegligible;
     for (const Landmark& landmark : landmarks_) {
-      constexpr double kRounding = 1e-9;
-      constexpr double kApart = 1e-3;
+      if (other != nullptr && AreClose(landmark, *other, 1e-3)) continue;
       const double distance = fixed.DistanceTo(Relative(landmark));
-      if (!(distance <= least + kRounding)) continue;
-      if (other != nullptr &&
-          (landmark.position - other->position).norm() <= kApart * length_) {
-        continue;
-      }
-      if (nearest == nullptr || distance < least - kRounding ||
-          (IsConstant(landmark) && !IsConstant(*nearest))) {
+      if (distance < least - (nearest == nullptr ? 0.0 : kRounding)) {
         nearest = &landmark;
+        least = distance;
       }
-      least = std::min(least, distance);
     }
     return nearest;
+  }
+
+  // Another block at the same place may be a revisit, or no point at all, such
+  // as a bias of zero.
+  bool IsAlone(const Landmark& landmark) const {
+    return std::count_if(landmarks_.begin(),
+                         landmarks_.end(),
+                         [&](const Landmark& other) {
+                           return AreClose(landmark, other, kNegligible);
+                         }) == 1;
+  }
+
+  bool AreClose(const Landmark& a, const Landmark& b, double distance) const {
+    return (a.position - b.position).norm() <= distance * length_;
   }
 
   void NameRotations(MatrixXd fields) {
@@ -154,17 +198,16 @@ class FieldNames {
     if (!in_space_) {
       name += " about " + point;
     } else {
+      name += " through " + point;
       // Two blocks say more than a direction.
-      FixedPoints on_axis = *Find(field);
-      const Landmark* second =
-          Axis(axis) < 0 && translations_.cols() == 0 && fixed.landmark
-              ? Nearest(on_axis, fixed.landmark)
-              : nullptr;
-      name = second != nullptr
-                 ? fmt::format("rotation about the axis through {} and {}",
-                               point,
-                               Name(*second))
-                 : name + " through " + point;
+      if (Axis(axis) < 0 && translations_.cols() == 0 && fixed.landmark) {
+        const Landmark* second = Nearest(*Find(field), fixed.landmark);
+        if (second != nullptr && IsAlone(*second)) {
+          name = fmt::format("rotation about the axis through {} and {}",
+                             point,
+                             Name(*second));
+        }
+      }
     }
     Add(name, About(fixed.point, field));
   }
@@ -201,13 +244,6 @@ class FieldNames {
     return (landmark.position - center_) / length_;
   }
 
-  static bool IsConstant(const Landmark& landmark) {
-    return std::all_of(
-        landmark.blocks.begin(),
-        landmark.blocks.end(),
-        [](const GaugeBlock* block) { return block->is_constant; });
-  }
-
   // "`pose 0`", "`x 0`, `y 0`", or the coordinates of constant blocks without
   // name.
   std::string Name(const Landmark& landmark) const {
@@ -226,9 +262,8 @@ class FieldNames {
                                      : Place(center_ + length_ * fixed.point);
   }
 
-  std::string Place(Vector3d x) const {
-    x = (x.array().abs() < kNegligible * length_).select(0.0, x);
-    return Coordinates(x.head(in_space_ ? 3 : 2));
+  std::string Place(const Vector3d& x) const {
+    return Coordinates(Rounded(x / length_).head(in_space_ ? 3 : 2) * length_);
   }
 
   // "x", or "along (0.6, 0.8)".
@@ -236,7 +271,11 @@ class FieldNames {
                         const std::string& along) const {
     const int axis = Axis(direction);
     if (axis >= 0) return std::string(1, "xyz"[axis]);
-    return along + Coordinates(direction.head(in_space_ ? 3 : 2));
+    return along + Coordinates(Rounded(direction).head(in_space_ ? 3 : 2));
+  }
+
+  static Vector3d Rounded(const Vector3d& x) {
+    return (x.array().abs() < kNegligible).select(0.0, x);
   }
 
   const std::vector<Landmark>& landmarks_;
@@ -248,38 +287,6 @@ class FieldNames {
 };
 
 }  // namespace
-
-MatrixXd UnitVectorsFirst(const MatrixXd& Q) {
-  MatrixXd units(Q.rows(), 0);
-  for (Index i = 0; i < Q.rows(); ++i) {
-    const VectorXd unit = VectorXd::Unit(Q.rows(), i);
-    if ((unit - Q * Q.row(i).transpose()).norm() > kNegligible) continue;
-    units.conservativeResize(Eigen::NoChange, units.cols() + 1);
-    units.rightCols<1>() = unit;
-  }
-  MatrixXd rest = OrthogonalRest(Q, units);
-  for (auto direction : rest.colwise()) {
-    Index largest = 0;
-    direction.cwiseAbs().maxCoeff(&largest);
-    if (direction[largest] < 0.0) direction = -direction;
-  }
-  MatrixXd basis(Q.rows(), units.cols() + rest.cols());
-  basis << units, rest;
-  return basis;
-}
-
-int Axis(const VectorXd& direction) {
-  Index largest = 0;
-  return direction.cwiseAbs().maxCoeff(&largest) >= 1.0 - kNegligible
-             ? static_cast<int>(largest)
-             : -1;
-}
-
-std::string Coordinates(const VectorXd& x) {
-  std::vector<std::string> entries;
-  for (const double entry : x) entries.push_back(FormatNumber(entry, 4));
-  return fmt::format("({})", fmt::join(entries, ", "));
-}
 
 std::vector<NamedField> NameFields(const MatrixXd& fields,
                                    const std::vector<Landmark>& landmarks,

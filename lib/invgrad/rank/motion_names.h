@@ -42,16 +42,6 @@ std::vector<NamedField> NameFields(const Eigen::MatrixXd& fields,
                                    const Eigen::Vector3d& center,
                                    bool in_space);
 
-// An orthonormal basis of the span of Q's orthonormal columns, which begins with
-// the unit vectors that the span contains.
-Eigen::MatrixXd UnitVectorsFirst(const Eigen::MatrixXd& Q);
-
-// The index of a unit vector's nonzero entry, or -1.
-int Axis(const Eigen::VectorXd& direction);
-
-// "(0.6, 0.8)"
-std::string Coordinates(const Eigen::VectorXd& x);
-
 }  // namespace invgrad
 
 #endif  // INVGRAD_RANK_MOTION_NAMES_H_
