@@ -56,7 +56,8 @@ struct RankReport {
     bool apply_loss_function = true;
     // The name of a block; "" or no function: "block i". i counts the
     // non-constant blocks in the order in which the residual blocks first use
-    // them.
+    // them. Constant blocks need names only where a gauge is named by them:
+    // "rotation about `pose 0`".
     std::function<std::string(const double* values)> block_name;
     // Tried before the built-in ones.
     std::vector<Gauge> gauges;
