@@ -54,8 +54,8 @@ struct GaugeBlock {
   const ceres::Manifold* manifold = nullptr;  // null: Euclidean
 };
 
-// Blocks that residuals couple, and the constant blocks of these residuals,
-// whose motion is ignored.
+// Blocks that residuals couple, and then the other blocks of these residuals,
+// such as constant ones, whose motion is ignored.
 struct GaugeComponent {
   std::vector<GaugeBlock> blocks;
   int ambient_size = 0;  // the sum of the blocks' sizes

@@ -43,9 +43,9 @@ class GaugeMatcher {
 
   // The gauge with the most directions that leave the residuals unchanged; of
   // several, the one with most names; of several, the first. The search ends at
-  // `num_wanted` named directions. A gauge whose span has no more of them in
-  // common with the null space, of dimension `num_null`, than any span of its
-  // dimension explains nothing.
+  // `num_wanted` named directions. A gauge explains nothing if it has no more of
+  // them than any span of its dimension has in common with a null space of
+  // dimension `num_null`.
   GaugeMatch Best(double limit,
                   Eigen::Index num_null,
                   Eigen::Index num_wanted) const;

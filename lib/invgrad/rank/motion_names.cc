@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "Eigen/Geometry"
@@ -54,11 +53,12 @@ MatrixXd UnitVectorsFirst(const MatrixXd& Q) {
   return basis;
 }
 
-// The index of a unit vector's nonzero entry, or -1.
-int Axis(const VectorXd& direction) {
-  Index largest = 0;
-  return direction.cwiseAbs().maxCoeff(&largest) >= 1.0 - kNegligible
-             ? static_cast<int>(largest)
+// The i of the unit vector e_i, or -1.
+int Axis(const Vector3d& direction) {
+  Index i = 0;
+  direction.maxCoeff(&i);
+  return (direction - Vector3d::Unit(i)).norm() <= kNegligible
+             ? static_cast<int>(i)
              : -1;
 }
 
