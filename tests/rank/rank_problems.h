@@ -99,6 +99,28 @@ inline void ExpectConsistent(const ceres::Problem& problem,
             static_cast<std::size_t>(problem.NumParameterBlocks()));
 }
 
+using Names = std::vector<std::string>;
+
+// Of all undetermined directions, which are of one gauge, "" for no name.
+inline Names NamesOf(const ceres::Problem& problem,
+                     const RankReport::Options& options = {}) {
+  const RankReport report = Report(problem, options);
+  ExpectConsistent(problem, report);
+  EXPECT_EQ(report.gauges.size(), 1u) << report.ToText();
+  Names names;
+  for (const RankReport::Direction& direction : report.undetermined) {
+    EXPECT_FALSE(direction.gauge.empty());
+    names.push_back(direction.generator);
+  }
+  return names;
+}
+
+inline void AddPrior(const Eigen::MatrixXd& A,
+                     double* x,
+                     ceres::Problem* problem) {
+  problem->AddResidualBlock(new Linear({A}), nullptr, x);
+}
+
 // Poses in the plane.
 
 // (x, y, angle) of b as a sees it, less a measurement; the angle in units of

@@ -8,20 +8,28 @@
 #include "invgrad/rank/rank_report.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/pose_graph.h"
+#include "tests/rank/rank_problems.h"
 #include "tests/support/published_data.h"
 
 namespace invgrad {
 namespace rank_report_data_test {
 
-// With all poses free, or with the first one constant.
-RankReport ReportOf(PoseGraph* graph, bool is_anchored) {
+enum class Held { kNothing, kFirstPosition, kFirstPose };
+
+RankReport ReportOf(PoseGraph* graph, Held held) {
   ceres::Problem problem;
   AddPoseGraph(
       InformationRoot::kLower, [] { return nullptr; }, graph, &problem);
   std::vector<double*> blocks;
   problem.GetParameterBlocks(&blocks);
   for (double* values : blocks) {
-    if (!is_anchored) problem.SetParameterBlockVariable(values);
+    if (held != Held::kFirstPose) problem.SetParameterBlockVariable(values);
+  }
+  if (held == Held::kFirstPosition) {
+    problem.AddResidualBlock(
+        new Linear({Eigen::MatrixXd::Identity(graph->dimension, 3)}),
+        nullptr,
+        graph->poses.data());
   }
   RankReport report;
   std::string error;
@@ -34,10 +42,19 @@ TEST(RankReportData, PoseGraphsAreFreeToMoveAsAWhole) {
     const char* file;
     int num_directions;
     const char* gauge;
+    Names held;
   };
-  for (const auto& [file, num_directions, gauge] :
-       {Case{"g2o/M3500.g2o", 3, "rigid motion in the plane"},
-        Case{"g2o/sphere2500.g2o", 6, "rigid motion in space"}}) {
+  for (const auto& [file, num_directions, gauge, names] :
+       {Case{"g2o/M3500.g2o",
+             3,
+             "rigid motion in the plane",
+             {"rotation about `block 0`"}},
+        Case{"g2o/sphere2500.g2o",
+             6,
+             "rigid motion in space",
+             {"rotation about x through `block 0`",
+              "rotation about y through `block 0`",
+              "rotation about z through `block 0`"}}}) {
     const std::string path = PublishedData(file);
     if (path.empty()) {
       GTEST_SKIP() << file << " is not here; it is published at "
@@ -46,13 +63,18 @@ TEST(RankReportData, PoseGraphsAreFreeToMoveAsAWhole) {
     PoseGraph graph;
     std::string error;
     ASSERT_TRUE(ReadG2oFile(path, &graph, &error)) << error;
-    const RankReport free = ReportOf(&graph, false);
+    const RankReport free = ReportOf(&graph, Held::kNothing);
     EXPECT_TRUE(free.is_complete);
     EXPECT_EQ(free.num_undetermined(), num_directions) << free.ToText();
     ASSERT_EQ(free.gauges.size(), 1u) << free.ToText();
     EXPECT_EQ(free.gauges[0].name, gauge);
     EXPECT_EQ(free.gauges[0].num_generators, num_directions);
-    EXPECT_EQ(ReportOf(&graph, true).num_undetermined(), 0);
+    const RankReport held = ReportOf(&graph, Held::kFirstPosition);
+    ASSERT_EQ(held.undetermined.size(), names.size()) << held.ToText();
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      EXPECT_EQ(held.undetermined[i].generator, names[i]);
+    }
+    EXPECT_EQ(ReportOf(&graph, Held::kFirstPose).num_undetermined(), 0);
   }
 }
 

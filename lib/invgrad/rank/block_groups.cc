@@ -242,18 +242,18 @@ bool GroupBlocks(const RankReport::Options& options,
   for (BlockGroup& group : *groups) {
     FillJacobian(J, lengths, local_rows, &group);
   }
-  for (const auto& block : structure.residual_blocks) {
+  for (const auto& residual_block : structure.residual_blocks) {
+    std::vector<BlockArgument> arguments;
     std::set<int> named;
-    for (int a = 0; a < block.num_arguments; ++a) {
-      const int b = structure.arguments[block.first_argument + a].block;
+    for (int i = 0; i < residual_block.num_arguments; ++i) {
+      const int a = residual_block.first_argument + i;
+      const int b = structure.arguments[a].block;
+      arguments.push_back({structure.values[a], b});
       if (b >= 0 && report->blocks[b].group >= 0) {
         named.insert(report->blocks[b].group);
       }
     }
-    const auto values = structure.values.begin() + block.first_argument;
-    for (const int g : named) {
-      (*groups)[g].arguments.emplace_back(values, values + block.num_arguments);
-    }
+    for (const int g : named) (*groups)[g].arguments.push_back(arguments);
   }
   return true;
 }

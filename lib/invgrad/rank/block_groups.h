@@ -20,6 +20,12 @@
 
 namespace invgrad {
 
+// Of a residual block.
+struct BlockArgument {
+  const double* values = nullptr;
+  int block = -1;  // of the report; -1: constant
+};
+
 struct BlockGroup {
   std::vector<int> blocks;        // of the report
   std::vector<int> columns;       // of the problem's J
@@ -27,7 +33,7 @@ struct BlockGroup {
   std::vector<int> offsets;       // first column of each block, and the end
   Eigen::SparseMatrix<double> A;  // J D^-1, rows and columns of the group
   // The residual blocks that use a block of the group.
-  std::vector<std::vector<double*>> arguments;
+  std::vector<std::vector<BlockArgument>> arguments;
 };
 
 // Linearizes the problem and fills the report's sizes, blocks, unused

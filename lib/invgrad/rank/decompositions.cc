@@ -107,6 +107,18 @@ MatrixXd Orthonormalized(MatrixXd X) {
   return X;
 }
 
+bool Extend(const VectorXd& v, MatrixXd* Q) {
+  VectorXd new_part = v;
+  for (int pass = 0; pass < 2; ++pass) {
+    new_part -= *Q * (Q->transpose() * new_part);
+  }
+  constexpr double kNew = 1e-4;
+  if (!(new_part.norm() > kNew)) return false;
+  Q->conservativeResize(Eigen::NoChange, Q->cols() + 1);
+  Q->rightCols<1>() = new_part.normalized();
+  return true;
+}
+
 std::vector<int> PivotOrder(MatrixXd A) {
   const SingleBlasThread single_thread(A.cols() < kThreads);
   std::vector<lapack_int> order(static_cast<std::size_t>(A.cols()), 0);

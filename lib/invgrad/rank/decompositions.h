@@ -25,6 +25,10 @@ Eigen::VectorXd SingularValues(Eigen::MatrixXd A);
 // Q, m x n, of the m x n matrix X, m >= n.
 Eigen::MatrixXd Orthonormalized(Eigen::MatrixXd X);
 
+// Appends v to Q's orthonormal columns, orthonormalized. Returns false if v, of
+// length one, lies in their span up to 1e-4.
+bool Extend(const Eigen::VectorXd& v, Eigen::MatrixXd* Q);
+
 // P: the order of the columns of A in a QR decomposition with column pivoting.
 std::vector<int> PivotOrder(Eigen::MatrixXd A);
 

@@ -1,11 +1,11 @@
 #include "invgrad/rank/describe_group.h"
 
 #include <algorithm>
-#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "invgrad/rank/choose_anchors.h"
 #include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/gauge_match.h"
 #include "invgrad/rank/localized_basis.h"
@@ -16,79 +16,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// Parameters of one block to hold constant.
-struct Anchor {
-  int block = 0;
-  std::vector<int> rows;  // of the block; all of them: hold the whole block
-  int num_removed = 0;    // directions
-};
-
-// rank is 0 if no block remains.
-struct Candidate {
-  int block = 0;
-  int rank = 0;
-};
-
-Candidate BestBlock(const MatrixXd& N, const std::vector<int>& offsets) {
-  constexpr double kRank = 1e-5;  // relative to the block's largest
-  // A block that does not move cannot be an anchor, and a block that hardly
-  // moves is a bad anchor if there are others.
-  constexpr double kFixed = 1e-6;
-  constexpr double kFirm = 0.01;
-  std::vector<double> norms;
-  for (std::size_t b = 0; b + 1 < offsets.size(); ++b) {
-    norms.push_back(
-        N.middleRows(offsets[b], offsets[b + 1] - offsets[b]).norm());
-  }
-  const double largest = *std::max_element(norms.begin(), norms.end());
-  Candidate best;
-  for (std::size_t b = 0; b < norms.size(); ++b) {
-    const int size = offsets[b + 1] - offsets[b];
-    if (size < best.rank || !(norms[b] > kFixed * largest)) continue;
-    const VectorXd s = SingularValues(N.middleRows(offsets[b], size));
-    const int rank = static_cast<int>((s.array() > kRank * s[0]).count());
-    if (rank > best.rank ||
-        (rank == best.rank && kFirm * norms[b] > norms[best.block])) {
-      best = {static_cast<int>(b), rank};
-    }
-  }
-  return best;
-}
-
-// Rows R of N held constant leave the directions { N c : N_R c = 0 }, so they
-// remove rank(N_R) of them. The choice is greedy: the block that removes most
-// directions; of several, the first, unless another one moves a hundred times as
-// much. An anchor consists of rank-many rows if can_hold_rows[block], otherwise
-// of all rows of the block. N has orthonormal columns and rows of comparable
-// units; block b has the rows offsets[b] ... offsets[b + 1] - 1.
-std::vector<Anchor> ChooseAnchors(MatrixXd N,
-                                  const std::vector<int>& offsets,
-                                  const std::vector<bool>& can_hold_rows,
-                                  int max_anchors) {
-  std::vector<Anchor> anchors;
-  while (N.cols() > 0 && static_cast<int>(anchors.size()) < max_anchors) {
-    const auto [block, rank] = BestBlock(N, offsets);
-    if (rank == 0) break;
-    Anchor anchor;
-    anchor.block = block;
-    anchor.num_removed = rank;
-    const MatrixXd N_b =
-        N.middleRows(offsets[block], offsets[block + 1] - offsets[block]);
-    if (rank < N_b.rows() && can_hold_rows[block]) {
-      anchor.rows = PivotOrder(N_b.transpose());
-      anchor.rows.resize(rank);
-      std::sort(anchor.rows.begin(), anchor.rows.end());
-    } else {
-      anchor.rows.resize(static_cast<std::size_t>(N_b.rows()));
-      std::iota(anchor.rows.begin(), anchor.rows.end(), 0);
-    }
-    const MatrixXd held = N_b(anchor.rows, Eigen::all);
-    N = (N * ComputeRightSvd(held).V.rightCols(N.cols() - rank)).eval();
-    anchors.push_back(std::move(anchor));
-  }
-  return anchors;
-}
 
 class GroupDescription {
  public:
@@ -119,8 +46,8 @@ class GroupDescription {
       j += num;
     }
     if (basis.rest.cols() == 0) return;
-    const GaugeMatch gauge = matcher_.Best(options_.threshold * report_.s_max,
-                                           static_cast<int>(basis.rest.cols()));
+    const GaugeMatch gauge = matcher_.Best(
+        options_.threshold * report_.s_max, dimension_, basis.rest.cols());
     const auto touches_few = [&](const VectorXd& v) {
       return 2 * NumParts(v, group_.offsets) <
              static_cast<int>(group_.blocks.size());
@@ -151,15 +78,7 @@ class GroupDescription {
   // Adds v, of length one, to the reported span. Returns false if v is not
   // independent of it.
   bool Report(const VectorXd& v) {
-    if (reported_.cols() == dimension_) return false;
-    VectorXd new_part = v;
-    for (int pass = 0; pass < 2; ++pass) {
-      new_part -= reported_ * (reported_.transpose() * new_part);
-    }
-    constexpr double kNew = 1e-4;
-    if (!(new_part.norm() > kNew)) return false;
-    reported_.conservativeResize(Eigen::NoChange, reported_.cols() + 1);
-    reported_.rightCols(1) = new_part.normalized();
+    if (reported_.cols() == dimension_ || !Extend(v, &reported_)) return false;
     report_.undetermined.push_back(MakeDirection(v));
     return true;
   }

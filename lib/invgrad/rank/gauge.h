@@ -23,7 +23,8 @@
 //                              with an angle axis and a translation (BAL: 9)
 //   a b                        the common factor of a group of blocks, and the
 //                              factor between the first and second arguments of
-//                              a product
+//                              a product; for products of the components of
+//                              blocks of one size, 2 to 8, a factor a component
 // Blocks of other sizes do not move. Blocks of sizes 1 to 3 beside poses may be
 // positions or calibrations; both are tested. Quaternions are (w, x, y, z) or
 // (x, y, z, w), according to their ceres::Manifold; for other manifolds both
@@ -47,14 +48,14 @@ namespace invgrad {
 
 struct GaugeBlock {
   const double* values = nullptr;
-  int size = 0;    // ambient
-  int offset = 0;  // of its entries in a motion
-  bool is_constant = false;
+  int size = 0;      // ambient
+  int offset = 0;    // of its entries in a motion
+  std::string name;  // in the report; empty for a constant block without one
   const ceres::Manifold* manifold = nullptr;  // null: Euclidean
 };
 
-// Blocks that residuals couple, and the constant blocks of these residuals,
-// whose motion is ignored.
+// Blocks that residuals couple, and then the other blocks of these residuals,
+// such as constant ones, whose motion is ignored.
 struct GaugeComponent {
   std::vector<GaugeBlock> blocks;
   int ambient_size = 0;  // the sum of the blocks' sizes
@@ -68,10 +69,21 @@ struct Gauge {
   // Fills the motions: ambient_size x number of generators, zero on entry.
   // False if the blocks do not have this gauge's layout.
   std::function<bool(const GaugeComponent&, Eigen::MatrixXd* motions)> motions;
+
+  struct Combination {
+    std::string name;              // "rotation about `pose 0`"
+    Eigen::VectorXd coefficients;  // of the generators
+  };
+  // Optional. Names combinations of the generators in the span of the columns of
+  // `coefficients`, which are independent. It is needed if residuals determine a
+  // part of the gauge only, such as the position of a pose. Without it the report
+  // names single generators.
+  std::function<std::vector<Combination>(const GaugeComponent&,
+                                         const Eigen::MatrixXd& coefficients)>
+      name_combinations = nullptr;
 };
 
-// In the order of their number of generators, so that of equally good gauges
-// the first one is the simplest.
+// Of equally good gauges, the first one is the simplest.
 std::vector<Gauge> BuiltInGauges();
 
 }  // namespace invgrad

@@ -1,10 +1,12 @@
 #include "invgrad/rank/gauge_match.h"
 
+#include <algorithm>
 #include <unordered_map>
 #include <utility>
 
+#include "glog/logging.h"
 #include "invgrad/rank/decompositions.h"
-#include "invgrad/rank/gauge.h"
+#include "invgrad/rank/localized_basis.h"
 
 namespace invgrad {
 namespace {
@@ -15,13 +17,15 @@ using Eigen::VectorXd;
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// The group's blocks, and the other blocks of its residuals as constant ones.
-GaugeComponent MakeComponent(const ceres::Problem& problem,
+// The group's blocks, and then the other blocks of its residuals.
+GaugeComponent MakeComponent(const RankReport::Options& options,
+                             const ceres::Problem& problem,
                              const RankReport& report,
                              const BlockGroup& group) {
   GaugeComponent component;
   std::unordered_map<const double*, int> index;
-  const auto add = [&](const double* values, bool is_constant) {
+  const auto add = [&](const BlockArgument& argument) {
+    const auto [values, b] = argument;
     const auto [it, is_new] =
         index.insert({values, static_cast<int>(component.blocks.size())});
     if (is_new) {
@@ -29,18 +33,24 @@ GaugeComponent MakeComponent(const ceres::Problem& problem,
       block.values = values;
       block.size = problem.ParameterBlockSize(values);
       block.offset = component.ambient_size;
-      block.is_constant = is_constant;
+      if (b >= 0) {
+        block.name = report.blocks[b].name;
+      } else if (options.block_name) {
+        block.name = options.block_name(values);
+      }
       block.manifold = problem.GetManifold(values);
       component.ambient_size += block.size;
-      component.blocks.push_back(block);
+      component.blocks.push_back(std::move(block));
     }
     return it->second;
   };
-  for (const int b : group.blocks) add(report.blocks[b].values, false);
-  for (const std::vector<double*>& blocks : group.arguments) {
+  for (const int b : group.blocks) add({report.blocks[b].values, b});
+  for (const std::vector<BlockArgument>& residual_block : group.arguments) {
     std::vector<int> arguments;
-    arguments.reserve(blocks.size());
-    for (const double* values : blocks) arguments.push_back(add(values, true));
+    arguments.reserve(residual_block.size());
+    for (const BlockArgument& argument : residual_block) {
+      arguments.push_back(add(argument));
+    }
     component.arguments.push_back(std::move(arguments));
   }
   return component;
@@ -77,11 +87,10 @@ GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
                            const ceres::Problem& problem,
                            const RankReport& report,
                            const BlockGroup& group)
-    : A_(group.A) {
-  const GaugeComponent component = MakeComponent(problem, report, group);
+    : A_(group.A), component_(MakeComponent(options, problem, report, group)) {
   std::vector<MatrixXd> to_tangent;  // of each block; empty: the identity
   for (std::size_t b = 0; b < group.blocks.size(); ++b) {
-    const GaugeBlock& block = component.blocks[b];
+    const GaugeBlock& block = component_.blocks[b];
     to_tangent.push_back(block.manifold == nullptr
                              ? MatrixXd()
                              : PseudoInversePlusJacobian(block));
@@ -90,67 +99,110 @@ GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
   if (options.look_for_built_in_gauges) {
     for (Gauge& gauge : BuiltInGauges()) gauges.push_back(std::move(gauge));
   }
-  for (const Gauge& gauge : gauges) {
+  for (Gauge& gauge : gauges) {
     MatrixXd ambient = MatrixXd::Zero(
-        component.ambient_size, static_cast<Index>(gauge.generators.size()));
-    if (!gauge.motions(component, &ambient) || !ambient.allFinite()) continue;
-    MatrixXd motions(A_.cols(), ambient.cols());
+        component_.ambient_size, static_cast<Index>(gauge.generators.size()));
+    if (!gauge.motions(component_, &ambient) || !ambient.allFinite()) continue;
+    Candidate candidate;
+    candidate.motions.resize(A_.cols(), ambient.cols());
     for (std::size_t b = 0; b < group.blocks.size(); ++b) {
-      const GaugeBlock& block = component.blocks[b];
+      const GaugeBlock& block = component_.blocks[b];
       MatrixXd tangent = ambient.middleRows(block.offset, block.size);
       if (block.manifold != nullptr) tangent = (to_tangent[b] * tangent).eval();
       const int first = report.blocks[group.blocks[b]].column;
       for (int i = group.offsets[b]; i < group.offsets[b + 1]; ++i) {
-        motions.row(i) =
+        candidate.motions.row(i) =
             group.lengths[i] * tangent.row(group.columns[i] - first);
       }
     }
-    Candidate candidate;
-    candidate.name = gauge.name;
-    std::vector<Index> moving;
-    for (Index g = 0; g < motions.cols(); ++g) {
-      if (motions.col(g).isZero(0.0)) continue;
-      moving.push_back(g);
-      candidate.generators.push_back(gauge.generators[g]);
-    }
-    if (moving.empty()) continue;
-    candidate.motions = motions(Eigen::all, moving);
-    candidate.motions.colwise().normalize();
+    candidate.lengths = candidate.motions.colwise().norm();
+    if (candidate.lengths.isZero(0.0)) continue;
+    for (auto motion : candidate.motions.colwise()) motion.normalize();
     candidate.basis = Span(candidate.motions);
     // A gauge that spans all motions of the group, such as rigid motion in the
     // plane for three scalars, explains none of them.
     if (candidate.basis.cols() == A_.cols()) continue;
+    candidate.gauge = std::move(gauge);
     candidates_.push_back(std::move(candidate));
   }
 }
 
-GaugeMatch GaugeMatcher::Best(double limit, int num_directions) const {
+GaugeMatch GaugeMatcher::Best(double limit,
+                              Index num_null,
+                              Index num_wanted) const {
   GaugeMatch best;
   for (const Candidate& candidate : candidates_) {
     const RightSvd svd = ComputeRightSvd(A_ * candidate.basis);
+    const Index g = candidate.basis.cols();
     const Index unseen = (svd.s.array() <= limit).count();
-    if (unseen <= best.directions.cols()) continue;
-    best.name = candidate.name;
-    best.num_generators = static_cast<int>(candidate.generators.size());
-    best.directions = candidate.basis * svd.V.rightCols(unseen);
-    best.generators.assign(static_cast<std::size_t>(unseen), "");
-    // Named generators, if as many independent ones leave the residuals
-    // unchanged.
-    std::vector<Index> named;
-    std::vector<std::string> names;
-    for (Index g = 0; g < candidate.motions.cols(); ++g) {
-      if ((A_ * candidate.motions.col(g)).norm() > limit) continue;
-      named.push_back(g);
-      names.push_back(candidate.generators[g]);
+    const Index by_chance = g + num_null - A_.cols();
+    if (unseen < best.directions.cols() ||
+        unseen <= std::max<Index>(by_chance, 0)) {
+      continue;
     }
-    const MatrixXd motions = candidate.motions(Eigen::all, named);
-    if (motions.cols() == unseen && Span(motions).cols() == unseen) {
-      best.directions = motions;
-      best.generators = names;
+    GaugeMatch match = Match(candidate,
+                             candidate.basis * svd.V.rightCols(unseen),
+                             candidate.basis * svd.V.leftCols(g - unseen),
+                             limit);
+    if (unseen == best.directions.cols() && match.num_named <= best.num_named) {
+      continue;
     }
-    if (unseen >= num_directions) break;
+    best = std::move(match);
+    if (best.num_named >= num_wanted) break;
   }
   return best;
+}
+
+GaugeMatch GaugeMatcher::Match(const Candidate& candidate,
+                               const MatrixXd& unseen,
+                               const MatrixXd& seen,
+                               double limit) const {
+  GaugeMatch match;
+  match.name = candidate.gauge.name;
+  match.num_generators =
+      static_cast<int>((candidate.lengths.array() > 0.0).count());
+  // Coefficients of the generators whose motions are unseen.
+  const MatrixXd C = ComputeRightSvd(seen.transpose() * candidate.motions)
+                         .V.rightCols(candidate.motions.cols() - seen.cols());
+  match.directions.resize(A_.cols(), unseen.cols());
+  MatrixXd basis(A_.cols(), 0);  // of the directions
+  for (const auto& [name, motion] : Named(candidate, C, limit)) {
+    if (basis.cols() == unseen.cols() || !Extend(motion, &basis)) continue;
+    match.directions.col(match.num_named++) = motion;
+    match.generators.push_back(name);
+  }
+  const MatrixXd rest = OrthogonalRest(unseen, basis);
+  match.directions.rightCols(rest.cols()) = rest;
+  match.generators.resize(static_cast<std::size_t>(unseen.cols()));
+  return match;
+}
+
+std::vector<GaugeMatcher::NamedMotion> GaugeMatcher::Named(
+    const Candidate& candidate, const MatrixXd& C, double limit) const {
+  // Coefficients of motions of length one, and of the generators.
+  const VectorXd lengths =
+      (candidate.lengths.array() > 0.0).select(candidate.lengths, 1.0);
+  std::vector<Gauge::Combination> combinations;
+  if (candidate.gauge.name_combinations) {
+    combinations = candidate.gauge.name_combinations(
+        component_, lengths.cwiseInverse().asDiagonal() * C);
+  } else {
+    for (Index g = 0; g < lengths.size(); ++g) {
+      combinations.push_back(
+          {candidate.gauge.generators[g], VectorXd::Unit(lengths.size(), g)});
+    }
+  }
+  std::vector<NamedMotion> named;
+  for (const auto& [name, coefficients] : combinations) {
+    CHECK_EQ(coefficients.size(), lengths.size()) << candidate.gauge.name;
+    const VectorXd c = lengths.cwiseProduct(coefficients).normalized();
+    VectorXd motion = candidate.motions * c;
+    if (!(motion.norm() > kIndependent)) continue;
+    motion.normalize();
+    if (!((A_ * motion).norm() <= limit)) continue;
+    named.push_back({name, std::move(motion)});
+  }
+  return named;
 }
 
 std::string GaugeMatcher::NameOf(const MatrixXd& V) const {
@@ -158,7 +210,7 @@ std::string GaugeMatcher::NameOf(const MatrixXd& V) const {
   for (const Candidate& candidate : candidates_) {
     const MatrixXd inside = candidate.basis * (candidate.basis.transpose() * V);
     if (((V - inside).colwise().norm().array() <= kOutside).all()) {
-      return candidate.name;
+      return candidate.gauge.name;
     }
   }
   return "";

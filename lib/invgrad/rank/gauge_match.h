@@ -4,7 +4,8 @@
 //   the directions Q c with |A Q c| <= limit |c|
 //
 // This includes combinations of a gauge's g generators, as the scale about a
-// constant camera. O((m + n) g^2) a gauge.
+// constant camera: a k-dimensional space of motions, which the gauge may name.
+// O((m + n) g^2) a gauge.
 #ifndef INVGRAD_RANK_GAUGE_MATCH_H_
 #define INVGRAD_RANK_GAUGE_MATCH_H_
 
@@ -15,6 +16,7 @@
 #include "Eigen/SparseCore"
 #include "ceres/problem.h"
 #include "invgrad/rank/block_groups.h"
+#include "invgrad/rank/gauge.h"
 #include "invgrad/rank/rank_report.h"
 
 namespace invgrad {
@@ -25,8 +27,9 @@ struct GaugeMatch {
   // n x g, independent columns of length one: the motions that leave the
   // residuals unchanged.
   Eigen::MatrixXd directions;
-  // One a direction; empty for combinations of generators.
+  // One a direction: a generator, a combination that the gauge names, or empty.
   std::vector<std::string> generators;
+  int num_named = 0;  // of the directions, which they begin with
 };
 
 class GaugeMatcher {
@@ -39,8 +42,13 @@ class GaugeMatcher {
                const BlockGroup& group);
 
   // The gauge with the most directions that leave the residuals unchanged; of
-  // several, the first. The search ends at `num_directions` of them.
-  GaugeMatch Best(double limit, int num_directions) const;
+  // several, the one with most names; of several, the first. The search ends at
+  // `num_wanted` named directions. A gauge explains nothing if it has no more of
+  // them than any span of its dimension has in common with a null space of
+  // dimension `num_null`.
+  GaugeMatch Best(double limit,
+                  Eigen::Index num_null,
+                  Eigen::Index num_wanted) const;
 
   // The first gauge whose motions span the columns of V (length one) up to 5 %;
   // empty if there is none.
@@ -48,13 +56,32 @@ class GaugeMatcher {
 
  private:
   struct Candidate {
-    std::string name;
-    std::vector<std::string> generators;
-    Eigen::MatrixXd motions;  // n x g, columns of length one
+    Gauge gauge;
+    Eigen::VectorXd lengths;  // of the generators' motions
+    Eigen::MatrixXd motions;  // n x g, columns of length one, or of zeros
     Eigen::MatrixXd basis;    // orthonormal, of the same span
   };
 
+  struct NamedMotion {
+    std::string name;
+    Eigen::VectorXd motion;  // n, of length one
+  };
+
+  // Together, the columns of `unseen`, which leave the residuals unchanged, and
+  // of `seen` are an orthonormal basis of the candidate's span.
+  GaugeMatch Match(const Candidate& candidate,
+                   const Eigen::MatrixXd& unseen,
+                   const Eigen::MatrixXd& seen,
+                   double limit) const;
+
+  // Motions that leave the residuals unchanged and have names, among the
+  // combinations with coefficients in the span of C's columns.
+  std::vector<NamedMotion> Named(const Candidate& candidate,
+                                 const Eigen::MatrixXd& C,
+                                 double limit) const;
+
   const Eigen::SparseMatrix<double>& A_;
+  const GaugeComponent component_;
   std::vector<Candidate> candidates_;
 };
 

@@ -56,7 +56,8 @@ struct RankReport {
     bool apply_loss_function = true;
     // The name of a block; "" or no function: "block i". i counts the
     // non-constant blocks in the order in which the residual blocks first use
-    // them.
+    // them. Constant blocks need names only where a gauge is named by them:
+    // "rotation about `pose 0`".
     std::function<std::string(const double* values)> block_name;
     // Tried before the built-in ones.
     std::vector<Gauge> gauges;
@@ -92,8 +93,10 @@ struct RankReport {
     double singular_value = 0.0;  // |A v| / s_max for |v| = 1
     std::vector<Part> parts;      // the largest share first
     int group = 0;
-    std::string gauge;      // a gauge freedom's name, or empty
-    std::string generator;  // "translation x"; empty: a combination of them
+    std::string gauge;  // a gauge freedom's name, or empty
+    // "translation x", "rotation about `pose 0`"; empty: no gauge, or a
+    // combination of its generators without a name.
+    std::string generator;
   };
 
   // Parameters that no residual depends on.
