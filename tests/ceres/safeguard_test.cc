@@ -16,6 +16,7 @@
 #include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/function_rule.h"
+#include "tests/support/rosenbrock.h"
 
 namespace invgrad {
 namespace safeguard_test {
@@ -196,7 +197,61 @@ TEST(Safeguard, AProposalIntoAWorseWellIsTakenBack) {
   }
 }
 
-// Without a proposal there is nothing to compare.
+struct Root {
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    using std::sqrt;
+    residual[0] = sqrt(x[0]) - 1.0;
+    return true;
+  }
+};
+
+// From 9 the rule leads to 0, where the cost is lower, and J is infinite: Ceres
+// would fail there. Its half is proposed.
+TEST(Safeguard, AStateWithoutAFiniteJacobianIsNotProposed) {
+  double x = 9.0;
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<Root, 1, 1>(new Root), nullptr, &x);
+  int num_calls = 0;
+  FunctionRule rule([&](const auto&, auto* step, std::string*) {
+    *step = Eigen::VectorXd::Constant(1, -9.0);
+    return ++num_calls == 1;
+  });
+  UpdateCallback::Options options;
+  options.compare_with_plain = false;
+  const Outcome outcome =
+      Solve(&rule, SolverOptions(nullptr), &problem, options);
+  EXPECT_EQ(outcome.solver.termination_type, ceres::CONVERGENCE);
+  EXPECT_NEAR(x, 1.0, 1e-6);
+  EXPECT_EQ(outcome.proposals.num_withheld, 1);
+  EXPECT_EQ(outcome.proposals.num_accepted, 1);
+}
+
+// The limits on iterations and time end both solves: the result is not called
+// converged, and it is not worse.
+TEST(Safeguard, LimitsOfTheSolver) {
+  for (const double seconds : {0.0, 1e9}) {
+    ceres::Solver::Options options = SolverOptions(nullptr);
+    options.max_num_iterations = 12;
+    options.max_solver_time_in_seconds = seconds;
+    TwoBlockRosenbrock plain;
+    ceres::Solver::Summary plain_summary;
+    ceres::Solve(options, &plain.problem, &plain_summary);
+    TwoBlockRosenbrock p;
+    FunctionRule rule([](const auto& at_x, auto* step, std::string*) {
+      *step = -1e-3 * at_x.gradient;
+      return true;
+    });
+    const Outcome outcome = Solve(&rule, options, &p.problem);
+    EXPECT_EQ(plain_summary.termination_type, ceres::NO_CONVERGENCE);
+    EXPECT_EQ(outcome.solver.termination_type, ceres::NO_CONVERGENCE);
+    EXPECT_LE(outcome.solver.final_cost, plain_summary.final_cost);
+    EXPECT_EQ(outcome.proposals.took_plain_result, seconds > 0.0);
+  }
+}
+
+// A proposal that is not made changes nothing: there is nothing to compare.
 TEST(Safeguard, APlainRunIsNotRepeated) {
   PoseProblem p;
   FunctionRule rule([](const auto&, auto*, std::string*) { return false; });

@@ -8,6 +8,7 @@
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/update_callback.h"
+#include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/rosenbrock.h"
 
@@ -38,6 +39,14 @@ TEST(UpdateCallback, IsForOneSolve) {
   ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_NEAR(p.x, 1.0, 1e-6);
+}
+
+TEST(UpdateCallback, SaysWhyThereIsNoRule) {
+  TwoBlockRosenbrock p;
+  std::string error;
+  const std::unique_ptr<UpdateRule> rule = MakeRule("half_invers", &error);
+  EXPECT_DEATH(UpdateCallback(rule.get(), &p.problem),
+               "returns no rule for an invalid specification");
 }
 
 TEST(UpdateCallback, NoticesAProblemThatIsDestroyedFirst) {

@@ -290,7 +290,9 @@ UpdateCallback::UpdateCallback(UpdateRule* rule, ceres::Problem* problem)
 UpdateCallback::UpdateCallback(UpdateRule* rule,
                                ceres::Problem* problem,
                                const Options& options) {
-  CHECK(rule != nullptr);
+  CHECK(rule != nullptr)
+      << "MakeRule(specification, &error) returns no rule for an invalid "
+         "specification; its error gives the reason.";
   CHECK(problem != nullptr);
   state_ = std::make_unique<State>(options, rule, problem);
 }

@@ -1,0 +1,158 @@
+// The limit on the time that proposals add to a solve.
+
+#include "invgrad/ceres/work_limit.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/problem.h"
+#include "ceres/solver.h"
+#include "gtest/gtest.h"
+#include "invgrad/ceres/problem_structure.h"
+#include "invgrad/ceres/update_callback.h"
+#include "invgrad/rules/rules.h"
+#include "tests/ceres/callback_problems.h"
+#include "tests/support/rosenbrock.h"
+
+namespace invgrad {
+namespace work_limit_test {
+
+struct Difference {
+  template <typename T>
+  bool operator()(const T* x, const T* y, T* residual) const {
+    using std::sin;
+    residual[0] = y[0] - x[0] - 0.1 * sin(x[0]) - 1.0;
+    return true;
+  }
+};
+
+// A chain of scalars: n parameters, n residuals, 2 n - 1 entries of J.
+struct Chain {
+  explicit Chain(int size) : x(size, 0.0) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset),
+        nullptr,
+        &x[0]);
+    for (int i = 1; i < size; ++i) {
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<Difference, 1, 1, 1>(new Difference),
+          nullptr,
+          &x[i - 1],
+          &x[i]);
+    }
+  }
+  std::vector<double> x;
+  ceres::Problem problem;
+};
+
+// The work of its step is a number of operations.
+class RuleOfWork final : public UpdateRule {
+ public:
+  explicit RuleOfWork(double work) : work_(work) {}
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    *step = -1e-3 * at_x.gradient;
+    return true;
+  }
+  double StepWork(const JacobianSizes&) const override { return work_; }
+
+ private:
+  const double work_;
+};
+
+// The iterations that a run can make, P = 100, if every one is a proposal of
+// `relative_step` iterations' work.
+int NumProposals(double relative_step, double max_relative_work) {
+  Chain chain(100);
+  const ProblemStructure structure = ReadStructure(chain.problem, {});
+  constexpr double kIteration = 2e5 + 500.0 * 199.0;
+  constexpr double kLinearizations = 2.0 * 200.0 * 199.0;
+  const RuleOfWork rule(relative_step * kIteration - kLinearizations);
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  WorkLimit work(
+      max_relative_work, /*has_comparison=*/true, rule, options, structure);
+  work.SetComparison(100);
+  int num_proposals = 0;
+  while (num_proposals < 1000 && work.AllowsStep()) {
+    work.CountStep();
+    work.CountLinearization();
+    work.CountLinearization();
+    work.CountIteration();
+    ++num_proposals;
+  }
+  return num_proposals;
+}
+
+// (iterations + 2) W + w <= (max_relative_work - 1) P W.
+TEST(WorkLimit, IsTheFormula) {
+  EXPECT_EQ(NumProposals(1.0, 2.0), 49);  // 2 k + 2 <= 100
+  EXPECT_EQ(NumProposals(3.0, 2.0), 24);  // 4 k + 2 <= 100
+  EXPECT_EQ(NumProposals(3.0, 3.0), 49);  // 4 k + 2 <= 200
+  EXPECT_EQ(NumProposals(97.0, 2.0), 1);
+  EXPECT_EQ(NumProposals(97.5, 2.0), 0);
+  EXPECT_EQ(NumProposals(1.0, std::numeric_limits<double>::infinity()), 1000);
+}
+
+// A rule whose steps cost more than all of Ceres' iterations changes nothing:
+// a truncated step takes the singular values of 3,000 unknowns.
+TEST(WorkLimit, ARuleThatTakesTooLongMakesNoProposals) {
+  ceres::Solver::Options options = SolverOptions(nullptr);
+  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+  options.max_num_iterations = 50;
+  Chain plain(3000);
+  ceres::Solver::Summary plain_summary;
+  ceres::Solve(options, &plain.problem, &plain_summary);
+
+  Chain chain(3000);
+  const auto rule = MakeRule("half_inverse:step_size=auto:rho=1");
+  UpdateCallback callback(rule.get(), &chain.problem);
+  callback.AddTo(&options);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &chain.problem, &summary);
+  EXPECT_EQ(summary.iterations.size(), plain_summary.iterations.size());
+  EXPECT_EQ(chain.x, plain.x);
+  EXPECT_EQ(callback.summary().num_proposed, 0);
+  const std::string report = callback.summary().BriefReport();
+  EXPECT_NE(report.find("max_relative_work = 2"), std::string::npos) << report;
+}
+
+// The iterations of Ceres, of the comparison and of the run, and the work of
+// the rule, are at most twice those of Ceres alone.
+TEST(WorkLimit, HoldsForTheSolve) {
+  for (const double relative_step : {0.5, 2.0, 8.0}) {
+    TwoBlockRosenbrock plain;
+    ceres::Solver::Options options = SolverOptions(nullptr);
+    ceres::Solver::Summary plain_summary;
+    ceres::Solve(options, &plain.problem, &plain_summary);
+    const double num_plain = plain_summary.iterations.size() - 1.0;
+
+    TwoBlockRosenbrock p;
+    RuleOfWork rule(relative_step * 2e5);
+    UpdateCallback::Options callback_options;
+    callback_options.min_relative_model_decrease = 1e-12;
+    UpdateCallback callback(&rule, &p.problem, callback_options);
+    callback.AddTo(&options);
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &p.problem, &summary);
+    const UpdateCallback::Summary counts = callback.summary();
+    EXPECT_EQ(counts.num_plain_iterations, num_plain);
+    EXPECT_GT(counts.num_proposed + counts.num_withheld, 0);
+    EXPECT_LE(num_plain + summary.iterations.size() - 1.0 +
+                  relative_step * counts.num_proposed,
+              2.0 * num_plain)
+        << counts.BriefReport();
+    EXPECT_LE(summary.final_cost, plain_summary.final_cost);
+  }
+}
+
+}  // namespace work_limit_test
+}  // namespace invgrad
