@@ -104,6 +104,8 @@ TEST_F(OutputProgram, PipesAndDevicesAreNoInput) {
       ExpectRefused({"--problem=toy_network", flag + path},
                     {"cannot read " + path + ": not a regular file"});
     }
+    ExpectRefused({"--flagfile=" + path}, {"--flagfile: cannot read " + path});
+    ExpectRefused({"--flagfile", path}, {"--flagfile: cannot read " + path});
   }
   const Output output =
       Wait(StartProgram("estimate", {"--input=" + Path("pipe.g2o")}));
@@ -124,6 +126,7 @@ TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
       {"--problem=" + large, "unknown problem 'xxx"},
       {"--output=" + large, "File name too long"},
       {"--init_weights=" + large, "File name too long"},
+      {"--flagfile=" + large, "File name too long"},
       {"--dump_step=" + large, "File name too long"},
       {"--hidden=" + large, "hidden=xxx"},
       {"--seeds=" + large, "seed=xxx"},
