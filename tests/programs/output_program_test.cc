@@ -186,7 +186,7 @@ TEST_F(OutputProgram, ASignalEndsAPathAndKeepsIt) {
   EXPECT_TRUE(fs::exists(Path("run/table.txt")));
 }
 
-// With less address space than a problem's data need, an allocation fails.
+// In less address space than the file has bytes.
 TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
   std::ofstream(Path("x.npy")) << "x";
   fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse
