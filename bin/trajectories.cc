@@ -30,6 +30,7 @@ restyle it, and one CSV a rule.
 #include "invgrad/minimize/chain_objective.h"
 #include "problems/problems.h"
 #include "report/gnuplot.h"
+#include "report/interrupt.h"
 #include "report/plot.h"
 
 DEFINE_string(problem,
@@ -157,7 +158,7 @@ void Print(const PointPath& path) {
   }
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   PhysicsProblem problem;
   std::vector<Method> methods;
   if (!CheckFlags(
@@ -178,8 +179,13 @@ bool Run(std::string* error) {
   MinimizerOptions options;
   options.max_num_iterations = FLAGS_steps;
   options.gradient_tolerance = 0.0;  // every run takes all steps
+  if (!PathsFitInMemory(*problem.point, FLAGS_steps, methods.size(), error)) {
+    return false;
+  }
+  const Interrupt interrupt;
   std::vector<PointPath> paths;
   for (const Method& method : methods) {
+    if (Interrupt::IsRequested()) break;
     if (!TracePath(
             *problem.point, method, options, &paths.emplace_back(), error)) {
       *error = method.label + ": " + *error;
@@ -188,12 +194,13 @@ bool Run(std::string* error) {
   }
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   for (const PointPath& path : paths) {
+    counts->Add(!path.has_failed());
     Print(path);
     if (!WritePathCsv(FLAGS_output + "/", path, error)) return false;
   }
-  DrawPicture(FLAGS_output + "/trajectories.png",
-              MakePlots(*problem.point, paths));
   fmt::print("results in {}\n", FLAGS_output);
+  DrawPictures(
+      {{FLAGS_output + "/trajectories.png", MakePlots(*problem.point, paths)}});
   return true;
 }
 

@@ -5,11 +5,14 @@
 #include <limits>
 #include <utility>
 
+#include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
 #include "fmt/format.h"
+#include "invgrad/core/memory_limit.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
+#include "report/interrupt.h"
 #include "report/plot.h"
 #include "report/table.h"
 
@@ -25,6 +28,8 @@ std::string Status(const MinimizerSummary& summary) {
     case ceres::FAILURE:
     case ceres::USER_FAILURE:
       return "failed: " + summary.message;
+    case ceres::USER_SUCCESS:
+      return "interrupted";
     default:
       return "steps done";
   }
@@ -65,23 +70,23 @@ Table PointTable(const PointProblem& problem,
   return table;
 }
 
-// The results of the runs if x is too large to print.
+// The results of the runs if x is too large to print; fields for `panels`.
 bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
+                      std::vector<Plot>* panels,
                       std::string* error) {
-  std::vector<Plot> panels;
   const auto add = [&](const std::string& title,
                        const std::string& file,
                        const Eigen::VectorXd& x) {
     if (problem.field_rows > 0) {
-      Plot& plot = panels.emplace_back();
+      Plot& plot = panels->emplace_back();
       plot.title = title;
       plot.equal_aspect = true;
       HeatMap& map = plot.heat_map.emplace();
       map.z = x.reshaped<Eigen::RowMajor>(problem.field_rows,
                                           x.size() / problem.field_rows);
       // All panels have the colours of the first.
-      const Eigen::MatrixXd& reference = panels[0].heat_map->z;
+      const Eigen::MatrixXd& reference = panels->front().heat_map->z;
       map.z_range = {reference.minCoeff(), reference.maxCoeff()};
     }
     return WriteNpy(fmt::format("{}/x-{}.npy", FLAGS_output, file), x, error);
@@ -95,11 +100,26 @@ bool WriteFinalStates(const PointProblem& problem,
       return false;
     }
   }
-  DrawPicture(FLAGS_output + "/fields.png", panels);
   return true;
 }
 
 }  // namespace
+
+bool PathsFitInMemory(const PointProblem& problem,
+                      double num_steps,
+                      size_t num_methods,
+                      std::string* error) {
+  // x and y, each with what its vector needs; loss, distance, time and curve.
+  const double numbers =
+      static_cast<double>(problem.start.size() + problem.target.size()) + 17.0;
+  const double bytes =
+      sizeof(ceres::IterationSummary) + sizeof(double) * numbers;
+  return FitsInMemory(
+      fmt::format("--steps={:.0f}", num_steps),
+      {{"the paths", bytes * num_steps * static_cast<double>(num_methods)}},
+      /*limit=*/0.0,
+      error);
+}
 
 bool TracePath(const PointProblem& problem,
                const Method& method,
@@ -110,6 +130,8 @@ bool TracePath(const PointProblem& problem,
   path->label = method.label;
   options.function_tolerance = 0.0;
   options.parameter_tolerance = 0.0;
+  LiveCallback live(method.label);
+  options.callbacks.push_back(&live);
   ChainObjective objective = problem.MakeObjective();
   if (!MinimizeByMethod(method,
                         options,
@@ -171,8 +193,11 @@ bool WritePathCsv(const std::string& prefix,
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
                   const MinimizerOptions& options,
+                  RunCounts* counts,
                   std::string* error) {
+  const Interrupt interrupt;
   std::vector<PointPath> paths;
+  std::vector<Plot> fields;
   std::vector<Plot> plots(1);
   plots[0].title = "loss";
   plots[0].x_label = "step";
@@ -180,8 +205,10 @@ bool ComparePoint(const PointProblem& problem,
   plots[0].log_y = true;
   for (const Method& method : methods) {
     PointPath path;
-    std::string why;
-    if (TracePath(problem, method, options, &path, &why)) {
+    path.label = method.label;
+    std::string why = "not run: interrupted";
+    if (!Interrupt::IsRequested() &&
+        TracePath(problem, method, options, &path, &why)) {
       if (!WritePathCsv(FLAGS_output + "/path-", path, error)) return false;
       Series series;
       series.title = method.label;
@@ -194,22 +221,21 @@ bool ComparePoint(const PointProblem& problem,
       path.x.clear();
       path.status = why;
     }
+    counts->Add(!path.has_failed());
     paths.push_back(std::move(path));
   }
   const Table table = PointTable(problem, paths);
   std::cout << table.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       (problem.start.size() > kMaxPrintedSize &&
-       !WriteFinalStates(problem, paths, error))) {
+       !WriteFinalStates(problem, paths, &fields, error))) {
     return false;
   }
-  MuteAllButTheLowest(&plots);
-  DrawPicture(FLAGS_output + "/loss.png", plots);
   std::cout << "results in " << FLAGS_output << "\n";
-  *error = "no method could run";
-  return std::any_of(paths.begin(), paths.end(), [](const PointPath& path) {
-    return !path.x.empty();
-  });
+  MuteAllButTheLowest(&plots);
+  DrawPictures({{FLAGS_output + "/fields.png", fields},
+                {FLAGS_output + "/loss.png", plots}});
+  return true;
 }
 
 }  // namespace invgrad

@@ -40,7 +40,12 @@ struct Row {
   // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   std::string status;
-  bool was_run = true;
+  bool has_failed = true;
+};
+
+struct Runs {
+  std::vector<Row> rows;
+  std::vector<Picture> pictures;  // drawn when all tables are written
 };
 
 std::string Status(const Method& method, const MinimizerSummary& summary) {
@@ -78,6 +83,8 @@ void SetResults(const Method& method,
   row->seconds = summary.total_time_in_seconds;
   row->digits = estimation.Digits();
   row->status = Status(method, summary);
+  row->has_failed = summary.termination_type == ceres::FAILURE ||
+                    summary.termination_type == ceres::USER_FAILURE;
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {
@@ -111,24 +118,6 @@ void AddCosts(const std::string& label,
   (*panels)[1].series.push_back(std::move(seconds));
 }
 
-class Observer final : public ceres::IterationCallback {
- public:
-  explicit Observer(const std::string& label) { state_.label = label; }
-
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
-    state_.step = iteration.iteration;
-    state_.loss = iteration.cost;
-    return ShowProgress(state_, &progress_)
-               ? ceres::SOLVER_CONTINUE
-               : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
-  }
-
- private:
-  ProgressState state_;
-  Progress progress_;
-};
-
 std::string StartName(const EstimationInput& input, int start, int seed) {
   std::string name = input.name;
   if (input.estimation->traits().num_starts > 1) {
@@ -160,8 +149,8 @@ bool Minimize(const std::string& name,
   if (FLAGS_function_tolerance >= 0.0) {
     minimizer.function_tolerance = FLAGS_function_tolerance;
   }
-  Observer observer(name + " " + method.label);
-  minimizer.callbacks.push_back(&observer);
+  LiveCallback live(name + " " + method.label);
+  minimizer.callbacks.push_back(&live);
   method.AddCeresDefaults(
       {{"linear_solver", estimation->traits().linear_solver},
        {"num_threads", std::to_string(FLAGS_threads)}});
@@ -181,7 +170,7 @@ bool RunFrom(int start,
              const EstimationInput& input,
              const std::vector<Method>& methods,
              const MakeLossFunction& make_loss,
-             std::vector<Row>* rows,
+             Runs* runs,
              std::string* error) {
   Estimation* estimation = input.estimation.get();
   const std::string name = StartName(input, start, seed);
@@ -198,13 +187,12 @@ bool RunFrom(int start,
   for (const Method& method : methods) {
     if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
-    Row& row = rows->emplace_back();
+    Row& row = runs->rows.emplace_back();
     row.start = name;
     row.method = method.label;
     MinimizerSummary summary;
     std::string why;
-    row.was_run = Minimize(name, method, make_loss, estimation, &summary, &why);
-    if (!row.was_run) {
+    if (!Minimize(name, method, make_loss, estimation, &summary, &why)) {
       row.status = "not run: " + why;
       continue;
     }
@@ -217,12 +205,13 @@ bool RunFrom(int start,
     if (!estimation->Write(file + estimation->traits().extension, &why)) {
       Warn(why);
       row.status += "; no result file: " + why;
+      row.has_failed = true;
     }
   }
-  DrawPicture(folder + "/result.png", panels);
+  runs->pictures.push_back({folder + "/result.png", std::move(panels)});
   if (!costs[0].series.empty()) {
     MuteAllButTheLowest(&costs);
-    DrawPicture(folder + "/cost.png", costs);
+    runs->pictures.push_back({folder + "/cost.png", std::move(costs)});
   }
   return true;
 }
@@ -339,6 +328,7 @@ Table EstimationSummary(const std::vector<Row>& rows) {
 
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
+                        RunCounts* counts,
                         std::string* error) {
   std::vector<int> seeds;
   MakeLossFunction make_loss;
@@ -366,7 +356,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   if (FLAGS_perturb == 0.0) seeds = {0};
   const Interrupt interrupt;
-  std::vector<Row> rows;
+  Runs runs;
   for (const EstimationInput& input : inputs) {
     for (int start = 0; start < input.estimation->traits().num_starts;
          ++start) {
@@ -375,26 +365,26 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!RunFrom(start, seed, input, methods, make_loss, &rows, error)) {
+        if (!RunFrom(start, seed, input, methods, make_loss, &runs, error)) {
           return false;
         }
       }
     }
   }
-  const Table table = EstimationTable(rows, /*is_exact=*/false);
-  const Table summary = EstimationSummary(rows);
+  const Table table = EstimationTable(runs.rows, /*is_exact=*/false);
+  const Table summary = EstimationSummary(runs.rows);
   std::cout << table.ToText() << "\n" << summary.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       !WriteTable(FLAGS_output + "/summary", summary, error) ||
       !WriteFile(FLAGS_output + "/results.csv",
-                 EstimationTable(rows, /*is_exact=*/true).ToCsv(),
+                 EstimationTable(runs.rows, /*is_exact=*/true).ToCsv(),
                  error)) {
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  *error = "no method could run";
-  return std::any_of(
-      rows.begin(), rows.end(), [](const Row& row) { return row.was_run; });
+  DrawPictures(runs.pictures);
+  for (const Row& row : runs.rows) counts->Add(!row.has_failed);
+  return true;
 }
 
 }  // namespace invgrad

@@ -3,16 +3,25 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstdint>
+#include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <iostream>
 #include <limits>
+#include <new>
 #include <sstream>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas_kernels.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/io/atomic_file.h"
 #include "invgrad/version.h"
+#include "report/interrupt.h"
 
 DECLARE_bool(helpshort);  // of gflags
 
@@ -49,6 +58,81 @@ bool SetByFlag(const char* name, OptionSet* set, std::string* error) {
   return false;
 }
 
+constexpr int kBadInput = 1;
+
+// gflags reads a flag file to its end.
+bool CheckFlagFiles(const std::string& files, std::string* error) {
+  constexpr std::uint64_t kMaxSize = 1 << 20;
+  for (const std::string& file : SplitList(files)) {
+    std::string text;
+    if (!NameFlag("flagfile", ReadFile(file, &text, error, kMaxSize), error)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Rejects what gflags would print as it is.
+bool CheckArguments(int argc, char** argv, std::string* error) {
+  constexpr size_t kMaxSize = 200;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const bool has_control_character =
+        std::any_of(argument.begin(), argument.end(), [](unsigned char c) {
+          return std::iscntrl(c) != 0 && c != '\n' && c != '\t';
+        });
+    const size_t begin = argument.find_first_not_of('-');
+    const bool is_flag = begin == 1 || begin == 2;
+    const size_t equals = std::min(argument.find('='), argument.size());
+    const std::string name =
+        is_flag ? argument.substr(begin, equals - begin) : "";
+    gflags::CommandLineFlagInfo flag;
+    const bool is_text = gflags::GetCommandLineFlagInfo(name.c_str(), &flag) &&
+                         flag.type == "string";
+    if (name == "flagfile" &&
+        !CheckFlagFiles(equals < argument.size() ? argument.substr(equals + 1)
+                        : i + 1 < argc           ? argv[i + 1]
+                                                 : "",
+                        error)) {
+      return false;
+    }
+    if (has_control_character) {
+      *error = "has a control character";
+    } else if (is_flag && !is_text && argument.size() > kMaxSize) {
+      *error = "is too long for a flag without text";
+    } else {
+      continue;
+    }
+    *error = fmt::format("the argument '{}' {}", Printable(argument), *error);
+    return false;
+  }
+  return true;
+}
+
+// Runs at the exit of the program, also at that of gflags' --help: output that
+// is lost, as on a full device, is an error. (A reader that ends, as in
+// "| head", ends the program by SIGPIPE, quietly.)
+void CheckOutput() {
+  std::cout.flush();
+  if (std::cout.good() && std::fflush(stdout) == 0 &&
+      std::ferror(stdout) == 0) {
+    return;
+  }
+  const int reason = errno;
+  if (reason != EPIPE) Warn("cannot write the output");
+  _exit(kBadInput);
+}
+
+// Of a program whose results are written.
+int ExitCode(const RunCounts& counts) {
+  constexpr int kSomeFailed = 2, kNoneWorked = 3, kSignal = 128;
+  if (Interrupt::IsRequested()) return kSignal + Interrupt::Signal();
+  if (counts.num_failed == 0) return 0;
+  if (counts.num_worked > 0) return kSomeFailed;
+  Warn("no run worked");
+  return kNoneWorked;
+}
+
 }  // namespace
 
 void UseProcessorsKernels(char** argv) {
@@ -79,12 +163,22 @@ void UseProcessorsKernels(char** argv) {
 int RunProgram(int argc,
                char** argv,
                const std::string& usage,
-               bool (*run)(std::string* error)) {
+               bool (*run)(RunCounts* counts, std::string* error)) {
   UseProcessorsKernels(argv);
+  std::atexit(CheckOutput);
   FLAGS_logtostderr = true;
   // Ceres warns of every restart of nonlinear conjugate gradients.
   FLAGS_minloglevel = google::GLOG_ERROR;
-  gflags::SetUsageMessage(usage);
+  std::string error;
+  gflags::SetArgv(argc, const_cast<const char**>(argv));  // for Warn
+  if (!CheckArguments(argc, argv, &error)) {
+    Warn(error);
+    return kBadInput;
+  }
+  gflags::SetUsageMessage(
+      usage +
+      "\n\nExit codes: 0 all runs worked; 1 bad flags or input; 2 some runs "
+      "failed; 3 none worked; 128 + n after signal n");
   gflags::SetVersionString(INVGRAD_VERSION);
   gflags::ParseCommandLineNonHelpFlags(&argc, &argv, true);
   if (FLAGS_helpshort) {
@@ -94,15 +188,21 @@ int RunProgram(int argc,
   }
   gflags::HandleCommandLineHelpFlags();
   google::InitGoogleLogging(argv[0]);
-  std::string error;
+  RunCounts counts;
   if (argc > 1) {
     error = fmt::format("unexpected argument '{}'; every argument is a --flag",
-                        argv[1]);
-  } else if (run(&error)) {
-    return 0;
+                        Printable(argv[1]));
+  } else {
+    try {
+      if (run(&counts, &error)) return ExitCode(counts);
+    } catch (const std::bad_alloc&) {
+      error = "there is not enough memory";
+    } catch (const std::exception& exception) {
+      error = exception.what();
+    }
   }
   Warn(error);
-  return 1;
+  return kBadInput;
 }
 
 std::vector<gflags::CommandLineFlagInfo> ProgramFlags() {
@@ -191,7 +291,7 @@ bool ParseSeeds(const std::string& text,
       *error = fmt::format(
           "{} is no list; expected 1..20 or 1,2,...,20: ascending to the last "
           "one, at most {} seeds",
-          text,
+          Printable(text),
           kMaxNumSeeds);
       return false;
     }
@@ -225,7 +325,18 @@ bool ParseNumbers(const std::string& text,
 }
 
 void Warn(const std::string& message) {
-  std::cerr << gflags::ProgramInvocationShortName() << ": " << message << "\n";
+  // A message may have several lines; what it quotes may be anything, and long.
+  constexpr size_t kMaxWord = 300;
+  size_t word = 0;
+  std::string shown;
+  for (const char c : message) {
+    const bool is_control = std::iscntrl(static_cast<unsigned char>(c)) != 0;
+    word = c == ' ' || c == '\n' ? 0 : word + 1;
+    if (word == kMaxWord) shown += "...";
+    if (word >= kMaxWord) continue;
+    shown += is_control && c != '\n' ? Printable({&c, 1}) : std::string(1, c);
+  }
+  std::cerr << gflags::ProgramInvocationShortName() << ": " << shown << "\n";
 }
 
 }  // namespace invgrad

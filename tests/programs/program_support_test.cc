@@ -1,9 +1,12 @@
 // What the programs share: lists on the command line and run directories.
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <new>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "bin/support/program.h"
@@ -66,11 +69,60 @@ TEST(ParseNumbers, TakesPositiveNumbersAndNone) {
   }
 }
 
+// Runs a program without arguments, and ends with its exit code.
+void ExitAs(bool (*run)(RunCounts* counts, std::string* error)) {
+  setenv("OPENBLAS_CORETYPE", "set", 1);  // so that it does not start again
+  std::string name = "program";
+  char* arguments[] = {name.data(), nullptr};
+  char** argv = arguments;
+  std::exit(RunProgram(1, argv, "does nothing", run));
+}
+
+TEST(RunProgramDeathTest, ExceptionsAreMessages) {
+  EXPECT_EXIT(
+      ExitAs([](RunCounts*, std::string*) -> bool { throw std::bad_alloc(); }),
+      testing::ExitedWithCode(1),
+      "program: there is not enough memory");
+  EXPECT_EXIT(ExitAs([](RunCounts*, std::string*) -> bool {
+                throw fs::filesystem_error("the path", std::error_code());
+              }),
+              testing::ExitedWithCode(1),
+              "program: .*the path");
+}
+
+TEST(RunProgramDeathTest, TheCountsAreTheExitCode) {
+  EXPECT_EXIT(ExitAs([](RunCounts*, std::string*) { return true; }),
+              testing::ExitedWithCode(0),
+              "");
+  EXPECT_EXIT(ExitAs([](RunCounts* counts, std::string*) {
+                *counts = {2, 1};
+                return true;
+              }),
+              testing::ExitedWithCode(2),
+              "");
+  EXPECT_EXIT(ExitAs([](RunCounts* counts, std::string*) {
+                *counts = {0, 3};
+                return true;
+              }),
+              testing::ExitedWithCode(3),
+              "program: no run worked");
+}
+
 TEST(RunDirectory, FileNamesHaveNoSpecialCharacters) {
   EXPECT_EQ(FileName("half_inverse:truncation=1e-6"),
             "half_inverse-truncation-1e-6");
   EXPECT_EQ(FileName("ceres_lm+adam"), "ceres_lm+adam");
   EXPECT_EQ(FileName("../a b/c"), "..-a-b-c");
+}
+
+TEST(RunDirectory, LongFileNamesAreCutAndStayDifferent) {
+  const std::string label(180, 'x');
+  EXPECT_EQ(FileName(label), label);
+  const std::string one = FileName(label + "1");
+  const std::string two = FileName(label + "2");
+  EXPECT_EQ(one.size(), 180u);
+  EXPECT_EQ(one.substr(0, 163), label.substr(0, 163));
+  EXPECT_NE(one, two);
 }
 
 bool Prepare(const std::string& path,

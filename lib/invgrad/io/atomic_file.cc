@@ -1,15 +1,18 @@
 #include "invgrad/io/atomic_file.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <filesystem>
 #include <system_error>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/memory_limit.h"
 
 namespace invgrad {
 namespace {
@@ -60,28 +63,72 @@ bool WriteFile(const std::string& path,
   return false;
 }
 
-bool ReadFile(const std::string& path, std::string* bytes, std::string* error) {
-  const auto fail = [&](const std::string& reason) {
-    *error = fmt::format("cannot read {}: {}", path, reason);
-    return false;
-  };
-  namespace fs = std::filesystem;
-  std::error_code ignored;
-  if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored)) {
-    return fail("not a regular file");
-  }
-  std::FILE* const file = std::fopen(path.c_str(), "rbe");
-  if (file == nullptr) return fail(Reason(errno));
+bool ReadFile(const std::string& path,
+              std::string* bytes,
+              std::string* error,
+              std::uint64_t max_size) {
   std::string all;
-  char buffer[1 << 16];
-  for (size_t count = 1; count > 0;) {
-    count = std::fread(buffer, 1, sizeof(buffer), file);
-    all.append(buffer, count);
+  std::uint64_t size = 0;
+  if (!ReadBeginning(path, 0, &all, &size, error)) return false;
+  if (size > max_size) {
+    *error =
+        fmt::format("cannot read {}: it has {} bytes; at most {} are allowed",
+                    path,
+                    size,
+                    max_size);
+    return false;
   }
-  const int error_number = std::ferror(file) != 0 ? errno : 0;
-  std::fclose(file);
-  if (error_number != 0) return fail(Reason(error_number));
+  // A file of the system may have no size, or no end.
+  constexpr std::uint64_t kMinLimit = 1 << 20;
+  const std::uint64_t limit = std::min(max_size, std::max(size, kMinLimit));
+  if (!FitsInMemory(fmt::format("cannot read {}: it", path),
+                    {{"its bytes", static_cast<double>(size)}},
+                    /*limit=*/0.0,
+                    error) ||
+      !ReadBeginning(path, limit + 1, &all, &size, error)) {
+    return false;
+  }
+  if (all.size() > limit) {
+    *error = fmt::format("cannot read {}: it has no end, or grows", path);
+    return false;
+  }
   *bytes = std::move(all);
+  return true;
+}
+
+bool ReadBeginning(const std::string& path,
+                   std::uint64_t max_size,
+                   std::string* bytes,
+                   std::uint64_t* file_size,
+                   std::string* error) {
+  // Does not wait for the writer of a pipe.
+  const int file = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  struct stat status = {};
+  std::string beginning, failure;
+  if (file < 0 || fstat(file, &status) != 0) {
+    failure = Reason(errno);
+  } else if (!S_ISREG(status.st_mode)) {
+    failure = "not a regular file";
+  } else {
+    beginning.reserve(std::min<std::uint64_t>(status.st_size, max_size));
+  }
+  for (ssize_t count = 1;
+       failure.empty() && count != 0 && beginning.size() < max_size;) {
+    char buffer[1 << 16];
+    count = read(
+        file,
+        buffer,
+        std::min<std::uint64_t>(sizeof(buffer), max_size - beginning.size()));
+    if (count > 0) beginning.append(buffer, count);
+    if (count < 0 && errno != EINTR) failure = Reason(errno);
+  }
+  if (file >= 0) close(file);
+  if (!failure.empty()) {
+    *error = fmt::format("cannot read {}: {}", path, failure);
+    return false;
+  }
+  *bytes = std::move(beginning);
+  *file_size = status.st_size;
   return true;
 }
 

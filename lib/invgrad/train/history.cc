@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <iterator>
 #include <string_view>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
@@ -56,7 +58,7 @@ std::string ParseRow(std::string_view line, HistoryRow* row) {
     return fmt::format("found {} fields, wanted {}", fields.size(), kNumFields);
   }
   const auto wrong = [](std::string_view field) {
-    return fmt::format("found '{}', wanted a number", field);
+    return fmt::format("found '{}', wanted a number", Printable(field));
   };
   if (!Parse(fields[0], &row->step)) return wrong(fields[0]);
   for (size_t i = 1; i < kNumFields; ++i) {
@@ -89,7 +91,8 @@ bool ReadHistory(const std::string& path,
                  History* history,
                  std::string* error) {
   std::string bytes;
-  if (!ReadFile(path, &bytes, error)) return false;
+  constexpr std::uint64_t kMaxSize = 1 << 28;  // some million rows
+  if (!ReadFile(path, &bytes, error, kMaxSize)) return false;
   const std::vector<std::string_view> lines = Split(bytes, '\n');
   const auto fail = [&](size_t line, const std::string& problem) {
     *error = fmt::format("file {}, line {}: {}", path, line, problem);
