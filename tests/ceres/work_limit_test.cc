@@ -74,7 +74,7 @@ int NumProposals(double relative_step, double max_relative_work) {
   Chain chain(100);
   const ProblemStructure structure = ReadStructure(chain.problem, {});
   constexpr double kIteration = 2e5 + 500.0 * 199.0;
-  constexpr double kLinearizations = 2.0 * 200.0 * 199.0;
+  constexpr double kLinearizations = 2.0 * 0.4 * kIteration;
   const RuleOfWork rule(relative_step * kIteration - kLinearizations);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;

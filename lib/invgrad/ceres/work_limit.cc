@@ -6,14 +6,18 @@ namespace invgrad {
 namespace {
 
 // Measured on bundle adjustment, pose graphs and curve fits, in 1e-10 s: the
-// least that an iteration and a linearization take for each entry of J, and an
-// iteration of the smallest problem.
+// least that an iteration takes for each entry of J, and for the smallest
+// problem.
 constexpr double kIterationOfEntry = 500.0;
-constexpr double kLinearizationOfEntry = 200.0;
 constexpr double kSmallestIteration = 2e5;
+// A linearization, relative to that.
+constexpr double kLinearization = 0.4;
 
 // Of the move to the result of the comparison, and the end there.
 constexpr double kNumLastIterations = 2.0;
+
+// Without the comparison: the work of so many iterations may come first.
+constexpr double kNumFreeIterations = 5.0;
 
 JacobianSizes SizesOf(const ProblemStructure& structure) {
   JacobianSizes sizes;
@@ -53,9 +57,11 @@ WorkLimit::WorkLimit(double max_relative_work,
       has_comparison_(has_comparison) {
   const JacobianSizes sizes = SizesOf(structure);
   step_work_ = rule.StepWork(sizes);
-  linearization_work_ = kLinearizationOfEntry * sizes.nonzeros;
+  const double evaluation =
+      kSmallestIteration + kIterationOfEntry * sizes.nonzeros;
+  linearization_work_ = kLinearization * evaluation;
   iteration_work_ =
-      kSmallestIteration + kIterationOfEntry * sizes.nonzeros +
+      evaluation +
       SolverWork(options.linear_solver_type, sizes.rows, sizes.cols);
 }
 
@@ -79,7 +85,8 @@ bool WorkLimit::Allows(double iterations, double rule_work) const {
   rule_work += rule_work_;
   const double relative = max_relative_work_ - 1.0;
   if (!has_comparison_) {
-    return rule_work <= relative * iterations * iteration_work_;
+    return rule_work <=
+           relative * (iterations + kNumFreeIterations) * iteration_work_;
   }
   return !num_plain_iterations_ ||
          (iterations + kNumLastIterations) * iteration_work_ + rule_work <=

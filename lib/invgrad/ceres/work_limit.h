@@ -9,7 +9,7 @@
 // The first term is the solve without proposals, which runs for comparison
 // (safeguard.h); 2 W is the work to move to its result. Without the comparison
 //
-//   w <= (max_relative_work - 1) (iterations + 1) W
+//   w <= (max_relative_work - 1) (iterations + 5) W
 //
 // Units:   operations, as UpdateRule::StepWork. Measured times would decide
 //          differently in each run.
