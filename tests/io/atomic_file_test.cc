@@ -95,5 +95,23 @@ TEST(AtomicFile, ReadsRegularFilesOnly) {
   EXPECT_EQ(error, "cannot read /dev/zero: not a regular file");
 }
 
+TEST(AtomicFile, TheNameOfATemporaryFileSaysItsTarget) {
+  EXPECT_EQ(TargetOfTemporary("a/weights.npy.tmp12-3"), "a/weights.npy");
+  EXPECT_EQ(TargetOfTemporary("a.tmp1-0.tmp12-34"), "a.tmp1-0");
+  for (const char* name : {"",
+                           "12-3",
+                           ".tmp12-3",
+                           "a.tmp",
+                           "a.tmp12",
+                           "a.tmp12-",
+                           "a.tmp-3",
+                           "a.tmp12-3x",
+                           "a.temp12-3",
+                           "a.tmp12-3/b",
+                           "atmp12-3"}) {
+    EXPECT_EQ(TargetOfTemporary(name), "") << name;
+  }
+}
+
 }  // namespace atomic_file_test
 }  // namespace invgrad

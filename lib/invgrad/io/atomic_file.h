@@ -20,6 +20,10 @@ bool WriteFile(const std::string& path,
                std::string_view bytes,
                std::string* error);
 
+// The path that a file was to be renamed to, if its name is that of a temporary
+// file of WriteFile: a killed program leaves one. Empty for other names.
+std::string TargetOfTemporary(const std::string& temporary);
+
 // Regular files only: a folder or a device is an error. *bytes is unchanged on
 // failure.
 bool ReadFile(const std::string& path, std::string* bytes, std::string* error);
