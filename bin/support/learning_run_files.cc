@@ -1,5 +1,6 @@
 #include "bin/support/learning_run_files.h"
 
+#include <cstdint>
 #include <filesystem>
 #include <sstream>
 #include <utility>
@@ -167,7 +168,8 @@ bool LoadCompleteRun(const LearningProblem& problem,
   std::string text;
   std::error_code failure;
   if (!std::filesystem::exists(file, failure)) return false;
-  if (!ReadFile(file, &text, error)) return false;
+  constexpr std::uint64_t kMaxSize = 1 << 16;
+  if (!ReadFile(file, &text, error, kMaxSize)) return false;
   ResultDigests digests;
   if (!ParseResultText(text, result, &digests)) {
     *error = file + ": not a result of a run, or damaged";

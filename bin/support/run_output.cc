@@ -2,15 +2,19 @@
 
 #include <algorithm>
 #include <cctype>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <iostream>
 #include <limits>
 #include <numeric>
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
+#include "report/interrupt.h"
 
 DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
@@ -23,7 +27,10 @@ std::string FileName(const std::string& label) {
                           c == '_' || c == '.' || c == '+' || c == '-';
     name += is_plain ? c : '-';
   }
-  return name;
+  constexpr size_t kMaxSize = 180;
+  if (name.size() <= kMaxSize) return name;
+  const std::string end = "-" + Digest().Add(label).Hex();
+  return name.substr(0, kMaxSize - end.size()) + end;
 }
 
 bool WriteTable(const std::string& path,
@@ -33,14 +40,28 @@ bool WriteTable(const std::string& path,
          WriteFile(RunFile(path + ".md"), table.ToMarkdown(), error);
 }
 
-void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels) {
+void DrawPictures(const std::vector<Picture>& pictures) {
   if (!FLAGS_plots) return;
-  std::filesystem::path script = RunFile(path_png);
-  RunFile(script.replace_extension(".gp"));
-  std::error_code ignored;
-  std::filesystem::remove(path_png, ignored);
-  std::string error;
-  if (!panels.empty() && !WritePlots(path_png, panels, &error)) Warn(error);
+  std::cout << std::flush;  // before what may take long
+  const int signal_before = Interrupt::Signal();
+  double max_seconds = 60.0;
+  for (const Picture& picture : pictures) {
+    std::filesystem::path script = RunFile(picture.path_png);
+    RunFile(script.replace_extension(".gp"));
+    std::error_code ignored;
+    std::filesystem::remove(picture.path_png, ignored);
+    std::string error;
+    const auto start = std::chrono::steady_clock::now();
+    if (picture.panels.empty() ||
+        WritePlots(picture.path_png, picture.panels, &error, max_seconds)) {
+      continue;
+    }
+    Warn(error);
+    if (Interrupt::Signal() != signal_before) return;
+    const std::chrono::duration<double> seconds =
+        std::chrono::steady_clock::now() - start;
+    if (seconds.count() > max_seconds) max_seconds = 5.0;
+  }
 }
 
 Series HistoryCurve(const std::string& title,

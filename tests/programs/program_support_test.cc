@@ -68,5 +68,15 @@ TEST(RunOutput, FileNamesHaveNoSpecialCharacters) {
   EXPECT_EQ(FileName("../a b/c"), "..-a-b-c");
 }
 
+TEST(RunOutput, LongFileNamesAreCutAndStayDifferent) {
+  const std::string label(180, 'x');
+  EXPECT_EQ(FileName(label), label);
+  const std::string one = FileName(label + "1");
+  const std::string two = FileName(label + "2");
+  EXPECT_EQ(one.size(), 180u);
+  EXPECT_EQ(one.substr(0, 163), label.substr(0, 163));
+  EXPECT_NE(one, two);
+}
+
 }  // namespace program_support_test
 }  // namespace invgrad
