@@ -4,7 +4,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
+#include <functional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -77,17 +77,23 @@ TEST_F(CompareProgram, AnotherNetworkIsInTheFlagFileAndIsNotResumedByAnother) {
   ExpectSays(output, {"had --hidden=6-5, now it is --hidden=6-6"});
 }
 
+// Whether it happens within ten seconds.
+bool WaitUntil(const std::function<bool()>& has_happened) {
+  for (int i = 0; i < 1000 && !has_happened(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return has_happened();
+}
+
 TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
   std::vector<std::string> arguments = SmallRun("run");
   arguments[1] = "--rules=half_inverse,adam:step_size=1e-2";
   arguments[2] = "--epochs=1000000";
-  const pid_t child = Start(arguments);
-  // The run has begun when its first files are there.
+  arguments.push_back("--checkpoint_seconds=0");
+  pid_t child = Start(arguments);
   const std::string started = Path("run") + "/half_inverse-seed1";
-  for (int i = 0; i < 500 && !fs::exists(started); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  const std::string checkpoint = started + "/checkpoint";
+  EXPECT_TRUE(WaitUntil([&] { return fs::exists(checkpoint); }));
   ::kill(child, SIGINT);
   const Output interrupted = Wait(child);
   EXPECT_EQ(interrupted.exit_code, 128 + SIGINT) << interrupted.text;
@@ -98,14 +104,17 @@ TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
   EXPECT_TRUE(fs::exists(Path("run") + "/table.txt"));
   EXPECT_FALSE(fs::exists(started + "/result.txt"));
 
-  // A shorter budget, so that the resumed run ends.
-  arguments[2] = "--epochs=3";
+  History before, after;
+  std::string error;
+  ASSERT_TRUE(ReadHistory(started + "/history.csv", &before, &error)) << error;
+  const std::string state = ReadAll(checkpoint);
   arguments.push_back("--resume");
-  const Output resumed = Run(arguments);
-  ASSERT_EQ(resumed.exit_code, 0) << resumed.text;
-  EXPECT_TRUE(fs::exists(started + "/result.txt"));
-  EXPECT_TRUE(
-      fs::exists(Path("run") + "/adam-step_size-1e-2-seed1/result.txt"));
+  child = Start(arguments);
+  EXPECT_TRUE(WaitUntil([&] { return ReadAll(checkpoint) != state; }));
+  ::kill(child, SIGINT);
+  Wait(child);
+  ASSERT_TRUE(ReadHistory(started + "/history.csv", &after, &error)) << error;
+  EXPECT_GT(after.back().step, before.back().step);
 
   // Other flags would be another run.
   arguments[3] = "--batch_size=8";
@@ -181,6 +190,33 @@ TEST_F(CompareProgram, ALargerBudgetGoesOnWithARunThatIsDone) {
   const Output again = Run(arguments);
   EXPECT_EQ(again.exit_code, 0);
   EXPECT_EQ(again.text, resumed.text);
+}
+
+// With a checkpoint after every step, at any time.
+TEST_F(CompareProgram, AKilledRunGoesOnBitForBit) {
+  std::vector<std::string> arguments = SmallRun("whole");
+  arguments[2] = "--epochs=30";
+  arguments.insert(arguments.end(), {"--shuffle", "--checkpoint_seconds=0"});
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  arguments[5] = "--output=" + Path("run");
+  const std::string checkpoint = Path("run") + "/half_inverse-seed1/checkpoint";
+  for (int kills = 0; kills < 3; ++kills) {
+    const std::string state = ReadAll(checkpoint);
+    const pid_t child = Start(arguments);
+    EXPECT_TRUE(WaitUntil([&] { return ReadAll(checkpoint) != state; }));
+    ::kill(child, SIGKILL);
+    Wait(child);
+    if (kills == 0) arguments.push_back("--resume");
+  }
+  const Output resumed = Run(arguments);
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.text;
+  for (const std::string name : {"half_inverse", "adam-step_size-1e-2"}) {
+    const std::string weights = "/" + name + "-seed1/weights.npy";
+    EXPECT_EQ(ReadAll(Path("run") + weights), ReadAll(Path("whole") + weights));
+  }
+  for (const auto& entry : fs::recursive_directory_iterator(Path("run"))) {
+    EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry;
+  }
 }
 
 TEST_F(CompareProgram, PhasesAreOneRunThatGoesOn) {

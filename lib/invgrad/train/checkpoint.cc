@@ -1,13 +1,16 @@
 #include "invgrad/train/checkpoint.h"
 
+#include <cstdint>
 #include <cstring>
 #include <sstream>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/digest.h"
 
 namespace invgrad {
 namespace {
@@ -15,42 +18,93 @@ namespace {
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
               "doubles are copied to and from little-endian files as they are");
 
-constexpr char kFirstLine[] = "invgrad checkpoint, version 1";
+constexpr char kProgram[] = "invgrad checkpoint, ";
+constexpr char kVersion[] = "version 2";
 
-// Splits a file into its arrays; returns false if it is damaged.
-bool Parse(const std::string& bytes,
-           std::map<std::string, Eigen::VectorXd>* arrays) {
-  std::istringstream header(bytes);
-  std::string line;
+constexpr char kDamaged[] = "the file is truncated or damaged";
+
+// Parses the beginning of a file of `file_size` bytes, up to the values, of the
+// sizes *sizes. Returns an error message, or an empty string.
+std::string ParseHeader(const std::string& beginning,
+                        std::uint64_t file_size,
+                        const RunIdentity& identity,
+                        std::string* digest,
+                        std::vector<std::pair<std::string, size_t>>* sizes,
+                        size_t* begin_of_values) {
+  std::istringstream header(beginning);
+  std::string line, found;
   std::getline(header, line);
-  size_t num_arrays = 0;
+  if (line.rfind(kProgram, 0) != 0) return "not a checkpoint";
+  if (line != std::string(kProgram) + kVersion) {
+    return fmt::format("not of {}, the one of this program", kVersion);
+  }
+  std::getline(header, *digest);
+  while (std::getline(header, line) && !line.empty()) found += line + '\n';
+  if (header.fail()) return kDamaged;
+  const std::string difference = identity.Difference(found);
+  if (!difference.empty()) return "it is of another run: " + difference;
+  const size_t max_num_values = file_size / sizeof(double);
+  size_t num_arrays = 0, num_values = 0;
   header >> num_arrays;
-  const size_t max_num_values = bytes.size() / sizeof(double);
-  size_t num_values = 0;
-  std::vector<std::pair<std::string, size_t>> sizes;
   for (size_t i = 0; i < num_arrays; ++i) {
-    auto& [name, size] = sizes.emplace_back();
+    auto& [name, size] = sizes->emplace_back();
     header >> name >> size;
-    if (header.fail() || size > max_num_values - num_values) return false;
+    if (header.fail() || size > max_num_values - num_values) return kDamaged;
     num_values += size;
   }
-  if (header.get() != '\n') return false;
-  const size_t begin = header.tellg();
-  if (bytes.size() - begin != num_values * sizeof(double)) return false;
+  if (header.get() != '\n') return kDamaged;
+  *begin_of_values = header.tellg();
+  return file_size - *begin_of_values == num_values * sizeof(double) ? ""
+                                                                     : kDamaged;
+}
+
+// Reads the identity and the sizes before the values.
+bool ReadArrays(const std::string& path,
+                const RunIdentity& identity,
+                std::map<std::string, Eigen::VectorXd>* arrays,
+                std::string* error) {
+  constexpr std::uint64_t kMaxHeader = 1 << 20;
+  std::string bytes, digest;
+  std::uint64_t file_size = 0;
+  std::vector<std::pair<std::string, size_t>> sizes;
+  size_t begin = 0;
+  if (!ReadBeginning(path, kMaxHeader, &bytes, &file_size, error)) return false;
+  std::string problem =
+      ParseHeader(bytes, file_size, identity, &digest, &sizes, &begin);
+  if (problem.empty()) {
+    if (!ReadFile(path, &bytes, error, file_size)) return false;
+    const size_t end_of_digest =
+        sizeof(kProgram) + sizeof(kVersion) + digest.size();
+    if (bytes.size() != file_size ||
+        Digest().Add(std::string_view(bytes).substr(end_of_digest)).Hex() !=
+            digest) {
+      problem = kDamaged;
+    }
+  }
   const char* values = bytes.data() + begin;
   for (const auto& [name, size] : sizes) {
+    if (!problem.empty()) break;
     Eigen::VectorXd array(size);
     if (size > 0) std::memcpy(array.data(), values, size * sizeof(double));
     values += size * sizeof(double);
-    if (!arrays->emplace(name, std::move(array)).second) return false;
+    if (!arrays->emplace(name, std::move(array)).second) problem = kDamaged;
   }
-  return true;
+  if (!problem.empty()) *error = fmt::format("{}: {}", path, problem);
+  return problem.empty();
 }
 
 }  // namespace
 
-bool StateArchive::Write(const std::string& path, std::string* error) const {
-  std::string bytes = fmt::format("{}\n{}\n", kFirstLine, arrays_.size());
+bool AreCounts(const Eigen::VectorXd& values, double max) {
+  return (values.array() >= 0.0 && values.array() <= max &&
+          values.array() == values.array().floor())
+      .all();
+}
+
+bool StateArchive::Write(const std::string& path,
+                         const RunIdentity& identity,
+                         std::string* error) const {
+  std::string bytes = fmt::format("{}\n{}\n", identity.text(), arrays_.size());
   for (const auto& [name, array] : arrays_) {
     bytes += fmt::format("{} {}\n", name, array.size());
   }
@@ -58,20 +112,18 @@ bool StateArchive::Write(const std::string& path, std::string* error) const {
     bytes.append(reinterpret_cast<const char*>(array.data()),
                  array.size() * sizeof(double));
   }
+  bytes.insert(
+      0,
+      fmt::format("{}{}\n{}\n", kProgram, kVersion, Digest().Add(bytes).Hex()));
   return WriteFile(path, bytes, error);
 }
 
-StateArchive StateArchive::Read(const std::string& path) {
+StateArchive StateArchive::Read(const std::string& path,
+                                const RunIdentity& identity) {
   StateArchive archive;
   archive.is_reading_ = true;
   archive.path_ = path;
-  std::string bytes;
-  if (!ReadFile(path, &bytes, &archive.error_)) return archive;
-  if (bytes.rfind(kFirstLine + std::string("\n"), 0) != 0) {
-    archive.Fail(fmt::format("the first line is not '{}'", kFirstLine));
-  } else if (!Parse(bytes, &archive.arrays_)) {
-    archive.Fail("the file is truncated or damaged");
-  }
+  ReadArrays(path, identity, &archive.arrays_, &archive.error_);
   return archive;
 }
 
@@ -89,12 +141,10 @@ void StateArchive::Visit(const std::string& name,
   if (error_.empty()) *values = found->second;
 }
 
-void StateArchive::Expect(const std::string& name, long value) {
-  long found = value;
-  Visit(name, &found);
-  if (found != value) {
-    Fail(fmt::format("found {}={}, wanted {}", name, found, value));
-  }
+void StateArchive::Visit(const std::string& name, double* value) {
+  Eigen::VectorXd array = Eigen::VectorXd::Constant(1, *value);
+  Visit(name, &array, 1);
+  *value = array[0];
 }
 
 void StateArchive::Require(bool fits, const std::string& name) {
