@@ -34,9 +34,9 @@
 //          exists. Rules must not throw.
 // Cost:    at each turn of the rule one step and one or two linearizations, at
 //          x and at the candidate. They evaluate all residual blocks, except for
-//          a CachedProblem (cached_problem.h). While a step is staged, Ceres multiplies J by a k x k
-//          matrix for a Euclidean block of size k. With compare_with_plain one
-//          more solve.
+//          a CachedProblem (cached_problem.h). While a step is staged, Ceres
+//          multiplies J by a k x k matrix for a Euclidean block of size k. With
+//          compare_with_plain one more solve.
 // Fails:   as Ceres does. A step that leads to where the Jacobian is not finite
 //          is not proposed. After a numerical failure of the rule Ceres has the
 //          turn.
