@@ -54,15 +54,19 @@ std::string WithoutSeconds(const std::string& result) {
 
 Files ReadFiles(const std::string& folder) {
   Files files;
-  if (!fs::exists(folder)) return files;
+  std::error_code unreadable;  // a loop of links, say
+  if (!fs::is_directory(folder, unreadable)) return files;
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    std::string& content = files[fs::relative(entry.path(), folder)];
+    std::string& content = files[entry.path().lexically_relative(folder)];
+    constexpr std::uintmax_t kMaxSize = 10000000;
     if (entry.is_symlink()) {
       content = "link to " + fs::read_symlink(entry.path()).string();
     } else if (entry.is_directory()) {
       content = "folder";
     } else if (!entry.is_regular_file()) {
       content = "no regular file";
+    } else if (entry.file_size() > kMaxSize) {
+      content = fmt::format("{} bytes", entry.file_size());
     } else {
       std::ifstream file(entry.path(), std::ios::binary);
       content.assign(std::istreambuf_iterator<char>(file), {});
