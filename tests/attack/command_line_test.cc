@@ -12,10 +12,12 @@
 
 #include "fmt/core.h"
 #include "gtest/gtest.h"
+#include "invgrad/io/atomic_file.h"
 #include "tests/attack/attack.h"
 #include "tests/attack/child.h"
 #include "tests/attack/command_lines.h"
 #include "tests/attack/refusal.h"
+#include "tests/attack/runs.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
 
@@ -113,11 +115,15 @@ TEST(CommandLineAttack, GarbageForAnyFlagIsRefusedOrHarmless) {
     Command command;
     command.program = run->program;
     command.folder = folder / "";
-    if (run->prepare) run->prepare(folder / "");
+    if (!run->input.empty()) {
+      std::string error;
+      ASSERT_TRUE(WriteFile(folder / run->input, SmallNistFile(), &error));
+    }
     command.arguments = run->arguments;
-    command.arguments.push_back(
-        fmt::format("--{}={}", flag, dice->Pick(GarbageValues())));
-    RunOrRefuse(command, {flag});
+    const std::string& value = dice->Pick(GarbageValues());
+    command.arguments.push_back(fmt::format("--{}={}", flag, value));
+    // The message names the flag, or the file that the value names.
+    RunOrRefuse(command, {flag, value.empty() ? flag : value.substr(0, 20)});
   });
 }
 

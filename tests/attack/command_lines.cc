@@ -1,9 +1,5 @@
 #include "tests/attack/command_lines.h"
 
-#include <filesystem>
-
-#include "tests/support/source_tree.h"
-
 namespace invgrad {
 namespace {
 
@@ -116,11 +112,6 @@ std::vector<CommandLineRow> MakeRows() {
   };
 }
 
-void CopyNistFile(const std::string& folder) {
-  std::filesystem::copy_file(SourceDir() + "/tests/fuzz/corpus/nist_file/small",
-                             folder + "in.dat");
-}
-
 std::vector<std::string> MakeGarbage() {
   return {"",
           " ",
@@ -203,7 +194,7 @@ const std::vector<SmallRun>& SmallRuns() {
         "--plots=false",
         "--progress=false",
         "--output=run"},
-       nullptr},
+       ""},
       {"sweep",
        {"--problem=toy_network:num_samples=16",
         "--grid=rule=adam",
@@ -212,7 +203,7 @@ const std::vector<SmallRun>& SmallRuns() {
         "--plots=false",
         "--progress=false",
         "--output=run"},
-       nullptr},
+       ""},
       {"estimate",
        {"--input=in.dat",
         "--methods=ceres_lm",
@@ -221,15 +212,15 @@ const std::vector<SmallRun>& SmallRuns() {
         "--plots=false",
         "--progress=false",
         "--output=run"},
-       CopyNistFile},
+       "in.dat"},
       {"trajectories",
        {"--steps=2", "--grid=5", "--plots=false", "--output=run"},
-       nullptr},
-      {"scaling", {}, nullptr},
+       ""},
+      {"scaling", {}, ""},
       {"accuracy",
        {"--problems=toy_network", "--train_steps=1", "--batch_size=8"},
-       nullptr},
-      {"proposals", {"--rules=half_inverse"}, nullptr},
+       ""},
+      {"proposals", {"--rules=half_inverse"}, ""},
   };
   return runs;
 }

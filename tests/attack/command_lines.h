@@ -2,7 +2,6 @@
 #ifndef INVGRAD_TESTS_ATTACK_COMMAND_LINES_H_
 #define INVGRAD_TESTS_ATTACK_COMMAND_LINES_H_
 
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -25,7 +24,7 @@ const std::vector<CommandLineRow>& CommandLineRows();
 struct SmallRun {
   std::string program;
   std::vector<std::string> arguments;
-  std::function<void(const std::string& folder)> prepare;  // or null
+  std::string input;  // the name of the NIST file that it reads, or empty
 };
 
 const std::vector<SmallRun>& SmallRuns();

@@ -21,6 +21,7 @@
 #include "tests/attack/mutation.h"
 #include "tests/attack/refusal.h"
 #include "tests/attack/run_files.h"
+#include "tests/attack/runs.h"
 #include "tests/support/reader_check.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
@@ -71,7 +72,7 @@ TEST(InputAttack, ReadersRefuseOrRead) {
   const std::string history = run.at("adam-seed1/history.csv");
   const std::string network = run.at("adam-seed1/network.txt");
   const std::string checkpoint = run.at("adam-seed1/checkpoint");
-  const std::string nist = Corpus("nist_file/small");
+  const std::string nist = SmallNistFile();
   const std::string bal = Corpus("bal_file/small");
   const std::string bal_bz2 = Corpus("bal_file/small_bz2");
   const std::string g2o = Corpus("g2o_file/space");
@@ -155,7 +156,7 @@ TEST(InputAttack, ProgramsRefuseOrRun) {
        compare("--init_weights=in.npy"),
        "in.npy",
        run.at("initial_weights-seed1.npy")},
-      {"estimate", estimate("in.dat"), "in.dat", Corpus("nist_file/small")},
+      {"estimate", estimate("in.dat"), "in.dat", SmallNistFile()},
       {"estimate", estimate("in.txt"), "in.txt", Corpus("bal_file/small")},
       {"estimate",
        estimate("in.txt.bz2"),

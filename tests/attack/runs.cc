@@ -2,16 +2,19 @@
 
 #include <filesystem>
 
+#include "Eigen/Core"
 #include "fmt/core.h"
+#include "glog/logging.h"
+#include "invgrad/io/atomic_file.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/rules/rules.h"
+#include "problems/estimation/nist_file.h"
 #include "tests/support/source_tree.h"
 
 namespace invgrad {
 namespace {
 
-namespace fs = std::filesystem;
 using Names = std::vector<std::string>;
 
 std::string AnyRule(Dice* dice) {
@@ -84,27 +87,23 @@ Command AnySweep(Dice* dice) {
   return command;
 }
 
+void Write(const std::string& path, const std::string& text) {
+  std::string error;
+  CHECK(WriteFile(path, text, &error)) << error;
+}
+
 Command AnyEstimate(const std::string& folder, Dice* dice) {
   Command command;
   command.program = "estimate";
-  const std::string corpus = SourceDir() + "/tests/fuzz/corpus/";
   std::string input = "in.dat";
-  std::string file = "nist_file/small";
-  switch (dice->Below(3)) {
-    case 0:
-      input = "in.txt";
-      file = "bal_file/small";
-      break;
-    case 1:
-      input = "in.g2o";
-      file = dice->OneIn(2) ? "g2o_file/plane" : "g2o_file/space";
-      break;
-    default:
-      break;
+  if (dice->OneIn(2)) {
+    Write(folder + input, SmallNistFile());
+  } else {
+    input = "in.g2o";
+    const std::string corpus = SourceDir() + "/tests/fuzz/corpus/g2o_file/";
+    std::filesystem::copy_file(corpus + (dice->OneIn(2) ? "plane" : "space"),
+                               folder + input);
   }
-  fs::copy_file(corpus + file,
-                folder + "/" + input,
-                fs::copy_options::overwrite_existing);
   command.arguments = {"--input=" + input,
                        "--methods=" + AnyMinimizer(dice) + "," + AnyRule(dice),
                        "--max_iterations=10"};
@@ -116,6 +115,18 @@ Command AnyEstimate(const std::string& folder, Dice* dice) {
 }
 
 }  // namespace
+
+std::string SmallNistFile() {
+  NistData data;
+  data.name = "Misra1a";  // y = b_1 (1 - exp(-b_2 x))
+  data.predictors = Eigen::VectorXd::LinSpaced(8, 0.5, 4.0);
+  data.responses = 2.0 * (1.0 - (-0.5 * data.predictors.array()).exp());
+  data.starts.resize(2, 2);
+  data.starts << 1.5, 2.5, 0.6, 0.4;
+  data.certified = Eigen::Vector2d(2.0, 0.5);
+  data.standard_deviations = Eigen::Vector2d(1e-9, 1e-9);
+  return NistText(data);
+}
 
 Command AnyRun(const std::string& folder, Dice* dice) {
   Command command = dice->OneIn(4)   ? AnySweep(dice)

@@ -10,6 +10,9 @@
 
 namespace invgrad {
 
+// A NIST file that every run of `estimate` can use.
+std::string SmallNistFile();
+
 // A run of some milliseconds into folder/run, which the same command can
 // resume if the program can. Input files are written to the folder.
 Command AnyRun(const std::string& folder, Dice* dice);
