@@ -123,7 +123,7 @@ void Measure(const Linearization& at_weights,
   std::cout << table.ToMarkdown() << "\n" << std::flush;
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* /*counts*/, std::string* error) {
   std::vector<Specification> problems;
   std::vector<double> truncations;
   if (!ParseFlag("problems", ParseSpecifications, &problems, error) ||

@@ -151,7 +151,7 @@ void Linearize(benchmark::State& state, ceres::Problem* problem) {
   }
 }
 
-bool RunAll(std::string* error) {
+bool RunAll(RunCounts* counts, std::string* error) {
   BalData data;
   if (!CheckFlags({{"steps", {1.0}}, {"samples", {3.0}}}, error) ||
       (!FLAGS_input.empty() && !ReadBalFile(FLAGS_input, &data, error))) {
@@ -196,6 +196,7 @@ bool RunAll(std::string* error) {
   });
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
+  *counts = reporter.counts();
   for (const char* name : {"declining", "asking", "cached"}) {
     reporter.PrintRatio(name, "plain");
   }

@@ -119,7 +119,7 @@ std::string RegisterAutoDiff() {
   return name;
 }
 
-bool Run(std::string* /*error*/) {
+bool Run(RunCounts* counts, std::string* /*error*/) {
   SetBlasThreads(1);
   for (const std::string coupling : {"linear", "cubic"}) {
     RegisterBenchmark(coupling + "_chain/jacobian",
@@ -133,6 +133,7 @@ bool Run(std::string* /*error*/) {
                                  RegisterAutoDiff<32>()};
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
+  *counts = reporter.counts();
   fmt::print("\nRatio of this run (medians of the repetitions)\n");
   reporter.PrintRatio(
       *std::min_element(std::begin(strides),

@@ -353,7 +353,7 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
   }
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   std::vector<const CaseRow*> rows;
   std::vector<const RouteRow*> routes;
   if (!CheckFlags({{"truncation", {0.0, 1.0, false, true}}}, error) ||
@@ -374,6 +374,7 @@ bool Run(std::string* error) {
   const double gemm_rate = GemmRate();
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
+  *counts = reporter.counts();
   PrintRatios(cases, reporter, gemm_rate);
   return true;
 }

@@ -51,7 +51,7 @@ void TrainSteps(benchmark::State& state,
   }
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   LearningProblem problem;
   std::vector<Method> methods;
   if (!CheckFlags({{"steps", {1.0}}}, error) ||
@@ -67,6 +67,7 @@ bool Run(std::string* error) {
   }
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
+  *counts = reporter.counts();
   fmt::print("\nRatios of this run (medians of the repetitions)\n");
   for (size_t i = 1; i < methods.size(); ++i) {
     reporter.PrintRatio(methods[i].label, methods[0].label);

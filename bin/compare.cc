@@ -66,6 +66,7 @@ namespace {
 
 bool ComparePointByFlags(const PointProblem& problem,
                          const std::vector<Method>& methods,
+                         RunCounts* counts,
                          std::string* error) {
   for (const char* name : {"hidden",
                            "activation",
@@ -97,10 +98,10 @@ bool ComparePointByFlags(const PointProblem& problem,
   options.gradient_tolerance = 1e-12;
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
   return PrepareRunDirectory(ExistingDirectory::kRefuse, error) &&
-         ComparePoint(problem, methods, options, error);
+         ComparePoint(problem, methods, options, counts, error);
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   if (!CheckFlag("list_markdown", {"rules", "problems"}, error)) {
     return false;
   }
@@ -127,8 +128,9 @@ bool Run(std::string* error) {
   }
   SetBlasThreads(FLAGS_blas_threads);
   return problem.point.has_value()
-             ? ComparePointByFlags(*problem.point, methods, error)
-             : CompareLearning(*std::move(problem.learning), methods, error);
+             ? ComparePointByFlags(*problem.point, methods, counts, error)
+             : CompareLearning(
+                   *std::move(problem.learning), methods, counts, error);
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ DEFINE_bool(list,
 DEFINE_string(input,
               "",
               "files, or folders of them, comma-separated: .dat (NIST), .txt "
-              "or .txt.bz2 (BAL), .g2o");
+              "or .txt.bz2 (BAL), .g2o; other files of a folder are skipped");
 DEFINE_string(format, "", "nist, bal or g2o; empty: as the files' names end");
 DEFINE_string(
     information_root,
@@ -78,8 +78,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The files in --input, and all files with a known extension in the folders in
-// --input, in alphabetical order.
+// The files in --input, and those files in its folders that a reader
+// recognizes, in alphabetical order; a warning says which others have a known
+// extension.
 bool FindFiles(std::vector<std::string>* files, std::string* error) {
   for (const std::string& item : SplitList(FLAGS_input)) {
     if (item.empty()) {
@@ -91,23 +92,29 @@ bool FindFiles(std::vector<std::string>* files, std::string* error) {
       files->push_back(item);
       continue;
     }
-    std::vector<std::string> found;
+    std::vector<std::string> found, skipped;
     for (fs::directory_iterator at(item, failure), end; !failure && at != end;
          at.increment(failure)) {
       std::error_code unreadable;  // such as a dangling link
       const std::string path = at->path().string();
       if (at->is_regular_file(unreadable) &&
           (!FLAGS_format.empty() || !EstimationKindOf(path).empty())) {
-        found.push_back(path);
+        (IsEstimationFile(path, FLAGS_format) ? found : skipped)
+            .push_back(path);
       }
     }
     if (failure) {
       *error = "--input: " + item + ": " + failure.message();
       return false;
     }
+    std::sort(skipped.begin(), skipped.end());
+    for (const std::string& path : skipped) {
+      Warn("--input: " + path + " is skipped: it does not begin as a file of " +
+           (FLAGS_format.empty() ? "its extension" : FLAGS_format));
+    }
     if (found.empty()) {
-      *error = "--input: no files in " + item +
-               " end in what --list names; give --format";
+      *error = "--input: no file in " + item +
+               " is one that --list names; give --format for other extensions";
       return false;
     }
     std::sort(found.begin(), found.end());
@@ -153,7 +160,7 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
   return true;
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   if (FLAGS_list) {
     std::cout << EstimateListing();
     return true;
@@ -176,7 +183,7 @@ bool Run(std::string* error) {
   }
   std::vector<EstimationInput> inputs;
   return ReadInputs(&inputs, error) &&
-         CompareEstimations(inputs, methods, error);
+         CompareEstimations(inputs, methods, counts, error);
 }
 
 }  // namespace

@@ -104,7 +104,7 @@ std::vector<Outcome> SolveAll(const std::vector<double>& radii,
   return outcomes;
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* /*counts*/, std::string* error) {
   std::vector<Specification> rules;
   std::vector<double> radii;
   if (!CheckFlags({{"tolerance", {0.0, 1.0}}}, error) ||

@@ -61,7 +61,7 @@ std::string Exponent(double a, double b) {
   return fmt::format("{:.3g}", std::abs(exponent) < 1e-6 ? 0.0 : exponent);
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* /*counts*/, std::string* error) {
   std::vector<Specification> rules;
   if (!FLAGS_rules.empty() &&
       !ParseFlag("rules", ParseSpecifications, &rules, error)) {

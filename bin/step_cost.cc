@@ -157,7 +157,7 @@ Plot MeasurePanel(const std::string& title,
   return plot;
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* /*counts*/, std::string* error) {
   if (!CheckFlags({{"largest_width", {30.0}}, {"largest_batch", {4.0}}},
                   error)) {
     return false;

@@ -182,6 +182,7 @@ bool RunJobs(const SweepPlan& plan,
 bool WriteResults(const SweepPlan& plan,
                   const std::vector<SweepRun>& runs,
                   const SweepValue& value,
+                  RunCounts* counts,
                   std::string* error) {
   const SweepResults results = FindBest(plan, runs, value);
   const Table table = SweepTable(results);
@@ -190,17 +191,17 @@ bool WriteResults(const SweepPlan& plan,
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;
   }
-  DrawPicture(FLAGS_output + "/lines.png", SweepLines(results));
-  DrawPicture(FLAGS_output + "/heat_map.png", SweepHeatMaps(results));
-  DrawPicture(FLAGS_output + "/curves.png", SweepCurves(results));
   std::cout << "results in " << FLAGS_output << "\n";
-  *error = "no run is complete";
-  return std::any_of(runs.begin(), runs.end(), [](const SweepRun& run) {
-    return run.result.has_value();
-  });
+  DrawPictures({{FLAGS_output + "/lines.png", SweepLines(results)},
+                {FLAGS_output + "/heat_map.png", SweepHeatMaps(results)},
+                {FLAGS_output + "/curves.png", SweepCurves(results)}});
+  for (const SweepRun& run : runs) {
+    counts->Add(run.result.has_value() && !run.result->has_failed());
+  }
+  return true;
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   if (FLAGS_list) {
     std::cout << Listing();
     return true;
@@ -234,7 +235,8 @@ bool Run(std::string* error) {
   }
   const Interrupt interrupt;
   std::vector<SweepRun> runs;
-  return RunJobs(plan, &runs, error) && WriteResults(plan, runs, value, error);
+  return RunJobs(plan, &runs, error) &&
+         WriteResults(plan, runs, value, counts, error);
 }
 
 }  // namespace

@@ -157,7 +157,7 @@ void Print(const PointPath& path) {
   }
 }
 
-bool Run(std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   PhysicsProblem problem;
   std::vector<Method> methods;
   if (!CheckFlags(
@@ -188,12 +188,13 @@ bool Run(std::string* error) {
   }
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   for (const PointPath& path : paths) {
+    counts->Add(!path.has_failed());
     Print(path);
     if (!WritePathCsv(FLAGS_output + "/", path, error)) return false;
   }
-  DrawPicture(FLAGS_output + "/trajectories.png",
-              MakePlots(*problem.point, paths));
   fmt::print("results in {}\n", FLAGS_output);
+  DrawPictures(
+      {{FLAGS_output + "/trajectories.png", MakePlots(*problem.point, paths)}});
   return true;
 }
 

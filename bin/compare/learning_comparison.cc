@@ -14,6 +14,7 @@
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/finite.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
@@ -186,9 +187,14 @@ bool DumpStep(const LearningProblem& problem,
         method.label);
     return false;
   }
-  if (std::filesystem::exists(FLAGS_dump_step)) {
+  std::error_code failure;
+  if (std::filesystem::exists(FLAGS_dump_step, failure)) {
     *error = fmt::format("--dump_step={} exists; give another directory",
                          FLAGS_dump_step);
+    return false;
+  }
+  if (failure) {
+    *error = "--dump_step=" + FLAGS_dump_step + ": " + failure.message();
     return false;
   }
   const Model& model = *problem.model;
@@ -230,6 +236,7 @@ bool DumpStep(const LearningProblem& problem,
 
 bool CompareLearning(LearningProblem problem,
                      const std::vector<Method>& methods,
+                     RunCounts* counts,
                      std::string* error) {
   const int num_samples = problem.train.num_samples();
   std::vector<int> seeds;
@@ -251,10 +258,12 @@ bool CompareLearning(LearningProblem problem,
     return false;
   }
   Eigen::VectorXd given_weights;
-  if ((!FLAGS_init_weights.empty() && !ReadNpy(FLAGS_init_weights,
-                                               problem.model->num_weights(),
-                                               &given_weights,
-                                               error)) ||
+  if ((!FLAGS_init_weights.empty() &&
+       (!ReadNpy(FLAGS_init_weights,
+                 problem.model->num_weights(),
+                 &given_weights,
+                 error) ||
+        !CheckFinite("file " + FLAGS_init_weights, given_weights, error))) ||
       !CheckBatches(problem, methods, FLAGS_batch_size, error)) {
     return false;
   }
@@ -293,8 +302,10 @@ bool CompareLearning(LearningProblem problem,
       std::string why;
       if (RunOrLoad(
               problem, methods[i], batch_size, weights, seed, &result, &why)) {
+        counts->Add(!result.has_failed());
         all[i].runs.push_back(std::move(result));
       } else {
+        counts->Add(false);
         all[i].refusal = "not run: " + why;
         Warn(methods[i].label + ": " + why);
       }
@@ -311,10 +322,10 @@ bool CompareLearning(LearningProblem problem,
     const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
     if (run != nullptr) medians.push_back(run);
   }
-  DrawLearning(problem, FLAGS_output, FLAGS_track_sample, medians);
   std::cout << "results in " << FLAGS_output << "\n";
-  *error = "no method could run";
-  return !medians.empty();
+  DrawPictures(
+      LearningPictures(problem, FLAGS_output, FLAGS_track_sample, medians));
+  return true;
 }
 
 }  // namespace invgrad

@@ -14,16 +14,17 @@
 #include <string>
 #include <vector>
 
+#include "bin/support/program.h"
 #include "invgrad/methods/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {
 
 // Runs everything by the flags, and prints the table. Returns false, with
-// *error, if a flag does not fit the problem, if results cannot be written, or
-// if no method could run.
+// *error, if a flag does not fit the problem or if results cannot be written.
 bool CompareLearning(LearningProblem problem,
                      const std::vector<Method>& methods,
+                     RunCounts* counts,
                      std::string* error);
 
 }  // namespace invgrad

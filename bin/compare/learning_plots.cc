@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "report/plot.h"
 
@@ -139,20 +138,22 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
 
 }  // namespace
 
-void DrawLearning(const LearningProblem& problem,
-                  const std::string& directory,
-                  int tracked_sample,
-                  const Runs& runs) {
-  DrawPicture(directory + "/loss.png", LossPlots(problem, runs));
-  DrawPicture(directory + "/neurons.png", NeuronPlots(runs));
+std::vector<Picture> LearningPictures(const LearningProblem& problem,
+                                      const std::string& directory,
+                                      int tracked_sample,
+                                      const Runs& runs) {
+  std::vector<Picture> pictures = {
+      {directory + "/loss.png", LossPlots(problem, runs)},
+      {directory + "/neurons.png", NeuronPlots(runs)}};
   if (problem.train.inputs.rows() == 1 &&
       problem.model->simulator().num_inputs() == 1) {
-    DrawPicture(directory + "/map.png", {MapPlot(problem, runs)});
+    pictures.push_back({directory + "/map.png", {MapPlot(problem, runs)}});
   }
   if (tracked_sample >= 0 && problem.train.targets.rows() >= 2) {
-    DrawPicture(directory + "/sample_path.png",
-                {SamplePathPlot(problem, tracked_sample, runs)});
+    pictures.push_back({directory + "/sample_path.png",
+                        {SamplePathPlot(problem, tracked_sample, runs)}});
   }
+  return pictures;
 }
 
 }  // namespace invgrad

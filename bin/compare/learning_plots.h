@@ -14,15 +14,17 @@
 #include <vector>
 
 #include "bin/support/learning_run.h"
+#include "bin/support/run_output.h"
 #include "problems/problem.h"
 
 namespace invgrad {
 
 // `tracked_sample`: -1 if there is none. `runs`: one a method.
-void DrawLearning(const LearningProblem& problem,
-                  const std::string& directory,
-                  int tracked_sample,
-                  const std::vector<const LearningRunResult*>& runs);
+std::vector<Picture> LearningPictures(
+    const LearningProblem& problem,
+    const std::string& directory,
+    int tracked_sample,
+    const std::vector<const LearningRunResult*>& runs);
 
 }  // namespace invgrad
 

@@ -65,23 +65,23 @@ Table PointTable(const PointProblem& problem,
   return table;
 }
 
-// The results of the runs if x is too large to print.
+// The results of the runs if x is too large to print; fields for `panels`.
 bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
+                      std::vector<Plot>* panels,
                       std::string* error) {
-  std::vector<Plot> panels;
   const auto add = [&](const std::string& title,
                        const std::string& file,
                        const Eigen::VectorXd& x) {
     if (problem.field_rows > 0) {
-      Plot& plot = panels.emplace_back();
+      Plot& plot = panels->emplace_back();
       plot.title = title;
       plot.equal_aspect = true;
       HeatMap& map = plot.heat_map.emplace();
       map.z = x.reshaped<Eigen::RowMajor>(problem.field_rows,
                                           x.size() / problem.field_rows);
       // All panels have the colours of the first.
-      const Eigen::MatrixXd& reference = panels[0].heat_map->z;
+      const Eigen::MatrixXd& reference = panels->front().heat_map->z;
       map.z_range = {reference.minCoeff(), reference.maxCoeff()};
     }
     return WriteNpy(fmt::format("{}/x-{}.npy", FLAGS_output, file), x, error);
@@ -95,7 +95,6 @@ bool WriteFinalStates(const PointProblem& problem,
       return false;
     }
   }
-  DrawPicture(FLAGS_output + "/fields.png", panels);
   return true;
 }
 
@@ -171,8 +170,10 @@ bool WritePathCsv(const std::string& prefix,
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
                   const MinimizerOptions& options,
+                  RunCounts* counts,
                   std::string* error) {
   std::vector<PointPath> paths;
+  std::vector<Plot> fields;
   std::vector<Plot> plots(1);
   plots[0].title = "loss";
   plots[0].x_label = "step";
@@ -194,22 +195,21 @@ bool ComparePoint(const PointProblem& problem,
       path.x.clear();
       path.status = why;
     }
+    counts->Add(!path.has_failed());
     paths.push_back(std::move(path));
   }
   const Table table = PointTable(problem, paths);
   std::cout << table.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       (problem.start.size() > kMaxPrintedSize &&
-       !WriteFinalStates(problem, paths, error))) {
+       !WriteFinalStates(problem, paths, &fields, error))) {
     return false;
   }
-  MuteAllButTheLowest(&plots);
-  DrawPicture(FLAGS_output + "/loss.png", plots);
   std::cout << "results in " << FLAGS_output << "\n";
-  *error = "no method could run";
-  return std::any_of(paths.begin(), paths.end(), [](const PointPath& path) {
-    return !path.x.empty();
-  });
+  MuteAllButTheLowest(&plots);
+  DrawPictures({{FLAGS_output + "/fields.png", fields},
+                {FLAGS_output + "/loss.png", plots}});
+  return true;
 }
 
 }  // namespace invgrad

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "bin/support/program.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "problems/problem.h"
@@ -38,6 +39,11 @@ struct PointPath {
   std::vector<double> seconds;     // since the start; NaN where not recorded
   MinimizerSummary summary;
   std::string status;
+
+  bool has_failed() const {
+    return x.empty() || summary.termination_type == ceres::FAILURE ||
+           summary.termination_type == ceres::USER_FAILURE;
+  }
 };
 
 // Runs one method, without function and parameter tolerance. Returns false if
@@ -53,11 +59,12 @@ bool WritePathCsv(const std::string& prefix,
                   const PointPath& path,
                   std::string* error);
 
-// A method that does not support the problem has a row with the reason. Returns
-// false if results cannot be written, or if no method could run.
+// A method that does not support the problem has a row with the reason, and
+// failed. Returns false if results cannot be written.
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
                   const MinimizerOptions& options,
+                  RunCounts* counts,
                   std::string* error);
 
 }  // namespace invgrad

@@ -40,15 +40,18 @@ struct Row {
   // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   std::string status;
-  bool was_run = true;
+  bool has_failed = false;
 };
+
+bool HasFailed(const MinimizerSummary& summary) {
+  return summary.termination_type == ceres::FAILURE ||
+         summary.termination_type == ceres::USER_FAILURE;
+}
 
 std::string Status(const Method& method, const MinimizerSummary& summary) {
   const ceres::TerminationType type = summary.termination_type;
   if (type == ceres::USER_SUCCESS) return "interrupted";
-  if (type != ceres::CONVERGENCE && type != ceres::NO_CONVERGENCE) {
-    return "failed: " + summary.message;
-  }
+  if (HasFailed(summary)) return "failed: " + summary.message;
   const bool is_late =  // the message is of Ceres or ours
       summary.message.rfind("Maximum solver time", 0) == 0;
   std::string status = type == ceres::CONVERGENCE ? "converged"
@@ -78,6 +81,7 @@ void SetResults(const Method& method,
   row->seconds = summary.total_time_in_seconds;
   row->digits = estimation.Digits();
   row->status = Status(method, summary);
+  row->has_failed = HasFailed(summary);
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {
@@ -182,6 +186,7 @@ bool RunFrom(int start,
              const std::vector<Method>& methods,
              const MakeLossFunction& make_loss,
              std::vector<Row>* rows,
+             std::vector<Picture>* pictures,
              std::string* error) {
   Estimation* estimation = input.estimation.get();
   const std::string name = StartName(input, start, seed);
@@ -203,9 +208,9 @@ bool RunFrom(int start,
     row.method = method.label;
     MinimizerSummary summary;
     std::string why;
-    row.was_run = Minimize(name, method, make_loss, estimation, &summary, &why);
-    if (!row.was_run) {
+    if (!Minimize(name, method, make_loss, estimation, &summary, &why)) {
       row.status = "not run: " + why;
+      row.has_failed = true;
       continue;
     }
     SetResults(method, summary, *estimation, &row);
@@ -217,12 +222,13 @@ bool RunFrom(int start,
     if (!estimation->Write(file + estimation->traits().extension, &why)) {
       Warn(why);
       row.status += "; no result file: " + why;
+      row.has_failed = true;
     }
   }
-  DrawPicture(folder + "/result.png", panels);
+  pictures->push_back({folder + "/result.png", std::move(panels)});
   if (!costs[0].series.empty()) {
     MuteAllButTheLowest(&costs);
-    DrawPicture(folder + "/cost.png", costs);
+    pictures->push_back({folder + "/cost.png", std::move(costs)});
   }
   return true;
 }
@@ -339,6 +345,7 @@ Table EstimationSummary(const std::vector<Row>& rows) {
 
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
+                        RunCounts* counts,
                         std::string* error) {
   std::vector<int> seeds;
   MakeLossFunction make_loss;
@@ -367,6 +374,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   if (FLAGS_perturb == 0.0) seeds = {0};
   const Interrupt interrupt;
   std::vector<Row> rows;
+  std::vector<Picture> pictures;
   for (const EstimationInput& input : inputs) {
     for (int start = 0; start < input.estimation->traits().num_starts;
          ++start) {
@@ -375,7 +383,14 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!RunFrom(start, seed, input, methods, make_loss, &rows, error)) {
+        if (!RunFrom(start,
+                     seed,
+                     input,
+                     methods,
+                     make_loss,
+                     &rows,
+                     &pictures,
+                     error)) {
           return false;
         }
       }
@@ -392,9 +407,9 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  *error = "no method could run";
-  return std::any_of(
-      rows.begin(), rows.end(), [](const Row& row) { return row.was_run; });
+  DrawPictures(pictures);
+  for (const Row& row : rows) counts->Add(!row.has_failed);
+  return true;
 }
 
 }  // namespace invgrad

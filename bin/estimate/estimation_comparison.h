@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "bin/support/program.h"
 #include "gflags/gflags.h"
 #include "invgrad/methods/method.h"
 #include "problems/estimation/estimation.h"
@@ -38,11 +39,11 @@ struct EstimationInput {
 };
 
 // Runs all methods from the starts of the flags. A method that does not support
-// a problem has a row with the reason. Returns false, with *error set, if a
-// flag's value is not allowed, if a file cannot be written, or if no method
-// could run.
+// a problem has a row with the reason, and failed. Returns false, with *error
+// set, if a flag's value is not allowed or if a file cannot be written.
 bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
+                        RunCounts* counts,
                         std::string* error);
 
 }  // namespace invgrad

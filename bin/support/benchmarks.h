@@ -23,13 +23,17 @@ class RatioReporter final : public benchmark::ConsoleReporter {
   void ReportRuns(const std::vector<Run>& runs) override {
     benchmark::ConsoleReporter::ReportRuns(runs);
     for (const Run& run : runs) {
-      if (run.error_occurred || run.run_type != Run::RT_Iteration) continue;
+      if (run.run_type != Run::RT_Iteration) continue;
+      counts_.Add(!run.error_occurred);
+      if (run.error_occurred) continue;
       // In seconds, for any printed unit.
       times_[run.run_name.function_name].push_back(
           run.GetAdjustedRealTime() /
           benchmark::GetTimeUnitMultiplier(run.time_unit));
     }
   }
+
+  const RunCounts& counts() const { return counts_; }
 
   // Seconds, the median of the repetitions; NaN if it did not run.
   double Median(const std::string& name) const {
@@ -50,6 +54,7 @@ class RatioReporter final : public benchmark::ConsoleReporter {
 
  private:
   std::map<std::string, std::vector<double>> times_;
+  RunCounts counts_;
 };
 
 inline benchmark::internal::Benchmark* RegisterBenchmark(
@@ -62,7 +67,7 @@ inline benchmark::internal::Benchmark* RegisterBenchmark(
 inline int RunBenchmarks(int argc,
                          char** argv,
                          const std::string& usage,
-                         bool (*run)(std::string* error)) {
+                         bool (*run)(RunCounts* counts, std::string* error)) {
   UseProcessorsKernels(argv);
   benchmark::Initialize(&argc, argv);
   return RunProgram(argc, argv, usage, run);

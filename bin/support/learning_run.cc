@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <sstream>
 #include <utility>
@@ -321,8 +322,10 @@ bool LoadCompleteRun(const std::string& directory,
   *result = LearningRunResult();
   const std::string file = directory + "/result.txt";
   std::string text;
-  if (!std::filesystem::exists(file)) return false;
-  if (!ReadFile(file, &text, error)) return false;
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored)) return false;
+  constexpr std::uint64_t kMaxSize = 1 << 16;
+  if (!ReadFile(file, &text, error, kMaxSize)) return false;
   if (!ParseResultText(text, result)) {
     *error = file + ": not a result of a run";
     return false;

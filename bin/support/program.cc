@@ -3,16 +3,21 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <iostream>
 #include <limits>
+#include <new>
 #include <sstream>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas_kernels.h"
 #include "invgrad/version.h"
+#include "report/interrupt.h"
 
 DECLARE_bool(helpshort);  // of gflags
 
@@ -49,6 +54,32 @@ bool SetByFlag(const char* name, OptionSet* set, std::string* error) {
   return false;
 }
 
+constexpr int kBadInput = 1;
+
+// Runs at the exit of the program, also at that of gflags' --help: output that
+// is lost, as on a full device, is an error. (A reader that ends, as in
+// "| head", ends the program by SIGPIPE, quietly.)
+void CheckOutput() {
+  std::cout.flush();
+  if (std::cout.good() && std::fflush(stdout) == 0 &&
+      std::ferror(stdout) == 0) {
+    return;
+  }
+  const int reason = errno;
+  if (reason != EPIPE) Warn("cannot write the output");
+  _exit(kBadInput);
+}
+
+// Of a program whose results are written.
+int ExitCode(const RunCounts& counts) {
+  constexpr int kSomeFailed = 2, kNoneWorked = 3, kSignal = 128;
+  if (Interrupt::IsRequested()) return kSignal + Interrupt::Signal();
+  if (counts.num_failed == 0) return 0;
+  if (counts.num_worked > 0) return kSomeFailed;
+  Warn("no run worked");
+  return kNoneWorked;
+}
+
 }  // namespace
 
 void UseProcessorsKernels(char** argv) {
@@ -79,12 +110,16 @@ void UseProcessorsKernels(char** argv) {
 int RunProgram(int argc,
                char** argv,
                const std::string& usage,
-               bool (*run)(std::string* error)) {
+               bool (*run)(RunCounts* counts, std::string* error)) {
   UseProcessorsKernels(argv);
+  std::atexit(CheckOutput);
   FLAGS_logtostderr = true;
   // Ceres warns of every restart of nonlinear conjugate gradients.
   FLAGS_minloglevel = google::GLOG_ERROR;
-  gflags::SetUsageMessage(usage);
+  gflags::SetUsageMessage(
+      usage +
+      "\n\nExit codes: 0 all runs worked; 1 bad flags or input; 2 some runs "
+      "failed; 3 none worked; 128 + n after signal n");
   gflags::SetVersionString(INVGRAD_VERSION);
   gflags::ParseCommandLineNonHelpFlags(&argc, &argv, true);
   if (FLAGS_helpshort) {
@@ -94,15 +129,22 @@ int RunProgram(int argc,
   }
   gflags::HandleCommandLineHelpFlags();
   google::InitGoogleLogging(argv[0]);
+  RunCounts counts;
   std::string error;
   if (argc > 1) {
     error = fmt::format("unexpected argument '{}'; every argument is a --flag",
                         argv[1]);
-  } else if (run(&error)) {
-    return 0;
+  } else {
+    try {
+      if (run(&counts, &error)) return ExitCode(counts);
+    } catch (const std::bad_alloc&) {
+      error = "there is not enough memory";
+    } catch (const std::exception& exception) {
+      error = exception.what();
+    }
   }
   Warn(error);
-  return 1;
+  return kBadInput;
 }
 
 std::vector<gflags::CommandLineFlagInfo> ProgramFlags() {

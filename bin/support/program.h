@@ -17,14 +17,30 @@ namespace invgrad {
 // message. Call it first, because earlier code runs twice.
 void UseProcessorsKernels(char** argv);
 
+// What became of a program's runs: methods, starts, jobs. A run that diverged
+// failed; one that used up its budget worked.
+struct RunCounts {
+  int num_worked = 0;
+  int num_failed = 0;
+
+  void Add(bool has_worked) { ++(has_worked ? num_worked : num_failed); }
+};
+
 // Calls UseProcessorsKernels, reads the flags, rejects other arguments, and
-// calls `run`. Returns the exit code: 1, after *error is printed, if `run`
-// returns false. --helpshort prints `usage`, a line about the program, and the
-// program's flags.
+// calls `run`. --helpshort prints `usage`, a line about the program, the exit
+// codes and the program's flags. Returns the exit code:
+//
+//   0         no run failed
+//   1         `run` returned false, and *error is printed: bad flags or input,
+//             or results that cannot be written
+//   2         some runs failed
+//   3         all runs failed
+//   128 + n   signal n ended the program (report/interrupt.h); what was
+//             complete is in tables and files
 int RunProgram(int argc,
                char** argv,
                const std::string& usage,
-               bool (*run)(std::string* error));
+               bool (*run)(RunCounts* counts, std::string* error));
 
 // The flags that bin/ defines in this program, its own file and those of
 // bin/support that it links; not those of gflags and glog.

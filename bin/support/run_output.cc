@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cctype>
+#include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -20,6 +23,7 @@
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/version.h"
+#include "report/interrupt.h"
 
 DEFINE_string(output,
               "",
@@ -188,7 +192,14 @@ std::string FileName(const std::string& label) {
                           c == '_' || c == '.' || c == '+' || c == '-';
     name += is_plain ? c : '-';
   }
-  return name;
+  constexpr size_t kMaxSize = 180;
+  if (name.size() <= kMaxSize) return name;
+  std::uint64_t digest = 0xcbf29ce484222325;  // FNV-1a
+  for (const char c : label) {
+    digest = (digest ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  }
+  const std::string end = fmt::format("-{:016x}", digest);
+  return name.substr(0, kMaxSize - end.size()) + end;
 }
 
 bool WriteTable(const std::string& path,
@@ -198,12 +209,26 @@ bool WriteTable(const std::string& path,
          WriteFile(path + ".md", table.ToMarkdown(), error);
 }
 
-void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels) {
+void DrawPictures(const std::vector<Picture>& pictures) {
   if (!FLAGS_plots) return;
-  std::error_code ignored;
-  fs::remove(path_png, ignored);
-  std::string error;
-  if (!panels.empty() && !WritePlots(path_png, panels, &error)) Warn(error);
+  std::cout << std::flush;  // before what may take long
+  const int signal_before = Interrupt::Signal();
+  double max_seconds = 60.0;
+  for (const Picture& picture : pictures) {
+    std::error_code ignored;
+    fs::remove(picture.path_png, ignored);
+    std::string error;
+    const auto start = std::chrono::steady_clock::now();
+    if (picture.panels.empty() ||
+        WritePlots(picture.path_png, picture.panels, &error, max_seconds)) {
+      continue;
+    }
+    Warn(error);
+    if (Interrupt::Signal() != signal_before) return;
+    const std::chrono::duration<double> seconds =
+        std::chrono::steady_clock::now() - start;
+    if (seconds.count() > max_seconds) max_seconds = 5.0;
+  }
 }
 
 Series HistoryCurve(const std::string& title,

@@ -38,7 +38,9 @@ bool PrepareRunDirectory(ExistingDirectory existing, std::string* error);
 // Makes the directory and its parents.
 bool MakeDirectories(const std::string& path, std::string* error);
 
-// "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6".
+// "half_inverse:truncation=1e-6" -> "half_inverse-truncation-1e-6". A label of
+// more than 180 characters is cut, and ends in a digest of all of it, so that
+// file systems accept the name, with what is put before and after it.
 std::string FileName(const std::string& label);
 
 // Writes PATH.txt and PATH.md.
@@ -46,9 +48,16 @@ bool WriteTable(const std::string& path,
                 const Table& table,
                 std::string* error);
 
-// Draws the picture if --plots is set, and removes an earlier one if there are
-// no panels. A failure to draw is a warning.
-void DrawPicture(const std::string& path_png, const std::vector<Plot>& panels);
+struct Picture {
+  std::string path_png;
+  std::vector<Plot> panels;
+};
+
+// Draws the pictures if --plots is set; a picture without panels only removes
+// an earlier one. Call it when all tables and files are written: a failure to
+// draw is a warning, and a signal ends the drawing. After a picture that takes
+// longer than a minute, the others have five seconds each.
+void DrawPictures(const std::vector<Picture>& pictures);
 
 // A field of the history against seconds of training, or against steps. A
 // logarithmic axis cannot show zero: the initial loss is left out.

@@ -279,11 +279,8 @@ class Planner {
     const auto [it, is_new] =
         job_numbers_.emplace(job.name, static_cast<int>(plan_->jobs.size()));
     if (is_new) {
-      // The number makes names unique that differ only in special characters or
-      // after truncation.
-      constexpr size_t kMaxLength = 150;
-      job.name = fmt::format(
-          "{}-{}", it->second, FileName(job.name).substr(0, kMaxLength));
+      // The number makes names unique that differ only in special characters.
+      job.name = fmt::format("{}-{}", it->second, FileName(job.name));
       plan_->jobs.push_back(std::move(job));
     }
     return it->second;

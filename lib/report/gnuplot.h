@@ -1,4 +1,4 @@
-// Parts of scripts for gnuplot, and running them.
+// The parts of a script for gnuplot, and a function that runs a script.
 #ifndef REPORT_GNUPLOT_H_
 #define REPORT_GNUPLOT_H_
 
@@ -15,8 +15,11 @@ namespace invgrad {
 std::string QuoteForGnuplot(std::string_view text);
 
 // Runs the file `script` in `folder`. Returns an error message, or an empty
-// string.
-std::string RunGnuplot(const std::string& folder, const std::string& script);
+// string. gnuplot is killed after `max_seconds`, and when an Interrupt gets a
+// signal.
+std::string RunGnuplot(const std::string& folder,
+                       const std::string& script,
+                       double max_seconds);
 
 struct Axis {
   bool is_log = false;

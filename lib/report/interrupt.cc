@@ -1,16 +1,22 @@
 #include "report/interrupt.h"
 
+#include <unistd.h>
+
 #include <atomic>
+#include <cerrno>
 #include <csignal>
+#include <string_view>
 
 #include "glog/logging.h"
 
 namespace invgrad {
 namespace {
 
-std::atomic<bool> is_requested{false};
-std::atomic<bool> exists{false};
-static_assert(std::atomic<bool>::is_always_lock_free,
+constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
+
+std::atomic<int> first_signal{0};
+std::atomic<pid_t> owner{0};  // the process with an Interrupt; 0: none
+static_assert(std::atomic<int>::is_always_lock_free,
               "a signal handler may only touch lock-free atomics");
 
 // Sets a handler, unless the signal is ignored; returns the previous handler.
@@ -21,28 +27,38 @@ Interrupt::Handler Install(int signal_number, Interrupt::Handler handler) {
   return before;
 }
 
-extern "C" void HandleInterrupt(int) {
-  is_requested = true;
+extern "C" void HandleInterrupt(int signal_number) {
+  const int error_number = errno;
   // From now on each of the signals ends the process.
-  Install(SIGINT, SIG_DFL);
-  Install(SIGTERM, SIG_DFL);
+  for (const int each : kSignals) Install(each, SIG_DFL);
+  first_signal = signal_number;
+  constexpr std::string_view kMessage =
+      "\nending after the current step; a second signal ends at once, without "
+      "results\n";
+  if (owner == getpid() &&
+      write(STDERR_FILENO, kMessage.data(), kMessage.size()) < 0) {
+    // Nobody reads it.
+  }
+  errno = error_number;
 }
 
 }  // namespace
 
 Interrupt::Interrupt() {
-  CHECK(!exists.exchange(true)) << "there is an Interrupt already";
-  is_requested = false;
-  before_int_ = Install(SIGINT, HandleInterrupt);
-  before_term_ = Install(SIGTERM, HandleInterrupt);
+  CHECK_EQ(owner.exchange(getpid()), 0) << "there is an Interrupt already";
+  first_signal = 0;
+  for (size_t i = 0; i < before_.size(); ++i) {
+    before_[i] = Install(kSignals[i], HandleInterrupt);
+  }
 }
 
 Interrupt::~Interrupt() {
-  std::signal(SIGINT, before_int_);
-  std::signal(SIGTERM, before_term_);
-  exists = false;
+  for (size_t i = 0; i < before_.size(); ++i) {
+    std::signal(kSignals[i], before_[i]);
+  }
+  owner = 0;
 }
 
-bool Interrupt::IsRequested() { return is_requested; }
+int Interrupt::Signal() { return first_signal; }
 
 }  // namespace invgrad

@@ -4,13 +4,17 @@
 //   while (!Interrupt::IsRequested() && ...) { one step }
 //   // write the results so far
 //
-// The first SIGINT or SIGTERM only sets a flag; the next one ends the process
-// as usual. A signal that was ignored before (nohup, a background job) is still
-// ignored. The destructor restores the previous handlers.
+// The first SIGINT, SIGTERM or SIGHUP sets a flag and prints on stderr that the
+// run ends after the current step; the next one ends the process as usual. A
+// signal that was ignored before (nohup, a background job) is still ignored.
+// The destructor restores the previous handlers. Only the process that
+// constructed the Interrupt prints, not its children.
 //
 // Fails:   CHECKs that there is only one Interrupt at a time.
 #ifndef REPORT_INTERRUPT_H_
 #define REPORT_INTERRUPT_H_
+
+#include <array>
 
 namespace invgrad {
 
@@ -23,13 +27,13 @@ class Interrupt {
   Interrupt& operator=(const Interrupt&) = delete;
   ~Interrupt();
 
-  // True after a signal since the last Interrupt was constructed, also after
-  // its destruction. Thread-safe.
-  static bool IsRequested();
+  // The first signal since the last Interrupt was constructed, also after its
+  // destruction; 0: none. Thread-safe.
+  static int Signal();
+  static bool IsRequested() { return Signal() != 0; }
 
  private:
-  Handler before_int_;
-  Handler before_term_;
+  std::array<Handler, 3> before_;
 };
 
 }  // namespace invgrad

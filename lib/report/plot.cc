@@ -318,7 +318,8 @@ void MuteAllButTheLowest(std::vector<Plot>* panels) {
 
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& panels,
-                std::string* error) {
+                std::string* error,
+                double max_seconds) {
   CHECK(!panels.empty());
   CHECK(error != nullptr);
   const std::filesystem::path path(path_png);
@@ -334,7 +335,7 @@ bool WritePlots(const std::string& path_png,
   std::error_code ignored;
   std::filesystem::remove(path, ignored);  // so that an old picture is not
                                            // mistaken for a new one
-  std::string problem = RunGnuplot(folder, name_gp);
+  std::string problem = RunGnuplot(folder, name_gp, max_seconds);
   if (problem.empty() && !std::filesystem::exists(path, ignored)) {
     problem = "gnuplot wrote nothing (is the folder writable?)";
   }

@@ -9,8 +9,9 @@
 //
 // Cost:    about 0.2 s for a picture.
 // Fails:   returns false if gnuplot is missing (*error names the apt package),
-//          if it fails, or if a file cannot be written. Callers should report a
-//          missing picture and continue. CHECKs that sizes agree.
+//          if it fails or takes too long, or if a file cannot be written.
+//          Callers should report a missing picture and continue. CHECKs that
+//          sizes agree.
 #ifndef REPORT_PLOT_H_
 #define REPORT_PLOT_H_
 
@@ -90,10 +91,12 @@ struct Plot {
 void MuteAllButTheLowest(std::vector<Plot>* panels);
 
 // Writes path_png, which must end in ".png", and the script beside it. Up to
-// three panels stand side by side; more form rows of at most four.
+// three panels stand side by side; more form rows of at most four. gnuplot is
+// ended after `max_seconds`, and by an Interrupt (interrupt.h).
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& panels,
-                std::string* error);
+                std::string* error,
+                double max_seconds = 60.0);
 
 }  // namespace invgrad
 

@@ -1,22 +1,47 @@
 #include "problems/estimation/estimation.h"
 
+#include <cstdint>
+#include <sstream>
+
 #include "fmt/core.h"
+#include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
-
 namespace {
 
 struct Kind {
   std::string name;
   std::vector<std::string> extensions;
   EstimationReader* read;
+  // Of a file that begins so; it may be damaged.
+  bool (*recognizes)(const std::string& beginning);
 };
+
+bool IsNist(const std::string& beginning) {
+  return beginning.find("Dataset Name:") != std::string::npos;
+}
+
+// Three counts, or bzip2.
+bool IsBal(const std::string& beginning) {
+  std::istringstream words(beginning);
+  long count = 0;
+  return beginning.rfind("BZh", 0) == 0 || words >> count >> count >> count;
+}
+
+// The first line that is no comment has a tag.
+bool IsG2o(const std::string& beginning) {
+  std::istringstream lines(beginning);
+  std::string word;
+  while (lines >> word && word[0] == '#') std::getline(lines, word);
+  return word == "FIX" || word.rfind("VERTEX_", 0) == 0 ||
+         word.rfind("EDGE_", 0) == 0;
+}
 
 const std::vector<Kind>& Kinds() {
   static const auto& kinds = *new std::vector<Kind>{
-      {"nist", {".dat"}, ReadNistEstimation},
-      {"bal", {".txt", ".txt.bz2"}, ReadBalEstimation},
-      {"g2o", {".g2o"}, ReadPoseGraphEstimation},
+      {"nist", {".dat"}, ReadNistEstimation, IsNist},
+      {"bal", {".txt", ".txt.bz2"}, ReadBalEstimation, IsBal},
+      {"g2o", {".g2o"}, ReadPoseGraphEstimation, IsG2o},
   };
   return kinds;
 }
@@ -41,6 +66,19 @@ std::string EstimationKindOf(const std::string& path) {
     }
   }
   return "";
+}
+
+bool IsEstimationFile(const std::string& path, const std::string& kind) {
+  const std::string wanted = kind.empty() ? EstimationKindOf(path) : kind;
+  constexpr int kSize = 4096;
+  std::string beginning, ignored;
+  std::uint64_t file_size = 0;
+  const bool is_read =
+      ReadBeginning(path, kSize, &beginning, &file_size, &ignored);
+  for (const Kind& row : Kinds()) {
+    if (row.name == wanted) return !is_read || row.recognizes(beginning);
+  }
+  return false;
 }
 
 std::unique_ptr<Estimation> ReadEstimation(const std::string& path,

@@ -76,6 +76,11 @@ std::vector<std::string> EstimationKinds();
 // The kind of files with this extension; empty: none.
 std::string EstimationKindOf(const std::string& path);
 
+// Whether a file of this kind (empty: by the extension) begins as its reader
+// expects; it may be damaged farther on. True if it cannot be read, which its
+// reader reports.
+bool IsEstimationFile(const std::string& path, const std::string& kind);
+
 struct ReadEstimationOptions {
   std::string kind;  // empty: by the extension
   InformationRoot information_root = InformationRoot::kLower;  // of g2o

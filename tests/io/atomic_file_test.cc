@@ -4,7 +4,9 @@
 #include <sys/stat.h>
 
 #include <csignal>
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "gtest/gtest.h"
@@ -93,6 +95,56 @@ TEST(AtomicFile, ReadsRegularFilesOnly) {
   EXPECT_EQ(error, "cannot read " + (folder / ".") + ": not a regular file");
   EXPECT_FALSE(ReadFile("/dev/zero", &bytes, &error));  // would have no end
   EXPECT_EQ(error, "cannot read /dev/zero: not a regular file");
+  // A pipe without a writer would never give anything.
+  const std::string pipe = folder / "pipe";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_FALSE(ReadFile(pipe, &bytes, &error));
+  EXPECT_EQ(error, "cannot read " + pipe + ": not a regular file");
+  std::filesystem::create_symlink("loop", folder / "loop");
+  EXPECT_FALSE(ReadFile(folder / "loop", &bytes, &error));
+  EXPECT_EQ(error,
+            "cannot read " + (folder / "loop") +
+                ": Too many levels of symbolic links");
+}
+
+TEST(AtomicFile, ReadsNoMoreThanIsAllowed) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "file";
+  std::string bytes = "before";
+  std::string error;
+  ASSERT_TRUE(WriteFile(path, "12345", &error)) << error;
+  EXPECT_FALSE(ReadFile(path, &bytes, &error, 4));
+  EXPECT_EQ(error,
+            "cannot read " + path + ": it has 5 bytes; at most 4 are allowed");
+  EXPECT_EQ(bytes, "before");
+  EXPECT_TRUE(ReadFile(path, &bytes, &error, 5));
+  EXPECT_EQ(bytes, "12345");
+  std::uint64_t size = 0;
+  EXPECT_TRUE(ReadBeginning(path, 2, &bytes, &size, &error));
+  EXPECT_EQ(bytes, "12");
+  EXPECT_EQ(size, 5u);
+}
+
+TEST(AtomicFile, RefusesMoreThanTheMemory) {
+  const TemporaryFolder folder;
+  const std::string path = folder / "large";
+  std::ofstream(path) << "x";
+  std::filesystem::resize_file(path, std::uintmax_t{1} << 43);  // sparse
+  std::string bytes;
+  std::string error;
+  EXPECT_FALSE(ReadFile(path, &bytes, &error));
+  EXPECT_NE(error.find("cannot read " + path +
+                       ": it needs 8.8 TB for its bytes; the limit is "),
+            std::string::npos)
+      << error;
+}
+
+// Of some files the system does not say the size.
+TEST(AtomicFile, ReadsFilesOfTheSystem) {
+  std::string bytes;
+  std::string error;
+  EXPECT_TRUE(ReadFile("/proc/self/status", &bytes, &error)) << error;
+  EXPECT_NE(bytes.find("VmSize"), std::string::npos);
 }
 
 }  // namespace atomic_file_test

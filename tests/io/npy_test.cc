@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <string>
 #include <vector>
@@ -273,6 +274,40 @@ TEST_F(NpyTest, LyingHeadersDoNotAllocate) {
   std::string file = Npy(2, header_, by_rows_);
   file.replace(8, 4, "\xff\xff\xff\xff");
   EXPECT_EQ(ReadError(file), "truncated in the header, at 176 bytes");
+}
+
+// Sparse files of some 8 TB.
+TEST_F(NpyTest, LargeFilesAreJudgedByTheirHeader) {
+  constexpr std::uintmax_t kSize = std::uintmax_t{1} << 43;
+  const std::string array = Npy(
+      1,
+      "{'descr': '<f8', 'fortran_order': False, 'shape': (1073741824, 1023), }",
+      "");
+  const auto read_error =
+      [&](const std::string& beginning, std::uintmax_t size, int rows) {
+        Put(beginning);
+        std::filesystem::resize_file(path_, size);
+        MatrixXd matrix;
+        std::string error;
+        EXPECT_FALSE(ReadNpy(path_, rows, -1, &matrix, &error));
+        return WithoutPath(error);
+      };
+  EXPECT_EQ(read_error("", kSize, -1),
+            "not a .npy file (it does not begin with \\x93NUMPY)");
+  EXPECT_EQ(read_error(array, kSize, 7),
+            "found shape (1073741824, 1023), wanted (7, *)");
+  EXPECT_NE(read_error(array, kSize, -1).find("does not fit the 87960930220"),
+            std::string::npos);
+  const std::string problem =
+      read_error(array, array.size() + 1073741824ull * 1023 * 8, -1);
+  EXPECT_EQ(problem.find("it needs 35.2 TB (copies of the array 26.4 TB, "
+                         "its bytes 8.79 TB); the limit is "),
+            0u)
+      << problem;
+  std::string long_header = Npy(2, header_, by_rows_);
+  long_header.replace(8, 4, std::string("\0\0\1\1", 4));
+  EXPECT_EQ(read_error(long_header, kSize, -1),
+            "its header has 16842752 bytes; at most 65536 are allowed");
 }
 
 TEST_F(NpyTest, MalformedHeadersAreShown) {

@@ -54,7 +54,7 @@ TEST_F(CompareProgram, ShortHelpShowsAllOfAProgramsOwnFlags) {
     SCOPED_TRACE(program);
     const Output output = Wait(StartProgram(program, {"--helpshort"}));
     ExpectSays(output, shared);
-    ExpectSays(output, {"-problem ", "-plots "});
+    ExpectSays(output, {"-problem ", "-plots ", "Exit codes: 0 all runs"});
     EXPECT_EQ(output.text.find("-logtostderr "), std::string::npos);
   }
   // Nor those of others.
@@ -112,6 +112,11 @@ TEST_F(CompareProgram, RefusesFilesThatDoNotFit) {
   // 4-3-24 has 4 * 3 + 3 + 3 * 24 + 24 weights.
   ExpectRefused({"--init_weights=" + Path("short.npy"), "--hidden=3"},
                 {"short.npy", "7", "111"});
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(1444);
+  weights[7] = std::nan("");
+  ASSERT_TRUE(WriteNpy(Path("nan_weights.npy"), weights, &error));
+  ExpectRefused({"--init_weights=" + Path("nan_weights.npy")},
+                {"nan_weights.npy is not finite: entry 7 is nan"});
   Eigen::MatrixXd data = Eigen::MatrixXd::Constant(64, 4, 0.5);
   data(5, 2) = std::nan("");
   ASSERT_TRUE(WriteNpy(Path("nan.npy"), data, &error));
@@ -166,14 +171,14 @@ TEST_F(CompareProgram, ADivergingMethodIsARowAndTheOthersGoOn) {
       "--rules=gradient_descent:step_size=1e200,half_inverse,"
       "ceres_lm,ceres_lm+half_inverse,ceres_bfgs";
   const Output output = Run(arguments);
-  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ASSERT_EQ(output.exit_code, 2) << output.text;
   EXPECT_NE(output.text.find("diverged at step 2"), std::string::npos)
       << output.text;
   EXPECT_NE(output.text.find("proposed"), std::string::npos) << output.text;
   EXPECT_TRUE(fs::exists(Path("run") + "/ceres_bfgs-seed1/weights.npy"));
 }
 
-TEST_F(CompareProgram, FailsIfNoMethodCouldRun) {
+TEST_F(CompareProgram, TheExitCodeSaysHowManyMethodsWorked) {
   // A trust region needs a squared norm, which this problem has not.
   for (const char* rules : {"--rules=ceres_lm", "--rules=ceres_lm,adam"}) {
     const Output output = Run({"--problem=quantum_dipole:num_samples=4",
@@ -183,11 +188,10 @@ TEST_F(CompareProgram, FailsIfNoMethodCouldRun) {
                                "--overwrite",
                                "--output=" + Path("run")});
     const bool has_run = std::string(rules) != "--rules=ceres_lm";
-    EXPECT_EQ(output.exit_code, has_run ? 0 : 1) << output.text;
+    EXPECT_EQ(output.exit_code, has_run ? 2 : 3) << output.text;
     ExpectSays(output, {"not run: a trust region needs"});
-    EXPECT_EQ(
-        output.text.find("compare: no method could run") == std::string::npos,
-        has_run)
+    EXPECT_EQ(output.text.find("compare: no run worked") == std::string::npos,
+              has_run)
         << output.text;
     EXPECT_TRUE(fs::exists(Path("run") + "/table.txt"));
   }
@@ -195,8 +199,15 @@ TEST_F(CompareProgram, FailsIfNoMethodCouldRun) {
                             "--rules=adam:steps=1>newton",
                             "--plots=false",
                             "--output=" + Path("point")});
-  EXPECT_EQ(point.exit_code, 1);
-  ExpectSays(point, {"no method could run"});
+  EXPECT_EQ(point.exit_code, 3);
+  ExpectSays(point, {"no run worked"});
+  // A run that diverges has failed.
+  const Output diverged = Run({"--problem=toy_network:num_samples=32",
+                               "--rules=gradient_descent:step_size=1e200",
+                               "--steps=5",
+                               "--plots=false",
+                               "--output=" + Path("diverged")});
+  EXPECT_EQ(diverged.exit_code, 3) << diverged.text;
 }
 
 // A line would not be seen.

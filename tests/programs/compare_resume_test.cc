@@ -2,7 +2,9 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -88,7 +90,8 @@ TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   ::kill(child, SIGINT);
   const Output interrupted = Wait(child);
-  EXPECT_EQ(interrupted.exit_code, 0) << interrupted.text;
+  EXPECT_EQ(interrupted.exit_code, 128 + SIGINT) << interrupted.text;
+  ExpectSays(interrupted, {"ending after the current step; a second signal"});
   EXPECT_NE(interrupted.text.find("stopped"), std::string::npos)
       << interrupted.text;
   EXPECT_TRUE(fs::exists(started + "/weights.npy"));
@@ -109,6 +112,49 @@ TEST_F(CompareProgram, InterruptKeepsTheResultsAndResumeGoesOn) {
   const Output other = Run(arguments);
   EXPECT_EQ(other.exit_code, 1);
   EXPECT_NE(other.text.find("batch_size"), std::string::npos) << other.text;
+}
+
+TEST_F(CompareProgram, AHangingGnuplotCostsNoTablesAndCtrlCEndsIt) {
+  // It tells that it was started, and never ends.
+  fs::create_directory(Path("bin"));
+  const std::string started = Path("started");
+  std::ofstream(Path("bin/gnuplot"))
+      << "#!/bin/sh\ntouch '" << started << "'\nsleep 1000\n";
+  fs::permissions(Path("bin/gnuplot"), fs::perms::owner_all);
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", (Path("bin") + ":" + path).c_str(), 1);
+  for (const std::string program : {"compare", "estimate", "sweep"}) {
+    SCOPED_TRACE(program);
+    const std::string output = "--output=" + Path(program);
+    pid_t child = 0;
+    if (program == "compare") {
+      std::vector<std::string> arguments = SmallRun(program);
+      arguments[4] = "--plots";
+      child = Start(arguments);
+    } else if (program == "sweep") {
+      child = StartProgram(program,
+                           {"--problem=toy_network:num_samples=32",
+                            "--grid=rule=adam;lambda=1,0.1",
+                            "--steps=2",
+                            output});
+    } else {
+      std::ofstream(Path("square.g2o"))
+          << "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1.1 0 1.5\n"
+             "EDGE_SE2 0 1 1 0 1.5708 10 0 0 10 0 100\n";
+      child = StartProgram(program, {"--input=" + Path("square.g2o"), output});
+    }
+    for (int i = 0; i < 3000 && !fs::exists(started); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    EXPECT_TRUE(fs::remove(started));
+    EXPECT_TRUE(fs::exists(Path(program) + "/table.txt"));
+    ::kill(child, SIGTERM);
+    const Output ended = Wait(child);
+    EXPECT_EQ(ended.exit_code, 128 + SIGTERM) << ended.text;
+    ExpectSays(ended,
+               {"results in", "gnuplot was ended by a signal", "no picture"});
+  }
+  ::setenv("PATH", path.c_str(), 1);
 }
 
 TEST_F(CompareProgram, ALargerBudgetGoesOnWithARunThatIsDone) {

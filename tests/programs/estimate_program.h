@@ -112,17 +112,18 @@ class EstimateProgram : public ProgramRunner {
     return rows;
   }
 
-  // A run without pictures that must succeed.
+  // A run without pictures.
   Output RunQuietly(const std::string& input,
                     const std::string& output,
-                    std::vector<std::string> arguments = {}) const {
+                    std::vector<std::string> arguments = {},
+                    int exit_code = 0) const {
     arguments.insert(arguments.end(),
                      {"--input=" + input,
                       "--output=" + Path(output),
                       "--plots=false",
                       "--progress=false"});
     Output result = Run(arguments);
-    EXPECT_EQ(result.exit_code, 0) << result.text;
+    EXPECT_EQ(result.exit_code, exit_code) << result.text;
     return result;
   }
 };

@@ -160,7 +160,7 @@ TEST_F(EstimateProgram, NoiseIsThatOfTheSeed) {
 
 TEST_F(EstimateProgram, AMethodThatCannotTakeAProblemGetsARow) {
   const Output output =
-      RunQuietly(WriteG2o2d(), "run", {"--methods=newton,ceres_lm"});
+      RunQuietly(WriteG2o2d(), "run", {"--methods=newton,ceres_lm"}, 2);
   ExpectSays(output, {"failed: ", "no exact Hessian", "converged"});
   // It has no cost, and no share in the least one.
   const auto rows = Results("run");
@@ -189,10 +189,17 @@ TEST_F(EstimateProgram, WritesWhatManyStepsLeadTo) {
 }
 
 TEST_F(EstimateProgram, AResultThatCannotBeWrittenIsNoReasonToStop) {
-  const Output output =
-      RunQuietly(WriteMisra1a(), "run", {"--perturb=1e308", "--seeds=1,2,3"});
+  const Output output = RunQuietly(
+      WriteMisra1a(), "run", {"--perturb=1e308", "--seeds=1,2,3"}, 3);
   ExpectSays(output, {"no result file: ", "a finite double", "results in"});
   EXPECT_FALSE(Results("run").empty());
+}
+
+TEST_F(EstimateProgram, TheExitCodeSaysThatNoStartWorked) {
+  const Output output =
+      RunQuietly(WriteMisra1a(), "run", {"--methods=adam:step_size=1e300"}, 3);
+  ExpectSays(output, {"failed: ", "estimate: no run worked", "results in"});
+  EXPECT_EQ(Results("run").size(), 2u);
 }
 
 TEST_F(EstimateProgram, FoldersAreReadForWhatTheirEndingsSay) {
@@ -201,8 +208,33 @@ TEST_F(EstimateProgram, FoldersAreReadForWhatTheirEndingsSay) {
   fs::rename(WriteMisra1a(), folder / "Misra1a.dat");
   fs::rename(WriteText("notes.md", "# Notes\n"), folder / "notes.md");
   fs::create_symlink("loop.dat", folder / "loop.dat");
-  const Output output = RunQuietly(folder.string(), "run");
-  ExpectSays(output, {"Misra1a-start1"});
+  fs::rename(WriteText("META.txt", "NIST's files, 2026\n"),
+             folder / "META.txt");
+  fs::rename(WriteText("empty.g2o", ""), folder / "empty.g2o");
+  fs::rename(WriteText("table.dat", "1 2\n3 4\n"), folder / "table.dat");
+  fs::rename(WriteBal("small.txt"), folder / "small.txt");
+  fs::rename(WriteBal("packed.txt.bz2"), folder / "packed.txt.bz2");
+  fs::rename(WriteText("square.g2o", "# a square\n" + ReadAll(WriteG2o2d())),
+             folder / "square.g2o");
+  const Output output =
+      RunQuietly(folder.string(), "run", {"--max_iterations=2"});
+  ExpectSays(output,
+             {"Misra1a-start1",
+              "META.txt is skipped: it does not begin as a file of its ext",
+              "empty.g2o is skipped",
+              "table.dat is skipped"});
+  EXPECT_EQ(output.text.find("notes.md"), std::string::npos);
+  // Misra1a from two starts, small, packed, square; by two methods.
+  EXPECT_EQ(Results("run").size(), 10u);
+  // A damaged file is no foreign one.
+  const std::string text = ReadAll(folder / "small.txt");
+  WriteText("folder/damaged.txt", text.substr(0, text.size() / 2));
+  ExpectRefused({"--input=" + folder.string()},
+                {"damaged.txt:", "the text ends"});
+  fs::create_directory(Path("foreign"));
+  WriteText("foreign/META.txt", "NIST's files\n");
+  ExpectRefused({"--input=" + Path("foreign")},
+                {"META.txt is skipped", "no file in " + Path("foreign")});
 }
 
 TEST_F(EstimateProgram, RobustLossesLowerTheCost) {
@@ -257,7 +289,7 @@ TEST_F(EstimateProgram, RefusesBadInput) {
   ExpectRefused({"--input=" + WriteText("cut.dat", cut)},
                 {"cut.dat", "certified sum of squares", "cut off"});
   fs::create_directory(Path("empty"));
-  ExpectRefused({"--input=" + Path("empty")}, {"no files", "empty"});
+  ExpectRefused({"--input=" + Path("empty")}, {"no file in", "empty"});
 }
 
 TEST_F(EstimateProgram, RefusesBadFlags) {

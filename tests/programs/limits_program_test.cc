@@ -41,7 +41,7 @@ TEST_F(LimitsProgram, ABatchThatDoesNotFitIsNotRun) {
                              "--steps=1",
                              "--plots=false",
                              "--output=" + Path("run")});
-  EXPECT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_EQ(output.exit_code, 2) << output.text;
   ExpectSays(output,
              {"newton: batch_size=100 needs ",
               "(factorization of the Hessian ",

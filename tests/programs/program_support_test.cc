@@ -73,6 +73,16 @@ TEST(RunDirectory, FileNamesHaveNoSpecialCharacters) {
   EXPECT_EQ(FileName("../a b/c"), "..-a-b-c");
 }
 
+TEST(RunDirectory, LongFileNamesAreCutAndStayDifferent) {
+  const std::string label(180, 'x');
+  EXPECT_EQ(FileName(label), label);
+  const std::string one = FileName(label + "1");
+  const std::string two = FileName(label + "2");
+  EXPECT_EQ(one.size(), 180u);
+  EXPECT_EQ(one.substr(0, 163), label.substr(0, 163));
+  EXPECT_NE(one, two);
+}
+
 bool Prepare(const std::string& path,
              ExistingDirectory existing,
              const std::string& flags,

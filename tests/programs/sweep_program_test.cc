@@ -56,6 +56,9 @@ class SweepProgram : public ProgramRunner {
  protected:
   SweepProgram() : ProgramRunner("sweep") {}
 
+  // The exit code of SmallSweep, two of whose runs diverge.
+  static constexpr int kSomeFailed = 2;
+
   static std::string SmallGrid() {
     return "lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|1e200;"
            "seed=1";
@@ -136,7 +139,7 @@ TEST_F(SweepProgram, RefusesOtherFlagsOutOfRange) {
 
 TEST_F(SweepProgram, HasARowForEveryRunAndTheBestIsMarked) {
   const Output output = Run(SmallSweep("run"));
-  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ASSERT_EQ(output.exit_code, kSomeFailed) << output.text;
   const CsvLines rows = Results("run");
   ASSERT_EQ(rows.size(), 8u);
   for (const auto& row : rows) EXPECT_EQ(row.at("seed"), "1");
@@ -175,7 +178,7 @@ TEST_F(SweepProgram, TheEdgeOfAGridIsReported) {
 }
 
 TEST_F(SweepProgram, RunsAreThoseOfCompare) {
-  ASSERT_EQ(Run(SmallSweep("run")).exit_code, 0);
+  ASSERT_EQ(Run(SmallSweep("run")).exit_code, kSomeFailed);
   const Output compared = Wait(StartProgram(
       "compare",
       {"--problem=toy_network:num_samples=32:lambda=0.1",
@@ -196,15 +199,15 @@ TEST_F(SweepProgram, RunsAreThoseOfCompare) {
 }
 
 TEST_F(SweepProgram, TheNumberOfProcessesDoesNotMatter) {
-  ASSERT_EQ(Run(SmallSweep("one")).exit_code, 0);
+  ASSERT_EQ(Run(SmallSweep("one")).exit_code, kSomeFailed);
   std::vector<std::string> arguments = SmallSweep("three");
   arguments.push_back("--jobs=3");
-  ASSERT_EQ(Run(arguments).exit_code, 0);
+  ASSERT_EQ(Run(arguments).exit_code, kSomeFailed);
   EXPECT_EQ(Losses("one"), Losses("three"));
 }
 
 TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
-  ASSERT_EQ(Run(SmallSweep("run")).exit_code, 0);
+  ASSERT_EQ(Run(SmallSweep("run")).exit_code, kSomeFailed);
   const CsvLines before = Results("run");
   const std::vector<std::string> jobs = Jobs("run");
   ASSERT_EQ(jobs.size(), 8u);
@@ -216,7 +219,7 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   fs::remove_all(jobs[3]);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const Output output = Run(SmallSweep("run"));
-  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ASSERT_EQ(output.exit_code, kSomeFailed) << output.text;
   EXPECT_NE(output.text.find("7 of 8 runs were done before"), std::string::npos)
       << output.text;
   for (size_t i = 0; i < jobs.size(); ++i) {
@@ -239,7 +242,7 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   EXPECT_NE(more.text.find("2 of 8 runs were done before"), std::string::npos)
       << more.text;
   longer.back() = "--output=" + Path("whole");
-  ASSERT_EQ(Run(longer).exit_code, 0);
+  ASSERT_EQ(Run(longer).exit_code, kSomeFailed);
   EXPECT_EQ(Losses("run"), Losses("whole"));
 
   // Another grid is another sweep.
@@ -250,7 +253,7 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   ExpectSays(refused, {"--grid=", "give another --output, or --overwrite"});
   EXPECT_EQ(Jobs("run"), jobs);
   other.push_back("--overwrite");
-  EXPECT_EQ(Run(other).exit_code, 0);
+  EXPECT_EQ(Run(other).exit_code, kSomeFailed);
   EXPECT_EQ(Results("run").size(), 16u);
 }
 
@@ -269,7 +272,10 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
   ::kill(child, SIGINT);
   const Output output = Wait(child);
-  EXPECT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_EQ(output.exit_code, 128 + SIGINT) << output.text;
+  const std::string notice = "ending after the current step";
+  EXPECT_NE(output.text.find(notice), std::string::npos);
+  EXPECT_EQ(output.text.find(notice), output.text.rfind(notice));  // no job's
   const CsvLines rows = Results("run");
   ASSERT_EQ(rows.size(), 3u);
   EXPECT_EQ(rows[0].at("status").substr(0, 8), "diverged");
@@ -279,7 +285,7 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   EXPECT_FALSE(fs::exists(endless + "/result.txt"));
 
   arguments[2] = "--steps=1";  // fewer than there were: all can end
-  ASSERT_EQ(Run(arguments).exit_code, 0);
+  ASSERT_EQ(Run(arguments).exit_code, kSomeFailed);
   EXPECT_EQ(Results("run")[1].at("status"), "steps done");
 }
 
@@ -289,7 +295,7 @@ TEST_F(SweepProgram, ARuleThatCannotTakeTheProblemIsARow) {
                              "--steps=1",
                              "--plots=false",
                              "--output=" + Path("run")});
-  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ASSERT_EQ(output.exit_code, kSomeFailed) << output.text;
   const std::string csv = ReadAll(Path("run") + "/sweep.csv");
   EXPECT_NE(csv.find("not run: a trust region needs"), std::string::npos)
       << csv;
@@ -299,8 +305,8 @@ TEST_F(SweepProgram, ARuleThatCannotTakeTheProblemIsARow) {
                            "--steps=1",
                            "--plots=false",
                            "--output=" + Path("none")});
-  EXPECT_EQ(none.exit_code, 1) << none.text;
-  ExpectSays(none, {"sweep: no run is complete"});
+  EXPECT_EQ(none.exit_code, 3) << none.text;
+  ExpectSays(none, {"sweep: no run worked"});
 }
 
 TEST_F(SweepProgram, DrawsLinesMapsAndCurves) {

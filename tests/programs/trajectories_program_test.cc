@@ -100,7 +100,7 @@ TEST_F(TrajectoriesProgram, ADivergingRuleKeepsItsFirstSteps) {
                              "--rules=gradient_descent:step_size=10,newton",
                              "--grid=5",
                              "--output=" + Path("run")});
-  ASSERT_EQ(output.exit_code, 0) << output.text;
+  ASSERT_EQ(output.exit_code, 2) << output.text;
   ExpectSays(output, {"failed"});
   EXPECT_GT(ReadCsv(Path("run/gradient_descent-step_size-10.csv")).size(), 2u);
   EXPECT_EQ(ReadCsv(Path("run/newton.csv")).size(), 21u);
@@ -111,7 +111,7 @@ TEST_F(TrajectoriesProgram, AStartWithoutAFiniteLossIsSaid) {
                              "--rules=newton,ceres_lm,ceres_bfgs",
                              "--grid=5",
                              "--output=" + Path("run")});
-  EXPECT_EQ(output.exit_code, 0) << output.text;
+  EXPECT_EQ(output.exit_code, 3) << output.text;
   ExpectSays(output,
              {"newton  (failed: no start", "ceres_lm  (failed: no start"});
 }

@@ -12,11 +12,15 @@ int num_calls = 0;
 void CountCalls(int) { ++num_calls; }
 
 TEST(Interrupt, TheFirstSignalOnlySetsTheFlag) {
-  for (const int signal_number : {SIGINT, SIGTERM}) {
+  for (const int signal_number : {SIGINT, SIGTERM, SIGHUP}) {
     const Interrupt interrupt;
     EXPECT_FALSE(Interrupt::IsRequested());
+    testing::internal::CaptureStderr();
     std::raise(signal_number);
-    EXPECT_TRUE(Interrupt::IsRequested());
+    EXPECT_EQ(testing::internal::GetCapturedStderr(),
+              "\nending after the current step; a second signal ends at once, "
+              "without results\n");
+    EXPECT_EQ(Interrupt::Signal(), signal_number);
   }
   EXPECT_TRUE(Interrupt::IsRequested());  // also after its end
   const Interrupt next;
@@ -24,8 +28,8 @@ TEST(Interrupt, TheFirstSignalOnlySetsTheFlag) {
 }
 
 TEST(InterruptDeathTest, TheSecondSignalEndsTheProcess) {
-  for (const int first : {SIGINT, SIGTERM}) {
-    for (const int second : {SIGINT, SIGTERM}) {
+  for (const int first : {SIGINT, SIGTERM, SIGHUP}) {
+    for (const int second : {SIGINT, SIGTERM, SIGHUP}) {
       EXPECT_EXIT(
           {
             const Interrupt interrupt;

@@ -9,6 +9,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
+#include "report/interrupt.h"
 #include "tests/report/plot_test_fixture.h"
 
 namespace invgrad {
@@ -192,6 +193,29 @@ TEST_F(PlotTest, FailuresOfGnuplotAreReported) {
   EXPECT_EQ(error,
             "cannot write " + (folder_ / "none/plot.gp") +
                 ": No such file or directory");
+}
+
+TEST_F(PlotTest, AHangingGnuplotIsEnded) {
+  // What it starts is ended with it: its pipe is at its end.
+  const Path path(FakeGnuplot("/bin/sleep 1000"));
+  const std::string png = folder_ / "plot.png";
+  std::string error;
+  EXPECT_FALSE(WritePlots(png, {Plot()}, &error, /*max_seconds=*/0.2));
+  EXPECT_EQ(error,
+            "no picture " + png +
+                ": gnuplot took more than 0.2 s and was ended; its script is " +
+                (folder_ / "plot.gp"));
+}
+
+TEST_F(PlotTest, ASignalEndsGnuplot) {
+  // gnuplot itself goes on after Ctrl-C; this one sends it to the test.
+  const Path path(FakeGnuplot("trap '' INT; kill -INT $PPID; /bin/sleep 1000"));
+  std::string error;
+  const Interrupt interrupt;
+  EXPECT_FALSE(WritePlots(folder_ / "plot.png", {Plot()}, &error));
+  EXPECT_NE(error.find("gnuplot was ended by a signal to this program"),
+            std::string::npos)
+      << error;
 }
 
 TEST_F(PlotTest, WrongSizesAndNamesAreBugs) {

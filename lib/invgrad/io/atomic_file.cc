@@ -1,15 +1,18 @@
 #include "invgrad/io/atomic_file.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <filesystem>
 #include <system_error>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/memory_limit.h"
 
 namespace invgrad {
 namespace {
@@ -32,6 +35,61 @@ std::FILE* OpenTemporary(const std::string& path, std::string* temporary) {
   }
   return file;
 }
+
+// A regular file, open for reading.
+class InputFile {
+ public:
+  InputFile(const std::string& path, std::string* error)
+      : path_(path),
+        error_(error),
+        // Does not wait for the writer of a pipe.
+        file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)) {
+    struct stat status = {};
+    if (file_ < 0 || fstat(file_, &status) != 0) {
+      is_good_ = Fail(Reason(errno));
+    } else if (!S_ISREG(status.st_mode)) {
+      is_good_ = Fail("not a regular file");
+    }
+    size_ = status.st_size;
+  }
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+  ~InputFile() {
+    if (file_ >= 0) close(file_);
+  }
+
+  bool is_good() const { return is_good_; }
+  std::uint64_t size() const { return size_; }
+
+  // Reads up to the end, but at most max_size bytes.
+  bool Read(std::uint64_t max_size, std::string* bytes) const {
+    bytes->reserve(std::min(size_, max_size));
+    char buffer[1 << 16];
+    while (bytes->size() < max_size) {
+      const ssize_t count = read(
+          file_,
+          buffer,
+          std::min<std::uint64_t>(sizeof(buffer), max_size - bytes->size()));
+      if (count < 0 && errno == EINTR) continue;
+      if (count < 0) return Fail(Reason(errno));
+      if (count == 0) break;
+      bytes->append(buffer, count);
+    }
+    return true;
+  }
+
+  bool Fail(const std::string& reason) const {
+    *error_ = fmt::format("cannot read {}: {}", path_, reason);
+    return false;
+  }
+
+ private:
+  const std::string& path_;
+  std::string* error_;
+  const int file_;
+  bool is_good_ = true;
+  std::uint64_t size_ = 0;
+};
 
 }  // namespace
 
@@ -60,28 +118,43 @@ bool WriteFile(const std::string& path,
   return false;
 }
 
-bool ReadFile(const std::string& path, std::string* bytes, std::string* error) {
-  const auto fail = [&](const std::string& reason) {
-    *error = fmt::format("cannot read {}: {}", path, reason);
+bool ReadFile(const std::string& path,
+              std::string* bytes,
+              std::string* error,
+              std::uint64_t max_size) {
+  InputFile file(path, error);
+  if (!file.is_good()) return false;
+  if (file.size() > max_size) {
+    return file.Fail(fmt::format(
+        "it has {} bytes; at most {} are allowed", file.size(), max_size));
+  }
+  if (!FitsInMemory(fmt::format("cannot read {}: it", path),
+                    {{"its bytes", static_cast<double>(file.size())}},
+                    /*limit=*/0.0,
+                    error)) {
     return false;
-  };
-  namespace fs = std::filesystem;
-  std::error_code ignored;
-  if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored)) {
-    return fail("not a regular file");
   }
-  std::FILE* const file = std::fopen(path.c_str(), "rbe");
-  if (file == nullptr) return fail(Reason(errno));
+  // A file of the system may have no size, or no end.
+  constexpr std::uint64_t kMinLimit = 1 << 20;
+  const std::uint64_t limit =
+      std::min(max_size, std::max(file.size(), kMinLimit));
   std::string all;
-  char buffer[1 << 16];
-  for (size_t count = 1; count > 0;) {
-    count = std::fread(buffer, 1, sizeof(buffer), file);
-    all.append(buffer, count);
-  }
-  const int error_number = std::ferror(file) != 0 ? errno : 0;
-  std::fclose(file);
-  if (error_number != 0) return fail(Reason(error_number));
+  if (!file.Read(limit + 1, &all)) return false;
+  if (all.size() > limit) return file.Fail("it is longer than its size says");
   *bytes = std::move(all);
+  return true;
+}
+
+bool ReadBeginning(const std::string& path,
+                   std::uint64_t max_size,
+                   std::string* bytes,
+                   std::uint64_t* file_size,
+                   std::string* error) {
+  InputFile file(path, error);
+  std::string beginning;
+  if (!file.is_good() || !file.Read(max_size, &beginning)) return false;
+  *bytes = std::move(beginning);
+  *file_size = file.size();
   return true;
 }
 

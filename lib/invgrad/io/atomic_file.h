@@ -11,6 +11,7 @@
 #ifndef INVGRAD_IO_ATOMIC_FILE_H_
 #define INVGRAD_IO_ATOMIC_FILE_H_
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -20,9 +21,20 @@ bool WriteFile(const std::string& path,
                std::string_view bytes,
                std::string* error);
 
-// Regular files only: a folder or a device is an error. *bytes is unchanged on
-// failure.
-bool ReadFile(const std::string& path, std::string* bytes, std::string* error);
+// Regular files only: a folder, a pipe or a device is an error, and so is a file
+// of more than `max_size` bytes or of more than the available memory
+// (core/memory_limit.h), before it is read. *bytes is unchanged on failure.
+bool ReadFile(const std::string& path,
+              std::string* bytes,
+              std::string* error,
+              std::uint64_t max_size = UINT64_MAX);
+
+// Reads only the beginning, at most `max_size` bytes. *file_size: of the file.
+bool ReadBeginning(const std::string& path,
+                   std::uint64_t max_size,
+                   std::string* bytes,
+                   std::uint64_t* file_size,
+                   std::string* error);
 
 }  // namespace invgrad
 

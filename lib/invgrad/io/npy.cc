@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/core/memory_limit.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
@@ -113,16 +114,20 @@ bool WriteArray(const std::string& path,
   return WriteFile(path, bytes, error);
 }
 
-// Splits a file into header and payload. Returns an error message, or an empty
-// string.
+// Longer than any header of two dimensions.
+constexpr size_t kMaxHeaderSize = 1 << 16;
+
+// Parses the header at the beginning of a file. *begin: of the payload. Returns
+// an error message, or an empty string.
 std::string ParseFile(std::string_view bytes,
+                      std::uint64_t file_size,
                       NpyHeader* header,
-                      std::string_view* payload) {
+                      size_t* payload_begin) {
   if (bytes.substr(0, kMagic.size()) != kMagic) {
     return "not a .npy file (it does not begin with \\x93NUMPY)";
   }
   std::string truncated =
-      fmt::format("truncated in the header, at {} bytes", bytes.size());
+      fmt::format("truncated in the header, at {} bytes", file_size);
   if (bytes.size() < 12) return truncated;  // magic, version, longest length
   const int major = static_cast<unsigned char>(bytes[6]);
   const int minor = static_cast<unsigned char>(bytes[7]);
@@ -133,7 +138,12 @@ std::string ParseFile(std::string_view bytes,
   const size_t begin = major == 1 ? 10 : 12;
   std::uint32_t size = 0;
   std::memcpy(&size, &bytes[8], begin - 8);
-  if (size > bytes.size() - begin) return truncated;
+  if (size > file_size - begin) return truncated;
+  if (size > bytes.size() - begin) {
+    return fmt::format("its header has {} bytes; at most {} are allowed",
+                       size,
+                       kMaxHeaderSize);
+  }
   const std::string_view text = bytes.substr(begin, size);
   if (!ParseHeader(text, header)) {
     constexpr size_t kMaxShown = 120;
@@ -141,7 +151,7 @@ std::string ParseFile(std::string_view bytes,
     return fmt::format("cannot read its header: {}",
                        text.substr(0, std::min(end + 1, kMaxShown)));
   }
-  *payload = bytes.substr(begin + size);
+  *payload_begin = begin + size;
   return "";
 }
 
@@ -181,14 +191,19 @@ bool ReadNpy(const std::string& path,
              Eigen::MatrixXd* matrix,
              std::string* error) {
   std::string bytes;
-  if (!ReadFile(path, &bytes, error)) return false;
+  std::uint64_t file_size = 0;
+  constexpr size_t kPreamble = 12;
+  if (!ReadBeginning(
+          path, kPreamble + kMaxHeaderSize, &bytes, &file_size, error)) {
+    return false;
+  }
   const auto fail = [&path, error](const std::string& problem) {
     *error = fmt::format("file {}: {}", path, problem);
     return false;
   };
   NpyHeader header;
-  std::string_view payload;
-  const std::string problem = ParseFile(bytes, &header, &payload);
+  size_t begin = 0;
+  const std::string problem = ParseFile(bytes, file_size, &header, &begin);
   if (!problem.empty()) return fail(problem);
   const bool is_double = header.type == "'<f8'";
   if (!is_double && header.type != "'<f4'") {
@@ -214,14 +229,26 @@ bool ReadNpy(const std::string& path,
   // Both sizes fit in 31 bits, so their product does not overflow.
   const size_t size = is_double ? sizeof(double) : sizeof(float);
   const std::uint64_t num_values = static_cast<std::uint64_t>(rows) * cols;
-  if (payload.size() % size != 0 || payload.size() / size != num_values) {
+  const std::uint64_t payload_size = file_size - begin;
+  if (payload_size % size != 0 || payload_size / size != num_values) {
     return fail(
         fmt::format("shape {} of {} does not fit the {} bytes after the header "
                     "(truncated?)",
                     found,
                     header.type,
-                    payload.size()));
+                    payload_size));
   }
+  if (!FitsInMemory(
+          "file " + path + ": it",
+          {{"its bytes", 1.0 * file_size},
+           {"copies of the array", 3.0 * sizeof(double) * num_values}},
+          /*limit=*/0.0,
+          error) ||
+      !ReadFile(path, &bytes, error, file_size)) {
+    return false;
+  }
+  if (bytes.size() != file_size) return fail("changed while it was read");
+  const std::string_view payload = std::string_view(bytes).substr(begin);
   *matrix = is_double
                 ? ToMatrix<double>(payload, rows, cols, header.is_fortran_order)
                 : ToMatrix<float>(payload, rows, cols, header.is_fortran_order);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdint>
 #include <iterator>
 #include <string_view>
 #include <utility>
@@ -89,7 +90,8 @@ bool ReadHistory(const std::string& path,
                  History* history,
                  std::string* error) {
   std::string bytes;
-  if (!ReadFile(path, &bytes, error)) return false;
+  constexpr std::uint64_t kMaxSize = 1 << 28;  // some million rows
+  if (!ReadFile(path, &bytes, error, kMaxSize)) return false;
   const std::vector<std::string_view> lines = Split(bytes, '\n');
   const auto fail = [&](size_t line, const std::string& problem) {
     *error = fmt::format("file {}, line {}: {}", path, line, problem);

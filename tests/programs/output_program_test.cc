@@ -1,0 +1,130 @@
+// What all programs do with their output, and with what nobody expects.
+
+#include <sys/stat.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "tests/support/program_runner.h"
+
+namespace invgrad {
+namespace output_program_test {
+
+namespace fs = std::filesystem;
+
+class OutputProgram : public ProgramRunner {
+ protected:
+  OutputProgram() : ProgramRunner("compare") {}
+
+  // The exit code of a command in a shell; {} is the folder of the programs.
+  // Its stderr is in the file "stderr".
+  int Shell(std::string command) const {
+    for (size_t at = 0; (at = command.find("{}")) != std::string::npos;) {
+      command.replace(at, 2, BinDir());
+    }
+    const int status =
+        std::system(("bash -c '" + command + "' 2> " + Path("stderr")).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  // A run that no flag stops.
+  std::vector<std::string> SmallRun(const std::string& more) const {
+    return {"--problem=toy_network:num_samples=32",
+            "--rules=adam",
+            "--steps=2",
+            "--plots=false",
+            "--output=" + Path("run"),
+            more};
+  }
+};
+
+TEST_F(OutputProgram, AFullDeviceIsAnError) {
+  for (const char* command : {"{}/compare --list_markdown=rules",
+                              "{}/compare --list",
+                              "{}/estimate --list",
+                              "{}/sweep --help",
+                              "{}/compare --helpshort",
+                              "{}/scaling --rules=adam"}) {
+    SCOPED_TRACE(command);
+    EXPECT_EQ(Shell(std::string(command) + " > /dev/full"), 1);
+    const std::string error = ReadAll(Path("stderr"));
+    EXPECT_NE(error.find(": cannot write the output"), std::string::npos)
+        << error;
+  }
+}
+
+TEST_F(OutputProgram, AReaderThatEndsIsNoError) {
+  // The text is longer than a pipe holds.
+  EXPECT_EQ(Shell("for i in 1 2 3 4; do {}/compare --list; done | head -n 1 "
+                  "> /dev/null"),
+            0);
+  EXPECT_EQ(ReadAll(Path("stderr")), "");
+}
+
+TEST_F(OutputProgram, LongNamesAreCut) {
+  // A rule whose settings take more bytes than the name of a file may have.
+  const std::string digits(260, '0');
+  std::vector<std::string> arguments = SmallRun("--progress=false");
+  arguments[1] = "--rules=adam:step_size=0.001" + digits;
+  const Output output = Run(arguments);
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"steps done"});
+}
+
+TEST_F(OutputProgram, PathsThatTheSystemRefusesAreMessages) {
+  fs::create_symlink("loop", Path("loop"));
+  for (const std::string& path :
+       {std::string(300, 'x'), Path("loop"), Path("loop") + "/x"}) {
+    const std::string reason =
+        path[0] == 'x' ? "File name too long" : "Too many levels";
+    for (const char* flag :
+         {"--dump_step=", "--output=", "--data=", "--init_weights="}) {
+      SCOPED_TRACE(flag + path);
+      const Output output = Run(SmallRun(flag + path));
+      EXPECT_EQ(output.exit_code, 1) << output.text;
+      ExpectSays(output, {"compare: ", reason});
+      EXPECT_EQ(output.text.find("terminate called"), std::string::npos);
+    }
+  }
+}
+
+TEST_F(OutputProgram, PipesAndDevicesAreNoInput) {
+  ASSERT_EQ(mkfifo(Path("pipe").c_str(), 0600), 0);
+  ASSERT_EQ(mkfifo(Path("pipe.g2o").c_str(), 0600), 0);
+  for (const std::string& path : {Path("pipe"), std::string("/dev/zero")}) {
+    for (const char* flag : {"--data=", "--init_weights="}) {
+      ExpectRefused({"--problem=toy_network", flag + path},
+                    {"cannot read " + path + ": not a regular file"});
+    }
+  }
+  const Output output =
+      Wait(StartProgram("estimate", {"--input=" + Path("pipe.g2o")}));
+  EXPECT_EQ(output.exit_code, 1);
+  ExpectSays(output, {"pipe.g2o: not a regular file"});
+}
+
+// With less address space than a problem's data need, an allocation fails.
+TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
+  std::ofstream(Path("x.npy")) << "x";
+  fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse
+  EXPECT_EQ(Shell("ulimit -v 4000000; {}/compare --problem=toy_network "
+                  "--init_weights=" +
+                  Path("x.npy")),
+            1);
+  EXPECT_NE(ReadAll(Path("stderr")).find("not a .npy file"), std::string::npos);
+  fs::rename(Path("x.npy"), Path("x.g2o"));
+  EXPECT_EQ(Shell("ulimit -v 4000000; {}/estimate --input=" + Path("x.g2o")),
+            1);
+  EXPECT_NE(ReadAll(Path("stderr"))
+                .find("x.g2o: it needs 6.44 GB for its "
+                      "bytes; the limit is 3.07 GB"),
+            std::string::npos)
+      << ReadAll(Path("stderr"));
+}
+
+}  // namespace output_program_test
+}  // namespace invgrad
