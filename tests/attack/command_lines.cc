@@ -50,12 +50,12 @@ std::vector<CommandLineRow> MakeRows() {
       {"$C --output=o; rm o/adam-seed1/result.txt; "
        "mkfifo o/adam-seed1/result.txt",
        "$C --output=o --resume",
-       1,
+       3,
        "result.txt"},
       {"$C --output=o; rm o/adam-seed1/result.txt; "
        "truncate -s 6G o/adam-seed1/result.txt",
        "$C --output=o --resume",
-       1,
+       3,
        "result.txt"},
       // Files.
       {"", "$C " + Argument("dump_step", LongName()), 1, "--dump_step"},

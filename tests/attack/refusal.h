@@ -14,7 +14,7 @@ namespace invgrad {
 //   without gigabytes (RunChild);
 // - its messages are short, printable, and no internal error;
 // - if it refuses its input, a message has one of `names` (if there are any),
-//   and the folder is as before;
+//   and the folder is as before (unless the message is "cannot write ...");
 // - no file called "keep" is lost.
 Outcome RunOrRefuse(const Command& command,
                     const std::vector<std::string>& names);
