@@ -18,7 +18,7 @@ Sample runs:
 Tables and pictures show the best alternative at each point of the grid, with a
 remark if it is the smallest or largest one.
 
-  DIR/flags.txt, DIR/versions.txt    see run_output.h
+  DIR/flags.txt, DIR/versions.txt    see run_directory.h
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
   DIR/sweep.csv                      one line a run
   DIR/table.txt, DIR/table.md        the best alternatives
@@ -75,19 +75,19 @@ DEFINE_int32(jobs, 1, "how many runs at a time, each with one core");
 namespace invgrad {
 namespace {
 
-std::string Directory(const SweepJob& job) {
-  return FLAGS_output + "/jobs/" + job.name;
-}
-
-TrainOptions TrainOptionsOf(const SweepJob& job) {
-  return TrainOptionsOfFlags(*job.problem, job.batch_size, job.seed);
+LearningRunOptions OptionsOf(const SweepJob& job) {
+  LearningRunOptions options;
+  options.train = TrainOptionsOfFlags(job.batch_size, job.seed);
+  options.train.initial_weights = InitialWeights(*job.problem, job.seed);
+  options.directory = FLAGS_output + "/jobs/" + job.name;
+  return options;
 }
 
 // Reads the run of a job if it is done. Returns false if its files are damaged.
 bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
   LearningRunResult result;
-  const bool is_complete = LoadCompleteRun(
-      Directory(job), *job.problem, TrainOptionsOf(job), &result, error);
+  const bool is_complete =
+      LoadCompleteRun(*job.problem, job.method, OptionsOf(job), &result, error);
   if (!error->empty()) return false;
   if (!result.summary.message.empty()) run->status = result.summary.message;
   if (is_complete) run->result = std::move(result);
@@ -95,20 +95,12 @@ bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
 }
 
 bool RunJob(const SweepJob& job, std::string* error) {
-  LearningRunOptions options;
-  options.train = TrainOptionsOf(job);
+  LearningRunOptions options = OptionsOf(job);
   options.on_step = [](const TrainingRun& /*run*/) {
     return !IsStopRequested();
   };
-  options.directory = Directory(job);
   LearningRunResult result;
-  return RunLearning(*job.problem,
-                     job.method,
-                     job.seed,
-                     InitialWeights(*job.problem, job.seed),
-                     options,
-                     &result,
-                     error);
+  return RunLearning(*job.problem, job.method, options, &result, error);
 }
 
 // The number of finished jobs.
@@ -187,7 +179,8 @@ bool WriteResults(const SweepPlan& plan,
   const SweepResults results = FindBest(plan, runs, value);
   const Table table = SweepTable(results);
   std::cout << table.ToText();
-  if (!WriteFile(FLAGS_output + "/sweep.csv", SweepCsv(results), error) ||
+  if (!WriteFile(
+          RunFile(FLAGS_output + "/sweep.csv"), SweepCsv(results), error) ||
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;
   }
@@ -227,7 +220,16 @@ bool Run(RunCounts* counts, std::string* error) {
     return false;
   }
   SetBlasThreads(1);
-  if (!PrepareRunDirectory(ExistingDirectory::kResume, error)) return false;
+  SetDefaultBudget(*plan.jobs[0].problem);
+  RunIdentity identity;
+  if (std::any_of(plan.jobs.begin(), plan.jobs.end(), [](const SweepJob& job) {
+        return job.method.ReadsProgress();
+      })) {
+    identity.AddBudget(OptionsOf(plan.jobs[0]).train);
+  }
+  if (!PrepareRunDirectory(ExistingDirectory::kResume, identity, error)) {
+    return false;
+  }
   std::set<std::string> warned;
   for (const SweepJob& job : plan.jobs) {
     WarnOfLeftOutSamples(

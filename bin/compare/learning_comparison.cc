@@ -1,5 +1,6 @@
 #include "bin/compare/learning_comparison.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "gflags/gflags.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "report/interrupt.h"
@@ -140,14 +142,15 @@ bool RunOrLoad(const LearningProblem& problem,
                LearningRunResult* result,
                std::string* error) {
   LearningRunOptions run;
-  run.train = TrainOptionsOfFlags(problem, batch_size, seed);
+  run.train = TrainOptionsOfFlags(batch_size, seed);
+  run.train.initial_weights = weights;
   run.train.target_loss = FLAGS_target_loss;
   run.train.patience = FLAGS_patience;
   run.tracked_sample = FLAGS_track_sample;
   run.directory =
       fmt::format("{}/{}-seed{}", FLAGS_output, FileName(method.label), seed);
   if (FLAGS_resume) {
-    if (LoadCompleteRun(run.directory, problem, run.train, result, error)) {
+    if (LoadCompleteRun(problem, method, run, result, error)) {
       return true;
     }
     if (!error->empty()) return false;
@@ -162,7 +165,7 @@ bool RunOrLoad(const LearningProblem& problem,
     state.fraction = training.progress();
     return ShowProgress(state, &progress);
   };
-  return RunLearning(problem, method, seed, weights, run, result, error);
+  return RunLearning(problem, method, run, result, error);
 }
 
 // Writes the first step of every rule, on the first batch, as numpy arrays, to
@@ -276,13 +279,26 @@ bool CompareLearning(LearningProblem problem,
     return DumpStep(
         problem, methods, batch_size, initial_weights(seeds[0]), error);
   }
+  SetDefaultBudget(problem);
+  RunIdentity identity;
+  identity.AddData(problem.train, problem.test);
+  if (given_weights.size() > 0) {
+    identity.Add("initial weights", Digest().Add(given_weights).Hex());
+  }
+  if (std::any_of(methods.begin(), methods.end(), [](const Method& method) {
+        return method.ReadsProgress();
+      })) {
+    identity.AddBudget(TrainOptionsOfFlags(batch_size, seeds[0]));
+  }
   if (!PrepareRunDirectory(FLAGS_resume ? ExistingDirectory::kResume
                                         : ExistingDirectory::kRefuse,
+                           identity,
                            error)) {
     return false;
   }
   const Interrupt interrupt;
-  if (!WriteNpy(FLAGS_output + "/data.npy", problem.data, error)) return false;
+  if (!WriteNpy(RunFile(FLAGS_output + "/data.npy"), problem.data, error))
+    return false;
   std::set<std::string> warned;
   std::vector<MethodResults> all;
   for (const Method& method : methods) {
@@ -291,10 +307,10 @@ bool CompareLearning(LearningProblem problem,
   }
   for (const int seed : seeds) {
     const Eigen::VectorXd weights = initial_weights(seed);
-    if (!WriteNpy(
-            fmt::format("{}/initial_weights-seed{}.npy", FLAGS_output, seed),
-            weights,
-            error)) {
+    if (!WriteNpy(RunFile(fmt::format(
+                      "{}/initial_weights-seed{}.npy", FLAGS_output, seed)),
+                  weights,
+                  error)) {
       return false;
     }
     for (size_t i = 0; i < methods.size() && !Interrupt::IsRequested(); ++i) {
@@ -314,7 +330,8 @@ bool CompareLearning(LearningProblem problem,
   const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
   std::cout << table.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
-      !WriteFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error)) {
+      !WriteFile(
+          RunFile(FLAGS_output + "/summary.csv"), SummaryCsv(all), error)) {
     return false;
   }
   std::vector<const LearningRunResult*> medians;

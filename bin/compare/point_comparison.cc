@@ -84,7 +84,8 @@ bool WriteFinalStates(const PointProblem& problem,
       const Eigen::MatrixXd& reference = panels->front().heat_map->z;
       map.z_range = {reference.minCoeff(), reference.maxCoeff()};
     }
-    return WriteNpy(fmt::format("{}/x-{}.npy", FLAGS_output, file), x, error);
+    return WriteNpy(
+        RunFile(fmt::format("{}/x-{}.npy", FLAGS_output, file)), x, error);
   };
   if (problem.minimizer.has_value() && !add("x*", "true", *problem.minimizer)) {
     return false;
@@ -164,7 +165,8 @@ bool WritePathCsv(const std::string& prefix,
     }
     csv += fmt::format("\n{},{:.17g}", k, fmt::join(row, ","));
   }
-  return WriteFile(prefix + FileName(path.label) + ".csv", csv + '\n', error);
+  return WriteFile(
+      RunFile(prefix + FileName(path.label) + ".csv"), csv + '\n', error);
 }
 
 bool ComparePoint(const PointProblem& problem,

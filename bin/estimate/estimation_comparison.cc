@@ -217,9 +217,12 @@ bool RunFrom(int start,
     estimation->Draw(method.label, &panels);
     AddCosts(method.label, summary, &costs);
     const std::string file = folder + "/" + FileName(method.label);
-    if (!WriteFile(file + ".csv", IterationsCsv(summary), error)) return false;
+    if (!WriteFile(RunFile(file + ".csv"), IterationsCsv(summary), error)) {
+      return false;
+    }
     // If estimates are not finite, the other runs continue.
-    if (!estimation->Write(file + estimation->traits().extension, &why)) {
+    if (!estimation->Write(RunFile(file + estimation->traits().extension),
+                           &why)) {
       Warn(why);
       row.status += "; no result file: " + why;
       row.has_failed = true;
@@ -401,7 +404,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   std::cout << table.ToText() << "\n" << summary.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       !WriteTable(FLAGS_output + "/summary", summary, error) ||
-      !WriteFile(FLAGS_output + "/results.csv",
+      !WriteFile(RunFile(FLAGS_output + "/results.csv"),
                  EstimationTable(rows, /*is_exact=*/true).ToCsv(),
                  error)) {
     return false;

@@ -4,15 +4,12 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <sstream>
 #include <utility>
 
+#include "bin/support/learning_run_files.h"
 #include "bin/support/program.h"
-#include "fmt/format.h"
-#include "invgrad/chain/network_file.h"
-#include "invgrad/io/atomic_file.h"
+#include "fmt/core.h"
 #include "invgrad/io/format.h"
-#include "invgrad/io/npy.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/problems.h"
 
@@ -21,92 +18,6 @@ namespace {
 
 // Networks with more hidden neurons keep only their final statistics.
 constexpr int kMaxTrackedNeurons = 64;
-
-// One line a neuron and evaluation; the last evaluation only, if no other was
-// recorded.
-std::string NeuronsCsv(const LearningRunResult& result,
-                       const std::vector<NeuronStatistics>& final_neurons) {
-  std::string csv = "step,layer,neuron,mean,deviation,flat_share\n";
-  const auto add = [&csv](long step, const auto& neurons) {
-    for (const NeuronStatistics& neuron : neurons) {
-      csv += fmt::format("{},{},{},{:.17g},{:.17g},{:.17g}\n",
-                         step,
-                         neuron.layer,
-                         neuron.neuron,
-                         neuron.mean,
-                         neuron.deviation,
-                         neuron.flat_share);
-    }
-  };
-  if (result.neurons.empty()) add(result.summary.num_steps, final_neurons);
-  for (size_t i = 0; i < result.neurons.size(); ++i) {
-    add(result.history[i].step, result.neurons[i]);
-  }
-  return csv;
-}
-
-std::string SamplePathCsv(const LearningRunResult& result) {
-  std::string csv = "step";
-  for (Eigen::Index j = 0; j < result.sample_path[0].size(); ++j) {
-    csv += fmt::format(",y{}", j);
-  }
-  for (size_t i = 0; i < result.sample_path.size(); ++i) {
-    csv += fmt::format("\n{},{:.17g}",
-                       result.history[i].step,
-                       fmt::join(result.sample_path[i], ","));
-  }
-  return csv + '\n';
-}
-
-std::string ResultText(const LearningRunResult& result) {
-  return fmt::format(
-      "label {}\nseed {}\nsteps {}\nseconds {:.17g}\nsaturated {}\n"
-      "termination {}\nmessage {}\n",
-      result.label,
-      result.seed,
-      result.summary.num_steps,
-      result.summary.train_time_in_seconds,
-      result.num_saturated,
-      static_cast<int>(result.summary.termination_type),
-      result.summary.message);
-}
-
-bool ParseResultText(const std::string& text, LearningRunResult* result) {
-  std::istringstream in(text);
-  std::string key;
-  int termination = -1;
-  in >> key >> std::ws;
-  std::getline(in, result->label);
-  in >> key >> result->seed >> key >> result->summary.num_steps >> key >>
-      result->summary.train_time_in_seconds >> key >> result->num_saturated >>
-      key >> termination >> key;
-  in.ignore();  // the space
-  std::getline(in, result->summary.message);
-  result->summary.termination_type =
-      static_cast<ceres::TerminationType>(termination);
-  return !in.fail() && key == "message" && termination >= 0;
-}
-
-bool WriteRun(const std::string& directory,
-              const DenseNetwork& network,
-              const LearningRunResult& result,
-              const std::vector<NeuronStatistics>& final_neurons,
-              std::string* error) {
-  const bool was_interrupted =
-      result.summary.termination_type == ceres::USER_SUCCESS;
-  return WriteHistory(directory + "/history.csv", result.history, error) &&
-         WriteNpy(directory + "/weights.npy", result.weights, error) &&
-         WriteNetwork(
-             directory + "/network.txt", network, result.weights, error) &&
-         WriteFile(directory + "/neurons.csv",
-                   NeuronsCsv(result, final_neurons),
-                   error) &&
-         (result.sample_path.empty() ||
-          WriteFile(
-              directory + "/sample_path.csv", SamplePathCsv(result), error)) &&
-         (was_interrupted ||
-          WriteFile(directory + "/result.txt", ResultText(result), error));
-}
 
 // Computed on the test data, or on the train data if there are none, in pieces
 // whose activations stay in the cache.
@@ -236,8 +147,6 @@ double LearningRunResult::MillisecondsPerStep() const {
 
 bool RunLearning(const LearningProblem& problem,
                  const Method& method,
-                 int seed,
-                 const Eigen::VectorXd& initial_weights,
                  const LearningRunOptions& options,
                  LearningRunResult* result,
                  std::string* error) {
@@ -247,10 +156,7 @@ bool RunLearning(const LearningProblem& problem,
     *error = options.directory + ": " + failure.message();
     return false;
   }
-  // Files of a shorter run that is resumed, not results of this run.
-  for (const char* name : {"/result.txt", "/sample_path.csv"}) {
-    std::filesystem::remove(options.directory + name, failure);
-  }
+  ListRunFiles(options.directory);
   const DenseNetwork& network = problem.model->network();
   std::vector<std::vector<NeuronStatistics>> neurons;
   std::vector<Eigen::VectorXd> sample_path;
@@ -258,7 +164,6 @@ bool RunLearning(const LearningProblem& problem,
   const int tracked = options.tracked_sample;
 
   TrainOptions train_options = options.train;
-  train_options.initial_weights = initial_weights;
   train_options.inverse = problem.inverse;
   train_options.checkpoint_path = options.directory + "/checkpoint";
   if (problem.metric.has_value()) {
@@ -284,15 +189,19 @@ bool RunLearning(const LearningProblem& problem,
   };
   TrainingRun run(
       *problem.model, {problem.train, problem.test}, method, train_options);
+  *error = run.error();
+  if (!error->empty()) return false;
+  // Files of a shorter run that is resumed, not results of this run.
+  for (const char* name : {"/result.txt", "/sample_path.csv"}) {
+    std::filesystem::remove(options.directory + name, failure);
+  }
   while (run.Step()) {
     if (options.on_step && !options.on_step(run)) run.Stop();
   }
-  *error = run.error();
-  if (!error->empty()) return false;
   *result = LearningRunResult();
   static_cast<TrainResult&>(*result) = run.result();
   result->label = method.label;
-  result->seed = seed;
+  result->seed = static_cast<int>(train_options.seed);
   const std::vector<NeuronStatistics> final_neurons =
       ComputeNeuronStatistics(network, result->weights, problem.train);
   result->num_saturated = CountSaturated(final_neurons);
@@ -303,7 +212,12 @@ bool RunLearning(const LearningProblem& problem,
   if (sample_path.size() == num_evaluations) {
     result->sample_path = std::move(sample_path);
   }
-  if (!WriteRun(options.directory, network, *result, final_neurons, error)) {
+  if (!WriteRunFiles(options.directory,
+                     network,
+                     *result,
+                     run.identity(),
+                     final_neurons,
+                     error)) {
     return false;
   }
   const ceres::TerminationType type = result->summary.termination_type;
@@ -311,43 +225,6 @@ bool RunLearning(const LearningProblem& problem,
     std::filesystem::remove(train_options.checkpoint_path, failure);
   }
   return true;
-}
-
-bool LoadCompleteRun(const std::string& directory,
-                     const LearningProblem& problem,
-                     const TrainOptions& options,
-                     LearningRunResult* result,
-                     std::string* error) {
-  error->clear();
-  *result = LearningRunResult();
-  const std::string file = directory + "/result.txt";
-  std::string text;
-  std::error_code ignored;
-  if (!std::filesystem::exists(file, ignored)) return false;
-  constexpr std::uint64_t kMaxSize = 1 << 16;
-  if (!ReadFile(file, &text, error, kMaxSize)) return false;
-  if (!ParseResultText(text, result)) {
-    *error = file + ": not a result of a run";
-    return false;
-  }
-  if (!ReadHistory(directory + "/history.csv", &result->history, error)) {
-    return false;
-  }
-  if (result->history.empty()) {
-    *error = directory + "/history.csv: has no rows";
-    return false;
-  }
-  const TrainSummary& summary = result->summary;
-  const bool has_budget_left =
-      summary.termination_type == ceres::NO_CONVERGENCE &&
-      result->last().epoch < options.max_num_epochs * (1.0 - 1e-12) &&
-      summary.num_steps < options.max_num_steps &&
-      summary.train_time_in_seconds < options.max_time_in_seconds;
-  return ReadNpy(directory + "/weights.npy",
-                 problem.model->num_weights(),
-                 &result->weights,
-                 error) &&
-         !has_budget_left;
 }
 
 void AddTimes(const LearningRunResult* run, Table* table) {

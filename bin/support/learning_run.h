@@ -7,7 +7,8 @@
 //   DIR/neurons.csv       statistics of the hidden neurons at the end; for
 //                         small networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
-//   DIR/result.txt        written last: marks a complete run
+//   DIR/result.txt        written last: marks a complete run; with the run's
+//                         identity and digests of history and weights
 //   DIR/checkpoint        where the run can go on, unless it converged or
 //                         failed
 #ifndef BIN_SUPPORT_LEARNING_RUN_H_
@@ -57,7 +58,7 @@ void WarnOfLeftOutSamples(const Method& method,
                           std::set<std::string>* warned);
 
 struct LearningRunOptions {
-  TrainOptions train;
+  TrainOptions train;       // with initial weights and a budget
   int tracked_sample = -1;  // -1: none
   std::string directory;
   // Called after every step; false stops the run. Null: nothing.
@@ -82,12 +83,11 @@ struct LearningRunResult : TrainResult {
   double MillisecondsPerStep() const;
 };
 
-// Trains from `initial_weights` and writes the files. Returns false, with
-// *error set, for bad input or if a file cannot be written.
+// Trains, or goes on from a checkpoint, and writes the files. Returns false, with
+// *error set, for bad input, a checkpoint of another run, or if a file cannot be
+// written.
 bool RunLearning(const LearningProblem& problem,
                  const Method& method,
-                 int seed,
-                 const Eigen::VectorXd& initial_weights,
                  const LearningRunOptions& options,
                  LearningRunResult* result,
                  std::string* error);
@@ -95,10 +95,11 @@ bool RunLearning(const LearningProblem& problem,
 // Reads the run in the directory. Returns true if the run is complete: its
 // result exists, and it did not end by a budget that is now larger. Returns
 // false, with *error empty, if the run must start or resume; *result then holds
-// the existing part. *error is not empty if the files are damaged.
-bool LoadCompleteRun(const std::string& directory,
-                     const LearningProblem& problem,
-                     const TrainOptions& options,
+// the existing part. *error is not empty if the files are damaged or of another
+// run.
+bool LoadCompleteRun(const LearningProblem& problem,
+                     const Method& method,
+                     const LearningRunOptions& options,
                      LearningRunResult* result,
                      std::string* error);
 

@@ -6,184 +6,19 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <limits>
-#include <map>
 #include <numeric>
-#include <sstream>
-#include <string_view>
 
-#include "Eigen/Core"
 #include "bin/support/program.h"
-#include "ceres/version.h"
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
-#include "invgrad/version.h"
 #include "report/interrupt.h"
 
-DEFINE_string(output,
-              "",
-              "directory of the results; empty: runs/ and the program's name");
-DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
 DEFINE_bool(plots, true, "draw the pictures (needs gnuplot)");
 
 namespace invgrad {
-
-namespace {
-
-namespace fs = std::filesystem;
-
-// A resumed run may be longer than the first one, look at other levels or
-// values, and use other numbers of processes.
-constexpr std::string_view kFlagsThatMayChange[] = {"output",
-                                                    "epochs",
-                                                    "steps",
-                                                    "seconds",
-                                                    "levels",
-                                                    "value",
-                                                    "tail",
-                                                    "jobs",
-                                                    "progress",
-                                                    "plots"};
-
-std::map<std::string, std::string> ParseFlagText(const std::string& text) {
-  std::map<std::string, std::string> flags;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
-    const size_t equals = line.find('=');
-    if (line.rfind("--", 0) != 0 || equals == std::string::npos) continue;
-    flags[line.substr(2, equals - 2)] = line.substr(equals + 1);
-  }
-  return flags;
-}
-
-std::string CpuName() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    if (line.rfind("model name", 0) == 0) {
-      return line.substr(line.find(':') + 2);
-    }
-  }
-  return "unknown";
-}
-
-std::string VersionsText() {
-  return fmt::format(
-      "invgrad {}\nceres {}\neigen {}.{}.{}\nblas {}\nblas threads {}\n"
-      "compiler {}\ncpu {}\n",
-      INVGRAD_VERSION,
-      CERES_VERSION_STRING,
-      EIGEN_WORLD_VERSION,
-      EIGEN_MAJOR_VERSION,
-      EIGEN_MINOR_VERSION,
-      BlasName(),
-      BlasThreads(),
-      __VERSION__,
-      CpuName());
-}
-
-bool SameFlags(const std::string& path,
-               const std::string& flags,
-               std::string* error) {
-  std::string text;
-  if (!ReadFile(path, &text, error)) {
-    *error += "; is this the directory of a run?";
-    return false;
-  }
-  std::map<std::string, std::string> before = ParseFlagText(text);
-  for (const auto& [name, value] : ParseFlagText(flags)) {
-    if (before[name] == value || std::count(std::begin(kFlagsThatMayChange),
-                                            std::end(kFlagsThatMayChange),
-                                            name) > 0) {
-      continue;
-    }
-    *error = fmt::format(
-        "{0}: the run to resume had --{1}={2}, now it is --{1}={3}; give "
-        "another --output, or --overwrite",
-        path,
-        name,
-        before[name],
-        value);
-    return false;
-  }
-  return true;
-}
-
-// Whether the directory may be used or reused; removes it if necessary.
-bool MakeRoom(const std::string& path,
-              ExistingDirectory existing,
-              const std::string& flags,
-              std::string* error) {
-  std::error_code failure;
-  const std::string flag_file = path + "/flags.txt";
-  if (!fs::exists(path, failure) ||
-      (fs::is_directory(path, failure) && fs::is_empty(path, failure))) {
-    return true;
-  }
-  if (existing == ExistingDirectory::kResume) {
-    return SameFlags(flag_file, flags, error);
-  }
-  if (existing == ExistingDirectory::kRefuse) {
-    gflags::CommandLineFlagInfo info;
-    *error = fmt::format(
-        "--output={} exists; give another directory, or --overwrite{}",
-        path,
-        gflags::GetCommandLineFlagInfo("resume", &info)
-            ? ", or --resume to go on with its run"
-            : "");
-    return false;
-  }
-  if (!fs::exists(flag_file, failure)) {
-    *error = fmt::format(
-        "--overwrite: {} is not the directory of a run (it has no flags.txt) "
-        "and is left alone",
-        path);
-    return false;
-  }
-  fs::remove_all(path, failure);
-  if (failure) *error = path + ": " + failure.message();
-  return !failure;
-}
-
-}  // namespace
-
-bool PrepareRunDirectory(const std::string& path,
-                         ExistingDirectory existing,
-                         const std::string& flags,
-                         std::string* error) {
-  if (!MakeRoom(path, existing, flags, error)) return false;
-  if (!MakeDirectories(path, error)) {
-    *error = "--output=" + *error;
-    return false;
-  }
-  return WriteFile(path + "/flags.txt", flags, error) &&
-         WriteFile(path + "/versions.txt", VersionsText(), error);
-}
-
-bool PrepareRunDirectory(ExistingDirectory existing, std::string* error) {
-  if (FLAGS_output.empty()) {
-    FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
-  }
-  if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
-  std::string flags;  // except those about an existing directory
-  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
-    if (flag.name != "overwrite" && flag.name != "resume") {
-      flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
-    }
-  }
-  return PrepareRunDirectory(FLAGS_output, existing, flags, error);
-}
-
-bool MakeDirectories(const std::string& path, std::string* error) {
-  std::error_code failure;
-  fs::create_directories(path, failure);
-  if (failure) *error = path + ": " + failure.message();
-  return !failure;
-}
 
 std::string FileName(const std::string& label) {
   std::string name;
@@ -205,8 +40,8 @@ std::string FileName(const std::string& label) {
 bool WriteTable(const std::string& path,
                 const Table& table,
                 std::string* error) {
-  return WriteFile(path + ".txt", table.ToText(), error) &&
-         WriteFile(path + ".md", table.ToMarkdown(), error);
+  return WriteFile(RunFile(path + ".txt"), table.ToText(), error) &&
+         WriteFile(RunFile(path + ".md"), table.ToMarkdown(), error);
 }
 
 void DrawPictures(const std::vector<Picture>& pictures) {
@@ -215,8 +50,10 @@ void DrawPictures(const std::vector<Picture>& pictures) {
   const int signal_before = Interrupt::Signal();
   double max_seconds = 60.0;
   for (const Picture& picture : pictures) {
+    std::filesystem::path script = RunFile(picture.path_png);
+    RunFile(script.replace_extension(".gp"));
     std::error_code ignored;
-    fs::remove(picture.path_png, ignored);
+    std::filesystem::remove(picture.path_png, ignored);
     std::string error;
     const auto start = std::chrono::steady_clock::now();
     if (picture.panels.empty() ||

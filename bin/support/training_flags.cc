@@ -25,6 +25,10 @@ DEFINE_int64(steps, 0, "budget in steps; 0: none (100 for a point problem)");
 DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
 DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
 DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
+DEFINE_double(checkpoint_seconds,
+              invgrad::TrainOptions().checkpoint_interval_in_seconds,
+              "at least so long between two checkpoints of a run; 0: one after "
+              "every step");
 
 namespace invgrad {
 namespace {
@@ -134,13 +138,18 @@ bool CheckTrainingFlags(std::string* error) {
   return CheckFlags({{"epochs", {0.0}},
                      {"steps", {0.0}},
                      {"seconds", {0.0}},
+                     {"checkpoint_seconds", {0.0}},
                      {"batch_size", {-1.0}}},
                     error);
 }
 
-TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
-                                 int batch_size,
-                                 int seed) {
+void SetDefaultBudget(const LearningProblem& problem) {
+  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
+    FLAGS_epochs = problem.num_epochs;
+  }
+}
+
+TrainOptions TrainOptionsOfFlags(int batch_size, int seed) {
   TrainOptions options;
   options.batch_size = batch_size;
   options.seed = static_cast<std::uint32_t>(seed);
@@ -148,9 +157,7 @@ TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
   if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
   if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
-  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
-    options.max_num_epochs = problem.num_epochs;
-  }
+  options.checkpoint_interval_in_seconds = FLAGS_checkpoint_seconds;
   return options;
 }
 

@@ -48,10 +48,11 @@ NetworkSettings NetworkOfFlags();
 // SetNetwork checks the network's flags.
 bool CheckTrainingFlags(std::string* error);
 
-// With the budget of the flags (default: the problem's).
-TrainOptions TrainOptionsOfFlags(const LearningProblem& problem,
-                                 int batch_size,
-                                 int seed);
+// Sets --epochs to the problem's budget if the flags have none.
+void SetDefaultBudget(const LearningProblem& problem);
+
+// With budget, shuffle and checkpoint_seconds of the flags.
+TrainOptions TrainOptionsOfFlags(int batch_size, int seed);
 
 }  // namespace invgrad
 

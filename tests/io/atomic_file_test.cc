@@ -147,5 +147,23 @@ TEST(AtomicFile, ReadsFilesOfTheSystem) {
   EXPECT_NE(bytes.find("VmSize"), std::string::npos);
 }
 
+TEST(AtomicFile, TheNameOfATemporaryFileSaysItsTarget) {
+  EXPECT_EQ(TargetOfTemporary("a/weights.npy.tmp12-3"), "a/weights.npy");
+  EXPECT_EQ(TargetOfTemporary("a.tmp1-0.tmp12-34"), "a.tmp1-0");
+  for (const char* name : {"",
+                           "12-3",
+                           ".tmp12-3",
+                           "a.tmp",
+                           "a.tmp12",
+                           "a.tmp12-",
+                           "a.tmp-3",
+                           "a.tmp12-3x",
+                           "a.temp12-3",
+                           "a.tmp12-3/b",
+                           "atmp12-3"}) {
+    EXPECT_EQ(TargetOfTemporary(name), "") << name;
+  }
+}
+
 }  // namespace atomic_file_test
 }  // namespace invgrad

@@ -118,5 +118,30 @@ TEST_F(NumpyRandomTest, EmptyAndSinglePermutationsDrawNothing) {
   EXPECT_EQ(random.Rand(), 0.5488135039273248);
 }
 
+TEST_F(NumpyRandomTest, GoesOnFromItsState) {
+  NumpyRandom random(3);
+  for (int i = 0; i < 320; ++i) {
+    NumpyRandom other(4);
+    ASSERT_TRUE(other.SetState(random.State()));
+    ASSERT_EQ(other.Rand(), random.Rand());
+  }
+}
+
+TEST_F(NumpyRandomTest, RefusesWhatIsNoState) {
+  NumpyRandom random(3);
+  const Eigen::VectorXd state = random.State();
+  EXPECT_FALSE(random.SetState(Eigen::VectorXd()));
+  EXPECT_FALSE(random.SetState(state.head(624)));
+  for (const double value : {-1.0, 0.5, 4294967296.0, std::nan("")}) {
+    Eigen::VectorXd wrong = state;
+    wrong[17] = value;
+    EXPECT_FALSE(random.SetState(wrong)) << value;
+  }
+  Eigen::VectorXd outside = state;
+  outside[624] = 625.0;  // the next word's position
+  EXPECT_FALSE(random.SetState(outside));
+  EXPECT_EQ(random.Rand(), NumpyRandom(3).Rand());
+}
+
 }  // namespace numpy_random_test
 }  // namespace invgrad

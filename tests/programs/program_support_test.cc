@@ -1,7 +1,5 @@
-// What the programs share: lists on the command line and run directories.
+// What the programs share: lists on the command line and names of files.
 
-#include <filesystem>
-#include <fstream>
 #include <limits>
 #include <string>
 #include <vector>
@@ -9,12 +7,9 @@
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "gtest/gtest.h"
-#include "tests/support/temporary_folder.h"
 
 namespace invgrad {
 namespace program_support_test {
-
-namespace fs = std::filesystem;
 
 TEST(ParseSeeds, TakesEveryIntegerOfItsRange) {
   std::vector<int> seeds;
@@ -66,7 +61,7 @@ TEST(ParseNumbers, TakesPositiveNumbersAndNone) {
   }
 }
 
-TEST(RunDirectory, FileNamesHaveNoSpecialCharacters) {
+TEST(RunOutput, FileNamesHaveNoSpecialCharacters) {
   EXPECT_EQ(FileName("half_inverse:truncation=1e-6"),
             "half_inverse-truncation-1e-6");
   EXPECT_EQ(FileName("ceres_lm+adam"), "ceres_lm+adam");
@@ -81,71 +76,6 @@ TEST(RunDirectory, LongFileNamesAreCutAndStayDifferent) {
   EXPECT_EQ(one.size(), 180u);
   EXPECT_EQ(one.substr(0, 163), label.substr(0, 163));
   EXPECT_NE(one, two);
-}
-
-bool Prepare(const std::string& path,
-             ExistingDirectory existing,
-             const std::string& flags,
-             std::string* error) {
-  error->clear();
-  return PrepareRunDirectory(path, existing, flags, error);
-}
-
-TEST(RunDirectory, AnEmptyDirectoryIsAsGoodAsNone) {
-  const TemporaryFolder folder;
-  std::string error;
-  fs::create_directories(folder / "empty");
-  for (const char* name : {"empty", "new/deeper"}) {
-    EXPECT_TRUE(Prepare(
-        folder / name, ExistingDirectory::kRefuse, "--steps=1\n", &error))
-        << error;
-    EXPECT_TRUE(fs::exists(folder / name + "/flags.txt"));
-    EXPECT_TRUE(fs::exists(folder / name + "/versions.txt"));
-  }
-}
-
-TEST(RunDirectory, ResumeWantsTheSameRunWithAnyBudgetAndOutput) {
-  const TemporaryFolder folder;
-  const std::string run = folder / "run";
-  const auto resume = ExistingDirectory::kResume;
-  std::string error;
-  ASSERT_TRUE(Prepare(run,
-                      ExistingDirectory::kRefuse,
-                      "--rules=adam:step_size=1\n--epochs=3\n--plots=true\n",
-                      &error));
-  EXPECT_FALSE(
-      Prepare(run, resume, "--rules=adam:step_size=2\n--epochs=3\n", &error));
-  EXPECT_NE(error.find("had --rules=adam:step_size=1, now it is "
-                       "--rules=adam:step_size=2; give another --output, or "
-                       "--overwrite"),
-            std::string::npos)
-      << error;
-  EXPECT_TRUE(Prepare(run,
-                      resume,
-                      "--rules=adam:step_size=1\n--epochs=9\n--plots=false\n",
-                      &error))
-      << error;
-}
-
-TEST(RunDirectory, WhatNoRunMadeIsLeftAlone) {
-  const TemporaryFolder folder;
-  std::string error;
-  std::ofstream(folder / "file") << "precious";
-  fs::create_directories(folder / "other");
-  std::ofstream(folder / "other/thesis.tex") << "precious";
-  for (const char* name : {"file", "other"}) {
-    for (const auto existing : {ExistingDirectory::kRefuse,
-                                ExistingDirectory::kOverwrite,
-                                ExistingDirectory::kResume}) {
-      EXPECT_FALSE(Prepare(folder / name, existing, "--steps=1\n", &error));
-      EXPECT_NE(error.find(folder / name), std::string::npos) << error;
-    }
-  }
-  EXPECT_TRUE(fs::exists(folder / "other/thesis.tex"));
-  // Where no directory can be made.
-  EXPECT_FALSE(Prepare(
-      folder / "file/run", ExistingDirectory::kRefuse, "--steps=1\n", &error));
-  EXPECT_NE(error.find("--output="), std::string::npos) << error;
 }
 
 }  // namespace program_support_test

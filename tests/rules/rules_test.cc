@@ -272,5 +272,22 @@ TEST(Rules, StateIsComplete) {
   }
 }
 
+// Whether or not it has a schedule, and one is a setting of every rule.
+TEST(Rules, SayWhetherTheirStepsDependOnTheBudget) {
+  const Quadratic problem(6, 4);
+  for (const RuleRow& row : Rules()) {
+    for (const char* schedule : {"constant", "linear"}) {
+      const std::string text = row.name + ":schedule=" + schedule;
+      SCOPED_TRACE(text);
+      const auto step_at = [&](double progress) {
+        Linearization at_x = problem.At(VectorXd::Ones(4));
+        at_x.progress = progress;
+        return StepOf(MakeRule(text).get(), at_x);
+      };
+      EXPECT_EQ(MakeRule(text)->ReadsProgress(), step_at(0.1) != step_at(0.9));
+    }
+  }
+}
+
 }  // namespace rules_test
 }  // namespace invgrad

@@ -2,13 +2,21 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/core/blas_kernels.h"
+#include "invgrad/io/atomic_file.h"
+#include "invgrad/io/digest.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/train/checkpoint.h"
 #include "invgrad/train/train.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"
@@ -61,48 +69,232 @@ INSTANTIATE_TEST_SUITE_P(Trainer,
                          ::testing::ValuesIn(RuleNames()),
                          [](const auto& info) { return info.param; });
 
-TEST(Trainer, RefusesACheckpointOfAnotherRun) {
-  const Regression problem;
-  const std::string path =
-      ::testing::TempDir() + "trainer_other_" + std::to_string(::getpid());
-  StateArchive archive;
-  Eigen::VectorXd weights = Eigen::VectorXd::Zero(3);
-  archive.Visit("weights", &weights);
+// A run of this regression, whose checkpoint a changed one must not take.
+class ACheckpoint : public ::testing::Test {
+ protected:
+  ACheckpoint() {
+    options_.checkpoint_path = folder_ / "checkpoint";
+    EXPECT_EQ(Resume(), "");
+    bytes_ = Bytes();
+  }
+
+  // Why the run is refused.
+  std::string Resume() {
+    TrainOptions options = options_;
+    options.initial_weights = problem_.weights;
+    const TrainResult result = Train(
+        problem_.model, {problem_.train, problem_.test}, method_, options);
+    if (!result.error.empty()) {
+      EXPECT_EQ(result.weights, problem_.weights);
+      EXPECT_TRUE(result.history.empty());
+      EXPECT_EQ(Bytes(), bytes_);  // as it was
+    }
+    return result.error;
+  }
+
+  std::string Bytes() const {
+    std::string bytes, error;
+    EXPECT_TRUE(ReadFile(options_.checkpoint_path, &bytes, &error)) << error;
+    return bytes;
+  }
+
+  // With this difference from the run of the checkpoint.
+  void ExpectRefused(const std::string& difference) {
+    const std::string error = Resume();
+    EXPECT_EQ(error.rfind(options_.checkpoint_path, 0), 0u) << error;
+    EXPECT_NE(error.find("of another run: " + difference), std::string::npos)
+        << error;
+  }
+
+  const TemporaryFolder folder_;
+  Regression problem_;
+  std::string method_ = "adam";
+  TrainOptions options_ = Epochs(2, 8);
+  std::string bytes_;  // of the checkpoint
+};
+
+TEST_F(ACheckpoint, OfAnotherMethodIsRefused) {
+  method_ = "rmsprop";
+  ExpectRefused("method adam, now rmsprop");
+}
+
+TEST_F(ACheckpoint, OfAnotherBatchSizeIsRefused) {
+  options_.batch_size = 6;
+  ExpectRefused("batch size 8, now 6");
+}
+
+TEST_F(ACheckpoint, OfAnotherOrderIsRefused) {
+  options_.shuffle = true;
+  ExpectRefused("order of the samples as given, now of seed 0");
+}
+
+TEST_F(ACheckpoint, OfOtherTrainingDataIsRefused) {
+  problem_.train.targets(1, 7) += 1e-12;
+  ExpectRefused("training data ");
+}
+
+TEST_F(ACheckpoint, OfOtherTestDataIsRefused) {
+  problem_.test.inputs(0, 0) = -problem_.test.inputs(0, 0);
+  ExpectRefused("test data ");
+}
+
+TEST_F(ACheckpoint, OfOtherInitialWeightsIsRefused) {
+  problem_.weights[3] = 0.0;
+  ExpectRefused("initial weights ");
+}
+
+TEST_F(ACheckpoint, OfAnotherActivationIsRefused) {
+  problem_.model =
+      problem_.model.WithNetwork(DenseNetwork({2, 5, 2}, Activation::kGelu));
+  ExpectRefused("network 2-5-2 tanh, now 2-5-2 gelu");
+}
+
+TEST_F(ACheckpoint, OfAnotherLossIsRefused) {
+  problem_.model = problem_.model.WithLoss(
+      std::make_shared<SquaredNormLoss>(2, 0.5), Reduction::kMean);
+  ExpectRefused("simulator and loss ");
+}
+
+TEST_F(ACheckpoint, OfOtherKernelsIsRefused) {
+  const std::string kernels = "BLAS kernels: ";
+  const size_t begin = bytes_.find(kernels) + kernels.size();
+  bytes_.replace(begin, bytes_.find('\n', begin) - begin, "Z80");
   std::string error;
-  ASSERT_TRUE(archive.Write(path, &error)) << error;
-  TrainOptions options = Epochs(1, 8);
-  options.checkpoint_path = path;
-  error = Refusal(problem, options, "adam");
-  EXPECT_NE(error.find(path), std::string::npos) << error;
-  std::remove(path.c_str());
+  ASSERT_TRUE(WriteFile(options_.checkpoint_path, bytes_, &error)) << error;
+  ExpectRefused("BLAS kernels Z80, now " + BlasKernels());
 }
 
-TEST(Trainer, RefusesACheckpointOfAnotherBatchSize) {
-  const Regression problem;
-  const TemporaryFolder folder;
-  TrainOptions options = Epochs(2, 8);
-  options.checkpoint_path = folder / "checkpoint";
-  const auto rule = MakeRule("adam");
-  const TrainResult before = TrainRegression(problem, options, rule.get());
-  options.batch_size = 6;
-  const std::string error = Refusal(problem, options, "adam");
-  EXPECT_NE(error.find("found batch_size=8, wanted 6"), std::string::npos)
-      << error;
+// Whatever the budget was, the run goes on with a larger one, and a run that is
+// longer than its budget is no run of that budget.
+TEST_F(ACheckpoint, OfALongerRunIsRefused) {
+  options_.max_num_epochs = 1;
+  EXPECT_NE(Resume().find("the run has taken 6 steps, more than its budget"),
+            std::string::npos);
+  options_.max_num_epochs = 3;
+  options_.max_num_steps = 5;
+  EXPECT_NE(Resume().find("the run has taken 6 steps, more than its budget"),
+            std::string::npos);
+  options_.max_num_steps = 6;
+  EXPECT_EQ(Resume(), "");
 }
 
-// The orders of the samples follow from the seed.
-TEST(Trainer, RefusesACheckpointOfAnotherSeed) {
-  const Regression problem;
-  const TemporaryFolder folder;
-  TrainOptions options = Epochs(2, 8);
-  options.shuffle = true;
-  options.seed = 3;
-  options.checkpoint_path = folder / "checkpoint";
-  const auto rule = MakeRule("adam");
-  TrainRegression(problem, options, rule.get());
-  options.seed = 4;
-  const std::string error = Refusal(problem, options, "adam");
-  EXPECT_NE(error.find("found seed=3, wanted 4"), std::string::npos) << error;
+TEST_F(ACheckpoint, OfAScheduleBelongsToItsBudget) {
+  method_ = "adam:schedule=cosine";
+  std::filesystem::remove(options_.checkpoint_path);
+  EXPECT_EQ(Resume(), "");
+  EXPECT_EQ(Resume(), "");
+  bytes_ = Bytes();
+  options_.max_num_epochs = 4;
+  ExpectRefused("budget of the schedule 2 epochs, now 4 epochs");
+}
+
+// A checkpoint whose digest is right, with one array changed.
+TEST_F(ACheckpoint, WithValuesThatCannotBeIsRefused) {
+  const double nan = std::nan("");
+  const double huge = 1e300;
+  options_.shuffle = true;
+  std::filesystem::remove(options_.checkpoint_path);
+  EXPECT_EQ(Resume(), "");
+  const std::string bytes = Bytes();
+  const size_t first = bytes.find('\n') + 1;
+  const size_t begin = bytes.find('\n', first) + 1;
+  std::istringstream text(bytes.substr(bytes.find("\n\n") + 2));
+  size_t num_arrays = 0;
+  text >> num_arrays;
+  std::map<std::string, size_t> position;
+  size_t num_values = 0;
+  for (size_t i = 0; i < num_arrays; ++i) {
+    std::string name;
+    size_t size = 0;
+    text >> name >> size;
+    position[name] = num_values;
+    num_values += size;
+  }
+  const size_t values = bytes.size() - sizeof(double) * num_values;
+  for (const auto& [name, value] : std::vector<std::pair<std::string, double>>{
+           {"weights", nan},
+           {"phase", 1.0},
+           {"phase", -1.0},
+           {"phase", nan},
+           {"step", 0.5},
+           {"step", -6.0},
+           {"step", huge},
+           {"first_step", huge},
+           {"first_epoch", nan},
+           {"first_second", -1.0},
+           {"seconds", nan},
+           {"rows_since_best", -1.0},
+           {"rows_since_best", 1e10},
+           {"history", nan},
+           {"history", 7.0},
+           {"history", -1.0},
+           {"phase1.steps_of_phase", huge},
+           {"phase1.steps_of_phase", nan},
+           {"phase1.num_taken_back", -1.0},
+           {"phase1.last_good_weights", nan},
+           {"phase1.random", -1.0},
+           {"phase1.random", huge}}) {
+    SCOPED_TRACE(name + " " + std::to_string(value));
+    ASSERT_EQ(position.count(name), 1u);
+    bytes_ = bytes;
+    std::memcpy(&bytes_[values + sizeof(double) * position[name]],
+                &value,
+                sizeof(double));
+    bytes_.replace(first, 16, Digest().Add(bytes_.substr(begin)).Hex());
+    std::string error;
+    ASSERT_TRUE(WriteFile(options_.checkpoint_path, bytes_, &error)) << error;
+    error = Resume();
+    EXPECT_NE(error.find("'" + name + "' is missing or does not fit"),
+              std::string::npos)
+        << error;
+  }
+}
+
+// Notes whether a file is there when the first step ends.
+class Watch final : public ceres::IterationCallback {
+ public:
+  explicit Watch(std::string path) : path_(std::move(path)) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    if (iteration.iteration == 1) has_found_ = std::filesystem::exists(path_);
+    return ceres::SOLVER_CONTINUE;
+  }
+  bool has_found() const { return has_found_; }
+
+ private:
+  const std::string path_;
+  bool has_found_ = false;
+};
+
+// The evaluation before the first step may take minutes.
+TEST_F(ACheckpoint, IsWrittenBeforeTheFirstStep) {
+  Watch watch(options_.checkpoint_path);
+  options_.callbacks = {&watch};
+  options_.checkpoint_interval_in_seconds = 0.0;
+  std::filesystem::remove(options_.checkpoint_path);
+  EXPECT_EQ(Resume(), "");
+  EXPECT_TRUE(watch.has_found());
+}
+
+TEST_F(ACheckpoint, NeedNotEndAnEpoch) {
+  options_ = Epochs(3, 8);
+  options_.shuffle = true;
+  options_.initial_weights = problem_.weights;
+  const TrainingData data{problem_.train, problem_.test};
+  const TrainResult whole = Train(problem_.model, data, "adam", options_);
+  options_.checkpoint_path = folder_ / "killed";
+  options_.checkpoint_interval_in_seconds = 0.0;
+  // Of nine steps, three an epoch; each run is abandoned, as by a kill.
+  for (const int step : {1, 2, 3, 5, 8}) {
+    TrainingRun run(problem_.model, data, "adam", options_);
+    ASSERT_EQ(run.error(), "");
+    while (run.step() < step) ASSERT_TRUE(run.Step());
+  }
+  TrainingRun last(problem_.model, data, "adam", options_);
+  EXPECT_EQ(last.step(), 8);
+  while (last.Step()) continue;
+  EXPECT_EQ(last.weights(), whole.weights);
+  EXPECT_EQ(last.history().back().train_loss, whole.history.back().train_loss);
 }
 
 // Full Gauss-Newton steps of almost twice the length on batches of four: some

@@ -1,6 +1,7 @@
 // Steps that have no loss, or that their rule judges and takes back.
 
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -56,6 +57,44 @@ TEST(Trainer, DivergenceIsReportedAndTheLastGoodWeightsAreKept) {
               TrainRegression(problem, four_steps, &same).weights);
     EXPECT_TRUE(std::isfinite(result.history.back().train_loss));
   }
+}
+
+// The last step of a budget, within an epoch: no other step meets its weights.
+TEST(Trainer, DivergenceAtTheLastStepIsADivergence) {
+  const Regression problem;
+  const TemporaryFolder folder;
+  ExplodingRule rule(5, 1e200);
+  TrainOptions options;
+  options.batch_size = 8;
+  options.max_num_steps = 5;
+  options.checkpoint_path = folder / "checkpoint";
+  const TrainResult result = TrainRegression(problem, options, &rule);
+  EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(result.summary.message.rfind(
+                "diverged at step 5: the train loss is not finite", 0),
+            0u)
+      << result.summary.message;
+  EXPECT_FALSE(std::filesystem::exists(options.checkpoint_path));
+  options.max_num_steps = 4;
+  ExplodingRule same(100, 0.0);
+  EXPECT_EQ(result.weights, TrainRegression(problem, options, &same).weights);
+}
+
+TEST(Trainer, DivergenceAtTheEndOfAPhaseIsOfThatPhase) {
+  const Regression problem;
+  TrainOptions options = Epochs(2, 8);
+  options.initial_weights = problem.weights;
+  const TrainResult result =
+      Train(problem.model,
+            {problem.train, problem.test},
+            "gradient_descent:step_size=1e200:steps=1>adam",
+            options);
+  EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(result.summary.message.rfind(
+                "phase 1: diverged at step 1: the train loss is not finite", 0),
+            0u)
+      << result.summary.message;
+  EXPECT_EQ(result.weights, problem.weights);
 }
 
 // Gradient descent that judges its steps as it is told to, and remembers what

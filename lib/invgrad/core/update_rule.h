@@ -55,6 +55,10 @@ class UpdateRule {
   // rule. Arrays may be empty before the first step.
   virtual std::vector<Eigen::VectorXd*> MutableState() { return {}; }
 
+  // Whether ComputeStep reads Linearization::progress: the steps then depend on
+  // the run's budget.
+  virtual bool ReadsProgress() const { return false; }
+
   // Whether the loop evaluates the cost after each step and calls KeepsStep.
   virtual bool JudgesSteps() const { return false; }
 

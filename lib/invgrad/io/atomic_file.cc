@@ -118,6 +118,25 @@ bool WriteFile(const std::string& path,
   return false;
 }
 
+std::string TargetOfTemporary(const std::string& temporary) {
+  const auto skip_digits = [&temporary](size_t end) {
+    while (end > 0 && temporary[end - 1] >= '0' && temporary[end - 1] <= '9') {
+      --end;
+    }
+    return end;
+  };
+  constexpr std::string_view kMark = ".tmp";
+  const size_t counter = skip_digits(temporary.size());
+  if (counter == temporary.size() || counter == 0) return "";
+  const size_t dash = counter - 1;
+  const size_t process = skip_digits(dash);
+  if (temporary[dash] != '-' || process == dash || process <= kMark.size() ||
+      temporary.compare(process - kMark.size(), kMark.size(), kMark) != 0) {
+    return "";
+  }
+  return temporary.substr(0, process - kMark.size());
+}
+
 bool ReadFile(const std::string& path,
               std::string* bytes,
               std::string* error,

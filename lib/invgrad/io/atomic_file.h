@@ -21,6 +21,10 @@ bool WriteFile(const std::string& path,
                std::string_view bytes,
                std::string* error);
 
+// The path that a file was to be renamed to, if its name is that of a temporary
+// file of WriteFile: a killed program leaves one. Empty for other names.
+std::string TargetOfTemporary(const std::string& temporary);
+
 // Regular files only: a folder, a pipe or a device is an error, and so is a file
 // of more than `max_size` bytes or of more than the available memory
 // (core/memory_limit.h), before it is read. *bytes is unchanged on failure.

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <sstream>
 #include <utility>
 
 #include "glog/logging.h"
@@ -62,6 +63,32 @@ std::vector<int> NumpyRandom::Permutation(int n) {
     std::swap(order[i], order[j]);
   }
   return order;
+}
+
+Eigen::VectorXd NumpyRandom::State() const {
+  std::stringstream text;
+  text << generator_;
+  Eigen::VectorXd state(std::mt19937::state_size + 1);
+  for (double& word : state) text >> word;
+  return state;
+}
+
+bool NumpyRandom::SetState(const Eigen::VectorXd& state) {
+  constexpr auto kSize = static_cast<Eigen::Index>(std::mt19937::state_size);
+  constexpr double kMaxWord = std::mt19937::max();
+  // The last integer is a position among the others.
+  if (state.size() != kSize + 1 ||
+      !(state.array() >= 0.0 && state.array() <= kMaxWord &&
+        state.array() == state.array().floor())
+           .all() ||
+      state[kSize] > kSize) {
+    return false;
+  }
+  std::stringstream text;
+  for (const double word : state)
+    text << static_cast<std::uint32_t>(word) << ' ';
+  text >> generator_;
+  return true;
 }
 
 }  // namespace invgrad

@@ -43,6 +43,11 @@ class NumpyRandom {
   // np.random.permutation(n)
   std::vector<int> Permutation(int n);
 
+  // The state of the generator, 625 integers, for checkpoints. SetState returns
+  // false, and changes nothing, if the values are no state.
+  Eigen::VectorXd State() const;
+  bool SetState(const Eigen::VectorXd& state);
+
  private:
   std::mt19937 generator_;
 };

@@ -202,6 +202,13 @@ int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
   return size == 0 || ceres != nullptr ? num_samples : size;
 }
 
+bool Method::ReadsProgress() const {
+  return std::any_of(phases.begin(), phases.end(), [](const Phase& phase) {
+    const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+    return rule != nullptr && rule->ReadsProgress();
+  });
+}
+
 void Method::AddCeresDefaults(const Settings& defaults) {
   Phase& last = phases.back();
   if (last.ceres == nullptr) return;

@@ -57,6 +57,9 @@ struct Method {
 
   const Phase& last_phase() const { return phases.back(); }
 
+  // Whether a rule reads the progress of the run (UpdateRule::ReadsProgress).
+  bool ReadsProgress() const;
+
   // Defaults for settings of Ceres; those that the minimizer does not have are
   // ignored.
   void AddCeresDefaults(const Settings& defaults);

@@ -112,6 +112,10 @@ class FirstOrderRule final : public UpdateRule {
            CheckFinite("the step", *step, error);
   }
 
+  bool ReadsProgress() const override {
+    return options_.step_size.has_schedule();
+  }
+
   std::vector<VectorXd*> MutableState() override {
     return {&memory_.u, &memory_.v, &memory_.k};
   }

@@ -43,6 +43,7 @@ class JointRule : public UpdateRule {
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) final;
+  bool ReadsProgress() const final { return options_.step_size.has_schedule(); }
   bool JudgesSteps() const final { return options_.control.is_on(); }
   bool KeepsStep(double cost, double fraction) final {
     return control_.Judge(cost, fraction);

@@ -103,6 +103,10 @@ class Newton final : public UpdateRule {
            CheckFinite("the step", *step, error);
   }
 
+  bool ReadsProgress() const override {
+    return options_.step_size.has_schedule();
+  }
+
   std::string LastStepReport() const override { return report_; }
 
  private:

@@ -40,6 +40,7 @@ struct StepSizeOptions {
   void Describe(bool allow_auto, OptionSet* set);
 
   bool is_auto() const { return !step_size.has_value(); }
+  bool has_schedule() const { return schedule != "constant"; }
 
   // s(progress).
   double ScheduleFactor(double progress) const;

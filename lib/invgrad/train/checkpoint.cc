@@ -1,13 +1,16 @@
 #include "invgrad/train/checkpoint.h"
 
-#include <cstring>
-#include <sstream>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
 #include <utility>
 #include <vector>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/digest.h"
 
 namespace invgrad {
 namespace {
@@ -15,62 +18,125 @@ namespace {
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
               "doubles are copied to and from little-endian files as they are");
 
-constexpr char kFirstLine[] = "invgrad checkpoint, version 1";
+constexpr char kProgram[] = "invgrad checkpoint, ";
+constexpr char kVersion[] = "version 2";
 
-// Splits a file into its arrays; returns false if it is damaged.
-bool Parse(const std::string& bytes,
-           std::map<std::string, Eigen::VectorXd>* arrays) {
-  std::istringstream header(bytes);
-  std::string line;
-  std::getline(header, line);
-  size_t num_arrays = 0;
-  header >> num_arrays;
-  const size_t max_num_values = bytes.size() / sizeof(double);
-  size_t num_values = 0;
+constexpr char kDamaged[] = "the file is truncated or damaged";
+
+std::string_view Bytes(const Eigen::VectorXd& values) {
+  return {reinterpret_cast<const char*>(values.data()),
+          values.size() * sizeof(double)};
+}
+
+// Reads the next `size` bytes, or fewer at the end.
+std::string Read(size_t size, std::istream* file) {
+  std::string bytes(size, '\0');
+  file->read(bytes.data(), static_cast<std::streamsize>(size));
+  bytes.resize(file->gcount());
+  return bytes;
+}
+
+// Reads a line that a checkpoint may have; false for a longer one.
+bool ReadLine(std::istream* file, std::string* line) {
+  constexpr int kMaxLength = 1 << 16;
+  std::vector<char> text(kMaxLength);
+  file->getline(text.data(), kMaxLength);
+  *line = text.data();
+  return file->good();
+}
+
+// Reads the file at its second line, the digest. Returns an error message, or an
+// empty string. What is read at any time is bounded by the file's own sizes.
+std::string Parse(std::uintmax_t file_size,
+                  const RunIdentity& identity,
+                  std::istream* file,
+                  std::map<std::string, Eigen::VectorXd>* arrays) {
+  std::string digest, found, line;
+  if (!ReadLine(file, &digest)) return kDamaged;
+  const std::streamoff begin = file->tellg();
+  while (ReadLine(file, &line) && !line.empty()) found += line + '\n';
+  if (!file->good()) return kDamaged;
+  const std::string difference = identity.Difference(found);
+  if (!difference.empty()) return "it is of another run: " + difference;
+  size_t num_arrays = 0, num_values = 0;
+  *file >> num_arrays;
   std::vector<std::pair<std::string, size_t>> sizes;
   for (size_t i = 0; i < num_arrays; ++i) {
     auto& [name, size] = sizes.emplace_back();
-    header >> name >> size;
-    if (header.fail() || size > max_num_values - num_values) return false;
+    constexpr int kMaxLength = 1000;
+    *file >> std::setw(kMaxLength) >> name >> size;
+    if (file->fail() || size > file_size / sizeof(double) - num_values) {
+      return kDamaged;
+    }
     num_values += size;
   }
-  if (header.get() != '\n') return false;
-  const size_t begin = header.tellg();
-  if (bytes.size() - begin != num_values * sizeof(double)) return false;
-  const char* values = bytes.data() + begin;
+  if (file->get() != '\n') return kDamaged;
+  const std::streamoff begin_of_values = file->tellg();
+  if (file_size - begin_of_values != num_values * sizeof(double)) {
+    return kDamaged;
+  }
+  file->seekg(begin);
+  Digest sum;
+  sum.Add(Read(begin_of_values - begin, file));
   for (const auto& [name, size] : sizes) {
     Eigen::VectorXd array(size);
-    if (size > 0) std::memcpy(array.data(), values, size * sizeof(double));
-    values += size * sizeof(double);
-    if (!arrays->emplace(name, std::move(array)).second) return false;
+    file->read(reinterpret_cast<char*>(array.data()),
+               static_cast<std::streamsize>(size * sizeof(double)));
+    sum.Add(Bytes(array));
+    if (!arrays->emplace(name, std::move(array)).second) return kDamaged;
   }
-  return true;
+  return file->good() && sum.Hex() == digest ? "" : kDamaged;
 }
 
 }  // namespace
 
-bool StateArchive::Write(const std::string& path, std::string* error) const {
-  std::string bytes = fmt::format("{}\n{}\n", kFirstLine, arrays_.size());
+bool AreCounts(const Eigen::VectorXd& values, double max) {
+  return (values.array() >= 0.0 && values.array() <= max &&
+          values.array() == values.array().floor())
+      .all();
+}
+
+bool StateArchive::Write(const std::string& path,
+                         const RunIdentity& identity,
+                         std::string* error) const {
+  std::string bytes =
+      fmt::format("{}\n{}\n", identity.ToText(), arrays_.size());
   for (const auto& [name, array] : arrays_) {
     bytes += fmt::format("{} {}\n", name, array.size());
   }
-  for (const auto& [name, array] : arrays_) {
-    bytes.append(reinterpret_cast<const char*>(array.data()),
-                 array.size() * sizeof(double));
-  }
+  for (const auto& [name, array] : arrays_) bytes += Bytes(array);
+  bytes.insert(
+      0,
+      fmt::format("{}{}\n{}\n", kProgram, kVersion, Digest().Add(bytes).Hex()));
   return WriteFile(path, bytes, error);
 }
 
-StateArchive StateArchive::Read(const std::string& path) {
+StateArchive StateArchive::Read(const std::string& path,
+                                const RunIdentity& identity) {
   StateArchive archive;
   archive.is_reading_ = true;
   archive.path_ = path;
-  std::string bytes;
-  if (!ReadFile(path, &bytes, &archive.error_)) return archive;
-  if (bytes.rfind(kFirstLine + std::string("\n"), 0) != 0) {
-    archive.Fail(fmt::format("the first line is not '{}'", kFirstLine));
-  } else if (!Parse(bytes, &archive.arrays_)) {
-    archive.Fail("the file is truncated or damaged");
+  std::error_code failure;
+  // Opening a pipe would wait for its writer.
+  if (!std::filesystem::is_regular_file(path, failure)) {
+    archive.error_ =
+        fmt::format("cannot read {}: {}",
+                    path,
+                    failure ? failure.message() : "not a regular file");
+    return archive;
+  }
+  std::ifstream file(path, std::ios::binary);
+  const std::string program = kProgram, version = kVersion;
+  if (invgrad::Read(program.size(), &file) != program) {
+    archive.Fail("not a checkpoint");
+  } else if (invgrad::Read(version.size() + 1, &file) != version + '\n') {
+    archive.Fail(fmt::format("not of {}, the one of this program", version));
+  } else {
+    const std::string problem = Parse(std::filesystem::file_size(path, failure),
+                                      identity,
+                                      &file,
+                                      &archive.arrays_);
+    if (!problem.empty()) archive.Fail(problem);
   }
   return archive;
 }
@@ -89,12 +155,10 @@ void StateArchive::Visit(const std::string& name,
   if (error_.empty()) *values = found->second;
 }
 
-void StateArchive::Expect(const std::string& name, long value) {
-  long found = value;
-  Visit(name, &found);
-  if (found != value) {
-    Fail(fmt::format("found {}={}, wanted {}", name, found, value));
-  }
+void StateArchive::Visit(const std::string& name, double* value) {
+  Eigen::VectorXd array = Eigen::VectorXd::Constant(1, *value);
+  Visit(name, &array, 1);
+  *value = array[0];
 }
 
 void StateArchive::Require(bool fits, const std::string& name) {

@@ -1,6 +1,5 @@
 #include "invgrad/train/engine.h"
 
-#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -107,8 +106,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     return nullptr;
   }
   const int num_samples = data.train.num_samples();
-  int batch_size =
-      phase.batch_size >= 0 ? phase.batch_size : options.batch_size;
+  const int batch_size = phase.BatchSize(options.batch_size, num_samples);
   if (batch_size > num_samples) {
     *error = fmt::format(
         "batch_size={} is out of range; allowed: 1 to the {} training samples, "
@@ -116,10 +114,6 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
         batch_size,
         num_samples);
     return nullptr;
-  }
-  if (batch_size == 0) batch_size = num_samples;
-  if (batch_size < 0) {
-    batch_size = std::min(TrainOptions::kDefaultBatchSize, num_samples);
   }
   std::vector<MemoryPart> parts =
       TrainingMemory(model, *rule, objective->is_proxy(), batch_size);

@@ -19,12 +19,13 @@ class RuleEngine final : public Engine {
              const DataSet* train)
       : batch_size_(batch_size),
         shuffles_(options.shuffle),
-        seed_(options.seed),
+        num_weights_(options.initial_weights.size()),
         objective_(std::move(objective)),
         rule_(std::move(rule)),
         train_(*train),
         steps_per_epoch_(train->num_samples() / batch_size),
-        random_(options.seed) {
+        random_(options.seed),
+        before_order_(random_) {
     CHECK_GT(steps_per_epoch_, 0);
   }
 
@@ -50,6 +51,7 @@ class RuleEngine final : public Engine {
  private:
   // The samples of the next step.
   DataSet NextBatch();
+  void DrawOrder();
   // Makes all updates of a step; *at_weights is the linearization for the first
   // one.
   bool Update(const DataSet& batch,
@@ -61,7 +63,7 @@ class RuleEngine final : public Engine {
 
   const int batch_size_;
   const bool shuffles_;
-  const std::uint32_t seed_;
+  const Eigen::Index num_weights_;
   const std::unique_ptr<BatchObjective> objective_;
   const std::shared_ptr<UpdateRule> rule_;
   const DataSet& train_;
@@ -70,7 +72,9 @@ class RuleEngine final : public Engine {
   long step_ = 0;
   long num_taken_back_ = 0;
   NumpyRandom random_;
-  std::vector<int> order_;  // of the current epoch, if shuffled
+  // Of the current epoch, if shuffled, and the random numbers before it.
+  std::vector<int> order_;
+  NumpyRandom before_order_;
   // The weights of the last finite batch loss.
   Eigen::VectorXd last_good_weights_;
 };
@@ -79,9 +83,14 @@ DataSet RuleEngine::NextBatch() {
   const long in_epoch = step_ % steps_per_epoch_;
   const int first = static_cast<int>(in_epoch) * batch_size_;
   if (!shuffles_) return train_.Range(first, batch_size_);
-  if (in_epoch == 0) order_ = random_.Permutation(train_.num_samples());
+  if (in_epoch == 0) DrawOrder();
   const auto begin = order_.begin() + first;
   return train_.Select(std::vector<int>(begin, begin + batch_size_));
+}
+
+void RuleEngine::DrawOrder() {
+  before_order_ = random_;
+  order_ = random_.Permutation(train_.num_samples());
 }
 
 Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
@@ -164,16 +173,21 @@ bool RuleEngine::TakeBack(Eigen::VectorXd* weights) {
 }
 
 void RuleEngine::VisitState(StateArchive* archive) {
-  archive->Expect("batch_size", batch_size_);
-  archive->Expect("num_samples", train_.num_samples());
-  if (shuffles_) archive->Expect("seed", seed_);
   archive->Visit("steps_of_phase", &step_);
   archive->Visit("num_taken_back", &num_taken_back_);
   archive->Visit("last_good_weights", &last_good_weights_);
-  if (archive->is_reading() && shuffles_) {
-    // Draws the orders of all epochs that have begun again.
-    for (long first = 0; first < step_; first += steps_per_epoch_) {
-      order_ = random_.Permutation(train_.num_samples());
+  archive->Require(last_good_weights_.size() == 0 ||
+                       (last_good_weights_.size() == num_weights_ &&
+                        last_good_weights_.allFinite()),
+                   "last_good_weights");
+  if (shuffles_) {
+    const bool is_within_epoch = step_ % steps_per_epoch_ != 0;
+    Eigen::VectorXd random =
+        (is_within_epoch ? before_order_ : random_).State();
+    archive->Visit("random", &random, random.size());
+    if (archive->is_reading() && archive->error().empty()) {
+      archive->Require(random_.SetState(random), "random");
+      if (is_within_epoch) DrawOrder();
     }
   }
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
@@ -188,7 +202,7 @@ void RuleEngine::VisitState(StateArchive* archive) {
   if (counts == nullptr) return;
   Eigen::VectorXd state = counts->State();
   archive->Visit("pull_back", &state);
-  archive->Require(counts->SetState(state), "pull_back");
+  archive->Require(AreCounts(state) && counts->SetState(state), "pull_back");
 }
 
 }  // namespace

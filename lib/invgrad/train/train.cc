@@ -68,35 +68,28 @@ void TrainingRun::Begin() {
     EvaluateIfDue();
     return;
   }
-  Evaluate();
+  if (!EvaluateOrEnd()) return;
   ceres::IterationSummary start;
   start.step_is_valid = true;
   start.step_is_successful = true;
   start.cost = history().back().train_loss;
-  if (CallBack(start)) CheckStartOfPhase();
-}
-
-void TrainingRun::CheckStartOfPhase() {
-  if (std::isfinite(history().back().train_loss)) return;
-  double ignored = 0.0;
-  std::string why;
-  model_.Cost(weights(), data_.train, &ignored, &why);
-  End(ceres::FAILURE, "the loss is not finite at the initial weights: " + why);
+  if (CallBack(start)) SaveIfDue();
 }
 
 bool TrainingRun::IsRunning() {
   while (!has_ended_) {
     const HistoryRow& last = history().back();
-    if (options_.target_loss > 0.0 && last.step == step_ &&
+    if (options_.target_loss > 0.0 && last.step == state_.step &&
         last.train_loss <= options_.target_loss) {
       End(ceres::CONVERGENCE, AtStep("target loss reached", steps_of_phase()));
-    } else if (options_.patience > 0 && rows_since_best_ >= options_.patience) {
+    } else if (options_.patience > 0 &&
+               state_.rows_since_best >= options_.patience) {
       End(ceres::CONVERGENCE,
           fmt::format("no improvement in {} evaluations", options_.patience));
     } else if (!BudgetSpent().empty()) {
       End(ceres::NO_CONVERGENCE, BudgetSpent());
     } else if (steps_of_phase() < max_num_steps_ ||
-               phase_ + 1 == static_cast<int>(phases_.size())) {
+               state_.phase + 1 == static_cast<int>(phases_.size())) {
       return true;
     } else {
       BeginNextPhase();
@@ -106,27 +99,28 @@ bool TrainingRun::IsRunning() {
 }
 
 void TrainingRun::BeginNextPhase() {
-  if (last_evaluation() != step_) Evaluate();
-  if (!phases_[phase_ + 1].engine->has_state()) SaveCheckpoint();
-  first_epoch_ = epoch();
-  first_step_ = step_;
-  first_second_ = seconds_;
-  ++phase_;
+  if (last_evaluation() != state_.step && !EvaluateOrEnd()) return;
+  if (!phases_[state_.phase + 1].engine->has_state()) {
+    SaveCheckpoint(Checkpoint());
+  }
+  state_.first_epoch = epoch();
+  state_.first_step = state_.step;
+  state_.first_second = state_.seconds;
+  ++state_.phase;
   LimitPhase();
-  best_loss_ = WatchedLoss();
-  rows_since_best_ = 0;
-  CheckStartOfPhase();
+  state_.best_loss = WatchedLoss();
+  state_.rows_since_best = 0;
 }
 
 void TrainingRun::LimitPhase() {
-  max_num_steps_ = phases_[phase_].max_num_steps;
+  max_num_steps_ = phases_[state_.phase].max_num_steps;
   if (options_.max_num_steps < std::numeric_limits<long>::max()) {
     max_num_steps_ =
-        std::min(max_num_steps_, options_.max_num_steps - first_step_);
+        std::min(max_num_steps_, options_.max_num_steps - state_.first_step);
   }
   if (options_.max_num_epochs < TrainOptions().max_num_epochs) {
     // A step within an epoch may reach the budget.
-    const double steps = EpochsLeft(first_epoch_) *
+    const double steps = EpochsLeft(state_.first_epoch) *
                          static_cast<double>(engine().steps_per_epoch());
     max_num_steps_ =
         std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
@@ -135,14 +129,16 @@ void TrainingRun::LimitPhase() {
 
 bool TrainingRun::TakeStep() {
   const Clock::time_point start = Clock::now();
-  const double budget_in_seconds = options_.max_time_in_seconds - first_second_;
-  const double spent = std::max(static_cast<double>(steps_of_phase()) /
-                                    static_cast<double>(max_num_steps_),
-                                (seconds_ - first_second_) / budget_in_seconds);
+  const double budget_in_seconds =
+      options_.max_time_in_seconds - state_.first_second;
+  const double spent =
+      std::max(static_cast<double>(steps_of_phase()) /
+                   static_cast<double>(max_num_steps_),
+               (state_.seconds - state_.first_second) / budget_in_seconds);
   const Engine::StepResult result =
-      engine().Step(std::min(1.0, spent), &weights_);
-  seconds_ += std::chrono::duration<double>(Clock::now() - start).count();
-  if (!std::isnan(result.batch_loss)) batch_loss_ = result.batch_loss;
+      engine().Step(std::min(1.0, spent), &state_.weights);
+  state_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+  if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
   using Outcome = Engine::StepResult::Outcome;
   if (result.outcome == Outcome::kFailed) {
     End(ceres::FAILURE,
@@ -153,15 +149,15 @@ bool TrainingRun::TakeStep() {
     End(result.termination_type, result.message);
     return false;
   }
-  ++step_;
-  step_norm_ = result.iteration.step_norm;
+  ++state_.step;
+  state_.step_norm = result.iteration.step_norm;
   if (CallBack(result.iteration)) EvaluateIfDue();
   return true;
 }
 
 bool TrainingRun::CallBack(ceres::IterationSummary iteration) {
-  iteration.iteration = static_cast<int>(step_);
-  iteration.cumulative_time_in_seconds = seconds_;
+  iteration.iteration = static_cast<int>(state_.step);
+  iteration.cumulative_time_in_seconds = state_.seconds;
   for (ceres::IterationCallback* callback : options_.callbacks) {
     switch ((*callback)(iteration)) {
       case ceres::SOLVER_CONTINUE:
@@ -183,28 +179,41 @@ void TrainingRun::EvaluateIfDue() {
   const long steps_per_epoch = engine().steps_per_epoch();
   const bool is_due = steps_of_phase() % steps_per_epoch == 0 &&
                       IsEvaluationEpoch(steps_of_phase() / steps_per_epoch) &&
-                      last_evaluation() != step_;
-  if (is_due) Evaluate();
-  if (is_due && !std::isfinite(history().back().train_loss)) {
-    engine().RestoreLastGood(&weights_);
-    End(ceres::FAILURE,
-        AtStep("diverged", steps_of_phase()) +
-            ": the train loss is not finite");
-  } else if (std::chrono::duration<double>(Clock::now() - last_checkpoint_)
-                 .count() >= options_.checkpoint_interval_in_seconds) {
-    SaveCheckpoint();
+                      last_evaluation() != state_.step;
+  if (!is_due || EvaluateOrEnd()) SaveIfDue();
+}
+
+void TrainingRun::SaveIfDue() {
+  const std::chrono::duration<double> since = Clock::now() - last_checkpoint_;
+  if (since.count() >= options_.checkpoint_interval_in_seconds) {
+    SaveCheckpoint(Checkpoint());
   }
+}
+
+bool TrainingRun::EvaluateOrEnd() {
+  Evaluate();
+  if (std::isfinite(history().back().train_loss)) return true;
+  double ignored = 0.0;
+  std::string why;
+  model_.Cost(weights(), data_.train, &ignored, &why);
+  const std::string where =
+      state_.step == 0 ? "the loss is not finite at the initial weights: "
+                       : AtStep("diverged", steps_of_phase()) +
+                             ": the train loss is not finite: ";
+  engine().RestoreLastGood(&state_.weights);
+  Summarize(ceres::FAILURE, where + why);
+  return false;
 }
 
 void TrainingRun::Evaluate() {
   HistoryRow row;
-  row.step = step_;
+  row.step = state_.step;
   row.epoch = epoch();
-  row.seconds = seconds_;
-  row.batch_loss = batch_loss_;
-  row.step_norm = step_norm_;
+  row.seconds = state_.seconds;
+  row.batch_loss = state_.batch_loss;
+  row.step_norm = state_.step_norm;
   row.train_loss = MeanLoss(model_, weights(), data_.train);
-  if (!std::isfinite(row.train_loss) && engine().TakeBack(&weights_)) {
+  if (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
     row.train_loss = MeanLoss(model_, weights(), data_.train);
   }
   if (data_.test.num_samples() > 0) {
@@ -212,32 +221,44 @@ void TrainingRun::Evaluate() {
   }
   if (options_.metric) row.metric = options_.metric(weights());
   if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
-  history_.push_back(row);
-  ++rows_since_best_;
-  if (WatchedLoss() < best_loss_) {
-    best_loss_ = WatchedLoss();
-    rows_since_best_ = 0;
+  state_.history.push_back(row);
+  ++state_.rows_since_best;
+  if (WatchedLoss() < state_.best_loss) {
+    state_.best_loss = WatchedLoss();
+    state_.rows_since_best = 0;
   }
   if (options_.on_evaluation) options_.on_evaluation(weights(), history());
 }
 
 void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
+  engine().Finish();  // sets the final weights of a minimizer of Ceres
+  // Made before the evaluation below, which a longer run would not make.
+  const bool can_go_on = type != ceres::FAILURE && type != ceres::CONVERGENCE;
+  const StateArchive checkpoint = can_go_on ? Checkpoint() : StateArchive();
+  if (type == ceres::FAILURE) {
+    if (last_evaluation() != state_.step) Evaluate();
+  } else if (last_evaluation() != state_.step && !EvaluateOrEnd()) {
+    return;
+  }
+  if (can_go_on) SaveCheckpoint(checkpoint);
+  Summarize(type, message);
+}
+
+void TrainingRun::Summarize(ceres::TerminationType type,
+                            const std::string& message) {
   has_ended_ = true;
   TrainSummary& summary = summary_;
   summary.termination_type = type;
   summary.message = message;
   if (phases_.size() > 1 && message != BudgetSpent()) {
-    summary.message = fmt::format("phase {}: {}", phase_ + 1, message);
+    summary.message = fmt::format("phase {}: {}", state_.phase + 1, message);
   }
   std::string reports;
-  for (int k = 0; k <= phase_; ++k) reports += phases_[k].engine->Finish();
-  // Written before the evaluation below, which a longer run would not make.
-  if (type != ceres::FAILURE && type != ceres::CONVERGENCE) SaveCheckpoint();
-  // Records the final state of the run.
-  if (last_evaluation() != step_) Evaluate();
-  summary.num_steps = step_;
-  summary.train_time_in_seconds = seconds_;
-  for (int k = 0; k <= phase_; ++k) {
+  for (int k = 0; k <= state_.phase; ++k)
+    reports += phases_[k].engine->Finish();
+  summary.num_steps = state_.step;
+  summary.train_time_in_seconds = state_.seconds;
+  for (int k = 0; k <= state_.phase; ++k) {
     summary.num_updates += phases_[k].engine->num_updates();
     summary.num_taken_back += phases_[k].engine->num_taken_back();
   }
@@ -253,16 +274,16 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
 
 double TrainingRun::epoch() const {
   if (!error().empty()) return 0.0;
-  return first_epoch_ +
+  return state_.first_epoch +
          static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
 }
 
 double TrainingRun::progress() const {
   return std::min(1.0,
                   std::max({epoch() / options_.max_num_epochs,
-                            static_cast<double>(step_) /
+                            static_cast<double>(state_.step) /
                                 static_cast<double>(options_.max_num_steps),
-                            seconds_ / options_.max_time_in_seconds}));
+                            state_.seconds / options_.max_time_in_seconds}));
 }
 
 // Epochs of different phases differ in length, so sums of epochs have rounding
@@ -274,13 +295,13 @@ double TrainingRun::EpochsLeft(double epoch) const {
 
 std::string TrainingRun::BudgetSpent() const {
   if (EpochsLeft(epoch()) <= 0.0) return "epochs done";
-  if (step_ >= options_.max_num_steps) return "steps done";
-  if (seconds_ >= options_.max_time_in_seconds) return "time used up";
+  if (state_.step >= options_.max_num_steps) return "steps done";
+  if (state_.seconds >= options_.max_time_in_seconds) return "time used up";
   return "";
 }
 
 double TrainingRun::WatchedLoss() const {
-  const HistoryRow& last = history_.back();
+  const HistoryRow& last = state_.history.back();
   return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
 }
 

@@ -26,10 +26,10 @@
 // Determinism: the same inputs give the same bits, and a resumed run ends like
 // an uninterrupted one (except for times, and thus for a budget in seconds).
 // Fails:   bad input (an unknown method, a wrong batch size, data that are not
-//          finite, too little memory, a checkpoint of another run) sets
-//          error(), and the run does nothing. A numerical failure ends the run
-//          as ceres::FAILURE, "diverged at step k: ..."; the weights are those
-//          of the last step with a finite batch loss. Consistent sizes are
+//          finite, too little memory, a checkpoint that is damaged or of another
+//          run) sets error(), and the run does nothing. A numerical failure ends
+//          the run as ceres::FAILURE, "diverged at step k: ..."; the weights are
+//          those of the last step with a finite batch loss. Consistent sizes are
 //          CHECKed.
 #ifndef INVGRAD_TRAIN_TRAIN_H_
 #define INVGRAD_TRAIN_TRAIN_H_
@@ -51,6 +51,7 @@
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/train/history.h"
+#include "invgrad/train/run_identity.h"
 
 namespace invgrad {
 
@@ -99,9 +100,9 @@ struct TrainOptions {
   // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 
-  // Called before the first step and after every step;
-  // IterationSummary::cost is the batch loss that the step started from. Not
-  // owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
+  // Called before the first step and after every step; IterationSummary::cost
+  // is the batch loss that the step started from, and with a minimizer of Ceres
+  // its cost after the step. Not owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
   std::vector<ceres::IterationCallback*> callbacks;
 
   // Called after each new row of the history.
@@ -110,8 +111,11 @@ struct TrainOptions {
 
   // If not empty, the run writes a checkpoint to this file between steps, at
   // most once per checkpoint_interval_in_seconds, and when the budget or a
-  // callback ends the run. If the file exists, the run resumes from it. A
-  // minimizer of Ceres writes no checkpoint.
+  // callback ends the run. If the file exists, the run resumes from it: it must
+  // be of the same run (run_identity.h), with any budget that it has not
+  // exceeded, or with the same one if the method has a schedule. A rule object
+  // is identified by its class, not by its settings. A minimizer of Ceres
+  // writes no checkpoint.
   std::string checkpoint_path;
   double checkpoint_interval_in_seconds = 10.0;
 };
@@ -172,14 +176,17 @@ class TrainingRun {
 
   // Not empty for bad input: the run does nothing.
   const std::string& error() const { return error_; }
-  const Eigen::VectorXd& weights() const { return weights_; }
-  const History& history() const { return history_; }
-  // The loss of the last step's batch, before the step; NaN before the first.
-  double loss() const { return batch_loss_; }
-  long step() const { return step_; }
+  const Eigen::VectorXd& weights() const { return state_.weights; }
+  const History& history() const { return state_.history; }
+  // The loss of the last step's batch, before the step; with a minimizer of
+  // Ceres its lowest cost. NaN before the first step.
+  double loss() const { return state_.batch_loss; }
+  long step() const { return state_.step; }
   double epoch() const;
   // The share of the run's budget that is spent, in [0, 1].
   double progress() const;
+  // What determines the run; only with a checkpoint_path.
+  const RunIdentity& identity() const { return identity_; }
   // The reason of the end, after Step() has returned false.
   const TrainSummary& summary() const { return summary_; }
   TrainResult result() const;
@@ -190,16 +197,31 @@ class TrainingRun {
     std::unique_ptr<Engine> engine;
     long max_num_steps;  // its share of the run
   };
+  // What a checkpoint holds, with the states of the engines.
+  struct State {
+    Eigen::VectorXd weights;
+    History history;
+    double best_loss = std::numeric_limits<double>::infinity();  // watched
+    int rows_since_best = 0;
+    int phase = 0;
+    // The start of the phase.
+    long first_step = 0;
+    double first_epoch = 0.0;
+    double first_second = 0.0;
+    long step = 0;
+    double seconds = 0.0;
+    double batch_loss = HistoryRow::kNone;
+    double step_norm = HistoryRow::kNone;
+  };
 
   TrainingRun(Model model, TrainingData data, TrainOptions options);
   void AddPhases(const Method& method);
-  // The last part of the constructors: resumes from a checkpoint.
-  void Start();
+  // The last part of the constructors: resumes from a checkpoint. `rule`: of
+  // the caller, or null.
+  void Start(const Method& method, const UpdateRule* rule);
 
   // The first call of Step: evaluates the initial weights.
   void Begin();
-  // Ends the run if the loss is not finite at the start of a phase.
-  void CheckStartOfPhase();
   // Ends the run, or begins the next phase, if it is due. Returns false if the
   // run has ended.
   bool IsRunning();
@@ -210,24 +232,30 @@ class TrainingRun {
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
+  // Evaluates the losses. If the train loss is not finite, ends the run as
+  // diverged, with the last good weights, and returns false.
+  bool EvaluateOrEnd();
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
-  // `message` counts steps from the start of the phase.
+  void SaveIfDue();
+  // Evaluates and saves the final state. `message` counts steps from the start
+  // of the phase.
   void End(ceres::TerminationType type, const std::string& message);
+  void Summarize(ceres::TerminationType type, const std::string& message);
 
   // Empty while some budget is left; then a reason such as "epochs done".
   std::string BudgetSpent() const;
   double EpochsLeft(double epoch) const;
   // The last test loss, or train loss if there are no test data.
   double WatchedLoss() const;
-  Engine& engine() const { return *phases_[phase_].engine; }
-  long steps_of_phase() const { return step_ - first_step_; }
-  long last_evaluation() const { return history_.back().step; }
+  Engine& engine() const { return *phases_[state_.phase].engine; }
+  long steps_of_phase() const { return state_.step - state_.first_step; }
+  long last_evaluation() const { return history().back().step; }
 
-  void SaveCheckpoint();
+  StateArchive Checkpoint();
+  void SaveCheckpoint(const StateArchive& archive);
   void Restore();
-  void VisitState(StateArchive* archive);
-  void VisitHistory(StateArchive* archive);
+  void VisitState(StateArchive* archive, State* state);
 
   const Model model_;
   const TrainingData data_;
@@ -237,24 +265,11 @@ class TrainingRun {
   bool has_begun_ = false;
   bool has_ended_ = false;
 
-  // The state that a checkpoint holds.
-  Eigen::VectorXd weights_;
-  History history_;
-  double best_loss_ = std::numeric_limits<double>::infinity();  // watched
-  int rows_since_best_ = 0;
+  RunIdentity identity_;
+  State state_;
   // Destroyed before the weights, because an unfinished solve may write to
   // them.
   std::vector<RunPhase> phases_;
-  int phase_ = 0;
-  // The start of the phase.
-  long first_step_ = 0;
-  double first_epoch_ = 0.0;
-  double first_second_ = 0.0;
-  long step_ = 0;
-  double seconds_ = 0.0;
-  double batch_loss_ = HistoryRow::kNone;
-  double step_norm_ = HistoryRow::kNone;
-
   long max_num_steps_ = 0;  // of the phase
   Clock::time_point last_checkpoint_ = Clock::now();
 };

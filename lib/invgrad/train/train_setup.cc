@@ -1,9 +1,11 @@
 // Construction and checkpoint of a training run; train.cc has the loop.
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iterator>
 #include <limits>
+#include <typeinfo>
 #include <utility>
 
 #include "fmt/core.h"
@@ -24,6 +26,37 @@ long StepsOfShare(const Phase& phase, long steps_per_epoch) {
   if (phase.num_epochs > 0) steps = phase.num_epochs * steps_per_epoch;
   if (phase.num_steps > 0) steps = std::min<long>(steps, phase.num_steps);
   return steps;
+}
+
+// A row after the other; the last one is at `last_step` or before.
+void VisitHistory(StateArchive* archive, long last_step, History* history) {
+  constexpr size_t kSize = 1 + std::size(kHistoryColumns);
+  Eigen::MatrixXd rows(kSize, history->size());
+  for (size_t i = 0; i < history->size(); ++i) {
+    const HistoryRow& row = (*history)[i];
+    double* value = rows.col(i).data();
+    *value++ = static_cast<double>(row.step);
+    for (const HistoryColumn& column : kHistoryColumns) {
+      *value++ = row.*column.value;
+    }
+  }
+  Eigen::VectorXd values = rows.reshaped();
+  archive->Visit("history", &values);
+  archive->Require(values.size() > 0 && values.size() % kSize == 0, "history");
+  if (!archive->is_reading() || !archive->error().empty()) return;
+  rows = values.reshaped(kSize, values.size() / kSize);
+  archive->Require(AreCounts(rows.row(0), static_cast<double>(last_step)),
+                   "history");
+  if (!archive->error().empty()) return;
+  history->resize(rows.cols());
+  for (size_t i = 0; i < history->size(); ++i) {
+    HistoryRow& row = (*history)[i];
+    const double* value = rows.col(i).data();
+    row.step = static_cast<long>(*value++);
+    for (const HistoryColumn& column : kHistoryColumns) {
+      row.*column.value = *value++;
+    }
+  }
 }
 
 }  // namespace
@@ -56,13 +89,17 @@ TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
         Initialization::kGlorotUniform, &random);
   }
   CHECK_EQ(options_.initial_weights.size(), model_.num_weights());
-  weights_ = options_.initial_weights;
+  if (options_.batch_size < 0) {
+    options_.batch_size =
+        std::min(TrainOptions::kDefaultBatchSize, data_.train.num_samples());
+  }
+  state_.weights = options_.initial_weights;
   std::string where;
   if (!data_.train.IsFinite(&where)) {
     error_ = "train data: " + where;
   } else if (!data_.test.IsFinite(&where)) {
     error_ = "test data: " + where;
-  } else if (!weights_.allFinite()) {
+  } else if (!weights().allFinite()) {
     error_ = "the initial weights are not finite";
   }
 }
@@ -93,10 +130,13 @@ TrainingRun::TrainingRun(Model model,
     : TrainingRun(std::move(model), std::move(data), std::move(options)) {
   CHECK(rule != nullptr);
   if (!error().empty()) return;
+  Method method;
+  method.label = std::string("rule object of ") + typeid(*rule).name();
+  method.phases.resize(1);
   phases_.push_back(
-      {MakeEngine(Phase(), std::move(rule), model_, data_, options_, &error_),
+      {MakeEngine(method.phases[0], rule, model_, data_, options_, &error_),
        kNoSteps});
-  Start();
+  Start(method, rule.get());
 }
 
 TrainingRun::~TrainingRun() = default;
@@ -115,82 +155,85 @@ void TrainingRun::AddPhases(const Method& method) {
                            : StepsOfShare(phase, engine->steps_per_epoch());
     phases_.push_back({std::move(engine), share});
   }
-  Start();
+  Start(method, nullptr);
 }
 
-void TrainingRun::Start() {
+void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
   if (!error().empty()) return;
-  if (!options_.checkpoint_path.empty() &&
-      std::filesystem::exists(options_.checkpoint_path)) {
-    Restore();
+  if (!options_.checkpoint_path.empty()) {
+    identity_ =
+        IdentityOfRun(model_, data_.train, data_.test, method, options_);
+    if (rule != nullptr && rule->ReadsProgress()) identity_.AddBudget(options_);
+    std::error_code failure;
+    if (std::filesystem::exists(options_.checkpoint_path, failure)) Restore();
+    if (failure) error_ = options_.checkpoint_path + ": " + failure.message();
   }
   if (error().empty()) LimitPhase();
 }
 
 // --- Checkpoint ---
 
-void TrainingRun::SaveCheckpoint() {
-  if (options_.checkpoint_path.empty() || !engine().has_state()) return;
+StateArchive TrainingRun::Checkpoint() {
   StateArchive archive;
-  VisitState(&archive);
+  if (!options_.checkpoint_path.empty() && engine().has_state()) {
+    VisitState(&archive, &state_);
+  }
+  return archive;
+}
+
+void TrainingRun::SaveCheckpoint(const StateArchive& archive) {
+  if (options_.checkpoint_path.empty() || !engine().has_state()) return;
   std::string error;
   // The run continues if a checkpoint cannot be written.
-  if (!archive.Write(options_.checkpoint_path, &error)) LOG(ERROR) << error;
+  if (!archive.Write(options_.checkpoint_path, identity_, &error)) {
+    LOG(ERROR) << error;
+  }
   last_checkpoint_ = Clock::now();
 }
 
 void TrainingRun::Restore() {
-  StateArchive archive = StateArchive::Read(options_.checkpoint_path);
-  if (archive.error().empty()) VisitState(&archive);
+  StateArchive archive =
+      StateArchive::Read(options_.checkpoint_path, identity_);
+  State state = state_;
+  if (archive.error().empty()) VisitState(&archive, &state);
+  if (archive.error().empty()) {
+    std::swap(state_, state);
+    // The last step of a run may exceed its epochs.
+    const double max_epoch =
+        options_.max_num_epochs + 1.0 / engine().steps_per_epoch();
+    if (step() > options_.max_num_steps || epoch() >= max_epoch) {
+      archive.Fail(fmt::format(
+          "the run has taken {} steps, more than its budget now", step()));
+      std::swap(state_, state);
+    }
+  }
   error_ = archive.error();
-  if (error_.empty()) return;
-  weights_ = options_.initial_weights;
-  history_.clear();
 }
 
-void TrainingRun::VisitState(StateArchive* archive) {
-  archive->Expect("num_phases", static_cast<long>(phases_.size()));
-  archive->Visit("weights", &weights_, model_.num_weights());
-  archive->Visit("phase", &phase_);
-  archive->Require(phase_ >= 0 && phase_ < static_cast<int>(phases_.size()),
-                   "phase");
+void TrainingRun::VisitState(StateArchive* archive, State* state) {
+  archive->Visit("weights", &state->weights, model_.num_weights());
+  archive->Require(state->weights.allFinite(), "weights");
+  archive->Visit("phase", &state->phase);
+  archive->Require(state->phase < static_cast<int>(phases_.size()), "phase");
+  archive->Visit("first_step", &state->first_step);
+  archive->Visit("step", &state->step);
+  archive->Require(state->first_step <= state->step, "first_step");
+  for (const auto& [name, value] :
+       {std::pair("first_epoch", &state->first_epoch),
+        std::pair("first_second", &state->first_second),
+        std::pair("seconds", &state->seconds)}) {
+    archive->Visit(name, value);
+    archive->Require(*value >= 0.0 && std::isfinite(*value), name);
+  }
+  archive->Visit("batch_loss", &state->batch_loss);
+  archive->Visit("step_norm", &state->step_norm);
+  archive->Visit("best_loss", &state->best_loss);
+  archive->Visit("rows_since_best", &state->rows_since_best);
+  VisitHistory(archive, state->step, &state->history);
   if (!archive->error().empty()) return;
-  archive->Visit("first_step", &first_step_);
-  archive->Visit("first_epoch", &first_epoch_);
-  archive->Visit("first_second", &first_second_);
-  archive->Visit("step", &step_);
-  archive->Visit("seconds", &seconds_);
-  archive->Visit("batch_loss", &batch_loss_);
-  archive->Visit("step_norm", &step_norm_);
-  archive->Visit("best_loss", &best_loss_);
-  archive->Visit("rows_since_best", &rows_since_best_);
-  VisitHistory(archive);
-  for (int k = 0; k <= phase_; ++k) {
+  for (int k = 0; k <= state->phase; ++k) {
     archive->set_prefix(fmt::format("phase{}.", k + 1));
     phases_[k].engine->VisitState(archive);
-  }
-}
-
-void TrainingRun::VisitHistory(StateArchive* archive) {
-  constexpr size_t kSize = 1 + std::size(kHistoryColumns);
-  Eigen::VectorXd rows(kSize * history_.size());
-  double* value = rows.data();
-  for (const HistoryRow& row : history_) {
-    *value++ = static_cast<double>(row.step);
-    for (const HistoryColumn& column : kHistoryColumns) {
-      *value++ = row.*column.value;
-    }
-  }
-  archive->Visit("history", &rows);
-  archive->Require(rows.size() > 0 && rows.size() % kSize == 0, "history");
-  if (!archive->is_reading() || !archive->error().empty()) return;
-  history_.resize(rows.size() / kSize);
-  value = rows.data();
-  for (HistoryRow& row : history_) {
-    row.step = static_cast<long>(*value++);
-    for (const HistoryColumn& column : kHistoryColumns) {
-      row.*column.value = *value++;
-    }
   }
 }
 

@@ -4,8 +4,8 @@
 //              bytes); the Hessian, 8 n^2; the memory of the rule
 //              (UpdateRule::StepMemory): the factors of J, 8 m sum_l widths[l],
 //              a Gram matrix, 8 m^2, ...
-//   Ceres      J for all samples at once, 8 m n, for each copy in the linear
-//              solver
+//   Ceres      J of all samples, and what the linear solver makes of it
+//              (TrustRegionMemory)
 //
 // and the data. Accurate to about a factor of two, without the memory that
 // every process has; an evaluation of the losses needs less than the data.

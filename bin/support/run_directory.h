@@ -1,0 +1,56 @@
+// The directory of a run: when it may be reused, and what it holds.
+//
+//   flags.txt      a gflags flag file that repeats the run; its comments name
+//                  the program and what else determines the run
+//   versions.txt   versions of program and libraries
+//   files.txt      the names of the files that the run writes
+//
+// A program has the flags --output and --overwrite if it uses this file.
+#ifndef BIN_SUPPORT_RUN_DIRECTORY_H_
+#define BIN_SUPPORT_RUN_DIRECTORY_H_
+
+#include <string>
+
+#include "gflags/gflags.h"
+#include "invgrad/train/run_identity.h"
+
+DECLARE_string(output);
+DECLARE_bool(overwrite);
+
+namespace invgrad {
+
+// The treatment of a directory that is not empty. kRefuse: fail. kOverwrite:
+// remove the files of the run that made it; fail if it holds any other file, or
+// the current directory. kResume: keep it, if that run had the same flags and
+// identity, except for output and a budget that is not larger.
+enum class ExistingDirectory { kRefuse, kOverwrite, kResume };
+
+// Makes `path` (and its parents) and writes flags.txt and versions.txt. Returns
+// false, with *error set, if that fails or is not allowed; nothing is then
+// changed. A kill leaves a directory that can be resumed or overwritten.
+bool PrepareRunDirectory(const std::string& path,
+                         ExistingDirectory existing,
+                         const RunIdentity& identity,
+                         const std::string& flags,
+                         std::string* error);
+
+// The same for --output, by default runs/PROGRAM, with the program's flags.
+// --overwrite takes precedence over `existing`.
+bool PrepareRunDirectory(ExistingDirectory existing,
+                         const RunIdentity& identity,
+                         std::string* error);
+inline bool PrepareRunDirectory(ExistingDirectory existing,
+                                std::string* error) {
+  return PrepareRunDirectory(existing, RunIdentity(), error);
+}
+
+// Returns `path`, after adding it to files.txt if it is in the run's directory.
+// Call it before writing any file there: --overwrite removes no others.
+std::string RunFile(const std::string& path);
+
+// Makes the directory and its parents.
+bool MakeDirectories(const std::string& path, std::string* error);
+
+}  // namespace invgrad
+
+#endif  // BIN_SUPPORT_RUN_DIRECTORY_H_

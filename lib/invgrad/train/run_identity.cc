@@ -1,0 +1,141 @@
+#include "invgrad/train/run_identity.h"
+
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "fmt/format.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_kernels.h"
+#include "invgrad/io/digest.h"
+#include "invgrad/train/train.h"
+#include "invgrad/version.h"
+
+namespace invgrad {
+namespace {
+
+constexpr char kSeparator[] = ": ";
+
+std::string DigestOf(const DataSet& data) {
+  return Digest()
+      .Add(data.inputs)
+      .Add(data.contexts)
+      .Add(data.targets)
+      .Add(data.solutions)
+      .Hex();
+}
+
+// Of y and L at the initial weights, on the first samples.
+std::string DigestOfSimulator(const Model& model,
+                              const DataSet& train,
+                              const Eigen::VectorXd& weights) {
+  constexpr int kMaxNumSamples = 4;
+  const DataSet batch =
+      train.Range(0, std::min(kMaxNumSamples, train.num_samples()));
+  Eigen::MatrixXd y;
+  Eigen::VectorXd cost(1);
+  std::string error;
+  if (!model.Predict(weights, batch, &y, &error) ||
+      !model.Cost(weights, batch, cost.data(), &error)) {
+    return error;
+  }
+  return Digest().Add(y).Add(cost).Hex();
+}
+
+}  // namespace
+
+RunIdentity::RunIdentity() {
+  Add("version", INVGRAD_VERSION);
+  Add("BLAS kernels", BlasKernels());
+  Add("BLAS threads", std::to_string(BlasThreads()));
+}
+
+void RunIdentity::Add(const std::string& name, const std::string& value) {
+  constexpr size_t kMaxLength = 1000;
+  std::string line =
+      value.size() > kMaxLength ? Digest().Add(value).Hex() : value;
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  parts_.emplace_back(name, line);
+}
+
+void RunIdentity::AddData(const DataSet& train, const DataSet& test) {
+  Add("training data", DigestOf(train));
+  Add("test data", DigestOf(test));
+}
+
+void RunIdentity::AddBudget(const TrainOptions& options) {
+  const TrainOptions none;
+  std::string text;
+  const auto add = [&text](auto limit, auto no_limit, const char* unit) {
+    if (limit == no_limit) return;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", limit, unit);
+  };
+  add(options.max_num_epochs, none.max_num_epochs, "epochs");
+  add(options.max_num_steps, none.max_num_steps, "steps");
+  add(options.max_time_in_seconds, none.max_time_in_seconds, "seconds");
+  Add("budget of the schedule", text);
+}
+
+std::string RunIdentity::ToText() const {
+  std::string text;
+  for (const auto& [name, value] : parts_) {
+    text += name + kSeparator + value + '\n';
+  }
+  return text;
+}
+
+std::string RunIdentity::Difference(const std::string& text) const {
+  std::map<std::string, std::string> before;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const size_t end = line.find(kSeparator);
+    if (end == std::string::npos) continue;
+    before[line.substr(0, end)] = line.substr(end + sizeof(kSeparator) - 1);
+  }
+  const auto tell = [](const std::string& name,
+                       const std::string& then,
+                       const std::string& now) {
+    return fmt::format("{} {}, now {}", name, then, now);
+  };
+  for (const auto& [name, value] : parts_) {
+    const auto found = before.find(name);
+    if (found == before.end()) return tell(name, "not known", value);
+    if (found->second != value) return tell(name, found->second, value);
+    before.erase(found);
+  }
+  return before.empty()
+             ? ""
+             : tell(before.begin()->first, before.begin()->second, "none");
+}
+
+RunIdentity IdentityOfRun(const Model& model,
+                          const DataSet& train,
+                          const DataSet& test,
+                          const Method& method,
+                          const TrainOptions& options) {
+  RunIdentity identity;
+  const DenseNetwork& network = model.network();
+  identity.Add("network",
+               fmt::format("{} {}",
+                           fmt::join(network.widths(), "-"),
+                           ActivationName(network.hidden_activation())));
+  identity.AddData(train, test);
+  identity.Add("initial weights", Digest().Add(options.initial_weights).Hex());
+  identity.Add("method", method.label);
+  if (method.ReadsProgress()) identity.AddBudget(options);
+  std::vector<int> sizes;
+  for (const Phase& phase : method.phases) {
+    sizes.push_back(phase.BatchSize(options.batch_size, train.num_samples()));
+  }
+  identity.Add("batch size", fmt::format("{}", fmt::join(sizes, "+")));
+  identity.Add(
+      "order of the samples",
+      options.shuffle ? fmt::format("of seed {}", options.seed) : "as given");
+  identity.Add("inverse simulator",
+               options.inverse == nullptr ? "numerical" : "given");
+  identity.Add("simulator and loss",
+               DigestOfSimulator(model, train, options.initial_weights));
+  return identity;
+}
+
+}  // namespace invgrad

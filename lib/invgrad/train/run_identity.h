@@ -1,0 +1,59 @@
+// What determines a run, part by part: a run is resumed only by itself.
+//
+//   version: 0.1.0
+//   BLAS kernels: Haswell
+//   training data: 8c2f0e5d1a4b7733
+//   method: adam
+//   ...
+//
+// Arrays are digests (io/digest.h). The simulator and the loss are identified by
+// their values at the initial weights, on the first samples. The budget is a
+// part only if a rule of the method reads the progress of the run (a schedule).
+//
+// Cost:    about 1 ns a byte of the data, and an evaluation of four samples.
+#ifndef INVGRAD_TRAIN_RUN_IDENTITY_H_
+#define INVGRAD_TRAIN_RUN_IDENTITY_H_
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "invgrad/chain/model.h"
+#include "invgrad/methods/method.h"
+
+namespace invgrad {
+
+struct TrainOptions;
+
+class RunIdentity {
+ public:
+  // The version, the kernels and the threads of BLAS in this process.
+  RunIdentity();
+
+  // `value`: any text. Line breaks become spaces, a long text its digest.
+  void Add(const std::string& name, const std::string& value);
+  void AddData(const DataSet& train, const DataSet& test);
+  // Call it for a method that depends on its budget.
+  void AddBudget(const TrainOptions& options);
+
+  // A line "name: value" a part.
+  std::string ToText() const;
+
+  // The first part in which the run with this text differs, "method adam, now
+  // newton"; empty if there is none.
+  std::string Difference(const std::string& text) const;
+
+ private:
+  std::vector<std::pair<std::string, std::string>> parts_;
+};
+
+// The options must have initial weights, a batch size >= 0 and a budget.
+RunIdentity IdentityOfRun(const Model& model,
+                          const DataSet& train,
+                          const DataSet& test,
+                          const Method& method,
+                          const TrainOptions& options);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_TRAIN_RUN_IDENTITY_H_
