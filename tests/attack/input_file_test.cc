@@ -13,6 +13,7 @@
 #include "invgrad/io/npy.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/history.h"
+#include "invgrad/train/run_identity.h"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/nist_file.h"
@@ -56,6 +57,17 @@ Files MakeRun(const TemporaryFolder& folder) {
   return ReadFiles(folder / "run");
 }
 
+// The content of a checkpoint.
+std::string Checkpoint(const std::string& path) {
+  StateArchive archive;
+  Eigen::VectorXd weights = Eigen::VectorXd::LinSpaced(7, -1.0, 1.0);
+  archive.Visit("weights", &weights);
+  std::string bytes, error;
+  EXPECT_TRUE(archive.Write(path, RunIdentity(), &error)) << error;
+  EXPECT_TRUE(ReadFile(path, &bytes, &error)) << error;
+  return bytes;
+}
+
 // A message, or data without one.
 void ExpectRefusedOrRead(bool is_read,
                          const std::string& error,
@@ -71,7 +83,7 @@ TEST(InputAttack, ReadersRefuseOrRead) {
   const std::string npy = run.at("data.npy");
   const std::string history = run.at("adam-seed1/history.csv");
   const std::string network = run.at("adam-seed1/network.txt");
-  const std::string checkpoint = run.at("adam-seed1/checkpoint");
+  const std::string checkpoint = Checkpoint(folder / "checkpoint");
   const std::string nist = SmallNistFile();
   const std::string bal = Corpus("bal_file/small");
   const std::string bal_bz2 = Corpus("bal_file/small_bz2");
@@ -101,8 +113,9 @@ TEST(InputAttack, ReadersRefuseOrRead) {
       }
       case 3: {
         Write(path, Mutated(checkpoint, dice));
-        error = StateArchive::Read(path).error();
+        error = StateArchive::Read(path, RunIdentity()).error();
         is_read = error.empty();
+        EXPECT_FALSE(is_read);  // it has a checksum
         break;
       }
       case 4:

@@ -59,6 +59,7 @@ std::string AnyProblem(Dice* dice) {
 void AddTraining(Dice* dice, Names* arguments) {
   arguments->insert(arguments->end(),
                     {"--hidden=5",
+                     "--checkpoint_seconds=0",  // after every step
                      fmt::format("--batch_size={}", 4 + 4 * dice->Below(3)),
                      fmt::format("--epochs={}", 3 + dice->Below(6))});
   if (dice->OneIn(2)) arguments->push_back("--shuffle");
