@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 
 #include "gtest/gtest.h"
 #include "tests/attack/attack.h"
@@ -40,13 +41,23 @@ bool HasAny(const std::string& text, const std::vector<std::string>& names) {
          });
 }
 
+// Without the lists of the files that a run may write.
+Files FilesOfUser(const std::string& folder) {
+  Files files = ReadFiles(folder);
+  for (auto file = files.begin(); file != files.end();) {
+    file = fs::path(file->first).filename() == "files.txt" ? files.erase(file)
+                                                           : std::next(file);
+  }
+  return files;
+}
+
 }  // namespace
 
 Outcome RunOrRefuse(const Command& command,
                     const std::vector<std::string>& names) {
-  const Files before = ReadFiles(command.folder);
+  const Files before = FilesOfUser(command.folder);
   Outcome outcome = RunChild(command);
-  const Files after = ReadFiles(command.folder);
+  const Files after = FilesOfUser(command.folder);
   SCOPED_TRACE(ShellLine(command));
   constexpr size_t kMaxLength = 6000;
   const std::string text = outcome.text.substr(0, kMaxLength);
