@@ -98,7 +98,9 @@ bool ComparePointByFlags(const PointProblem& problem,
       FLAGS_steps > 0 ? static_cast<int>(FLAGS_steps) : 100;
   options.gradient_tolerance = 1e-12;
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
-  return PrepareRunDirectory(ExistingDirectory::kRefuse, error) &&
+  return PathsFitInMemory(
+             problem, options.max_num_iterations, methods.size(), error) &&
+         PrepareRunDirectory(ExistingDirectory::kRefuse, error) &&
          ComparePoint(problem, methods, options, counts, error);
 }
 

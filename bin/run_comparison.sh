@@ -6,6 +6,8 @@
 #   bin/run_comparison.sh                  as in README.md
 #   bin/run_comparison.sh --all            26 methods
 #   bin/run_comparison.sh --seeds=1 ...    with other flags of `compare`
+#
+# Its exit code is that of `compare`: 2 if a method failed, docs/programs.md.
 set -euo pipefail
 # shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"

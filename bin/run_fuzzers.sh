@@ -34,7 +34,7 @@ readonly fuzz_dir seconds
 readonly sources=(
   "$root/tests/fuzz/token_mutator.cc"
   "$root"/problems/estimation/{bzip2,text_cursor}.cc
-  "$root"/lib/invgrad/{core/memory_limit,io/atomic_file}.cc
+  "$root"/lib/invgrad/{core/memory_limit,core/specification,io/atomic_file}.cc
 )
 
 # Compiles the fuzzer X into build/fuzz/X.

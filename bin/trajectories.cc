@@ -30,6 +30,7 @@ restyle it, and one CSV a rule.
 #include "invgrad/minimize/chain_objective.h"
 #include "problems/problems.h"
 #include "report/gnuplot.h"
+#include "report/interrupt.h"
 #include "report/plot.h"
 
 DEFINE_string(problem,
@@ -178,8 +179,13 @@ bool Run(RunCounts* counts, std::string* error) {
   MinimizerOptions options;
   options.max_num_iterations = FLAGS_steps;
   options.gradient_tolerance = 0.0;  // every run takes all steps
+  if (!PathsFitInMemory(*problem.point, FLAGS_steps, methods.size(), error)) {
+    return false;
+  }
+  const Interrupt interrupt;
   std::vector<PointPath> paths;
   for (const Method& method : methods) {
+    if (Interrupt::IsRequested()) break;
     if (!TracePath(
             *problem.point, method, options, &paths.emplace_back(), error)) {
       *error = method.label + ": " + *error;

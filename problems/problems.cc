@@ -153,8 +153,9 @@ bool CreateProblem(const std::string& specification,
   std::vector<Specification> parsed;
   if (!ParseSpecifications(specification, &parsed, error)) return false;
   if (parsed.size() != 1) {
-    *error = fmt::format(
-        "one problem is wanted, not {}: '{}'", parsed.size(), specification);
+    *error = fmt::format("one problem is wanted, not {}: '{}'",
+                         parsed.size(),
+                         Printable(specification));
     return false;
   }
   const ProblemRow* row = FindProblem(parsed[0].name);

@@ -5,11 +5,14 @@
 #include <limits>
 #include <utility>
 
+#include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
 #include "fmt/format.h"
+#include "invgrad/core/memory_limit.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
+#include "report/interrupt.h"
 #include "report/plot.h"
 #include "report/table.h"
 
@@ -25,6 +28,8 @@ std::string Status(const MinimizerSummary& summary) {
     case ceres::FAILURE:
     case ceres::USER_FAILURE:
       return "failed: " + summary.message;
+    case ceres::USER_SUCCESS:
+      return "interrupted";
     default:
       return "steps done";
   }
@@ -101,6 +106,22 @@ bool WriteFinalStates(const PointProblem& problem,
 
 }  // namespace
 
+bool PathsFitInMemory(const PointProblem& problem,
+                      double num_steps,
+                      size_t num_methods,
+                      std::string* error) {
+  // x and y, each with what its vector needs; loss, distance, time and curve.
+  const double numbers =
+      static_cast<double>(problem.start.size() + problem.target.size()) + 17.0;
+  const double bytes =
+      sizeof(ceres::IterationSummary) + sizeof(double) * numbers;
+  return FitsInMemory(
+      fmt::format("--steps={:.0f}", num_steps),
+      {{"the paths", bytes * num_steps * static_cast<double>(num_methods)}},
+      /*limit=*/0.0,
+      error);
+}
+
 bool TracePath(const PointProblem& problem,
                const Method& method,
                MinimizerOptions options,
@@ -110,6 +131,8 @@ bool TracePath(const PointProblem& problem,
   path->label = method.label;
   options.function_tolerance = 0.0;
   options.parameter_tolerance = 0.0;
+  LiveCallback live(method.label);
+  options.callbacks.push_back(&live);
   ChainObjective objective = problem.MakeObjective();
   if (!MinimizeByMethod(method,
                         options,
@@ -174,6 +197,7 @@ bool ComparePoint(const PointProblem& problem,
                   const MinimizerOptions& options,
                   RunCounts* counts,
                   std::string* error) {
+  const Interrupt interrupt;
   std::vector<PointPath> paths;
   std::vector<Plot> fields;
   std::vector<Plot> plots(1);
@@ -183,8 +207,10 @@ bool ComparePoint(const PointProblem& problem,
   plots[0].log_y = true;
   for (const Method& method : methods) {
     PointPath path;
-    std::string why;
-    if (TracePath(problem, method, options, &path, &why)) {
+    path.label = method.label;
+    std::string why = "not run: interrupted";
+    if (!Interrupt::IsRequested() &&
+        TracePath(problem, method, options, &path, &why)) {
       if (!WritePathCsv(FLAGS_output + "/path-", path, error)) return false;
       Series series;
       series.title = method.label;

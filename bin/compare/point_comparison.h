@@ -46,7 +46,14 @@ struct PointPath {
   }
 };
 
-// Runs one method, without function and parameter tolerance. Returns false if
+// Returns false, with *error, if the paths of so many steps do not fit in the
+// memory.
+bool PathsFitInMemory(const PointProblem& problem,
+                      double num_steps,
+                      size_t num_methods,
+                      std::string* error);
+
+// Runs one method until an Interrupt has a signal, without function and parameter tolerance. Returns false if
 // the method does not support the problem.
 bool TracePath(const PointProblem& problem,
                const Method& method,

@@ -40,18 +40,20 @@ struct Row {
   // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   std::string status;
-  bool has_failed = false;
+  bool has_failed = true;
 };
 
-bool HasFailed(const MinimizerSummary& summary) {
-  return summary.termination_type == ceres::FAILURE ||
-         summary.termination_type == ceres::USER_FAILURE;
-}
+struct Runs {
+  std::vector<Row> rows;
+  std::vector<Picture> pictures;  // drawn when all tables are written
+};
 
 std::string Status(const Method& method, const MinimizerSummary& summary) {
   const ceres::TerminationType type = summary.termination_type;
   if (type == ceres::USER_SUCCESS) return "interrupted";
-  if (HasFailed(summary)) return "failed: " + summary.message;
+  if (type != ceres::CONVERGENCE && type != ceres::NO_CONVERGENCE) {
+    return "failed: " + summary.message;
+  }
   const bool is_late =  // the message is of Ceres or ours
       summary.message.rfind("Maximum solver time", 0) == 0;
   std::string status = type == ceres::CONVERGENCE ? "converged"
@@ -81,7 +83,8 @@ void SetResults(const Method& method,
   row->seconds = summary.total_time_in_seconds;
   row->digits = estimation.Digits();
   row->status = Status(method, summary);
-  row->has_failed = HasFailed(summary);
+  row->has_failed = summary.termination_type == ceres::FAILURE ||
+                    summary.termination_type == ceres::USER_FAILURE;
 }
 
 std::string IterationsCsv(const MinimizerSummary& summary) {
@@ -115,24 +118,6 @@ void AddCosts(const std::string& label,
   (*panels)[1].series.push_back(std::move(seconds));
 }
 
-class Observer final : public ceres::IterationCallback {
- public:
-  explicit Observer(const std::string& label) { state_.label = label; }
-
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& iteration) override {
-    state_.step = iteration.iteration;
-    state_.loss = iteration.cost;
-    return ShowProgress(state_, &progress_)
-               ? ceres::SOLVER_CONTINUE
-               : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
-  }
-
- private:
-  ProgressState state_;
-  Progress progress_;
-};
-
 std::string StartName(const EstimationInput& input, int start, int seed) {
   std::string name = input.name;
   if (input.estimation->traits().num_starts > 1) {
@@ -164,8 +149,8 @@ bool Minimize(const std::string& name,
   if (FLAGS_function_tolerance >= 0.0) {
     minimizer.function_tolerance = FLAGS_function_tolerance;
   }
-  Observer observer(name + " " + method.label);
-  minimizer.callbacks.push_back(&observer);
+  LiveCallback live(name + " " + method.label);
+  minimizer.callbacks.push_back(&live);
   method.AddCeresDefaults(
       {{"linear_solver", estimation->traits().linear_solver},
        {"num_threads", std::to_string(FLAGS_threads)}});
@@ -185,8 +170,7 @@ bool RunFrom(int start,
              const EstimationInput& input,
              const std::vector<Method>& methods,
              const MakeLossFunction& make_loss,
-             std::vector<Row>* rows,
-             std::vector<Picture>* pictures,
+             Runs* runs,
              std::string* error) {
   Estimation* estimation = input.estimation.get();
   const std::string name = StartName(input, start, seed);
@@ -203,14 +187,13 @@ bool RunFrom(int start,
   for (const Method& method : methods) {
     if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
-    Row& row = rows->emplace_back();
+    Row& row = runs->rows.emplace_back();
     row.start = name;
     row.method = method.label;
     MinimizerSummary summary;
     std::string why;
     if (!Minimize(name, method, make_loss, estimation, &summary, &why)) {
       row.status = "not run: " + why;
-      row.has_failed = true;
       continue;
     }
     SetResults(method, summary, *estimation, &row);
@@ -228,10 +211,10 @@ bool RunFrom(int start,
       row.has_failed = true;
     }
   }
-  pictures->push_back({folder + "/result.png", std::move(panels)});
+  runs->pictures.push_back({folder + "/result.png", std::move(panels)});
   if (!costs[0].series.empty()) {
     MuteAllButTheLowest(&costs);
-    pictures->push_back({folder + "/cost.png", std::move(costs)});
+    runs->pictures.push_back({folder + "/cost.png", std::move(costs)});
   }
   return true;
 }
@@ -376,8 +359,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   if (FLAGS_perturb == 0.0) seeds = {0};
   const Interrupt interrupt;
-  std::vector<Row> rows;
-  std::vector<Picture> pictures;
+  Runs runs;
   for (const EstimationInput& input : inputs) {
     for (int start = 0; start < input.estimation->traits().num_starts;
          ++start) {
@@ -386,32 +368,25 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!RunFrom(start,
-                     seed,
-                     input,
-                     methods,
-                     make_loss,
-                     &rows,
-                     &pictures,
-                     error)) {
+        if (!RunFrom(start, seed, input, methods, make_loss, &runs, error)) {
           return false;
         }
       }
     }
   }
-  const Table table = EstimationTable(rows, /*is_exact=*/false);
-  const Table summary = EstimationSummary(rows);
+  const Table table = EstimationTable(runs.rows, /*is_exact=*/false);
+  const Table summary = EstimationSummary(runs.rows);
   std::cout << table.ToText() << "\n" << summary.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       !WriteTable(FLAGS_output + "/summary", summary, error) ||
       !WriteFile(RunFile(FLAGS_output + "/results.csv"),
-                 EstimationTable(rows, /*is_exact=*/true).ToCsv(),
+                 EstimationTable(runs.rows, /*is_exact=*/true).ToCsv(),
                  error)) {
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures(pictures);
-  for (const Row& row : rows) counts->Add(!row.has_failed);
+  DrawPictures(runs.pictures);
+  for (const Row& row : runs.rows) counts->Add(!row.has_failed);
   return true;
 }
 

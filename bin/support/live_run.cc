@@ -11,4 +11,13 @@ bool ShowProgress(const ProgressState& state, Progress* progress) {
   return !Interrupt::IsRequested();
 }
 
+ceres::CallbackReturnType LiveCallback::operator()(
+    const ceres::IterationSummary& iteration) {
+  state_.step = iteration.iteration;
+  state_.loss = iteration.cost;
+  return ShowProgress(state_, &progress_)
+             ? ceres::SOLVER_CONTINUE
+             : ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+}
+
 }  // namespace invgrad

@@ -2,6 +2,9 @@
 #ifndef BIN_SUPPORT_LIVE_RUN_H_
 #define BIN_SUPPORT_LIVE_RUN_H_
 
+#include <string>
+
+#include "ceres/iteration_callback.h"
 #include "gflags/gflags.h"
 #include "report/progress.h"
 
@@ -12,6 +15,19 @@ namespace invgrad {
 // Call after every step. Returns false if the run must end, after an Interrupt
 // (report/interrupt.h).
 bool ShowProgress(const ProgressState& state, Progress* progress);
+
+// The same for a minimization by Ceres or by a rule.
+class LiveCallback final : public ceres::IterationCallback {
+ public:
+  explicit LiveCallback(const std::string& label) { state_.label = label; }
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override;
+
+ private:
+  ProgressState state_;
+  Progress progress_;
+};
 
 }  // namespace invgrad
 

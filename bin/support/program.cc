@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +17,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas_kernels.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/version.h"
 #include "report/interrupt.h"
 
@@ -55,6 +57,37 @@ bool SetByFlag(const char* name, OptionSet* set, std::string* error) {
 }
 
 constexpr int kBadInput = 1;
+
+// Rejects what gflags would print as it is.
+bool CheckArguments(int argc, char** argv, std::string* error) {
+  constexpr size_t kMaxSize = 200;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const bool has_control_character =
+        std::any_of(argument.begin(), argument.end(), [](unsigned char c) {
+          return std::iscntrl(c) != 0 && c != '\n' && c != '\t';
+        });
+    const size_t begin = argument.find_first_not_of('-');
+    const bool is_flag = begin == 1 || begin == 2;
+    gflags::CommandLineFlagInfo flag;
+    const bool is_text =
+        is_flag &&
+        gflags::GetCommandLineFlagInfo(
+            argument.substr(begin, argument.find('=') - begin).c_str(),
+            &flag) &&
+        flag.type == "string";
+    if (has_control_character) {
+      *error = "has a control character";
+    } else if (is_flag && !is_text && argument.size() > kMaxSize) {
+      *error = "is too long for a flag without text";
+    } else {
+      continue;
+    }
+    *error = fmt::format("the argument '{}' {}", Printable(argument), *error);
+    return false;
+  }
+  return true;
+}
 
 // Runs at the exit of the program, also at that of gflags' --help: output that
 // is lost, as on a full device, is an error. (A reader that ends, as in
@@ -116,6 +149,12 @@ int RunProgram(int argc,
   FLAGS_logtostderr = true;
   // Ceres warns of every restart of nonlinear conjugate gradients.
   FLAGS_minloglevel = google::GLOG_ERROR;
+  std::string error;
+  if (!CheckArguments(argc, argv, &error)) {
+    std::cerr << std::filesystem::path(argv[0]).filename().string() << ": "
+              << error << "\n";
+    return kBadInput;
+  }
   gflags::SetUsageMessage(
       usage +
       "\n\nExit codes: 0 all runs worked; 1 bad flags or input; 2 some runs "
@@ -130,10 +169,9 @@ int RunProgram(int argc,
   gflags::HandleCommandLineHelpFlags();
   google::InitGoogleLogging(argv[0]);
   RunCounts counts;
-  std::string error;
   if (argc > 1) {
     error = fmt::format("unexpected argument '{}'; every argument is a --flag",
-                        argv[1]);
+                        Printable(argv[1]));
   } else {
     try {
       if (run(&counts, &error)) return ExitCode(counts);
@@ -233,7 +271,7 @@ bool ParseSeeds(const std::string& text,
       *error = fmt::format(
           "{} is no list; expected 1..20 or 1,2,...,20: ascending to the last "
           "one, at most {} seeds",
-          text,
+          Printable(text),
           kMaxNumSeeds);
       return false;
     }
@@ -267,7 +305,18 @@ bool ParseNumbers(const std::string& text,
 }
 
 void Warn(const std::string& message) {
-  std::cerr << gflags::ProgramInvocationShortName() << ": " << message << "\n";
+  // A message may have several lines; what it quotes may be anything, and long.
+  constexpr size_t kMaxWord = 300;
+  size_t word = 0;
+  std::string shown;
+  for (const char c : message) {
+    const bool is_control = std::iscntrl(static_cast<unsigned char>(c)) != 0;
+    word = c == ' ' || c == '\n' ? 0 : word + 1;
+    if (word == kMaxWord) shown += "...";
+    if (word >= kMaxWord) continue;
+    shown += is_control && c != '\n' ? Printable({&c, 1}) : std::string(1, c);
+  }
+  std::cerr << gflags::ProgramInvocationShortName() << ": " << shown << "\n";
 }
 
 }  // namespace invgrad

@@ -83,7 +83,8 @@ bool ParseNumbers(const std::string& text,
                   std::vector<double>* numbers,
                   std::string* error);
 
-// Prints the warning "PROGRAM: message" to stderr.
+// Prints the warning "PROGRAM: message" to stderr, without control characters,
+// and of words at most 300 bytes.
 void Warn(const std::string& message);
 
 }  // namespace invgrad

@@ -67,7 +67,7 @@ bool ParseWidths(const std::string& text,
       *error = fmt::format(
           "hidden={}: {}; expected a width for each hidden layer, as in "
           "20-20-20",
-          text,
+          Printable(text),
           *error);
       return false;
     }

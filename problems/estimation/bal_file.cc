@@ -17,12 +17,6 @@ namespace {
 
 constexpr long kMaxCount = std::numeric_limits<int>::max();
 
-bool IsBzip2(std::string_view path) {
-  constexpr std::string_view kEnding = ".bz2";
-  return path.size() >= kEnding.size() &&
-         path.substr(path.size() - kEnding.size()) == kEnding;
-}
-
 // bzip2 compresses real files by a factor of four, a decompression bomb by
 // 20,000.
 size_t MaxTextSize(size_t compressed_size) {
@@ -115,7 +109,7 @@ std::string BalText(const BalData& data) {
 bool ReadBalFile(const std::string& path, BalData* data, std::string* error) {
   std::string bytes;
   if (!ReadFile(path, &bytes, error)) return false;
-  if (!IsBzip2(path)) return ParseBal(bytes, path, data, error);
+  if (!EndsWith(path, ".bz2")) return ParseBal(bytes, path, data, error);
   std::string text;
   std::string problem;
   if (!DecompressBzip2(bytes, MaxTextSize(bytes.size()), &text, &problem)) {

@@ -5,6 +5,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
+#include "problems/estimation/text_cursor.h"
 
 namespace invgrad {
 namespace {
@@ -44,11 +45,6 @@ const std::vector<Kind>& Kinds() {
       {"g2o", {".g2o"}, ReadPoseGraphEstimation, IsG2o},
   };
   return kinds;
-}
-
-bool EndsWith(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() &&
-         text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
 }  // namespace

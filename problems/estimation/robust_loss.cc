@@ -52,7 +52,7 @@ bool ParseRobustLoss(const std::string& text,
     }
     names += fmt::format(" {}", known);
   }
-  *error = fmt::format("unknown loss '{}'; allowed:{}", name, names);
+  *error = fmt::format("unknown loss '{}'; allowed:{}", Printable(name), names);
   return false;
 }
 

@@ -6,20 +6,17 @@
 #include <system_error>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 
 namespace invgrad {
 namespace {
 
 constexpr std::string_view kSpace = " \t\r\v\f";
 
-// Tokens of damaged files may be long and contain any bytes.
+// Tokens of damaged files may be long.
 std::string Quote(std::string_view token) {
   constexpr size_t kMaxSize = 40;
-  std::string quoted = "'";
-  for (const char c : token.substr(0, kMaxSize)) {
-    quoted += c >= ' ' && c <= '~' ? c : '?';
-  }
-  return quoted + (token.size() > kMaxSize ? "...'" : "'");
+  return "'" + Printable(token, kMaxSize) + "'";
 }
 
 template <typename T>
@@ -146,6 +143,11 @@ void TextCursor::FailAtToken(std::string_view token,
                            : rest_.empty() ? "the text ends"
                                            : "the line ends";
   Fail(token.empty() ? what : "found " + Quote(token), expected);
+}
+
+bool EndsWith(std::string_view text, std::string_view end) {
+  return text.size() >= end.size() &&
+         text.substr(text.size() - end.size()) == end;
 }
 
 bool ParseInteger(std::string_view token, long* value) {

@@ -74,6 +74,8 @@ class TextCursor {
   long line_number_ = 0;
 };
 
+bool EndsWith(std::string_view text, std::string_view end);
+
 // Whether all of the token is an integer.
 bool ParseInteger(std::string_view token, long* value);
 

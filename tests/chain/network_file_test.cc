@@ -156,7 +156,7 @@ TEST_F(NetworkFile, SaysWhatIsWrong) {
   expect(begin + "widths 1 1\nactivation tanh\nweights 2\n1 \n1\n", "line 5");
   expect(begin + "widths 1 1\nactivation tanh\nweights 2\n1\n\x01" +
              std::string(1000, 'x') + "\n",
-         "'?xxx");
+         "'\\x01xxx");
 }
 
 // Of a few bytes that ask for gigabytes nothing is allocated.

@@ -122,7 +122,6 @@ TEST_F(OptionSetTest, RefusesWhatIsNotExactlyOneNumber) {
                            "",
                            " 1",
                            "1 ",
-                           "1e999",
                            "0x10",
                            "1,5",
                            "Auto"}) {
@@ -130,11 +129,17 @@ TEST_F(OptionSetTest, RefusesWhatIsNotExactlyOneNumber) {
               std::string("step_size=") + text +
                   " is not a finite number; allowed: (0, inf) or auto");
   }
-  for (const char* text : {"3.0", "3x", "", "1e2", "99999999999"}) {
+  for (const char* text : {"3.0", "3x", "", "1e2"}) {
     EXPECT_EQ(Refusal("depth", text),
               std::string("depth=") + text +
                   " is not an integer; allowed: integer in [1, inf)");
   }
+  EXPECT_EQ(Refusal("step_size", "1e999"),
+            "step_size=1e999 is out of a double's range; allowed: (0, inf) or "
+            "auto");
+  EXPECT_EQ(Refusal("depth", "2147483648"),
+            "depth=2147483648 is out of the range of 32 bits; allowed: integer "
+            "in [1, inf)");
   // Only step_size may be found automatically.
   EXPECT_EQ(Refusal("decay", "auto"),
             "decay=auto is not a finite number; allowed: (0, 1]");

@@ -75,5 +75,13 @@ TEST(UnknownNameMessage, ListsTheAlternatives) {
             "unknown rule 'q'; known: newton, adam");
 }
 
+TEST(Printable, EscapesAndCuts) {
+  EXPECT_EQ(Printable("a b~"), "a b~");
+  EXPECT_EQ(Printable("\x1b[31m\n\x7f\xc3"), "\\x1b[31m\\x0a\\x7f\\xc3");
+  EXPECT_EQ(Printable("abc", 3), "abc");
+  EXPECT_EQ(Printable("abcd", 3), "abc...");
+  EXPECT_EQ(Printable(std::string(1000, 'x')), std::string(200, 'x') + "...");
+}
+
 }  // namespace specification_test
 }  // namespace invgrad

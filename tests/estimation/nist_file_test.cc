@@ -242,7 +242,8 @@ TEST(NistFile, SaysWhatIsWrongAndWhere) {
       {28,
        "1 2 \x01"
        "23456789012345678901234567890123456789012345",
-       "28: found '?234567890123456789012345678901234567890...'; expected a "
+       "28: found '\\x01234567890123456789012345678901234567890...'; expected "
+       "a "
        "predictor: a finite double"},
   };
   NistData sentinel;

@@ -196,5 +196,26 @@ TEST(Method, ALossWithoutResidualsIsMinimizedByRulesAndLineSearches) {
       << error;
 }
 
+TEST(Method, APointHasNoBatches) {
+  for (const char* name : {"gradient_descent:batch_size=8",
+                           "gradient/adjoint/adam:batch_size=8",
+                           "ceres_lm+half_inverse:batch_size=8"}) {
+    SCOPED_TRACE(name);
+    ChainObjective objective =
+        Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
+    std::vector<Eigen::VectorXd> path;
+    MinimizerSummary summary;
+    std::string error;
+    EXPECT_FALSE(MinimizeByMethod(ParseMethod(name),
+                                  MinimizerOptions(),
+                                  nullptr,
+                                  &objective,
+                                  &path,
+                                  &summary,
+                                  &error));
+    EXPECT_EQ(error, "batch_size needs a network to train");
+  }
+}
+
 }  // namespace method_test
 }  // namespace invgrad

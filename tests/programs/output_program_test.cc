@@ -2,10 +2,14 @@
 
 #include <sys/stat.h>
 
+#include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "gtest/gtest.h"
@@ -105,6 +109,78 @@ TEST_F(OutputProgram, PipesAndDevicesAreNoInput) {
       Wait(StartProgram("estimate", {"--input=" + Path("pipe.g2o")}));
   EXPECT_EQ(output.exit_code, 1);
   ExpectSays(output, {"pipe.g2o: not a regular file"});
+}
+
+TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
+  const std::string escape = "\x1b[31mred\a";
+  const std::string large(100000, 'x');
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"--rules=adam:" + escape + "=1", "has a control character"},
+      {"--" + escape, "has a control character"},
+      {escape, "has a control character"},
+      {"--rules=" + large, "unknown rule 'xxx"},
+      {"--rules=adam:step_size=" + large, "is not a finite number"},
+      {"--rules=adam:" + large + "=1", "unknown option 'xxx"},
+      {"--problem=" + large, "unknown problem 'xxx"},
+      {"--output=" + large, "File name too long"},
+      {"--init_weights=" + large, "File name too long"},
+      {"--dump_step=" + large, "File name too long"},
+      {"--hidden=" + large, "hidden=xxx"},
+      {"--seeds=" + large, "seed=xxx"},
+      {"--" + large, "too long for a flag without text"},
+      {"--steps=" + std::string(100000, '1'), "too long for a flag without"},
+      {large, "unexpected argument 'xxx"}};
+  for (const auto& [argument, message] : cases) {
+    SCOPED_TRACE(argument.substr(0, 40));
+    const Output output = Run(SmallRun(argument));
+    EXPECT_EQ(output.exit_code, 1);
+    EXPECT_LT(output.text.size(), 5000u);
+    EXPECT_EQ(output.text.find_first_of("\x1b\a"), std::string::npos);
+    ExpectSays(output, {message});
+  }
+}
+
+TEST_F(OutputProgram, NumbersThatDoNotFitAreOutOfRange) {
+  ExpectRefused({"--seeds=2147483648"},
+                {"seed=2147483648 is out of the range of 32 bits; allowed: "
+                 "integer in [0, "});
+  ExpectRefused({"--rules=krylov:iterations=2147483648"},
+                {"iterations=2147483648 is out of the range of 32 bits"});
+  ExpectRefused({"--rules=adam:step_size=1e999"},
+                {"step_size=1e999 is out of a double's range"});
+}
+
+TEST_F(OutputProgram, PathsThatDoNotFitAreRefused) {
+  for (const std::string program :
+       {"trajectories", "compare --problem=squared_component"}) {
+    EXPECT_EQ(Shell("ulimit -v 4000000; {}/" + program +
+                    " --steps=2147483647 --output=" + Path("refused")),
+              1);
+    const std::string error = ReadAll(Path("stderr"));
+    EXPECT_NE(error.find("--steps=2147483647 needs "), std::string::npos);
+    EXPECT_NE(error.find("B for the paths; the limit is 3.07 GB"),
+              std::string::npos)
+        << error;
+    EXPECT_FALSE(fs::exists(Path("refused")));
+  }
+}
+
+TEST_F(OutputProgram, ASignalEndsAPathAndKeepsIt) {
+  const pid_t child = Start({"--problem=squared_component",
+                             "--rules=gradient_descent:step_size=1e-9,newton",
+                             "--steps=5000000",
+                             "--plots=false",
+                             "--output=" + Path("run")});
+  for (int i = 0; i < 3000 && !fs::exists(Path("run/versions.txt")); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  ::kill(child, SIGHUP);
+  const Output output = Wait(child);
+  EXPECT_EQ(output.exit_code, 128 + SIGHUP) << output.text;
+  ExpectSays(output, {"ending after the current step", "not run: interrupted"});
+  EXPECT_TRUE(fs::exists(Path("run/path-gradient_descent-step_size-1e-9.csv")));
+  EXPECT_TRUE(fs::exists(Path("run/table.txt")));
 }
 
 // With less address space than a problem's data need, an allocation fails.

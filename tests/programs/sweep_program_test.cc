@@ -289,6 +289,28 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   EXPECT_EQ(Results("run")[1].at("status"), "steps done");
 }
 
+TEST_F(SweepProgram, KilledJobsAreFailedRuns) {
+  std::vector<std::string> arguments = SmallSweep("run");
+  arguments[1] = "--grid=rule=adam,rmsprop;seed=1";
+  arguments[2] = "--steps=1000000000";
+  arguments.emplace_back("--jobs=2");
+  const pid_t sweep = Start(arguments);
+  const std::string pid = std::to_string(sweep);
+  std::vector<pid_t> jobs;
+  for (int i = 0; i < 3000 && jobs.size() < 2; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    std::ifstream children("/proc/" + pid + "/task/" + pid + "/children");
+    jobs.clear();
+    for (pid_t job = 0; children >> job;) jobs.push_back(job);
+  }
+  ASSERT_EQ(jobs.size(), 2u);
+  for (const pid_t job : jobs) ::kill(job, SIGKILL);
+  const Output output = Wait(sweep);
+  EXPECT_EQ(output.exit_code, 3) << output.text;
+  ExpectSays(output, {"ended by signal 9 (Killed)", "sweep: no run worked"});
+  EXPECT_EQ(Results("run").size(), 2u);
+}
+
 TEST_F(SweepProgram, ARuleThatCannotTakeTheProblemIsARow) {
   const Output output = Run({"--problem=quantum_dipole:num_samples=4",
                              "--grid=rule=ceres_lm,adam",

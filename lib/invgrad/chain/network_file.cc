@@ -12,6 +12,7 @@
 
 #include "fmt/format.h"
 #include "glog/logging.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
@@ -19,6 +20,7 @@ namespace {
 
 constexpr std::string_view kMagic = "invgrad network 1";
 constexpr int kNumHeaderLines = 4;
+constexpr size_t kMaxShown = 60;  // of a line, in a message
 
 // Removes a complete line from *rest and returns it; empty if there is none:
 // a number without a line end may lack digits.
@@ -32,16 +34,6 @@ std::string_view TakeLine(std::string_view* rest) {
 
 std::string WidthsLine(const std::vector<int>& widths) {
   return fmt::format("widths {}", fmt::join(widths, " "));
-}
-
-// Quotes text of a damaged file in a message.
-std::string Quoted(std::string_view text) {
-  constexpr size_t kMaxShown = 60;
-  std::string shown(text.substr(0, kMaxShown));
-  for (char& c : shown) {
-    if (c < ' ' || c > '~') c = '?';
-  }
-  return "'" + shown + (text.size() > kMaxShown ? "...'" : "'");
 }
 
 std::optional<DenseNetwork> ParseNetwork(std::string_view rest,
@@ -104,9 +96,9 @@ std::optional<DenseNetwork> ParseNetwork(std::string_view rest,
     const char* const end = text.data() + text.size();
     const auto [parsed, status] = std::from_chars(text.data(), end, values[i]);
     if (status != std::errc() || parsed != end || !std::isfinite(values[i])) {
-      *problem = fmt::format("line {} is not a finite number: {}",
+      *problem = fmt::format("line {} is not a finite number: '{}'",
                              kNumHeaderLines + 1 + i,
-                             Quoted(text));
+                             Printable(text, kMaxShown));
       return std::nullopt;
     }
   }

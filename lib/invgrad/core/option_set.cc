@@ -47,6 +47,10 @@ const char* SetNumber(const std::string& text,
   Number value = 0;
   const std::from_chars_result result =
       std::from_chars(text.data(), end, value);
+  if (result.ec == std::errc::result_out_of_range && result.ptr == end) {
+    return std::is_same_v<Number, int> ? "is out of the range of 32 bits"
+                                       : "is out of a double's range";
+  }
   if (result.ec != std::errc() || result.ptr != end ||
       !std::isfinite(static_cast<double>(value))) {
     return std::is_same_v<Number, int> ? "is not an integer"
@@ -150,8 +154,11 @@ bool OptionSet::Set(const std::string& name,
     }
     const char* complaint = setters_[i](value);
     if (complaint == nullptr) return true;
-    *error = fmt::format(
-        "{}={} {}; allowed: {}", name, value, complaint, rows_[i].allowed);
+    *error = fmt::format("{}={} {}; allowed: {}",
+                         name,
+                         Printable(value),
+                         complaint,
+                         rows_[i].allowed);
     return false;
   }
   *error = UnknownNameMessage("option", name, names);
@@ -163,9 +170,9 @@ bool OptionSet::SetAll(const Settings& settings, std::string* error) {
     for (size_t j = 0; j < i; ++j) {
       if (settings[j].first == settings[i].first) {
         *error = fmt::format("{} is given twice: {} and {}",
-                             settings[i].first,
-                             settings[j].second,
-                             settings[i].second);
+                             Printable(settings[i].first),
+                             Printable(settings[j].second),
+                             Printable(settings[i].second));
         return false;
       }
     }

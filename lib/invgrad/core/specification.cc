@@ -84,9 +84,9 @@ bool ParseSpecifications(const std::string& text,
       *error = fmt::format(
           "'{}' (number {} of '{}') does not start with a name; expected "
           "name:key=value:key=value",
-          part,
+          Printable(part),
           result.size() + 1,
-          text);
+          Printable(text));
       return false;
     }
     for (size_t i = 1; i < pieces.size(); ++i) {
@@ -94,8 +94,8 @@ bool ParseSpecifications(const std::string& text,
       if (equals == std::string::npos || equals == 0) {
         *error = fmt::format(
             "'{}' in '{}' has no {}; expected name:key=value:key=value",
-            pieces[i],
-            part,
+            Printable(pieces[i]),
+            Printable(part),
             equals == 0 ? "key" : "'='");
         return false;
       }
@@ -114,15 +114,29 @@ std::string UnknownNameMessage(const std::string& what,
                                const std::vector<std::string>& candidates) {
   std::vector<std::string> names = NearestNames(name, candidates);
   if (names.empty()) {
-    return fmt::format(
-        "unknown {} '{}'; known: {}", what, name, fmt::join(candidates, ", "));
+    return fmt::format("unknown {} '{}'; known: {}",
+                       what,
+                       Printable(name),
+                       fmt::join(candidates, ", "));
   }
   std::string last = names.back();
   names.pop_back();
   if (!names.empty()) {
     last = fmt::format("{} or {}", fmt::join(names, ", "), last);
   }
-  return fmt::format("unknown {} '{}'; did you mean {}?", what, name, last);
+  return fmt::format(
+      "unknown {} '{}'; did you mean {}?", what, Printable(name), last);
+}
+
+std::string Printable(std::string_view text, std::size_t max_size) {
+  std::string shown;
+  for (const char c : text.substr(0, max_size)) {
+    const bool is_printable = c >= ' ' && c <= '~';
+    shown += is_printable
+                 ? std::string(1, c)
+                 : fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
+  }
+  return shown + (text.size() > max_size ? "..." : "");
 }
 
 }  // namespace invgrad

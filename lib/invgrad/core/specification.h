@@ -5,7 +5,9 @@
 #ifndef INVGRAD_CORE_SPECIFICATION_H_
 #define INVGRAD_CORE_SPECIFICATION_H_
 
+#include <cstddef>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -31,6 +33,10 @@ bool ParseSpecifications(const std::string& text,
 std::string UnknownNameMessage(const std::string& what,
                                const std::string& name,
                                const std::vector<std::string>& candidates);
+
+// Text of a user or of a file for a message: bytes that are no printable ASCII
+// become "\x1b", and what is longer than `max_size` bytes is cut with "...".
+std::string Printable(std::string_view text, std::size_t max_size = 200);
 
 }  // namespace invgrad
 

@@ -10,6 +10,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
@@ -148,8 +149,8 @@ std::string ParseFile(std::string_view bytes,
   if (!ParseHeader(text, header)) {
     constexpr size_t kMaxShown = 120;
     const size_t end = text.find_last_not_of(" \n");
-    return fmt::format("cannot read its header: {}",
-                       text.substr(0, std::min(end + 1, kMaxShown)));
+    return "cannot read its header: " +
+           Printable(text.substr(0, end + 1), kMaxShown);
   }
   *payload_begin = begin + size;
   return "";
@@ -209,7 +210,7 @@ bool ReadNpy(const std::string& path,
   if (!is_double && header.type != "'<f4'") {
     return fail(fmt::format(
         "found type {}, wanted '<f8' or '<f4' (in Python: x.astype('<f8'))",
-        header.type));
+        Printable(header.type)));
   }
   const std::vector<std::int64_t>& shape = header.shape;
   const std::string found = ShapeText(shape);

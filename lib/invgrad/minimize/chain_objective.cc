@@ -16,9 +16,6 @@ namespace {
 using RowMajorMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr char kNoOutputs[] = "the simulator has no finite value at x";
-constexpr char kNoLoss[] = "the loss has no finite value at y";
-
 }  // namespace
 
 ChainObjective::ChainObjective(std::shared_ptr<const Simulator> simulator,

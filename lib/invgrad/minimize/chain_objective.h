@@ -27,6 +27,10 @@
 
 namespace invgrad {
 
+// The messages for a point without a finite value.
+inline constexpr char kNoOutputs[] = "the simulator has no finite value at x";
+inline constexpr char kNoLoss[] = "the loss has no finite value at y";
+
 class ChainObjective final : public Objective {
  public:
   // Sizes must fit, and the simulator must not need a context (CHECKed).

@@ -75,11 +75,11 @@ class PullBackObjective final : public Objective {
                     y.data(),
                     d_x,
                     &result)) {
-      if (error->empty()) *error = "the simulator has no finite value at x";
+      if (error->empty()) *error = kNoOutputs;
       return false;
     }
     if (!std::isfinite(linearization->cost)) {
-      *error = "the loss has no finite value at y";
+      *error = kNoLoss;
       return false;
     }
     counts_.BeginStep();
@@ -208,18 +208,24 @@ bool IsForPoints(const Phase& phase,
   return false;
 }
 
-}  // namespace
-
-bool IsForProblems(const Method& method, std::string* error) {
+// True, with *error set, if the method's phases or batches need samples.
+bool NeedsNetwork(const Method& method, std::string* error) {
   if (method.phases.size() > 1) {
     *error = "a method in phases needs a network to train";
-  } else if (method.last_phase().pull_back.has_value()) {
-    *error = "nothing can be pulled back part by part: there is no chain";
   } else if (method.last_phase().batch_size >= 0) {
     *error = "batch_size needs a network to train";
   } else {
-    return true;
+    return false;
   }
+  return true;
+}
+
+}  // namespace
+
+bool IsForProblems(const Method& method, std::string* error) {
+  if (NeedsNetwork(method, error)) return false;
+  if (!method.last_phase().pull_back.has_value()) return true;
+  *error = "nothing can be pulled back part by part: there is no chain";
   return false;
 }
 
@@ -283,11 +289,9 @@ bool MinimizeByMethod(const Method& method,
                       std::string* error) {
   path->clear();
   const Phase& phase = method.last_phase();
-  if (method.phases.size() > 1) {
-    *error = "a method in phases needs a network to train";
+  if (NeedsNetwork(method, error) || !IsForPoints(phase, *objective, error)) {
     return false;
   }
-  if (!IsForPoints(phase, *objective, error)) return false;
   if (phase.ceres == nullptr) {
     MinimizeByRule(
         phase, options, std::move(inverse), objective, path, summary);

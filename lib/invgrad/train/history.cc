@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {
@@ -57,7 +58,7 @@ std::string ParseRow(std::string_view line, HistoryRow* row) {
     return fmt::format("found {} fields, wanted {}", fields.size(), kNumFields);
   }
   const auto wrong = [](std::string_view field) {
-    return fmt::format("found '{}', wanted a number", field);
+    return fmt::format("found '{}', wanted a number", Printable(field));
   };
   if (!Parse(fields[0], &row->step)) return wrong(fields[0]);
   for (size_t i = 1; i < kNumFields; ++i) {
