@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <sstream>
-#include <utility>
 
 #include "bin/support/run_directory.h"
 #include "fmt/format.h"
@@ -51,20 +50,30 @@ std::string SamplePathCsv(const LearningRunResult& result) {
   return csv + '\n';
 }
 
-// What identifies the run of a result.
-struct ResultDigests {
-  std::string history;
-  std::string weights;
-  std::string identity;  // RunIdentity::ToText
-};
+constexpr char kDigest[] = "digest ";
 
-constexpr char kDigest[] = "digest ";  // of the lines before
+// The last line of result.txt: the digest of its other lines, of the history
+// and of the weights.
+bool MakeDigestLine(const std::string& directory,
+                    const std::string& text,
+                    std::string* line,
+                    std::string* error) {
+  std::string history, weights;
+  if (!ReadFile(directory + "/history.csv", &history, error) ||
+      !ReadFile(directory + "/weights.npy", &weights, error)) {
+    return false;
+  }
+  *line = kDigest + Digest().Add(text).Add(history).Add(weights).Hex() + '\n';
+  return true;
+}
 
-std::string ResultText(const LearningRunResult& result,
-                       const ResultDigests& digests) {
+bool WriteResult(const std::string& directory,
+                 const LearningRunResult& result,
+                 const RunIdentity& identity,
+                 std::string* error) {
   const std::string text = fmt::format(
       "label {}\nseed {}\nsteps {}\nseconds {:.17g}\nsaturated {}\n"
-      "termination {}\nmessage {}\nhistory {}\nweights {}\n{}",
+      "termination {}\nmessage {}\n{}",
       result.label,
       result.seed,
       result.summary.num_steps,
@@ -72,20 +81,16 @@ std::string ResultText(const LearningRunResult& result,
       result.num_saturated,
       static_cast<int>(result.summary.termination_type),
       result.summary.message,
-      digests.history,
-      digests.weights,
-      digests.identity);
-  return fmt::format("{}{}{}\n", text, kDigest, Digest().Add(text).Hex());
+      identity.text());
+  std::string digest;
+  return MakeDigestLine(directory, text, &digest, error) &&
+         WriteFile(directory + "/result.txt", text + digest, error);
 }
 
-bool ParseResultText(const std::string& file,
+// Parses result.txt but for its last line.
+bool ParseResultText(const std::string& text,
                      LearningRunResult* result,
-                     ResultDigests* digests) {
-  const std::string text = file.substr(0, file.rfind(kDigest));
-  if (file !=
-      fmt::format("{}{}{}\n", text, kDigest, Digest().Add(text).Hex())) {
-    return false;
-  }
+                     std::string* identity) {
   std::istringstream in(text);
   std::string key;
   int termination = -1;
@@ -98,27 +103,9 @@ bool ParseResultText(const std::string& file,
   std::getline(in, result->summary.message);
   result->summary.termination_type =
       static_cast<ceres::TerminationType>(termination);
-  in >> key >> digests->history >> key >> digests->weights >> std::ws;
-  std::getline(in, digests->identity, '\0');
-  return !in.bad() && key == "weights" && termination >= 0;
-}
-
-// Of the bytes of a file; empty, with *error, if it cannot be read.
-std::string DigestOfFile(const std::string& path, std::string* error) {
-  std::string bytes;
-  return ReadFile(path, &bytes, error) ? Digest().Add(bytes).Hex() : "";
-}
-
-bool WriteResult(const std::string& directory,
-                 const LearningRunResult& result,
-                 const RunIdentity& identity,
-                 std::string* error) {
-  const ResultDigests digests{DigestOfFile(directory + "/history.csv", error),
-                              DigestOfFile(directory + "/weights.npy", error),
-                              identity.ToText()};
-  return !digests.history.empty() && !digests.weights.empty() &&
-         WriteFile(
-             directory + "/result.txt", ResultText(result, digests), error);
+  const bool is_good = !in.fail() && key == "message" && termination >= 0;
+  std::getline(in, *identity, '\0');
+  return is_good;
 }
 
 }  // namespace
@@ -169,10 +156,11 @@ bool LoadCompleteRun(const LearningProblem& problem,
   std::error_code failure;
   if (!std::filesystem::exists(file, failure)) return false;
   constexpr std::uint64_t kMaxSize = 1 << 16;
+  std::string digest, identity;
   if (!ReadFile(file, &text, error, kMaxSize)) return false;
-  ResultDigests digests;
-  if (!ParseResultText(text, result, &digests)) {
-    *error = file + ": not a result of a run, or damaged";
+  const std::string lines = text.substr(0, text.rfind(kDigest));
+  if (!ParseResultText(lines, result, &identity)) {
+    *error = file + ": not a result of a run";
     return false;
   }
   TrainOptions train_options = options.train;
@@ -180,21 +168,16 @@ bool LoadCompleteRun(const LearningProblem& problem,
   const std::string difference =
       IdentityOfRun(
           *problem.model, problem.train, problem.test, method, train_options)
-          .Difference(digests.identity);
+          .Difference(identity);
   if (!difference.empty()) {
     *error = file + ": it is of another run: " + difference;
     return false;
   }
-  for (const auto& [name, digest] :
-       {std::pair("history.csv", digests.history),
-        std::pair("weights.npy", digests.weights)}) {
-    const std::string path = directory + '/' + name;
-    const std::string found = DigestOfFile(path, error);
-    if (found.empty()) return false;
-    if (found != digest) {
-      *error = path + ": damaged, or not of the run of result.txt";
-      return false;
-    }
+  if (!MakeDigestLine(directory, lines, &digest, error)) return false;
+  if (text != lines + digest) {
+    *error =
+        file + ": it, history.csv or weights.npy is damaged or of another run";
+    return false;
   }
   if (!ReadHistory(directory + "/history.csv", &result->history, error)) {
     return false;

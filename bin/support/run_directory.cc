@@ -92,8 +92,8 @@ bool FindContents(const fs::path& directory,
   fs::recursive_directory_iterator entry(directory, failure);
   for (; !failure && entry != fs::recursive_directory_iterator();
        entry.increment(failure)) {
-    const bool is_folder =
-        entry->is_directory(failure) && !entry->is_symlink(failure);
+    const bool is_folder =  // a link is none
+        entry->symlink_status(failure).type() == fs::file_type::directory;
     const std::string name = entry->path().lexically_relative(directory);
     const bool is_known = (is_folder ? folders : files).count(name) > 0;
     if (!is_known) entry.disable_recursion_pending();
@@ -112,8 +112,9 @@ bool Remove(const std::vector<fs::path>& paths, std::string* error) {
   std::error_code failure;
   for (const fs::path& path : paths) {
     if (!failure) fs::remove(path, failure);
-    if (failure && error->empty())
+    if (failure && error->empty()) {
       *error = path.string() + ": " + failure.message();
+    }
   }
   return !failure;
 }
@@ -320,7 +321,7 @@ bool PrepareRunDirectory(const std::string& path,
   const std::string directory = path + '/';
   // In this order: with the flags, --overwrite accepts the directory.
   return WriteFile(directory + kFlagFile,
-                   FirstLine() + '\n' + CommentText(identity.ToText()) + flags,
+                   FirstLine() + '\n' + CommentText(identity.text()) + flags,
                    error) &&
          WriteFile(directory + kFileList, files, error) &&
          WriteFile(directory + kVersionFile, VersionsText(), error);

@@ -284,7 +284,7 @@ TEST_F(CompareResume, AScheduleBelongsToItsBudget) {
   arguments.push_back("--resume");
   EXPECT_EQ(Run(arguments).exit_code, 0);
   arguments[2] = "--epochs=5";
-  ExpectNotResumed(arguments, "budget of the schedule 3 epochs, now 5 epochs");
+  ExpectNotResumed(arguments, "budget of the schedule: 3 epochs, now budget");
 }
 
 TEST_F(CompareResume, ASmallerBudgetIsNotResumed) {
@@ -314,7 +314,10 @@ TEST_F(CompareProgram, FilesOfOtherRunsAreNotTaken) {
     const auto changed = Snapshot(run);
     std::vector<std::string> resume = arguments;
     resume.insert(resume.end(), {"--epochs=4", "--resume"});
-    ExpectSays(Run(resume), {run + file + ": " + words});
+    const bool is_checkpoint = file == "checkpoint";
+    ExpectSays(
+        Run(resume),
+        {run + (is_checkpoint ? "checkpoint: " : "result.txt: ") + words});
     EXPECT_EQ(Snapshot(run), changed);
     for (const auto& [path, text] : before) std::ofstream(path) << text;
   };
@@ -328,21 +331,27 @@ TEST_F(CompareProgram, FilesOfOtherRunsAreNotTaken) {
   const std::string another = "it is of another run: ";
   expect_refused("result.txt",
                  ReadAll(from_seed + "result.txt"),
-                 another + "initial weights ");
-  expect_refused("result.txt",
-                 ReadAll(from_rule + "result.txt"),
-                 another + "method adam:step_size=1e-2, now half_inverse");
-  expect_refused("result.txt", flipped("result.txt"), "not a result of a run");
+                 another + "initial weights: ");
+  expect_refused(
+      "result.txt",
+      ReadAll(from_rule + "result.txt"),
+      another + "method: adam:step_size=1e-2, now method: half_inverse");
+  const std::string damaged = "it, history.csv or weights.npy is damaged";
   for (const char* file : {"weights.npy", "history.csv"}) {
-    expect_refused(file, ReadAll(from_seed + file), "damaged, or not of");
-    expect_refused(file, flipped(file), "damaged, or not of");
+    expect_refused(file, ReadAll(from_seed + file), damaged);
+    expect_refused(file, flipped(file), damaged);
   }
+  std::string result = ReadAll(run + "result.txt");
+  expect_refused("result.txt", result.substr(7), "not a result of a run");
+  result.replace(result.find("saturated "), 11, "saturated 7");
+  expect_refused("result.txt", result, damaged);
   expect_refused("checkpoint",
                  ReadAll(from_seed + "checkpoint"),
-                 another + "initial weights ");
-  expect_refused("checkpoint",
-                 ReadAll(from_rule + "checkpoint"),
-                 another + "method adam:step_size=1e-2, now half_inverse");
+                 another + "initial weights: ");
+  expect_refused(
+      "checkpoint",
+      ReadAll(from_rule + "checkpoint"),
+      another + "method: adam:step_size=1e-2, now method: half_inverse");
   expect_refused(
       "checkpoint", flipped("checkpoint"), "the file is truncated or damaged");
 }

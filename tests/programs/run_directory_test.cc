@@ -240,8 +240,9 @@ TEST_F(RunDirectoryOfARun, AnotherIdentityIsNotResumed) {
   other.Add("training data", "2e");
   EXPECT_FALSE(
       PrepareRunDirectory(run_, kResume, other, "--steps=1\n", &error));
-  EXPECT_NE(error.find("training data 1f, now 2e; give another --output"),
-            std::string::npos)
+  EXPECT_NE(
+      error.find("training data: 1f, now training data: 2e; give another"),
+      std::string::npos)
       << error;
   EXPECT_EQ(Snapshot(run_), before);
 }

@@ -284,9 +284,10 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   EXPECT_TRUE(fs::exists(endless + "/checkpoint"));
   EXPECT_FALSE(fs::exists(endless + "/result.txt"));
 
-  arguments[2] = "--steps=1";  // fewer than there were: all can end
-  ASSERT_EQ(Run(arguments).exit_code, kSomeFailed);
-  EXPECT_EQ(Results("run")[1].at("status"), "steps done");
+  arguments[2] = "--steps=1";  // fewer than there were
+  const Output refused = Run(arguments);
+  EXPECT_EQ(refused.exit_code, 1);
+  ExpectSays(refused, {"now it is --steps=1, a smaller budget"});
 }
 
 TEST_F(SweepProgram, KilledJobsAreFailedRuns) {

@@ -48,7 +48,7 @@ class CheckpointTest : public testing::Test {
 
   // A file with this text after the identity, and its right digest.
   std::string FileWith(const std::string& rest) const {
-    const std::string text = identity_.ToText() + '\n' + rest;
+    const std::string text = identity_.text() + '\n' + rest;
     return magic_ + Digest().Add(text).Hex() + '\n' + text;
   }
 
@@ -177,7 +177,7 @@ TEST_F(CheckpointTest, HugeAndForeignFilesAreRefusedByTheirFirstBytes) {
   constexpr std::uintmax_t kSize = std::uintmax_t{1} << 40;
   std::filesystem::resize_file(path_, kSize);
   EXPECT_EQ(StateArchive::Read(path_, identity_).error(),
-            path_ + ": it is of another run: method newton, now none");
+            path_ + ": it is of another run: method: newton, now none");
   EXPECT_EQ(StateArchive::Read(path_, other).error(), path_ + ": " + damaged_);
   std::filesystem::resize_file(path_, 0);
   std::filesystem::resize_file(path_, kSize);

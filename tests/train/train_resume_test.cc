@@ -115,44 +115,45 @@ class ACheckpoint : public ::testing::Test {
 
 TEST_F(ACheckpoint, OfAnotherMethodIsRefused) {
   method_ = "rmsprop";
-  ExpectRefused("method adam, now rmsprop");
+  ExpectRefused("method: adam, now method: rmsprop");
 }
 
 TEST_F(ACheckpoint, OfAnotherBatchSizeIsRefused) {
   options_.batch_size = 6;
-  ExpectRefused("batch size 8, now 6");
+  ExpectRefused("batch size: 8, now batch size: 6");
 }
 
 TEST_F(ACheckpoint, OfAnotherOrderIsRefused) {
   options_.shuffle = true;
-  ExpectRefused("order of the samples as given, now of seed 0");
+  ExpectRefused(
+      "order of the samples: as given, now order of the samples: of seed 0");
 }
 
 TEST_F(ACheckpoint, OfOtherTrainingDataIsRefused) {
   problem_.train.targets(1, 7) += 1e-12;
-  ExpectRefused("training data ");
+  ExpectRefused("training data: ");
 }
 
 TEST_F(ACheckpoint, OfOtherTestDataIsRefused) {
   problem_.test.inputs(0, 0) = -problem_.test.inputs(0, 0);
-  ExpectRefused("test data ");
+  ExpectRefused("test data: ");
 }
 
 TEST_F(ACheckpoint, OfOtherInitialWeightsIsRefused) {
   problem_.weights[3] = 0.0;
-  ExpectRefused("initial weights ");
+  ExpectRefused("initial weights: ");
 }
 
 TEST_F(ACheckpoint, OfAnotherActivationIsRefused) {
   problem_.model =
       problem_.model.WithNetwork(DenseNetwork({2, 5, 2}, Activation::kGelu));
-  ExpectRefused("network 2-5-2 tanh, now 2-5-2 gelu");
+  ExpectRefused("network: 2-5-2 tanh, now network: 2-5-2 gelu");
 }
 
 TEST_F(ACheckpoint, OfAnotherLossIsRefused) {
   problem_.model = problem_.model.WithLoss(
       std::make_shared<SquaredNormLoss>(2, 0.5), Reduction::kMean);
-  ExpectRefused("simulator and loss ");
+  ExpectRefused("simulator and loss: ");
 }
 
 TEST_F(ACheckpoint, OfOtherKernelsIsRefused) {
@@ -161,7 +162,7 @@ TEST_F(ACheckpoint, OfOtherKernelsIsRefused) {
   bytes_.replace(begin, bytes_.find('\n', begin) - begin, "Z80");
   std::string error;
   ASSERT_TRUE(WriteFile(options_.checkpoint_path, bytes_, &error)) << error;
-  ExpectRefused("BLAS kernels Z80, now " + BlasKernels());
+  ExpectRefused("BLAS kernels: Z80, now BLAS kernels: " + BlasKernels());
 }
 
 // Whatever the budget was, the run goes on with a larger one, and a run that is
@@ -185,7 +186,8 @@ TEST_F(ACheckpoint, OfAScheduleBelongsToItsBudget) {
   EXPECT_EQ(Resume(), "");
   bytes_ = Bytes();
   options_.max_num_epochs = 4;
-  ExpectRefused("budget of the schedule 2 epochs, now 4 epochs");
+  ExpectRefused(
+      "budget of the schedule: 2 epochs, now budget of the schedule: 4 epochs");
 }
 
 // A checkpoint whose digest is right, with one array changed.

@@ -99,8 +99,7 @@ bool AreCounts(const Eigen::VectorXd& values, double max) {
 bool StateArchive::Write(const std::string& path,
                          const RunIdentity& identity,
                          std::string* error) const {
-  std::string bytes =
-      fmt::format("{}\n{}\n", identity.ToText(), arrays_.size());
+  std::string bytes = fmt::format("{}\n{}\n", identity.text(), arrays_.size());
   for (const auto& [name, array] : arrays_) {
     bytes += fmt::format("{} {}\n", name, array.size());
   }

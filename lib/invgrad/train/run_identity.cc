@@ -1,7 +1,6 @@
 #include "invgrad/train/run_identity.h"
 
 #include <algorithm>
-#include <map>
 #include <sstream>
 
 #include "fmt/format.h"
@@ -13,8 +12,6 @@
 
 namespace invgrad {
 namespace {
-
-constexpr char kSeparator[] = ": ";
 
 std::string DigestOf(const DataSet& data) {
   return Digest()
@@ -52,10 +49,10 @@ RunIdentity::RunIdentity() {
 
 void RunIdentity::Add(const std::string& name, const std::string& value) {
   constexpr size_t kMaxLength = 1000;
-  std::string line =
-      value.size() > kMaxLength ? Digest().Add(value).Hex() : value;
+  std::string line = name + ": ";
+  line += value.size() > kMaxLength ? Digest().Add(value).Hex() : value;
   std::replace(line.begin(), line.end(), '\n', ' ');
-  parts_.emplace_back(name, line);
+  text_ += line + '\n';
 }
 
 void RunIdentity::AddData(const DataSet& train, const DataSet& test) {
@@ -76,36 +73,20 @@ void RunIdentity::AddBudget(const TrainOptions& options) {
   Add("budget of the schedule", text);
 }
 
-std::string RunIdentity::ToText() const {
-  std::string text;
-  for (const auto& [name, value] : parts_) {
-    text += name + kSeparator + value + '\n';
-  }
-  return text;
-}
-
 std::string RunIdentity::Difference(const std::string& text) const {
-  std::map<std::string, std::string> before;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
-    const size_t end = line.find(kSeparator);
-    if (end == std::string::npos) continue;
-    before[line.substr(0, end)] = line.substr(end + sizeof(kSeparator) - 1);
+  std::istringstream before(text), now(text_);
+  std::string line_before, line_now;
+  bool has_before = true, has_now = true;
+  while (has_before || has_now) {
+    has_before = static_cast<bool>(std::getline(before, line_before));
+    has_now = static_cast<bool>(std::getline(now, line_now));
+    if (!has_before) line_before = "none";
+    if (!has_now) line_now = "none";
+    if (line_before != line_now) {
+      return fmt::format("{}, now {}", line_before, line_now);
+    }
   }
-  const auto tell = [](const std::string& name,
-                       const std::string& then,
-                       const std::string& now) {
-    return fmt::format("{} {}, now {}", name, then, now);
-  };
-  for (const auto& [name, value] : parts_) {
-    const auto found = before.find(name);
-    if (found == before.end()) return tell(name, "not known", value);
-    if (found->second != value) return tell(name, found->second, value);
-    before.erase(found);
-  }
-  return before.empty()
-             ? ""
-             : tell(before.begin()->first, before.begin()->second, "none");
+  return "";
 }
 
 RunIdentity IdentityOfRun(const Model& model,

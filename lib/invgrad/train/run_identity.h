@@ -15,8 +15,6 @@
 #define INVGRAD_TRAIN_RUN_IDENTITY_H_
 
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "invgrad/chain/model.h"
 #include "invgrad/methods/method.h"
@@ -37,14 +35,14 @@ class RunIdentity {
   void AddBudget(const TrainOptions& options);
 
   // A line "name: value" a part.
-  std::string ToText() const;
+  const std::string& text() const { return text_; }
 
-  // The first part in which the run with this text differs, "method adam, now
-  // newton"; empty if there is none.
+  // The first part in which the run with this text differs, "method: adam, now
+  // method: newton"; empty if there is none.
   std::string Difference(const std::string& text) const;
 
  private:
-  std::vector<std::pair<std::string, std::string>> parts_;
+  std::string text_;
 };
 
 // The options must have initial weights, a batch size >= 0 and a budget.
