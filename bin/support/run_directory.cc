@@ -22,7 +22,7 @@
 DEFINE_string(output,
               "",
               "directory of the results; empty: runs/ and the program's name");
-DEFINE_bool(overwrite, false, "replace the directory of an earlier run");
+DEFINE_bool(overwrite, false, "replace the files of an earlier run");
 
 namespace invgrad {
 namespace {

@@ -130,13 +130,15 @@ TrainingRun::TrainingRun(Model model,
     : TrainingRun(std::move(model), std::move(data), std::move(options)) {
   CHECK(rule != nullptr);
   if (!error().empty()) return;
+  const UpdateRule& object = *rule;
   Method method;
-  method.label = std::string("rule object of ") + typeid(*rule).name();
+  method.label = std::string("rule object of ") + typeid(object).name();
   method.phases.resize(1);
   phases_.push_back(
-      {MakeEngine(method.phases[0], rule, model_, data_, options_, &error_),
+      {MakeEngine(
+           method.phases[0], std::move(rule), model_, data_, options_, &error_),
        kNoSteps});
-  Start(method, rule.get());
+  Start(method, &object);
 }
 
 TrainingRun::~TrainingRun() = default;
