@@ -155,8 +155,8 @@ bool LoadCompleteRun(const LearningProblem& problem,
   std::string text;
   std::error_code failure;
   if (!std::filesystem::exists(file, failure)) return false;
-  constexpr std::uint64_t kMaxSize = 1 << 16;
   std::string digest, identity;
+  constexpr std::uint64_t kMaxSize = 1 << 16;
   if (!ReadFile(file, &text, error, kMaxSize)) return false;
   const std::string lines = text.substr(0, text.rfind(kDigest));
   if (!ParseResultText(lines, result, &identity)) {

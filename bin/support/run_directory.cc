@@ -1,6 +1,7 @@
 #include "bin/support/run_directory.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -76,7 +77,10 @@ bool FindContents(const fs::path& directory,
   const std::string list = directory / kFileList;
   std::string names;
   std::error_code failure;
-  if (fs::exists(list, failure) && !ReadFile(list, &names, error)) return false;
+  constexpr std::uint64_t kMaxSize = 1 << 26;
+  if (fs::exists(list, failure) && !ReadFile(list, &names, error, kMaxSize)) {
+    return false;
+  }
   std::istringstream lines(names);
   for (std::string line; std::getline(lines, line);) {
     contents->listed.insert(line);
@@ -153,7 +157,8 @@ bool ReadFlagFile(const std::string& path,
                   std::string* text,
                   std::string* error) {
   const std::string first = FirstLine();
-  if (!ReadFile(path, text, error)) {
+  constexpr std::uint64_t kMaxSize = 1 << 20;
+  if (!ReadFile(path, text, error, kMaxSize)) {
     *error += "; is this the directory of a run?";
   } else if (text->rfind(first + '\n', 0) != 0) {
     *error = fmt::format(

@@ -4,7 +4,6 @@
 #include <cctype>
 #include <chrono>
 #include <cmath>
-#include <cstdint>
 #include <filesystem>
 #include <iostream>
 #include <limits>
@@ -13,6 +12,7 @@
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
 #include "report/interrupt.h"
 
@@ -29,11 +29,7 @@ std::string FileName(const std::string& label) {
   }
   constexpr size_t kMaxSize = 180;
   if (name.size() <= kMaxSize) return name;
-  std::uint64_t digest = 0xcbf29ce484222325;  // FNV-1a
-  for (const char c : label) {
-    digest = (digest ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  }
-  const std::string end = fmt::format("-{:016x}", digest);
+  const std::string end = "-" + Digest().Add(label).Hex();
   return name.substr(0, kMaxSize - end.size()) + end;
 }
 

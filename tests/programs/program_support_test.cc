@@ -68,7 +68,7 @@ TEST(RunOutput, FileNamesHaveNoSpecialCharacters) {
   EXPECT_EQ(FileName("../a b/c"), "..-a-b-c");
 }
 
-TEST(RunDirectory, LongFileNamesAreCutAndStayDifferent) {
+TEST(RunOutput, LongFileNamesAreCutAndStayDifferent) {
   const std::string label(180, 'x');
   EXPECT_EQ(FileName(label), label);
   const std::string one = FileName(label + "1");

@@ -1,9 +1,9 @@
 #include "invgrad/train/checkpoint.h"
 
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iomanip>
+#include <cstdint>
+#include <cstring>
+#include <sstream>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -23,69 +23,74 @@ constexpr char kVersion[] = "version 2";
 
 constexpr char kDamaged[] = "the file is truncated or damaged";
 
-std::string_view Bytes(const Eigen::VectorXd& values) {
-  return {reinterpret_cast<const char*>(values.data()),
-          values.size() * sizeof(double)};
-}
-
-// Reads the next `size` bytes, or fewer at the end.
-std::string Read(size_t size, std::istream* file) {
-  std::string bytes(size, '\0');
-  file->read(bytes.data(), static_cast<std::streamsize>(size));
-  bytes.resize(file->gcount());
-  return bytes;
-}
-
-// Reads a line that a checkpoint may have; false for a longer one.
-bool ReadLine(std::istream* file, std::string* line) {
-  constexpr int kMaxLength = 1 << 16;
-  std::vector<char> text(kMaxLength);
-  file->getline(text.data(), kMaxLength);
-  *line = text.data();
-  return file->good();
-}
-
-// Reads the file at its second line, the digest. Returns an error message, or an
-// empty string. What is read at any time is bounded by the file's own sizes.
-std::string Parse(std::uintmax_t file_size,
-                  const RunIdentity& identity,
-                  std::istream* file,
-                  std::map<std::string, Eigen::VectorXd>* arrays) {
-  std::string digest, found, line;
-  if (!ReadLine(file, &digest)) return kDamaged;
-  const std::streamoff begin = file->tellg();
-  while (ReadLine(file, &line) && !line.empty()) found += line + '\n';
-  if (!file->good()) return kDamaged;
+// Parses the beginning of a file of `file_size` bytes, up to the values, of the
+// sizes *sizes. Returns an error message, or an empty string.
+std::string ParseHeader(const std::string& beginning,
+                        std::uint64_t file_size,
+                        const RunIdentity& identity,
+                        std::string* digest,
+                        std::vector<std::pair<std::string, size_t>>* sizes,
+                        size_t* begin_of_values) {
+  std::istringstream header(beginning);
+  std::string line, found;
+  std::getline(header, line);
+  if (line.rfind(kProgram, 0) != 0) return "not a checkpoint";
+  if (line != std::string(kProgram) + kVersion) {
+    return fmt::format("not of {}, the one of this program", kVersion);
+  }
+  std::getline(header, *digest);
+  while (std::getline(header, line) && !line.empty()) found += line + '\n';
+  if (header.fail()) return kDamaged;
   const std::string difference = identity.Difference(found);
   if (!difference.empty()) return "it is of another run: " + difference;
+  const size_t max_num_values = file_size / sizeof(double);
   size_t num_arrays = 0, num_values = 0;
-  *file >> num_arrays;
-  std::vector<std::pair<std::string, size_t>> sizes;
+  header >> num_arrays;
   for (size_t i = 0; i < num_arrays; ++i) {
-    auto& [name, size] = sizes.emplace_back();
-    constexpr int kMaxLength = 1000;
-    *file >> std::setw(kMaxLength) >> name >> size;
-    if (file->fail() || size > file_size / sizeof(double) - num_values) {
-      return kDamaged;
-    }
+    auto& [name, size] = sizes->emplace_back();
+    header >> name >> size;
+    if (header.fail() || size > max_num_values - num_values) return kDamaged;
     num_values += size;
   }
-  if (file->get() != '\n') return kDamaged;
-  const std::streamoff begin_of_values = file->tellg();
-  if (file_size - begin_of_values != num_values * sizeof(double)) {
-    return kDamaged;
+  if (header.get() != '\n') return kDamaged;
+  *begin_of_values = header.tellg();
+  return file_size - *begin_of_values == num_values * sizeof(double) ? ""
+                                                                     : kDamaged;
+}
+
+// Reads the identity and the sizes before the values.
+bool ReadArrays(const std::string& path,
+                const RunIdentity& identity,
+                std::map<std::string, Eigen::VectorXd>* arrays,
+                std::string* error) {
+  constexpr std::uint64_t kMaxHeader = 1 << 20;
+  std::string bytes, digest;
+  std::uint64_t file_size = 0;
+  std::vector<std::pair<std::string, size_t>> sizes;
+  size_t begin = 0;
+  if (!ReadBeginning(path, kMaxHeader, &bytes, &file_size, error)) return false;
+  std::string problem =
+      ParseHeader(bytes, file_size, identity, &digest, &sizes, &begin);
+  if (problem.empty()) {
+    if (!ReadFile(path, &bytes, error, file_size)) return false;
+    const size_t end_of_digest =
+        sizeof(kProgram) + sizeof(kVersion) + digest.size();
+    if (bytes.size() != file_size ||
+        Digest().Add(std::string_view(bytes).substr(end_of_digest)).Hex() !=
+            digest) {
+      problem = kDamaged;
+    }
   }
-  file->seekg(begin);
-  Digest sum;
-  sum.Add(Read(begin_of_values - begin, file));
+  const char* values = bytes.data() + begin;
   for (const auto& [name, size] : sizes) {
+    if (!problem.empty()) break;
     Eigen::VectorXd array(size);
-    file->read(reinterpret_cast<char*>(array.data()),
-               static_cast<std::streamsize>(size * sizeof(double)));
-    sum.Add(Bytes(array));
-    if (!arrays->emplace(name, std::move(array)).second) return kDamaged;
+    if (size > 0) std::memcpy(array.data(), values, size * sizeof(double));
+    values += size * sizeof(double);
+    if (!arrays->emplace(name, std::move(array)).second) problem = kDamaged;
   }
-  return file->good() && sum.Hex() == digest ? "" : kDamaged;
+  if (!problem.empty()) *error = fmt::format("{}: {}", path, problem);
+  return problem.empty();
 }
 
 }  // namespace
@@ -103,7 +108,10 @@ bool StateArchive::Write(const std::string& path,
   for (const auto& [name, array] : arrays_) {
     bytes += fmt::format("{} {}\n", name, array.size());
   }
-  for (const auto& [name, array] : arrays_) bytes += Bytes(array);
+  for (const auto& [name, array] : arrays_) {
+    bytes.append(reinterpret_cast<const char*>(array.data()),
+                 array.size() * sizeof(double));
+  }
   bytes.insert(
       0,
       fmt::format("{}{}\n{}\n", kProgram, kVersion, Digest().Add(bytes).Hex()));
@@ -115,28 +123,7 @@ StateArchive StateArchive::Read(const std::string& path,
   StateArchive archive;
   archive.is_reading_ = true;
   archive.path_ = path;
-  std::error_code failure;
-  // Opening a pipe would wait for its writer.
-  if (!std::filesystem::is_regular_file(path, failure)) {
-    archive.error_ =
-        fmt::format("cannot read {}: {}",
-                    path,
-                    failure ? failure.message() : "not a regular file");
-    return archive;
-  }
-  std::ifstream file(path, std::ios::binary);
-  const std::string program = kProgram, version = kVersion;
-  if (invgrad::Read(program.size(), &file) != program) {
-    archive.Fail("not a checkpoint");
-  } else if (invgrad::Read(version.size() + 1, &file) != version + '\n') {
-    archive.Fail(fmt::format("not of {}, the one of this program", version));
-  } else {
-    const std::string problem = Parse(std::filesystem::file_size(path, failure),
-                                      identity,
-                                      &file,
-                                      &archive.arrays_);
-    if (!problem.empty()) archive.Fail(problem);
-  }
+  ReadArrays(path, identity, &archive.arrays_, &archive.error_);
   return archive;
 }
 
