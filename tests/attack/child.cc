@@ -42,10 +42,12 @@ constexpr double kMaxMemory = 1.5e9;
     limit.rlim_cur = limit.rlim_max = static_cast<rlim_t>(kMaxAddresses);
     setrlimit(RLIMIT_AS, &limit);
   }
-  if (!command.output.empty()) output = open(command.output.c_str(), O_WRONLY);
   dup2(open("/dev/null", O_RDONLY), STDIN_FILENO);
   dup2(output, STDOUT_FILENO);
-  if (command.output.empty()) dup2(output, STDERR_FILENO);
+  dup2(output, STDERR_FILENO);
+  if (!command.output.empty()) {
+    dup2(open(command.output.c_str(), O_WRONLY), STDOUT_FILENO);
+  }
   if (chdir(command.folder.c_str()) != 0) _exit(126);
   for (const std::string& variable : command.environment) {
     putenv(const_cast<char*>(variable.c_str()));  // NOLINT: as POSIX has it

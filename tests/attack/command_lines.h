@@ -7,7 +7,7 @@
 
 namespace invgrad {
 
-// In `prepare` and `line`, $C is a comparison and $E an estimation of some
+// A NIST file in.dat is in the folder if a row names it. In `prepare` and `line`, $C is a comparison and $E an estimation of some
 // milliseconds.
 struct CommandLineRow {
   std::string prepare;  // for a shell in an empty folder; programs are in PATH

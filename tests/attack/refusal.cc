@@ -41,12 +41,14 @@ bool HasAny(const std::string& text, const std::vector<std::string>& names) {
          });
 }
 
-// Without the lists of the files that a run may write.
+// Without what a run notes of itself before it reads its earlier results.
 Files FilesOfUser(const std::string& folder) {
   Files files = ReadFiles(folder);
   for (auto file = files.begin(); file != files.end();) {
-    file = fs::path(file->first).filename() == "files.txt" ? files.erase(file)
-                                                           : std::next(file);
+    const fs::path name = fs::path(file->first).filename();
+    const bool is_note =
+        name == "files.txt" || name == "flags.txt" || name == "versions.txt";
+    file = is_note ? files.erase(file) : std::next(file);
   }
   return files;
 }
