@@ -83,7 +83,7 @@ bool FindContents(const fs::path& directory,
   }
   std::istringstream lines(names);
   for (std::string line; std::getline(lines, line);) {
-    contents->listed.insert(line);
+    if (!line.empty()) contents->listed.insert(line);
   }
   files.insert(contents->listed.begin(), contents->listed.end());
   std::set<std::string> folders;

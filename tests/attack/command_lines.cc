@@ -114,6 +114,10 @@ std::vector<CommandLineRow> MakeRows() {
        "BLAS kernels",
        "",
        {"OPENBLAS_CORETYPE=Haswell"}},
+      {"$C --output=o && echo >>o/files.txt && touch o/keep",
+       "$C --output=o --resume",
+       0,
+       "steps done"},
       // Methods that fail.
       {"", "$E --input=in.dat --methods=adam:step_size=1e300", 3, "failed"},
       {"", "$C --rules=adam,supervised --output=o", 2, "supervised"},
