@@ -96,9 +96,18 @@ pid_t ProcessOfThread(pid_t thread) {
 
 bool CanReportFileCalls() {
   const pid_t child = fork();
-  if (child == 0) _exit(InstallFileCallFilter() >= 0 ? 0 : 1);
+  if (child == 0) {
+    if (InstallFileCallFilter() >= 0) raise(SIGSTOP);
+    _exit(1);
+  }
   int status = 0;
-  return waitpid(child, &status, 0) == child && status == 0;
+  waitpid(child, &status, WUNTRACED);
+  if (!WIFSTOPPED(status)) return false;
+  const int taken = TakeDescriptor(child, STDERR_FILENO);
+  close(taken);
+  kill(child, SIGKILL);
+  waitpid(child, &status, 0);
+  return taken >= 0;
 }
 
 int InstallFileCallFilter() {
