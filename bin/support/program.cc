@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -18,6 +19,7 @@
 #include "glog/logging.h"
 #include "invgrad/core/blas_kernels.h"
 #include "invgrad/core/specification.h"
+#include "invgrad/io/atomic_file.h"
 #include "invgrad/version.h"
 #include "report/interrupt.h"
 
@@ -58,6 +60,18 @@ bool SetByFlag(const char* name, OptionSet* set, std::string* error) {
 
 constexpr int kBadInput = 1;
 
+// gflags reads a flag file to its end.
+bool CheckFlagFiles(const std::string& files, std::string* error) {
+  constexpr std::uint64_t kMaxSize = 1 << 20;
+  for (const std::string& file : SplitList(files)) {
+    std::string text;
+    if (!NameFlag("flagfile", ReadFile(file, &text, error, kMaxSize), error)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 // Rejects what gflags would print as it is.
 bool CheckArguments(int argc, char** argv, std::string* error) {
   constexpr size_t kMaxSize = 200;
@@ -69,13 +83,19 @@ bool CheckArguments(int argc, char** argv, std::string* error) {
         });
     const size_t begin = argument.find_first_not_of('-');
     const bool is_flag = begin == 1 || begin == 2;
+    const size_t equals = std::min(argument.find('='), argument.size());
+    const std::string name =
+        is_flag ? argument.substr(begin, equals - begin) : "";
     gflags::CommandLineFlagInfo flag;
-    const bool is_text =
-        is_flag &&
-        gflags::GetCommandLineFlagInfo(
-            argument.substr(begin, argument.find('=') - begin).c_str(),
-            &flag) &&
-        flag.type == "string";
+    const bool is_text = gflags::GetCommandLineFlagInfo(name.c_str(), &flag) &&
+                         flag.type == "string";
+    if (name == "flagfile" &&
+        !CheckFlagFiles(equals < argument.size() ? argument.substr(equals + 1)
+                        : i + 1 < argc           ? argv[i + 1]
+                                                 : "",
+                        error)) {
+      return false;
+    }
     if (has_control_character) {
       *error = "has a control character";
     } else if (is_flag && !is_text && argument.size() > kMaxSize) {
@@ -150,9 +170,9 @@ int RunProgram(int argc,
   // Ceres warns of every restart of nonlinear conjugate gradients.
   FLAGS_minloglevel = google::GLOG_ERROR;
   std::string error;
+  gflags::SetArgv(argc, const_cast<const char**>(argv));  // for Warn
   if (!CheckArguments(argc, argv, &error)) {
-    std::cerr << std::filesystem::path(argv[0]).filename().string() << ": "
-              << error << "\n";
+    Warn(error);
     return kBadInput;
   }
   gflags::SetUsageMessage(

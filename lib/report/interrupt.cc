@@ -34,7 +34,7 @@ extern "C" void HandleInterrupt(int signal_number) {
   first_signal = signal_number;
   constexpr std::string_view kMessage =
       "\nending after the current step; a second signal ends at once, without "
-      "results\n";
+      "tables\n";
   if (owner == getpid() &&
       write(STDERR_FILENO, kMessage.data(), kMessage.size()) < 0) {
     // Nobody reads it.

@@ -104,6 +104,8 @@ TEST_F(OutputProgram, PipesAndDevicesAreNoInput) {
       ExpectRefused({"--problem=toy_network", flag + path},
                     {"cannot read " + path + ": not a regular file"});
     }
+    ExpectRefused({"--flagfile=" + path}, {"--flagfile: cannot read " + path});
+    ExpectRefused({"--flagfile", path}, {"--flagfile: cannot read " + path});
   }
   const Output output =
       Wait(StartProgram("estimate", {"--input=" + Path("pipe.g2o")}));
@@ -124,6 +126,7 @@ TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
       {"--problem=" + large, "unknown problem 'xxx"},
       {"--output=" + large, "File name too long"},
       {"--init_weights=" + large, "File name too long"},
+      {"--flagfile=" + large, "File name too long"},
       {"--dump_step=" + large, "File name too long"},
       {"--hidden=" + large, "hidden=xxx"},
       {"--seeds=" + large, "seed=xxx"},
@@ -183,7 +186,7 @@ TEST_F(OutputProgram, ASignalEndsAPathAndKeepsIt) {
   EXPECT_TRUE(fs::exists(Path("run/table.txt")));
 }
 
-// With less address space than a problem's data need, an allocation fails.
+// In less address space than the file has bytes.
 TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
   std::ofstream(Path("x.npy")) << "x";
   fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse

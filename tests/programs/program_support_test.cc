@@ -1,7 +1,11 @@
 // What the programs share: lists on the command line and names of files.
 
+#include <cstdlib>
+#include <filesystem>
 #include <limits>
+#include <new>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "bin/support/program.h"
@@ -59,6 +63,46 @@ TEST(ParseNumbers, TakesPositiveNumbersAndNone) {
     SCOPED_TRACE(text);
     EXPECT_FALSE(ParseNumbers(text, &numbers, &error));
   }
+}
+
+// Runs a program without arguments, and ends with its exit code.
+void ExitAs(bool (*run)(RunCounts* counts, std::string* error)) {
+  setenv("OPENBLAS_CORETYPE", "set", 1);  // so that it does not start again
+  std::string name = "program";
+  char* arguments[] = {name.data(), nullptr};
+  char** argv = arguments;
+  std::exit(RunProgram(1, argv, "does nothing", run));
+}
+
+TEST(RunProgramDeathTest, ExceptionsAreMessages) {
+  EXPECT_EXIT(
+      ExitAs([](RunCounts*, std::string*) -> bool { throw std::bad_alloc(); }),
+      testing::ExitedWithCode(1),
+      "program: there is not enough memory");
+  EXPECT_EXIT(ExitAs([](RunCounts*, std::string*) -> bool {
+                throw std::filesystem::filesystem_error("the path",
+                                                        std::error_code());
+              }),
+              testing::ExitedWithCode(1),
+              "program: .*the path");
+}
+
+TEST(RunProgramDeathTest, TheCountsAreTheExitCode) {
+  EXPECT_EXIT(ExitAs([](RunCounts*, std::string*) { return true; }),
+              testing::ExitedWithCode(0),
+              "");
+  EXPECT_EXIT(ExitAs([](RunCounts* counts, std::string*) {
+                *counts = {2, 1};
+                return true;
+              }),
+              testing::ExitedWithCode(2),
+              "");
+  EXPECT_EXIT(ExitAs([](RunCounts* counts, std::string*) {
+                *counts = {0, 3};
+                return true;
+              }),
+              testing::ExitedWithCode(3),
+              "program: no run worked");
 }
 
 TEST(RunOutput, FileNamesHaveNoSpecialCharacters) {

@@ -19,7 +19,7 @@ TEST(Interrupt, TheFirstSignalOnlySetsTheFlag) {
     std::raise(signal_number);
     EXPECT_EQ(testing::internal::GetCapturedStderr(),
               "\nending after the current step; a second signal ends at once, "
-              "without results\n");
+              "without tables\n");
     EXPECT_EQ(Interrupt::Signal(), signal_number);
   }
   EXPECT_TRUE(Interrupt::IsRequested());  // also after its end

@@ -36,61 +36,6 @@ std::FILE* OpenTemporary(const std::string& path, std::string* temporary) {
   return file;
 }
 
-// A regular file, open for reading.
-class InputFile {
- public:
-  InputFile(const std::string& path, std::string* error)
-      : path_(path),
-        error_(error),
-        // Does not wait for the writer of a pipe.
-        file_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)) {
-    struct stat status = {};
-    if (file_ < 0 || fstat(file_, &status) != 0) {
-      is_good_ = Fail(Reason(errno));
-    } else if (!S_ISREG(status.st_mode)) {
-      is_good_ = Fail("not a regular file");
-    }
-    size_ = status.st_size;
-  }
-  InputFile(const InputFile&) = delete;
-  InputFile& operator=(const InputFile&) = delete;
-  ~InputFile() {
-    if (file_ >= 0) close(file_);
-  }
-
-  bool is_good() const { return is_good_; }
-  std::uint64_t size() const { return size_; }
-
-  // Reads up to the end, but at most max_size bytes.
-  bool Read(std::uint64_t max_size, std::string* bytes) const {
-    bytes->reserve(std::min(size_, max_size));
-    char buffer[1 << 16];
-    while (bytes->size() < max_size) {
-      const ssize_t count = read(
-          file_,
-          buffer,
-          std::min<std::uint64_t>(sizeof(buffer), max_size - bytes->size()));
-      if (count < 0 && errno == EINTR) continue;
-      if (count < 0) return Fail(Reason(errno));
-      if (count == 0) break;
-      bytes->append(buffer, count);
-    }
-    return true;
-  }
-
-  bool Fail(const std::string& reason) const {
-    *error_ = fmt::format("cannot read {}: {}", path_, reason);
-    return false;
-  }
-
- private:
-  const std::string& path_;
-  std::string* error_;
-  const int file_;
-  bool is_good_ = true;
-  std::uint64_t size_ = 0;
-};
-
 }  // namespace
 
 bool WriteFile(const std::string& path,
@@ -141,25 +86,31 @@ bool ReadFile(const std::string& path,
               std::string* bytes,
               std::string* error,
               std::uint64_t max_size) {
-  InputFile file(path, error);
-  if (!file.is_good()) return false;
-  if (file.size() > max_size) {
-    return file.Fail(fmt::format(
-        "it has {} bytes; at most {} are allowed", file.size(), max_size));
-  }
-  if (!FitsInMemory(fmt::format("cannot read {}: it", path),
-                    {{"its bytes", static_cast<double>(file.size())}},
-                    /*limit=*/0.0,
-                    error)) {
+  std::string all;
+  std::uint64_t size = 0;
+  if (!ReadBeginning(path, 0, &all, &size, error)) return false;
+  if (size > max_size) {
+    *error =
+        fmt::format("cannot read {}: it has {} bytes; at most {} are allowed",
+                    path,
+                    size,
+                    max_size);
     return false;
   }
   // A file of the system may have no size, or no end.
   constexpr std::uint64_t kMinLimit = 1 << 20;
-  const std::uint64_t limit =
-      std::min(max_size, std::max(file.size(), kMinLimit));
-  std::string all;
-  if (!file.Read(limit + 1, &all)) return false;
-  if (all.size() > limit) return file.Fail("it is longer than its size says");
+  const std::uint64_t limit = std::min(max_size, std::max(size, kMinLimit));
+  if (!FitsInMemory(fmt::format("cannot read {}: it", path),
+                    {{"its bytes", static_cast<double>(size)}},
+                    /*limit=*/0.0,
+                    error) ||
+      !ReadBeginning(path, limit + 1, &all, &size, error)) {
+    return false;
+  }
+  if (all.size() > limit) {
+    *error = fmt::format("cannot read {}: it has no end, or grows", path);
+    return false;
+  }
   *bytes = std::move(all);
   return true;
 }
@@ -169,11 +120,34 @@ bool ReadBeginning(const std::string& path,
                    std::string* bytes,
                    std::uint64_t* file_size,
                    std::string* error) {
-  InputFile file(path, error);
-  std::string beginning;
-  if (!file.is_good() || !file.Read(max_size, &beginning)) return false;
+  // Does not wait for the writer of a pipe.
+  const int file = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  struct stat status = {};
+  std::string beginning, failure;
+  if (file < 0 || fstat(file, &status) != 0) {
+    failure = Reason(errno);
+  } else if (!S_ISREG(status.st_mode)) {
+    failure = "not a regular file";
+  } else {
+    beginning.reserve(std::min<std::uint64_t>(status.st_size, max_size));
+  }
+  for (ssize_t count = 1;
+       failure.empty() && count != 0 && beginning.size() < max_size;) {
+    char buffer[1 << 16];
+    count = read(
+        file,
+        buffer,
+        std::min<std::uint64_t>(sizeof(buffer), max_size - beginning.size()));
+    if (count > 0) beginning.append(buffer, count);
+    if (count < 0 && errno != EINTR) failure = Reason(errno);
+  }
+  if (file >= 0) close(file);
+  if (!failure.empty()) {
+    *error = fmt::format("cannot read {}: {}", path, failure);
+    return false;
+  }
   *bytes = std::move(beginning);
-  *file_size = file.size();
+  *file_size = status.st_size;
   return true;
 }
 
