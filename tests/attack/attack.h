@@ -22,7 +22,10 @@ namespace invgrad {
 // The random choices of a case.
 class Dice {
  public:
-  explicit Dice(std::uint64_t seed) : random_(seed) {}
+  explicit Dice(std::uint64_t seed) : seed_(seed), random_(seed) {}
+
+  // Counts the cases: the next one has the next number.
+  std::uint64_t seed() const { return seed_; }
 
   // In [0, count).
   int Below(int count) {
@@ -37,6 +40,7 @@ class Dice {
   }
 
  private:
+  const std::uint64_t seed_;
   std::mt19937_64 random_;
 };
 

@@ -118,6 +118,7 @@ std::vector<CommandLineRow> MakeRows() {
        "$C --output=o --resume",
        0,
        "steps done"},
+      {"", "accuracy --problems=toy_network --train_steps=1", 0, "J 512 x 30"},
       // Methods that fail.
       {"", "$E --input=in.dat --methods=adam:step_size=1e300", 3, "failed"},
       {"", "$C --rules=adam,supervised --output=o", 2, "supervised"},
@@ -161,7 +162,6 @@ std::vector<std::string> MakeGarbage() {
           "-1",
           "0",
           "-2147483649",
-          "2147483647",
           "2147483648",
           "9223372036854775807",
           "9223372036854775808",

@@ -1,5 +1,5 @@
-// Random small runs of the programs: every method of the tables, in phases,
-// with and without shuffling.
+// Random small runs of the programs: every method of the tables, with schedules
+// and in phases, with and without shuffling.
 #ifndef INVGRAD_TESTS_ATTACK_RUNS_H_
 #define INVGRAD_TESTS_ATTACK_RUNS_H_
 
