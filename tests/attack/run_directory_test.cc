@@ -1,7 +1,6 @@
 // Run directories with damaged, lost, exchanged and strange files: a run that
 // goes on from one ends as it should, or refuses to.
 
-#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -16,8 +15,6 @@
 
 namespace invgrad {
 namespace run_directory_test {
-
-namespace fs = std::filesystem;
 
 // compare and sweep name the directories of their runs differently.
 Command Learning(const std::string& program,
