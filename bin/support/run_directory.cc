@@ -83,7 +83,7 @@ bool FindContents(const fs::path& directory,
   }
   std::istringstream lines(names);
   for (std::string line; std::getline(lines, line);) {
-    contents->listed.insert(line);
+    if (!line.empty()) contents->listed.insert(line);
   }
   files.insert(contents->listed.begin(), contents->listed.end());
   std::set<std::string> folders;
@@ -99,7 +99,9 @@ bool FindContents(const fs::path& directory,
     const bool is_folder =  // a link is none
         entry->symlink_status(failure).type() == fs::file_type::directory;
     const std::string name = entry->path().lexically_relative(directory);
-    const bool is_known = (is_folder ? folders : files).count(name) > 0;
+    // An empty folder is of a run that was killed before the first file in it.
+    const bool is_known = (is_folder ? folders : files).count(name) > 0 ||
+                          (is_folder && fs::is_empty(*entry, failure));
     if (!is_known) entry.disable_recursion_pending();
     const bool is_temporary =
         !is_folder && files.count(TargetOfTemporary(name)) > 0;
