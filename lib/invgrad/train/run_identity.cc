@@ -6,6 +6,7 @@
 #include "fmt/format.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/blas_kernels.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/train/train.h"
 #include "invgrad/version.h"
@@ -83,7 +84,8 @@ std::string RunIdentity::Difference(const std::string& text) const {
     if (!has_before) line_before = "none";
     if (!has_now) line_now = "none";
     if (line_before != line_now) {
-      return fmt::format("{}, now {}", line_before, line_now);
+      return fmt::format(
+          "{}, now {}", Printable(line_before), Printable(line_now));
     }
   }
   return "";
