@@ -146,6 +146,22 @@ TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
 TEST_F(OutputProgram, NumbersThatDoNotFitAreOutOfRange) {
   ExpectRefused({"--seeds=2147483648"},
                 {"seed=2147483648 is out of the range of 32 bits; allowed: "
+TEST_F(OutputProgram, AValueBesideItsFlagIsEchoedShortToo) {
+  const std::string large(100000, '1');
+  for (const auto& [flag, message] :
+       {std::pair("--steps", "too long for a flag without text"),
+        std::pair("--seconds", "too long for a flag without text"),
+        std::pair("--rules", "unknown rule '111")}) {
+    SCOPED_TRACE(flag);
+    std::vector<std::string> arguments = SmallRun(flag);
+    arguments.push_back(large);
+    const Output output = Run(arguments);
+    EXPECT_EQ(output.exit_code, 1);
+    EXPECT_LT(output.text.size(), 5000u);
+    ExpectSays(output, {message});
+  }
+}
+
                  "integer in [0, "});
   ExpectRefused({"--rules=krylov:iterations=2147483648"},
                 {"iterations=2147483648 is out of the range of 32 bits"});
