@@ -17,6 +17,7 @@ bool LinearizeAfterTraining(const LearningProblem& problem,
                             std::string* error) {
   const Model& model = *problem.model;
   if (batch_size == 0) batch_size = problem.batch_size;
+  if (batch_size == 0) batch_size = problem.train.num_samples();
   NumpyRandom random(0);
   TrainOptions options;
   options.initial_weights =
