@@ -205,6 +205,28 @@ TEST_F(OutputProgram, ASignalEndsAPathAndKeepsIt) {
 // In less address space than the file has bytes.
 TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
   std::ofstream(Path("x.npy")) << "x";
+// Estimates of more bytes than a file may have.
+TEST_F(OutputProgram, EstimatesThatCannotBeWrittenAreAFailure) {
+  std::ofstream graph(Path("chain.g2o"));
+  for (int i = 0; i < 500; ++i) {
+    graph << "VERTEX_SE2 " << i << " 0.1 0.1 0.1\n";
+    if (i > 0) {
+      graph << "EDGE_SE2 " << i - 1 << " " << i << " 1 0 0 1 0 0 1 0 1\n";
+    }
+  }
+  graph.close();
+  EXPECT_EQ(Shell("ulimit -f 8; trap \"\" XFSZ; {}/estimate --plots=false "
+                  "--methods=ceres_lm --max_iterations=2 --input=" +
+                  Path("chain.g2o") + " --output=" + Path("run") + " >&2"),
+            3);
+  const std::string text = ReadAll(Path("stderr"));
+  EXPECT_NE(text.find("no result file: cannot write "), std::string::npos)
+      << text;
+  EXPECT_NE(text.find("File too large"), std::string::npos) << text;
+  EXPECT_FALSE(fs::exists(Path("run/chain/ceres_lm.g2o")));
+  EXPECT_TRUE(fs::exists(Path("run/table.txt")));
+}
+
   fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse
   EXPECT_EQ(Shell("ulimit -v 4000000; {}/compare --problem=toy_network "
                   "--init_weights=" +
