@@ -186,8 +186,10 @@ bool Run(RunCounts* counts, std::string* error) {
     }
   }
   const std::string path = FLAGS_output_directory + "/step_cost";
-  return WriteFile(path + ".csv", csv, error) &&
-         WritePlots(path + ".png", panels, error);
+  return NameFlag("output_directory",
+                  WriteFile(path + ".csv", csv, error) &&
+                      WritePlots(path + ".png", panels, error),
+                  error);
 }
 
 }  // namespace

@@ -164,7 +164,9 @@ bool Run(RunCounts* counts, std::string* error) {
   if (!CheckFlags(
           {{"steps", {1.0}}, {"grid", {2.0, 1000.0}}, {"margin", {0.0, 100.0}}},
           error) ||
-      !CreateProblem(FLAGS_problem, nullptr, &problem, error) ||
+      !NameFlag("problem",
+                CreateProblem(FLAGS_problem, nullptr, &problem, error),
+                error) ||
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }

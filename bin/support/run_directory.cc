@@ -260,22 +260,27 @@ bool MakeRoom(const std::string& path,
   std::error_code failure;
   if (!fs::exists(path, failure)) return true;
   Contents contents;
-  if (!FindContents(path, &contents, error)) return false;
+  if (!NameFlag("output", FindContents(path, &contents, error), error)) {
+    return false;
+  }
+  gflags::CommandLineFlagInfo info;
+  const bool has_resume = gflags::GetCommandLineFlagInfo("resume", &info);
   const bool is_empty = contents.of_run.empty() && contents.foreign.empty();
   if (!is_empty && existing == ExistingDirectory::kRefuse) {
     gflags::CommandLineFlagInfo info;
     *error = fmt::format(
         "--output={} exists; give another directory, or --overwrite{}",
         path,
-        gflags::GetCommandLineFlagInfo("resume", &info)
-            ? ", or --resume to go on with its run"
-            : "");
+        has_resume ? ", or --resume to go on with its run" : "");
     return false;
   }
   if (!is_empty && existing == ExistingDirectory::kOverwrite) {
     return MayOverwrite(path, contents, error) && RemoveRun(contents, error);
   }
-  if (!is_empty && !IsSameRun(path + '/' + kFlagFile, identity, flags, error)) {
+  if (!is_empty &&
+      !NameFlag(has_resume ? "resume" : "output",
+                IsSameRun(path + '/' + kFlagFile, identity, flags, error),
+                error)) {
     return false;
   }
   ThisRun().files = contents.listed;
@@ -317,10 +322,7 @@ bool PrepareRunDirectory(const std::string& path,
   error->clear();
   ThisRun() = {path, {}};
   if (!MakeRoom(path, existing, identity, flags, error)) return false;
-  if (!MakeDirectories(path, error)) {
-    *error = "--output=" + *error;
-    return false;
-  }
+  if (!NameFlag("output", MakeDirectories(path, error), error)) return false;
   std::string files;
   for (const std::string& file : ThisRun().files) files += file + '\n';
   const std::string directory = path + '/';

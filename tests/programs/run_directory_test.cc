@@ -79,7 +79,7 @@ TEST(RunDirectory, WhatNoRunMadeIsLeftAlone) {
   // Where no directory can be made.
   EXPECT_FALSE(Prepare(
       folder / "file/run", ExistingDirectory::kRefuse, "--steps=1\n", &error));
-  EXPECT_NE(error.find("--output="), std::string::npos) << error;
+  EXPECT_EQ(error.rfind("--output: ", 0), 0u) << error;
 }
 
 constexpr auto kRefuse = ExistingDirectory::kRefuse;
