@@ -49,7 +49,6 @@ keeps the results so far.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/io/atomic_file.h"
 #include "report/interrupt.h"
 #include "report/progress.h"
 
@@ -138,8 +137,8 @@ ProgressState StateOf(const std::vector<ProcessStatus>& statuses,
 // Runs the jobs that are not done yet, and reads all results, one a job.
 std::vector<SweepRun> RunJobs(const SweepPlan& plan) {
   std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, "interrupted"});
-  int num_done = 0;
   std::vector<int> to_run;
+  int num_done = 0;
   for (size_t i = 0; i < plan.jobs.size(); ++i) {
     if (LoadRun(plan.jobs[i], &runs[i])) to_run.push_back(static_cast<int>(i));
     num_done += runs[i].result.has_value() ? 1 : 0;
@@ -147,8 +146,8 @@ std::vector<SweepRun> RunJobs(const SweepPlan& plan) {
   if (num_done > 0) {
     std::cout << num_done << " of " << plan.jobs.size()
               << " runs were done before" << std::endl;
-  const auto num_skipped = static_cast<int>(plan.jobs.size() - to_run.size());
   }
+  const auto num_skipped = static_cast<int>(plan.jobs.size() - to_run.size());
   std::vector<ProcessStatus> statuses;
   {
     Progress progress;
@@ -184,8 +183,7 @@ bool WriteResults(const SweepPlan& plan,
   const SweepResults results = FindBest(plan, runs, value);
   const Table table = SweepTable(results);
   std::cout << table.ToText();
-  if (!WriteFile(
-          RunFile(FLAGS_output + "/sweep.csv"), SweepCsv(results), error) ||
+  if (!WriteRunFile(FLAGS_output + "/sweep.csv", SweepCsv(results), error) ||
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;
   }

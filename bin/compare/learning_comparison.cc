@@ -300,8 +300,11 @@ bool CompareLearning(LearningProblem problem,
     return false;
   }
   const Interrupt interrupt;
-  if (!WriteNpy(RunFile(FLAGS_output + "/data.npy"), problem.data, error))
-    return false;
+  const auto write = [error](const std::string& name, const auto& numbers) {
+    const std::string path = FLAGS_output + '/' + name;
+    return ListRunFile(path, error) && WriteNpy(path, numbers, error);
+  };
+  if (!write("data.npy", problem.data)) return false;
   std::set<std::string> warned;
   std::vector<MethodResults> all;
   for (const Method& method : methods) {
@@ -310,10 +313,7 @@ bool CompareLearning(LearningProblem problem,
   }
   for (const int seed : seeds) {
     const Eigen::VectorXd weights = initial_weights(seed);
-    if (!WriteNpy(RunFile(fmt::format(
-                      "{}/initial_weights-seed{}.npy", FLAGS_output, seed)),
-                  weights,
-                  error)) {
+    if (!write(fmt::format("initial_weights-seed{}.npy", seed), weights)) {
       return false;
     }
     for (size_t i = 0; i < methods.size() && !Interrupt::IsRequested(); ++i) {
@@ -333,8 +333,7 @@ bool CompareLearning(LearningProblem problem,
   const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
   std::cout << table.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
-      !WriteFile(
-          RunFile(FLAGS_output + "/summary.csv"), SummaryCsv(all), error)) {
+      !WriteRunFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error)) {
     return false;
   }
   std::vector<const LearningRunResult*> medians;

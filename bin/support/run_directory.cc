@@ -1,6 +1,7 @@
 #include "bin/support/run_directory.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -10,6 +11,7 @@
 #include <set>
 #include <sstream>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "Eigen/Core"
@@ -83,7 +85,7 @@ bool FindContents(const fs::path& directory,
   }
   std::istringstream lines(names);
   for (std::string line; std::getline(lines, line);) {
-    contents->listed.insert(line);
+    if (!line.empty()) contents->listed.insert(line);
   }
   files.insert(contents->listed.begin(), contents->listed.end());
   std::set<std::string> folders;
@@ -99,7 +101,9 @@ bool FindContents(const fs::path& directory,
     const bool is_folder =  // a link is none
         entry->symlink_status(failure).type() == fs::file_type::directory;
     const std::string name = entry->path().lexically_relative(directory);
-    const bool is_known = (is_folder ? folders : files).count(name) > 0;
+    // An empty folder is of a run that was killed before the first file in it.
+    const bool is_known = (is_folder ? folders : files).count(name) > 0 ||
+                          (is_folder && fs::is_empty(*entry, failure));
     if (!is_known) entry.disable_recursion_pending();
     const bool is_temporary =
         !is_folder && files.count(TargetOfTemporary(name)) > 0;
@@ -267,7 +271,6 @@ bool MakeRoom(const std::string& path,
   const bool has_resume = gflags::GetCommandLineFlagInfo("resume", &info);
   const bool is_empty = contents.of_run.empty() && contents.foreign.empty();
   if (!is_empty && existing == ExistingDirectory::kRefuse) {
-    gflags::CommandLineFlagInfo info;
     *error = fmt::format(
         "--output={} exists; give another directory, or --overwrite{}",
         path,
@@ -350,16 +353,27 @@ bool PrepareRunDirectory(ExistingDirectory existing,
   return PrepareRunDirectory(FLAGS_output, existing, identity, flags, error);
 }
 
-std::string RunFile(const std::string& path) {
+bool ListRunFile(const std::string& path, std::string* error) {
   RunDirectory& run = ThisRun();
   const std::string directory = run.path + '/';
-  if (run.path.empty() || path.rfind(directory, 0) != 0) return path;
+  if (run.path.empty() || path.rfind(directory, 0) != 0) return true;
   const std::string name = path.substr(directory.size());
-  if (run.files.insert(name).second) {
-    // Unlisted, if this fails, a file is safe from --overwrite.
-    std::ofstream(directory + kFileList, std::ios::app) << name << '\n';
+  if (run.files.count(name) > 0) return true;
+  const std::string list = directory + kFileList;
+  std::ofstream file(list, std::ios::app);
+  if (!(file << name << '\n' << std::flush)) {
+    *error = fmt::format(
+        "cannot write {}: {}", list, std::generic_category().message(errno));
+    return false;
   }
-  return path;
+  run.files.insert(name);
+  return true;
+}
+
+bool WriteRunFile(const std::string& path,
+                  std::string_view bytes,
+                  std::string* error) {
+  return ListRunFile(path, error) && WriteFile(path, bytes, error);
 }
 
 bool MakeDirectories(const std::string& path, std::string* error) {
