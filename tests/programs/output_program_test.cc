@@ -229,7 +229,7 @@ TEST_F(OutputProgram, EstimatesThatCannotBeWrittenAreAFailure) {
 
 // In less address space than the file has bytes.
 TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
-  std::ofstream(Path("x.npy")) << "x";
+  std::ofstream(Path("x.npy")) << "VERTEX_SE2 0 0 0 0\n";
   fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse
   EXPECT_EQ(Shell("ulimit -v 4000000; {}/compare --problem=toy_network "
                   "--init_weights=" +
