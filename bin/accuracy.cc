@@ -54,7 +54,8 @@ double RelativeError(const VectorXd& d, const VectorXd& exact) {
 }
 
 void Measure(const Linearization& at_weights,
-             const std::vector<double>& truncations) {
+             const std::vector<double>& truncations,
+             RunCounts* counts) {
   const JacobianOperator& J = *at_weights.jacobian;
   const VectorXd& g = at_weights.loss_gradient;
   MatrixXd dense;
@@ -68,6 +69,7 @@ void Measure(const Linearization& at_weights,
   }
   LapackSvd<float> single;
   const bool converged = single.Compute(dense.cast<float>());
+  counts->Add(converged);
   Table table({{"tau"},
                {"rank"},
                {"route", Table::Align::kLeft},
@@ -86,6 +88,7 @@ void Measure(const Linearization& at_weights,
       by_svd.route = SpectralRoute::kSvd;
       if (!SpectralStep(J, g, filter, by_svd, &exact, &summary)) {
         Warn(summary.message);
+        counts->Add(false);
         continue;
       }
     }
@@ -98,7 +101,9 @@ void Measure(const Linearization& at_weights,
         options.tolerance = options.threshold_tolerance = kInfinity;
       }
       VectorXd d;
-      if (!SpectralStep(J, g, filter, options, &d, &summary)) return "refused";
+      const bool is_done = SpectralStep(J, g, filter, options, &d, &summary);
+      counts->Add(is_done);
+      if (!is_done) return "refused";
       std::string text = fmt::format(
           "{:.1e} ({:.0e})", RelativeError(d, exact), summary.estimated_error);
       if (summary.num_undecided > 0) {
@@ -123,7 +128,7 @@ void Measure(const Linearization& at_weights,
   std::cout << table.ToMarkdown() << "\n" << std::flush;
 }
 
-bool Run(RunCounts* /*counts*/, std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   std::vector<Specification> problems;
   std::vector<double> truncations;
   if (!ParseFlag("problems", ParseSpecifications, &problems, error) ||
@@ -160,7 +165,7 @@ bool Run(RunCounts* /*counts*/, std::string* error) {
                        at_weights.jacobian->rows(),
                        at_weights.jacobian->cols())
                 << std::flush;
-      Measure(at_weights, truncations);
+      Measure(at_weights, truncations, counts);
     }
   }
   return true;

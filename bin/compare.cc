@@ -120,8 +120,10 @@ bool Run(RunCounts* counts, std::string* error) {
   if (!CheckTrainingFlags(error) ||
       !CheckFlags({{"blas_threads", {1, 256}}}, error) ||
       (!FLAGS_data.empty() &&
-       (!ReadNpy(FLAGS_data, -1, -1, &data, error) ||
-        !CheckFinite("file " + FLAGS_data, data, error))) ||
+       !NameFlag("data",
+                 ReadNpy(FLAGS_data, -1, -1, &data, error) &&
+                     CheckFinite("file " + FLAGS_data, data, error),
+                 error)) ||
       !NameFlag("problem",
                 CreateProblem(FLAGS_problem,
                               FLAGS_data.empty() ? nullptr : &data,

@@ -154,7 +154,7 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
       }
     }
     input.estimation = ReadEstimation(file, options, error);
-    if (input.estimation == nullptr) return false;
+    if (!NameFlag("input", input.estimation != nullptr, error)) return false;
     inputs->push_back(std::move(input));
   }
   return true;

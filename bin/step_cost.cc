@@ -67,7 +67,9 @@ NetworkJacobian MakeJacobian(const Size& size) {
 
 // Seconds: the least of some steps, none but the first cold; of a single one if
 // it takes more than a second.
-double Measure(const JacobianOperator& J, SpectralRoute route) {
+double Measure(const JacobianOperator& J,
+               SpectralRoute route,
+               RunCounts* counts) {
   using Clock = std::chrono::steady_clock;
   const Eigen::VectorXd g = Eigen::VectorXd::Ones(J.rows());
   SpectralStepOptions options;
@@ -81,15 +83,15 @@ double Measure(const JacobianOperator& J, SpectralRoute route) {
   double total = 0.0;
   for (int i = 0; i < 20 && (i < 2 || total < 1.0); ++i) {
     const Clock::time_point start = Clock::now();
-    if (!SpectralStep(J,
-                      g,
-                      SpectralFilter::HalfInverse(1e-4),
-                      options,
-                      &workspace,
-                      &d,
-                      &summary)) {
-      Warn(summary.message);
-    }
+    const bool is_done = SpectralStep(J,
+                                      g,
+                                      SpectralFilter::HalfInverse(1e-4),
+                                      options,
+                                      &workspace,
+                                      &d,
+                                      &summary);
+    counts->Add(is_done);
+    if (!is_done) Warn(summary.message);
     const double seconds =
         std::chrono::duration<double>(Clock::now() - start).count();
     if (i == 0 && seconds > 1.0 && route == SpectralRoute::kSvd) return seconds;
@@ -105,14 +107,15 @@ Series MeasureCurve(SpectralRoute route,
                     const std::vector<Size>& sizes,
                     bool by_weights,
                     double most_seconds,
-                    std::string* csv) {
+                    std::string* csv,
+                    RunCounts* counts) {
   const std::string name = SpectralRouteName(route);
   Series curve;
   curve.style = Series::Style::kLinesAndPoints;
   for (const Size& size : sizes) {
     const NetworkJacobian J = MakeJacobian(size);
     curve.x.push_back(by_weights ? J.cols() : J.rows());
-    curve.y.push_back(Measure(J, route));
+    curve.y.push_back(Measure(J, route, counts));
     const std::string line = fmt::format("{},{},{},{},{:.6g}\n",
                                          by_weights ? "n" : "m",
                                          name,
@@ -141,7 +144,8 @@ Plot MeasurePanel(const std::string& title,
                   const std::string& x_label,
                   const std::vector<Size>& sizes,
                   bool by_weights,
-                  std::string* csv) {
+                  std::string* csv,
+                  RunCounts* counts) {
   Plot plot;
   plot.title = title;
   plot.x_label = x_label;
@@ -152,12 +156,12 @@ Plot MeasurePanel(const std::string& title,
        {std::pair(SpectralRoute::kGram, 1e9),
         std::pair(SpectralRoute::kSvd, FLAGS_svd_seconds)}) {
     plot.series.push_back(
-        MeasureCurve(route, sizes, by_weights, most_seconds, csv));
+        MeasureCurve(route, sizes, by_weights, most_seconds, csv, counts));
   }
   return plot;
 }
 
-bool Run(RunCounts* /*counts*/, std::string* error) {
+bool Run(RunCounts* counts, std::string* error) {
   if (!CheckFlags({{"largest_width", {30.0}}, {"largest_batch", {4.0}}},
                   error)) {
     return false;
@@ -174,16 +178,18 @@ bool Run(RunCounts* /*counts*/, std::string* error) {
   std::string csv = "against,route,m,n,seconds\n";
   std::cout << csv;
   const std::vector<Plot> panels = {
-      MeasurePanel("m = 1,024", "weights n", by_weights, true, &csv),
-      MeasurePanel("n = 66,064", "rows m", by_rows, false, &csv)};
+      MeasurePanel("m = 1,024", "weights n", by_weights, true, &csv, counts),
+      MeasurePanel("n = 66,064", "rows m", by_rows, false, &csv, counts)};
   for (const Plot& panel : panels) {
     for (const Series& curve : panel.series) {
       std::cout << panel.x_label << ", " << curve.title << "\n";
     }
   }
   const std::string path = FLAGS_output_directory + "/step_cost";
-  return WriteFile(path + ".csv", csv, error) &&
-         WritePlots(path + ".png", panels, error);
+  return NameFlag("output_directory",
+                  WriteFile(path + ".csv", csv, error) &&
+                      WritePlots(path + ".png", panels, error),
+                  error);
 }
 
 }  // namespace

@@ -49,7 +49,6 @@ keeps the results so far.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/io/atomic_file.h"
 #include "report/interrupt.h"
 #include "report/progress.h"
 
@@ -83,15 +82,21 @@ LearningRunOptions OptionsOf(const SweepJob& job) {
   return options;
 }
 
-// Reads the run of a job if it is done. Returns false if its files are damaged.
-bool LoadRun(const SweepJob& job, SweepRun* run, std::string* error) {
+// Reads the run of a job if it is done. Returns whether the job is to run: not
+// if its files are damaged or of another run, which it leaves as they are.
+bool LoadRun(const SweepJob& job, SweepRun* run) {
   LearningRunResult result;
-  const bool is_complete =
-      LoadCompleteRun(*job.problem, job.method, OptionsOf(job), &result, error);
-  if (!error->empty()) return false;
+  std::string error;
+  const bool is_complete = LoadCompleteRun(
+      *job.problem, job.method, OptionsOf(job), &result, &error);
+  if (!error.empty()) {
+    run->status = "damaged: " + error;
+    Warn(job.name + ": " + run->status);
+    return false;
+  }
   if (!result.summary.message.empty()) run->status = result.summary.message;
   if (is_complete) run->result = std::move(result);
-  return true;
+  return !is_complete;
 }
 
 bool RunJob(const SweepJob& job, std::string* error) {
@@ -129,21 +134,20 @@ ProgressState StateOf(const std::vector<ProcessStatus>& statuses,
   return state;
 }
 
-// Runs the jobs that are not done yet, and reads all results.
-bool RunJobs(const SweepPlan& plan,
-             std::vector<SweepRun>* runs,
-             std::string* error) {
-  runs->assign(plan.jobs.size(), {std::nullopt, "interrupted"});
+// Runs the jobs that are not done yet, and reads all results, one a job.
+std::vector<SweepRun> RunJobs(const SweepPlan& plan) {
+  std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, "interrupted"});
   std::vector<int> to_run;
+  int num_done = 0;
   for (size_t i = 0; i < plan.jobs.size(); ++i) {
-    if (!LoadRun(plan.jobs[i], &(*runs)[i], error)) return false;
-    if (!(*runs)[i].result.has_value()) to_run.push_back(static_cast<int>(i));
+    if (LoadRun(plan.jobs[i], &runs[i])) to_run.push_back(static_cast<int>(i));
+    num_done += runs[i].result.has_value() ? 1 : 0;
   }
-  const auto num_skipped = static_cast<int>(plan.jobs.size() - to_run.size());
-  if (num_skipped > 0) {
-    std::cout << num_skipped << " of " << plan.jobs.size()
+  if (num_done > 0) {
+    std::cout << num_done << " of " << plan.jobs.size()
               << " runs were done before" << std::endl;
   }
+  const auto num_skipped = static_cast<int>(plan.jobs.size() - to_run.size());
   std::vector<ProcessStatus> statuses;
   {
     Progress progress;
@@ -159,16 +163,16 @@ bool RunJobs(const SweepPlan& plan,
   }
   for (size_t i = 0; i < to_run.size(); ++i) {
     const SweepJob& job = plan.jobs[to_run[i]];
-    SweepRun& run = (*runs)[to_run[i]];
+    SweepRun& run = runs[to_run[i]];
     if (statuses[i].state == ProcessStatus::State::kFailed ||
         statuses[i].state == ProcessStatus::State::kCrashed) {
       run.status = "not run: " + statuses[i].message;
       Warn(job.name + ": " + statuses[i].message);
-    } else if (!LoadRun(job, &run, error)) {
-      return false;
+    } else {
+      LoadRun(job, &run);
     }
   }
-  return true;
+  return runs;
 }
 
 bool WriteResults(const SweepPlan& plan,
@@ -179,8 +183,7 @@ bool WriteResults(const SweepPlan& plan,
   const SweepResults results = FindBest(plan, runs, value);
   const Table table = SweepTable(results);
   std::cout << table.ToText();
-  if (!WriteFile(
-          RunFile(FLAGS_output + "/sweep.csv"), SweepCsv(results), error) ||
+  if (!WriteRunFile(FLAGS_output + "/sweep.csv", SweepCsv(results), error) ||
       !WriteTable(FLAGS_output + "/table", table, error)) {
     return false;
   }
@@ -236,9 +239,7 @@ bool Run(RunCounts* counts, std::string* error) {
         job.method, job.batch_size, job.problem->train.num_samples(), &warned);
   }
   const Interrupt interrupt;
-  std::vector<SweepRun> runs;
-  return RunJobs(plan, &runs, error) &&
-         WriteResults(plan, runs, value, counts, error);
+  return WriteResults(plan, RunJobs(plan), value, counts, error);
 }
 
 }  // namespace

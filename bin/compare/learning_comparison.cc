@@ -197,8 +197,8 @@ bool DumpStep(const LearningProblem& problem,
     return false;
   }
   if (failure) {
-    *error = "--dump_step=" + FLAGS_dump_step + ": " + failure.message();
-    return false;
+    *error = FLAGS_dump_step + ": " + failure.message();
+    return NameFlag("dump_step", false, error);
   }
   const Model& model = *problem.model;
   for (const Method& method : methods) {
@@ -221,15 +221,15 @@ bool DumpStep(const LearningProblem& problem,
     at_weights.jacobian->ToDense(&J);
     y.transposeInPlace();
     const std::string folder = FLAGS_dump_step + "/" + FileName(method.label);
-    if (!MakeDirectories(folder, error) ||
-        !WriteNpy(folder + "/weights.npy", weights, error) ||
-        !WriteNpy(folder + "/outputs.npy", y, error) ||
-        !WriteNpy(folder + "/J.npy", J, error) ||
-        !WriteNpy(folder + "/g.npy", at_weights.loss_gradient, error) ||
-        !WriteNpy(folder + "/gradient.npy", at_weights.gradient, error) ||
-        !WriteNpy(folder + "/step.npy", step, error)) {
-      return false;
-    }
+    const bool is_written =
+        MakeDirectories(folder, error) &&
+        WriteNpy(folder + "/weights.npy", weights, error) &&
+        WriteNpy(folder + "/outputs.npy", y, error) &&
+        WriteNpy(folder + "/J.npy", J, error) &&
+        WriteNpy(folder + "/g.npy", at_weights.loss_gradient, error) &&
+        WriteNpy(folder + "/gradient.npy", at_weights.gradient, error) &&
+        WriteNpy(folder + "/step.npy", step, error);
+    if (!NameFlag("dump_step", is_written, error)) return false;
     std::cout << "wrote " << folder << "\n";
   }
   return true;
@@ -262,11 +262,14 @@ bool CompareLearning(LearningProblem problem,
   }
   Eigen::VectorXd given_weights;
   if ((!FLAGS_init_weights.empty() &&
-       (!ReadNpy(FLAGS_init_weights,
-                 problem.model->num_weights(),
-                 &given_weights,
-                 error) ||
-        !CheckFinite("file " + FLAGS_init_weights, given_weights, error))) ||
+       !NameFlag(
+           "init_weights",
+           ReadNpy(FLAGS_init_weights,
+                   problem.model->num_weights(),
+                   &given_weights,
+                   error) &&
+               CheckFinite("file " + FLAGS_init_weights, given_weights, error),
+           error)) ||
       !CheckBatches(problem, methods, FLAGS_batch_size, error)) {
     return false;
   }
@@ -297,8 +300,11 @@ bool CompareLearning(LearningProblem problem,
     return false;
   }
   const Interrupt interrupt;
-  if (!WriteNpy(RunFile(FLAGS_output + "/data.npy"), problem.data, error))
-    return false;
+  const auto write = [error](const std::string& name, const auto& numbers) {
+    const std::string path = FLAGS_output + '/' + name;
+    return ListRunFile(path, error) && WriteNpy(path, numbers, error);
+  };
+  if (!write("data.npy", problem.data)) return false;
   std::set<std::string> warned;
   std::vector<MethodResults> all;
   for (const Method& method : methods) {
@@ -307,10 +313,7 @@ bool CompareLearning(LearningProblem problem,
   }
   for (const int seed : seeds) {
     const Eigen::VectorXd weights = initial_weights(seed);
-    if (!WriteNpy(RunFile(fmt::format(
-                      "{}/initial_weights-seed{}.npy", FLAGS_output, seed)),
-                  weights,
-                  error)) {
+    if (!write(fmt::format("initial_weights-seed{}.npy", seed), weights)) {
       return false;
     }
     for (size_t i = 0; i < methods.size() && !Interrupt::IsRequested(); ++i) {
@@ -330,8 +333,7 @@ bool CompareLearning(LearningProblem problem,
   const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
   std::cout << table.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
-      !WriteFile(
-          RunFile(FLAGS_output + "/summary.csv"), SummaryCsv(all), error)) {
+      !WriteRunFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error)) {
     return false;
   }
   std::vector<const LearningRunResult*> medians;

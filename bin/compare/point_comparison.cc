@@ -89,8 +89,8 @@ bool WriteFinalStates(const PointProblem& problem,
       const Eigen::MatrixXd& reference = panels->front().heat_map->z;
       map.z_range = {reference.minCoeff(), reference.maxCoeff()};
     }
-    return WriteNpy(
-        RunFile(fmt::format("{}/x-{}.npy", FLAGS_output, file)), x, error);
+    const std::string path = fmt::format("{}/x-{}.npy", FLAGS_output, file);
+    return ListRunFile(path, error) && WriteNpy(path, x, error);
   };
   if (problem.minimizer.has_value() && !add("x*", "true", *problem.minimizer)) {
     return false;
@@ -188,8 +188,8 @@ bool WritePathCsv(const std::string& prefix,
     }
     csv += fmt::format("\n{},{:.17g}", k, fmt::join(row, ","));
   }
-  return WriteFile(
-      RunFile(prefix + FileName(path.label) + ".csv"), csv + '\n', error);
+  return WriteRunFile(
+      prefix + FileName(path.label) + ".csv", csv + '\n', error);
 }
 
 bool ComparePoint(const PointProblem& problem,

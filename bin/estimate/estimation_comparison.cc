@@ -13,7 +13,6 @@
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "invgrad/core/blas.h"
-#include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/method_minimization.h"
@@ -200,12 +199,13 @@ bool RunFrom(int start,
     estimation->Draw(method.label, &panels);
     AddCosts(method.label, summary, &costs);
     const std::string file = folder + "/" + FileName(method.label);
-    if (!WriteFile(RunFile(file + ".csv"), IterationsCsv(summary), error)) {
+    const std::string result = file + estimation->traits().extension;
+    if (!WriteRunFile(file + ".csv", IterationsCsv(summary), error) ||
+        !ListRunFile(result, error)) {
       return false;
     }
     // If estimates are not finite, the other runs continue.
-    if (!estimation->Write(RunFile(file + estimation->traits().extension),
-                           &why)) {
+    if (!estimation->Write(result, &why)) {
       Warn(why);
       row.status += "; no result file: " + why;
       row.has_failed = true;
@@ -379,9 +379,9 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   std::cout << table.ToText() << "\n" << summary.ToText();
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       !WriteTable(FLAGS_output + "/summary", summary, error) ||
-      !WriteFile(RunFile(FLAGS_output + "/results.csv"),
-                 EstimationTable(runs.rows, /*is_exact=*/true).ToCsv(),
-                 error)) {
+      !WriteRunFile(FLAGS_output + "/results.csv",
+                    EstimationTable(runs.rows, /*is_exact=*/true).ToCsv(),
+                    error)) {
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";

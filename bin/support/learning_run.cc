@@ -7,6 +7,7 @@
 
 #include "bin/support/learning_run_files.h"
 #include "bin/support/program.h"
+#include "bin/support/run_directory.h"
 #include "fmt/core.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
@@ -149,13 +150,10 @@ bool RunLearning(const LearningProblem& problem,
                  const LearningRunOptions& options,
                  LearningRunResult* result,
                  std::string* error) {
-  std::error_code failure;
-  std::filesystem::create_directories(options.directory, failure);
-  if (failure) {
-    *error = options.directory + ": " + failure.message();
+  if (!ListRunFiles(options.directory, error) ||
+      !MakeDirectories(options.directory, error)) {
     return false;
   }
-  ListRunFiles(options.directory);
   const DenseNetwork& network = problem.model->network();
   std::vector<std::vector<NeuronStatistics>> neurons;
   std::vector<Eigen::VectorXd> sample_path;
@@ -190,6 +188,7 @@ bool RunLearning(const LearningProblem& problem,
       *problem.model, {problem.train, problem.test}, method, train_options);
   *error = run.error();
   if (!error->empty()) return false;
+  std::error_code failure;
   // Files of a shorter run that is resumed, not results of this run.
   for (const char* name : {"/result.txt", "/sample_path.csv"}) {
     std::filesystem::remove(options.directory + name, failure);

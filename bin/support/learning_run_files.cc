@@ -110,7 +110,7 @@ bool ParseResultText(const std::string& text,
 
 }  // namespace
 
-void ListRunFiles(const std::string& directory) {
+bool ListRunFiles(const std::string& directory, std::string* error) {
   for (const char* name : {"/history.csv",
                            "/weights.npy",
                            "/network.txt",
@@ -118,8 +118,9 @@ void ListRunFiles(const std::string& directory) {
                            "/sample_path.csv",
                            "/result.txt",
                            "/checkpoint"}) {
-    RunFile(directory + name);
+    if (!ListRunFile(directory + name, error)) return false;
   }
+  return true;
 }
 
 bool WriteRunFiles(const std::string& directory,

@@ -11,7 +11,7 @@
 namespace invgrad {
 
 // Adds all of them to the files of the program's run (run_directory.h).
-void ListRunFiles(const std::string& directory);
+bool ListRunFiles(const std::string& directory, std::string* error);
 
 // Writes all but the checkpoint; no result.txt if the run was interrupted.
 bool WriteRunFiles(const std::string& directory,

@@ -75,6 +75,7 @@ bool CheckFlagFiles(const std::string& files, std::string* error) {
 // Rejects what gflags would print as it is.
 bool CheckArguments(int argc, char** argv, std::string* error) {
   constexpr size_t kMaxSize = 200;
+  bool is_value = false;  // of the argument before, a flag without text
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     const bool has_control_character =
@@ -87,8 +88,9 @@ bool CheckArguments(int argc, char** argv, std::string* error) {
     const std::string name =
         is_flag ? argument.substr(begin, equals - begin) : "";
     gflags::CommandLineFlagInfo flag;
-    const bool is_text = gflags::GetCommandLineFlagInfo(name.c_str(), &flag) &&
-                         flag.type == "string";
+    const bool is_known = gflags::GetCommandLineFlagInfo(name.c_str(), &flag);
+    const bool is_text = is_known && flag.type == "string";
+    const bool is_short = argument.size() <= kMaxSize;
     if (name == "flagfile" &&
         !CheckFlagFiles(equals < argument.size() ? argument.substr(equals + 1)
                         : i + 1 < argc           ? argv[i + 1]
@@ -98,9 +100,11 @@ bool CheckArguments(int argc, char** argv, std::string* error) {
     }
     if (has_control_character) {
       *error = "has a control character";
-    } else if (is_flag && !is_text && argument.size() > kMaxSize) {
+    } else if (!is_short && (is_value || (is_flag && !is_text))) {
       *error = "is too long for a flag without text";
     } else {
+      is_value = is_known && !is_text && flag.type != "bool" &&
+                 equals == argument.size();
       continue;
     }
     *error = fmt::format("the argument '{}' {}", Printable(argument), *error);

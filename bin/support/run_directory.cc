@@ -1,6 +1,7 @@
 #include "bin/support/run_directory.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -10,6 +11,7 @@
 #include <set>
 #include <sstream>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "Eigen/Core"
@@ -262,22 +264,26 @@ bool MakeRoom(const std::string& path,
   std::error_code failure;
   if (!fs::exists(path, failure)) return true;
   Contents contents;
-  if (!FindContents(path, &contents, error)) return false;
+  if (!NameFlag("output", FindContents(path, &contents, error), error)) {
+    return false;
+  }
+  gflags::CommandLineFlagInfo info;
+  const bool has_resume = gflags::GetCommandLineFlagInfo("resume", &info);
   const bool is_empty = contents.of_run.empty() && contents.foreign.empty();
   if (!is_empty && existing == ExistingDirectory::kRefuse) {
-    gflags::CommandLineFlagInfo info;
     *error = fmt::format(
         "--output={} exists; give another directory, or --overwrite{}",
         path,
-        gflags::GetCommandLineFlagInfo("resume", &info)
-            ? ", or --resume to go on with its run"
-            : "");
+        has_resume ? ", or --resume to go on with its run" : "");
     return false;
   }
   if (!is_empty && existing == ExistingDirectory::kOverwrite) {
     return MayOverwrite(path, contents, error) && RemoveRun(contents, error);
   }
-  if (!is_empty && !IsSameRun(path + '/' + kFlagFile, identity, flags, error)) {
+  if (!is_empty &&
+      !NameFlag(has_resume ? "resume" : "output",
+                IsSameRun(path + '/' + kFlagFile, identity, flags, error),
+                error)) {
     return false;
   }
   ThisRun().files = contents.listed;
@@ -319,10 +325,7 @@ bool PrepareRunDirectory(const std::string& path,
   error->clear();
   ThisRun() = {path, {}};
   if (!MakeRoom(path, existing, identity, flags, error)) return false;
-  if (!MakeDirectories(path, error)) {
-    *error = "--output=" + *error;
-    return false;
-  }
+  if (!NameFlag("output", MakeDirectories(path, error), error)) return false;
   std::string files;
   for (const std::string& file : ThisRun().files) files += file + '\n';
   const std::string directory = path + '/';
@@ -350,16 +353,27 @@ bool PrepareRunDirectory(ExistingDirectory existing,
   return PrepareRunDirectory(FLAGS_output, existing, identity, flags, error);
 }
 
-std::string RunFile(const std::string& path) {
+bool ListRunFile(const std::string& path, std::string* error) {
   RunDirectory& run = ThisRun();
   const std::string directory = run.path + '/';
-  if (run.path.empty() || path.rfind(directory, 0) != 0) return path;
+  if (run.path.empty() || path.rfind(directory, 0) != 0) return true;
   const std::string name = path.substr(directory.size());
-  if (run.files.insert(name).second) {
-    // Unlisted, if this fails, a file is safe from --overwrite.
-    std::ofstream(directory + kFileList, std::ios::app) << name << '\n';
+  if (run.files.count(name) > 0) return true;
+  const std::string list = directory + kFileList;
+  std::ofstream file(list, std::ios::app);
+  if (!(file << name << '\n' << std::flush)) {
+    *error = fmt::format(
+        "cannot write {}: {}", list, std::generic_category().message(errno));
+    return false;
   }
-  return path;
+  run.files.insert(name);
+  return true;
+}
+
+bool WriteRunFile(const std::string& path,
+                  std::string_view bytes,
+                  std::string* error) {
+  return ListRunFile(path, error) && WriteFile(path, bytes, error);
 }
 
 bool MakeDirectories(const std::string& path, std::string* error) {

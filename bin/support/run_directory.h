@@ -10,6 +10,7 @@
 #define BIN_SUPPORT_RUN_DIRECTORY_H_
 
 #include <string>
+#include <string_view>
 
 #include "gflags/gflags.h"
 #include "invgrad/train/run_identity.h"
@@ -44,9 +45,15 @@ inline bool PrepareRunDirectory(ExistingDirectory existing,
   return PrepareRunDirectory(existing, RunIdentity(), error);
 }
 
-// Returns `path`, after adding it to files.txt if it is in the run's directory.
-// Call it before writing any file there: --overwrite removes no others.
-std::string RunFile(const std::string& path);
+// Adds the path to files.txt if it is in the run's directory. Call it before
+// making a file there or the file's folder: --overwrite removes no others.
+// Returns false, with *error set, if files.txt cannot be written.
+bool ListRunFile(const std::string& path, std::string* error);
+
+// Lists the file, and writes it (io/atomic_file.h).
+bool WriteRunFile(const std::string& path,
+                  std::string_view bytes,
+                  std::string* error);
 
 // Makes the directory and its parents.
 bool MakeDirectories(const std::string& path, std::string* error);

@@ -11,7 +11,6 @@
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
-#include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
 #include "report/interrupt.h"
@@ -36,8 +35,8 @@ std::string FileName(const std::string& label) {
 bool WriteTable(const std::string& path,
                 const Table& table,
                 std::string* error) {
-  return WriteFile(RunFile(path + ".txt"), table.ToText(), error) &&
-         WriteFile(RunFile(path + ".md"), table.ToMarkdown(), error);
+  return WriteRunFile(path + ".txt", table.ToText(), error) &&
+         WriteRunFile(path + ".md", table.ToMarkdown(), error);
 }
 
 void DrawPictures(const std::vector<Picture>& pictures) {
@@ -46,11 +45,16 @@ void DrawPictures(const std::vector<Picture>& pictures) {
   const int signal_before = Interrupt::Signal();
   double max_seconds = 60.0;
   for (const Picture& picture : pictures) {
-    std::filesystem::path script = RunFile(picture.path_png);
-    RunFile(script.replace_extension(".gp"));
+    std::filesystem::path script = picture.path_png;
+    script.replace_extension(".gp");
     std::error_code ignored;
     std::filesystem::remove(picture.path_png, ignored);
     std::string error;
+    if (!ListRunFile(picture.path_png, &error) ||
+        !ListRunFile(script, &error)) {
+      Warn(error);
+      return;
+    }
     const auto start = std::chrono::steady_clock::now();
     if (picture.panels.empty() ||
         WritePlots(picture.path_png, picture.panels, &error, max_seconds)) {

@@ -70,6 +70,14 @@ TEST_F(AccuracyProgram, LargeBatchesAreComparedWithTheSvd) {
   EXPECT_EQ(rows[0][5], " reference ");
 }
 
+TEST_F(AccuracyProgram, TakesAllSamplesWhereAProblemHasNoBatchSize) {
+  const Output output = Run({"--problems=toy_network:num_samples=16",
+                             "--train_steps=0",
+                             "--truncations=1e-2"});
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"J 32 x 30"});
+}
+
 TEST_F(AccuracyProgram, RefusesBadInput) {
   Output output = Run({"--problems=oscilator_chain"});
   EXPECT_EQ(output.exit_code, 1);

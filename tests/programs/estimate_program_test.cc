@@ -266,7 +266,8 @@ TEST_F(EstimateProgram, DrawsPictures) {
 TEST_F(EstimateProgram, RefusesBadInput) {
   const std::string good = "--input=" + WriteMisra1a();
   ExpectRefused({}, {"--input", "files"});
-  ExpectRefused({"--input=" + Path("missing.dat")}, {"missing.dat"});
+  ExpectRefused({"--input=" + Path("missing.dat")},
+                {"estimate: --input: ", "missing.dat"});
   ExpectRefused({"--input=" + WriteText("notes.csv", "1,2\n")},
                 {"notes.csv", ".g2o (g2o)", "format"});
   ExpectRefused({"--input=" + WriteText("broken.g2o", "VERTEX_SE2 0 0 0\n")},

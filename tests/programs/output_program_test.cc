@@ -5,6 +5,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -90,7 +91,8 @@ TEST_F(OutputProgram, PathsThatTheSystemRefusesAreMessages) {
       SCOPED_TRACE(flag + path);
       const Output output = Run(SmallRun(flag + path));
       EXPECT_EQ(output.exit_code, 1) << output.text;
-      ExpectSays(output, {"compare: ", reason});
+      const std::string name(flag, std::strlen(flag) - 1);
+      ExpectSays(output, {"compare: " + name + ": ", reason});
       EXPECT_EQ(output.text.find("terminate called"), std::string::npos);
     }
   }
@@ -102,7 +104,8 @@ TEST_F(OutputProgram, PipesAndDevicesAreNoInput) {
   for (const std::string& path : {Path("pipe"), std::string("/dev/zero")}) {
     for (const char* flag : {"--data=", "--init_weights="}) {
       ExpectRefused({"--problem=toy_network", flag + path},
-                    {"cannot read " + path + ": not a regular file"});
+                    {std::string(flag, std::strlen(flag) - 1) +
+                     ": cannot read " + path + ": not a regular file"});
     }
     ExpectRefused({"--flagfile=" + path}, {"--flagfile: cannot read " + path});
     ExpectRefused({"--flagfile", path}, {"--flagfile: cannot read " + path});
@@ -110,7 +113,7 @@ TEST_F(OutputProgram, PipesAndDevicesAreNoInput) {
   const Output output =
       Wait(StartProgram("estimate", {"--input=" + Path("pipe.g2o")}));
   EXPECT_EQ(output.exit_code, 1);
-  ExpectSays(output, {"pipe.g2o: not a regular file"});
+  ExpectSays(output, {"--input: ", "pipe.g2o: not a regular file"});
 }
 
 TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
@@ -123,7 +126,7 @@ TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
       {"--rules=" + large, "unknown rule 'xxx"},
       {"--rules=adam:step_size=" + large, "is not a finite number"},
       {"--rules=adam:" + large + "=1", "unknown option 'xxx"},
-      {"--problem=" + large, "unknown problem 'xxx"},
+      {"--problem=" + large, "--problem: unknown problem 'xxx"},
       {"--output=" + large, "File name too long"},
       {"--init_weights=" + large, "File name too long"},
       {"--flagfile=" + large, "File name too long"},
@@ -139,6 +142,22 @@ TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
     EXPECT_EQ(output.exit_code, 1);
     EXPECT_LT(output.text.size(), 5000u);
     EXPECT_EQ(output.text.find_first_of("\x1b\a"), std::string::npos);
+    ExpectSays(output, {message});
+  }
+}
+
+TEST_F(OutputProgram, AValueBesideItsFlagIsEchoedShortToo) {
+  const std::string large(100000, '1');
+  for (const auto& [flag, message] :
+       {std::pair("--steps", "too long for a flag without text"),
+        std::pair("--seconds", "too long for a flag without text"),
+        std::pair("--rules", "unknown rule '111")}) {
+    SCOPED_TRACE(flag);
+    std::vector<std::string> arguments = SmallRun(flag);
+    arguments.push_back(large);
+    const Output output = Run(arguments);
+    EXPECT_EQ(output.exit_code, 1);
+    EXPECT_LT(output.text.size(), 5000u);
     ExpectSays(output, {message});
   }
 }
@@ -186,9 +205,31 @@ TEST_F(OutputProgram, ASignalEndsAPathAndKeepsIt) {
   EXPECT_TRUE(fs::exists(Path("run/table.txt")));
 }
 
+// Estimates of more bytes than a file may have.
+TEST_F(OutputProgram, EstimatesThatCannotBeWrittenAreAFailure) {
+  std::ofstream graph(Path("chain.g2o"));
+  for (int i = 0; i < 500; ++i) {
+    graph << "VERTEX_SE2 " << i << " 0.1 0.1 0.1\n";
+    if (i > 0) {
+      graph << "EDGE_SE2 " << i - 1 << " " << i << " 1 0 0 1 0 0 1 0 1\n";
+    }
+  }
+  graph.close();
+  EXPECT_EQ(Shell("ulimit -f 8; trap \"\" XFSZ; {}/estimate --plots=false "
+                  "--methods=ceres_lm --max_iterations=2 --input=" +
+                  Path("chain.g2o") + " --output=" + Path("run") + " >&2"),
+            3);
+  const std::string text = ReadAll(Path("stderr"));
+  EXPECT_NE(text.find("no result file: cannot write "), std::string::npos)
+      << text;
+  EXPECT_NE(text.find("File too large"), std::string::npos) << text;
+  EXPECT_FALSE(fs::exists(Path("run/chain/ceres_lm.g2o")));
+  EXPECT_TRUE(fs::exists(Path("run/table.txt")));
+}
+
 // In less address space than the file has bytes.
 TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
-  std::ofstream(Path("x.npy")) << "x";
+  std::ofstream(Path("x.npy")) << "VERTEX_SE2 0 0 0 0\n";
   fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse
   EXPECT_EQ(Shell("ulimit -v 4000000; {}/compare --problem=toy_network "
                   "--init_weights=" +

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "bin/support/learning_run.h"
 #include "gtest/gtest.h"
 #include "tests/support/temporary_folder.h"
 
@@ -79,7 +80,7 @@ TEST(RunDirectory, WhatNoRunMadeIsLeftAlone) {
   // Where no directory can be made.
   EXPECT_FALSE(Prepare(
       folder / "file/run", ExistingDirectory::kRefuse, "--steps=1\n", &error));
-  EXPECT_NE(error.find("--output="), std::string::npos) << error;
+  EXPECT_EQ(error.rfind("--output: ", 0), 0u) << error;
 }
 
 constexpr auto kRefuse = ExistingDirectory::kRefuse;
@@ -105,7 +106,7 @@ class RunDirectoryOfARun : public testing::Test {
     EXPECT_TRUE(Prepare(run_, kRefuse, "--steps=1\n", &error)) << error;
     fs::create_directories(run_ + "/adam-seed1");
     for (const std::string& file : files_) {
-      std::ofstream(RunFile(run_ + file)) << "result";
+      EXPECT_TRUE(WriteRunFile(run_ + file, "result", &error)) << error;
     }
   }
 
@@ -199,6 +200,12 @@ TEST_F(RunDirectoryOfARun, AKillWhileOverwritingLeavesARunDirectory) {
       fs::remove_all(copy);
     }
   }
+  // Between the making of a folder and the first file in it.
+  for (const auto existing : {kResume, kOverwrite}) {
+    fs::create_directories(run_ + "/newton-seed1");
+    EXPECT_TRUE(Prepare(run_, existing, "--steps=1\n", &error)) << error;
+  }
+  EXPECT_FALSE(fs::exists(run_ + "/newton-seed1"));
   // Before the first file.
   fs::remove_all(run_);
   for (const auto existing : {kRefuse, kResume, kOverwrite}) {
@@ -224,6 +231,42 @@ TEST_F(RunDirectoryOfARun, FilesOfKilledWritersAreRemoved) {
   std::ofstream(temporary) << "step,";
   EXPECT_TRUE(Prepare(run_, kOverwrite, "--steps=1\n", &error)) << error;
   EXPECT_EQ(Snapshot(run_).size(), 3u);
+}
+
+TEST_F(RunDirectoryOfARun, AnEmptyLineInTheListIsNoFile) {
+  std::ofstream(run_ + "/files.txt", std::ios::app) << "\n\n";
+  std::ofstream(run_ + "/notes.txt") << "precious";
+  std::string error;
+  EXPECT_TRUE(Prepare(run_, kResume, "--steps=1\n", &error)) << error;
+  EXPECT_TRUE(fs::exists(run_ + "/notes.txt"));
+  ExpectRefused(kOverwrite, run_, "notes.txt is not a file of the run");
+}
+
+TEST_F(RunDirectoryOfARun, AFileThatCannotBeListedIsNotWritten) {
+  fs::remove(run_ + "/files.txt");
+  fs::create_directory(run_ + "/files.txt");
+  std::string error;
+  EXPECT_FALSE(WriteRunFile(run_ + "/new.txt", "result", &error));
+  EXPECT_EQ(error, "cannot write " + run_ + "/files.txt: Is a directory");
+  EXPECT_FALSE(fs::exists(run_ + "/new.txt"));
+  EXPECT_FALSE(ListRunFile(run_ + "/new.txt", &error));  // again
+}
+
+// So that a kill leaves no folder that --overwrite does not know.
+TEST_F(RunDirectoryOfARun, TrainingListsItsFilesBeforeItMakesTheirFolder) {
+  LearningProblem problem;
+  std::string error;
+  ASSERT_TRUE(
+      CreateLearningProblem("toy_network:num_samples=8", &problem, &error));
+  std::vector<Method> methods;
+  ASSERT_TRUE(ParseMethods("adam", &methods, &error)) << error;
+  LearningRunOptions options;
+  options.directory = run_ + "/table.txt/0";  // no folder can be there
+  LearningRunResult result;
+  EXPECT_FALSE(RunLearning(problem, methods[0], options, &result, &error));
+  EXPECT_NE(error.find("Not a directory"), std::string::npos) << error;
+  EXPECT_NE(Snapshot(run_)[run_ + "/files.txt"].find("table.txt/0/result.txt"),
+            std::string::npos);
 }
 
 TEST_F(RunDirectoryOfARun, AnotherIdentityIsNotResumed) {

@@ -257,6 +257,25 @@ TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
   EXPECT_EQ(Results("run").size(), 16u);
 }
 
+TEST_F(SweepProgram, ADamagedRunIsARowAndTheOthersGoOn) {
+  std::vector<std::string> arguments = SmallSweep("run");
+  arguments[1] = "--grid=rule=adam,rmsprop,half_inverse;seed=1";
+  ASSERT_EQ(Run(arguments).exit_code, 0);
+  const std::string damaged = Jobs("run")[1] + "/result.txt";
+  const std::string text = ReadAll(damaged).substr(7);
+  std::ofstream(damaged) << text;
+  arguments[2] = "--steps=9";
+  const Output output = Run(arguments);
+  EXPECT_EQ(output.exit_code, kSomeFailed) << output.text;
+  ExpectSays(output, {"damaged: " + damaged + ": not a result of a run"});
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[0].at("steps"), "9");
+  EXPECT_EQ(rows[1].at("steps"), "");
+  EXPECT_EQ(rows[2].at("steps"), "9");
+  EXPECT_EQ(ReadAll(damaged), text);
+}
+
 TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   std::vector<std::string> arguments = SmallSweep("run");
   // The first rule diverges at once, the second has no end.

@@ -134,6 +134,27 @@ TEST_F(CheckpointTest, AFlippedBitInAnyByteIsReported) {
   }
 }
 
+TEST_F(CheckpointTest, ANulByteEndsNoLine) {
+  const std::string bytes = SmallFile();
+  const std::string junk("\0junk", 5);
+  const size_t end_of_digest = bytes.find('\n', magic_.size());
+  std::string changed = bytes;
+  EXPECT_EQ(ReadError(changed.insert(end_of_digest, junk)), damaged_);
+  changed = bytes;
+  EXPECT_EQ(ReadError(changed.insert(magic_.size() - 1, junk)),
+            "not of version 2, the one of this program");
+}
+
+TEST_F(CheckpointTest, WhatAForeignHeaderHoldsIsPrintable) {
+  RunIdentity other;
+  other.Add("method", "\x1b[31mred\a");
+  std::string error;
+  ASSERT_TRUE(StateArchive().Write(path_, other, &error)) << error;
+  error = StateArchive::Read(path_, identity_).error();
+  EXPECT_NE(error.find("red"), std::string::npos) << error;
+  EXPECT_EQ(error.find_first_of("\x1b\a"), std::string::npos) << error;
+}
+
 TEST_F(CheckpointTest, ForeignFilesAndOldVersionsAreReported) {
   EXPECT_EQ(ReadError(""), "not a checkpoint");
   EXPECT_EQ(ReadError("hello\n"), "not a checkpoint");
