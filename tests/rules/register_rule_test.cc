@@ -115,7 +115,9 @@ void UseInsideCeres() {
   ceres::Solver::Options options;
   options.logging_type = ceres::SILENT;
   const auto rule = MakeRule("plain");
-  UpdateCallback callback(rule.get(), &problem);
+  UpdateCallback::Options callback_options;
+  callback_options.compare_with_plain = false;  // Ceres takes two steps
+  UpdateCallback callback(rule.get(), &problem, callback_options);
   callback.AddTo(&options);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
