@@ -1,6 +1,7 @@
 #include "problems/estimation/estimation.h"
 
 #include <cstdint>
+#include <filesystem>
 #include <sstream>
 
 #include "fmt/core.h"
@@ -82,6 +83,15 @@ std::unique_ptr<Estimation> ReadEstimation(const std::string& path,
                                            std::string* error) {
   const std::string kind =
       options.kind.empty() ? EstimationKindOf(path) : options.kind;
+  // Small files go to the reader, whose messages name the line.
+  constexpr std::uint64_t kLarge = 1 << 26;
+  std::error_code failure;
+  if (!kind.empty() && std::filesystem::file_size(path, failure) >= kLarge &&
+      !failure && !IsEstimationFile(path, kind)) {
+    *error = fmt::format(
+        "{}: it does not begin as a file of its kind, and is not read", path);
+    return nullptr;
+  }
   std::string known;
   for (const Kind& row : Kinds()) {
     if (row.name == kind) return row.read(path, options, error);
