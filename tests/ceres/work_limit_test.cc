@@ -102,6 +102,24 @@ TEST(WorkLimit, IsTheFormula) {
   EXPECT_EQ(NumProposals(1.0, std::numeric_limits<double>::infinity()), 1000);
 }
 
+// With dynamic sparsity the zeros of J cost Ceres next to nothing, and the rule
+// as much as ever.
+TEST(WorkLimit, DynamicSparsityLeavesLessForTheRule) {
+  Chain chain(100);
+  const ProblemStructure structure = ReadStructure(chain.problem, {});
+  const RuleOfWork rule(1e6);
+  ceres::Solver::Options options;
+  int num_steps[2];
+  for (const bool is_dynamic : {false, true}) {
+    options.dynamic_sparsity = is_dynamic;
+    WorkLimit work(2.0, /*has_comparison=*/true, rule, options, structure);
+    work.SetComparison(100);
+    num_steps[is_dynamic] = 0;
+    for (; work.AllowsStep(); ++num_steps[is_dynamic]) work.CountStep();
+  }
+  EXPECT_LT(num_steps[true], num_steps[false]);
+}
+
 // A rule whose steps cost more than all of Ceres' iterations changes nothing:
 // a truncated step takes the singular values of 3,000 unknowns.
 TEST(WorkLimit, ARuleThatTakesTooLongMakesNoProposals) {

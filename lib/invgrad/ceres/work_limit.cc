@@ -9,8 +9,10 @@ namespace {
 // least that an iteration takes for each entry of J, and for the smallest
 // problem.
 constexpr double kIterationOfEntry = 500.0;
+// With dynamic sparsity Ceres stores and solves only what is not zero.
+constexpr double kIterationOfDynamicEntry = 50.0;
 constexpr double kSmallestIteration = 2e5;
-// A linearization, relative to that.
+// A linearization, relative to that (not to dynamic entries).
 constexpr double kLinearization = 0.4;
 
 // Of the move to the result of the comparison, and the end there.
@@ -57,11 +59,13 @@ WorkLimit::WorkLimit(double max_relative_work,
       has_comparison_(has_comparison) {
   const JacobianSizes sizes = SizesOf(structure);
   step_work_ = rule.StepWork(sizes);
-  const double evaluation =
-      kSmallestIteration + kIterationOfEntry * sizes.nonzeros;
-  linearization_work_ = kLinearization * evaluation;
+  linearization_work_ = kLinearization * (kSmallestIteration +
+                                          kIterationOfEntry * sizes.nonzeros);
   iteration_work_ =
-      evaluation +
+      kSmallestIteration +
+      (options.dynamic_sparsity ? kIterationOfDynamicEntry
+                                : kIterationOfEntry) *
+          sizes.nonzeros +
       SolverWork(options.linear_solver_type, sizes.rows, sizes.cols);
 }
 
