@@ -19,7 +19,9 @@
 //          max_solver_time_in_seconds is set, and half of the rest for
 //          proposals.
 // Fails:   no comparison if the cost functions depend on more than their
-//          parameters (an evaluation callback); message() says so.
+//          parameters (an evaluation callback); message() says so. No move to
+//          the lower result if Ceres itself fails before (a step of its own to
+//          where the Jacobian is not finite), or has no valid step.
 // Source: Ceres Solver 2.1, internal/ceres/trust_region_minimizer.cc.
 #ifndef INVGRAD_CERES_SAFEGUARD_H_
 #define INVGRAD_CERES_SAFEGUARD_H_
