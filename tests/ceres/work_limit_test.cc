@@ -12,7 +12,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/problem_structure.h"
+#include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
@@ -72,14 +72,14 @@ class RuleOfWork final : public UpdateRule {
 // `relative_step` iterations' work.
 int NumProposals(double relative_step, double max_relative_work) {
   Chain chain(100);
-  const ProblemStructure structure = ReadStructure(chain.problem, {});
+  const JacobianSizes sizes = ProblemLinearizer(&chain.problem, {}).Sizes();
   constexpr double kIteration = 2e5 + 500.0 * 199.0;
   constexpr double kLinearizations = 2.0 * 0.4 * kIteration;
   const RuleOfWork rule(relative_step * kIteration - kLinearizations);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   WorkLimit work(
-      max_relative_work, /*has_comparison=*/true, rule, options, structure);
+      max_relative_work, /*has_comparison=*/true, rule, options, sizes);
   work.SetComparison(100);
   int num_proposals = 0;
   while (num_proposals < 1000 && work.AllowsStep()) {
@@ -106,13 +106,13 @@ TEST(WorkLimit, IsTheFormula) {
 // as much as ever.
 TEST(WorkLimit, DynamicSparsityLeavesLessForTheRule) {
   Chain chain(100);
-  const ProblemStructure structure = ReadStructure(chain.problem, {});
+  const JacobianSizes sizes = ProblemLinearizer(&chain.problem, {}).Sizes();
   const RuleOfWork rule(1e6);
   ceres::Solver::Options options;
   int num_steps[2];
   for (const bool is_dynamic : {false, true}) {
     options.dynamic_sparsity = is_dynamic;
-    WorkLimit work(2.0, /*has_comparison=*/true, rule, options, structure);
+    WorkLimit work(2.0, /*has_comparison=*/true, rule, options, sizes);
     work.SetComparison(100);
     num_steps[is_dynamic] = 0;
     for (; work.AllowsStep(); ++num_steps[is_dynamic]) work.CountStep();

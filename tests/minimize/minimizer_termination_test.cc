@@ -76,6 +76,41 @@ TEST(Minimizer, TimeBudget) {
   EXPECT_NE(summary.message.find("time"), std::string::npos);
 }
 
+// A step of 1e12 operations takes about 100 s: with less time it does not begin.
+TEST(Minimizer, AStepThatTakesLongerThanTheBudgetIsNotMade) {
+  class Slow final : public UpdateRule {
+   public:
+    LinearizationParts Needs() const override {
+      return LinearizationParts::Gradient();
+    }
+    bool ComputeStep(const Linearization& at_x,
+                     Eigen::VectorXd* step,
+                     std::string*) override {
+      *step = -0.5 * at_x.gradient;
+      return true;
+    }
+    double StepWork(const JacobianSizes& J) const override {
+      EXPECT_EQ(J.rows, 1.0);
+      EXPECT_EQ(J.cols, 1.0);
+      return 1e12;
+    }
+  };
+  for (const double seconds : {90.0, 1000.0}) {
+    Line line;
+    line.Add(1.0, 0.0);
+    Slow rule;
+    MinimizerSummary summary;
+    MinimizerOptions options = NoTolerances(1);
+    options.max_time_in_seconds = seconds;
+    Minimize(options, &rule, &line.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::NO_CONVERGENCE);
+    EXPECT_EQ(summary.num_steps(), seconds > 100.0 ? 1 : 0);
+    EXPECT_EQ(summary.message.find("takes about 1e+02 s") != std::string::npos,
+              seconds < 100.0)
+        << summary.message;
+  }
+}
+
 TEST(Minimizer, ProgressIsTheShareOfTheBudget) {
   Line line;
   line.Add(1.0, 0.0);

@@ -37,7 +37,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
                   options_.compare_with_plain,
                   *rule_,
                   *options,
-                  linearizer_.structure());
+                  linearizer_.Sizes());
     if (!work_->IsStepPossible()) {
       // The solve is then the one without a callback.
       summary_.message = work_->Message();

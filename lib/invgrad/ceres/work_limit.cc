@@ -21,20 +21,6 @@ constexpr double kNumLastIterations = 2.0;
 // Without the comparison: the work of so many iterations may come first.
 constexpr double kNumFreeIterations = 5.0;
 
-JacobianSizes SizesOf(const ProblemStructure& structure) {
-  JacobianSizes sizes;
-  sizes.rows = structure.num_residuals;
-  sizes.cols = structure.num_parameters;
-  for (const ProblemStructure::ResidualBlock& block :
-       structure.residual_blocks) {
-    sizes.nonzeros += 1.0 * block.size * block.row_length;
-  }
-  for (const int size : structure.tangent_sizes) {
-    sizes.layers.push_back({1.0 * size, 1.0});
-  }
-  return sizes;
-}
-
 // Of the linear solver, where it is known.
 double SolverWork(ceres::LinearSolverType type, double m, double n) {
   switch (type) {
@@ -53,11 +39,10 @@ WorkLimit::WorkLimit(double max_relative_work,
                      bool has_comparison,
                      const UpdateRule& rule,
                      const ceres::Solver::Options& options,
-                     const ProblemStructure& structure)
+                     const JacobianSizes& sizes)
     : max_relative_work_(max_relative_work),
       max_num_iterations_(options.max_num_iterations),
       has_comparison_(has_comparison) {
-  const JacobianSizes sizes = SizesOf(structure);
   step_work_ = rule.StepWork(sizes);
   linearization_work_ = kLinearization * (kSmallestIteration +
                                           kIterationOfEntry * sizes.nonzeros);

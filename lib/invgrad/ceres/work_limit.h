@@ -20,7 +20,6 @@
 #include <string>
 
 #include "ceres/solver.h"
-#include "invgrad/ceres/problem_structure.h"
 #include "invgrad/core/update_rule.h"
 
 namespace invgrad {
@@ -31,7 +30,7 @@ class WorkLimit {
             bool has_comparison,
             const UpdateRule& rule,
             const ceres::Solver::Options& options,
-            const ProblemStructure& structure);
+            const JacobianSizes& sizes);
 
   // Whether a step is possible at all, if P = options.max_num_iterations.
   bool IsStepPossible() const;

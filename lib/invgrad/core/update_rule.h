@@ -73,10 +73,11 @@ class UpdateRule {
   // some vectors, and the factorization of the Hessian if the rule needs it.
   virtual std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const;
 
-  // Estimated work of ComputeStep, in operations of a large dense product (1e10
-  // a second on one core); an operation on a sparse J counts kSparseOperation.
-  // UpdateCallback makes no step that takes too long. Default: none, or 10 n^3
-  // for a Hessian.
+  // Estimated work of ComputeStep, in operations of a large dense product,
+  // kOperationsPerSecond on one core; an operation on a sparse J counts
+  // kSparseOperation. UpdateCallback and Minimize make no step that takes too
+  // long. Default: none, or 10 n^3 for a Hessian.
+  static constexpr double kOperationsPerSecond = 1e10;
   static constexpr double kSparseOperation = 6.0;
   virtual double StepWork(const JacobianSizes& J) const;
 

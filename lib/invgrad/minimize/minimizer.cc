@@ -32,7 +32,9 @@ class Run {
         rule_(rule),
         objective_(objective),
         summary_(summary),
-        parts_(rule->Needs()) {
+        parts_(rule->Needs()),
+        step_seconds_(rule->StepWork(objective->Sizes()) /
+                      UpdateRule::kOperationsPerSecond) {
     // The gradient is cheap compared with the Jacobian, which every part needs.
     parts_.gradient = true;
   }
@@ -81,6 +83,14 @@ class Run {
               "Maximum solver time reached. Total solver time: {:e} >= {:e}.",
               seconds,
               options_.max_time_in_seconds));
+    }
+    if (seconds + step_seconds_ >= options_.max_time_in_seconds) {
+      return Terminate(
+          ceres::NO_CONVERGENCE,
+          fmt::format("Maximum solver time reached. The next step takes about "
+                      "{:.2g} s, and {:.2g} s are left.",
+                      step_seconds_,
+                      options_.max_time_in_seconds - seconds));
     }
     return true;
   }
@@ -220,6 +230,7 @@ class Run {
   Objective* objective_;
   MinimizerSummary* summary_;
   LinearizationParts parts_;
+  double step_seconds_;  // estimated, of the rule's step
   Linearization at_x_;
   Eigen::VectorXd state_;        // the last state with a finite linearization
   bool was_taken_back_ = false;  // the last step
