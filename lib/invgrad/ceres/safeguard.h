@@ -12,8 +12,8 @@
 // Comparison. An accepted proposal can lead to a worse minimum, and a rejected
 // one shrinks the trust region. So the plain solve (the same options, start and
 // cost functions, no proposals) runs once, before the first proposal. If its
-// result is lower, the run moves there when it converges, or when no work is
-// left (work_limit.h).
+// result is lower, the run moves there when it converges, when its steps change
+// next to nothing, or when no work (work_limit.h), iteration or time is left.
 //
 // Time.    Half of the time that is left is for the plain solve, if
 //          max_solver_time_in_seconds is set, and half of the rest for
@@ -51,9 +51,9 @@ class Safeguard {
     Eigen::VectorXd state;  // as ProblemLinearizer::State
   };
 
-  // Sets the tolerances of `options` to zero. Keeps pointers to the evaluation
-  // callback, the problem, the limit and the linearizer, which has read the problem before its
-  // manifolds were wrapped. compares = false: no plain solve.
+  // Sets the tolerances of `options` to zero. Keeps all pointers but that. The
+  // linearizer has read the problem before its manifolds were wrapped.
+  // compares = false: no plain solve.
   Safeguard(bool compares,
             ceres::Solver::Options* options,
             ceres::EvaluationCallback* evaluation_callback,

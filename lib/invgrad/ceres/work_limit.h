@@ -51,7 +51,7 @@ class WorkLimit {
   std::string Message() const;
 
  private:
-  // Before that of the end.
+  // Whether so much more fits into the limit.
   bool Allows(double iterations, double rule_work) const;
   double NextStep() const { return step_work_ + 2.0 * linearization_work_; }
 
