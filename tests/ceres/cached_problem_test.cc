@@ -3,14 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "ceres/autodiff_cost_function.h"
-#include "ceres/evaluation_callback.h"
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
 #include "ceres/sized_cost_function.h"
@@ -20,6 +18,7 @@
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
+#include "tests/ceres/prepared_problem.h"
 
 namespace invgrad {
 namespace cached_problem_test {
@@ -218,44 +217,11 @@ TEST(CachedProblem, KeepsSecondDerivatives) {
   EXPECT_DOUBLE_EQ(at_x.hessian(0, 0), 36.0 + 14.0);
 }
 
-// The state that the cost function reads is prepared by a callback.
-class Prepares final : public ceres::EvaluationCallback {
- public:
-  explicit Prepares(const double* x) : x_(x) {}
-  void PrepareForEvaluation(bool, bool) override { square = *x_ * *x_; }
-  double square = std::numeric_limits<double>::quiet_NaN();
-
- private:
-  const double* x_;
-};
-
-class ReadsPrepared final : public ceres::SizedCostFunction<1, 1> {
- public:
-  explicit ReadsPrepared(const Prepares* prepared) : prepared_(*prepared) {}
-  bool Evaluate(double const* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    residuals[0] = prepared_.square - 2.0;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 2.0 * parameters[0][0];
-    }
-    return true;
-  }
-
- private:
-  const Prepares& prepared_;
-};
-
 TEST(CachedProblem, CallsTheEvaluationCallback) {
-  double x = 3.0;
-  Prepares prepares(&x);
-  ceres::Problem::Options problem_options;
-  problem_options.evaluation_callback = &prepares;
-  ceres::Problem problem(problem_options);
-  problem.AddResidualBlock(new ReadsPrepared(&prepares), nullptr, &x);
+  PreparedProblem p(3.0);
   CachedProblem::Options cached_options;
-  cached_options.evaluation_callback = &prepares;
-  CachedProblem cached(cached_options, &problem);
+  cached_options.evaluation_callback = &p;
+  CachedProblem cached(cached_options, &p.problem);
   const auto rule = MakeRule("gauss_newton");
   UpdateCallback callback(rule.get(), cached.problem());  // without it
   ceres::Solver::Options options;
@@ -264,7 +230,7 @@ TEST(CachedProblem, CallsTheEvaluationCallback) {
   ceres::Solver::Summary summary;
   ceres::Solve(options, cached.problem(), &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
-  EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
+  EXPECT_NEAR(p.x, std::sqrt(2.0), 1e-6);
   EXPECT_GT(callback.summary().num_accepted, 0);
 }
 

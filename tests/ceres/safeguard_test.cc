@@ -6,15 +6,14 @@
 
 #include "Eigen/Core"
 #include "ceres/autodiff_cost_function.h"
-#include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
-#include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
+#include "tests/ceres/prepared_problem.h"
 #include "tests/support/function_rule.h"
 #include "tests/support/rosenbrock.h"
 
@@ -259,46 +258,16 @@ TEST(Safeguard, APlainRunIsNotRepeated) {
   EXPECT_EQ(outcome.proposals.num_plain_iterations, 0);
 }
 
-// Cost functions that read what the problem's evaluation callback prepared.
-struct Squared final : public ceres::EvaluationCallback {
-  void PrepareForEvaluation(bool, bool) override { value = *x * *x; }
-  const double* x = nullptr;
-  double value = 0.0;
-};
-
-class PreparedCost final : public ceres::SizedCostFunction<1, 1> {
- public:
-  explicit PreparedCost(const Squared* prepared) : prepared_(*prepared) {}
-  bool Evaluate(double const* const*,
-                double* residuals,
-                double** jacobians) const override {
-    residuals[0] = prepared_.value - 2.0;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 2.0 * *prepared_.x;
-    }
-    return true;
-  }
-
- private:
-  const Squared& prepared_;
-};
-
 TEST(Safeguard, ComparesIfItKnowsTheEvaluationCallback) {
   for (const bool is_known : {false, true}) {
-    double x = 20.0;
-    Squared prepared;
-    prepared.x = &x;
-    ceres::Problem::Options problem_options;
-    problem_options.evaluation_callback = &prepared;
-    ceres::Problem problem(problem_options);
-    problem.AddResidualBlock(new PreparedCost(&prepared), nullptr, &x);
+    PreparedProblem p(20.0);
     PowerRule rule(0.5);
     UpdateCallback::Options options;
-    if (is_known) options.evaluation_callback = &prepared;
+    if (is_known) options.evaluation_callback = &p;
     const Outcome outcome =
-        Solve(&rule, SolverOptions(nullptr), &problem, options);
+        Solve(&rule, SolverOptions(nullptr), &p.problem, options);
     EXPECT_EQ(outcome.solver.termination_type, ceres::CONVERGENCE);
-    EXPECT_NEAR(x, std::sqrt(2.0), 1e-6);
+    EXPECT_NEAR(p.x, std::sqrt(2.0), 1e-6);
     EXPECT_GT(outcome.proposals.num_accepted, 0);
     EXPECT_EQ(outcome.proposals.num_plain_iterations > 0, is_known);
     EXPECT_EQ(outcome.proposals.message.find("evaluation callback") ==

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
+#include "tests/ceres/prepared_problem.h"
 #include "tests/support/function_rule.h"
 #include "tests/support/rosenbrock.h"
 
@@ -260,46 +260,15 @@ TEST(UpdateCallback, ARuleThatNeedsNothingIsAskedFirst) {
   EXPECT_EQ(num_evaluations[0] + 1, num_evaluations[1]);
 }
 
-// Cost functions that read what the problem's evaluation callback prepared.
-struct Doubled final : public ceres::EvaluationCallback {
-  void PrepareForEvaluation(bool, bool) override { value = 2.0 * *x; }
-  const double* x = nullptr;
-  double value = 0.0;
-};
-
-class PreparedCost final : public ceres::SizedCostFunction<1, 1> {
- public:
-  explicit PreparedCost(const Doubled* prepared) : prepared_(prepared) {}
-  bool Evaluate(double const* const*,
-                double* residuals,
-                double** jacobians) const override {
-    const double v = prepared_->value;
-    residuals[0] = std::exp(v) - 3.0;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      jacobians[0][0] = 2.0 * std::exp(v);
-    }
-    return true;
-  }
-
- private:
-  const Doubled* prepared_;
-};
-
 TEST(UpdateCallback, EvaluationCallback) {
-  double x = 2.0;
-  Doubled prepared;
-  prepared.x = &x;
-  ceres::Problem::Options problem_options;
-  problem_options.evaluation_callback = &prepared;
-  ceres::Problem problem(problem_options);
-  problem.AddResidualBlock(new PreparedCost(&prepared), nullptr, &x);
+  PreparedProblem p(20.0);
   PowerRule rule(0.5);
-  UpdateCallback callback(&rule, &problem);
+  UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Summary summary;
-  ceres::Solve(SolverOptions(&callback), &problem, &summary);
+  ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
       << callback.summary().message;
-  EXPECT_NEAR(x, 0.5 * std::log(3.0), 1e-6);
+  EXPECT_NEAR(p.x, std::sqrt(2.0), 1e-6);
   EXPECT_GT(callback.summary().num_accepted, 0);
 }
 

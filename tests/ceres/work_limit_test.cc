@@ -16,6 +16,7 @@
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
+#include "tests/support/function_rule.h"
 #include "tests/support/rosenbrock.h"
 
 namespace invgrad {
@@ -49,24 +50,15 @@ struct Chain {
   ceres::Problem problem;
 };
 
-// The work of its step is a number of operations.
-class RuleOfWork final : public UpdateRule {
- public:
-  explicit RuleOfWork(double work) : work_(work) {}
-  LinearizationParts Needs() const override {
-    return LinearizationParts::Gradient();
-  }
-  bool ComputeStep(const Linearization& at_x,
-                   Eigen::VectorXd* step,
-                   std::string*) override {
+// Gradient descent whose step takes a number of operations.
+FunctionRule RuleOfWork(double work) {
+  FunctionRule rule([](const auto& at_x, auto* step, std::string*) {
     *step = -1e-3 * at_x.gradient;
     return true;
-  }
-  double StepWork(const JacobianSizes&) const override { return work_; }
-
- private:
-  const double work_;
-};
+  });
+  rule.step_work = [work](const JacobianSizes&) { return work; };
+  return rule;
+}
 
 // The iterations that a run can make, P = 100, if every one is a proposal of
 // `relative_step` iterations' work.
@@ -75,7 +67,8 @@ int NumProposals(double relative_step, double max_relative_work) {
   const JacobianSizes sizes = ProblemLinearizer(&chain.problem, {}).Sizes();
   constexpr double kIteration = 2e5 + 500.0 * 199.0;
   constexpr double kLinearizations = 2.0 * 0.4 * kIteration;
-  const RuleOfWork rule(relative_step * kIteration - kLinearizations);
+  const FunctionRule rule =
+      RuleOfWork(relative_step * kIteration - kLinearizations);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   WorkLimit work(
@@ -107,7 +100,7 @@ TEST(WorkLimit, IsTheFormula) {
 TEST(WorkLimit, DynamicSparsityLeavesLessForTheRule) {
   Chain chain(100);
   const JacobianSizes sizes = ProblemLinearizer(&chain.problem, {}).Sizes();
-  const RuleOfWork rule(1e6);
+  const FunctionRule rule = RuleOfWork(1e6);
   ceres::Solver::Options options;
   int num_steps[2];
   for (const bool is_dynamic : {false, true}) {
@@ -154,7 +147,7 @@ TEST(WorkLimit, HoldsForTheSolve) {
     const double num_plain = plain_summary.iterations.size() - 1.0;
 
     TwoBlockRosenbrock p;
-    RuleOfWork rule(relative_step * 2e5);
+    FunctionRule rule = RuleOfWork(relative_step * 2e5);
     UpdateCallback::Options callback_options;
     callback_options.min_relative_model_decrease = 1e-12;
     UpdateCallback callback(&rule, &p.problem, callback_options);

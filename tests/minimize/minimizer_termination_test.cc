@@ -78,27 +78,15 @@ TEST(Minimizer, TimeBudget) {
 
 // A step of 1e12 operations takes about 100 s: with less time it does not begin.
 TEST(Minimizer, AStepThatTakesLongerThanTheBudgetIsNotMade) {
-  class Slow final : public UpdateRule {
-   public:
-    LinearizationParts Needs() const override {
-      return LinearizationParts::Gradient();
-    }
-    bool ComputeStep(const Linearization& at_x,
-                     Eigen::VectorXd* step,
-                     std::string*) override {
-      *step = -0.5 * at_x.gradient;
-      return true;
-    }
-    double StepWork(const JacobianSizes& J) const override {
-      EXPECT_EQ(J.rows, 1.0);
-      EXPECT_EQ(J.cols, 1.0);
-      return 1e12;
-    }
-  };
   for (const double seconds : {90.0, 1000.0}) {
     Line line;
     line.Add(1.0, 0.0);
-    Slow rule;
+    FunctionRule rule = GradientDescent(0.5);
+    rule.step_work = [](const JacobianSizes& J) {
+      EXPECT_EQ(J.rows, 1.0);
+      EXPECT_EQ(J.cols, 1.0);
+      return 1e12;
+    };
     MinimizerSummary summary;
     MinimizerOptions options = NoTolerances(1);
     options.max_time_in_seconds = seconds;

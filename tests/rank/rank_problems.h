@@ -296,6 +296,22 @@ struct Scene {
     }
   }
 
+  // Each camera in two blocks, rotation and translation.
+  void AddSplitCameras(ceres::Problem* problem) {
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      problem->AddParameterBlock(q[c].data(), 4, new ceres::QuaternionManifold);
+      for (auto& point : points) {
+        problem->AddResidualBlock(
+            new ceres::AutoDiffCostFunction<QuaternionReprojection, 2, 4, 3, 3>(
+                new QuaternionReprojection),
+            nullptr,
+            q[c].data(),
+            cameras[c].data() + 3,
+            point.data());
+      }
+    }
+  }
+
   std::vector<std::array<double, 9>> cameras;
   std::vector<std::array<double, 4>> q;
   std::vector<std::array<double, 3>> points;

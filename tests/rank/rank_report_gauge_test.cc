@@ -223,19 +223,7 @@ TEST(RankReport, ReconstructionFromImagesHasSevenFreedoms) {
 TEST(RankReport, RotationAndTranslationInTheirOwnBlocks) {
   Scene scene(4, 20);
   ceres::Problem problem;
-  for (std::size_t c = 0; c < scene.cameras.size(); ++c) {
-    problem.AddParameterBlock(
-        scene.q[c].data(), 4, new ceres::QuaternionManifold);
-    for (auto& point : scene.points) {
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<QuaternionReprojection, 2, 4, 3, 3>(
-              new QuaternionReprojection),
-          nullptr,
-          scene.q[c].data(),
-          scene.cameras[c].data() + 3,
-          point.data());
-    }
-  }
+  scene.AddSplitCameras(&problem);
   const RankReport report = Report(problem);
   ExpectConsistent(problem, report);
   EXPECT_EQ(report.num_undetermined(), 7);
