@@ -95,28 +95,21 @@ TEST(SparseJacobian, ActsLikeTheMatrix) {
   }
 }
 
-// The interface's own ParameterGram, which forms J.
-class OnlyDenseOnRequest final : public JacobianOperator {
- public:
-  explicit OnlyDenseOnRequest(const MatrixXd& J) : J_(J) {}
-  int rows() const override { return J_.rows(); }
-  int cols() const override { return J_.cols(); }
-  void Times(const VectorXd& v, VectorXd* Jv) const override {
-    J_.Times(v, Jv);
+TEST(FunctionJacobian, ActsLikeTheMatrix) {
+  for (const auto& [rows, cols] : kShapes) {
+    SCOPED_TRACE(testing::Message() << rows << " x " << cols);
+    const MatrixXd matrix = RandomMatrix(rows, cols);
+    const DenseJacobian J(matrix);
+    ExpectActsLike(
+        FunctionJacobian(
+            rows,
+            cols,
+            [&J](const VectorXd& v, VectorXd* Jv) { J.Times(v, Jv); },
+            [&J](const VectorXd& w, VectorXd* Jtw) {
+              J.TransposeTimes(w, Jtw);
+            }),
+        matrix);
   }
-  void TransposeTimes(const VectorXd& w, VectorXd* Jtw) const override {
-    J_.TransposeTimes(w, Jtw);
-  }
-  void Gram(MatrixXd* JJt) const override { J_.Gram(JJt); }
-  void ToDense(MatrixXd* J) const override { J_.ToDense(J); }
-
- private:
-  DenseJacobian J_;
-};
-
-TEST(JacobianOperator, ParameterGramFromTheDenseForm) {
-  const MatrixXd matrix = RandomMatrix(6, 11);
-  ExpectActsLike(OnlyDenseOnRequest(matrix), matrix);
 }
 
 TEST(JacobianOperator, ColumnBlocksAreTheColumns) {
@@ -136,7 +129,7 @@ TEST(JacobianOperator, ColumnBlocksAreTheColumns) {
       column += sizes[i];
     }
   }
-  EXPECT_TRUE(OnlyDenseOnRequest(matrix).ColumnBlocks().empty());
+  EXPECT_TRUE(FunctionJacobian(6, 11, nullptr, nullptr).ColumnBlocks().empty());
   EXPECT_DEATH(DenseJacobian(matrix, {4, 6}), "Blocks of columns");
   EXPECT_DEATH(SparseJacobian(matrix.sparseView(), {12}), "Blocks of columns");
 }

@@ -21,6 +21,14 @@ std::string AtTimeStep(const std::string& what,
   return fmt::format("{} time step {} of {}", what, t + 1, num_steps);
 }
 
+std::unique_ptr<const JacobianOperator> Simulator::Linearize(
+    const double* x, const double* context, double* y) const {
+  // A row-major J is a column-major J^T.
+  Eigen::MatrixXd transposed(num_inputs(), num_outputs());
+  if (!Evaluate(x, context, y, transposed.data())) return nullptr;
+  return std::make_unique<DenseJacobian>(transposed.transpose());
+}
+
 bool Simulator::Adjoint(const double* x,
                         const double* context,
                         const Covector& covector,

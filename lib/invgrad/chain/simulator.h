@@ -11,16 +11,19 @@
 //
 // Most simulators are functors on a scalar type T, differentiated by Jets: see
 // autodiff_simulator.h, time_stepping_simulator.h, linear_simulator.h. A direct
-// implementation needs the two sizes and Evaluate.
+// implementation needs the two sizes and Evaluate. A simulator of fields, whose
+// J is too large to form, derives from FieldSimulator (field_simulator.h).
 #ifndef INVGRAD_CHAIN_SIMULATOR_H_
 #define INVGRAD_CHAIN_SIMULATOR_H_
 
 #include <algorithm>
 #include <cstddef>
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "Eigen/Core"
+#include "invgrad/core/jacobian_operator.h"
 
 namespace invgrad {
 
@@ -46,6 +49,14 @@ class Simulator {
                         const double* context,
                         double* y,
                         double* jacobian) const = 0;
+
+  // Whether J is small enough to be formed for each sample.
+  virtual bool forms_jacobian() const { return true; }
+
+  // Computes y; returns J, which refers to the simulator but not to x. Null if
+  // there is no finite value. The default stores the J of Evaluate.
+  virtual std::unique_ptr<const JacobianOperator> Linearize(
+      const double* x, const double* context, double* y) const;
 
   // Writes a covector w (num_outputs) for the given y, usually dL/dy. Adjoint
   // returns false if this function does.

@@ -45,6 +45,28 @@ Eigen::SparseMatrix<double> ByColumns(const Sparse& J) { return J; }
 
 }  // namespace
 
+void JacobianOperator::Gram(MatrixXd* JJt) const {
+  MatrixXd J;
+  ToDense(&J);
+  MakeGram(J, Op::kNone, JJt);
+}
+
+void JacobianOperator::ToDense(MatrixXd* J) const {
+  J->resize(rows(), cols());
+  VectorXd product;
+  if (rows() < cols()) {
+    for (int i = 0; i < rows(); ++i) {
+      TransposeTimes(VectorXd::Unit(rows(), i), &product);
+      J->row(i) = product.transpose();
+    }
+    return;
+  }
+  for (int j = 0; j < cols(); ++j) {
+    Times(VectorXd::Unit(cols(), j), &product);
+    J->col(j) = product;
+  }
+}
+
 void JacobianOperator::ParameterGram(MatrixXd* JtJ) const {
   MatrixXd J;
   ToDense(&J);
@@ -58,6 +80,27 @@ std::string JacobianOperator::RowName(int row) const {
 std::vector<std::unique_ptr<const JacobianOperator>>
 JacobianOperator::ColumnBlocks() const {
   return {};
+}
+
+FunctionJacobian::FunctionJacobian(int rows,
+                                   int cols,
+                                   Product times,
+                                   Product transpose_times)
+    : rows_(rows),
+      cols_(cols),
+      times_(std::move(times)),
+      transpose_times_(std::move(transpose_times)) {}
+
+void FunctionJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
+  CHECK_EQ(v.size(), cols()) << "J v with J " << rows() << " x " << cols();
+  times_(v, Jv);
+  CHECK_EQ(Jv->size(), rows());
+}
+
+void FunctionJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
+  CHECK_EQ(w.size(), rows()) << "J^T w with J " << rows() << " x " << cols();
+  transpose_times_(w, Jtw);
+  CHECK_EQ(Jtw->size(), cols());
 }
 
 template <typename Matrix>

@@ -10,6 +10,7 @@
 #ifndef INVGRAD_CORE_JACOBIAN_OPERATOR_H_
 #define INVGRAD_CORE_JACOBIAN_OPERATOR_H_
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,11 +35,11 @@ class JacobianOperator {
                               Eigen::VectorXd* Jtw) const = 0;
 
   // The lower triangle of J J^T: m x m. Entries above the diagonal are
-  // unspecified.
-  virtual void Gram(Eigen::MatrixXd* JJt) const = 0;
+  // unspecified. By default from the dense J.
+  virtual void Gram(Eigen::MatrixXd* JJt) const;
 
-  // J: m x n.
-  virtual void ToDense(Eigen::MatrixXd* J) const = 0;
+  // J: m x n. By default min(m, n) products with unit vectors.
+  virtual void ToDense(Eigen::MatrixXd* J) const;
 
   // The lower triangle of J^T J: n x n. By default from the dense J.
   virtual void ParameterGram(Eigen::MatrixXd* JtJ) const;
@@ -52,6 +53,28 @@ class JacobianOperator {
   // refer to this operator, which must outlive them.
   virtual std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
       const;
+};
+
+// J given by its two products.
+class FunctionJacobian final : public JacobianOperator {
+ public:
+  // *out = J v, or J^T w; the functions set the size of *out.
+  using Product =
+      std::function<void(const Eigen::VectorXd& in, Eigen::VectorXd* out)>;
+
+  FunctionJacobian(int rows, int cols, Product times, Product transpose_times);
+
+  int rows() const override { return rows_; }
+  int cols() const override { return cols_; }
+  void Times(const Eigen::VectorXd& v, Eigen::VectorXd* Jv) const override;
+  void TransposeTimes(const Eigen::VectorXd& w,
+                      Eigen::VectorXd* Jtw) const override;
+
+ private:
+  int rows_;
+  int cols_;
+  Product times_;
+  Product transpose_times_;
 };
 
 // J stored as a matrix: column-major, or in compressed rows, as for a
