@@ -98,7 +98,7 @@ void AutoDiff(benchmark::State& state) {
   const Chain chain("linear");
   ceres::DynamicAutoDiffCostFunction<ChainFunctor, kStride> cost_function(
       new ChainFunctor{&chain,
-                       NetworkFunctor(chain.problem.model->network()),
+                       NetworkFunctor(*chain.problem.model->dense_network()),
                        OscillatorStep<2>()});
   const int n = chain.problem.model->num_weights();
   const int m = static_cast<int>(chain.batch.targets.size());

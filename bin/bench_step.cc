@@ -102,9 +102,9 @@ struct Case {
     std::string error;
     CHECK(CreateLearningProblem(row->problem, &problem, &error)) << error;
     if (!row->widths.empty()) {
-      problem.model =
-          std::make_shared<Model>(problem.model->WithNetwork(DenseNetwork(
-              row->widths, problem.model->network().hidden_activation())));
+      problem.model = std::make_shared<Model>(problem.model->WithNetwork(
+          DenseNetwork(row->widths,
+                       problem.model->dense_network()->hidden_activation())));
     }
     model = problem.model;
     batch = problem.train.Range(0, problem.batch_size);
@@ -124,7 +124,7 @@ struct Case {
   // The operations of the Gram matrix and its reduction:
   // m^2 sum(widths) + 4/3 m^3.
   double LimitFlops() const {
-    const std::vector<int>& widths = model->network().widths();
+    const std::vector<int>& widths = model->dense_network()->widths();
     const double sum = std::accumulate(widths.begin() + 1, widths.end(), 0.0);
     const double m = J().rows();
     return m * m * sum + 4.0 / 3.0 * m * m * m;

@@ -101,10 +101,11 @@ Table LearningTable(const LearningProblem& problem,
       add("s to " + FormatNumber(level),
           NumberOrDash(run.SecondsToLevel(level)));
     }
+    const int num_neurons = NumHiddenNeurons(problem.model->network());
     add("saturated",
-        fmt::format("{}/{}",
-                    run.num_saturated,
-                    NumHiddenNeurons(problem.model->network())));
+        num_neurons == 0
+            ? "-"
+            : fmt::format("{}/{}", run.num_saturated, num_neurons));
     table.Add("status",
               median != nullptr ? run.summary.message : method.refusal,
               Table::Align::kLeft);

@@ -120,18 +120,21 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
     }
   }
   for (const LearningRunResult* run : runs) {
-    DenseNetwork::Activations activations;
+    const auto pass = problem.model->network().NewPass();
     std::string ignored;
-    if (!problem.model->Forward(
-            run->weights, sorted, false, &activations, &ignored)) {
+    if (!problem.model->Forward(run->weights,
+                                sorted,
+                                Network::Derivatives::kNone,
+                                pass.get(),
+                                &ignored)) {
       continue;
     }
     Series& series = plot.series.emplace_back();
     series.title = run->label;
     series.x.assign(sorted.inputs.data(),
                     sorted.inputs.data() + sorted.num_samples());
-    series.y.assign(activations.outputs.data(),
-                    activations.outputs.data() + sorted.num_samples());
+    series.y.assign(pass->outputs.data(),
+                    pass->outputs.data() + sorted.num_samples());
   }
   return plot;
 }

@@ -28,15 +28,21 @@ double EvaluateMetric(const LearningProblem& problem,
       problem.test.num_samples() > 0 ? problem.test : problem.train;
   const Model& model = *problem.model;
   Eigen::MatrixXd x(model.simulator().num_inputs(), data.num_samples());
-  DenseNetwork::Activations activations;
+  const auto pass = model.network().NewPass();
   std::string error;
-  for (int first = 0; first < data.num_samples(); first += kPieceSize) {
-    const int count = std::min(kPieceSize, data.num_samples() - first);
-    if (!model.Forward(
-            weights, data.Range(first, count), false, &activations, &error)) {
+  // The samples of other networks may depend on each other.
+  const int piece_size =
+      model.dense_network() != nullptr ? kPieceSize : data.num_samples();
+  for (int first = 0; first < data.num_samples(); first += piece_size) {
+    const int count = std::min(piece_size, data.num_samples() - first);
+    if (!model.Forward(weights,
+                       data.Range(first, count),
+                       Network::Derivatives::kNone,
+                       pass.get(),
+                       &error)) {
       return HistoryRow::kNone;
     }
-    x.middleCols(first, count) = model.SimulatorInputs(activations);
+    x.middleCols(first, count) = model.SimulatorInputs(*pass);
   }
   return problem.metric->evaluate(x, data);
 }
@@ -58,10 +64,12 @@ bool CreateLearningProblem(const std::string& specification,
   return true;
 }
 
-int NumHiddenNeurons(const DenseNetwork& network) {
+int NumHiddenNeurons(const Network& network) {
+  const auto* dense = dynamic_cast<const DenseNetwork*>(&network);
+  if (dense == nullptr) return 0;
   int sum = 0;
-  for (int layer = 1; layer < network.num_layers(); ++layer) {
-    sum += network.widths()[layer];
+  for (int layer = 1; layer < dense->num_layers(); ++layer) {
+    sum += dense->widths()[layer];
   }
   return sum;
 }
@@ -154,7 +162,7 @@ bool RunLearning(const LearningProblem& problem,
       !MakeDirectories(options.directory, error)) {
     return false;
   }
-  const DenseNetwork& network = problem.model->network();
+  const Network& network = problem.model->network();
   std::vector<std::vector<NeuronStatistics>> neurons;
   std::vector<Eigen::VectorXd> sample_path;
   const bool tracks_neurons = NumHiddenNeurons(network) <= kMaxTrackedNeurons;

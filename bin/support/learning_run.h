@@ -34,7 +34,8 @@ bool CreateLearningProblem(const std::string& specification,
                            LearningProblem* problem,
                            std::string* error);
 
-int NumHiddenNeurons(const DenseNetwork& network);
+// 0 for a network that is not a DenseNetwork.
+int NumHiddenNeurons(const Network& network);
 
 // The weights that every method starts from at `seed`.
 Eigen::VectorXd InitialWeights(const LearningProblem& problem, int seed);

@@ -124,17 +124,19 @@ bool ListRunFiles(const std::string& directory, std::string* error) {
 }
 
 bool WriteRunFiles(const std::string& directory,
-                   const DenseNetwork& network,
+                   const Network& network,
                    const LearningRunResult& result,
                    const RunIdentity& identity,
                    const std::vector<NeuronStatistics>& final_neurons,
                    std::string* error) {
+  const auto* dense = dynamic_cast<const DenseNetwork*>(&network);
   const bool was_interrupted =
       result.summary.termination_type == ceres::USER_SUCCESS;
   return WriteHistory(directory + "/history.csv", result.history, error) &&
          WriteNpy(directory + "/weights.npy", result.weights, error) &&
-         WriteNetwork(
-             directory + "/network.txt", network, result.weights, error) &&
+         (dense == nullptr ||
+          WriteNetwork(
+              directory + "/network.txt", *dense, result.weights, error)) &&
          WriteFile(directory + "/neurons.csv",
                    NeuronsCsv(result, final_neurons),
                    error) &&

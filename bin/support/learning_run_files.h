@@ -15,7 +15,7 @@ bool ListRunFiles(const std::string& directory, std::string* error);
 
 // Writes all but the checkpoint; no result.txt if the run was interrupted.
 bool WriteRunFiles(const std::string& directory,
-                   const DenseNetwork& network,
+                   const Network& network,
                    const LearningRunResult& result,
                    const RunIdentity& identity,
                    const std::vector<NeuronStatistics>& final_neurons,

@@ -106,9 +106,18 @@ bool SetNetwork(const NetworkSettings& settings,
   for (const Activation activation : kActivations) {
     activations.emplace_back(ActivationName(activation));
   }
-  Activation activation = own.network().hidden_activation();
+  if (own.dense_network() == nullptr) {
+    for (const std::string& name : NetworkSettings::Names()) {
+      if (NetworkSettings given = settings; given.Find(name)->empty()) continue;
+      *error = name + " is a setting of dense networks; this network is a " +
+               own.network().Name();
+      return false;
+    }
+    return true;
+  }
+  Activation activation = own.dense_network()->hidden_activation();
   Initialization initialization = problem->initialization;
-  std::vector<int> widths = own.network().widths();
+  std::vector<int> widths = own.dense_network()->widths();
   if (!ParseWidths(settings.hidden, &widths, error) ||
       !Choose(
           "activation", settings.activation, activations, &activation, error) ||

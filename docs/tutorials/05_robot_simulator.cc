@@ -188,9 +188,11 @@ std::string Paths(const Model& model,
                   const Eigen::VectorXd& weights,
                   const DataSet& starts) {
   std::string error;
-  invgrad::DenseNetwork::Activations activations;
-  CHECK(model.Forward(weights, starts, false, &activations, &error)) << error;
-  const Eigen::MatrixXd controls = model.SimulatorInputs(activations);
+  invgrad::DenseNetwork::Activations pass;
+  CHECK(model.Forward(
+      weights, starts, invgrad::Network::Derivatives::kNone, &pass, &error))
+      << error;
+  const Eigen::MatrixXd controls = model.SimulatorInputs(pass);
   std::ostringstream text;
   for (int s = 0; s < starts.num_samples(); ++s) {
     Vector3d pose = starts.contexts.col(s);

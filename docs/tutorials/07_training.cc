@@ -81,12 +81,9 @@ int main() {
   // [/run]
 
   // [use]
-  DenseNetwork::Activations activations;
-  model.network().Forward(result.weights,
-                          Eigen::MatrixXd::Constant(1, 1, 0.7),
-                          false,
-                          &activations);
-  const double push = activations.outputs(0, 0);
+  const Eigen::MatrixXd x = model.network().Outputs(
+      result.weights, Eigen::MatrixXd::Constant(1, 1, 0.7));
+  const double push = x(0, 0);
   double angle = 0.0;
   Pendulum()(&push, &angle);
   std::printf("wanted 0.7 rad: push %.4f, angle %.6f\n", push, angle);

@@ -17,6 +17,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "gtest/gtest.h"
+#include "tests/support/address_limit.h"
 #include "tests/support/source_tree.h"
 
 namespace invgrad {
@@ -24,14 +25,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-// A sanitizer reserves terabytes of addresses, and is slow.
-constexpr double kMaxAddresses = 0.0;
-constexpr double kMaxSeconds = 200.0;
-#else
-constexpr double kMaxAddresses = 6e9;
-constexpr double kMaxSeconds = 20.0;
-#endif
+constexpr double kMaxAddresses = kCanLimitAddresses ? 6e9 : 0.0;
+// A sanitizer is slow.
+constexpr double kMaxSeconds = kCanLimitAddresses ? 20.0 : 200.0;
 constexpr double kMaxMemory = 1.5e9;
 
 [[noreturn]] void Execute(const Command& command, int output, int to_parent) {

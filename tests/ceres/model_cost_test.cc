@@ -77,7 +77,7 @@ TEST_P(ModelCostTest, ProblemHasTheModelsCostAndGradient) {
   EXPECT_EQ(problem.NumParameterBlocks(), 5);
   EXPECT_EQ(problem.NumResiduals(), 10);
   ceres::Problem::EvaluateOptions options;
-  options.parameter_blocks = NeuronBlocks(model_.network(), weights_.data());
+  options.parameter_blocks = WeightBlocks(model_.network(), weights_.data());
   double cost;
   std::vector<double> gradient;
   std::vector<double> residuals;
@@ -116,7 +116,7 @@ TEST_P(ModelCostTest, PassesCeresGradientChecker) {
       static_cast<const std::vector<const ceres::Manifold*>*>(nullptr),
       options);
   const std::vector<double*> blocks =
-      NeuronBlocks(model_.network(), weights_.data());
+      WeightBlocks(model_.network(), weights_.data());
   ceres::GradientChecker::ProbeResults results;
   // Ridders' extrapolation reaches about 1e-10.
   EXPECT_TRUE(checker.Probe(blocks.data(), 1e-8, &results))
@@ -127,7 +127,7 @@ TEST_P(ModelCostTest, JacobiansOfConstantNeuronsAreNotAskedFor) {
   ceres::Problem problem;
   AddModelToProblem(&model_, &data_, &weights_, &problem);
   const std::vector<double*> blocks =
-      NeuronBlocks(model_.network(), weights_.data());
+      WeightBlocks(model_.network(), weights_.data());
   problem.SetParameterBlockConstant(blocks[0]);
   const VectorXd before = weights_;
   ceres::Solver::Options options;

@@ -84,7 +84,7 @@ class ClosedLoopTest : public testing::TestWithParam<Shape> {
                          int sample,
                          std::vector<T>* x) const {
     const auto& [num_calls, num_controls, hidden, trajectory] = GetParam();
-    const NetworkFunctor network(model_.network());
+    const NetworkFunctor network(*model_.dense_network());
     std::vector<T> a;  // state and set point
     for (const double value : data_.inputs.col(sample)) a.push_back(T(value));
     std::vector<T> u(num_controls);
@@ -136,9 +136,10 @@ constexpr double kRounding = 1e-12;
 TEST_P(ClosedLoopTest, ForwardIsTheRollOutStepByStep) {
   DenseNetwork::Activations activations;
   std::string error;
-  ASSERT_TRUE(model_.Forward(weights_, data_, false, &activations, &error))
+  ASSERT_TRUE(model_.Forward(
+      weights_, data_, Network::Derivatives::kFirst, &activations, &error))
       << error;
-  EXPECT_EQ(activations.batch_size(), kBatchSize * model_.num_calls());
+  EXPECT_EQ(activations.num_columns(), kBatchSize * model_.num_calls());
   const auto x = model_.SimulatorInputs(activations);
   ASSERT_EQ(x.cols(), kBatchSize);
   MatrixXd y;
@@ -154,13 +155,13 @@ TEST_P(ClosedLoopTest, ForwardIsTheRollOutStepByStep) {
   }
   // The activations are those of one forward pass over all calls.
   DenseNetwork::Activations again;
-  model_.network().Forward(
+  model_.dense_network()->Forward(
       weights_,
       activations.inputs[0].topRows(model_.network().num_inputs()),
       false,
       &again);
   EXPECT_LT((again.outputs - activations.outputs).norm(), kRounding);
-  for (int l = 0; l < model_.network().num_layers(); ++l) {
+  for (int l = 0; l < model_.dense_network()->num_layers(); ++l) {
     EXPECT_LT((again.inputs[l] - activations.inputs[l]).norm(), kRounding);
     EXPECT_LT((again.slopes[l] - activations.slopes[l]).norm(), kRounding);
   }
@@ -223,14 +224,15 @@ TEST_P(ClosedLoopTest, GradientIsThatOfCentralDifferences) {
 TEST_P(ClosedLoopTest, CovectorsOfXReachTheWeightsThroughTheLoop) {
   DenseNetwork::Activations activations;
   std::string error;
-  ASSERT_TRUE(model_.Forward(weights_, data_, false, &activations, &error))
+  ASSERT_TRUE(model_.Forward(
+      weights_, data_, Network::Derivatives::kFirst, &activations, &error))
       << error;
   const int num_x = model_.simulator().num_inputs();
   MatrixXd x_bar = RandomMatrix(num_x, kBatchSize, 7);
   const VectorXd covector = x_bar.reshaped();
   ASSERT_TRUE(model_.CloseLoop(weights_, data_, activations, x_bar, &error))
       << error;
-  x_bar.resize(model_.network().num_outputs(), activations.batch_size());
+  x_bar.resize(model_.network().num_outputs(), activations.num_columns());
   VectorXd gradient;
   model_.network().Backward(weights_, activations, x_bar, &gradient);
   const VectorXd expected = JacobianByJets(true).transpose() * covector;

@@ -74,7 +74,7 @@ class JetModelTest : public testing::TestWithParam<Activation> {
     VectorXd y(2 * data_.num_samples());
     for (int s = 0; s < data_.num_samples(); ++s) {
       const MatrixXd x =
-          JetsByFunctor(model_.network(), weights, data_.inputs.col(s));
+          JetsByFunctor(*model_.dense_network(), weights, data_.inputs.col(s));
       EXPECT_TRUE(
           Equation()(x.data(), data_.contexts.col(s).data(), y.data() + 2 * s));
     }
@@ -144,9 +144,10 @@ TEST_P(JetModelTest, LayersAreTheColumnsOfTheJacobian) {
   for (std::size_t l = 0; l < blocks.size(); ++l) {
     MatrixXd block;
     blocks[l]->ToDense(&block);
-    EXPECT_LT((block - J_.middleCols(model_.network().offset(l), block.cols()))
-                  .norm(),
-              kRounding);
+    EXPECT_LT(
+        (block - J_.middleCols(model_.dense_network()->offset(l), block.cols()))
+            .norm(),
+        kRounding);
   }
 }
 
@@ -285,7 +286,8 @@ TEST(JetModel, PullBacksTrainAllChannels) {
   const auto loss = [&](const VectorXd& at) {
     double sum = 0.0;
     for (int s = 0; s < data.num_samples(); ++s) {
-      const MatrixXd x = JetsByFunctor(model.network(), at, data.inputs.col(s));
+      const MatrixXd x =
+          JetsByFunctor(*model.dense_network(), at, data.inputs.col(s));
       sum += (VectorXd(x.reshaped()) - data.solutions.col(s)).squaredNorm();
     }
     return 0.5 * sum / data.num_samples();

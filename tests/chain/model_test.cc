@@ -131,8 +131,11 @@ class ModelTest : public testing::TestWithParam<Case> {
         for (const double w : weights_) weights.emplace_back(InnerJet<1>(w));
         weights[i].v[0] = InnerJet<1>(1.0);
         weights[j].a.v[0] = 1.0;
-        const Jet loss = ChainLoss(
-            model_.network(), weights, data_, GetParam().general, kFactor);
+        const Jet loss = ChainLoss(*model_.dense_network(),
+                                   weights,
+                                   data_,
+                                   GetParam().general,
+                                   kFactor);
         *cost = scale * loss.a.a;
         (*gradient)[i] = scale * loss.v[0].a;
         (*hessian)(i, j) = scale * loss.v[0].v[0];

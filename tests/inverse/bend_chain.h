@@ -111,7 +111,8 @@ inline Eigen::MatrixXd NetworkOutputs(const Model& model,
                                       const DataSet& data) {
   DenseNetwork::Activations activations;
   std::string error;
-  EXPECT_TRUE(model.Forward(weights, data, false, &activations, &error));
+  EXPECT_TRUE(model.Forward(
+      weights, data, Network::Derivatives::kFirst, &activations, &error));
   return activations.outputs;
 }
 

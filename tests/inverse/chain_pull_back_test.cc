@@ -309,7 +309,7 @@ TEST(ChainPullBackTest, ErrorsNameTheSample) {
   expect_error(weights, data, "sample 3: the loss has no finite value");
   VectorXd outside = weights;
   // The bias of x0, the first unit of the last layer.
-  outside[model.network().offset(1) + 4] = 100.0;
+  outside[model.dense_network()->offset(1) + 4] = 100.0;
   expect_error(
       outside, RandomData(), "sample 0: the simulator has no finite value");
   // Three finite losses whose sum is not.

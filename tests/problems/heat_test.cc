@@ -115,8 +115,11 @@ TEST(Heat, TakesMethodsThatLearnFromSolutions) {
       std::string error;
       const auto distance = [&](const VectorXd& weights) {
         DenseNetwork::Activations forward;
-        EXPECT_TRUE(problem.model->Forward(
-            weights, problem.train, false, &forward, &error));
+        EXPECT_TRUE(problem.model->Forward(weights,
+                                           problem.train,
+                                           Network::Derivatives::kFirst,
+                                           &forward,
+                                           &error));
         return problem.metric->evaluate(forward.outputs, problem.train);
       };
       const double at_start = distance(InitialWeights(problem));

@@ -192,8 +192,11 @@ TEST(OscillatorTracking, TrainedNetworkComesNearTheRegulator) {
   EXPECT_LT(cost, 1.05 * bound);
 
   DenseNetwork::Activations activations;
-  ASSERT_TRUE(problem.model->Forward(
-      weights, problem.train, false, &activations, &error));
+  ASSERT_TRUE(problem.model->Forward(weights,
+                                     problem.train,
+                                     Network::Derivatives::kFirst,
+                                     &activations,
+                                     &error));
   EXPECT_NEAR(problem.metric->evaluate(
                   problem.model->SimulatorInputs(activations), problem.train),
               cost - bound,

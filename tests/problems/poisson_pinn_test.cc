@@ -44,8 +44,11 @@ double Cost(const LearningProblem& problem, const VectorXd& weights) {
 double MetricOf(const LearningProblem& problem, const VectorXd& weights) {
   DenseNetwork::Activations activations;
   std::string error;
-  EXPECT_TRUE(problem.model->Forward(
-      weights, problem.test, false, &activations, &error))
+  EXPECT_TRUE(problem.model->Forward(weights,
+                                     problem.test,
+                                     Network::Derivatives::kFirst,
+                                     &activations,
+                                     &error))
       << error;
   return problem.metric->evaluate(problem.model->SimulatorInputs(activations),
                                   problem.test);
@@ -154,7 +157,7 @@ TEST_P(PoissonPinnTest, PassesCeresGradientChecker) {
       ceres::NumericDiffOptions());
   ceres::GradientChecker::ProbeResults results;
   EXPECT_TRUE(checker.Probe(
-      NeuronBlocks(model.network(), weights.data()).data(), 1e-8, &results))
+      WeightBlocks(model.network(), weights.data()).data(), 1e-8, &results))
       << results.error_log;
 }
 

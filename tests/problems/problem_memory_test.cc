@@ -7,6 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "problems/problems.h"
+#include "tests/support/address_limit.h"
 
 namespace invgrad {
 namespace problem_memory_test {
@@ -54,6 +55,7 @@ TEST(ProblemMemory, TheMessageSaysWhatIsNeededAndWhatIsAllowed) {
 // The largest settings of every problem with data, in a process that may have
 // little: what allocates first would be thrown out by std::bad_alloc.
 TEST(ProblemMemory, TheLargestSettingsOfAllProblemsAreRefused) {
+  if (!kCanLimitAddresses) GTEST_SKIP() << "under a sanitizer";
   const ProcessLimit limit(800'000'000);
   const std::string correction =
       "oscillator_correction:num_samples=100:horizon=100000:num_oscillators=8";
@@ -82,6 +84,7 @@ TEST(ProblemMemory, TheLargestSettingsOfAllProblemsAreRefused) {
 
 TEST(ProblemMemory, ReplacedDataCountBySamplesAndSettings) {
   const Eigen::MatrixXd data = Eigen::MatrixXd::Zero(500, 4);
+  if (!kCanLimitAddresses) GTEST_SKIP() << "under a sanitizer";
   const ProcessLimit limit(800'000'000);
   // 500 (4 + 2 * 4 * (2 + 1e5)) numbers.
   EXPECT_EQ(Refusal("oscillator_correction:horizon=100000", &data),

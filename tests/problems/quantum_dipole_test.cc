@@ -149,7 +149,7 @@ TEST(QuantumDipole, RescalesOnDemandAlone) {
 TEST(QuantumDipole, HasThePublishedSizes) {
   const LearningProblem problem = CreateLearningProblem("quantum_dipole");
   EXPECT_EQ(problem.model->num_weights(), 9484);
-  EXPECT_EQ(problem.model->network().widths(),
+  EXPECT_EQ(problem.model->dense_network()->widths(),
             (std::vector<int>{28, 20, 20, 20, 384}));
   EXPECT_EQ(problem.model->reduction(), Reduction::kMean);
   EXPECT_FALSE(problem.model->loss().SquaredNormFactor().has_value());

@@ -71,7 +71,7 @@ TEST_P(RegressionProblem, PredictionIsTheNetworksOutput) {
   const LearningProblem problem =
       CreateLearningProblem(GetParam() + ":num_samples=5");
   NumpyRandom random(1);
-  const DenseNetwork& network = problem.model->network();
+  const DenseNetwork& network = *problem.model->dense_network();
   const VectorXd weights =
       network.InitialWeights(problem.initialization, &random);
   MatrixXd y;

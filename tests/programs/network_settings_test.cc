@@ -36,7 +36,7 @@ TEST_P(EveryLearningProblem, TakesAnotherNetwork) {
   std::string error;
   ASSERT_TRUE(SetNetwork({"5-3", "gelu", "pytorch"}, &problem, &error))
       << error;
-  const DenseNetwork& network = problem.model->network();
+  const DenseNetwork& network = *problem.model->dense_network();
   EXPECT_EQ(network.widths(),
             (std::vector<int>{own.model->network().num_inputs(),
                               5,
@@ -73,19 +73,24 @@ TEST(NetworkSettings, WhatIsNotGivenStays) {
     EXPECT_TRUE(SetNetwork(settings, &problem, &error)) << error;
     return problem;
   };
-  const DenseNetwork& own_network = own.model->network();
+  const DenseNetwork& own_network = *own.model->dense_network();
   LearningProblem problem = with({});
-  EXPECT_EQ(problem.model->network().widths(), own_network.widths());
-  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kRelu);
+  EXPECT_EQ(problem.model->dense_network()->widths(), own_network.widths());
+  EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
+            Activation::kRelu);
   EXPECT_EQ(problem.initialization, Initialization::kGlorotUniform);
   problem = with({"7", "", ""});
-  EXPECT_EQ(problem.model->network().widths(), (std::vector<int>{4, 7, 96}));
-  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kRelu);
+  EXPECT_EQ(problem.model->dense_network()->widths(),
+            (std::vector<int>{4, 7, 96}));
+  EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
+            Activation::kRelu);
   problem = with({"", "sigmoid", ""});
-  EXPECT_EQ(problem.model->network().widths(), own_network.widths());
-  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kSigmoid);
+  EXPECT_EQ(problem.model->dense_network()->widths(), own_network.widths());
+  EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
+            Activation::kSigmoid);
   problem = with({"", "", "he"});
-  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kRelu);
+  EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
+            Activation::kRelu);
   EXPECT_EQ(problem.initialization, Initialization::kHeUniform);
 }
 
@@ -120,7 +125,8 @@ TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
   EXPECT_FALSE(SetNetwork({"", "relu", ""}, &problem, &error));
   EXPECT_EQ(error,
             "activation=relu has no Laplacian, which this problem needs");
-  EXPECT_EQ(problem.model->network().hidden_activation(), Activation::kTanh);
+  EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
+            Activation::kTanh);
 }
 
 }  // namespace network_settings_test

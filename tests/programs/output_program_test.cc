@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "tests/support/address_limit.h"
 #include "tests/support/program_runner.h"
 
 namespace invgrad {
@@ -173,6 +174,7 @@ TEST_F(OutputProgram, NumbersThatDoNotFitAreOutOfRange) {
 }
 
 TEST_F(OutputProgram, PathsThatDoNotFitAreRefused) {
+  if (!kCanLimitAddresses) GTEST_SKIP() << "under a sanitizer";
   for (const std::string program :
        {"trajectories", "compare --problem=squared_component"}) {
     EXPECT_EQ(Shell("ulimit -v 4000000; {}/" + program +
@@ -229,6 +231,7 @@ TEST_F(OutputProgram, EstimatesThatCannotBeWrittenAreAFailure) {
 
 // In less address space than the file has bytes.
 TEST_F(OutputProgram, ALargeFileIsRefusedAndNotAllocated) {
+  if (!kCanLimitAddresses) GTEST_SKIP() << "under a sanitizer";
   std::ofstream(Path("x.npy")) << "VERTEX_SE2 0 0 0 0\n";
   fs::resize_file(Path("x.npy"), std::uintmax_t{6} << 30);  // sparse
   EXPECT_EQ(Shell("ulimit -v 4000000; {}/compare --problem=toy_network "

@@ -221,8 +221,11 @@ TEST(PullBackTraining, SupervisedTrainingAveragesAndInversionDoesNot) {
   const auto metric = [&](const TrainResult& run) {
     DenseNetwork::Activations forward;
     std::string error;
-    EXPECT_TRUE(problem.model->Forward(
-        run.weights, problem.test, false, &forward, &error));
+    EXPECT_TRUE(problem.model->Forward(run.weights,
+                                       problem.test,
+                                       Network::Derivatives::kFirst,
+                                       &forward,
+                                       &error));
     return problem.metric->evaluate(forward.outputs, problem.test);
   };
   // The mean of |x*| is 1/2, that of a fit to its own noise somewhat less.
@@ -243,7 +246,7 @@ struct Shifted {
 TEST(PullBackTraining, ATargetOutOfRangeFallsBackAndIsReported) {
   LearningProblem problem = CreateLearningProblem("multimodal:num_samples=100");
   problem.model = std::make_shared<Model>(
-      problem.model->network(),
+      problem.model->shared_network(),
       std::make_shared<AutoDiffSimulator<Shifted, 1, 1>>(),
       problem.model->shared_loss(),
       Reduction::kMean);

@@ -32,11 +32,7 @@ ModelCostFunction::ModelCostFunction(const Model* model, const DataSet* data)
   CHECK(model->loss().SquaredNormFactor().has_value())
       << "Only a squared-norm loss is a least-squares problem.";
   set_num_residuals(model->loss().size() * data->num_samples());
-  const std::vector<int>& widths = model->network().widths();
-  for (std::size_t l = 0; l + 1 < widths.size(); ++l) {
-    mutable_parameter_block_sizes()->insert(
-        mutable_parameter_block_sizes()->end(), widths[l + 1], widths[l] + 1);
-  }
+  *mutable_parameter_block_sizes() = model->network().WeightBlocks();
 }
 
 VectorXd ModelCostFunction::Weights(const double* const* parameters) const {
@@ -140,14 +136,11 @@ bool ModelFunction::Evaluate(const double* parameters,
   return true;
 }
 
-std::vector<double*> NeuronBlocks(const DenseNetwork& network,
-                                  double* weights) {
+std::vector<double*> WeightBlocks(const Network& network, double* weights) {
   std::vector<double*> blocks;
-  for (int l = 0; l < network.num_layers(); ++l) {
-    for (int unit = 0; unit < network.widths()[l + 1]; ++unit) {
-      blocks.push_back(weights);
-      weights += network.widths()[l] + 1;
-    }
+  for (const int size : network.WeightBlocks()) {
+    blocks.push_back(weights);
+    weights += size;
   }
   return blocks;
 }
@@ -161,7 +154,7 @@ void AddModelToProblem(const Model* model,
   CHECK_EQ(weights->size(), model->num_weights());
   problem->AddResidualBlock(new ModelCostFunction(model, data),
                             nullptr,
-                            NeuronBlocks(model->network(), weights->data()));
+                            WeightBlocks(model->network(), weights->data()));
 }
 
 }  // namespace invgrad

@@ -4,9 +4,9 @@
 //                        1/2 |r|^2 = scale sum_s c |y_s - y*_s|^2 = L
 //   as a function        L(theta) and its gradient, by one backward pass
 //
-// The weights are one parameter block for each neuron (its incoming weights and
-// its bias), in the order of the weight vector: blocks are small, and a neuron
-// or a layer can be held constant.
+// The weights are the parameter blocks of Network::WeightBlocks, in the order of
+// the weight vector. Those of a DenseNetwork are the neurons (incoming weights
+// and bias): blocks are small, and a neuron or a layer can be held constant.
 // Cost:    the cost function forms J (m x n); the function L(theta) does not.
 // Fails:   Evaluate returns false where the model does.
 #ifndef INVGRAD_CERES_MODEL_COST_H_
@@ -30,7 +30,8 @@ class ModelCostFunction final : public SecondOrderCostFunction {
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override;
-  // By one tangent-of-backward pass for each unit, over all samples.
+  // By one tangent-of-backward pass for each unit, over all samples; only for
+  // a model with factors.
   bool WeightedHessian(const double* const* parameters,
                        const double* w,
                        double* hessian) const override;
@@ -55,8 +56,8 @@ class ModelFunction final : public ceres::FirstOrderFunction {
   const DataSet* data_;
 };
 
-// The parameter blocks of `weights` (n), one for each neuron.
-std::vector<double*> NeuronBlocks(const DenseNetwork& network, double* weights);
+// The parameter blocks of `weights` (n).
+std::vector<double*> WeightBlocks(const Network& network, double* weights);
 
 // Adds the model's cost over `data` to the problem; `weights` must outlive it.
 void AddModelToProblem(const Model* model,

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "fmt/format.h"
@@ -85,10 +86,37 @@ void DenseNetwork::ApplyLayerTransposed(
   Gemm(Op::kNone, Op::kNone, 1.0, W, z_bar, 0.0, a_bar);
 }
 
+std::vector<int> DenseNetwork::WeightBlocks() const {
+  std::vector<int> blocks;
+  for (int l = 0; l < num_layers(); ++l) {
+    blocks.insert(blocks.end(), widths_[l + 1], widths_[l] + 1);
+  }
+  return blocks;
+}
+
+double DenseNetwork::BytesPerColumn() const {
+  // Inputs, slopes and covectors of every layer.
+  return 3.0 * sizeof(double) *
+         std::accumulate(widths_.begin(), widths_.end(), 0.0);
+}
+
+bool DenseNetwork::Forward(const VectorXd& weights,
+                           const MatrixXd& inputs,
+                           Derivatives derivatives,
+                           Pass* pass,
+                           std::string* /*error*/) const {
+  Forward(weights,
+          inputs,
+          derivatives == Derivatives::kSecond,
+          dynamic_cast<Activations*>(pass));
+  return true;
+}
+
 void DenseNetwork::Forward(const VectorXd& weights,
                            const MatrixXd& inputs,
                            bool want_curvatures,
                            Activations* activations) const {
+  CHECK(activations != nullptr) << "The pass is of another network.";
   activations->num_channels = 1;
   RunLayers(weights, inputs, want_curvatures, activations);
 }
@@ -152,7 +180,7 @@ void DenseNetwork::BackwardThroughLayer(int l,
   ApplyLayerTransposed(l, weights, above, *below);
   const MatrixXd& slopes = activations.slopes[l - 1];
   const Eigen::Index per_sample = above.cols() / slopes.cols();
-  if (per_sample == 1) calls = activations.batch_size();
+  if (per_sample == 1) calls = activations.num_columns();
   for (Eigen::Index first = 0; first < above.cols(); first += calls) {
     const Eigen::Index sample = first / (per_sample * calls);
     MultiplyJetsTransposed(activations.num_channels,
@@ -162,12 +190,13 @@ void DenseNetwork::BackwardThroughLayer(int l,
 }
 
 void DenseNetwork::Backward(const VectorXd& weights,
-                            const Activations& activations,
+                            const Pass& pass,
                             const MatrixXd& output_covectors,
                             VectorXd* gradient) const {
+  const auto& activations = dynamic_cast<const Activations&>(pass);
   CHECK_EQ(weights.size(), num_weights());
   CHECK_EQ(output_covectors.rows(), num_outputs());
-  CHECK_EQ(output_covectors.cols(), activations.batch_size());
+  CHECK_EQ(output_covectors.cols(), activations.num_columns());
   gradient->resize(num_weights());
   const MatrixXd* delta = &output_covectors;  // dF/dz_l
   MatrixXd buffers[2];
@@ -196,7 +225,7 @@ void DenseNetwork::InputJacobians(const VectorXd& weights,
   CHECK_EQ(activations.num_channels, 1);
   // dx_{s,i}/dz_l, from the last layer down.
   MatrixXd above = MatrixXd::Identity(num_outputs(), num_outputs())
-                       .replicate(1, activations.batch_size());
+                       .replicate(1, activations.num_columns());
   MatrixXd below;
   for (int l = num_layers() - 1; l > 0; --l) {
     BackwardThroughLayer(l, weights, activations, 1, above, &below);
@@ -207,14 +236,15 @@ void DenseNetwork::InputJacobians(const VectorXd& weights,
 }
 
 void DenseNetwork::Tangent(const VectorXd& weights,
-                           const Activations& activations,
+                           const Pass& pass,
                            const VectorXd& weight_tangent,
                            MatrixXd* output_tangents) const {
+  const auto& activations = dynamic_cast<const Activations&>(pass);
   CHECK_EQ(weights.size(), num_weights());
   CHECK_EQ(weight_tangent.size(), num_weights());
   MatrixXd below;  // da_l
   for (int l = 0; l < num_layers(); ++l) {
-    MatrixXd above(widths_[l + 1], activations.batch_size());
+    MatrixXd above(widths_[l + 1], activations.num_columns());
     ApplyLayer(l, weight_tangent, activations.inputs[l], 0.0, above);
     if (l > 0) ApplyLayer(l, weights, below, 1.0, above);
     if (l + 1 < num_layers()) {

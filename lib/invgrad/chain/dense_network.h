@@ -25,25 +25,17 @@
 #ifndef INVGRAD_CHAIN_DENSE_NETWORK_H_
 #define INVGRAD_CHAIN_DENSE_NETWORK_H_
 
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/chain/activation.h"
+#include "invgrad/chain/network.h"
 
 namespace invgrad {
 
-class NumpyRandom;
-
-// The distribution of the weights (biases are zero except for kPytorch), drawn
-// layer after layer: the matrix of a layer row by row, like
-// np.random.uniform(-s, s, (fan_out, fan_in)), then its biases.
-//   kGlorotUniform  U(-s, s), s = sqrt(6 / (fan_in + fan_out))   (Keras)
-//   kHeUniform      U(-s, s), s = sqrt(6 / fan_in)
-//   kPytorch        U(-s, s), s = 1 / sqrt(fan_in), biases too   (nn.Linear)
-enum class Initialization { kGlorotUniform, kHeUniform, kPytorch };
-
-class DenseNetwork {
+class DenseNetwork final : public Network {
  public:
   // At least two widths, all positive, and no more weights than an int can
   // number (CHECKed). `hidden` is the activation of all layers but the last,
@@ -53,9 +45,9 @@ class DenseNetwork {
   // n, as a double, because widths may overflow an int.
   static double CountWeights(const std::vector<int>& widths);
 
-  int num_inputs() const { return widths_.front(); }
-  int num_outputs() const { return widths_.back(); }
-  int num_weights() const { return offsets_.back(); }
+  int num_inputs() const override { return widths_.front(); }
+  int num_outputs() const override { return widths_.back(); }
+  int num_weights() const override { return offsets_.back(); }
   int num_layers() const { return static_cast<int>(widths_.size()) - 1; }
   const std::vector<int>& widths() const { return widths_; }
   Activation hidden_activation() const { return hidden_; }
@@ -72,11 +64,19 @@ class DenseNetwork {
   Eigen::Map<const Eigen::MatrixXd> LayerWeights(
       int layer, const Eigen::VectorXd& weights) const;
 
+  // Drawn layer after layer: the matrix of a layer row by row, like
+  // np.random.uniform(-s, s, (fan_out, fan_in)), then its biases.
   Eigen::VectorXd InitialWeights(Initialization initialization,
-                                 NumpyRandom* random) const;
+                                 NumpyRandom* random) const override;
 
-  // Values of the forward pass for the derivatives. Layer l = 0 .. L - 1.
-  struct Activations {
+  // The neurons.
+  std::vector<int> WeightBlocks() const override;
+  double BytesPerColumn() const override;
+
+  // Values of the forward pass for the derivatives. Layer l = 0 .. L - 1. Jets
+  // have B T columns in place of B, and the ones of the last row are the jets
+  // (1, 0, .., 0).
+  struct Activations final : Pass {
     // inputs[l]: (widths[l] + 1) x B, a_l with a last row of ones, whose weight
     // is the bias.
     std::vector<Eigen::MatrixXd> inputs;
@@ -84,14 +84,15 @@ class DenseNetwork {
     std::vector<Eigen::MatrixXd> slopes;
     // curvatures[l]: phi''(z), of the same size; only with want_curvatures.
     std::vector<Eigen::MatrixXd> curvatures;
-    Eigen::MatrixXd outputs;  // widths[L] x B: x
-    // T: 1, or the number of channels of a jet after ForwardJets. Jets have B T
-    // columns in place of B, and the ones of the last row are the jets (1, 0,
-    // .., 0).
-    int num_channels = 1;
-
-    int batch_size() const { return static_cast<int>(outputs.cols()); }
   };
+  std::unique_ptr<Pass> NewPass() const override {
+    return std::make_unique<Activations>();
+  }
+  bool Forward(const Eigen::VectorXd& weights,
+               const Eigen::MatrixXd& inputs,
+               Derivatives derivatives,
+               Pass* pass,
+               std::string* error) const override;
   void Forward(const Eigen::VectorXd& weights,
                const Eigen::MatrixXd& inputs,
                bool want_curvatures,
@@ -104,24 +105,21 @@ class DenseNetwork {
                    bool want_curvatures,
                    Activations* activations) const;
 
-  // gradient = sum_s J_s^T w_s (n), for output covectors w: widths[L] x B (of
-  // jets B T, here and below).
+  // With jets, output covectors and tangents have B T columns.
   void Backward(const Eigen::VectorXd& weights,
-                const Activations& activations,
+                const Pass& pass,
                 const Eigen::MatrixXd& output_covectors,
-                Eigen::VectorXd* gradient) const;
+                Eigen::VectorXd* gradient) const override;
+  void Tangent(const Eigen::VectorXd& weights,
+               const Pass& pass,
+               const Eigen::VectorXd& weight_tangent,
+               Eigen::MatrixXd* output_tangents) const override;
 
   // The Jacobians dx/da: |a| x B |x|, column s |x| + i is the derivative of
   // x_{s,i} with respect to a_s. Cost: 2 n B |x|. Not for jets (CHECKed).
   void InputJacobians(const Eigen::VectorXd& weights,
                       const Activations& activations,
                       Eigen::MatrixXd* jacobians) const;
-
-  // Output tangents J_s v (widths[L] x B) of one weight tangent v (n).
-  void Tangent(const Eigen::VectorXd& weights,
-               const Activations& activations,
-               const Eigen::VectorXd& weight_tangent,
-               Eigen::MatrixXd* output_tangents) const;
 
   // below = the covectors of z_{l-1} for the covectors `above` of z_l, l >= 1.
   // Each sample has any number of covectors side by side, and a covector
@@ -146,7 +144,7 @@ class DenseNetwork {
                Eigen::MatrixXd* hessian) const;
 
   // "4-20-20-20-24 tanh"
-  std::string Name() const;
+  std::string Name() const override;
 
  private:
   class HessianPass;

@@ -20,7 +20,7 @@ class DenseNetwork::HessianPass {
               const MatrixXd& output_covectors)
       : network_(network), weights_(weights), activations_(activations) {
     const int L = network.num_layers();
-    const int num_columns = activations.batch_size();
+    const int num_columns = activations.num_columns();
     deltas_.resize(L);
     pulled_.resize(L);
     deltas_[L - 1] = output_covectors;
@@ -88,7 +88,7 @@ class DenseNetwork::HessianPass {
     const Index width = a_dots_[l].rows();
     const Index stride = width + 1;
     gradient_dots.setZero();
-    for (int column = 0; column < activations_.batch_size(); ++column) {
+    for (int column = 0; column < activations_.num_columns(); ++column) {
       auto sum = gradient_dots.col(column / activations_.num_channels);
       for (Index i = 0; i < deltas_[l].rows(); ++i) {
         sum.segment(i * stride, stride) +=
@@ -117,10 +117,10 @@ void DenseNetwork::Hessian(const VectorXd& weights,
                            MatrixXd* hessian) const {
   const int L = num_layers();
   const int T = activations.num_channels;
-  const int batch_size = activations.batch_size() / T;
+  const int batch_size = activations.num_columns() / T;
   CHECK_EQ(weights.size(), num_weights());
   CHECK_EQ(output_covectors.rows(), num_outputs());
-  CHECK_EQ(output_covectors.cols(), activations.batch_size());
+  CHECK_EQ(output_covectors.cols(), activations.num_columns());
   CHECK_EQ(static_cast<int>(output_hessians.size()), batch_size);
   CHECK_EQ(static_cast<int>(activations.curvatures.size()), L)
       << "The Hessian needs Forward with want_curvatures.";

@@ -6,6 +6,7 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/chain/scoped_pass.h"
 #include "invgrad/chain/two_jet.h"
 #include "invgrad/core/scratch.h"
 
@@ -25,13 +26,12 @@ constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
 constexpr char kNoNextState[] =
     "the simulator has no finite value: there is no finite state after";
 
-bool CheckOutputs(const DenseNetwork::Activations& activations,
-                  std::string* error) {
-  const MatrixXd& outputs = activations.outputs;
+bool CheckOutputs(const Network::Pass& pass, std::string* error) {
+  const MatrixXd& outputs = pass.outputs;
   if (outputs.allFinite()) return true;
   int column = 0;
   while (outputs.col(column).allFinite()) ++column;
-  return SampleError(column / activations.num_channels, kNetworkFailed, error);
+  return SampleError(column / pass.num_channels, kNetworkFailed, error);
 }
 
 // Copies the activations of call t, one column per sample, into the activations
@@ -107,27 +107,32 @@ void CheckSizes(const Model& model,
 
 }  // namespace
 
-Model::Model(DenseNetwork network,
+Model::Model(std::shared_ptr<const Network> network,
              std::shared_ptr<const Simulator> simulator,
              std::shared_ptr<const Loss> loss,
              Reduction reduction,
              std::shared_ptr<const Feedback> feedback,
              NetworkOutput output)
     : network_(std::move(network)),
+      dense_network_(dynamic_cast<const DenseNetwork*>(network_.get())),
       simulator_(std::move(simulator)),
       loss_(std::move(loss)),
       reduction_(reduction),
       feedback_(std::move(feedback)),
       output_(output) {
+  CHECK(network_ != nullptr);
   CHECK(simulator_ != nullptr);
   CHECK(loss_ != nullptr);
   CHECK(feedback_ == nullptr || output_ == NetworkOutput::kValue);
-  CHECK_EQ(num_columns() * network_.num_outputs(), simulator_->num_inputs())
+  CHECK(dense_network_ != nullptr ||
+        (feedback_ == nullptr && output_ == NetworkOutput::kValue))
+      << "Feedback and jets need a DenseNetwork.";
+  CHECK_EQ(num_columns() * network_->num_outputs(), simulator_->num_inputs())
       << "The network's outputs are the simulator's inputs.";
   if (feedback_ != nullptr) {
-    CHECK_EQ(feedback_->control_size(), network_.num_outputs())
+    CHECK_EQ(feedback_->control_size(), network_->num_outputs())
         << "The network's outputs are the controls of a step.";
-    CHECK_LE(feedback_->state_size(), network_.num_inputs())
+    CHECK_LE(feedback_->state_size(), network_->num_inputs())
         << "The state is the first part of the network's inputs.";
     CHECK_EQ(feedback_->state_size(), simulator_->num_context())
         << "The simulator's context is the state at the start.";
@@ -138,7 +143,7 @@ Model::Model(DenseNetwork network,
 
 int Model::num_columns() const {
   return output_ == NetworkOutput::kTwoJet
-             ? NumTwoJetChannels(network_.num_inputs())
+             ? NumTwoJetChannels(network_->num_inputs())
              : num_calls();
 }
 
@@ -149,16 +154,20 @@ double Model::BatchScale(int num_samples) const {
 
 bool Model::Forward(const VectorXd& weights,
                     const DataSet& batch,
-                    bool want_curvatures,
-                    DenseNetwork::Activations* activations,
+                    Network::Derivatives derivatives,
+                    Network::Pass* pass,
                     std::string* error) const {
   CheckSizes(*this, weights, batch);
+  if (feedback_ == nullptr && output_ == NetworkOutput::kValue) {
+    return network_->Forward(weights, batch.inputs, derivatives, pass, error) &&
+           CheckOutputs(*pass, error);
+  }
+  const bool want_curvatures = derivatives == Network::Derivatives::kSecond;
+  auto* activations = dynamic_cast<DenseNetwork::Activations*>(pass);
+  CHECK(activations != nullptr) << "The pass is of another network.";
   if (feedback_ == nullptr) {
-    if (output_ == NetworkOutput::kTwoJet) {
-      network_.ForwardJets(weights, batch.inputs, want_curvatures, activations);
-    } else {
-      network_.Forward(weights, batch.inputs, want_curvatures, activations);
-    }
+    dense_network_->ForwardJets(
+        weights, batch.inputs, want_curvatures, activations);
     return CheckOutputs(*activations, error);
   }
   MatrixXd inputs = batch.inputs;
@@ -178,7 +187,7 @@ bool Model::Forward(const VectorXd& weights,
       }
       inputs.topRows(states.rows()) = states;
     }
-    network_.Forward(weights, inputs, want_curvatures, &call);
+    dense_network_->Forward(weights, inputs, want_curvatures, &call);
     if (!CheckOutputs(call, error)) return false;
     StoreCall(call, t, num_calls(), activations);
   }
@@ -186,15 +195,14 @@ bool Model::Forward(const VectorXd& weights,
 }
 
 Eigen::Map<const MatrixXd> Model::SimulatorInputs(
-    const DenseNetwork::Activations& activations) const {
+    const Network::Pass& pass) const {
   const Index num_x = simulator_->num_inputs();
-  return {
-      activations.outputs.data(), num_x, activations.outputs.size() / num_x};
+  return {pass.outputs.data(), num_x, pass.outputs.size() / num_x};
 }
 
 bool Model::CloseLoop(const VectorXd& weights,
                       const DataSet& batch,
-                      const DenseNetwork::Activations& activations,
+                      const Network::Pass& pass,
                       Eigen::Ref<MatrixXd> x_bar,
                       std::string* error) const {
   if (num_calls() == 1) return true;  // there is no loop
@@ -202,9 +210,10 @@ bool Model::CloseLoop(const VectorXd& weights,
   const Index num_x = simulator_->num_inputs();
   CHECK_EQ(x_bar.cols() % batch_size, 0);
   const Index per_sample = x_bar.cols() / batch_size;
-  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(pass);
   MatrixXd K;
-  network_.InputJacobians(weights, activations, &K);
+  dense_network_->InputJacobians(
+      weights, dynamic_cast<const DenseNetwork::Activations&>(pass), &K);
   for (int s = 0; s < batch_size; ++s) {
     if (!CloseSampleLoop(
             *feedback_,
@@ -259,11 +268,12 @@ bool Model::Predict(const VectorXd& weights,
   outputs->resize(simulator_->num_outputs(), num_samples);
   const auto predict = [&](int begin, int count) {
     const DataSet piece = batch.Range(begin, count);
-    Scratch<DenseNetwork::Activations> activations(1);
-    if (!Forward(weights, piece, false, activations.data(), error)) {
+    ScopedPass pass(*this);
+    if (!Forward(
+            weights, piece, Network::Derivatives::kNone, pass.get(), error)) {
       return false;
     }
-    const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations[0]);
+    const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
     for (int s = 0; s < count; ++s) {
       if (!simulator_->Evaluate(x.col(s).data(),
                                 piece.Context(s).data(),
@@ -274,8 +284,10 @@ bool Model::Predict(const VectorXd& weights,
     }
     return true;
   };
-  for (int first = 0; first < num_samples; first += kPieceSize) {
-    if (!predict(first, std::min(kPieceSize, num_samples - first))) {
+  // The samples of other networks may depend on each other.
+  const int piece_size = dense_network_ != nullptr ? kPieceSize : num_samples;
+  for (int first = 0; first < num_samples; first += piece_size) {
+    if (!predict(first, std::min(piece_size, num_samples - first))) {
       // Repeats the whole batch, for a message with the sample's number in it.
       return predict(0, num_samples);
     }

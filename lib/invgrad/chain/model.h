@@ -26,7 +26,7 @@
 //          calls side by side; with jets the same, T = |a| + 2.
 // Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
-//          (network_jacobian.h). Hessian, not with feedback: one
+//          (network_jacobian.h, chain_jacobian.h). Hessian, not with feedback: one
 //          WeightedHessian a sample and DenseNetwork::Hessian. With feedback: T
 //          passes in place of one, an input Jacobian of the network, and one
 //          CloseLoop a sample. With jets: T passes, for the Hessian T^2.
@@ -48,6 +48,7 @@
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/feedback.h"
 #include "invgrad/chain/loss.h"
+#include "invgrad/chain/network.h"
 #include "invgrad/chain/simulator.h"
 #include "invgrad/core/linearization.h"
 
@@ -66,12 +67,25 @@ class Model {
   // feedback: null, or the loop over time of the same simulator, often the
   // simulator itself; not with kTwoJet. Then T network outputs = T controls =
   // simulator inputs, and the simulator's context is the state at the start.
-  Model(DenseNetwork network,
+  // Feedback and jets need a DenseNetwork.
+  Model(std::shared_ptr<const Network> network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
         Reduction reduction,
         std::shared_ptr<const Feedback> feedback = nullptr,
         NetworkOutput output = NetworkOutput::kValue);
+  Model(DenseNetwork network,
+        std::shared_ptr<const Simulator> simulator,
+        std::shared_ptr<const Loss> loss,
+        Reduction reduction,
+        std::shared_ptr<const Feedback> feedback = nullptr,
+        NetworkOutput output = NetworkOutput::kValue)
+      : Model(std::make_shared<DenseNetwork>(std::move(network)),
+              std::move(simulator),
+              std::move(loss),
+              reduction,
+              std::move(feedback),
+              output) {}
 
   // Without feedback.
   Model(DenseNetwork network,
@@ -86,7 +100,10 @@ class Model {
               nullptr,
               output) {}
 
-  const DenseNetwork& network() const { return network_; }
+  const Network& network() const { return *network_; }
+  // The network; null if it is of another class.
+  const DenseNetwork* dense_network() const { return dense_network_; }
+  std::shared_ptr<const Network> shared_network() const { return network_; }
   const Simulator& simulator() const { return *simulator_; }
   const Loss& loss() const { return *loss_; }
   std::shared_ptr<const Simulator> shared_simulator() const {
@@ -109,37 +126,47 @@ class Model {
     return Model(
         network_, simulator_, std::move(loss), reduction, feedback_, output_);
   }
-  Model WithNetwork(DenseNetwork network) const {
+  Model WithNetwork(std::shared_ptr<const Network> network) const {
     return Model(
         std::move(network), simulator_, loss_, reduction_, feedback_, output_);
   }
+  Model WithNetwork(DenseNetwork network) const {
+    return WithNetwork(std::make_shared<DenseNetwork>(std::move(network)));
+  }
 
   Reduction reduction() const { return reduction_; }
-  int num_weights() const { return network_.num_weights(); }
+  int num_weights() const { return network_->num_weights(); }
 
   // The factor in front of the sum over `num_samples` samples.
   double BatchScale(int num_samples) const;
 
   // The network's part of the chain. Returns false, with the sample in *error,
   // if an output is not finite or, with feedback, a step fails.
+  // `pass` is an object of network().NewPass().
   bool Forward(const Eigen::VectorXd& weights,
                const DataSet& batch,
-               bool want_curvatures,
-               DenseNetwork::Activations* activations,
+               Network::Derivatives derivatives,
+               Network::Pass* pass,
                std::string* error) const;
 
-  // x: |x| x B, the memory of activations.outputs.
+  // x: |x| x B, the memory of pass.outputs.
   Eigen::Map<const Eigen::MatrixXd> SimulatorInputs(
-      const DenseNetwork::Activations& activations) const;
+      const Network::Pass& pass) const;
 
   // Closes the loop, in place, for covectors of x at fixed network inputs
   // (x_bar: |x| x B k, k for each sample). Returns false, with the sample in
   // *error, if the simulator has no finite derivative.
   bool CloseLoop(const Eigen::VectorXd& weights,
                  const DataSet& batch,
-                 const DenseNetwork::Activations& activations,
+                 const Network::Pass& pass,
                  Eigen::Ref<Eigen::MatrixXd> x_bar,
                  std::string* error) const;
+
+  // Whether network and simulator give J by its factors (network_jacobian.h);
+  // otherwise J is the product of operators (chain_jacobian.h).
+  bool has_factors() const {
+    return dense_network_ != nullptr && simulator_->forms_jacobian();
+  }
 
   // Returns false, with advice in *error, if Linearize cannot compute the
   // Hessian.
@@ -170,6 +197,12 @@ class Model {
                           const DataSet& batch,
                           Linearization* linearization,
                           std::string* error) const;
+  // Linearize by products with the Jacobians of network and simulator.
+  bool LinearizeByProducts(const Eigen::VectorXd& weights,
+                           const DataSet& batch,
+                           const LinearizationParts& parts,
+                           Linearization* linearization,
+                           std::string* error) const;
   // Linearize with the simulator's Jacobians.
   bool LinearizeThroughJacobians(const Eigen::VectorXd& weights,
                                  const DataSet& batch,
@@ -177,7 +210,8 @@ class Model {
                                  Linearization* linearization,
                                  std::string* error) const;
 
-  DenseNetwork network_;
+  std::shared_ptr<const Network> network_;
+  const DenseNetwork* dense_network_;
   std::shared_ptr<const Simulator> simulator_;
   std::shared_ptr<const Loss> loss_;
   Reduction reduction_;

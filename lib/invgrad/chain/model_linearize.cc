@@ -1,19 +1,93 @@
 // Model::Linearize.
 
 #include <functional>
+#include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "glog/logging.h"
+#include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/chain/scoped_pass.h"
 
 namespace invgrad {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+
+namespace {
+
+// The loss of a batch with its derivatives in y.
+class BatchLoss {
+ public:
+  BatchLoss(const Loss& loss, const DataSet& batch, double scale, bool hessians)
+      : loss_(loss),
+        batch_(batch),
+        scale_(scale),
+        gradients_(loss.size(), batch.num_samples()) {
+    if (hessians || !loss.SquaredNormFactor().has_value()) {
+      hessians_.resize(loss.size(), loss.size() * batch.num_samples());
+    }
+  }
+
+  // Adds the loss of sample s.
+  bool Add(int s, const VectorXd& y, std::string* error) {
+    double value = 0.0;
+    auto gradient = gradients_.col(s);
+    double* const hessian = has_hessians() ? Hessian(s).data() : nullptr;
+    if (!loss_.Evaluate(y.data(),
+                        batch_.targets.col(s).data(),
+                        &value,
+                        gradient.data(),
+                        hessian)) {
+      return SampleError(s, kLossFailed, error);
+    }
+    cost_ += scale_ * value;
+    gradient *= scale_;
+    if (has_hessians()) Hessian(s) *= scale_;
+    return true;
+  }
+
+  double cost() const { return cost_; }
+  const MatrixXd& gradients() const { return gradients_; }
+  // H_L of sample s.
+  Eigen::Block<MatrixXd, Eigen::Dynamic, Eigen::Dynamic, true> Hessian(int s) {
+    return hessians_.middleCols(s * loss_.size(), loss_.size());
+  }
+
+  // v -> H_L v. Moves the Hessians.
+  std::function<VectorXd(const VectorXd&)> TakeHessianTimes() {
+    if (const std::optional<double> factor = loss_.SquaredNormFactor()) {
+      const double c = 2.0 * *factor * scale_;
+      return [c](const VectorXd& v) -> VectorXd { return c * v; };
+    }
+    return [blocks = std::move(hessians_)](const VectorXd& v) {
+      CHECK_EQ(v.size(), blocks.cols());
+      const Eigen::Index size = blocks.rows();
+      VectorXd Hv(v.size());
+      for (Eigen::Index row = 0; row < v.size(); row += size) {
+        Hv.segment(row, size).noalias() =
+            blocks.middleCols(row, size) * v.segment(row, size);
+      }
+      return Hv;
+    };
+  }
+
+ private:
+  bool has_hessians() const { return hessians_.size() > 0; }
+
+  const Loss& loss_;
+  const DataSet& batch_;
+  const double scale_;
+  double cost_ = 0.0;
+  MatrixXd gradients_;
+  MatrixXd hessians_;  // the blocks of H_L, side by side
+};
+
+}  // namespace
 
 bool Model::CanLinearize(const LinearizationParts& parts,
                          std::string* error) const {
@@ -22,6 +96,12 @@ bool Model::CanLinearize(const LinearizationParts& parts,
     *error =
         "a network in a closed loop has no exact Hessian: choose a method "
         "that needs the gradient or the Jacobian";
+    return false;
+  }
+  if (!has_factors()) {
+    *error =
+        "the exact Hessian needs a DenseNetwork and a simulator that forms its "
+        "Jacobian: choose a method that needs the gradient or the Jacobian";
     return false;
   }
   return CheckHasHessian(*simulator_, error);
@@ -38,6 +118,9 @@ bool Model::Linearize(const VectorXd& weights,
   linearization->loss_hessian_times = nullptr;
   linearization->hessian.resize(0, 0);
   if (!CanLinearize(parts, error)) return false;
+  if (parts.jacobian && !has_factors()) {
+    return LinearizeByProducts(weights, batch, parts, linearization, error);
+  }
   if (parts.jacobian || parts.hessian) {
     return LinearizeThroughJacobians(
         weights, batch, parts, linearization, error);
@@ -54,10 +137,12 @@ bool Model::LinearizeByAdjoint(const VectorXd& weights,
                                std::string* error) const {
   CheckTargets(batch);
   const double scale = BatchScale(batch.num_samples());
-  Scratch<DenseNetwork::Activations> scratch(1);
-  DenseNetwork::Activations& activations = scratch[0];
-  if (!Forward(weights, batch, false, &activations, error)) return false;
-  const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
+  ScopedPass pass(*this);
+  if (!Forward(
+          weights, batch, Network::Derivatives::kFirst, pass.get(), error)) {
+    return false;
+  }
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
   VectorXd y(loss_->size());
   MatrixXd x_bar(x.rows(), x.cols());
   double cost = 0.0;
@@ -83,12 +168,48 @@ bool Model::LinearizeByAdjoint(const VectorXd& weights,
                          : SimulatorError(*simulator_, x, batch, s, error);
     }
   }
-  if (!CloseLoop(weights, batch, activations, x_bar, error)) return false;
-  x_bar.resize(network_.num_outputs(), activations.batch_size());
-  network_.Backward(weights, activations, x_bar, &linearization->gradient);
+  if (!CloseLoop(weights, batch, *pass, x_bar, error)) return false;
+  x_bar.resize(network_->num_outputs(), (*pass).num_columns());
+  network_->Backward(weights, *pass, x_bar, &linearization->gradient);
   linearization->cost = cost;
   return CheckCost(cost, error) &&
          CheckDerivatives(linearization->gradient, MatrixXd(), error);
+}
+
+bool Model::LinearizeByProducts(const VectorXd& weights,
+                                const DataSet& batch,
+                                const LinearizationParts& parts,
+                                Linearization* linearization,
+                                std::string* error) const {
+  CheckTargets(batch);
+  std::unique_ptr<Network::Pass> pass = network_->NewPass();
+  if (!Forward(
+          weights, batch, Network::Derivatives::kFirst, pass.get(), error)) {
+    return false;
+  }
+  const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
+  BatchLoss loss(*loss_, batch, BatchScale(batch.num_samples()), false);
+  std::vector<std::unique_ptr<const JacobianOperator>> jacobians;
+  VectorXd y(loss_->size());
+  for (int s = 0; s < batch.num_samples(); ++s) {
+    jacobians.push_back(simulator_->Linearize(
+        x.col(s).data(), batch.Context(s).data(), y.data()));
+    if (jacobians.back() == nullptr) {
+      return SimulatorError(*simulator_, x, batch, s, error);
+    }
+    if (!loss.Add(s, y, error)) return false;
+  }
+  linearization->cost = loss.cost();
+  if (!CheckCost(loss.cost(), error)) return false;
+  linearization->loss_gradient = loss.gradients().reshaped();
+  linearization->loss_hessian_times = loss.TakeHessianTimes();
+  linearization->jacobian = std::make_shared<ChainJacobian>(
+      network_, weights, std::move(pass), std::move(jacobians));
+  if (parts.gradient) {
+    linearization->jacobian->TransposeTimes(linearization->loss_gradient,
+                                            &linearization->gradient);
+  }
+  return CheckDerivatives(linearization->gradient, MatrixXd(), error);
 }
 
 bool Model::LinearizeThroughJacobians(const VectorXd& weights,
@@ -100,21 +221,20 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   const int batch_size = batch.num_samples();
   const Eigen::Index num_x = simulator_->num_inputs();
   const Eigen::Index num_y = loss_->size();
-  const double scale = BatchScale(batch_size);
-  const std::optional<double> factor = loss_->SquaredNormFactor();
-  const bool want_loss_hessians = parts.hessian || !factor.has_value();
 
   DenseNetwork::Activations activations;
-  if (!Forward(weights, batch, parts.hessian, &activations, error)) {
+  if (!Forward(weights,
+               batch,
+               parts.hessian ? Network::Derivatives::kSecond
+                             : Network::Derivatives::kFirst,
+               &activations,
+               error)) {
     return false;
   }
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(num_y);
   MatrixXd jacobians(num_x, num_y * batch_size);
-  MatrixXd loss_gradients(num_y, batch_size);
-  MatrixXd loss_hessians;  // the blocks of H_L, side by side
-  if (want_loss_hessians) loss_hessians.resize(num_y, num_y * batch_size);
-  linearization->cost = 0.0;
+  BatchLoss loss(*loss_, batch, BatchScale(batch_size), parts.hessian);
   for (int s = 0; s < batch_size; ++s) {
     // A row-major Jacobian is a block of columns.
     if (!simulator_->Evaluate(x.col(s).data(),
@@ -123,21 +243,10 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
                               jacobians.col(s * num_y).data())) {
       return SimulatorError(*simulator_, x, batch, s, error);
     }
-    double value = 0.0;
-    if (!loss_->Evaluate(y.data(),
-                         batch.targets.col(s).data(),
-                         &value,
-                         loss_gradients.col(s).data(),
-                         want_loss_hessians
-                             ? loss_hessians.col(s * num_y).data()
-                             : nullptr)) {
-      return SampleError(s, kLossFailed, error);
-    }
-    linearization->cost += scale * value;
+    if (!loss.Add(s, y, error)) return false;
   }
-  loss_gradients *= scale;
-  loss_hessians *= scale;
-  linearization->loss_gradient = loss_gradients.reshaped();
+  linearization->cost = loss.cost();
+  linearization->loss_gradient = loss.gradients().reshaped();
   if (!CheckCost(linearization->cost, error)) return false;
 
   if (parts.hessian) {
@@ -146,26 +255,25 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     std::vector<MatrixXd> x_hessians(batch_size);
     for (int s = 0; s < batch_size; ++s) {
       const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
-      x_bar.col(s).noalias() = J_transposed * loss_gradients.col(s);
+      x_bar.col(s).noalias() = J_transposed * loss.gradients().col(s);
       x_hessians[s].resize(num_x, num_x);
       if (!simulator_->WeightedHessian(x.col(s).data(),
                                        batch.Context(s).data(),
-                                       loss_gradients.col(s).data(),
+                                       loss.gradients().col(s).data(),
                                        x_hessians[s].data())) {
         return SimulatorError(*simulator_, x, batch, s, error);
       }
-      x_hessians[s].noalias() += J_transposed *
-                                 loss_hessians.middleCols(s * num_y, num_y) *
-                                 J_transposed.transpose();
+      x_hessians[s].noalias() +=
+          J_transposed * loss.Hessian(s) * J_transposed.transpose();
     }
-    x_bar.resize(network_.num_outputs(), activations.batch_size());
-    network_.Hessian(
+    x_bar.resize(network_->num_outputs(), activations.num_columns());
+    dense_network_->Hessian(
         weights, activations, x_bar, x_hessians, &linearization->hessian);
   }
 
   if (!CloseLoop(weights, batch, activations, jacobians, error)) return false;
   const auto jacobian = std::make_shared<NetworkJacobian>(
-      network_, weights, std::move(activations), std::move(jacobians));
+      *dense_network_, weights, std::move(activations), std::move(jacobians));
   if (parts.gradient) {
     jacobian->TransposeTimes(linearization->loss_gradient,
                              &linearization->gradient);
@@ -179,24 +287,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     return true;
   }
   linearization->jacobian = jacobian;
-  if (factor.has_value()) {
-    const double c = 2.0 * *factor * scale;
-    linearization->loss_hessian_times = [c](const VectorXd& v) -> VectorXd {
-      return c * v;
-    };
-    return true;
-  }
-  linearization->loss_hessian_times =
-      [blocks = std::move(loss_hessians)](const VectorXd& v) {
-        CHECK_EQ(v.size(), blocks.cols());
-        const Eigen::Index size = blocks.rows();
-        VectorXd Hv(v.size());
-        for (Eigen::Index row = 0; row < v.size(); row += size) {
-          Hv.segment(row, size).noalias() =
-              blocks.middleCols(row, size) * v.segment(row, size);
-        }
-        return Hv;
-      };
+  linearization->loss_hessian_times = loss.TakeHessianTimes();
   return true;
 }
 

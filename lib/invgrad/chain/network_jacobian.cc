@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/chain/chain_jacobian.h"
 
 namespace invgrad {
 
@@ -20,15 +20,15 @@ NetworkJacobian::NetworkJacobian(DenseNetwork network,
       activations_(std::move(activations)),
       last_factor_(std::move(simulator_jacobians)) {
   const Index num_outputs = network_.num_outputs();
-  CHECK_GT(activations_.batch_size(), 0);
+  CHECK_GT(activations_.num_columns(), 0);
   CHECK_EQ(weights_.size(), network_.num_weights());
   CHECK_EQ(activations_.outputs.rows(), num_outputs);
   CHECK_EQ(last_factor_.rows() % num_outputs, 0);
   num_calls_ = static_cast<int>(last_factor_.rows() / num_outputs);
   CHECK_GT(num_calls_, 0);
   CHECK_EQ(num_calls_ % activations_.num_channels, 0);
-  CHECK_EQ(activations_.batch_size() % num_calls_, 0);
-  const Index batch_size = activations_.batch_size() / num_calls_;
+  CHECK_EQ(activations_.num_columns() % num_calls_, 0);
+  const Index batch_size = activations_.num_columns() / num_calls_;
   CHECK_EQ(last_factor_.cols() % batch_size, 0);
   outputs_per_sample_ = static_cast<int>(last_factor_.cols() / batch_size);
   // The same numbers in the same order, one column per call.
@@ -56,7 +56,7 @@ void NetworkJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
 void NetworkJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
   CHECK_EQ(w.size(), rows());
   const Index r = outputs_per_sample_;
-  const int num_columns = activations_.batch_size();
+  const int num_columns = activations_.num_columns();
   MatrixXd x_bar(network_.num_outputs() * num_calls_, num_columns / num_calls_);
   for (Index s = 0; s < x_bar.cols(); ++s) {
     x_bar.col(s).noalias() =
@@ -113,10 +113,7 @@ void NetworkJacobian::ToDense(MatrixXd* J) const {
 }
 
 std::string NetworkJacobian::RowName(int row) const {
-  return fmt::format("{} (sample {}, output {})",
-                     JacobianOperator::RowName(row),
-                     row / outputs_per_sample_,
-                     row % outputs_per_sample_);
+  return SampleRowName(row, outputs_per_sample_);
 }
 
 }  // namespace invgrad

@@ -5,18 +5,20 @@
 namespace invgrad {
 
 std::vector<NeuronStatistics> ComputeNeuronStatistics(
-    const DenseNetwork& network,
+    const Network& network,
     const Eigen::VectorXd& weights,
     const DataSet& data) {
+  const auto* dense = dynamic_cast<const DenseNetwork*>(&network);
+  if (dense == nullptr) return {};
   DenseNetwork::Activations activations;
-  network.Forward(weights, data.inputs, false, &activations);
+  dense->Forward(weights, data.inputs, false, &activations);
   const double num_samples = data.num_samples();
   std::vector<NeuronStatistics> neurons;
-  for (int layer = 1; layer < network.num_layers(); ++layer) {
+  for (int layer = 1; layer < dense->num_layers(); ++layer) {
     // The inputs of the next layer, whose last row is constant (one).
     const Eigen::MatrixXd& a = activations.inputs[layer];
     const Eigen::MatrixXd& slopes = activations.slopes[layer - 1];
-    for (int i = 0; i < network.widths()[layer]; ++i) {
+    for (int i = 0; i < dense->widths()[layer]; ++i) {
       NeuronStatistics neuron;
       neuron.layer = layer;
       neuron.neuron = i;

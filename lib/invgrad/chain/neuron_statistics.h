@@ -27,9 +27,10 @@ struct NeuronStatistics {
   bool is_saturated() const { return flat_share >= 0.9; }
 };
 
-// One entry a hidden neuron, layer by layer.
+// One entry a hidden neuron, layer by layer; none for a network that is not a
+// DenseNetwork.
 std::vector<NeuronStatistics> ComputeNeuronStatistics(
-    const DenseNetwork& network,
+    const Network& network,
     const Eigen::VectorXd& weights,
     const DataSet& data);
 

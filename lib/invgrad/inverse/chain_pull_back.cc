@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "glog/logging.h"
+#include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/core/scratch.h"
@@ -67,14 +68,12 @@ bool ChainPullBack::Linearize(const VectorXd& weights,
                               const LinearizationParts& parts,
                               Linearization* linearization,
                               std::string* error) {
-  if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
-    return false;
-  }
-  const auto x = model_.SimulatorInputs(activations_);
+  if (!Forward(weights, batch, parts, error)) return false;
+  const auto x = model_.SimulatorInputs(*pass_);
   double cost = 0.0;
   if (!PullBackSamples(x, batch, &cost, error)) return false;
   if (options_.simulator.way == SimulatorWay::kAdjoint &&
-      !model_.CloseLoop(weights, batch, activations_, d_x_, error)) {
+      !model_.CloseLoop(weights, batch, *pass_, d_x_, error)) {
     return false;
   }
   wanted_x_ = x + d_x_;
@@ -92,11 +91,28 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
                                    std::string* error) {
   CHECK_EQ(wanted_x_.cols(), batch.num_samples())
       << "LinearizeAgain follows Linearize with the same batch";
-  if (!model_.Forward(weights, batch, parts.hessian, &activations_, error)) {
+  if (!Forward(weights, batch, parts, error)) return false;
+  d_x_ = wanted_x_ - model_.SimulatorInputs(*pass_);
+  return LinearizeProxy(weights, parts, linearization, error);
+}
+
+bool ChainPullBack::Forward(const VectorXd& weights,
+                            const DataSet& batch,
+                            const LinearizationParts& parts,
+                            std::string* error) {
+  if (parts.hessian && model_.dense_network() == nullptr) {
+    *error =
+        "the exact Hessian of a proxy needs a DenseNetwork: choose a method "
+        "that needs the gradient or the Jacobian";
     return false;
   }
-  d_x_ = wanted_x_ - model_.SimulatorInputs(activations_);
-  return LinearizeProxy(weights, parts, linearization, error);
+  if (pass_ == nullptr) pass_ = model_.network().NewPass();
+  return model_.Forward(weights,
+                        batch,
+                        parts.hessian ? Network::Derivatives::kSecond
+                                      : Network::Derivatives::kFirst,
+                        pass_.get(),
+                        error);
 }
 
 bool ChainPullBack::PullBackSamples(const MatrixXd& x,
@@ -204,7 +220,7 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
                                    const LinearizationParts& parts,
                                    Linearization* linearization,
                                    std::string* error) {
-  const DenseNetwork& network = model_.network();
+  const Network& network = model_.network();
   const Index num_x = d_x_.rows();
   const Index num_samples = d_x_.cols();
   const bool is_l2 = options_.proxy == Proxy::kL2;
@@ -222,14 +238,13 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
   linearization->loss_hessian_times = nullptr;
   linearization->hessian.resize(0, 0);
   // The number of outputs of one call of the network.
-  const Index width = network.num_outputs() * activations_.num_channels;
+  const Index width = network.num_outputs() * pass_->num_channels;
   const Index num_calls = g.size() / width;
   // One column per call, or per channel of its jet.
   const MatrixXd covectors =
-      g.reshaped(network.num_outputs(), activations_.batch_size());
+      g.reshaped(network.num_outputs(), pass_->num_columns());
   if (parts.gradient) {
-    network.Backward(
-        weights, activations_, covectors, &linearization->gradient);
+    network.Backward(weights, *pass_, covectors, &linearization->gradient);
   }
   const VectorXd curvature =
       is_l2 ? VectorXd(scales.transpose().replicate(num_x, 1).reshaped())
@@ -239,8 +254,8 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
     for (Index i = 0; i < curvature.size(); i += width) {
       x_hessians.emplace_back(curvature.segment(i, width).asDiagonal());
     }
-    network.Hessian(
-        weights, activations_, covectors, x_hessians, &linearization->hessian);
+    model_.dense_network()->Hessian(
+        weights, Activations(), covectors, x_hessians, &linearization->hessian);
   }
   if (!CheckDerivatives(
           linearization->gradient, linearization->hessian, error)) {
@@ -252,10 +267,18 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
       [curvature](const VectorXd& v) -> VectorXd {
     return curvature.cwiseProduct(v);
   };
+  if (model_.dense_network() == nullptr) {
+    linearization->jacobian = std::make_shared<ChainJacobian>(
+        model_.shared_network(),
+        weights,
+        std::move(pass_),
+        std::vector<std::unique_ptr<const JacobianOperator>>());
+    return true;
+  }
   linearization->jacobian = std::make_shared<NetworkJacobian>(
-      network,
+      *model_.dense_network(),
       weights,
-      std::move(activations_),
+      std::move(Activations()),
       MatrixXd::Identity(width, width).replicate(1, num_calls));
   return true;
 }

@@ -109,6 +109,14 @@ class ChainPullBack final : public BatchObjective {
   bool is_supervised() const {
     return options_.simulator.way == SimulatorWay::kData;
   }
+  bool Forward(const Eigen::VectorXd& weights,
+               const DataSet& batch,
+               const LinearizationParts& parts,
+               std::string* error);
+  // pass_ of a DenseNetwork.
+  DenseNetwork::Activations& Activations() {
+    return dynamic_cast<DenseNetwork::Activations&>(*pass_);
+  }
   bool PullBackSamples(const Eigen::MatrixXd& x,
                        const DataSet& batch,
                        double* cost,
@@ -124,7 +132,7 @@ class ChainPullBack final : public BatchObjective {
                         const DataSet& batch,
                         int s);
   void SetWeights(const Eigen::VectorXd& curvatures);
-  // Linearizes the proxy at the weights of activations_.
+  // Linearizes the proxy at the weights of pass_.
   bool LinearizeProxy(const Eigen::VectorXd& weights,
                       const LinearizationParts& parts,
                       Linearization* linearization,
@@ -137,7 +145,7 @@ class ChainPullBack final : public BatchObjective {
 
   PullBackCounts counts_;
   // Values of the last batch; the next batch reuses the memory.
-  DenseNetwork::Activations activations_;
+  std::unique_ptr<Network::Pass> pass_;
   Eigen::MatrixXd d_x_;             // |x| x B
   Eigen::MatrixXd wanted_x_;        // |x| x B: x~
   Eigen::VectorXd sample_weights_;  // B: w

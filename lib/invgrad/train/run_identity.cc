@@ -97,11 +97,7 @@ RunIdentity IdentityOfRun(const Model& model,
                           const Method& method,
                           const TrainOptions& options) {
   RunIdentity identity;
-  const DenseNetwork& network = model.network();
-  identity.Add("network",
-               fmt::format("{} {}",
-                           fmt::join(network.widths(), "-"),
-                           ActivationName(network.hidden_activation())));
+  identity.Add("network", model.network().Name());
   identity.AddData(train, test);
   identity.Add("initial weights", Digest().Add(options.initial_weights).Hex());
   identity.Add("method", method.label);

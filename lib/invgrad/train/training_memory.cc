@@ -11,29 +11,29 @@ namespace {
 
 constexpr double kDouble = sizeof(double);
 
-// A forward and a backward pass: inputs, slopes and covectors of every layer,
-// and with feedback the network's input Jacobians with a buffer.
+// A forward and a backward pass, and with feedback the network's input
+// Jacobians with a buffer.
 MemoryPart Activations(const Model& model, double batch_size) {
-  const auto& widths = model.network().widths();
-  double of_a_column = 3.0 * std::accumulate(widths.begin(), widths.end(), 0.0);
+  double of_a_column = model.network().BytesPerColumn();
   if (model.num_calls() > 1) {
-    of_a_column += 2.0 * *std::max_element(widths.begin(), widths.end()) *
+    const auto& widths = model.dense_network()->widths();
+    of_a_column += 2.0 * kDouble *
+                   *std::max_element(widths.begin(), widths.end()) *
                    model.network().num_outputs();
   }
-  return {"activations",
-          kDouble * batch_size * model.num_columns() * of_a_column};
+  return {"activations", batch_size * model.num_columns() * of_a_column};
 }
 
 // `num_outputs`: the rows of J per sample, |y|, or |x| for a proxy.
 JacobianSizes SizesOfJacobian(const Model& model,
                               double num_outputs,
                               double batch_size) {
-  const DenseNetwork& network = model.network();
   JacobianSizes J;
   J.rows = num_outputs * batch_size;
-  J.cols = network.num_weights();
-  const auto& widths = network.widths();
-  for (int l = 0; l < network.num_layers(); ++l) {
+  J.cols = model.num_weights();
+  if (!model.has_factors()) return J;
+  const auto& widths = model.dense_network()->widths();
+  for (int l = 0; l < model.dense_network()->num_layers(); ++l) {
     J.layers.push_back({widths[l] + 1.0, 1.0 * widths[l + 1]});
   }
   J.factor_bytes = kDouble * J.rows * model.num_columns() *
@@ -49,8 +49,10 @@ void AddLinearization(const Model& model,
   const double num_x = model.simulator().num_inputs();
   const double num_y = model.loss().size();
   const double n = model.num_weights();
-  parts->push_back({"Jacobians of the simulator",
-                    kDouble * batch_size * (num_x + 2.0) * num_y});
+  if (model.has_factors()) {
+    parts->push_back({"Jacobians of the simulator",
+                      kDouble * batch_size * (num_x + 2.0) * num_y});
+  }
   if (with_hessian || !model.loss().SquaredNormFactor().has_value()) {
     parts->push_back(
         {"Hessians of the loss", kDouble * batch_size * num_y * num_y});
