@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Runs all tests: installs missing packages, builds, and runs ctest.
+# Runs all tests: installs missing packages, those of optional components too,
+# builds, and runs ctest.
 #
 #   bin/run_tests.sh             all of them
 #   bin/run_tests.sh -R Npy      only those whose names match (ctest's options)
@@ -9,7 +10,7 @@ set -euo pipefail
 # shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
-install_missing "${required_packages[@]}"
+install_missing "${required_packages[@]}" "${optional_packages[@]}"
 build_release all
 ctest --test-dir "$build_dir" --output-on-failure --no-tests=error \
   --parallel "$(nproc)" "$@"

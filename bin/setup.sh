@@ -30,6 +30,10 @@ missing_packages() {
   done
 }
 
+# Components that are built if they are installed: libtorch (invgrad::torch).
+# shellcheck disable=SC2034  # the sourcing commands read it
+readonly optional_packages=(libtorch-dev)
+
 cannot_install() {
   local reason="$1"
   shift

@@ -33,6 +33,9 @@ invgrad_note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
 invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
 invgrad_note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_FOUND)
 
+# Optional: the component invgrad::torch.
+find_package(Torch QUIET)
+
 if(INVGRAD_BUILD_PROGRAMS)
   # Command-line flags of the programs.
   find_package(gflags QUIET)

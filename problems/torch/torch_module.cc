@@ -1,0 +1,8 @@
+// The module that LoadTorchNetworks loads.
+#include "problems/torch/torch_networks.h"
+
+extern "C" const invgrad::TorchNetworks* InvgradTorchNetworks() {
+  static constexpr invgrad::TorchNetworks kNetworks = {
+      &invgrad::MakeUNet, &invgrad::LoadTorchScript};
+  return &kNetworks;
+}
