@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "fmt/core.h"
 #include "invgrad/chain/loss.h"
@@ -49,6 +51,42 @@ Eigen::MatrixXd Diffuse(const Simulator& simulator,
   return outputs;
 }
 
+// `states` x_gt, one a column, with y* = P(x_gt).
+DataSet SamplesOf(const Simulator& simulator, Eigen::MatrixXd states) {
+  DataSet samples;
+  samples.solutions = std::move(states);
+  samples.targets = Diffuse(simulator, samples.solutions);
+  samples.inputs = samples.targets;
+  samples.contexts.resize(0, samples.inputs.cols());
+  return samples;
+}
+
+class HeatSource final : public DataSource {
+ public:
+  HeatSource(std::shared_ptr<const SpectralDiffusion> simulator,
+             int rows,
+             int seed)
+      : simulator_(std::move(simulator)), rows_(rows), seed_(seed) {}
+
+  DataSet Batch(long step, int batch_size) const override {
+    const std::uint32_t seed =
+        seed_ + 0x9e3779b9U * (static_cast<std::uint32_t>(step) + 1);
+    return SamplesOf(
+        *simulator_,
+        RandomHeatStates(
+            batch_size, rows_, simulator_->num_inputs() / rows_, seed)
+            .transpose());
+  }
+  std::string Name() const override {
+    return fmt::format("random rectangles, seed {}", seed_);
+  }
+
+ private:
+  const std::shared_ptr<const SpectralDiffusion> simulator_;
+  const int rows_;
+  const std::uint32_t seed_;
+};
+
 }  // namespace
 
 void HeatPhysics::Describe(int max_resolution, OptionSet* set) {
@@ -82,26 +120,37 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
   const int hidden = kDimensions == 2 ? 128 : 64;
   const auto simulator = physics.MakeSimulator(rows);
   const int size = simulator->num_inputs();
+  std::shared_ptr<const Network> network;
+  if (kDimensions == 2 && u_net.is_chosen()) {
+    UNetOptions options;
+    options.rows = rows;
+    options.cols = n;
+    options.keeps_mean = true;
+    network = u_net.Make(options, error);
+    if (network == nullptr) return false;
+  } else {
+    network = std::make_shared<DenseNetwork>(
+        std::vector<int>{size, hidden, hidden, size}, Activation::kRelu);
+  }
   const auto generate = [&](int num_rows) {
     return RandomHeatStates(num_rows, rows, n, data_seed);
   };
   const SampleSize sample_size = {
       num_samples, size, 3.0 * size, fmt::format(":resolution={}", n)};
   if (!MakeData(sample_size, generate, problem, error)) return false;
-  DataSet all;
-  all.solutions = problem->data.transpose();
-  all.targets = Diffuse(*simulator, all.solutions);
-  all.inputs = all.targets;
-  SplitSamples(all, 128, problem);
+  SplitSamples(SamplesOf(*simulator, problem->data.transpose()), 128, problem);
+  if (fresh_data) {
+    problem->source = std::make_shared<HeatSource>(simulator, rows, data_seed);
+  }
   problem->metric = SolutionDistance("x_l1");
   problem->inverse =
       std::make_shared<HeatInverse>(simulator, physics.uncertainty);
   problem->num_epochs = 25;
-  problem->model = std::make_shared<Model>(
-      DenseNetwork({size, hidden, hidden, size}, Activation::kRelu),
-      simulator,
-      std::make_shared<SquaredNormLoss>(size, 0.5),
-      Reduction::kSum);
+  problem->model =
+      std::make_shared<Model>(network,
+                              simulator,
+                              std::make_shared<SquaredNormLoss>(size, 0.5),
+                              Reduction::kSum);
   return true;
 }
 
@@ -125,10 +174,13 @@ bool HeatState::Create(PointProblem* problem, std::string* /*error*/) const {
   return true;
 }
 
-Eigen::MatrixXd RandomHeatStates(int num_states, int rows, int cols, int seed) {
+Eigen::MatrixXd RandomHeatStates(int num_states,
+                                 int rows,
+                                 int cols,
+                                 std::uint32_t seed) {
   using RowMajorMatrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  NumpyRandom random(static_cast<std::uint32_t>(seed));
+  NumpyRandom random(seed);
   const bool is_interval = rows == 1;
   const int num_axes = is_interval ? 1 : 2;
   Eigen::MatrixXd states(num_states, rows * cols);

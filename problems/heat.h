@@ -26,12 +26,18 @@
 //          for each of ten rectangles, of which c are used, p, h (one U an
 //          axis, rows first) and s. In the release PhiFlow draws the numbers
 //          and computes a cell's share in a rectangle from the distance of its
-//          centre, for a new batch every step. Here N states are drawn once,
+//          centre, for a new batch every step. So does
+//          fresh_data here, where step k has the seed data_seed + 0x9e3779b9
+//          (k + 1) mod 2^32. By default N states are drawn once,
 //          and as many again for testing. x_gt is the data's solution.
 //          heat_state takes the first of the states.
+//          The means of y* and x_gt are equal: the U-net's output gets the mean
+//          of its input.
 // Settings: B 128, loss summed over the batch, Adam and SIP with step size 1e-3
-//          for 6000 s. Published is a U-net at n = 64; here dense networks with
-//          ReLU, n^2-128-128-n^2 (heat; 115,328 weights at n = 16) and
+//          for 6000 s, a U-net in single precision at n = 64
+//          (network=u_net:fresh_data=true), padded periodically in the release
+//          of 2022 and with zeros in PBDL's notebook. By default dense networks
+//          with ReLU, n^2-128-128-n^2 (heat; 115,328 weights at n = 16) and
 //          n-64-64-n (heat_1d).
 // Facts:   x_gt minimizes L, with L = 0. In double precision, so does
 //          every x that differs from x_gt only in modes with nu t |k|^2 > 36.
@@ -43,6 +49,7 @@
 #ifndef PROBLEMS_HEAT_H_
 #define PROBLEMS_HEAT_H_
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -50,6 +57,7 @@
 #include "problems/heat_inverse.h"
 #include "problems/sample_data.h"
 #include "problems/spectral_diffusion.h"
+#include "problems/torch/u_net_settings.h"
 
 namespace invgrad {
 
@@ -70,9 +78,17 @@ struct HeatNetwork {
   HeatPhysics physics = {kDimensions == 2 ? 16 : 64};
   int num_samples = 4096;
   int data_seed = 0;
+  // Of heat only.
+  UNetSettings u_net;
+  bool fresh_data = false;
   void Describe(OptionSet* set) {
     physics.Describe(kDimensions == 2 ? 64 : 1024, set);
     DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
+    if (kDimensions == 1) return;
+    u_net.Describe(set);
+    set->Add("fresh_data",
+             &fresh_data,
+             "new samples at every step; the others are for evaluation");
   }
 
   bool Create(LearningProblem* problem, std::string* error) const;
@@ -90,7 +106,10 @@ struct HeatState {
 };
 
 // States x_gt: num_states x (rows cols). rows = 1 is one dimension.
-Eigen::MatrixXd RandomHeatStates(int num_states, int rows, int cols, int seed);
+Eigen::MatrixXd RandomHeatStates(int num_states,
+                                 int rows,
+                                 int cols,
+                                 std::uint32_t seed);
 
 }  // namespace invgrad
 

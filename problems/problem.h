@@ -23,6 +23,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
+#include "invgrad/chain/data_source.h"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/core/option_set.h"
@@ -66,6 +67,8 @@ struct LearningProblem {
   std::optional<Metric> metric;
   DataSet train;
   DataSet test;  // may have no samples
+  // Null, or the fresh samples of each step; `train` is then for evaluation.
+  std::shared_ptr<const DataSource> source;
   Initialization initialization = Initialization::kGlorotUniform;
   // The published settings: the defaults of a run.
   int batch_size = 0;  // 0: all samples

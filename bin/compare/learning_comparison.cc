@@ -285,7 +285,7 @@ bool CompareLearning(LearningProblem problem,
   }
   SetDefaultBudget(problem);
   RunIdentity identity;
-  identity.AddData(problem.train, problem.test);
+  identity.AddData(problem.train, problem.test, problem.source.get());
   if (given_weights.size() > 0) {
     identity.Add("initial weights", Digest().Add(given_weights).Hex());
   }

@@ -192,8 +192,10 @@ bool RunLearning(const LearningProblem& problem,
       sample_path.emplace_back(y.col(0));
     }
   };
-  TrainingRun run(
-      *problem.model, {problem.train, problem.test}, method, train_options);
+  TrainingRun run(*problem.model,
+                  {problem.train, problem.test, problem.source},
+                  method,
+                  train_options);
   *error = run.error();
   if (!error->empty()) return false;
   std::error_code failure;

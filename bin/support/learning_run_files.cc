@@ -168,10 +168,13 @@ bool LoadCompleteRun(const LearningProblem& problem,
   }
   TrainOptions train_options = options.train;
   train_options.inverse = problem.inverse;
-  const std::string difference =
-      IdentityOfRun(
-          *problem.model, problem.train, problem.test, method, train_options)
-          .Difference(identity);
+  const std::string difference = IdentityOfRun(*problem.model,
+                                               problem.train,
+                                               problem.test,
+                                               problem.source.get(),
+                                               method,
+                                               train_options)
+                                     .Difference(identity);
   if (!difference.empty()) {
     *error = file + ": it is of another run: " + difference;
     return false;

@@ -27,8 +27,10 @@ inline TrainResult TrainProblem(const LearningProblem& problem,
     options.initial_weights = InitialWeights(problem);
   }
   options.inverse = problem.inverse;
-  TrainResult result =
-      Train(*problem.model, {problem.train, problem.test}, method, options);
+  TrainResult result = Train(*problem.model,
+                             {problem.train, problem.test, problem.source},
+                             method,
+                             options);
   EXPECT_EQ(result.error, "");
   return result;
 }

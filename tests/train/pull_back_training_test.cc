@@ -78,6 +78,7 @@ class NotingRule final : public UpdateRule {
 TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
   const LearningProblem problem =
       CreateLearningProblem("sine:xi=2:phi=10:num_samples=100");
+  const TrainingData data(problem.train);
   for (const int num_updates : {1, 3}) {
     SCOPED_TRACE(num_updates);
     ChainPullBack::Options options;
@@ -89,7 +90,7 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
                        std::make_unique<ChainPullBack>(
                            problem.model.get(), problem.inverse, options),
                        rule,
-                       &problem.train);
+                       &data);
     const Eigen::VectorXd start = InitialWeights(problem);
     Eigen::VectorXd weights = start;
     EXPECT_EQ(engine->Step(0.0, &weights).outcome,

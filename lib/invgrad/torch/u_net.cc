@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch/u_net_module.h"
 
 namespace invgrad {
 namespace {
@@ -84,6 +84,10 @@ class UNet : public nn::Module {
 
 }  // namespace
 
+TorchFunction MakeUNetFunction(const UNetOptions& options) {
+  return FunctionOfModule(std::make_shared<UNet>(options));
+}
+
 std::shared_ptr<const Network> MakeUNet(const UNetOptions& options,
                                         std::string* error) {
   const int smallest = 1 << (options.levels - 1);
@@ -106,9 +110,7 @@ std::shared_ptr<const Network> MakeUNet(const UNetOptions& options,
   network.input_shape = {options.in_channels, options.rows, options.cols};
   network.double_precision = options.double_precision;
   return MakeTorchNetwork(
-      [options] { return FunctionOfModule(std::make_shared<UNet>(options)); },
-      network,
-      error);
+      [options] { return MakeUNetFunction(options); }, network, error);
 }
 
 }  // namespace invgrad

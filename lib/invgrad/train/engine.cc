@@ -126,7 +126,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     return nullptr;
   }
   return MakeRuleEngine(
-      batch_size, options, std::move(objective), std::move(rule), &data.train);
+      batch_size, options, std::move(objective), std::move(rule), &data);
 }
 
 }  // namespace invgrad

@@ -86,8 +86,9 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 //
 //   theta_{k+1} = theta_k + rule(linearization of the objective on batch k)
 //
-// A batch is `batch_size` consecutive samples of an epoch's order (shuffle and
-// seed of the options); an incomplete last batch is left out. A rule that
+// A batch is `batch_size` samples of the data source, or else consecutive samples
+// of an epoch's order (shuffle and seed of the options); an incomplete last batch
+// is left out. A rule that
 // judges its steps (control=gain) receives the cost before and after each step;
 // the engine reverts a step that the rule rejects, or after which the next
 // batch has no finite loss. Fails if a batch has no finite loss or the rule has
@@ -97,7 +98,7 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
-    const DataSet* train);
+    const TrainingData* data);
 
 // The engine of a minimizer of Ceres on all samples, with or without proposals
 // of a rule. Every iteration, also a rejected one, is a step and an epoch. Ends

@@ -16,14 +16,15 @@ class RuleEngine final : public Engine {
              const TrainOptions& options,
              std::unique_ptr<BatchObjective> objective,
              std::shared_ptr<UpdateRule> rule,
-             const DataSet* train)
+             const TrainingData* data)
       : batch_size_(batch_size),
         shuffles_(options.shuffle),
         num_weights_(options.initial_weights.size()),
         objective_(std::move(objective)),
         rule_(std::move(rule)),
-        train_(*train),
-        steps_per_epoch_(train->num_samples() / batch_size),
+        train_(data->train),
+        source_(data->source),
+        steps_per_epoch_(train_.num_samples() / batch_size),
         random_(options.seed),
         before_order_(random_) {
     CHECK_GT(steps_per_epoch_, 0);
@@ -67,6 +68,7 @@ class RuleEngine final : public Engine {
   const std::unique_ptr<BatchObjective> objective_;
   const std::shared_ptr<UpdateRule> rule_;
   const DataSet& train_;
+  const std::shared_ptr<const DataSource> source_;  // may be null
   const long steps_per_epoch_;
 
   long step_ = 0;
@@ -80,6 +82,7 @@ class RuleEngine final : public Engine {
 };
 
 DataSet RuleEngine::NextBatch() {
+  if (source_ != nullptr) return source_->Batch(step_, batch_size_);
   const long in_epoch = step_ % steps_per_epoch_;
   const int first = static_cast<int>(in_epoch) * batch_size_;
   if (!shuffles_) return train_.Range(first, batch_size_);
@@ -212,9 +215,9 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
-    const DataSet* train) {
+    const TrainingData* data) {
   return std::make_unique<RuleEngine>(
-      batch_size, options, std::move(objective), std::move(rule), train);
+      batch_size, options, std::move(objective), std::move(rule), data);
 }
 
 }  // namespace invgrad

@@ -56,9 +56,12 @@ void RunIdentity::Add(const std::string& name, const std::string& value) {
   text_ += line + '\n';
 }
 
-void RunIdentity::AddData(const DataSet& train, const DataSet& test) {
+void RunIdentity::AddData(const DataSet& train,
+                          const DataSet& test,
+                          const DataSource* source) {
   Add("training data", DigestOf(train));
   Add("test data", DigestOf(test));
+  if (source != nullptr) Add("data source", source->Name());
 }
 
 void RunIdentity::AddBudget(const TrainOptions& options) {
@@ -94,11 +97,12 @@ std::string RunIdentity::Difference(const std::string& text) const {
 RunIdentity IdentityOfRun(const Model& model,
                           const DataSet& train,
                           const DataSet& test,
+                          const DataSource* source,
                           const Method& method,
                           const TrainOptions& options) {
   RunIdentity identity;
   identity.Add("network", model.network().Name());
-  identity.AddData(train, test);
+  identity.AddData(train, test, source);
   identity.Add("initial weights", Digest().Add(options.initial_weights).Hex());
   identity.Add("method", method.label);
   if (method.ReadsProgress()) identity.AddBudget(options);

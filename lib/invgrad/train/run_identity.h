@@ -16,6 +16,7 @@
 
 #include <string>
 
+#include "invgrad/chain/data_source.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/methods/method.h"
 
@@ -30,7 +31,10 @@ class RunIdentity {
 
   // `value`: any text. Line breaks become spaces, a long text its digest.
   void Add(const std::string& name, const std::string& value);
-  void AddData(const DataSet& train, const DataSet& test);
+  // source: null, or of the training samples.
+  void AddData(const DataSet& train,
+               const DataSet& test,
+               const DataSource* source);
   // Call it for a method that depends on its budget.
   void AddBudget(const TrainOptions& options);
 
@@ -49,6 +53,7 @@ class RunIdentity {
 RunIdentity IdentityOfRun(const Model& model,
                           const DataSet& train,
                           const DataSet& test,
+                          const DataSource* source,
                           const Method& method,
                           const TrainOptions& options);
 

@@ -46,6 +46,7 @@
 #include "Eigen/Core"
 #include "ceres/iteration_callback.h"
 #include "ceres/types.h"
+#include "invgrad/chain/data_source.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/core/update_rule.h"
 #include "invgrad/inverse/inverse_simulator.h"
@@ -61,10 +62,15 @@ class StateArchive;
 struct TrainingData {
   // Without contexts and without test data. inputs: |a| x N; targets: |y| x N.
   TrainingData(Eigen::MatrixXd inputs, Eigen::MatrixXd targets);
-  TrainingData(DataSet train, DataSet test = DataSet());  // NOLINT: a data set
-                                                          // is training data.
+  TrainingData(DataSet train,  // NOLINT: a data set is training data.
+               DataSet test = DataSet(),
+               std::shared_ptr<const DataSource> source = nullptr);
   DataSet train;
   DataSet test;  // may have no samples
+  // Null, or where a rule's batches come from; `train` then serves to evaluate
+  // the train loss, and its size is that of an epoch. Minimizers of Ceres, which
+  // have no batches, use `train`.
+  std::shared_ptr<const DataSource> source;
 };
 
 struct TrainOptions {

@@ -69,8 +69,12 @@ TrainingData::TrainingData(Eigen::MatrixXd inputs, Eigen::MatrixXd targets) {
   train.targets = std::move(targets);
 }
 
-TrainingData::TrainingData(DataSet train, DataSet test)
-    : train(std::move(train)), test(std::move(test)) {}
+TrainingData::TrainingData(DataSet train,
+                           DataSet test,
+                           std::shared_ptr<const DataSource> source)
+    : train(std::move(train)),
+      test(std::move(test)),
+      source(std::move(source)) {}
 
 TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
     : model_(std::move(model)),
@@ -163,8 +167,8 @@ void TrainingRun::AddPhases(const Method& method) {
 void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
   if (!error().empty()) return;
   if (!options_.checkpoint_path.empty()) {
-    identity_ =
-        IdentityOfRun(model_, data_.train, data_.test, method, options_);
+    identity_ = IdentityOfRun(
+        model_, data_.train, data_.test, data_.source.get(), method, options_);
     if (rule != nullptr && rule->ReadsProgress()) identity_.AddBudget(options_);
     std::error_code failure;
     if (std::filesystem::exists(options_.checkpoint_path, failure)) Restore();
