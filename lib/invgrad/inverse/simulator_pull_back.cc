@@ -62,6 +62,11 @@ SimulatorPullBack::SimulatorPullBack(
   CHECK_GT(options.round_trip, 0.0);
   if (options.way == SimulatorWay::kNewton) {
     inverse_ = std::make_shared<NewtonInverse>(simulator_, options.newton);
+  } else if (options.way == SimulatorWay::kGradientDescent) {
+    inverse_ = std::make_shared<GradientDescentInverse>(
+        simulator_, options.gradient_descent);
+  } else if (options.way == SimulatorWay::kLbfgs) {
+    inverse_ = std::make_shared<LbfgsInverse>(simulator_, options.lbfgs);
   } else if (options.way != SimulatorWay::kInverse) {
     inverse_ = nullptr;
   }
@@ -220,6 +225,11 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
   }
   Attempt attempt(*this, x, context, Map<const VectorXd>(y, m), d_y);
   if (inverse_ != nullptr) result->why = attempt.Invert(*inverse_);
+  if (descends() && !result->why.empty()) {
+    result->source = PullBackSource::kNone;
+    d_x.setZero();
+    return true;
+  }
   if (inverse_ == nullptr || !result->why.empty()) {
     result->source = PullBackSource::kNumericalInverse;
     const std::string why = attempt.Invert(*numerical_);

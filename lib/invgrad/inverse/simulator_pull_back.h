@@ -8,6 +8,8 @@
 //                     simulator, or the numerical one if none is given
 //   numerical         the same, by the numerical inverse (numerical_inverse.h)
 //   newton            the same, by Newton steps (newton_inverse.h)
+//   gradient descent, L-BFGS
+//                     the same, by descent without J (descent_inverses.h)
 //
 // The result x~ of an inverse is used if it is finite, has the right size and,
 // if the inverse claims to reach the target,
@@ -15,15 +17,15 @@
 //   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
 //
 // (with `accept_nearer`, for targets that no input reaches: if P(x~) is nearer
-// to y + d_y than y is). Otherwise these follow, and no fallback moves away
-// from y + d_y:
+// to y + d_y than y is). Otherwise, except for the descents, these follow, and
+// no fallback moves away from y + d_y:
 //
 //   numerical inverse  with the same test
 //   inverse gradient   taken if it comes nearer to y + d_y than y is
 //   gradient           d_x = t J^T d_y, t = |J^T d_y|^2 / |J J^T d_y|^2, the
 //                      minimizer of |J d_x - d_y| along it, halved until it
 //                      comes nearer
-//   none               d_x = 0
+//   none               d_x = 0, at once for the descents, which never form J
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
@@ -44,6 +46,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/simulator.h"
+#include "invgrad/inverse/descent_inverses.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/newton_inverse.h"
 
@@ -57,7 +60,9 @@ enum class SimulatorWay {
   kInverse,    // the problem's inverse simulator; kNumerical if it has none
   kNumerical,  // numerical_inverse.h
   kNewton,     // newton_inverse.h
-  kData,       // no pull-back: x~ is the data's solution x*
+  kGradientDescent,  // descent_inverses.h
+  kLbfgs,
+  kData,  // no pull-back: x~ is the data's solution x*
 };
 // In the order of the enumerators.
 inline constexpr const char* kSimulatorWayNames[] = {"joint",
@@ -67,12 +72,14 @@ inline constexpr const char* kSimulatorWayNames[] = {"joint",
                                                      "inverse",
                                                      "numerical",
                                                      "newton",
+                                                     "gradient_descent",
+                                                     "lbfgs",
                                                      "data"};
 
 // The source of a sample's d_x.
 enum class PullBackSource {
   kDerivative,        // sources that need no test
-  kInverse,           // the given inverse, or Newton's
+  kInverse,           // the given inverse, Newton's or a descent
   kNumericalInverse,  // this and the following: chosen, or a fallback
   kInverseGradient,
   kGradient,
@@ -89,6 +96,8 @@ class SimulatorPullBack {
     bool accept_nearer = false;
     int max_num_iterations = 50;    // of the numerical inverse
     NewtonInverse::Options newton;  // of the way newton
+    GradientDescentInverse::Options gradient_descent;
+    LbfgsInverse::Options lbfgs;
   };
 
   // Only the way `inverse` reads the argument `inverse`, which may be null.
@@ -115,6 +124,11 @@ class SimulatorPullBack {
 
  private:
   class Attempt;
+
+  bool descends() const {
+    return options_.way == SimulatorWay::kGradientDescent ||
+           options_.way == SimulatorWay::kLbfgs;
+  }
 
   std::shared_ptr<const Simulator> simulator_;
   // The first inverse to use; null: the numerical one.

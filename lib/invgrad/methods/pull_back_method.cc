@@ -85,6 +85,35 @@ void PullBackMethod::Describe(OptionSet* set) {
            {0.0, kInfinity},
            "weight of 1/2 |x - x*|^2, x* the data's own solution");
   if (way() == SimulatorWay::kAdjoint) return;
+  if (way() == SimulatorWay::kGradientDescent) {
+    GradientDescentInverse::Options& descent =
+        options_.simulator.gradient_descent;
+    set->Add("inner_steps",
+             &descent.num_steps,
+             {1, 1e6},
+             "gradient steps in x towards y~");
+    set->Add("inner_step_size",
+             &descent.step_size,
+             {0.0, kInfinity, true},
+             "step size of these steps");
+    set->Add("inner_rescale",
+             &descent.rescale,
+             "scale the sum of these steps to the length of the first");
+    return;
+  }
+  if (way() == SimulatorWay::kLbfgs) {
+    LbfgsInverse::Options& lbfgs = options_.simulator.lbfgs;
+    set->Add("inner_steps",
+             &lbfgs.max_num_iterations,
+             {1, 1e6},
+             "iterations of L-BFGS in x towards y~, at most");
+    set->Add("inner_tolerance",
+             &lbfgs.tolerance,
+             {0.0, kInfinity},
+             "relative change of |P(x~) - y~|^2 or its gradient at which it "
+             "ends");
+    return;
+  }
   set->Add("pull_back_truncation",
            &options_.simulator.truncation,
            {0.0, 1.0, false, true},

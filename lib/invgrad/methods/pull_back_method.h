@@ -4,7 +4,7 @@
 //
 //   LOSS       gradient, newton, saddle_free_newton      (loss_pull_back.h)
 //   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
-//              newton                               (simulator_pull_back.h)
+//              newton, gradient_descent, lbfgs      (simulator_pull_back.h)
 //              joint: no pull-back, RULE linearizes network and simulator
 //              data: no pull-back, x~ is the solution x* of the data
 //   RULE       any update rule, of the proxy in x (chain_pull_back.h)
