@@ -1,13 +1,14 @@
 // AdaHessian: Adam with Hutchinson's estimate of the Hessian's diagonal in place
 // of the gradient in the second moment.
 //
-//   D = z * (H z),   H = d2L/dx2,   z of random signs, new in every step
+//   D = z * (H z),   H = d2L/dx2,   z of random signs
 //   u <- beta1 u + (1 - beta1) gradient
 //   v <- beta2 v + (1 - beta2) D^2
 //   step = -eta (u / (1 - beta1^k)) /
 //          (sqrt(v / (1 - beta2^k))^hessian_power + epsilon)
 //
-// in the k-th step; products, quotients and powers are entry by entry. The mean
+// in the k-th step; products, quotients and powers are entry by entry. z_i is -1
+// where np.random.rand(n) after np.random.seed(seed + k) is below 1/2. The mean
 // of D over z is the diagonal of H, and D is the diagonal for every z if H is
 // diagonal. Defaults are those of [1] and its code, without the average of D
 // over the entries of a convolution kernel.
@@ -23,6 +24,7 @@
 //     Second Order Optimizer for Machine Learning. AAAI 2021, algorithms 1 and
 //     2. arXiv 2006.00719.
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <vector>
@@ -68,8 +70,7 @@ class AdaHessianRule final : public UpdateRule {
     }
   };
 
-  explicit AdaHessianRule(const Options& options)
-      : options_(options), random_(NumpyRandom(options.seed).State()) {}
+  explicit AdaHessianRule(const Options& options) : options_(options) {}
 
   LinearizationParts Needs() const override {
     LinearizationParts parts = LinearizationParts::Gradient();
@@ -93,12 +94,12 @@ class AdaHessianRule final : public UpdateRule {
     CHECK_EQ(u_.size(), gradient.size())
         << "The number of unknowns has changed; use a new update rule for each "
            "run.";
-    const VectorXd z = NextSigns();
+    k_[0] += 1.0;
+    const VectorXd z = Signs();
     VectorXd Hz;
     if (!at_x.hessian_times(z, &Hz, error)) return false;
     const double beta1 = options_.beta1;
     const double beta2 = options_.beta2;
-    k_[0] += 1.0;
     u_ = beta1 * u_ + (1.0 - beta1) * gradient;
     // D^2 = (H z)^2, because the entries of z^2 are one.
     v_ = beta2 * v_ + (1.0 - beta2) * Hz.cwiseAbs2();
@@ -117,17 +118,15 @@ class AdaHessianRule final : public UpdateRule {
     return options_.step_size.has_schedule();
   }
 
-  std::vector<VectorXd*> MutableState() override {
-    return {&u_, &v_, &k_, &random_};
-  }
+  std::vector<VectorXd*> MutableState() override { return {&u_, &v_, &k_}; }
 
  private:
-  VectorXd NextSigns() {
-    NumpyRandom random(0);
-    CHECK(random.SetState(random_)) << "The state of a rule was overwritten.";
+  // Of the k-th step, so that a resumed run needs only k.
+  VectorXd Signs() const {
+    NumpyRandom random(static_cast<std::uint32_t>(options_.seed) +
+                       static_cast<std::uint32_t>(k_[0]));
     VectorXd z(u_.size());
     for (double& sign : z) sign = random.Rand() < 0.5 ? -1.0 : 1.0;
-    random_ = random.State();
     return z;
   }
 
@@ -135,7 +134,6 @@ class AdaHessianRule final : public UpdateRule {
   VectorXd u_;
   VectorXd v_;
   VectorXd k_ = VectorXd::Zero(1);
-  VectorXd random_;  // of the generator of z
 };
 
 }  // namespace
