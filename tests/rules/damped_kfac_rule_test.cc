@@ -3,6 +3,8 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "Eigen/Core"
 #include "Eigen/LU"
@@ -120,6 +122,78 @@ TEST(Kfac, AveragesItsFactors) {
   StepOf(forgetful.get(), first.At());
   EXPECT_EQ(StepOf(forgetful.get(), second.At()),
             StepOf("kfac:step_size=1:damping=0", second.At()));
+}
+
+// docs/conventions.md, section 3: the damping is in units of the Hessian.
+TEST(Kfac, TheUnitOfTheLossIsThatOfTheDamping) {
+  LinearChain chain;
+  const VectorXd step = StepOf("kfac:step_size=1:damping=0.25", chain.At());
+  chain.c *= 16.0;
+  chain.g *= 16.0;
+  ExpectNear(StepOf("kfac:step_size=1:damping=4", chain.At()), step, 1e-12);
+  EXPECT_GT((StepOf("kfac:step_size=1:damping=0.25", chain.At()) - step).norm(),
+            1e-3 * step.norm());
+}
+
+// A layer with T calls a sample, as in a closed loop.
+class LoopJacobian final : public JacobianOperator {
+ public:
+  LoopJacobian(MatrixXd inputs, MatrixXd deltas, int num_calls)
+      : inputs_(std::move(inputs)),
+        deltas_(std::move(deltas)),
+        layer_(&inputs_, &deltas_, num_calls) {}
+  int rows() const override { return layer_.rows(); }
+  int cols() const override { return layer_.cols(); }
+  void Times(const VectorXd& v, VectorXd* Jv) const override {
+    layer_.Times(v, Jv);
+  }
+  void TransposeTimes(const VectorXd& w, VectorXd* Jtw) const override {
+    layer_.TransposeTimes(w, Jtw);
+  }
+  std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
+      const override {
+    std::vector<std::unique_ptr<const JacobianOperator>> blocks;
+    blocks.push_back(std::make_unique<LayerJacobian>(
+        &inputs_, &deltas_, layer_.num_calls()));
+    return blocks;
+  }
+
+ private:
+  const MatrixXd inputs_;
+  const MatrixXd deltas_;
+  const LayerJacobian layer_;
+};
+
+// D = sum over calls t of Delta_t H_L Delta_t^T, A the mean over samples and
+// calls.
+TEST(Kfac, SumsOverTheCallsOfAClosedLoop) {
+  constexpr int kSamples = 6;
+  constexpr int kCalls = 3;
+  constexpr int kRows = 2 * kSamples;
+  const MatrixXd inputs = RandomMatrix(4, kSamples * kCalls, 1);
+  const MatrixXd deltas = RandomMatrix(3, kRows * kCalls, 2);
+  const MatrixXd H = LinearChain::Positive(RandomMatrix(kRows, kRows, 3));
+  Linearization at_x;
+  at_x.jacobian = std::make_shared<LoopJacobian>(inputs, deltas, kCalls);
+  at_x.loss_gradient = RandomMatrix(kRows, 1, 4);
+  at_x.loss_hessian_times = [H](const VectorXd& v) -> VectorXd {
+    return H * v;
+  };
+  MatrixXd D = MatrixXd::Zero(3, 3);
+  for (int t = 0; t < kCalls; ++t) {
+    MatrixXd of_call(3, kRows);
+    for (int row = 0; row < kRows; ++row) {
+      of_call.col(row) = deltas.col(row * kCalls + t);
+    }
+    D += of_call * H * of_call.transpose();
+  }
+  const MatrixXd A = inputs * inputs.transpose() / (kSamples * kCalls);
+  VectorXd gradient;
+  at_x.jacobian->TransposeTimes(at_x.loss_gradient, &gradient);
+  const MatrixXd expected =
+      -A.lu().solve(gradient.reshaped(4, 3)) * D.inverse();
+  ExpectNear(
+      StepOf("kfac:step_size=1:damping=0", at_x), expected.reshaped(), 1e-10);
 }
 
 TEST(Kfac, IsADescentDirectionOfEveryNetwork) {
