@@ -9,7 +9,9 @@
 //   numerical         the same, by the numerical inverse (numerical_inverse.h)
 //   newton            the same, by Newton steps (newton_inverse.h)
 //   gradient descent, L-BFGS
-//                     the same, by descent without J (descent_inverses.h)
+//                     descents in x without J (descents.h), of 1/2 |P(x) - (y +
+//                     d_y)|^2, or of a function that has the descent d_y, if one
+//                     is given: the loss, for a gradient step in y
 //
 // The result x~ of an inverse is used if it is finite, has the right size and,
 // if the inverse claims to reach the target,
@@ -17,15 +19,18 @@
 //   |P(x~) - (y + d_y)| <= round_trip |d_y| + 8 epsilon |y + d_y|
 //
 // (with `accept_nearer`, for targets that no input reaches: if P(x~) is nearer
-// to y + d_y than y is). Otherwise, except for the descents, these follow, and
-// no fallback moves away from y + d_y:
+// to y + d_y than y is). Otherwise these follow, and no fallback moves away
+// from y + d_y:
 //
 //   numerical inverse  with the same test
 //   inverse gradient   taken if it comes nearer to y + d_y than y is
 //   gradient           d_x = t J^T d_y, t = |J^T d_y|^2 / |J J^T d_y|^2, the
 //                      minimizer of |J d_x - d_y| along it, halved until it
 //                      comes nearer
-//   none               d_x = 0, at once for the descents, which never form J
+//   none               d_x = 0
+//
+// A descent that fails gives d_x = 0, because the fallbacks form J; the result
+// of one that succeeds is not tested.
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
@@ -46,7 +51,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/simulator.h"
-#include "invgrad/inverse/descent_inverses.h"
+#include "invgrad/inverse/descents.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/newton_inverse.h"
 
@@ -60,7 +65,7 @@ enum class SimulatorWay {
   kInverse,    // the problem's inverse simulator; kNumerical if it has none
   kNumerical,  // numerical_inverse.h
   kNewton,     // newton_inverse.h
-  kGradientDescent,  // descent_inverses.h
+  kGradientDescent,  // descents.h
   kLbfgs,
   kData,  // no pull-back: x~ is the data's solution x*
 };
@@ -96,8 +101,8 @@ class SimulatorPullBack {
     bool accept_nearer = false;
     int max_num_iterations = 50;    // of the numerical inverse
     NewtonInverse::Options newton;  // of the way newton
-    GradientDescentInverse::Options gradient_descent;
-    LbfgsInverse::Options lbfgs;
+    GradientDescentOptions gradient_descent;
+    LbfgsOptions lbfgs;
   };
 
   // Only the way `inverse` reads the argument `inverse`, which may be null.
@@ -112,13 +117,14 @@ class SimulatorPullBack {
   };
 
   // `wanted_change` writes d_y, given y. `x` and `context` are vectors of the
-  // simulator's sizes.
+  // simulator's sizes. `function`: for the descents, may be null.
   bool operator()(const InverseSimulator::ConstVectorRef& x,
                   const InverseSimulator::ConstVectorRef& context,
                   const Simulator::Covector& wanted_change,
                   double* y,
                   Eigen::Ref<Eigen::VectorXd> d_x,
-                  Result* result) const;
+                  Result* result,
+                  const OutputFunction& function = nullptr) const;
 
   const Simulator& simulator() const { return *simulator_; }
 
@@ -129,6 +135,13 @@ class SimulatorPullBack {
     return options_.way == SimulatorWay::kGradientDescent ||
            options_.way == SimulatorWay::kLbfgs;
   }
+  // Lowers 1/2 |P - wanted|^2, or `function`.
+  void Descend(const InverseSimulator::ConstVectorRef& x,
+               const InverseSimulator::ConstVectorRef& context,
+               const Eigen::VectorXd& wanted,
+               const OutputFunction& function,
+               Eigen::Ref<Eigen::VectorXd> d_x,
+               Result* result) const;
 
   std::shared_ptr<const Simulator> simulator_;
   // The first inverse to use; null: the numerical one.

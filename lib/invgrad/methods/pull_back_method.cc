@@ -86,12 +86,9 @@ void PullBackMethod::Describe(OptionSet* set) {
            "weight of 1/2 |x - x*|^2, x* the data's own solution");
   if (way() == SimulatorWay::kAdjoint) return;
   if (way() == SimulatorWay::kGradientDescent) {
-    GradientDescentInverse::Options& descent =
-        options_.simulator.gradient_descent;
-    set->Add("inner_steps",
-             &descent.num_steps,
-             {1, 1e6},
-             "gradient steps in x towards y~");
+    GradientDescentOptions& descent = options_.simulator.gradient_descent;
+    set->Add(
+        "inner_steps", &descent.num_steps, {1, 1e6}, "gradient steps in x");
     set->Add("inner_step_size",
              &descent.step_size,
              {0.0, kInfinity, true},
@@ -102,16 +99,15 @@ void PullBackMethod::Describe(OptionSet* set) {
     return;
   }
   if (way() == SimulatorWay::kLbfgs) {
-    LbfgsInverse::Options& lbfgs = options_.simulator.lbfgs;
+    LbfgsOptions& lbfgs = options_.simulator.lbfgs;
     set->Add("inner_steps",
              &lbfgs.max_num_iterations,
              {1, 1e6},
-             "iterations of L-BFGS in x towards y~, at most");
+             "iterations of L-BFGS in x, at most");
     set->Add("inner_tolerance",
              &lbfgs.tolerance,
              {0.0, kInfinity},
-             "relative change of |P(x~) - y~|^2 or its gradient at which it "
-             "ends");
+             "relative change of the value or the gradient at which they end");
     return;
   }
   set->Add("pull_back_truncation",

@@ -74,7 +74,8 @@ class PullBackObjective final : public Objective {
                     std::cref(wanted_change),
                     y.data(),
                     d_x,
-                    &result)) {
+                    &result,
+                    loss_.Lowered(objective_.target().data()))) {
       if (error->empty()) *error = kNoOutputs;
       return false;
     }
