@@ -92,7 +92,8 @@ void PullBackMethod::Describe(OptionSet* set) {
     set->Add("inner_step_size",
              &descent.step_size,
              {0.0, kInfinity, true},
-             "step size of these steps");
+             "step size of these steps; too long if above 2 / s_max^2 of the "
+             "simulator, for 1/2 |P(x) - y~|^2");
     set->Add("inner_rescale",
              &descent.rescale,
              "scale the sum of these steps to the length of the first");
