@@ -22,6 +22,7 @@ Sample runs:
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/hessian_times.h"
 #include "invgrad/minimize/chain_objective.h"
 #include "invgrad/rules/rules.h"
 #include "problems/problems.h"
@@ -48,10 +49,11 @@ bool FirstStep(const Specification& rule_text,
   if (rule == nullptr || !CreateProblem(text, nullptr, &problem, error)) {
     return false;
   }
+  ChainObjective objective = problem.point->MakeObjective();
   Linearization at_start;
-  return problem.point->MakeObjective().Linearize(
-             rule->Needs(), &at_start, error) &&
-         rule->ComputeStep(at_start, step, error);
+  if (!objective.Linearize(rule->Needs(), &at_start, error)) return false;
+  AddHessianTimes(&objective, &at_start);
+  return rule->ComputeStep(at_start, step, error);
 }
 
 // p in |a / b| = 2^p.

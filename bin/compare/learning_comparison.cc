@@ -16,6 +16,7 @@
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/core/hessian_times.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
@@ -213,6 +214,20 @@ bool DumpStep(const LearningProblem& problem,
     Linearization at_weights;
     Eigen::MatrixXd y, J;
     Eigen::VectorXd step;
+    AddHessianTimes(
+        weights,
+        [&](const auto& shift, auto* gradient, auto* why) {
+          Linearization after;
+          const bool has_gradient =
+              model.Linearize(weights + shift,
+                              batch,
+                              LinearizationParts::Gradient(),
+                              &after,
+                              why);
+          *gradient = std::move(after.gradient);
+          return has_gradient;
+        },
+        &at_weights);
     if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
         !model.Predict(weights, batch, &y, error) ||
         !rule->ComputeStep(at_weights, &step, error)) {

@@ -71,8 +71,8 @@ std::string Listing() {
          "\nMethods that pull a wanted change back, part by part: "
          "LOSS/SIMULATOR/RULE with\n  LOSS gradient, newton, "
          "saddle_free_newton; SIMULATOR joint, adjoint, inverse_gradient,\n  "
-         "half_inverse, inverse, numerical, newton, data; RULE any rule. By "
-         "name:\n" +
+         "half_inverse, inverse, numerical, newton, gradient_descent, lbfgs, "
+         "data; RULE any rule.\n  By name:\n" +
          RowTexts(Format::kText, ChainMethods()) +
          "\nPhases, one after the other: adam:epochs=5>half_inverse. Each but "
          "the last has\n  epochs= or steps=, its share of the run\n"
@@ -125,12 +125,20 @@ std::string RulesMarkdown() {
          "alone |\n"
          "| `newton` | a saddle-free Newton step of \\|P(x) - (y + d_y)\\|^2 "
          "|\n"
+         "| `gradient_descent` | the sum of gradient steps in x, by the "
+         "adjoint alone: of the loss with LOSS `gradient`, otherwise of 1/2 "
+         "\\|P(x) - (y + d_y)\\|^2 |\n"
+         "| `lbfgs` | the same by L-BFGS |\n"
          "| `data` | x* - x, x* the solution that the data were made from |\n"
          "| `joint` | none: RULE takes network and simulator as one |\n\n"
          "RULE is any update rule above, of the proxy 1/2 \\|x - x~\\|^2. A "
          "setting goes to the rule if the rule has it. `numerical` has all "
          "options of `sip`, `newton` also `newton_steps`, `max_loss_change` "
-         "and `newton_damping`. Known combinations:\n\n" +
+         "and `newton_damping`; `gradient_descent` has `inner_steps` (8), "
+         "`inner_step_size` (1) and `inner_rescale` (false: scale the sum of "
+         "the steps to the length of the first), `lbfgs` has `inner_steps` "
+         "(16) and `inner_tolerance` (1e-5), both without the options of the "
+         "fall-backs, which they do not have. Known combinations:\n\n" +
          RowTexts(Format::kMarkdown, ChainMethods()) +
          "# Minimizers of Ceres\n\nThe trust-region ones take proposals from "
          "any rule above: `ceres_lm+half_inverse`.\n\n" +

@@ -48,7 +48,7 @@ TEST(UpdateCallbackRules, EveryRuleOfTheTable) {
     EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE) << summary.message;
     EXPECT_NEAR(p.x, 1.0, 1e-4);
     EXPECT_NEAR(p.y, 1.0, 2e-4);
-    if (row.name == "kfac_half_inverse") {
+    if (row.name == "kfac_half_inverse" || row.name == "kfac") {
       // Its factors are a network's.
       EXPECT_EQ(callback.summary().num_proposed, 0);
       EXPECT_NE(callback.summary().message.find("network"), std::string::npos)

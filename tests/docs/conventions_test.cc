@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "Eigen/Core"
+#include "fmt/core.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/rules/rules.h"
@@ -163,6 +164,10 @@ Linearization Problem(Change change) {
     return Eigen::VectorXd(loss_hessian * v);
   };
   at_x.hessian = hessian;
+  at_x.hessian_times = [hessian](const auto& v, auto* Hv, auto*) {
+    *Hv = hessian * v;
+    return true;
+  };
   return at_x;
 }
 
@@ -203,6 +208,32 @@ void ExpectRuleScaling(const std::string& name,
 TEST(Conventions, ScalingOfNewton) {
   ExpectRuleScaling("newton", {}, {0.0, 0.0, 0.0, 0.0});
   ExpectRuleScaling("saddle_free_newton", {}, {0.0, 0.0, 0.0, 0.0});
+}
+
+TEST(Conventions, ScalingOfAdaHessian) {
+  ExpectRuleScaling(
+      "adahessian", {{"epsilon", "1e-12"}}, {0.0, 0.0, 0.0, 0.0}, 1e-6);
+}
+
+// The damping is in units of the Hessian.
+TEST(Conventions, ScalingOfHessianFree) {
+  const auto step = [](double damping, Change change) {
+    return SecondStep({"hessian_free",
+                       "hessian_free",
+                       {{"damping", fmt::format("{:.17g}", damping)}}},
+                      change);
+  };
+  const double damping = 0.1;
+  const Eigen::VectorXd d = step(damping, Change::kNone);
+  EXPECT_GT((step(2.0 * damping, Change::kNone) - d).norm(), 0.01 * d.norm());
+  const double c = kScale;
+  for (const auto& [change, factor] : {std::pair(Change::kResiduals, c * c),
+                                       std::pair(Change::kLoss, c),
+                                       std::pair(Change::kUnitOfX, c * c),
+                                       std::pair(Change::kUnitOfY, 1.0)}) {
+    EXPECT_LE((step(factor * damping, change) - d).norm(),
+              kTolerance * d.norm());
+  }
 }
 
 // epsilon is not negligible to kTolerance, but to this: gradients are about 1.

@@ -38,7 +38,9 @@ std::vector<std::string> AllMethods() {
                                 "half_inverse",
                                 "inverse",
                                 "numerical",
-                                "newton"}) {
+                                "newton",
+                                "gradient_descent",
+                                "lbfgs"}) {
     names.push_back(std::string("newton/") + simulator + "/adam");
     names.push_back(std::string("gradient/") + simulator + "/half_inverse");
   }
@@ -202,7 +204,7 @@ TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
                                &summary,
                                &error))
       << error;
-  if (GetParam() == "kfac_half_inverse") {
+  if (GetParam() == "kfac_half_inverse" || GetParam() == "kfac") {
     // A point has no layers.
     EXPECT_EQ(summary.termination_type, ceres::FAILURE);
     EXPECT_NE(summary.message.find("K-FAC needs"), std::string::npos)

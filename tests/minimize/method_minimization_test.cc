@@ -6,6 +6,8 @@
 
 #include "ceres/autodiff_cost_function.h"
 #include "gtest/gtest.h"
+#include "invgrad/chain/loss.h"
+#include "invgrad/minimize/chain_objective.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/rosenbrock.h"
 
@@ -43,6 +45,8 @@ TEST_F(ProblemMinimization, TakesRulesCeresAndBoth) {
                            "ceres_lm:linear_solver=dense_schur",
                            "ceres_dogleg",
                            "ceres_bfgs",
+                           "hessian_free",
+                           "ceres_lm+hessian_free",
                            "ceres_lm+half_inverse:step_size=auto:rho=1"}) {
     SCOPED_TRACE(text);
     ASSERT_TRUE(Run(ParseMethod(text))) << error_;
@@ -53,6 +57,46 @@ TEST_F(ProblemMinimization, TakesRulesCeresAndBoth) {
   }
   EXPECT_NE(summary_.message.find("proposed"), std::string::npos)
       << summary_.message;
+}
+
+// A point pulled back through the simulator.
+bool PullBack(const std::string& method,
+              ChainObjective* objective,
+              std::string* error) {
+  MinimizerOptions options;
+  options.max_num_iterations = 1;
+  std::vector<Eigen::VectorXd> path;
+  MinimizerSummary summary;
+  return MinimizeByMethod(
+      ParseMethod(method), options, nullptr, objective, &path, &summary, error);
+}
+
+TEST(PointMinimization, TheHessianOfAPulledBackChangeIsTheProxys) {
+  const Eigen::Vector2d target(1.0, -2.0);
+  const Eigen::Vector2d start(0.0, 0.0);
+  ChainObjective objective(std::make_shared<IdentitySimulator>(2),
+                           std::make_shared<SquaredNormLoss>(2, 7.0),
+                           target,
+                           start);
+  std::string error;
+  // The proxy 1/2 |x - x~|^2 has the Hessian 1, the loss 14.
+  ASSERT_TRUE(PullBack("newton/inverse/adahessian:step_size=0.5:epsilon=1e-12",
+                       &objective,
+                       &error))
+      << error;
+  EXPECT_LT((objective.State() - 0.5 * target).norm(), 1e-9);
+}
+
+TEST(PointMinimization, APulledBackChangeHasNoCostToJudgeStepsBy) {
+  ChainObjective objective(std::make_shared<IdentitySimulator>(2),
+                           std::make_shared<SquaredNormLoss>(2, 0.5),
+                           Eigen::Vector2d::Ones(),
+                           Eigen::Vector2d::Zero());
+  std::string error;
+  for (const std::string rule : {"hessian_free", "half_inverse:control=gain"}) {
+    EXPECT_FALSE(PullBack("newton/inverse/" + rule, &objective, &error));
+    EXPECT_EQ(error.find("the rule judges its steps by a cost"), 0u) << error;
+  }
 }
 
 TEST_F(ProblemMinimization, RefusesWhatNeedsAChain) {

@@ -107,7 +107,8 @@ TEST(Minimizer, WithControlTheCostNeverRises) {
         std::pair("half_inverse:control=gain", 1e-2),
         std::pair("power:kappa=0.75:step_size=4:control=gain", 1e-2),
         std::pair("adaptive_power", 1e-6),
-        std::pair("adaptive_power:rho=1", 1e-6)}) {
+        std::pair("adaptive_power:rho=1", 1e-6),
+        std::pair("hessian_free", 1e-6)}) {
     for (const bool is_powell : {false, true}) {
       SCOPED_TRACE(std::string(text) + (is_powell ? ", Powell" : ""));
       double x[4] = {-1.2, 1.0};

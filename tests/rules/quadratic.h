@@ -60,6 +60,10 @@ class Quadratic {
     at_x.jacobian = OneUnit(A_);
     at_x.gradient = A_.transpose() * at_x.loss_gradient;
     at_x.hessian = A_.transpose() * A_;
+    at_x.hessian_times = [H = at_x.hessian](const auto& v, auto* Hv, auto*) {
+      *Hv = H * v;
+      return true;
+    };
     return at_x;
   }
 

@@ -52,7 +52,10 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "layer_half_inverse",
                                    "adaptive_power",
                                    "kfac_half_inverse",
-                                   "krylov"}));
+                                   "kfac",
+                                   "krylov",
+                                   "hessian_free",
+                                   "adahessian"}));
 }
 
 // Every default, set explicitly, changes nothing.
@@ -219,6 +222,7 @@ TEST(Rules, NeedsAreHonest) {
     Linearization asked;
     if (rule->Needs().gradient) asked.gradient = full.gradient;
     if (rule->Needs().hessian) asked.hessian = full.hessian;
+    if (rule->Needs().hessian_times) asked.hessian_times = full.hessian_times;
     if (rule->Needs().jacobian) {
       asked.loss_gradient = full.loss_gradient;
       asked.jacobian = full.jacobian;

@@ -7,6 +7,7 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/core/hessian_times.h"
 
 namespace invgrad {
 namespace {
@@ -46,6 +47,11 @@ bool Proposal::ComputeStep(double cost,
   at_x.cost = cost;
   if (needs_linearization_ && !Linearize(&at_x, message)) return false;
   work_.CountStep();
+  if (parts_.hessian_times) {
+    AddHessianTimes(&linearizer_, &at_x);
+    work_.CountLinearization();
+    work_.CountLinearization();
+  }
   if (!rule_.ComputeStep(at_x, &step_, message)) return false;
   CHECK_EQ(step_.size(), linearizer_.num_parameters());
   step_ *= scale_;

@@ -19,6 +19,7 @@
 
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
@@ -31,9 +32,11 @@ struct LinearizationParts {
   bool gradient = false;  // J^T g
   bool jacobian = false;  // g, J and H_L
   bool hessian = false;   // d2L/dx2, exact
+  // v -> d2L/dx2 v. Set by the loop that owns the objective (hessian_times.h).
+  bool hessian_times = false;
 
-  static LinearizationParts Gradient() { return {true, false, false}; }
-  static LinearizationParts Jacobian() { return {false, true, false}; }
+  static LinearizationParts Gradient() { return {true, false, false, false}; }
+  static LinearizationParts Jacobian() { return {false, true, false, false}; }
 };
 
 struct Linearization {
@@ -46,6 +49,12 @@ struct Linearization {
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> loss_hessian_times;
 
   Eigen::MatrixXd hessian;  // n x n, symmetric: d2L/dx2
+
+  // *Hv = d2L/dx2 v, both n; returns false, with *error, if that has no finite
+  // value. Valid until the objective moves. Empty: not computed.
+  std::function<bool(
+      const Eigen::VectorXd& v, Eigen::VectorXd* Hv, std::string* error)>
+      hessian_times;
 
   // The share of the run's budget that is spent, in [0, 1], for step-size
   // schedules. Set by the training or minimization loop.

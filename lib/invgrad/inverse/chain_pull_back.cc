@@ -174,8 +174,13 @@ ChainPullBack::Sample ChainPullBack::PullBackSample(
                 wanted_change(y.data(), ignored.data());
   } else {
     const Simulator::Covector covector = std::cref(wanted_change);
-    has_value = (*simulator_pull_back_)(
-        x, context, covector, y.data(), d_x, &sample.result);
+    has_value = (*simulator_pull_back_)(x,
+                                        context,
+                                        covector,
+                                        y.data(),
+                                        d_x,
+                                        &sample.result,
+                                        loss_pull_back_.Lowered(target));
     if (options_.data_weight > 0.0) {
       d_x += options_.data_weight * (batch.solutions.col(s) - x);
     }

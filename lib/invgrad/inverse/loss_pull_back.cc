@@ -88,6 +88,16 @@ bool LossPullBack::Step(const double* y,
   return false;
 }
 
+OutputFunction LossPullBack::Lowered(const double* target) const {
+  if (way_ != LossWay::kGradient) return nullptr;
+  return [this, target](const double* y, double* F, double* descent) {
+    std::string ignored;
+    if (!Step(y, target, F, descent, &ignored)) return false;
+    *F *= step_size_;
+    return true;
+  };
+}
+
 bool LossPullBack::Evaluate(const double* y,
                             const double* target,
                             double* loss,

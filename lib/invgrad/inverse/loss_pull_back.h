@@ -27,6 +27,7 @@
 #include <string>
 
 #include "invgrad/chain/loss.h"
+#include "invgrad/inverse/descents.h"
 
 namespace invgrad {
 
@@ -49,6 +50,10 @@ class LossPullBack final : public Loss {
             double* loss,
             double* change,
             std::string* why) const;
+
+  // eta L, whose descent in y is the gradient step; null for the Newton steps,
+  // which descend no function. *this and the target must outlive it.
+  OutputFunction Lowered(const double* target) const;
 
   int size() const override { return loss_->size(); }
   bool Evaluate(const double* y,

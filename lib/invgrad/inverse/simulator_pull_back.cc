@@ -183,7 +183,8 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
                                    const Simulator::Covector& wanted_change,
                                    double* y,
                                    Eigen::Ref<VectorXd> d_x,
-                                   Result* result) const {
+                                   Result* result,
+                                   const OutputFunction& function) const {
   result->source = PullBackSource::kDerivative;
   result->why.clear();
   if (options_.way == SimulatorWay::kAdjoint) {
@@ -218,6 +219,10 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
     d_x.setZero();
     return true;
   }
+  if (descends()) {
+    Descend(x, context, Map<const VectorXd>(y, m) + d_y, function, d_x, result);
+    return true;
+  }
   Attempt attempt(*this, x, context, Map<const VectorXd>(y, m), d_y);
   if (inverse_ != nullptr) result->why = attempt.Invert(*inverse_);
   if (inverse_ == nullptr || !result->why.empty()) {
@@ -230,6 +235,40 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
   }
   d_x = attempt.x_new() - x;
   return true;
+}
+
+void SimulatorPullBack::Descend(const ConstVectorRef& x,
+                                const ConstVectorRef& context,
+                                const VectorXd& wanted,
+                                const OutputFunction& function,
+                                Eigen::Ref<VectorXd> d_x,
+                                Result* result) const {
+  const auto half_squared_distance =
+      [&wanted](const double* y, double* F, double* descent) {
+        Map<VectorXd> d(descent, wanted.size());
+        d = wanted - Map<const VectorXd>(y, wanted.size());
+        *F = 0.5 * d.squaredNorm();
+        return true;
+      };
+  const OutputFunction lowered =
+      function ? function : OutputFunction(half_squared_distance);
+  VectorXd x_new = x;
+  const bool has_descended = options_.way == SimulatorWay::kLbfgs
+                                 ? DescendByLbfgs(*simulator_,
+                                                  context.data(),
+                                                  lowered,
+                                                  options_.lbfgs,
+                                                  &x_new,
+                                                  &result->why)
+                                 : DescendByGradient(*simulator_,
+                                                     context.data(),
+                                                     lowered,
+                                                     options_.gradient_descent,
+                                                     &x_new,
+                                                     &result->why);
+  result->source =
+      has_descended ? PullBackSource::kInverse : PullBackSource::kNone;
+  d_x = has_descended ? VectorXd(x_new - x) : VectorXd::Zero(x.size());
 }
 
 }  // namespace invgrad

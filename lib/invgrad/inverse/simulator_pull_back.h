@@ -8,6 +8,10 @@
 //                     simulator, or the numerical one if none is given
 //   numerical         the same, by the numerical inverse (numerical_inverse.h)
 //   newton            the same, by Newton steps (newton_inverse.h)
+//   gradient descent, L-BFGS
+//                     descents in x without J (descents.h), of 1/2 |P(x) - (y +
+//                     d_y)|^2, or of a function that has the descent d_y, if one
+//                     is given: the loss, for a gradient step in y
 //
 // The result x~ of an inverse is used if it is finite, has the right size and,
 // if the inverse claims to reach the target,
@@ -24,6 +28,9 @@
 //                      minimizer of |J d_x - d_y| along it, halved until it
 //                      comes nearer
 //   none               d_x = 0
+//
+// A descent that fails gives d_x = 0, because the fallbacks form J; the result
+// of one that succeeds is not tested.
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
@@ -44,6 +51,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/simulator.h"
+#include "invgrad/inverse/descents.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/newton_inverse.h"
 
@@ -57,7 +65,9 @@ enum class SimulatorWay {
   kInverse,    // the problem's inverse simulator; kNumerical if it has none
   kNumerical,  // numerical_inverse.h
   kNewton,     // newton_inverse.h
-  kData,       // no pull-back: x~ is the data's solution x*
+  kGradientDescent,  // descents.h
+  kLbfgs,
+  kData,  // no pull-back: x~ is the data's solution x*
 };
 // In the order of the enumerators.
 inline constexpr const char* kSimulatorWayNames[] = {"joint",
@@ -67,12 +77,14 @@ inline constexpr const char* kSimulatorWayNames[] = {"joint",
                                                      "inverse",
                                                      "numerical",
                                                      "newton",
+                                                     "gradient_descent",
+                                                     "lbfgs",
                                                      "data"};
 
 // The source of a sample's d_x.
 enum class PullBackSource {
   kDerivative,        // sources that need no test
-  kInverse,           // the given inverse, or Newton's
+  kInverse,           // the given inverse, Newton's or a descent
   kNumericalInverse,  // this and the following: chosen, or a fallback
   kInverseGradient,
   kGradient,
@@ -89,6 +101,8 @@ class SimulatorPullBack {
     bool accept_nearer = false;
     int max_num_iterations = 50;    // of the numerical inverse
     NewtonInverse::Options newton;  // of the way newton
+    GradientDescentOptions gradient_descent;
+    LbfgsOptions lbfgs;
   };
 
   // Only the way `inverse` reads the argument `inverse`, which may be null.
@@ -103,18 +117,31 @@ class SimulatorPullBack {
   };
 
   // `wanted_change` writes d_y, given y. `x` and `context` are vectors of the
-  // simulator's sizes.
+  // simulator's sizes. `function`: for the descents, may be null.
   bool operator()(const InverseSimulator::ConstVectorRef& x,
                   const InverseSimulator::ConstVectorRef& context,
                   const Simulator::Covector& wanted_change,
                   double* y,
                   Eigen::Ref<Eigen::VectorXd> d_x,
-                  Result* result) const;
+                  Result* result,
+                  const OutputFunction& function = nullptr) const;
 
   const Simulator& simulator() const { return *simulator_; }
 
  private:
   class Attempt;
+
+  bool descends() const {
+    return options_.way == SimulatorWay::kGradientDescent ||
+           options_.way == SimulatorWay::kLbfgs;
+  }
+  // Lowers 1/2 |P - wanted|^2, or `function`.
+  void Descend(const InverseSimulator::ConstVectorRef& x,
+               const InverseSimulator::ConstVectorRef& context,
+               const Eigen::VectorXd& wanted,
+               const OutputFunction& function,
+               Eigen::Ref<Eigen::VectorXd> d_x,
+               Result* result) const;
 
   std::shared_ptr<const Simulator> simulator_;
   // The first inverse to use; null: the numerical one.

@@ -85,6 +85,32 @@ void PullBackMethod::Describe(OptionSet* set) {
            {0.0, kInfinity},
            "weight of 1/2 |x - x*|^2, x* the data's own solution");
   if (way() == SimulatorWay::kAdjoint) return;
+  if (way() == SimulatorWay::kGradientDescent) {
+    GradientDescentOptions& descent = options_.simulator.gradient_descent;
+    set->Add(
+        "inner_steps", &descent.num_steps, {1, 1e6}, "gradient steps in x");
+    set->Add("inner_step_size",
+             &descent.step_size,
+             {0.0, kInfinity, true},
+             "step size of these steps; too long if above 2 / s_max^2 of the "
+             "simulator, for 1/2 |P(x) - y~|^2");
+    set->Add("inner_rescale",
+             &descent.rescale,
+             "scale the sum of these steps to the length of the first");
+    return;
+  }
+  if (way() == SimulatorWay::kLbfgs) {
+    LbfgsOptions& lbfgs = options_.simulator.lbfgs;
+    set->Add("inner_steps",
+             &lbfgs.max_num_iterations,
+             {1, 1e6},
+             "iterations of L-BFGS in x, at most");
+    set->Add("inner_tolerance",
+             &lbfgs.tolerance,
+             {0.0, kInfinity},
+             "relative change of the value or the gradient at which they end");
+    return;
+  }
   set->Add("pull_back_truncation",
            &options_.simulator.truncation,
            {0.0, 1.0, false, true},

@@ -4,13 +4,15 @@
 //
 //   LOSS       gradient, newton, saddle_free_newton      (loss_pull_back.h)
 //   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
-//              newton                               (simulator_pull_back.h)
+//              newton, gradient_descent, lbfgs      (simulator_pull_back.h)
 //              joint: no pull-back, RULE linearizes network and simulator
 //              data: no pull-back, x~ is the solution x* of the data
 //   RULE       any update rule, of the proxy in x (chain_pull_back.h)
 //
 // `inverse` is the problem's inverse simulator, or the numerical inverse if the
-// problem has none; `numerical` is always the numerical inverse. Known methods
+// problem has none; `numerical` is always the numerical inverse.
+// `gradient_descent` and `lbfgs` descend the loss if LOSS is `gradient`, and the
+// distance to y~ = y + d_y otherwise. Known methods
 // have their own names: sip is newton/inverse/adam.
 #ifndef INVGRAD_METHODS_PULL_BACK_METHOD_H_
 #define INVGRAD_METHODS_PULL_BACK_METHOD_H_

@@ -74,7 +74,8 @@ class PullBackObjective final : public Objective {
                     std::cref(wanted_change),
                     y.data(),
                     d_x,
-                    &result)) {
+                    &result,
+                    loss_.Lowered(objective_.target().data()))) {
       if (error->empty()) *error = kNoOutputs;
       return false;
     }
@@ -92,6 +93,12 @@ class PullBackObjective final : public Objective {
           std::make_shared<DenseJacobian>(Eigen::MatrixXd::Identity(n, n));
     }
     if (parts.hessian) linearization->hessian.setIdentity(n, n);
+    if (parts.hessian_times) {
+      linearization->hessian_times = [](const auto& v, auto* Hv, auto*) {
+        *Hv = v;
+        return true;
+      };
+    }
     return true;
   }
   bool Cost(double* cost, std::string* error) const override {
@@ -200,8 +207,8 @@ bool IsForPoints(const Phase& phase,
     *error = "proxy, curvature_weight, updates and max_change need a network";
   } else if (rule->JudgesSteps()) {
     *error =
-        "control=gain judges by a cost, and the change that is pulled back to "
-        "a point has none";
+        "the rule judges its steps by a cost (control=gain, hessian_free), and "
+        "the change that is pulled back to a point has none";
   } else {
     return phase.pull_back->CanPullBack(objective.simulator(), error);
   }

@@ -10,6 +10,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/core/hessian_times.h"
 #include "invgrad/core/linearization.h"
 
 namespace invgrad {
@@ -155,6 +156,7 @@ class Run {
   // rule reverts the step.
   bool Move(std::string* error) {
     Eigen::VectorXd step;
+    if (parts_.hessian_times) AddHessianTimes(objective_, &at_x_);
     if (!rule_->ComputeStep(at_x_, &step, error)) return false;
     CHECK_EQ(step.size(), objective_->num_parameters());
     if (!step.allFinite()) {

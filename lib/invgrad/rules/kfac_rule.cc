@@ -34,14 +34,13 @@
 // [1] Martens, Grosse. Optimizing Neural Networks with Kronecker-factored
 //     Approximate Curvature. ICML 2015, sections 3 and 4.2 (block diagonal).
 //     arXiv 1503.05671. In [1], D_s = E[g_z g_z^T] includes the loss, and
-//     damping and momentum are added; here the metric of y is the identity, as
-//     in every joint rule.
+//     damping is added (damped_kfac_rule.cc); here the metric of y is the
+//     identity, as in every joint rule.
 #include <lapacke.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -50,6 +49,7 @@
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layer_jacobian.h"
 #include "invgrad/rules/joint_rule.h"
+#include "invgrad/rules/kfac_layers.h"
 #include "invgrad/rules/rule_rows.h"
 
 namespace invgrad {
@@ -161,20 +161,9 @@ class KfacRule final : public JointRule {
                         std::string* report,
                         std::string* error) override {
     const JacobianOperator& J = *at_x.jacobian;
-    const std::vector<std::unique_ptr<const JacobianOperator>> blocks =
-        J.ColumnBlocks();
+    const auto blocks = J.ColumnBlocks();
     std::vector<const LayerJacobian*> layers;
-    for (const auto& block : blocks) {
-      layers.push_back(dynamic_cast<const LayerJacobian*>(block.get()));
-      if (layers.back() == nullptr) break;
-    }
-    if (layers.empty() || layers.back() == nullptr) {
-      *error =
-          "K-FAC needs the Jacobian of a network's layers, which this problem "
-          "does not have; half_inverse and layer_half_inverse work with any "
-          "Jacobian";
-      return false;
-    }
+    if (!FindLayers(blocks, &layers, error)) return false;
     if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
     J.TransposeTimes(at_x.loss_gradient, direction);
     if (!CheckFinite("J^T g", *direction, error)) return false;

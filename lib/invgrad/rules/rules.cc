@@ -16,7 +16,10 @@ std::deque<RuleRow>& Table() {
                                      NewtonRuleRows(),
                                      SpectralRuleRows(),
                                      KfacRuleRows(),
-                                     KrylovRuleRows()}) {
+                                     DampedKfacRuleRows(),
+                                     KrylovRuleRows(),
+                                     HessianFreeRuleRows(),
+                                     AdaHessianRuleRows()}) {
       rows->insert(rows->end(), rows_of_file.begin(), rows_of_file.end());
     }
     return rows;
