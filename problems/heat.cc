@@ -142,9 +142,11 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
   if (fresh_data) {
     problem->source = std::make_shared<HeatSource>(simulator, rows, data_seed);
   }
-  problem->metric = SolutionDistance("x_l1");
+  problem->metric =
+      metric == "x_l1" ? SolutionDistance(metric) : SolutionLoss(metric);
   problem->inverse =
       std::make_shared<HeatInverse>(simulator, physics.uncertainty);
+  problem->input_shape = {1, rows, n};
   problem->num_epochs = 25;
   problem->model =
       std::make_shared<Model>(network,

@@ -15,6 +15,7 @@
 #ifndef PROBLEMS_PROBLEM_H_
 #define PROBLEMS_PROBLEM_H_
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -73,6 +74,8 @@ struct LearningProblem {
   // The published settings: the defaults of a run.
   int batch_size = 0;  // 0: all samples
   int num_epochs = 100;
+  // Of a sample's input that is a field: channels, rows, columns.
+  std::vector<std::int64_t> input_shape;
   // The array that the samples are made from, one a row. If it is set before
   // Create, Create uses it in place of generated data.
   Eigen::MatrixXd data;

@@ -82,6 +82,12 @@ Metric SolutionDistance(const std::string& name) {
           }};
 }
 
+Metric SolutionLoss(const std::string& name) {
+  return {name, [](const Eigen::MatrixXd& x, const DataSet& samples) {
+            return 0.5 * (x - samples.solutions).colwise().squaredNorm().mean();
+          }};
+}
+
 void DescribeTargetNoise(double* noise, OptionSet* set) {
   set->Add("noise",
            noise,

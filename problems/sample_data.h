@@ -56,6 +56,9 @@ void SplitSamples(DataSet samples, int batch_size, LearningProblem* problem);
 // mean |x - x*| over the data's solutions x*.
 Metric SolutionDistance(const std::string& name);
 
+// The mean over the samples of 1/2 |x - x*|^2.
+Metric SolutionLoss(const std::string& name);
+
 // The option `noise` of problems whose training targets may be noisy:
 //
 //   y*_i += noise rms(y*) z_i,   z_i standard normal

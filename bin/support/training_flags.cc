@@ -8,6 +8,7 @@
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "invgrad/core/option_set.h"
+#include "problems/torch/torch_networks.h"
 
 DEFINE_string(hidden,
               "",
@@ -20,6 +21,10 @@ DEFINE_string(activation,
 DEFINE_string(initialization,
               "",
               "of the weights: glorot, he, pytorch; empty: the problem's own");
+DEFINE_string(torch_script,
+              "",
+              "a TorchScript file, the network in place of the problem's own; "
+              "its initial weights are those of the file");
 DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
 DEFINE_int64(steps, 0, "budget in steps; 0: none (100 for a point problem)");
 DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
@@ -83,11 +88,61 @@ bool ParseWidths(const std::string& text,
   return false;
 }
 
+// The shape of a sample's input for a network of libtorch.
+std::vector<std::int64_t> InputShape(const LearningProblem& problem) {
+  if (!problem.input_shape.empty()) return problem.input_shape;
+  return {problem.model->network().num_inputs()};
+}
+
+bool SetTorchScript(const std::string& file,
+                    LearningProblem* problem,
+                    std::string* error) {
+  const Model& own = *problem->model;
+  const TorchNetworks* const networks = LoadTorchNetworks(error);
+  if (networks == nullptr) return false;
+  if (own.feedback() != nullptr ||
+      own.network_output() != NetworkOutput::kValue) {
+    *error = "torch_script: this problem needs a dense network";
+    return false;
+  }
+  const auto network = networks->load_torch_script(
+      file, InputShape(*problem), /*double_precision=*/false, error);
+  if (network == nullptr) {
+    *error = "torch_script=" + Printable(*error);
+    return false;
+  }
+  if (network->num_outputs() != own.network().num_outputs()) {
+    *error = fmt::format(
+        "torch_script={}: it has {} outputs a sample; the problem needs {}",
+        file,
+        network->num_outputs(),
+        own.network().num_outputs());
+    return false;
+  }
+  problem->model = std::make_shared<Model>(own.WithNetwork(network));
+  return true;
+}
+
+// Refuses the settings of dense networks. `network`: what they do not fit.
+bool HasNoDenseSettings(NetworkSettings settings,
+                        const std::string& network,
+                        std::string* error) {
+  for (const std::string& name : NetworkSettings::Names()) {
+    if (name == "torch_script" || settings.Find(name)->empty()) continue;
+    *error = fmt::format("{}={} is a setting of dense networks, not of a {}",
+                         name,
+                         Printable(*settings.Find(name)),
+                         network);
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 const std::vector<std::string>& NetworkSettings::Names() {
-  static const auto& names =
-      *new std::vector<std::string>{"hidden", "activation", "initialization"};
+  static const auto& names = *new std::vector<std::string>{
+      "hidden", "activation", "initialization", "torch_script"};
   return names;
 }
 
@@ -95,6 +150,7 @@ std::string* NetworkSettings::Find(const std::string& name) {
   return name == "hidden"           ? &hidden
          : name == "activation"     ? &activation
          : name == "initialization" ? &initialization
+         : name == "torch_script"   ? &torch_script
                                     : nullptr;
 }
 
@@ -102,18 +158,16 @@ bool SetNetwork(const NetworkSettings& settings,
                 LearningProblem* problem,
                 std::string* error) {
   const Model& own = *problem->model;
+  if (!settings.torch_script.empty()) {
+    return HasNoDenseSettings(settings, "TorchScript file", error) &&
+           SetTorchScript(settings.torch_script, problem, error);
+  }
+  if (own.dense_network() == nullptr) {
+    return HasNoDenseSettings(settings, own.network().Name(), error);
+  }
   std::vector<std::string> activations;
   for (const Activation activation : kActivations) {
     activations.emplace_back(ActivationName(activation));
-  }
-  if (own.dense_network() == nullptr) {
-    for (const std::string& name : NetworkSettings::Names()) {
-      if (NetworkSettings given = settings; given.Find(name)->empty()) continue;
-      *error = name + " is a setting of dense networks; this network is a " +
-               own.network().Name();
-      return false;
-    }
-    return true;
   }
   Activation activation = own.dense_network()->hidden_activation();
   Initialization initialization = problem->initialization;
@@ -140,7 +194,8 @@ bool SetNetwork(const NetworkSettings& settings,
 }
 
 NetworkSettings NetworkOfFlags() {
-  return {FLAGS_hidden, FLAGS_activation, FLAGS_initialization};
+  return {
+      FLAGS_hidden, FLAGS_activation, FLAGS_initialization, FLAGS_torch_script};
 }
 
 bool CheckTrainingFlags(std::string* error) {

@@ -4,7 +4,9 @@
 //
 //   hidden=20-20-20        a width a hidden layer
 //   activation=relu        linear, tanh, relu, sigmoid, gelu; see activation.h
-//   initialization=he      glorot, he, pytorch; see dense_network.h
+//   initialization=he      glorot, he, pytorch; see network.h
+//   torch_script=FILE      a TorchScript file in place of the network; see
+//                          invgrad/torch/torch_script.h
 #ifndef BIN_SUPPORT_TRAINING_FLAGS_H_
 #define BIN_SUPPORT_TRAINING_FLAGS_H_
 
@@ -27,8 +29,9 @@ struct NetworkSettings {
   std::string hidden;
   std::string activation;
   std::string initialization;
+  std::string torch_script;
 
-  // "hidden", "activation", "initialization": as flags and as axes of a sweep.
+  // Of these fields: as flags and as axes of a sweep.
   static const std::vector<std::string>& Names();
   // The field with this name, or null.
   std::string* Find(const std::string& name);
