@@ -139,6 +139,10 @@ VectorXd VelocityGrid::Component(const VectorXd& u, int c) const {
   return u.segment(c * components_[0].size(), components_[c].size());
 }
 
+Eigen::VectorBlock<VectorXd> VelocityGrid::Part(VectorXd* u, int c) const {
+  return u->segment(c * components_[0].size(), components_[c].size());
+}
+
 VectorXd VelocityGrid::Project(const VectorXd& u) const {
   VectorXd p = divergence_ * u;
   if (fourier_.has_value()) {

@@ -51,8 +51,9 @@ class VelocityGrid {
   // The points of the cells (values outside: the nearest) and of u_x and u_y.
   const Lattice& cells() const { return cells_; }
   const Lattice& component(int c) const { return components_[c]; }
-  // Part c of u.
+  // u_x (c = 0) or u_y (c = 1) of u.
   Eigen::VectorXd Component(const Eigen::VectorXd& u, int c) const;
+  Eigen::VectorBlock<Eigen::VectorXd> Part(Eigen::VectorXd* u, int c) const;
 
   // u, both components, in the centres of the cells: 2 N x |u|; at the points
   // of component c: 2 N_c x |u|.
