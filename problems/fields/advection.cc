@@ -25,20 +25,24 @@ Interval Locate(double position, int n, Lattice::Outside outside) {
     return {0, 0, std::numeric_limits<double>::quiet_NaN()};
   }
   if (outside == Lattice::Outside::kPeriodic) {
-    position -= n * std::floor(position / n);
+    if (position < 0.0 || position >= n) {
+      position -= n * std::floor(position / n);
+    }
   } else {
     // Farther outside the field is constant.
     position = std::clamp(position, -2.0, n + 1.0);
   }
-  const double floor = std::floor(position);
-  const int low = static_cast<int>(floor);
+  int low = static_cast<int>(position);
+  if (position < low) --low;
+  const double share = position - low;
+  if (low >= 0 && low + 1 < n) return {low, low + 1, share};
   const auto index = [&](int i) {
     if (i >= 0 && i < n) return i;
     if (outside == Lattice::Outside::kPeriodic) return i - n;
     if (outside == Lattice::Outside::kZero) return Lookup::kNone;
     return std::clamp(i, 0, n - 1);
   };
-  return {index(low), index(low + 1), position - floor};
+  return {index(low), index(low + 1), share};
 }
 
 double At(const VectorXd& f, int point) {
@@ -132,12 +136,26 @@ AdvectedField::AdvectedField(const Lattice& lattice,
   clamped_to_.assign(lattice.size(), kFree);
   for (int p = 0; p < lattice.size(); ++p) {
     const std::array<int, 4>& corners = backward_.corners(p);
-    const auto less = [&f](int a, int b) { return At(f, a) < At(f, b); };
-    const auto [low, high] =
-        std::minmax_element(corners.begin(), corners.end(), less);
-    if (value_[p] < At(f, *low)) clamped_to_[p] = *low;
-    if (value_[p] > At(f, *high)) clamped_to_[p] = *high;
-    if (clamped_to_[p] != kFree) value_[p] = At(f, clamped_to_[p]);
+    int lowest = corners[0], highest = corners[0];
+    double low = At(f, corners[0]), high = low;
+    for (int k = 1; k < 4; ++k) {
+      const double value = At(f, corners[k]);
+      if (value < low) {
+        low = value;
+        lowest = corners[k];
+      }
+      if (value > high) {
+        high = value;
+        highest = corners[k];
+      }
+    }
+    if (value_[p] < low) {
+      value_[p] = low;
+      clamped_to_[p] = lowest;
+    } else if (value_[p] > high) {
+      value_[p] = high;
+      clamped_to_[p] = highest;
+    }
   }
 }
 
