@@ -137,7 +137,7 @@ std::unique_ptr<const JacobianOperator> PlumeSimulator::Linearize(
   for (size_t k = 0; k < inflows_.size(); ++k) {
     State state = {VectorXd::Zero(n),
                    Eigen::Map<const VectorXd>(x + k * size, size)};
-    runs->emplace_back();
+    runs->emplace_back().reserve(num_steps_);
     for (int t = 0; t < num_steps_; ++t) {
       state = Advance(state, inflows_[k], &runs->back());
     }

@@ -43,8 +43,8 @@ namespace invgrad {
 
 // s after num_steps steps from u = x, for each inflow.
 // Cost: for an inflow and a step some 400 operations a cell and two cosine
-//       transforms; a product costs as much. Linearize keeps 250 bytes a cell
-//       and step.
+//       transforms; a product costs about half as much. Linearize keeps 250
+//       bytes a cell and step.
 // Fails if y is not finite.
 class PlumeSimulator final : public FieldSimulator {
  public:

@@ -16,7 +16,7 @@
 //          look-up meets a point of the lattice and where the clamp begins to
 //          act: there it is the one to the right.
 // Cost:    some 50 (semi-Lagrangian) or 120 (MacCormack) operations a point;
-//          the object keeps 48 or 112 bytes a point; a product costs as much as
+//          the object keeps 56 or 108 bytes a point; a product costs less than
 //          the value.
 // Facts:   order 1 (semi-Lagrangian) or 2 (MacCormack, where it is not
 //          clamped) in cells; y lies between the least and the greatest f.

@@ -14,9 +14,9 @@
 //          faces or in centres.
 // Units:   u in lengths a time; courant = dt / dx.
 // Derivative: with respect to the first u, by Tangent and PullBack, from what a
-//          run has kept: some 1.2 kB a cell and step.
+//          run has kept: some 360 bytes a cell and step.
 // Cost:    a step: some 500 operations a cell and two Fourier transforms; a
-//          product about as much.
+//          product about half as much.
 // Facts:   the energies of both components are conserved; the mean of m is not,
 //          because of MacCormack's clamp. u -> -u reverses the flow, but for
 //          the smoothing by the advection.

@@ -45,6 +45,7 @@ bool NavierStokesSimulator::Value(const double* x,
 std::unique_ptr<const JacobianOperator> NavierStokesSimulator::Linearize(
     const double* x, const double* context, double* y) const {
   auto steps = std::make_shared<std::vector<InviscidFlow::Step>>();
+  steps->reserve(settings_.kNumSteps);
   InviscidFlow::State state = Start(x, context);
   for (int t = 0; t < settings_.kNumSteps; ++t) {
     state = flow_.Advance(state, steps.get());

@@ -14,6 +14,7 @@
 #ifndef PROBLEMS_NAVIER_STOKES_NAVIER_STOKES_H_
 #define PROBLEMS_NAVIER_STOKES_NAVIER_STOKES_H_
 
+#include <complex>
 #include <memory>
 #include <vector>
 
@@ -38,8 +39,9 @@ struct NavierStokesSettings {
   double courant() const { return kTime / kNumSteps / dx(); }
 };
 
-// Cost: y: 8 steps; Adjoint: one linearization, some 2 y; J v, J^T w: some y
-//       each. Linearize keeps 1.2 kB a cell and step: 40 MB at n = 64.
+// Cost: y: 8 steps; Linearize: some 2.5 y; J v, J^T w: some y / 2 each; Adjoint,
+//       which is Linearize and J^T w: some 3 y (bench_field measures it).
+//       Linearize keeps 360 bytes a cell and step: 12 MB at n = 64.
 // Fails if y is not finite.
 class NavierStokesSimulator final : public FieldSimulator {
  public:
