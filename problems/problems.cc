@@ -3,6 +3,7 @@
 #include <type_traits>
 
 #include "fmt/core.h"
+#include "problems/burgers_initial.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
@@ -10,6 +11,7 @@
 #include "problems/oscillator_chain.h"
 #include "problems/oscillator_correction.h"
 #include "problems/oscillator_tracking.h"
+#include "problems/plume_initial.h"
 #include "problems/poisson.h"
 #include "problems/poisson_pinn.h"
 #include "problems/quantum_dipole.h"
@@ -116,6 +118,14 @@ const std::vector<ProblemRow>& Problems() {
       Row<HeatState>("heat_state",
                      "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
                      "SIP release, heat, plot_heat_optim"),
+      Row<BurgersInitial>(
+          "burgers_initial",
+          "y = u(1/2) of Burgers' equation from u(0) = x, L = 1/n |y - y*|^2",
+          "PBDL diffphys-code-burgers"),
+      Row<PlumeInitial>(
+          "plume_initial",
+          "y = s(20) of a buoyant plume from u(0) = x, L = 1/2 |y - y*|^2",
+          "PBDL diffphys-code-ns"),
       Row<Sine>("sine",
                 "y = (sin h_0, h_1), h = diag(10 / xi, 10 xi) R(phi) x, "
                 "L = 1/2 |y - y*|^2",

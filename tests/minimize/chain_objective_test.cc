@@ -8,6 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/field_simulator.h"
 
 namespace invgrad {
 namespace chain_objective_test {
@@ -267,6 +268,55 @@ TEST(ChainObjective, RefusesAStepThatIsNotFinite) {
   const Eigen::VectorXd before = objective.State();
   EXPECT_FALSE(objective.Plus(Eigen::Vector2d(NAN, 1.0)));
   EXPECT_EQ(objective.State(), before);
+}
+
+// y_i = x_i x_{i+1}, whose J is applied and never formed.
+class Products final : public FieldSimulator {
+ public:
+  int num_inputs() const override { return 3; }
+  int num_outputs() const override { return 2; }
+  bool Value(const double* x, const double*, double* y) const override {
+    y[0] = x[0] * x[1];
+    y[1] = x[1] * x[2];
+    return AllFinite(y, 2);
+  }
+  std::unique_ptr<const JacobianOperator> Linearize(const double* x,
+                                                    const double* context,
+                                                    double* y) const override {
+    if (!Value(x, context, y)) return nullptr;
+    Eigen::MatrixXd J(2, 3);
+    J << x[1], x[0], 0.0, 0.0, x[2], x[1];
+    const auto times = [J](const Eigen::VectorXd& v, Eigen::VectorXd* Jv) {
+      *Jv = J * v;
+    };
+    const auto transpose_times = [J](const Eigen::VectorXd& w,
+                                     Eigen::VectorXd* Jtw) {
+      *Jtw = J.transpose() * w;
+    };
+    return std::make_unique<FunctionJacobian>(2, 3, times, transpose_times);
+  }
+};
+
+TEST(ChainObjective, AFieldSimulatorGivesItsProductsAndNoMatrix) {
+  ChainObjective objective(std::make_shared<Products>(),
+                           std::make_shared<SquaredNormLoss>(2, 0.5),
+                           Eigen::Vector2d(1.0, -1.0),
+                           Eigen::Vector3d(2.0, 3.0, 4.0));
+  LinearizationParts parts;
+  parts.gradient = parts.jacobian = true;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(objective.Linearize(parts, &at_x, &error)) << error;
+  EXPECT_NE(dynamic_cast<const FunctionJacobian*>(at_x.jacobian.get()),
+            nullptr);
+  const Eigen::Vector2d g(5.0, 13.0);
+  EXPECT_EQ(at_x.cost, 0.5 * g.squaredNorm());
+  EXPECT_EQ(at_x.loss_gradient, g);
+  EXPECT_EQ(at_x.gradient, Eigen::Vector3d(15.0, 10.0 + 52.0, 39.0));
+
+  objective.SetState(Eigen::Vector3d(1e200, 1e200, 1.0));
+  EXPECT_FALSE(objective.Linearize(parts, &at_x, &error));
+  EXPECT_EQ(error, kNoOutputs);
 }
 
 }  // namespace chain_objective_test

@@ -76,7 +76,10 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
   // H_L is 2 c I, or `loss_hessian`.
   const std::optional<double> factor = loss_->SquaredNormFactor();
   constexpr double kDouble = sizeof(double);
-  std::vector<MemoryPart> memory = {{"J", 2.0 * kDouble * m * n}};
+  // The exact Hessian needs J itself.
+  const bool forms_jacobian = simulator_->forms_jacobian() || parts.hessian;
+  std::vector<MemoryPart> memory;
+  if (forms_jacobian) memory.push_back({"J", 2.0 * kDouble * m * n});
   if (parts.hessian) memory.push_back({"Hessian", 3.0 * kDouble * n * n});
   if (!factor.has_value()) {
     memory.push_back({"Hessian of the loss", kDouble * m * m});
@@ -85,9 +88,18 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
     return false;
   }
   Eigen::VectorXd y(m);
-  RowMajorMatrix J(m, n);
-  if (!simulator_->Evaluate(x_.data(), nullptr, y.data(), J.data()) ||
-      !y.allFinite() || !J.allFinite()) {
+  RowMajorMatrix J;
+  std::shared_ptr<const JacobianOperator> products;  // if J is not formed
+  bool is_finite;
+  if (forms_jacobian) {
+    J.resize(m, n);
+    is_finite = simulator_->Evaluate(x_.data(), nullptr, y.data(), J.data()) &&
+                J.allFinite();
+  } else {
+    products = simulator_->Linearize(x_.data(), nullptr, y.data());
+    is_finite = products != nullptr;
+  }
+  if (!is_finite || !y.allFinite()) {
     *error = OutputsError();
     return false;
   }
@@ -104,7 +116,13 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
     *error = kNoLoss;
     return false;
   }
-  if (parts.gradient) linearization->gradient = J.transpose() * g;
+  if (parts.gradient) {
+    if (forms_jacobian) {
+      linearization->gradient = J.transpose() * g;
+    } else {
+      products->TransposeTimes(g, &linearization->gradient);
+    }
+  }
   if (parts.hessian) {
     RowMajorMatrix curvature(n, n);
     if (!simulator_->WeightedHessian(
@@ -121,7 +139,8 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
   }
   if (parts.jacobian) {
     linearization->loss_gradient = std::move(g);
-    linearization->jacobian = std::make_shared<DenseJacobian>(J);
+    linearization->jacobian =
+        forms_jacobian ? std::make_shared<DenseJacobian>(J) : products;
     linearization->loss_hessian_times =
         [factor, H = std::move(loss_hessian)](
             const Eigen::VectorXd& v) -> Eigen::VectorXd {

@@ -7,8 +7,9 @@
 // Units:   g and J are derivatives for y, not for a residual: L = c |y - y*|^2
 //          has g = 2 c (y - y*) and H_L = 2 c I.
 // Cost:    the gradient alone: the simulator's adjoint, without J. Otherwise
-//          one simulator evaluation with Jacobian; the Hessian adds one. H_L is
-//          stored only if the loss is not a squared norm.
+//          one simulator evaluation with Jacobian, or one Linearize if the
+//          simulator does not form it; the Hessian adds one. H_L is stored only
+//          if the loss is not a squared norm.
 // Fails:   Linearize and Cost return false if simulator or loss fails or a
 //          value is not finite, and if J and the Hessian, which are dense, do
 //          not fit into memory.
