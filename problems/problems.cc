@@ -13,6 +13,7 @@
 #include "problems/oscillator_tracking.h"
 #include "problems/plume_initial.h"
 #include "problems/poisson.h"
+#include "problems/poisson_inverse.h"
 #include "problems/poisson_pinn.h"
 #include "problems/quantum_dipole.h"
 #include "problems/regression.h"
@@ -102,6 +103,9 @@ const std::vector<ProblemRow>& Problems() {
       Row<Poisson>("poisson",
                    "y = laplace(x), x = 0 outside, L = 1/2 |y - y*|^2",
                    "HIG release, Poisson_problem"),
+      Row<PoissonInverse>("poisson_inverse",
+                          "laplace(y) = x, y = 0 outside, L = 1/2 |y - y*|^2",
+                          "SIP release, poisson"),
       Row<PoissonPinn>(
           "poisson_pinn",
           "-Lap u = f, u = 0 at the boundary, u a network of the point, L = "

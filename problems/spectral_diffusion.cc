@@ -1,6 +1,7 @@
 #include "problems/spectral_diffusion.h"
 
 #include <cmath>
+#include <complex>
 #include <utility>
 
 #include "glog/logging.h"
@@ -8,26 +9,39 @@
 
 namespace invgrad {
 
-SpectralDiffusion::SpectralDiffusion(std::shared_ptr<const FourierGrid> grid,
-                                     double diffusion)
-    : grid_(std::move(grid)) {
+namespace {
+
+// nu t |k|^2 of every mode.
+Eigen::ArrayXd Exponents(const FourierGrid& grid, double diffusion) {
   CHECK(diffusion >= 0.0 && std::isfinite(diffusion)) << "nu t = " << diffusion;
-  exponents_ = diffusion * grid_->SquaredWaveNumbers();
-  decay_ = (-exponents_).exp();
+  return diffusion * grid.SquaredWaveNumbers();
 }
 
-bool SpectralDiffusion::Evaluate(const double* x,
-                                 const double* /*context*/,
-                                 double* y,
-                                 double* jacobian) const {
-  if (!Diffuse(x, y)) return false;
-  if (jacobian == nullptr) return true;
+}  // namespace
+
+SpectralDiffusion::SpectralDiffusion(std::shared_ptr<const FourierGrid> grid,
+                                     double diffusion)
+    : DiagonalSimulator(grid->num_cells(),
+                        (-Exponents(*grid, diffusion)).exp()),
+      grid_(std::move(grid)),
+      exponents_(Exponents(*grid_, diffusion)) {}
+
+void SpectralDiffusion::Filter(const Eigen::ArrayXd& factors,
+                               const double* x,
+                               double* y) const {
+  Scratch<std::complex<double>> modes(grid_->num_modes());
+  grid_->Forward(x, modes.data());
+  Eigen::Map<Eigen::ArrayXcd>(modes.data(), grid_->num_modes()) *= factors;
+  grid_->Backward(modes.data(), y);
+}
+
+void SpectralDiffusion::FormJacobian(double* jacobian) const {
   // The response to heat in cell (0, 0), shifted to every other cell.
   const int rows = grid_->rows();
   const int cols = grid_->cols();
   const Eigen::VectorXd impulse = Eigen::VectorXd::Unit(num_inputs(), 0);
   Eigen::VectorXd response(num_inputs());
-  if (!Diffuse(impulse.data(), response.data())) return false;
+  Filter(decay(), impulse.data(), response.data());
   double* entry = jacobian;
   for (int i = 0; i < rows; ++i) {
     for (int j = 0; j < cols; ++j) {
@@ -37,33 +51,6 @@ bool SpectralDiffusion::Evaluate(const double* x,
       }
     }
   }
-  return true;
-}
-
-bool SpectralDiffusion::Adjoint(const double* x,
-                                const double* /*context*/,
-                                const Covector& covector,
-                                double* y,
-                                double* x_bar) const {
-  if (!Diffuse(x, y)) return false;
-  Scratch<double> w(num_outputs());
-  return covector(y, w.data()) && Diffuse(w.data(), x_bar);
-}
-
-bool SpectralDiffusion::WeightedHessian(const double* /*x*/,
-                                        const double* /*context*/,
-                                        const double* /*w*/,
-                                        double* hessian) const {
-  Eigen::Map<Eigen::MatrixXd>(hessian, num_inputs(), num_inputs()).setZero();
-  return true;
-}
-
-bool SpectralDiffusion::Diffuse(const double* x, double* y) const {
-  Scratch<std::complex<double>> modes(grid_->num_modes());
-  grid_->Forward(x, modes.data());
-  Eigen::Map<Eigen::ArrayXcd>(modes.data(), grid_->num_modes()) *= decay_;
-  grid_->Backward(modes.data(), y);
-  return AllFinite(y, num_outputs());
 }
 
 }  // namespace invgrad

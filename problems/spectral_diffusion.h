@@ -7,8 +7,8 @@
 // Shapes:  x, y: N = rows cols cells, row by row. One dimension is rows = 1.
 // Units:   cells have the length 1: `diffusion` is nu t in cells^2: divide a
 //          nu t in units of length by dx^2.
-// Cost:    y: two transforms of N log N; J one more and N^2 copies: it is a
-//          circulant matrix.
+// Cost:    a filter is two transforms of N log N; J is a circulant matrix, one
+//          filter and N^2 copies (fields/diagonal_simulator.h).
 // Facts:   P is linear, symmetric and positive; the mean is conserved, |y| <=
 //          |x|; P of nu t twice is P of 2 nu t. Modes with nu t |k|^2 > 36 do
 //          not reach y in double precision: the inverse is heat_inverse.h.
@@ -20,44 +20,29 @@
 #include <memory>
 
 #include "Eigen/Core"
-#include "invgrad/chain/simulator.h"
+#include "problems/fields/diagonal_simulator.h"
 #include "problems/fields/fourier_grid.h"
 
 namespace invgrad {
 
-class SpectralDiffusion final : public Simulator {
+class SpectralDiffusion final : public DiagonalSimulator {
  public:
   SpectralDiffusion(std::shared_ptr<const FourierGrid> grid, double diffusion);
-
-  int num_inputs() const override { return grid_->num_cells(); }
-  int num_outputs() const override { return grid_->num_cells(); }
-  bool Evaluate(const double* x,
-                const double* context,
-                double* y,
-                double* jacobian) const override;
-  bool Adjoint(const double* x,
-               const double* context,
-               const Covector& covector,
-               double* y,
-               double* x_bar) const override;
-  bool has_weighted_hessian() const override { return true; }
-  bool WeightedHessian(const double* x,
-                       const double* context,
-                       const double* w,
-                       double* hessian) const override;
 
   const FourierGrid& grid() const { return *grid_; }
   // nu t |k|^2 of every mode.
   const Eigen::ArrayXd& exponents() const { return exponents_; }
   // exp(-nu t |k|^2) of every mode.
-  const Eigen::ArrayXd& decay() const { return decay_; }
+  const Eigen::ArrayXd& decay() const { return eigenvalues(); }
 
  private:
-  bool Diffuse(const double* x, double* y) const;
+  void Filter(const Eigen::ArrayXd& factors,
+              const double* x,
+              double* y) const override;
+  void FormJacobian(double* jacobian) const override;
 
   std::shared_ptr<const FourierGrid> grid_;
   Eigen::ArrayXd exponents_;
-  Eigen::ArrayXd decay_;
 };
 
 }  // namespace invgrad

@@ -7,23 +7,11 @@
 #include <vector>
 
 #include "glog/logging.h"
+#include "problems/fields/fftw_planner.h"
 
 namespace invgrad {
 
 namespace {
-
-// FFTW can execute plans in parallel, but not create or destroy them.
-std::mutex& PlannerMutex() {
-  static auto& mutex = *new std::mutex;
-  return mutex;
-}
-
-std::shared_ptr<fftw_plan_s> Share(fftw_plan plan) {
-  return {plan, [](fftw_plan unused) {
-            const std::lock_guard<std::mutex> lock(PlannerMutex());
-            fftw_destroy_plan(unused);
-          }};
-}
 
 fftw_complex* AsFftw(std::complex<double>* modes) {
   return reinterpret_cast<fftw_complex*>(modes);
@@ -45,9 +33,9 @@ FourierGrid::FourierGrid(int rows, int cols) : rows_(rows), cols_(cols) {
   std::vector<double> x(num_cells());
   std::vector<std::complex<double>> modes(num_modes());
   fftw_complex* const X = AsFftw(modes.data());
-  const std::lock_guard<std::mutex> lock(PlannerMutex());
-  forward_ = Share(fftw_plan_dft_r2c_2d(rows, cols, x.data(), X, kFlags));
-  backward_ = Share(fftw_plan_dft_c2r_2d(rows, cols, X, x.data(), kFlags));
+  const std::lock_guard<std::mutex> lock(FftwPlannerMutex());
+  forward_ = SharePlan(fftw_plan_dft_r2c_2d(rows, cols, x.data(), X, kFlags));
+  backward_ = SharePlan(fftw_plan_dft_c2r_2d(rows, cols, X, x.data(), kFlags));
 }
 
 Eigen::ArrayXd FourierGrid::SquaredWaveNumbers() const {
@@ -79,10 +67,10 @@ CosineGrid::CosineGrid(int rows, int cols) : rows_(rows), cols_(cols) {
   std::vector<double> x(rows * cols);
   std::vector<double> modes(rows * cols);
   const auto plan = [&](fftw_r2r_kind kind) {
-    return Share(fftw_plan_r2r_2d(
+    return SharePlan(fftw_plan_r2r_2d(
         rows, cols, x.data(), modes.data(), kind, kind, kFlags));
   };
-  const std::lock_guard<std::mutex> lock(PlannerMutex());
+  const std::lock_guard<std::mutex> lock(FftwPlannerMutex());
   forward_ = plan(FFTW_REDFT10);
   backward_ = plan(FFTW_REDFT01);
 }

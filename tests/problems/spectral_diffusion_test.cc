@@ -8,6 +8,7 @@
 
 #include "gtest/gtest.h"
 #include "tests/problems/heat_fields.h"
+#include "tests/support/simulator_identities.h"
 
 namespace invgrad {
 namespace spectral_diffusion_test {
@@ -109,6 +110,16 @@ TEST(SpectralDiffusion, MakesNoNewExtremes) {
   EXPECT_GT(y.minCoeff(), x.minCoeff());
   const VectorXd impulse = VectorXd::Unit(simulator->num_inputs(), 100);
   EXPECT_GT(Outputs(*simulator, impulse).minCoeff(), -1e-8);
+}
+
+TEST(SpectralDiffusion, IsAppliedWhereTheJacobianIsTooLarge) {
+  EXPECT_TRUE(MakeDiffusion({32, 32}, 0.4)->forms_jacobian());
+  for (const Shape& shape : {Shape{6, 5}, Shape{33, 32}}) {
+    const auto simulator = MakeDiffusion(shape, 0.4);
+    EXPECT_EQ(simulator->forms_jacobian(), shape.rows < 33);
+    const VectorXd x = RandomField(simulator->num_inputs(), 10);
+    ExpectAdjointIdentity(*simulator, x, nullptr);
+  }
 }
 
 TEST(SpectralDiffusion, FailsWhereAValueIsNotFinite) {

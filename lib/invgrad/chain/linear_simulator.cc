@@ -1,17 +1,26 @@
 #include "invgrad/chain/linear_simulator.h"
 
+#include <mutex>
 #include <utility>
 
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/core/small_svd.h"
 
 namespace invgrad {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+struct LinearSimulator::Decomposition {
+  std::once_flag once;
+  SmallSvd svd;
+};
+
 LinearSimulator::LinearSimulator(const Matrix& A, VectorXd b)
-    : A_(A), b_(std::move(b)) {
+    : A_(A),
+      b_(std::move(b)),
+      decomposition_(std::make_shared<Decomposition>()) {
   CHECK_EQ(A_.rows(), b_.size());
   CHECK_GT(A_.rows(), 0);
   CHECK_GT(A_.cols(), 0);
@@ -52,6 +61,17 @@ bool LinearSimulator::WeightedHessian(const double* /*x*/,
                                       double* hessian) const {
   Eigen::Map<MatrixXd>(hessian, num_inputs(), num_inputs()).setZero();
   return true;
+}
+
+void LinearSimulator::InversePower(double kappa,
+                                   double tau,
+                                   const double* d_y,
+                                   double* d_x) const {
+  std::call_once(decomposition_->once,
+                 [&]() { decomposition_->svd.Compute(MatrixXd(A_)); });
+  Eigen::Map<VectorXd>(d_x, num_inputs()) =
+      decomposition_->svd.InversePowerTimes(
+          kappa, tau, Eigen::Map<const VectorXd>(d_y, num_outputs()));
 }
 
 }  // namespace invgrad

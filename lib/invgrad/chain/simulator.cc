@@ -56,6 +56,13 @@ bool Simulator::WeightedHessian(const double* /*x*/,
   return false;
 }
 
+void Simulator::InversePower(double /*kappa*/,
+                             double /*tau*/,
+                             const double* /*d_y*/,
+                             double* /*d_x*/) const {
+  LOG(FATAL) << "the simulator has no InversePower; check is_linear() first";
+}
+
 bool CheckHasHessian(const Simulator& simulator, std::string* error) {
   if (simulator.has_weighted_hessian()) return true;
   *error =

@@ -11,7 +11,8 @@
 //
 // Most simulators are functors on a scalar type T, differentiated by Jets: see
 // autodiff_simulator.h, time_stepping_simulator.h, linear_simulator.h. A direct
-// implementation needs the two sizes and Evaluate. A simulator of fields, whose
+// implementation needs the two sizes and Evaluate; a linear one can also apply
+// the inverse powers of its J (InversePower). A simulator of fields, whose
 // J is too large to form, derives from FieldSimulator (field_simulator.h).
 #ifndef INVGRAD_CHAIN_SIMULATOR_H_
 #define INVGRAD_CHAIN_SIMULATOR_H_
@@ -79,6 +80,17 @@ class Simulator {
                                const double* w,
                                double* hessian) const;
 
+  // Whether J is the same for every x and context, and the simulator applies
+  // its inverse powers: pull-backs then decompose nothing. Optional; override
+  // both functions or neither.
+  virtual bool is_linear() const { return false; }
+  // Computes d_x = V s^-kappa U^T d_y over s > tau s_max, where J = U s V^T;
+  // zero if J is.
+  virtual void InversePower(double kappa,
+                            double tau,
+                            const double* d_y,
+                            double* d_x) const;
+
   // Describes where one of the functions above failed at (x, context), for a
   // message; may be empty. Evaluates once more.
   virtual std::string DescribeFailure(const double* /*x*/,
@@ -128,6 +140,17 @@ class IdentitySimulator final : public Simulator {
                        double* hessian) const override {
     Eigen::Map<Eigen::MatrixXd>(hessian, size_, size_).setZero();
     return true;
+  }
+  bool is_linear() const override { return true; }
+  void InversePower(double /*kappa*/,
+                    double tau,
+                    const double* d_y,
+                    double* d_x) const override {
+    if (tau < 1.0) {
+      std::copy_n(d_y, size_, d_x);
+    } else {
+      std::fill_n(d_x, size_, 0.0);
+    }
   }
 
  private:

@@ -22,6 +22,12 @@ struct SmallSvd {
   Eigen::MatrixXd V;
 
   void Compute(const Eigen::Ref<const Eigen::MatrixXd>& A);
+
+  // V s^-kappa U^T w over s > tau s_max; zero if A is.
+  Eigen::VectorXd InversePowerTimes(
+      double kappa,
+      double tau,
+      const Eigen::Ref<const Eigen::VectorXd>& w) const;
 };
 
 }  // namespace invgrad

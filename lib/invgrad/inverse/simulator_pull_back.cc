@@ -1,6 +1,5 @@
 #include "invgrad/inverse/simulator_pull_back.h"
 
-#include <cmath>
 #include <exception>
 #include <limits>
 #include <utility>
@@ -23,20 +22,22 @@ using ConstVectorRef = InverseSimulator::ConstVectorRef;
 // If J is nearly singular, the minimizer of the linear model is far away.
 constexpr int kMaxNumHalvings = 40;
 
-// V S^(-kappa) U^T d_y, s > tau s_max; zero if J is.
-VectorXd SpectralPullBack(const MatrixXd& J,
+// V S^(-kappa) U^T d_y, s > tau s_max, of the J of `simulator`, which J()
+// returns if the simulator does not apply it itself.
+template <typename Jacobian>
+VectorXd SpectralPullBack(const Simulator& simulator,
+                          const Jacobian& J,
                           const ConstVectorRef& d_y,
                           double kappa,
                           double tau) {
-  SmallSvd svd;
-  svd.Compute(J);
-  const VectorXd& s = svd.s;
-  VectorXd coordinates = svd.U.transpose() * d_y;
-  for (Index i = 0; i < s.size(); ++i) {
-    coordinates[i] =
-        s[i] > tau * s[0] ? coordinates[i] * std::pow(s[i], -kappa) : 0.0;
+  if (simulator.is_linear()) {
+    VectorXd d_x(simulator.num_inputs());
+    simulator.InversePower(kappa, tau, d_y.data(), d_x.data());
+    return d_x;
   }
-  return svd.V * coordinates;
+  SmallSvd svd;
+  svd.Compute(J());
+  return svd.InversePowerTimes(kappa, tau, d_y);
 }
 
 // The rounding error of an exact inverse in |P(x~) - y~| / |y~|.
@@ -118,17 +119,21 @@ class SimulatorPullBack::Attempt {
   // Computes x~ from J; x~ = x if J has no finite value or no candidate is
   // nearer to the target.
   PullBackSource UseJacobian() {
-    const Index m = simulator_.num_outputs();
-    const Index n = simulator_.num_inputs();
-    VectorXd y(m);
-    MatrixXd J_transposed(n, m);
-    if (simulator_.Evaluate(
-            x_.data(), context_.data(), y.data(), J_transposed.data())) {
-      const MatrixXd J = J_transposed.transpose();
-      x_new_ = x_ + SpectralPullBack(J, d_y_, 1.0, options_.truncation);
+    VectorXd y(simulator_.num_outputs());
+    const auto J = simulator_.Linearize(x_.data(), context_.data(), y.data());
+    if (J != nullptr) {
+      const auto dense = [&J]() {
+        MatrixXd matrix;
+        J->ToDense(&matrix);
+        return matrix;
+      };
+      x_new_ = x_ + SpectralPullBack(
+                        simulator_, dense, d_y_, 1.0, options_.truncation);
       if (ComesNearer()) return PullBackSource::kInverseGradient;
-      const VectorXd gradient = J_transposed * d_y_;
-      const double length = (J * gradient).stableNorm();
+      VectorXd gradient, change;
+      J->TransposeTimes(d_y_, &gradient);
+      J->Times(gradient, &change);
+      const double length = change.stableNorm();
       const double ratio = gradient.stableNorm() / length;
       double t = ratio * ratio;
       for (int i = 0; length > 0.0 && i <= kMaxNumHalvings; ++i, t *= 0.5) {
@@ -198,19 +203,22 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
   const bool is_half = options_.way == SimulatorWay::kHalfInverse;
   const bool is_spectral =
       is_half || options_.way == SimulatorWay::kInverseGradient;
-  MatrixXd J_transposed(is_spectral ? n : 0, m);
+  const bool needs_jacobian = is_spectral && !simulator_->is_linear();
+  MatrixXd J_transposed(needs_jacobian ? n : 0, m);
   if (!simulator_->Evaluate(x.data(),
                             context.data(),
                             y,
-                            is_spectral ? J_transposed.data() : nullptr) ||
+                            needs_jacobian ? J_transposed.data() : nullptr) ||
       !wanted_change(y, d_y_values.data())) {
     return false;
   }
   if (is_spectral) {
-    d_x = SpectralPullBack(J_transposed.transpose(),
-                           d_y,
-                           is_half ? 0.5 : 1.0,
-                           options_.truncation);
+    d_x = SpectralPullBack(
+        *simulator_,
+        [&]() { return J_transposed.transpose(); },
+        d_y,
+        is_half ? 0.5 : 1.0,
+        options_.truncation);
     return AllFinite(d_x.data(), n);
   }
   result->source = inverse_ == nullptr ? PullBackSource::kNumericalInverse

@@ -34,8 +34,8 @@
 //
 // Shapes:  x, d_x: num_inputs;  y, d_y: num_outputs.
 // Cost:    adjoint: one Simulator::Adjoint. Gradients: one J and, for the
-//          inverse ones, its SVD. Inverse: P, the inverse, and P again for the
-//          test.
+//          inverse ones, its SVD; of a linear simulator one InversePower.
+//          Inverse: P, the inverse, and P again for the test.
 // Fails:   returns false only if the simulator has no finite value at x or
 //          wanted_change returns false. Exceptions of the given inverse are
 //          caught. CHECKs that the way is neither joint nor data, nor newton
