@@ -340,6 +340,35 @@ TEST(TimeReversal, MovesTheSwirlTowardsTheTruth) {
   }
 }
 
+TEST(TimeReversal, FindsTheSwirlsOfRandomSamples) {
+  constexpr int kNumSamples = 8;
+  const NavierStokesSettings settings = Cells(32);
+  NumpyRandom random(5);
+  const DataSet batch = RandomNavierStokesBatch(settings, kNumSamples, &random);
+  for (const auto way :
+       {TimeReversal::Way::kStraight, TimeReversal::Way::kReleased}) {
+    const TimeReversal inverse(
+        std::make_shared<NavierStokesSimulator>(settings), way);
+    double at_first = 0.0, at_last = 0.0;
+    for (int i = 0; i < kNumSamples; ++i) {
+      const double truth = inverse.SwirlStrength(batch.solutions.col(i));
+      // The first answer has the right uniform velocity.
+      VectorXd x = VectorXd::Zero(batch.solutions.rows());
+      at_first += std::abs(truth);
+      for (int k = 0; k < 20; ++k) {
+        VectorXd next;
+        std::string why;
+        ASSERT_TRUE(inverse.Invert(
+            batch.targets.col(i), x, batch.contexts.col(i), &next, &why))
+            << why;
+        x = next;
+      }
+      at_last += std::abs(inverse.SwirlStrength(x) - truth);
+    }
+    EXPECT_LT(at_last, 0.3 * at_first);
+  }
+}
+
 TEST(TimeReversal, AnEmptyMarkerHasNoInverse) {
   const NavierStokesSettings settings = Cells(8);
   const TimeReversal inverse(std::make_shared<NavierStokesSimulator>(settings),
