@@ -24,7 +24,8 @@
 //          Published for gradient descent with step size 1e-3, in single
 //          precision and with the projection to 1e-3: L = 298.286163,
 //          291.454376, 276.057831 at the steps 0 to 2; 233.706482 at 9,
-//          178.186951 at 29, 169.360931 at 49, 169.943680 at 79.
+//          178.186951 at 29, 169.360931 at 49, 169.943680 at 79. From step 3
+//          on the descent amplifies rounding, and no two machines agree.
 // Source:  PBDL, chapter diffphys-code-ns.
 #ifndef PROBLEMS_PLUME_INITIAL_H_
 #define PROBLEMS_PLUME_INITIAL_H_

@@ -17,9 +17,9 @@
 //          run has kept: some 360 bytes a cell and step.
 // Cost:    a step: some 500 operations a cell and two Fourier transforms; a
 //          product about half as much.
-// Facts:   the energies of both components are conserved; the mean of m is not,
-//          because of MacCormack's clamp. u -> -u reverses the flow, but for
-//          the smoothing by the advection.
+// Facts:   the energies of both components are conserved; the mean of m is not
+//          exactly, because look-ups do not balance fluxes. u -> -u reverses
+//          the flow, but for the errors of the advection.
 // Fails:   values that are not finite give results that are not finite.
 #ifndef PROBLEMS_NAVIER_STOKES_INVISCID_FLOW_H_
 #define PROBLEMS_NAVIER_STOKES_INVISCID_FLOW_H_

@@ -82,6 +82,41 @@ TEST(NavierStokes, UniformFlowCarriesTheBlobToTheMiddle) {
   }
 }
 
+// The same run by PhiFlow 2.2.7 in double precision, with a pressure solve to
+// 1e-13: five values of the last marker, and their sum over the cells.
+TEST(NavierStokes, AgreesWithPhiFlow) {
+  const NavierStokesSettings settings = Cells(16);
+  const NavierStokesSimulator simulator(settings);
+  const VectorXd marker = Blob({50.0, 75.0}, settings);
+  const VectorXd x = SwirlVelocity(Vector2d(4.0, 1.0), 1.3, settings);
+  const int cells[] = {
+      7 * 16 + 6, 7 * 16 + 7, 8 * 16 + 8, 9 * 16 + 7, 6 * 16 + 9};
+  const auto expect =
+      [&](const VectorXd& y, const double(&values)[5], double sum) {
+        for (int k = 0; k < 5; ++k) EXPECT_NEAR(y[cells[k]], values[k], 1e-12);
+        EXPECT_NEAR(y.sum(), sum, 1e-11);
+      };
+  VectorXd y(256);
+  ASSERT_TRUE(simulator.Value(x.data(), marker.data(), y.data()));
+  expect(y,
+         {0.8943519120662367,
+          0.8531017822300766,
+          0.4399396385509555,
+          0.20713660881334311,
+          0.6101969107501075},
+         21.855473744192725);
+  const InviscidFlow truth(16, Place::kCentres, settings.courant());
+  InviscidFlow::State state = {marker, x};
+  for (int t = 0; t < 8; ++t) state = truth.Advance(state, nullptr);
+  expect(state.marker,
+         {0.8829560743662077,
+          0.8361744191207969,
+          0.43618869174458497,
+          0.19023717184319613,
+          0.6299993161511465},
+         21.864936581836318);
+}
+
 // The error of the marker for a smooth flow against twice as many cells.
 TEST(NavierStokes, ConvergesWithTheGrid) {
   const auto run = [](int cells) {
@@ -302,6 +337,35 @@ TEST(TimeReversal, MovesTheSwirlTowardsTheTruth) {
           << why;
       EXPECT_LT(std::abs(inverse.SwirlStrength(x) - truth), 0.3);
     }
+  }
+}
+
+TEST(TimeReversal, FindsTheSwirlsOfRandomSamples) {
+  constexpr int kNumSamples = 8;
+  const NavierStokesSettings settings = Cells(32);
+  NumpyRandom random(5);
+  const DataSet batch = RandomNavierStokesBatch(settings, kNumSamples, &random);
+  for (const auto way :
+       {TimeReversal::Way::kStraight, TimeReversal::Way::kReleased}) {
+    const TimeReversal inverse(
+        std::make_shared<NavierStokesSimulator>(settings), way);
+    double at_first = 0.0, at_last = 0.0;
+    for (int i = 0; i < kNumSamples; ++i) {
+      const double truth = inverse.SwirlStrength(batch.solutions.col(i));
+      // The first answer has the right uniform velocity.
+      VectorXd x = VectorXd::Zero(batch.solutions.rows());
+      at_first += std::abs(truth);
+      for (int k = 0; k < 20; ++k) {
+        VectorXd next;
+        std::string why;
+        ASSERT_TRUE(inverse.Invert(
+            batch.targets.col(i), x, batch.contexts.col(i), &next, &why))
+            << why;
+        x = next;
+      }
+      at_last += std::abs(inverse.SwirlStrength(x) - truth);
+    }
+    EXPECT_LT(at_last, 0.3 * at_first);
   }
 }
 
