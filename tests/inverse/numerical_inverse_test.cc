@@ -322,19 +322,9 @@ TEST(NumericalInverseTest, ATargetThatIsNotFiniteIsRefused) {
   }
 }
 
-// Linear, but not known to be.
-struct Stretch {
-  template <typename T>
-  bool operator()(const T* x, T* y) const {
-    y[0] = 3.0 * x[0];
-    y[1] = -x[1];
-    return true;
-  }
-};
-
-// A linear map takes two steps, as the first is damped a little.
+// A linear problem takes two steps, as the first is damped a little.
 TEST(NumericalInverseTest, TakesAsManyIterationsAsItMay) {
-  const auto simulator = MakeSimulator<2, 2>(Stretch());
+  const auto simulator = MakeLinear(Vector2d(3.0, -1.0).asDiagonal());
   const Vector2d y(1.0, 1.0);
   const auto distance_after = [&](int num_iterations) {
     NumericalInverse::Options options;

@@ -99,19 +99,6 @@ int Minimize(const ScaledResidual& residual,
   return max_num_iterations;
 }
 
-// Minimizes |r(x)| of a linear simulator, where r is *r.
-void SolveLinear(const ScaledResidual& residual, VectorXd* x, VectorXd* r) {
-  const double rounding = static_cast<double>(std::max(x->size(), r->size())) *
-                          std::numeric_limits<double>::epsilon();
-  VectorXd d_x(x->size());
-  residual.simulator.InversePower(1.0, rounding, r->data(), d_x.data());
-  const VectorXd x_new = *x - residual.scale * d_x;
-  VectorXd r_new(r->size());
-  if (!residual(x_new, &r_new) || !(r_new.norm() < r->norm())) return;
-  *x = x_new;
-  r->swap(r_new);
-}
-
 }  // namespace
 
 NumericalInverse::NumericalInverse(std::shared_ptr<const Simulator> simulator,
@@ -148,13 +135,8 @@ bool NumericalInverse::Invert(const ConstVectorRef& y,
   // Quadratic convergence: a thousandth of the tolerance costs one more
   // iteration.
   const double target = std::min(options_.tolerance, 1e-3) * 1e-3;
-  int num_iterations = 1;
-  if (simulator_->is_linear()) {
-    SolveLinear(residual, x, &r);
-  } else {
-    num_iterations =
-        Minimize(residual, target, options_.max_num_iterations, x, &r);
-  }
+  const int num_iterations =
+      Minimize(residual, target, options_.max_num_iterations, x, &r);
   const double left = r.norm();
   // y itself has a rounding error.
   const double rounding = kRounding * y.stableNorm() / distance;

@@ -10,13 +10,11 @@
 // more unknowns than outputs x moves no farther than necessary, and for a
 // linear P it is the closest solution. One decomposition serves every mu at a
 // point. (Ceres' minimizers damp by diag(J^T J): for one output and three
-// inputs they stall or end far from the closest solution.) A simulator with
-// is_linear needs no iteration: x = x_now - J^+ r, without the singular values
-// below max(m, n) epsilon s_max.
+// inputs they stall or end far from the closest solution.)
 //
 // Shapes:  x: n = num_inputs;  y: m = num_outputs.
 // Cost:    an iteration: one P and, unless the last step was rejected, one
-//          Jacobian with its decomposition. Linear: two P, one InversePower.
+//          Jacobian with its decomposition.
 // Fails:   returns false, with x the best point found, if |P(x) - y| stays
 //          above tolerance |P(x_now) - y|: y is out of range, or P too
 //          nonlinear for max_num_iterations. x = x_now if P has no finite value

@@ -1,5 +1,6 @@
 #include "invgrad/inverse/simulator_pull_back.h"
 
+#include <algorithm>
 #include <exception>
 #include <limits>
 #include <utility>
@@ -108,12 +109,19 @@ class SimulatorPullBack::Attempt {
           x_new_.size(),
           x_.size());
     }
-    if (!IsFinite(x_new_)) return "the inverse is not finite";
-    if (inverse.reaches_target() && !ReachesTarget()) {
-      return fmt::format("round trip: |P(x~) - y~| is {:.6f} |y~ - y|",
-                         DistanceLeft() / distance_);
-    }
-    return "";
+    return Test(inverse.reaches_target());
+  }
+
+  // The same by the pseudo-inverse of the J of a linear simulator, whose
+  // singular values below max(m, n) epsilon s_max count as zero.
+  std::string SolveLinear() {
+    const double rounding =
+        static_cast<double>(std::max(x_.size(), d_y_.size())) *
+        std::numeric_limits<double>::epsilon();
+    x_new_.resize(x_.size());
+    simulator_.InversePower(1.0, rounding, d_y_.data(), x_new_.data());
+    x_new_ += x_;
+    return Test(/*reaches_target=*/true);
   }
 
   // Computes x~ from J; x~ = x if J has no finite value or no candidate is
@@ -148,6 +156,16 @@ class SimulatorPullBack::Attempt {
   const VectorXd& x_new() const { return x_new_; }
 
  private:
+  // Returns the reason why x~ cannot be used, else "".
+  std::string Test(bool reaches_target) const {
+    if (!IsFinite(x_new_)) return "the inverse is not finite";
+    if (reaches_target && !ReachesTarget()) {
+      return fmt::format("round trip: |P(x~) - y~| is {:.6f} |y~ - y|",
+                         DistanceLeft() / distance_);
+    }
+    return "";
+  }
+
   // Tests an arbitrary x~.
   bool ComesNearer() const {
     return x_new_.size() == x_.size() && IsFinite(x_new_) && x_new_ != x_ &&
@@ -235,7 +253,9 @@ bool SimulatorPullBack::operator()(const ConstVectorRef& x,
   if (inverse_ != nullptr) result->why = attempt.Invert(*inverse_);
   if (inverse_ == nullptr || !result->why.empty()) {
     result->source = PullBackSource::kNumericalInverse;
-    const std::string why = attempt.Invert(*numerical_);
+    const std::string why = simulator_->is_linear()
+                                ? attempt.SolveLinear()
+                                : attempt.Invert(*numerical_);
     if (!why.empty()) {
       result->why += (result->why.empty() ? "" : "; ") + why;
       result->source = attempt.UseJacobian();

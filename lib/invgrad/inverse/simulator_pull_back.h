@@ -6,7 +6,9 @@
 //   half-inverse      d_x = V S^(-1/2) U^T d_y,  s > tau s_max
 //   inverse           d_x = P^-1(y + d_y; x) - x, by the given inverse
 //                     simulator, or the numerical one if none is given
-//   numerical         the same, by the numerical inverse (numerical_inverse.h)
+//   numerical         the same, by the numerical inverse (numerical_inverse.h);
+//                     of a linear simulator V S^-1 U^T d_y, s > max(m, n)
+//                     epsilon s_max
 //   newton            the same, by Newton steps (newton_inverse.h)
 //   gradient descent, L-BFGS
 //                     descents in x without J (descents.h), of 1/2 |P(x) - (y +
