@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
-#include <utility>
-#include <vector>
 
 #include "fmt/core.h"
 #include "invgrad/chain/loss.h"
@@ -36,56 +33,6 @@ Eigen::VectorXd RandomShares(int n, double u_position, double u_half_size) {
   const double centre = std::clamp(position, half_size, kBoxSide - half_size);
   return Shares(n, centre - half_size, centre + half_size);
 }
-
-// A column for each of `states`' columns.
-Eigen::MatrixXd Diffuse(const Simulator& simulator,
-                        const Eigen::MatrixXd& states) {
-  Eigen::MatrixXd outputs(states.rows(), states.cols());
-  for (Eigen::Index n = 0; n < states.cols(); ++n) {
-    if (!simulator.Evaluate(
-            states.col(n).data(), nullptr, outputs.col(n).data(), nullptr)) {
-      // User data may overflow; DataSet::IsFinite reports this.
-      outputs.col(n).setConstant(std::numeric_limits<double>::quiet_NaN());
-    }
-  }
-  return outputs;
-}
-
-// `states` x_gt, one a column, with y* = P(x_gt).
-DataSet SamplesOf(const Simulator& simulator, Eigen::MatrixXd states) {
-  DataSet samples;
-  samples.solutions = std::move(states);
-  samples.targets = Diffuse(simulator, samples.solutions);
-  samples.inputs = samples.targets;
-  samples.contexts.resize(0, samples.inputs.cols());
-  return samples;
-}
-
-class HeatSource final : public DataSource {
- public:
-  HeatSource(std::shared_ptr<const SpectralDiffusion> simulator,
-             int rows,
-             int seed)
-      : simulator_(std::move(simulator)), rows_(rows), seed_(seed) {}
-
-  DataSet Batch(long step, int batch_size) const override {
-    const std::uint32_t seed =
-        seed_ + 0x9e3779b9U * (static_cast<std::uint32_t>(step) + 1);
-    return SamplesOf(
-        *simulator_,
-        RandomHeatStates(
-            batch_size, rows_, simulator_->num_inputs() / rows_, seed)
-            .transpose());
-  }
-  std::string Name() const override {
-    return fmt::format("random rectangles, seed {}", seed_);
-  }
-
- private:
-  const std::shared_ptr<const SpectralDiffusion> simulator_;
-  const int rows_;
-  const std::uint32_t seed_;
-};
 
 }  // namespace
 
@@ -120,28 +67,26 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
   const int hidden = kDimensions == 2 ? 128 : 64;
   const auto simulator = physics.MakeSimulator(rows);
   const int size = simulator->num_inputs();
-  std::shared_ptr<const Network> network;
-  if (kDimensions == 2 && u_net.is_chosen()) {
-    UNetOptions options;
-    options.rows = rows;
-    options.cols = n;
-    options.keeps_mean = true;
-    network = u_net.Make(options, error);
-    if (network == nullptr) return false;
-  } else {
-    network = std::make_shared<DenseNetwork>(
-        std::vector<int>{size, hidden, hidden, size}, Activation::kRelu);
-  }
-  const auto generate = [&](int num_rows) {
-    return RandomHeatStates(num_rows, rows, n, data_seed);
+  const std::shared_ptr<const Network> network =
+      field.Make(rows,
+                 n,
+                 /*keeps_mean=*/true,
+                 DenseNetwork({size, hidden, hidden, size}, Activation::kRelu),
+                 error);
+  if (network == nullptr) return false;
+  const auto generate = [rows, n](int num_states, std::uint32_t seed) {
+    return RandomHeatStates(num_states, rows, n, seed);
   };
   const SampleSize sample_size = {
       num_samples, size, 3.0 * size, fmt::format(":resolution={}", n)};
-  if (!MakeData(sample_size, generate, problem, error)) return false;
-  SplitSamples(SamplesOf(*simulator, problem->data.transpose()), 128, problem);
-  if (fresh_data) {
-    problem->source = std::make_shared<HeatSource>(simulator, rows, data_seed);
-  }
+  const auto generate_all = [&](int num_rows) {
+    return generate(num_rows, data_seed);
+  };
+  if (!MakeData(sample_size, generate_all, problem, error)) return false;
+  SplitSamples(
+      SamplesOfFields(*simulator, problem->data.transpose()), 128, problem);
+  problem->source =
+      field.MakeSource(simulator, generate, "random rectangles", data_seed);
   problem->metric =
       metric == "x_l1" ? SolutionDistance(metric) : SolutionLoss(metric);
   problem->inverse =
@@ -164,7 +109,7 @@ bool HeatState::Create(PointProblem* problem, std::string* /*error*/) const {
   const auto simulator = physics.MakeSimulator(n);
   const Eigen::MatrixXd state =
       RandomHeatStates(1, n, n, data_seed).transpose();
-  problem->target = Diffuse(*simulator, state);
+  problem->target = SamplesOfFields(*simulator, state).targets;
   problem->simulator = simulator;
   problem->inverse =
       std::make_shared<HeatInverse>(simulator, physics.uncertainty);

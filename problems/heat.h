@@ -56,10 +56,10 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "problems/field_data.h"
 #include "problems/heat_inverse.h"
 #include "problems/sample_data.h"
 #include "problems/spectral_diffusion.h"
-#include "problems/torch/u_net_settings.h"
 
 namespace invgrad {
 
@@ -82,17 +82,13 @@ struct HeatNetwork {
   int data_seed = 0;
   std::string metric = "x_l1";
   // Of heat only.
-  UNetSettings u_net;
-  bool fresh_data = false;
+  FieldNetwork field;
   void Describe(OptionSet* set) {
     physics.Describe(kDimensions == 2 ? 64 : 1024, set);
     DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
     set->Add("metric", &metric, {"x_l1", "x_loss"}, "the distance from x_gt");
     if (kDimensions == 1) return;
-    u_net.Describe(set);
-    set->Add("fresh_data",
-             &fresh_data,
-             "new samples at every step; the others are for evaluation");
+    field.Describe(set);
   }
 
   bool Create(LearningProblem* problem, std::string* error) const;

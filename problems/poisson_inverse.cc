@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <complex>
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <vector>
 
@@ -11,7 +10,7 @@
 #include "invgrad/chain/loss.h"
 #include "invgrad/core/scratch.h"
 #include "invgrad/io/numpy_random.h"
-#include "problems/spectral_diffusion.h"
+#include "problems/fields/fourier_grid.h"
 
 namespace invgrad {
 
@@ -31,7 +30,9 @@ void InverseLaplacian::Filter(const Eigen::ArrayXd& factors,
   grid_.Transform(modes.data(), y);
 }
 
-MatrixXd PoissonInverse::RandomSources(int num_fields, int n, int seed) {
+MatrixXd PoissonInverse::RandomSources(int num_fields,
+                                       int n,
+                                       std::uint32_t seed) {
   constexpr double kWavesPerBox = 10.0;
   constexpr double kCoarsest = 0.1;
   const int size = n * n;
@@ -48,7 +49,7 @@ MatrixXd PoissonInverse::RandomSources(int num_fields, int n, int seed) {
   }
   const FourierGrid grid(n, n);
   std::vector<std::complex<double>> modes(grid.num_modes());
-  NumpyRandom random(static_cast<std::uint32_t>(seed));
+  NumpyRandom random(seed);
   MatrixXd fields(num_fields, size);
   Eigen::RowVectorXd field(size);
   for (int s = 0; s < num_fields; ++s) {
@@ -74,34 +75,36 @@ MatrixXd PoissonInverse::RandomSources(int num_fields, int n, int seed) {
 bool PoissonInverse::Create(LearningProblem* problem,
                             std::string* error) const {
   const int size = resolution * resolution;
-  const auto generate = [this](int num_rows) {
-    return RandomSources(num_rows, resolution, data_seed);
+  const std::shared_ptr<const Network> network =
+      field.Make(resolution,
+                 resolution,
+                 /*keeps_mean=*/false,
+                 DenseNetwork({size, 128, 128, size}, Activation::kRelu),
+                 error);
+  if (network == nullptr) return false;
+  const auto generate = [n = resolution](int num_fields, std::uint32_t seed) {
+    return RandomSources(num_fields, n, seed);
+  };
+  const auto generate_all = [&](int num_rows) {
+    return generate(num_rows, data_seed);
   };
   const SampleSize sample_size = {
       num_samples, size, 3.0 * size, fmt::format(":resolution={}", resolution)};
-  if (!MakeData(sample_size, generate, problem, error)) return false;
+  if (!MakeData(sample_size, generate_all, problem, error)) return false;
   const auto simulator =
       std::make_shared<InverseLaplacian>(SineGrid(resolution, resolution));
-  DataSet all;
-  all.solutions = problem->data.transpose();
-  all.targets.resize(size, all.solutions.cols());
-  for (Eigen::Index s = 0; s < all.solutions.cols(); ++s) {
-    auto target = all.targets.col(s);
-    if (!simulator->Evaluate(
-            all.solutions.col(s).data(), nullptr, target.data(), nullptr)) {
-      // User data may overflow; DataSet::IsFinite reports this.
-      target.setConstant(std::numeric_limits<double>::quiet_NaN());
-    }
-  }
-  all.inputs = all.targets;
-  SplitSamples(all, 128, problem);
+  SplitSamples(
+      SamplesOfFields(*simulator, problem->data.transpose()), 128, problem);
+  problem->source =
+      field.MakeSource(simulator, generate, "random sources", data_seed);
+  problem->input_shape = {1, resolution, resolution};
   problem->metric = SolutionDistance("x_l1");
   problem->num_epochs = 25;
-  problem->model = std::make_shared<Model>(
-      DenseNetwork({size, 128, 128, size}, Activation::kRelu),
-      simulator,
-      std::make_shared<SquaredNormLoss>(size, 0.5),
-      Reduction::kSum);
+  problem->model =
+      std::make_shared<Model>(network,
+                              simulator,
+                              std::make_shared<SquaredNormLoss>(size, 0.5),
+                              Reduction::kSum);
   return true;
 }
 

@@ -14,11 +14,12 @@
 //          0.1 for k = 10 m / n with m waves across the box: at n = 64 those
 //          with |m|^2 < 5, below n = 32 the mean only. Of mean zero and
 //          variance one. Stream as `poisson`; the release draws a new batch
-//          every step, here N fields are drawn once, and as many again for
-//          testing. x_gt is the data's solution.
+//          every step, as fresh_data does here (field_data.h). By default N
+//          fields are drawn once, and as many again for testing. x_gt is the data's solution.
 // Settings: B 128, loss summed over the batch, Adam and SIP with step size 1e-3
-//          for 7 h. Published is a U-net at n = 64; here a dense network with
-//          ReLU, n^2-128-128-n^2.
+//          for 7 h. Published is a U-net at n = 64 (network=u_net), here in
+//          single precision with the physics in double. By default a dense
+//          network with ReLU, n^2-128-128-n^2.
 // Facts:   the eigenvalues of P are 1 / lambda_pq, all negative; its condition
 //          number is 116 at n = 16 and 1,712 at n = 64, so y changes with x by
 //          factors that vary that much, and the squares of them scale the
@@ -29,9 +30,11 @@
 #ifndef PROBLEMS_POISSON_INVERSE_H_
 #define PROBLEMS_POISSON_INVERSE_H_
 
+#include <cstdint>
 #include <string>
 
 #include "Eigen/Core"
+#include "problems/field_data.h"
 #include "problems/fields/diagonal_simulator.h"
 #include "problems/fields/sine_grid.h"
 #include "problems/sample_data.h"
@@ -55,13 +58,17 @@ struct PoissonInverse {
   int resolution = 16;
   int num_samples = 4096;
   int data_seed = 0;
+  FieldNetwork field;
   void Describe(OptionSet* set) {
     set->Add("resolution", &resolution, {2, 128}, "cells a side, n");
     DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
+    field.Describe(set);
   }
 
   // num_fields x n^2.
-  static Eigen::MatrixXd RandomSources(int num_fields, int n, int seed);
+  static Eigen::MatrixXd RandomSources(int num_fields,
+                                       int n,
+                                       std::uint32_t seed);
 
   // `data`: fields x_gt, one a row.
   bool Create(LearningProblem* problem, std::string* error) const;

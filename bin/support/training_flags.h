@@ -29,7 +29,7 @@ struct NetworkSettings {
   std::string hidden;
   std::string activation;
   std::string initialization;
-  std::string torch_script;
+  std::string torch_script = "";
 
   // Of these fields: as flags and as axes of a sweep.
   static const std::vector<std::string>& Names();
