@@ -12,6 +12,8 @@ the same weights and on the same batch. `direct` is Adam of libtorch through the
 network and the simulator of invgrad.
 */
 
+#include <sys/resource.h>
+
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,8 +22,11 @@ network and the simulator of invgrad.
 #include "bin/support/benchmarks.h"
 #include "bin/support/learning_run.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/memory_limit.h"
+#include "invgrad/rules/rules.h"
 #include "invgrad/torch/torch_network.h"
 #include "invgrad/torch/u_net_module.h"
+#include "invgrad/train/training_memory.h"
 
 DEFINE_int32(resolution, 64, "cells a side");
 DEFINE_int32(batch_size, 128, "samples a step");
@@ -131,6 +136,15 @@ bool Run(RunCounts* counts, std::string* error) {
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
   *counts = reporter.counts();
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  const auto rule = MakeRule("adam");
+  fmt::print(
+      "\nMemory of a step of dp_adam: {} as stated before a run; {} at "
+      "most in use by this process\n",
+      FormatBytes(TotalBytes(
+          TrainingMemory(*problem.model, *rule, false, FLAGS_batch_size))),
+      FormatBytes(1024.0 * usage.ru_maxrss));
   fmt::print("\nRatios of this run (medians of the repetitions)\n");
   reporter.PrintRatio("dp_adam", "direct");
   reporter.PrintRatio("sip", "dp_adam");

@@ -149,7 +149,7 @@ int main() {
   for (const char* method : {"adam:step_size=3e-3", "hessian_free", "krylov"}) {
     invgrad::TrainOptions train;
     train.batch_size = 64;
-    train.max_time_in_seconds = 20.0;
+    train.max_time_in_seconds = 5.0;
     const invgrad::TrainResult result =
         invgrad::Train(model, {seen, seen}, method, train);
     if (!result.error.empty()) LOG(FATAL) << result.error;
