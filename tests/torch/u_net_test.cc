@@ -130,8 +130,9 @@ TEST(UNet, ItsMemoryIsTheStatedOne) {
       weights, inputs, Network::Derivatives::kFirst, pass.get(), &error));
   network->Backward(weights, *pass, inputs, &gradient);
   const double stated = kBatchSize * network->BytesPerColumn();
-  EXPECT_LT(memory.bytes(), 1.1 * stated);
-  EXPECT_GT(memory.bytes(), 0.7 * stated);
+  // The statement allows for memory that tensors do not count.
+  EXPECT_LT(memory.bytes(), 0.8 * stated);
+  EXPECT_GT(memory.bytes(), 0.5 * stated);
 }
 
 }  // namespace u_net_test
