@@ -9,6 +9,7 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/torch/peak_memory.h"
 #include "invgrad/torch/torch_message.h"
+#include "invgrad/torch/torch_trial.h"
 #include "torch/csrc/autograd/forward_grad.h"
 
 namespace invgrad {
@@ -19,14 +20,6 @@ using Eigen::VectorXd;
 using torch::Tensor;
 
 using DoubleMap = Eigen::Map<const MatrixXd>;
-
-std::string Text(const std::vector<int64_t>& shape) {
-  std::string text;
-  for (const int64_t size : shape) {
-    text += (text.empty() ? "" : ", ") + std::to_string(size);
-  }
-  return '(' + text + ')';
-}
 
 int64_t Product(const std::vector<int64_t>& shape) {
   return std::accumulate(
@@ -103,7 +96,6 @@ class TorchNetwork final : public Network {
 
   // Parts of Make.
   bool TakeParameters(std::string* error);
-  bool TryForward(std::string* error);
   void MeasureMemory();
 
   torch::ScalarType type() const {
@@ -149,12 +141,6 @@ class TorchNetwork final : public Network {
   mutable VectorXd weights_;     // in parameters_
   mutable long weights_id_ = 0;  // counts the changes of weights_
 };
-
-std::vector<Tensor> TensorsOf(const TorchFunction::NamedTensors& named) {
-  std::vector<Tensor> tensors;
-  for (const auto& [name, tensor] : named) tensors.push_back(tensor);
-  return tensors;
-}
 
 // Only these are weights.
 std::vector<Tensor> TrainableParameters(const TorchFunction& function) {
@@ -206,54 +192,6 @@ bool TorchNetwork::TakeParameters(std::string* error) {
   return true;
 }
 
-bool TorchNetwork::TryForward(std::string* error) {
-  constexpr int kNumSamples = 2;
-  const MatrixXd inputs =
-      VectorXd::LinSpaced(kNumSamples * num_inputs(), -1.0, 1.0)
-          .reshaped(num_inputs(), kNumSamples);
-  const std::string takes =
-      "an input of the shape " + Text(ToInput(inputs).sizes().vec());
-  std::vector<Tensor> before;
-  for (const Tensor& buffer : TensorsOf(function_.buffers)) {
-    before.push_back(buffer.clone());
-  }
-  Tensor output;
-  try {
-    output = function_.forward(ToInput(inputs));
-  } catch (const std::exception& exception) {
-    *error =
-        "the module does not take " + takes + ": " + TorchMessage(exception);
-    return false;
-  }
-  for (size_t i = 0; i < before.size(); ++i) {
-    const auto& [name, buffer] = function_.buffers[i];
-    if (torch::equal(before[i], buffer)) continue;
-    *error = "a forward pass changes the buffer " + name +
-             ": call eval() before the export, or use batch normalization "
-             "without track_running_stats";
-    return false;
-  }
-  if (output.dim() < 1 || output.size(0) != kNumSamples) {
-    *error = "for " + takes +
-             " the module must return a tensor of the shape (" +
-             std::to_string(kNumSamples) + ", ...), found " +
-             Text(output.sizes().vec());
-    return false;
-  }
-  if (output.scalar_type() != type()) {
-    *error = std::string("the module must return values of the type ") +
-             torch::toString(type()) + ", found " +
-             torch::toString(output.scalar_type());
-    return false;
-  }
-  if (!output.requires_grad()) {
-    *error = "the output does not depend on the parameters differentiably";
-    return false;
-  }
-  output_shape_.assign(output.sizes().begin() + 1, output.sizes().end());
-  return true;
-}
-
 void TorchNetwork::MeasureMemory() {
   // Linear in the number of samples.
   const auto peak = [this](int num_samples) {
@@ -281,7 +219,7 @@ std::shared_ptr<const TorchNetwork> TorchNetwork::Make(
   const double size = static_cast<double>(Product(options.input_shape));
   if (options.input_shape.empty() || !(size > 0.0)) {
     *error = "the shape of a sample must have positive sizes, found " +
-             Text(options.input_shape);
+             ShapeText(options.input_shape);
     return nullptr;
   }
   try {
@@ -290,14 +228,19 @@ std::shared_ptr<const TorchNetwork> TorchNetwork::Make(
     *error = TorchMessage(exception);
     return nullptr;
   }
-  if (!network->TakeParameters(error) || !network->TryForward(error)) {
+  const MatrixXd trial = VectorXd::LinSpaced(2 * network->num_inputs(), -1, 1)
+                             .reshaped(network->num_inputs(), 2);
+  if (!network->TakeParameters(error) || !TryForward(network->function_,
+                                                     network->ToInput(trial),
+                                                     &network->output_shape_,
+                                                     error)) {
     return nullptr;
   }
   network->MeasureMemory();
   network->name_ = options.name + ", " +
                    std::to_string(network->num_weights()) + " weights, " +
-                   Text(options.input_shape) + " to " +
-                   Text(network->output_shape_) +
+                   ShapeText(options.input_shape) + " to " +
+                   ShapeText(network->output_shape_) +
                    (options.double_precision ? ", double" : ", single");
   return network;
 }
