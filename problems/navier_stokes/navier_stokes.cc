@@ -125,9 +125,9 @@ void CoarseShapeLoss::AddHessian(int mode,
   const int num_cols = cells / 2 + 1;
   VectorXd q(size());
   for (int p = 0; p < size(); ++p) {
-    const double phase =
-        2.0 * M_PI / cells *
-        (mode / num_cols * (p / cells) + mode % num_cols * (p % cells));
+    const int turns =
+        mode / num_cols * (p / cells) + mode % num_cols * (p % cells);
+    const double phase = 2.0 * M_PI / cells * turns;
     q[p] =
         (F.imag() * std::cos(phase) + F.real() * std::sin(phase)) / std::abs(F);
   }

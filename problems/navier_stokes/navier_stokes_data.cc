@@ -15,8 +15,9 @@ namespace {
 
 // The centre of a cell, (x, y).
 Vector2d CellCentre(int cell, const NavierStokesSettings& settings) {
-  return settings.dx() *
-         Vector2d(cell % settings.cells + 0.5, cell / settings.cells + 0.5);
+  const int row = cell / settings.cells;
+  const int col = cell % settings.cells;
+  return settings.dx() * Vector2d(col + 0.5, row + 0.5);
 }
 
 VectorXd RandomMarker(const FourierGrid& grid,

@@ -24,8 +24,10 @@ TimeReversal::TimeReversal(
   const int n = cells * cells;
   unit_swirl_.resize(2 * n);
   for (int cell = 0; cell < n; ++cell) {
-    unit_swirl_[cell] = -settings.dx() * (cell / cells + 0.5 - 0.5 * cells);
-    unit_swirl_[n + cell] = settings.dx() * (cell % cells + 0.5 - 0.5 * cells);
+    const int row = cell / cells;
+    const int col = cell % cells;
+    unit_swirl_[cell] = -settings.dx() * (row + 0.5 - 0.5 * cells);
+    unit_swirl_[n + cell] = settings.dx() * (col + 0.5 - 0.5 * cells);
   }
   unit_swirl_ /=
       unit_swirl_.dot(SwirlVelocity(Vector2d::Zero(), 1.0, settings));
