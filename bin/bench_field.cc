@@ -43,7 +43,8 @@ std::vector<Case> Cases() {
     NavierStokesSettings settings;
     settings.cells = cells;
     NumpyRandom random(0);
-    const DataSet batch = RandomNavierStokesBatch(settings, 1, &random);
+    const DataSet batch = NavierStokesSamples(
+        settings, RandomNavierStokesFields(settings, 1, &random));
     cases.push_back({fmt::format("navier_stokes_{}", cells),
                      std::make_shared<NavierStokesSimulator>(settings),
                      batch.solutions.col(0),

@@ -10,28 +10,24 @@ namespace {
 
 class FieldSource final : public DataSource {
  public:
-  FieldSource(std::shared_ptr<const Simulator> simulator,
-              FieldNetwork::Generate generate,
+  FieldSource(FieldNetwork::MakeSamples make_samples,
               std::string name,
               std::uint32_t seed)
-      : simulator_(std::move(simulator)),
-        generate_(std::move(generate)),
+      : make_samples_(std::move(make_samples)),
         name_(std::move(name)),
         seed_(seed) {}
 
   DataSet Batch(long step, int batch_size) const override {
     const std::uint32_t seed =
         seed_ + 0x9e3779b9U * (static_cast<std::uint32_t>(step) + 1);
-    return SamplesOfFields(*simulator_,
-                           generate_(batch_size, seed).transpose());
+    return make_samples_(batch_size, seed);
   }
   std::string Name() const override {
     return fmt::format("{}, seed {}", name_, seed_);
   }
 
  private:
-  const std::shared_ptr<const Simulator> simulator_;
-  const FieldNetwork::Generate generate_;
+  const FieldNetwork::MakeSamples make_samples_;
   const std::string name_;
   const std::uint32_t seed_;
 };
@@ -62,29 +58,21 @@ void FieldNetwork::Describe(OptionSet* set) {
            "new samples at every step; the others are for evaluation");
 }
 
-std::shared_ptr<const Network> FieldNetwork::Make(int rows,
-                                                  int cols,
-                                                  bool keeps_mean,
+std::shared_ptr<const Network> FieldNetwork::Make(const UNetOptions& options,
                                                   DenseNetwork dense,
                                                   std::string* error) const {
   if (!u_net.is_chosen()) {
     return std::make_shared<DenseNetwork>(std::move(dense));
   }
-  UNetOptions options;
-  options.rows = rows;
-  options.cols = cols;
-  options.keeps_mean = keeps_mean;
   return u_net.Make(options, error);
 }
 
 std::shared_ptr<const DataSource> FieldNetwork::MakeSource(
-    std::shared_ptr<const Simulator> simulator,
-    const Generate& generate,
+    const MakeSamples& make_samples,
     const std::string& name,
     std::uint32_t seed) const {
   if (!fresh_data) return nullptr;
-  return std::make_shared<FieldSource>(
-      std::move(simulator), generate, name, seed);
+  return std::make_shared<FieldSource>(make_samples, name, seed);
 }
 
 }  // namespace invgrad

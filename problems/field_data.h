@@ -23,25 +23,20 @@ struct FieldNetwork {
   bool fresh_data = false;
   void Describe(OptionSet* set);
 
-  // The U-net from y* to x on a grid of rows x cols cells, or `dense`. Null,
-  // with *error set, if the U-net cannot be made.
-  std::shared_ptr<const Network> Make(int rows,
-                                      int cols,
-                                      bool keeps_mean,
+  // The U-net of `options`, with the settings, or `dense`. Null, with *error
+  // set, if the U-net cannot be made.
+  std::shared_ptr<const Network> Make(const UNetOptions& options,
                                       DenseNetwork dense,
                                       std::string* error) const;
 
-  // num_fields fields, one a row, from the seed.
-  using Generate =
-      std::function<Eigen::MatrixXd(int num_fields, std::uint32_t seed)>;
+  using MakeSamples =
+      std::function<DataSet(int num_samples, std::uint32_t seed)>;
 
-  // With fresh_data, fields for each step; else null. Step k has the seed
+  // With fresh_data, samples for each step; else null. Step k has the seed
   // `seed` + 0x9e3779b9 (k + 1) mod 2^32.
-  std::shared_ptr<const DataSource> MakeSource(
-      std::shared_ptr<const Simulator> simulator,
-      const Generate& generate,
-      const std::string& name,
-      std::uint32_t seed) const;
+  std::shared_ptr<const DataSource> MakeSource(const MakeSamples& make_samples,
+                                               const std::string& name,
+                                               std::uint32_t seed) const;
 };
 
 }  // namespace invgrad

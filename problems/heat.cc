@@ -67,10 +67,12 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
   const int hidden = kDimensions == 2 ? 128 : 64;
   const auto simulator = physics.MakeSimulator(rows);
   const int size = simulator->num_inputs();
+  UNetOptions u_net;
+  u_net.rows = rows;
+  u_net.cols = n;
+  u_net.keeps_mean = true;
   const std::shared_ptr<const Network> network =
-      field.Make(rows,
-                 n,
-                 /*keeps_mean=*/true,
+      field.Make(u_net,
                  DenseNetwork({size, hidden, hidden, size}, Activation::kRelu),
                  error);
   if (network == nullptr) return false;
@@ -85,8 +87,11 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
   if (!MakeData(sample_size, generate_all, problem, error)) return false;
   SplitSamples(
       SamplesOfFields(*simulator, problem->data.transpose()), 128, problem);
+  const auto make_samples = [simulator, generate](int num, std::uint32_t seed) {
+    return SamplesOfFields(*simulator, generate(num, seed).transpose());
+  };
   problem->source =
-      field.MakeSource(simulator, generate, "random rectangles", data_seed);
+      field.MakeSource(make_samples, "random rectangles", data_seed);
   problem->metric =
       metric == "x_l1" ? SolutionDistance(metric) : SolutionLoss(metric);
   problem->inverse =

@@ -75,12 +75,10 @@ MatrixXd PoissonInverse::RandomSources(int num_fields,
 bool PoissonInverse::Create(LearningProblem* problem,
                             std::string* error) const {
   const int size = resolution * resolution;
-  const std::shared_ptr<const Network> network =
-      field.Make(resolution,
-                 resolution,
-                 /*keeps_mean=*/false,
-                 DenseNetwork({size, 128, 128, size}, Activation::kRelu),
-                 error);
+  UNetOptions u_net;
+  u_net.rows = u_net.cols = resolution;
+  const std::shared_ptr<const Network> network = field.Make(
+      u_net, DenseNetwork({size, 128, 128, size}, Activation::kRelu), error);
   if (network == nullptr) return false;
   const auto generate = [n = resolution](int num_fields, std::uint32_t seed) {
     return RandomSources(num_fields, n, seed);
@@ -95,8 +93,10 @@ bool PoissonInverse::Create(LearningProblem* problem,
       std::make_shared<InverseLaplacian>(SineGrid(resolution, resolution));
   SplitSamples(
       SamplesOfFields(*simulator, problem->data.transpose()), 128, problem);
-  problem->source =
-      field.MakeSource(simulator, generate, "random sources", data_seed);
+  const auto make_samples = [simulator, generate](int num, std::uint32_t seed) {
+    return SamplesOfFields(*simulator, generate(num, seed).transpose());
+  };
+  problem->source = field.MakeSource(make_samples, "random sources", data_seed);
   problem->input_shape = {1, resolution, resolution};
   problem->metric = SolutionDistance("x_l1");
   problem->num_epochs = 25;

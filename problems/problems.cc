@@ -8,6 +8,7 @@
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
 #include "problems/multimodal.h"
+#include "problems/navier_stokes/navier_stokes_network.h"
 #include "problems/oscillator_chain.h"
 #include "problems/oscillator_correction.h"
 #include "problems/oscillator_tracking.h"
@@ -122,6 +123,10 @@ const std::vector<ProblemRow>& Problems() {
       Row<HeatState>("heat_state",
                      "y = exp(nu t laplace) x, periodic, L = 1/2 |y - y*|^2",
                      "SIP release, heat, plot_heat_optim"),
+      Row<NavierStokesNetwork>("navier_stokes",
+                               "du/dt + u grad u = -grad p, u(0) = x, dm/dt + "
+                               "u grad m = 0, y = m(2)",
+                               "SIP release, fluid"),
       Row<BurgersInitial>(
           "burgers_initial",
           "y = u(1/2) of Burgers' equation from u(0) = x, L = 1/n |y - y*|^2",

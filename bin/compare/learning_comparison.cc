@@ -358,8 +358,11 @@ bool CompareLearning(LearningProblem problem,
     if (run != nullptr) medians.push_back(run);
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures(
-      LearningPictures(problem, FLAGS_output, FLAGS_track_sample, medians));
+  DrawPictures(LearningPictures(problem,
+                                FLAGS_output,
+                                FLAGS_track_sample,
+                                initial_weights(seeds[0]),
+                                medians));
   return true;
 }
 

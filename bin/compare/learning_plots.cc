@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "bin/compare/field_plots.h"
 #include "fmt/core.h"
 #include "report/plot.h"
 
@@ -144,6 +145,7 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
 std::vector<Picture> LearningPictures(const LearningProblem& problem,
                                       const std::string& directory,
                                       int tracked_sample,
+                                      const Eigen::VectorXd& initial_weights,
                                       const Runs& runs) {
   std::vector<Picture> pictures = {
       {directory + "/loss.png", LossPlots(problem, runs)},
@@ -151,6 +153,10 @@ std::vector<Picture> LearningPictures(const LearningProblem& problem,
   if (problem.train.inputs.rows() == 1 &&
       problem.model->simulator().num_inputs() == 1) {
     pictures.push_back({directory + "/map.png", {MapPlot(problem, runs)}});
+  }
+  if (HasFields(problem)) {
+    pictures.push_back(FieldsPicture(
+        problem, directory + "/fields.png", initial_weights, runs));
   }
   if (tracked_sample >= 0 && problem.train.targets.rows() >= 2) {
     pictures.push_back({directory + "/sample_path.png",

@@ -6,6 +6,8 @@
 //   DIR/neurons.png      mean activations of a small network's neurons, a panel
 //                        a method, a colour a layer
 //   DIR/map.png          x over the input, where both are one number
+//   DIR/fields.png       fields of the first test sample (field_plots.h), where
+//                        x and y are fields
 //   DIR/sample_path.png  the tracked sample in the plane of y_0 and y_1
 #ifndef BIN_COMPARE_LEARNING_PLOTS_H_
 #define BIN_COMPARE_LEARNING_PLOTS_H_
@@ -19,11 +21,13 @@
 
 namespace invgrad {
 
-// `tracked_sample`: -1 if there is none. `runs`: one a method.
+// `tracked_sample`: -1 if there is none. `initial_weights`: of one of the seeds.
+// `runs`: one a method.
 std::vector<Picture> LearningPictures(
     const LearningProblem& problem,
     const std::string& directory,
     int tracked_sample,
+    const Eigen::VectorXd& initial_weights,
     const std::vector<const LearningRunResult*>& runs);
 
 }  // namespace invgrad

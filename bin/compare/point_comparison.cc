@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "bin/compare/field_plots.h"
 #include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
 #include "fmt/format.h"
@@ -75,19 +76,14 @@ bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
                       std::vector<Plot>* panels,
                       std::string* error) {
+  Eigen::VectorXd colours_of;
   const auto add = [&](const std::string& title,
                        const std::string& file,
                        const Eigen::VectorXd& x) {
     if (problem.field_rows > 0) {
-      Plot& plot = panels->emplace_back();
-      plot.title = title;
-      plot.equal_aspect = true;
-      HeatMap& map = plot.heat_map.emplace();
-      map.z = x.reshaped<Eigen::RowMajor>(problem.field_rows,
-                                          x.size() / problem.field_rows);
       // All panels have the colours of the first.
-      const Eigen::MatrixXd& reference = panels->front().heat_map->z;
-      map.z_range = {reference.minCoeff(), reference.maxCoeff()};
+      if (panels->empty()) colours_of = x;
+      panels->push_back(FieldPlot(title, problem.field_rows, x, colours_of));
     }
     const std::string path = fmt::format("{}/x-{}.npy", FLAGS_output, file);
     return ListRunFile(path, error) && WriteNpy(path, x, error);

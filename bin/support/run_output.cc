@@ -56,8 +56,11 @@ void DrawPictures(const std::vector<Picture>& pictures) {
       return;
     }
     const auto start = std::chrono::steady_clock::now();
-    if (picture.panels.empty() ||
-        WritePlots(picture.path_png, picture.panels, &error, max_seconds)) {
+    if (picture.panels.empty() || WritePlots(picture.path_png,
+                                             picture.panels,
+                                             &error,
+                                             max_seconds,
+                                             picture.num_columns)) {
       continue;
     }
     Warn(error);

@@ -26,6 +26,7 @@ bool WriteTable(const std::string& path,
 struct Picture {
   std::string path_png;
   std::vector<Plot> panels;
+  int num_columns = 0;  // as of WritePlots
 };
 
 // Draws the pictures if --plots is set; a picture without panels only removes

@@ -28,6 +28,10 @@ DEFINE_string(torch_script,
 DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
 DEFINE_int64(steps, 0, "budget in steps; 0: none (100 for a point problem)");
 DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
+DEFINE_bool(cpu_time,
+            false,
+            "seconds of training are those of the processor, of all threads: "
+            "for a fair comparison on a busy machine");
 DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
 DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
 DEFINE_double(checkpoint_seconds,
@@ -221,6 +225,7 @@ TrainOptions TrainOptionsOfFlags(int batch_size, int seed) {
   if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
   if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
+  options.cpu_time = FLAGS_cpu_time;
   options.checkpoint_interval_in_seconds = FLAGS_checkpoint_seconds;
   return options;
 }

@@ -131,6 +131,11 @@ std::pair<Axis, Axis> FitAxes(const Plot& plot) {
           FitAxis(plot.log_y, plot.y_range, y_margin, ys)};
 }
 
+bool IsEmpty(const Plot& plot) {
+  return plot.title.empty() && plot.series.empty() && !plot.heat_map &&
+         !plot.contours;
+}
+
 // Appends data blocks and tables to *data, settings and `plot` to *commands:
 // multiplot allows no tables. `legend_left`: in widths of the axes.
 void AppendPanel(const Plot& plot,
@@ -139,6 +144,10 @@ void AppendPanel(const Plot& plot,
                  std::string* data,
                  std::string* commands) {
   CheckSizes(plot);
+  if (IsEmpty(plot)) {
+    *commands += "set multiplot next\n";
+    return;
+  }
   const auto [x_axis, y_axis] = FitAxes(plot);
   *commands += fmt::format(
       "\nset title {} noenhanced font ',15'\n"
@@ -212,12 +221,15 @@ void AppendPanel(const Plot& plot,
 // beside the last column.
 std::string MakeScript(const std::string& name_png,
                        const std::string& name_gp,
-                       const std::vector<Plot>& plots) {
+                       const std::vector<Plot>& plots,
+                       int num_columns) {
   const auto num_panels = static_cast<int>(plots.size());
-  const int num_columns =
-      num_panels <= 3
-          ? num_panels
-          : std::min(4, static_cast<int>(std::ceil(std::sqrt(num_panels))));
+  if (num_columns == 0) {
+    num_columns =
+        num_panels <= 3
+            ? num_panels
+            : std::min(4, static_cast<int>(std::ceil(std::sqrt(num_panels))));
+  }
   const int num_rows = (num_panels + num_columns - 1) / num_columns;
   constexpr int kLeft = 115, kRight = 35, kTop = 55, kBottom = 75;
   int panel_width = num_rows > 1 ? 480 : num_panels > 1 ? 640 : 1050;
@@ -319,8 +331,10 @@ void MuteAllButTheLowest(std::vector<Plot>* panels) {
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& panels,
                 std::string* error,
-                double max_seconds) {
+                double max_seconds,
+                int num_columns) {
   CHECK(!panels.empty());
+  CHECK_GE(num_columns, 0);
   CHECK(error != nullptr);
   const std::filesystem::path path(path_png);
   CHECK_EQ(path.extension(), ".png") << path_png;
@@ -329,7 +343,8 @@ bool WritePlots(const std::string& path_png,
   const std::string name_gp = path.stem().string() + ".gp";
   const std::string path_gp = folder + "/" + name_gp;
   const std::string name_png = path.filename().string();
-  if (!WriteFile(path_gp, MakeScript(name_png, name_gp, panels), error)) {
+  if (!WriteFile(
+          path_gp, MakeScript(name_png, name_gp, panels, num_columns), error)) {
     return false;
   }
   std::error_code ignored;

@@ -90,13 +90,15 @@ struct Plot {
 // share one entry of the legend. Curves with the same title belong together.
 void MuteAllButTheLowest(std::vector<Plot>* panels);
 
-// Writes path_png, which must end in ".png", and the script beside it. Up to
-// three panels stand side by side; more form rows of at most four. gnuplot is
-// ended after `max_seconds`, and by an Interrupt (interrupt.h).
+// Writes path_png, which must end in ".png", and the script beside it. The panels
+// form rows of `num_columns`; 0: up to three stand side by side, more form rows
+// of at most four. The place of a panel with nothing in it stays empty. gnuplot
+// is ended after `max_seconds`, and by an Interrupt (interrupt.h).
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& panels,
                 std::string* error,
-                double max_seconds = 60.0);
+                double max_seconds = 60.0,
+                int num_columns = 0);
 
 }  // namespace invgrad
 

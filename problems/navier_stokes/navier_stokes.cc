@@ -1,5 +1,6 @@
 #include "problems/navier_stokes/navier_stokes.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -8,6 +9,13 @@
 namespace invgrad {
 
 using Eigen::VectorXd;
+
+namespace {
+
+// Of the square of a wave's term.
+constexpr double kFloor = 1e-5;
+
+}  // namespace
 
 NavierStokesSimulator::NavierStokesSimulator(
     const NavierStokesSettings& settings)
@@ -23,11 +31,20 @@ InviscidFlow::State NavierStokesSimulator::Start(const double* x,
 }
 
 std::vector<InviscidFlow::State> NavierStokesSimulator::Run(
-    InviscidFlow::State state) const {
-  std::vector<InviscidFlow::State> states = {std::move(state)};
+    InviscidFlow::State first) const {
+  std::vector<InviscidFlow::State> states = {std::move(first)};
   for (int t = 0; t < settings_.kNumSteps; ++t) {
     states.push_back(flow_.Advance(states.back(), nullptr));
   }
+  return states;
+}
+
+std::vector<InviscidFlow::State> NavierStokesSimulator::RunBack(
+    InviscidFlow::State last) const {
+  last.velocity *= -1.0;
+  std::vector<InviscidFlow::State> states = Run(std::move(last));
+  for (InviscidFlow::State& state : states) state.velocity *= -1.0;
+  std::reverse(states.begin(), states.end());
   return states;
 }
 
@@ -79,60 +96,67 @@ CoarseShapeLoss::CoarseShapeLoss(int cells) : grid_(cells, cells) {
   }
 }
 
+Eigen::ArrayXcd CoarseShapeLoss::Modes(const double* y,
+                                       const double* target) const {
+  const int n = size();
+  const VectorXd error =
+      Eigen::Map<const VectorXd>(y, n) - Eigen::Map<const VectorXd>(target, n);
+  Eigen::ArrayXcd modes(grid_.num_modes());
+  grid_.Forward(error.data(), modes.data());
+  modes[0] = 0.0;
+  return modes;
+}
+
+bool CoarseShapeLoss::Counts(int mode, std::complex<double> F) const {
+  const double term = weights_[mode] * std::abs(F);
+  return term * term > kFloor;
+}
+
 bool CoarseShapeLoss::Evaluate(const double* y,
                                const double* target,
                                double* loss,
                                double* gradient,
                                double* hessian) const {
-  constexpr double kFloor = 1e-5;
-  const int n = size();
-  const VectorXd error =
-      Eigen::Map<const VectorXd>(y, n) - Eigen::Map<const VectorXd>(target, n);
-  if (!error.allFinite()) return false;
-  if (hessian != nullptr) Eigen::Map<Eigen::MatrixXd>(hessian, n, n).setZero();
-  Eigen::ArrayXcd modes(grid_.num_modes());
-  grid_.Forward(error.data(), modes.data());
-  modes[0] = 0.0;
+  CHECK(hessian == nullptr) << "this loss has products with its Hessian";
+  Eigen::ArrayXcd modes = Modes(y, target);
+  if (!modes.allFinite()) return false;
   *loss = 0.0;
   for (int k = 0; k < grid_.num_modes(); ++k) {
-    const double length = std::abs(modes[k]);
-    const double term = weights_[k] * length;
-    if (term * term <= kFloor) {
+    if (!Counts(k, modes[k])) {
       *loss += counts_[k] * std::sqrt(kFloor);
       modes[k] = 0.0;
       continue;
     }
-    *loss += counts_[k] * term;
-    if (hessian != nullptr) {
-      AddHessian(k, counts_[k] * weights_[k], modes[k], hessian);
-    }
+    const double length = std::abs(modes[k]);
+    *loss += counts_[k] * weights_[k] * length;
     modes[k] *= weights_[k] / length;
   }
   if (gradient != nullptr) {
     grid_.Backward(modes.data(), gradient);
-    Eigen::Map<VectorXd>(gradient, n) *= n;
+    Eigen::Map<VectorXd>(gradient, size()) *= size();
   }
   return std::isfinite(*loss);
 }
 
-// The second derivative of weight |F|: weight / |F| q q^T, q the derivative of
-// F across its own direction.
-void CoarseShapeLoss::AddHessian(int mode,
-                                 double weight,
-                                 std::complex<double> F,
-                                 double* hessian) const {
-  const int cells = grid_.rows();
-  const int num_cols = cells / 2 + 1;
-  VectorXd q(size());
-  for (int p = 0; p < size(); ++p) {
-    const int turns =
-        mode / num_cols * (p / cells) + mode % num_cols * (p % cells);
-    const double phase = 2.0 * M_PI / cells * turns;
-    q[p] =
-        (F.imag() * std::cos(phase) + F.real() * std::sin(phase)) / std::abs(F);
+// The second derivative of w |F|: w / |F| times the projection across F.
+VectorXd CoarseShapeLoss::HessianTimes(const double* y,
+                                       const double* target,
+                                       const VectorXd& v) const {
+  const Eigen::ArrayXcd modes = Modes(y, target);
+  Eigen::ArrayXcd changes(grid_.num_modes());
+  grid_.Forward(v.data(), changes.data());
+  for (int k = 0; k < grid_.num_modes(); ++k) {
+    const std::complex<double> F = modes[k];
+    if (!Counts(k, F)) {
+      changes[k] = 0.0;
+      continue;
+    }
+    const double along = std::real(std::conj(F) * changes[k]) / std::norm(F);
+    changes[k] = weights_[k] / std::abs(F) * (changes[k] - along * F);
   }
-  Eigen::Map<Eigen::MatrixXd>(hessian, size(), size()) +=
-      weight / std::abs(F) * q * q.transpose();
+  VectorXd product(size());
+  grid_.Backward(changes.data(), product.data());
+  return size() * product;
 }
 
 }  // namespace invgrad

@@ -60,8 +60,11 @@ class NavierStokesSimulator final : public FieldSimulator {
 
   // The state at the start, the velocity on faces.
   InviscidFlow::State Start(const double* x, const double* context) const;
-  // The states at the 9 times, from the first one.
-  std::vector<InviscidFlow::State> Run(InviscidFlow::State state) const;
+  // The states at the 9 times, from the first one; and from the last one, by
+  // time reversal: u -> -u, 8 steps, u -> -u. The marker is passive: marker and
+  // velocity at the start do not depend on each other, only on their own ends.
+  std::vector<InviscidFlow::State> Run(InviscidFlow::State first) const;
+  std::vector<InviscidFlow::State> RunBack(InviscidFlow::State last) const;
 
  private:
   NavierStokesSettings settings_;
@@ -74,30 +77,35 @@ class NavierStokesSimulator final : public FieldSimulator {
 //
 // with F the unnormalized Fourier transform of y - y*, without its mean, and k
 // in waves across the box: the weights of the waves 1, 2, 3 are 0.46, 0.044,
-// 9e-4. A perfect match has L = n^2 sqrt(1e-5). H_L >= 0 is dense.
+// 9e-4. A perfect match has L = n^2 sqrt(1e-5). H_L >= 0, of which it gives
+// products.
 class CoarseShapeLoss final : public Loss {
  public:
   explicit CoarseShapeLoss(int cells);
 
   int size() const override { return grid_.num_cells(); }
+  bool forms_hessian() const override { return false; }
   bool Evaluate(const double* y,
                 const double* target,
                 double* loss,
                 double* gradient,
                 double* hessian) const override;
+  Eigen::VectorXd HessianTimes(const double* y,
+                               const double* target,
+                               const Eigen::VectorXd& v) const override;
 
  private:
-  void AddHessian(int mode,
-                  double weight,
-                  std::complex<double> F,
-                  double* hessian) const;
+  // F of y - y*, without its mean.
+  Eigen::ArrayXcd Modes(const double* y, const double* target) const;
+  // w |F| is above the floor.
+  bool Counts(int mode, std::complex<double> F) const;
 
   FourierGrid grid_;
   Eigen::ArrayXd weights_;  // of every mode
   Eigen::ArrayXd counts_;   // 2 for a mode whose conjugate is not stored
 };
 
-// A batch of samples: inputs (m_0, y*), contexts m_0, targets y*, solutions x*.
+// Fields (m_0, x*), one sample a column: 3 n^2 x num_samples.
 //
 // Each: c uniform in [32, 96]^2; m_0 = 1 in the `fill n^2` cells where
 // RandomField in the box c +- 28 is greatest, and 0 elsewhere; `fill`, one
@@ -105,11 +113,23 @@ class CoarseShapeLoss final : public Loss {
 //   x* = (64 - com) / 2 + omega exp(-r^2 / (2 20^2)) (-r_y, r_x)
 //        + 0.1 RandomField
 // with com the centre of mass of m_0, r from (64, 64), omega uniform in
-// [-2, 2]. y*: 8 steps in the centres.
+// [-2, 2].
 // Stream: fill; for each sample c, the field of m_0, omega, those of x*_x, x*_y.
-DataSet RandomNavierStokesBatch(const NavierStokesSettings& settings,
-                                int num_samples,
-                                NumpyRandom* random);
+Eigen::MatrixXd RandomNavierStokesFields(const NavierStokesSettings& settings,
+                                         int num_samples,
+                                         NumpyRandom* random);
+
+// Samples of fields (m_0, x*): inputs (m_0, y*), contexts m_0, targets y* after
+// 8 steps in the centres, solutions x*. Targets that are not finite are
+// reported by DataSet::IsFinite.
+DataSet NavierStokesSamples(const NavierStokesSettings& settings,
+                            const Eigen::MatrixXd& fields);
+
+// The greatest dt |du_c / dx_d| of the velocities x* of `fields`: above 1 the
+// look-ups of neighbouring cells cross, and the advection is no flow any more.
+// The length of a look-up in cells has no such bound.
+double GreatestDeformation(const NavierStokesSettings& settings,
+                           const Eigen::MatrixXd& fields);
 
 // A periodic field of standard deviation 1 and mean 0: white noise divided by
 // k^2, without the modes of k^2 <= 0.1; k = 10 m / 128 for a mode of m waves.

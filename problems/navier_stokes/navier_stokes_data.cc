@@ -90,18 +90,12 @@ VectorXd SwirlVelocity(const Vector2d& uniform,
   return velocity;
 }
 
-DataSet RandomNavierStokesBatch(const NavierStokesSettings& settings,
-                                int num_samples,
-                                NumpyRandom* random) {
+Eigen::MatrixXd RandomNavierStokesFields(const NavierStokesSettings& settings,
+                                         int num_samples,
+                                         NumpyRandom* random) {
   const FourierGrid grid(settings.cells, settings.cells);
-  const InviscidFlow truth(
-      settings.cells, VelocityGrid::Place::kCentres, settings.courant());
   const int n = grid.num_cells();
-  DataSet batch;
-  batch.inputs.resize(2 * n, num_samples);
-  batch.contexts.resize(n, num_samples);
-  batch.targets.resize(n, num_samples);
-  batch.solutions.resize(2 * n, num_samples);
+  Eigen::MatrixXd fields(3 * n, num_samples);
   const double fill = random->Uniform(0.05, 0.15);
   for (int i = 0; i < num_samples; ++i) {
     const VectorXd marker = RandomMarker(grid, fill, settings, random);
@@ -113,16 +107,50 @@ DataSet RandomNavierStokesBatch(const NavierStokesSettings& settings,
         SwirlVelocity(uniform, random->Uniform(-2.0, 2.0), settings);
     velocity.head(n) += 0.1 * RandomField(grid, random);
     velocity.tail(n) += 0.1 * RandomField(grid, random);
-    InviscidFlow::State state = {marker, velocity};
+    fields.col(i) << marker, velocity;
+  }
+  return fields;
+}
+
+DataSet NavierStokesSamples(const NavierStokesSettings& settings,
+                            const Eigen::MatrixXd& fields) {
+  const InviscidFlow truth(
+      settings.cells, VelocityGrid::Place::kCentres, settings.courant());
+  const Eigen::Index n = truth.grid().num_cells();
+  DataSet samples;
+  samples.contexts = fields.topRows(n);
+  samples.solutions = fields.bottomRows(2 * n);
+  samples.targets.resize(n, fields.cols());
+  for (Eigen::Index i = 0; i < fields.cols(); ++i) {
+    InviscidFlow::State state = {samples.contexts.col(i),
+                                 samples.solutions.col(i)};
     for (int t = 0; t < NavierStokesSettings::kNumSteps; ++t) {
       state = truth.Advance(state, nullptr);
     }
-    batch.inputs.col(i) << marker, state.marker;
-    batch.contexts.col(i) = marker;
-    batch.targets.col(i) = state.marker;
-    batch.solutions.col(i) = velocity;
+    samples.targets.col(i) = state.marker;
   }
-  return batch;
+  samples.inputs.resize(2 * n, fields.cols());
+  samples.inputs << samples.contexts, samples.targets;
+  return samples;
+}
+
+double GreatestDeformation(const NavierStokesSettings& settings,
+                           const Eigen::MatrixXd& fields) {
+  const int cells = settings.cells;
+  const int n = cells * cells;
+  double greatest = 0.0;
+  for (int c : {1, 2}) {
+    const auto u = fields.middleRows(c * n, n);
+    for (int cell = 0; cell < n; ++cell) {
+      const int row = cell / cells, col = cell % cells;
+      for (const int next : {cells * row + (col + 1) % cells,
+                             cells * ((row + 1) % cells) + col}) {
+        const double change = (u.row(next) - u.row(cell)).cwiseAbs().maxCoeff();
+        greatest = std::max(greatest, change);
+      }
+    }
+  }
+  return settings.courant() * greatest;
 }
 
 double MeanVelocityError(const Eigen::MatrixXd& x,

@@ -47,7 +47,7 @@ bool TimeReversal::Invert(const ConstVectorRef& y,
   const std::vector<InviscidFlow::State> forward =
       simulator_->Run(simulator_->Start(x_now.data(), context.data()));
   const std::vector<InviscidFlow::State> backward =
-      simulator_->Run({y, -forward.back().velocity});
+      simulator_->RunBack({y, forward.back().velocity});
   const Vector2d middle = Vector2d::Constant(settings.kSide / 2.0);
   const Vector2d way = middle - CentreOfMass(context, settings);
   double torque = 0.0;
@@ -56,7 +56,7 @@ bool TimeReversal::Invert(const ConstVectorRef& y,
     if (way_ == Way::kReleased && t < num_steps) share = t / settings.kTime;
     const Vector2d S = middle + way * share;
     const Vector2d C = CentreOfMass(forward[t].marker, settings);
-    const Vector2d R = CentreOfMass(backward[num_steps - t].marker, settings);
+    const Vector2d R = CentreOfMass(backward[t].marker, settings);
     torque += Cross(C - R, R - S);
   }
   const double omega = SwirlStrength(x_now) + 1e-3 * torque / (num_steps + 1);

@@ -8,8 +8,8 @@
 // projection of x_now on the swirl. d_omega comes from the flow run backwards:
 //
 //   C_t   the centres of mass of the marker from (m_0, x_now), t = 0 .. 8
-//   R_t   those from (y, minus the last velocity of that run), 8 steps:
-//         u -> -u reverses an inviscid flow
+//   R_t   those of the flow run back from (y, the last velocity of that run):
+//         NavierStokesSimulator::RunBack
 //   d_omega = 1e-3 mean_t (C_t - R_t) x (R_t - S_t)
 //
 // with S_t, the way of the swirl's middle: 64 + (64 - com(m_0)) t / 8.
@@ -19,6 +19,11 @@
 //          `Way::kReleased` has them; kStraight, ours, has t / 8. The release
 //          divides the projection by 120.5; here it is divided by the mean of
 //          r^2 exp(-r^2 / 800) over the cells, so that a swirl is found exactly.
+// General: RunBack reverses a whole state, marker and velocity, with the errors
+//          of the advection. It is no inverse in x where only the marker is
+//          seen: the marker is passive, and the velocity that comes back is the
+//          one that was there. The least change of x that corrects the marker is
+//          the way `lbfgs` (simulator_pull_back.h).
 // Shapes:  y and the context m_0: n^2; x, x_now: 2 n^2. y is the marker that is
 //          wanted at T.
 // Facts:   from the right uniform velocity without a swirl, on random samples,

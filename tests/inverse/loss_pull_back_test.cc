@@ -20,8 +20,37 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr LossWay kAllWays[] = {
-    LossWay::kGradient, LossWay::kNewton, LossWay::kSaddleFreeNewton};
+constexpr LossWay kAllWays[] = {LossWay::kGradient,
+                                LossWay::kNewton,
+                                LossWay::kSaddleFreeNewton,
+                                LossWay::kTarget};
+
+// L = sum |d_i|^3 / 3, d = y - y*, without a matrix H_L.
+class CubicWithoutMatrix final : public Loss {
+ public:
+  int size() const override { return 2; }
+  bool forms_hessian() const override { return false; }
+  bool Evaluate(const double* y,
+                const double* target,
+                double* loss,
+                double* gradient,
+                double* hessian) const override {
+    EXPECT_EQ(hessian, nullptr);
+    *loss = 0.0;
+    for (int i = 0; i < 2; ++i) {
+      const double d = y[i] - target[i];
+      *loss += std::abs(d * d * d) / 3.0;
+      if (gradient != nullptr) gradient[i] = d * std::abs(d);
+    }
+    return true;
+  }
+  VectorXd HessianTimes(const double* y,
+                        const double* target,
+                        const VectorXd& v) const override {
+    return Vector2d(2.0 * std::abs(y[0] - target[0]) * v[0],
+                    2.0 * std::abs(y[1] - target[1]) * v[1]);
+  }
+};
 
 // L = scale (d0^4 / 4 + d1^4 / 2 + d0^2 + d1^2 + d0 d1 / 2), d = y - y*, with y
 // = A z + b the quartic's own coordinates: convex.
@@ -141,8 +170,9 @@ TEST(LossPullBackTest, OfLogCoshIsTheClosedForm) {
     for (const LossWay way : kAllWays) {
       const Vector2d change = Change(loss, way, eta, target + d, target);
       for (int i = 0; i < 2; ++i) {
-        const double expected = way == LossWay::kGradient
-                                    ? std::tanh(d[i])
+        const double expected = way == LossWay::kGradient ? std::tanh(d[i])
+                                : way == LossWay::kTarget
+                                    ? d[i]
                                     : std::sinh(d[i]) * std::cosh(d[i]);
         // A dozen roundings, magnified by cosh^2 d < 3.
         EXPECT_NEAR(change[i], -eta * expected, 1e-14);
@@ -312,6 +342,34 @@ TEST(LossPullBackTest, RefusesAStepThatOverflows) {
   EXPECT_FALSE(LossPullBack(loss, LossWay::kNewton, 1e200)
                    .Step(&y, &target, &value, &change, &why));
   EXPECT_EQ(why, "the step in y is not finite");
+}
+
+// Where H_L has no matrix, the target and the gradient are the ways, and both
+// have products.
+TEST(LossPullBackTest, OfALossWithoutAMatrixForItsHessian) {
+  const auto loss = std::make_shared<CubicWithoutMatrix>();
+  const Vector2d y(2.0, -1.0), target(0.5, 1.0), v(1.0, 10.0);
+  double value = 0.0;
+  Vector2d change;
+  std::string why;
+  for (const LossWay way : {LossWay::kNewton, LossWay::kSaddleFreeNewton}) {
+    EXPECT_FALSE(
+        LossPullBack(loss, way, 1.0)
+            .Step(y.data(), target.data(), &value, change.data(), &why));
+    EXPECT_EQ(why,
+              "the Hessian of the loss is too large to form; use target or "
+              "gradient for the loss");
+  }
+  const LossPullBack to_target(loss, LossWay::kTarget, 0.5);
+  ASSERT_TRUE(
+      to_target.Step(y.data(), target.data(), &value, change.data(), &why));
+  EXPECT_EQ(change, Vector2d(-0.75, 1.0));
+  EXPECT_NEAR(value, (1.5 * 1.5 * 1.5 + 8.0) / 3.0, 1e-14);
+  EXPECT_FALSE(to_target.forms_hessian());
+  EXPECT_EQ(to_target.HessianTimes(y.data(), target.data(), v), VectorXd(v));
+  const LossPullBack by_gradient(loss, LossWay::kGradient, 0.5);
+  EXPECT_EQ(by_gradient.HessianTimes(y.data(), target.data(), v),
+            VectorXd(Vector2d(1.5, 20.0)));
 }
 
 TEST(LossPullBackDeathTest, RefusesWhatMakesNoSense) {

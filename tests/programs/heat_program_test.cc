@@ -46,6 +46,31 @@ TEST_F(HeatProgram, LargePointsLeaveNormsStatesAndPictures) {
   EXPECT_TRUE(std::filesystem::exists(Path("run") + "/fields.gp"));
 }
 
+// A row for the data, the initial weights and each method; a column for y and
+// x. The input is y*, and has no row.
+TEST_F(HeatProgram, NetworksLeaveTheirFields) {
+  const Output output =
+      Run({"--problem=heat:resolution=4:num_samples=4",
+           "--rules=dp_adam,sip",
+           "--steps=1",
+           "--output=" + Path("run")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const std::string script = ReadAll(Path("run") + "/fields.gp");
+  EXPECT_NE(script.find("layout 4,2"), std::string::npos);
+  size_t end = 0;
+  for (const char* title : {"y*",
+                            "x*",
+                            "initial weights, y",
+                            "initial weights, x",
+                            "dp_adam, y",
+                            "dp_adam, x",
+                            "sip, y",
+                            "sip, x"}) {
+    end = script.find("set title '" + std::string(title) + "'", end);
+    EXPECT_NE(end, std::string::npos) << title;
+  }
+}
+
 // At the published strength of diffusion, one step of the damped inverse comes
 // nearer to the true state than all steps of L-BFGS.
 TEST_F(HeatProgram, OneStepOfTheInverseBeatsLbfgs) {

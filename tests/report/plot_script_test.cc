@@ -50,6 +50,7 @@ TEST_F(PlotTest, RangesAreKeptOrFitted) {
 
 TEST_F(PlotTest, OneUnitIsAsLongOnBothAxes) {
   Plot plot;
+  plot.title = "an empty one has no axes";
   EXPECT_TRUE(Has(Script(plot), "set size noratio"));
   plot.equal_aspect = true;
   EXPECT_TRUE(Has(Script(plot), "set size ratio -1"));

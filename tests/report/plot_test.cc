@@ -70,6 +70,22 @@ TEST_F(DrawnPlotTest, PanelsStandSideBySideOrInRows) {
   EXPECT_EQ(size(24), std::make_pair(4 * kWidth, 6 * 540));
 }
 
+TEST_F(DrawnPlotTest, RowsMayHaveAGivenLengthAndEmptyPlaces) {
+  Plot plot;
+  plot.series = {Line({1, 2, 3}, {1, 2, 3})};
+  plot.series[0].title.clear();
+  const std::vector<Plot> five(5, plot);
+  constexpr int kWidth = 115 + 480 + 35;
+  EXPECT_EQ(Draw(five, "two", 2), std::make_pair(2 * kWidth, 3 * 540));
+  EXPECT_EQ(Draw(five, "five", 5), std::make_pair(5 * 790, 700));
+  // An empty place is as large as a panel, and has no axes.
+  EXPECT_EQ(Draw({plot, Plot(), plot, plot}, "gap", 2),
+            std::make_pair(2 * kWidth, 2 * 540));
+  const std::string script = Read(folder_ / "gap.gp");
+  EXPECT_TRUE(Has(script, "set multiplot next"));
+  EXPECT_FALSE(Has(script, "$panel1"));
+}
+
 TEST_F(DrawnPlotTest, HeatMapsHaveAColorBarAndBlankCells) {
   Plot plot;
   plot.heat_map.emplace().z = Eigen::MatrixXd::Random(2, 3);

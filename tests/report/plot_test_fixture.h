@@ -63,9 +63,15 @@ class PlotTest : public testing::Test {
 
   // Draws, and returns the picture's width and height.
   std::pair<int, int> Draw(const std::vector<Plot>& plots,
-                           const std::string& name = "plot") {
+                           const std::string& name = "plot",
+                           int num_columns = 0) {
     std::string error;
-    EXPECT_TRUE(WritePlots(folder_ / (name + ".png"), plots, &error)) << error;
+    EXPECT_TRUE(WritePlots(folder_ / (name + ".png"),
+                           plots,
+                           &error,
+                           /*max_seconds=*/60.0,
+                           num_columns))
+        << error;
     const std::string png = Read(folder_ / (name + ".png"));
     if (png.size() < 24 || png.substr(1, 3) != "PNG") {
       ADD_FAILURE() << "not a PNG";

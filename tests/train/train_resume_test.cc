@@ -129,6 +129,11 @@ TEST_F(ACheckpoint, OfAnotherOrderIsRefused) {
       "order of the samples: as given, now order of the samples: of seed 0");
 }
 
+TEST_F(ACheckpoint, OfAnotherClockIsRefused) {
+  options_.cpu_time = true;
+  ExpectRefused("none, now seconds: of the processor");
+}
+
 TEST_F(ACheckpoint, OfOtherTrainingDataIsRefused) {
   problem_.train.targets(1, 7) += 1e-12;
   ExpectRefused("training data: ");

@@ -1,12 +1,15 @@
 #include "invgrad/train/train.h"
 
+#include <chrono>
 #include <cmath>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "gtest/gtest.h"
 #include "invgrad/rules/rules.h"
+#include "tests/support/function_rule.h"
 #include "tests/support/train_options.h"
 #include "tests/train/regression.h"
 
@@ -131,6 +134,27 @@ TEST(Trainer, TimeBudgetEndsTheRun) {
   EXPECT_EQ(result.summary.message, "time used up");
   EXPECT_GE(result.summary.train_time_in_seconds, 0.02);
   EXPECT_GT(result.summary.num_steps, 0);
+}
+
+// A step that waits takes no time of the processor.
+TEST(Trainer, TimeOfTheProcessorLeavesWaitingOut) {
+  const Regression problem;
+  FunctionRule rule([](const Linearization& at_x,
+                       Eigen::VectorXd* step,
+                       std::string* /*error*/) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    *step = Eigen::VectorXd::Zero(at_x.gradient.size());
+    return true;
+  });
+  TrainOptions options = Epochs(1, 0);
+  EXPECT_GE(
+      TrainRegression(problem, options, &rule).summary.train_time_in_seconds,
+      0.1);
+  options.cpu_time = true;
+  const double seconds =
+      TrainRegression(problem, options, &rule).summary.train_time_in_seconds;
+  EXPECT_GT(seconds, 0.0);
+  EXPECT_LT(seconds, 0.05);
 }
 
 TEST(Trainer, EvaluationsAreDenseFirstAndLogarithmicLater) {

@@ -6,6 +6,8 @@
 // Units:   L scales half-inverse steps, so the factor in front of the squared
 //          norm is explicit: SquaredNormLoss(0.5) is Ceres' 1/2 |y - y*|^2,
 //          SquaredNormLoss(1.0) the |y - y*|^2 of the HIG code.
+// Cost:    a loss of a field, whose H_L is too large to form, has the products
+//          H_L v instead (forms_hessian).
 // Fails:   Evaluate returns false if the loss has no finite value.
 #ifndef INVGRAD_CHAIN_LOSS_H_
 #define INVGRAD_CHAIN_LOSS_H_
@@ -22,12 +24,20 @@ class Loss {
 
   virtual int size() const = 0;
 
+  // Whether Evaluate gives H_L as a matrix. If not, `hessian` must be null.
+  virtual bool forms_hessian() const { return true; }
+
   // `gradient` and `hessian` may be null.
   virtual bool Evaluate(const double* y,
                         const double* target,
                         double* loss,
                         double* gradient,
                         double* hessian) const = 0;
+
+  // H_L v; by default from the matrix. NaN if the loss has no finite value.
+  virtual Eigen::VectorXd HessianTimes(const double* y,
+                                       const double* target,
+                                       const Eigen::VectorXd& v) const;
 
   // c, if the loss is c |y - y*|^2. Ceres' trust-region solvers need such a
   // least-squares problem.

@@ -23,13 +23,18 @@ namespace {
 // The loss of a batch with its derivatives in y.
 class BatchLoss {
  public:
-  BatchLoss(const Loss& loss, const DataSet& batch, double scale, bool hessians)
+  BatchLoss(const std::shared_ptr<const Loss>& loss,
+            const DataSet& batch,
+            double scale,
+            bool hessians)
       : loss_(loss),
         batch_(batch),
         scale_(scale),
-        gradients_(loss.size(), batch.num_samples()) {
-    if (hessians || !loss.SquaredNormFactor().has_value()) {
-      hessians_.resize(loss.size(), loss.size() * batch.num_samples());
+        gradients_(loss->size(), batch.num_samples()) {
+    if (!loss->forms_hessian()) {
+      outputs_.resize(loss->size(), batch.num_samples());
+    } else if (hessians || !loss->SquaredNormFactor().has_value()) {
+      hessians_.resize(loss->size(), loss->size() * batch.num_samples());
     }
   }
 
@@ -38,13 +43,14 @@ class BatchLoss {
     double value = 0.0;
     auto gradient = gradients_.col(s);
     double* const hessian = has_hessians() ? Hessian(s).data() : nullptr;
-    if (!loss_.Evaluate(y.data(),
-                        batch_.targets.col(s).data(),
-                        &value,
-                        gradient.data(),
-                        hessian)) {
+    if (!loss_->Evaluate(y.data(),
+                         batch_.targets.col(s).data(),
+                         &value,
+                         gradient.data(),
+                         hessian)) {
       return SampleError(s, kLossFailed, error);
     }
+    if (outputs_.size() > 0) outputs_.col(s) = y;
     cost_ += scale_ * value;
     gradient *= scale_;
     if (has_hessians()) Hessian(s) *= scale_;
@@ -55,15 +61,16 @@ class BatchLoss {
   const MatrixXd& gradients() const { return gradients_; }
   // H_L of sample s.
   Eigen::Block<MatrixXd, Eigen::Dynamic, Eigen::Dynamic, true> Hessian(int s) {
-    return hessians_.middleCols(s * loss_.size(), loss_.size());
+    return hessians_.middleCols(s * loss_->size(), loss_->size());
   }
 
   // v -> H_L v. Moves the Hessians.
   std::function<VectorXd(const VectorXd&)> TakeHessianTimes() {
-    if (const std::optional<double> factor = loss_.SquaredNormFactor()) {
+    if (const std::optional<double> factor = loss_->SquaredNormFactor()) {
       const double c = 2.0 * *factor * scale_;
       return [c](const VectorXd& v) -> VectorXd { return c * v; };
     }
+    if (!loss_->forms_hessian()) return HessianProducts();
     return [blocks = std::move(hessians_)](const VectorXd& v) {
       CHECK_EQ(v.size(), blocks.cols());
       const Eigen::Index size = blocks.rows();
@@ -79,12 +86,31 @@ class BatchLoss {
  private:
   bool has_hessians() const { return hessians_.size() > 0; }
 
-  const Loss& loss_;
+  std::function<VectorXd(const VectorXd&)> HessianProducts() {
+    return [loss = loss_,
+            outputs = std::move(outputs_),
+            targets = batch_.targets,
+            scale = scale_](const VectorXd& v) {
+      CHECK_EQ(v.size(), outputs.size());
+      const Eigen::Index size = outputs.rows();
+      VectorXd Hv(v.size());
+      for (Eigen::Index s = 0; s < outputs.cols(); ++s) {
+        Hv.segment(s * size, size) =
+            scale * loss->HessianTimes(outputs.col(s).data(),
+                                       targets.col(s).data(),
+                                       v.segment(s * size, size));
+      }
+      return Hv;
+    };
+  }
+
+  const std::shared_ptr<const Loss> loss_;
   const DataSet& batch_;
   const double scale_;
   double cost_ = 0.0;
   MatrixXd gradients_;
   MatrixXd hessians_;  // the blocks of H_L, side by side
+  MatrixXd outputs_;   // y, if the loss has only products with H_L
 };
 
 }  // namespace
@@ -98,10 +124,11 @@ bool Model::CanLinearize(const LinearizationParts& parts,
         "that needs the gradient or the Jacobian";
     return false;
   }
-  if (!has_factors()) {
+  if (!has_factors() || !loss_->forms_hessian()) {
     *error =
-        "the exact Hessian needs a DenseNetwork and a simulator that forms its "
-        "Jacobian: choose a method that needs the gradient or the Jacobian";
+        "the exact Hessian needs a DenseNetwork, a simulator that forms its "
+        "Jacobian and a loss that forms its Hessian: choose a method that "
+        "needs the gradient or the Jacobian";
     return false;
   }
   return CheckHasHessian(*simulator_, error);
@@ -188,7 +215,7 @@ bool Model::LinearizeByProducts(const VectorXd& weights,
     return false;
   }
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
-  BatchLoss loss(*loss_, batch, BatchScale(batch.num_samples()), false);
+  BatchLoss loss(loss_, batch, BatchScale(batch.num_samples()), false);
   std::vector<std::unique_ptr<const JacobianOperator>> jacobians;
   VectorXd y(loss_->size());
   for (int s = 0; s < batch.num_samples(); ++s) {
@@ -234,7 +261,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(num_y);
   MatrixXd jacobians(num_x, num_y * batch_size);
-  BatchLoss loss(*loss_, batch, BatchScale(batch_size), parts.hessian);
+  BatchLoss loss(loss_, batch, BatchScale(batch_size), parts.hessian);
   for (int s = 0; s < batch_size; ++s) {
     // A row-major Jacobian is a block of columns.
     if (!simulator_->Evaluate(x.col(s).data(),

@@ -197,16 +197,14 @@ ChainPullBack::Sample ChainPullBack::PullBackSample(
     d_x *= options_.max_change / length;
   }
   if (options_.curvature_weight == 0.0 || length == 0.0) return sample;
-  Scratch<double> hessian(num_y * num_y);
-  double ignored = 0.0;
-  if (!model_.loss().Evaluate(
-          y.data(), target, &ignored, nullptr, hessian.data())) {
+  const Map<const VectorXd> change(d_y.data(), num_y);
+  const double curvature =
+      change.dot(model_.loss().HessianTimes(y.data(), target, change));
+  if (!std::isfinite(curvature)) {
     sample.error = "the Hessian of the loss has no finite value";
     return sample;
   }
-  const Map<const VectorXd> change(d_y.data(), num_y);
-  const Map<const MatrixXd> H(hessian.data(), num_y, num_y);
-  sample.curvature = std::max(0.0, change.dot(H * change)) / (length * length);
+  sample.curvature = std::max(0.0, curvature) / (length * length);
   return sample;
 }
 

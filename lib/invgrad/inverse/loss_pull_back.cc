@@ -60,7 +60,14 @@ bool LossPullBack::Step(const double* y,
   Map<VectorXd> d(change, size());
   const bool is_gradient = way_ == LossWay::kGradient;
   const bool is_squared_norm = loss_->SquaredNormFactor().has_value();
-  const bool needs_hessian = !is_gradient && !is_squared_norm;
+  const bool needs_hessian =
+      !is_gradient && way_ != LossWay::kTarget && !is_squared_norm;
+  if (needs_hessian && !loss_->forms_hessian()) {
+    *why =
+        "the Hessian of the loss is too large to form; use target or gradient "
+        "for the loss";
+    return false;
+  }
   Scratch<double> hessian(needs_hessian ? size() * size() : 0);
   if (!loss_->Evaluate(y,
                        target,
@@ -122,6 +129,13 @@ bool LossPullBack::Evaluate(const double* y,
   if (!loss_->Evaluate(y, target, loss, nullptr, hessian)) return false;
   H *= step_size_;
   return true;
+}
+
+VectorXd LossPullBack::HessianTimes(const double* y,
+                                    const double* target,
+                                    const VectorXd& v) const {
+  if (way_ != LossWay::kGradient) return v;
+  return step_size_ * loss_->HessianTimes(y, target, v);
 }
 
 }  // namespace invgrad

@@ -2,7 +2,8 @@
 //
 //   LOSS/SIMULATOR/RULE        newton/inverse/adam:step_size=1e-3
 //
-//   LOSS       gradient, newton, saddle_free_newton      (loss_pull_back.h)
+//   LOSS       gradient, newton, saddle_free_newton, target
+//              (loss_pull_back.h)
 //   SIMULATOR  adjoint, inverse_gradient, half_inverse, inverse, numerical,
 //              newton, gradient_descent, lbfgs      (simulator_pull_back.h)
 //              joint: no pull-back, RULE linearizes network and simulator

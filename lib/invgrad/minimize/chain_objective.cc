@@ -73,15 +73,22 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
                                            std::string* error) const {
   const int n = simulator_->num_inputs();
   const int m = simulator_->num_outputs();
-  // H_L is 2 c I, or `loss_hessian`.
+  // H_L is 2 c I, `loss_hessian`, or has products.
   const std::optional<double> factor = loss_->SquaredNormFactor();
   constexpr double kDouble = sizeof(double);
+  const bool forms_hessian = !factor.has_value() && loss_->forms_hessian();
+  if (parts.hessian && !factor.has_value() && !forms_hessian) {
+    *error =
+        "the loss does not form its Hessian: choose a method that needs the "
+        "gradient or the Jacobian";
+    return false;
+  }
   // The exact Hessian needs J itself.
   const bool forms_jacobian = simulator_->forms_jacobian() || parts.hessian;
   std::vector<MemoryPart> memory;
   if (forms_jacobian) memory.push_back({"J", 2.0 * kDouble * m * n});
   if (parts.hessian) memory.push_back({"Hessian", 3.0 * kDouble * n * n});
-  if (!factor.has_value()) {
+  if (forms_hessian) {
     memory.push_back({"Hessian of the loss", kDouble * m * m});
   }
   if (!FitsInMemory(fmt::format("J {} x {}", m, n), memory, 0.0, error)) {
@@ -105,12 +112,12 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
   }
   Eigen::VectorXd g(m);
   Eigen::MatrixXd loss_hessian;
-  if (!factor.has_value()) loss_hessian.resize(m, m);
+  if (forms_hessian) loss_hessian.resize(m, m);
   if (!loss_->Evaluate(y.data(),
                        target_.data(),
                        &linearization->cost,
                        g.data(),
-                       factor.has_value() ? nullptr : loss_hessian.data()) ||
+                       forms_hessian ? loss_hessian.data() : nullptr) ||
       !std::isfinite(linearization->cost) || !g.allFinite() ||
       !loss_hessian.allFinite()) {
     *error = kNoLoss;
@@ -142,10 +149,14 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
     linearization->jacobian =
         forms_jacobian ? std::make_shared<DenseJacobian>(J) : products;
     linearization->loss_hessian_times =
-        [factor, H = std::move(loss_hessian)](
-            const Eigen::VectorXd& v) -> Eigen::VectorXd {
+        [factor,
+         H = std::move(loss_hessian),
+         y,
+         loss = loss_,
+         y_star = target_](const Eigen::VectorXd& v) -> Eigen::VectorXd {
       if (factor.has_value()) return 2.0 * *factor * v;
-      return H * v;
+      if (H.size() > 0) return H * v;
+      return loss->HessianTimes(y.data(), y_star.data(), v);
     };
   }
   return true;

@@ -118,6 +118,7 @@ RunIdentity IdentityOfRun(const Model& model,
                options.inverse == nullptr ? "numerical" : "given");
   identity.Add("simulator and loss",
                DigestOfSimulator(model, train, options.initial_weights));
+  if (options.cpu_time) identity.Add("seconds", "of the processor");
   return identity;
 }
 

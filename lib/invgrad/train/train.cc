@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <limits>
 #include <utility>
 
@@ -127,8 +128,15 @@ void TrainingRun::LimitPhase() {
   }
 }
 
+double TrainingRun::Now() const {
+  if (options_.cpu_time) {
+    return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+  }
+  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
+}
+
 bool TrainingRun::TakeStep() {
-  const Clock::time_point start = Clock::now();
+  const double start = Now();
   const double budget_in_seconds =
       options_.max_time_in_seconds - state_.first_second;
   const double spent =
@@ -137,7 +145,7 @@ bool TrainingRun::TakeStep() {
                (state_.seconds - state_.first_second) / budget_in_seconds);
   const Engine::StepResult result =
       engine().Step(std::min(1.0, spent), &state_.weights);
-  state_.seconds += std::chrono::duration<double>(Clock::now() - start).count();
+  state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
   using Outcome = Engine::StepResult::Outcome;
   if (result.outcome == Outcome::kFailed) {

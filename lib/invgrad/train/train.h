@@ -11,8 +11,9 @@
 // engine of each phase takes the steps (engine.h): a rule on batches or a
 // minimizer of Ceres on all samples.
 //
-// Time is the wall-clock time of the steps; evaluations, callbacks and
-// checkpoints are not counted. Losses are evaluated before the first step,
+// Time is the wall-clock time of the steps or, with cpu_time, the processor's, of
+// all threads: that compares methods fairly on a busy machine. Evaluations,
+// callbacks and checkpoints are not counted. Losses are evaluated before the first step,
 // after the epochs of IsEvaluationEpoch, and at the end of a phase.
 //
 // Phases share the weights and the counts of steps, epochs and seconds. Each
@@ -93,6 +94,7 @@ struct TrainOptions {
   int max_num_epochs = std::numeric_limits<int>::max();
   long max_num_steps = std::numeric_limits<long>::max();
   double max_time_in_seconds = std::numeric_limits<double>::infinity();
+  bool cpu_time = false;  // seconds are those of the processor
 
   // Early stop: train loss <= target_loss; or no new minimum of the test loss
   // (of the train loss if there are no test data) in `patience` evaluations. 0:
@@ -235,6 +237,7 @@ class TrainingRun {
   // Sets max_num_steps_ by the share of the phase and the run's budget.
   void LimitPhase();
   bool TakeStep();
+  double Now() const;  // in seconds
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
