@@ -1,6 +1,9 @@
-// The examples find the truth, with and without half-inverse steps. Each exits
-// with 0 only if its estimates are within the tolerance that it states.
+// The examples find the truth, estimators with and without half-inverse steps.
+// Each exits with 0 only if its estimates are within the tolerance that it
+// states.
 
+#include <filesystem>
+#include <sstream>
 #include <string>
 
 #include "gtest/gtest.h"
@@ -53,6 +56,22 @@ TEST_F(ExamplesTest, ParameterIdentification) {
   const Output output = RunExample("parameter_identification");
   ExpectTruthFound(output);
   ExpectSays(output, {"found only by LM: ", " of 100"});
+}
+
+// It writes a file where it runs.
+TEST_F(ExamplesTest, TrainedNetworks) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(Path(""));
+  const Output output = RunExample("trained_networks");
+  std::filesystem::current_path(before);
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(
+      output,
+      {"Where to stand", "Gauss-Newton", "networks at x > 0", "truth found"});
+  std::istringstream file(ReadAll(Path("trained_networks.txt")));
+  int num_values = 0;
+  for (double value = 0.0; file >> value;) ++num_values;
+  EXPECT_EQ(num_values, 151 * 22);
 }
 
 }  // namespace examples_program_test

@@ -1,0 +1,392 @@
+// After training: a network as a part of another problem of Ceres, and an
+// ensemble of networks that says how sure it is.
+//
+//   f(y; theta) = x,   P(x) = y,   trained without x, through P^-1
+//
+// Surrogate:  x is the velocity of a shuttlecock that is to be at y one second
+//             later (01_flight.h, with drag). A player serves the places t_i.
+//             Where to stand?
+//
+//               minimize 1/2 sum_i |f(t_i - (p, 0))|^2 over p
+//
+//             The physics' own answer: velocities x_i as further unknowns, and
+//             residuals w (P(x_i) - t_i + (p, 0)) with a large weight w.
+// Ensemble:   y = x^2, the problem `multimodal` of compare: 20 networks, each
+//             from its own seed and trained by SIP on y in [0, 1].
+// Expect:     Places inside of the training data: tanh networks err by a
+//             centimetre in p, ReLU networks, which have no curvature, by ten.
+//             Outside: by metres, and the five networks agree on it.
+//             The spread of the ensemble's x is the choice between two
+//             pre-images; that of |x| is a third to all of the error, and an
+//             eighth at y = 0.
+//
+// Writes trained_networks.txt: y, sqrt(y), and x of each network of the
+// ensemble; trained_networks.gp draws it.
+//
+// Exits with 0 if the tanh networks' answers inside of the training data are
+// within kTolerance of the truth, and the file is written.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "../tutorials/01_flight.h"
+#include "Eigen/Core"
+#include "ceres/autodiff_cost_function.h"
+#include "ceres/problem.h"
+#include "ceres/sized_cost_function.h"
+#include "ceres/solver.h"
+#include "glog/logging.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/core/blas.h"
+#include "invgrad/io/numpy_random.h"
+#include "invgrad/train/train.h"
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::VectorXd;
+using invgrad::Activation;
+using invgrad::DenseNetwork;
+
+using Places = std::vector<Vector2d>;  // t_i [m]
+
+constexpr int kNumSeeds = 5;
+constexpr double kTolerance = 0.05;  // of p [m]
+
+// --- The surrogate ---
+
+struct TrainedNetwork {
+  DenseNetwork network;
+  VectorXd weights;
+};
+
+// Places up to 9 m away, from 1 m below to 2 m above.
+TrainedNetwork TrainThrower(Activation activation, int seed) {
+  constexpr int kNumSamples = 1024;
+  DenseNetwork network({2, 24, 24, 2}, activation);
+  const invgrad::Model model(
+      network,
+      std::make_shared<invgrad::AutoDiffSimulator<Flight, 2, 2>>(),
+      std::make_shared<invgrad::SquaredNormLoss>(2, 0.5),
+      invgrad::Reduction::kMean);
+  invgrad::NumpyRandom random(0);
+  MatrixXd targets(2, kNumSamples);
+  for (auto target : targets.colwise()) {
+    target[0] = random.Uniform(-9.0, 9.0);
+    target[1] = random.Uniform(-1.0, 2.0);
+  }
+  invgrad::TrainOptions options;
+  options.max_num_steps = 300;
+  options.batch_size = 64;
+  options.seed = seed;
+  const invgrad::TrainResult result = invgrad::Train(
+      model,
+      {targets, targets},
+      "newton/numerical/half_inverse:step_size=auto:y_step_size=0.3",
+      options);
+  CHECK(result.error.empty()) << result.error;
+  return {std::move(network), result.weights};
+}
+
+// f(t - (p, 0)) and its derivative with respect to p.
+class SurrogateThrow final : public ceres::SizedCostFunction<2, 1> {
+ public:
+  SurrogateThrow(const TrainedNetwork* thrower, Vector2d place)
+      : thrower_(*thrower), place_(std::move(place)) {}
+
+  bool Evaluate(double const* const* p,
+                double* x,
+                double** dx_dp) const override {
+    const MatrixXd y = place_ - Vector2d(p[0][0], 0.0);
+    DenseNetwork::Activations pass;
+    thrower_.network.Forward(thrower_.weights, y, false, &pass);
+    Eigen::Map<Vector2d>{x} = pass.outputs;
+    if (dx_dp != nullptr && dx_dp[0] != nullptr) {
+      MatrixXd J;  // a column an output
+      thrower_.network.InputJacobians(thrower_.weights, pass, &J);
+      Eigen::Map<Vector2d>{dx_dp[0]} = -J.row(0).transpose();
+    }
+    return true;
+  }
+
+ private:
+  const TrainedNetwork& thrower_;
+  const Vector2d place_;
+};
+
+// w (P(x) - (t - (p, 0))); the other residual of a throw is x.
+struct Arrival {
+  Vector2d place;
+  template <typename T>
+  bool operator()(const T* p, const T* x, T* residual) const {
+    constexpr double kWeight = 1e4;
+    if (!Flight()(x, residual)) return false;
+    residual[0] = kWeight * (residual[0] - (place[0] - p[0]));
+    residual[1] = kWeight * (residual[1] - place[1]);
+    return true;
+  }
+};
+
+struct Velocity {
+  template <typename T>
+  bool operator()(const T* x, T* residual) const {
+    residual[0] = x[0];
+    residual[1] = x[1];
+    return true;
+  }
+};
+
+struct Design {
+  double p = 0.0;       // [m]
+  double energy = 0.0;  // 1/2 sum |x_i|^2 [J/kg]
+  int num_iterations = 0;
+};
+
+Design Solve(double* p, ceres::Problem* problem) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 200;
+  options.function_tolerance = 1e-12;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, problem, &summary);
+  return {
+      *p, summary.final_cost, static_cast<int>(summary.iterations.size()) - 1};
+}
+
+Design SolveBySurrogate(const TrainedNetwork& thrower, const Places& places) {
+  double p = 0.0;
+  ceres::Problem problem;
+  for (const Vector2d& place : places) {
+    problem.AddResidualBlock(new SurrogateThrow(&thrower, place), nullptr, &p);
+  }
+  return Solve(&p, &problem);
+}
+
+// With `fixed`, the least energy from there.
+Design SolveByPhysics(const Places& places,
+                      std::optional<double> fixed = std::nullopt) {
+  double p = fixed.value_or(0.0);
+  std::vector<Vector2d> x(places.size(), Vector2d(0.0, 5.0));
+  ceres::Problem problem;
+  for (size_t i = 0; i < places.size(); ++i) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Velocity, 2, 2>(new Velocity),
+        nullptr,
+        x[i].data());
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Arrival, 2, 1, 2>(
+                                 new Arrival{places[i]}),
+                             nullptr,
+                             &p,
+                             x[i].data());
+  }
+  if (fixed.has_value()) problem.SetParameterBlockConstant(&p);
+  return Solve(&p, &problem);
+}
+
+// d2/dp2 of the surrogate's energy: the part of Gauss-Newton, and all.
+std::pair<double, double> Curvatures(const TrainedNetwork& thrower,
+                                     const Places& places,
+                                     double p) {
+  constexpr double kShift = 1e-6;
+  double gauss_newton = 0.0;
+  double rest = 0.0;
+  for (const Vector2d& place : places) {
+    const SurrogateThrow surrogate(&thrower, place);
+    std::array<Vector2d, 3> x, dx_dp;  // at p - kShift, p, p + kShift
+    for (int i = 0; i < 3; ++i) {
+      const double at = p + (i - 1) * kShift;
+      const double* parameters = &at;
+      double* jacobian = dx_dp[i].data();
+      surrogate.Evaluate(&parameters, x[i].data(), &jacobian);
+    }
+    gauss_newton += dx_dp[1].squaredNorm();
+    rest += x[1].dot(dx_dp[2] - dx_dp[0]) / (2.0 * kShift);
+  }
+  return {gauss_newton, gauss_newton + rest};
+}
+
+// The largest distance by which the surrogate's throws miss.
+double LargestMiss(const TrainedNetwork& thrower,
+                   const Places& places,
+                   double p) {
+  double largest = 0.0;
+  for (const Vector2d& place : places) {
+    const Vector2d wanted = place - Vector2d(p, 0.0);
+    const VectorXd x = thrower.network.Outputs(thrower.weights, wanted);
+    Vector2d y;
+    Flight()(x.data(), y.data());
+    largest = std::max(largest, (y - wanted).norm());
+  }
+  return largest;
+}
+
+double Deviation(const VectorXd& values) {
+  return std::sqrt((values.array() - values.mean()).square().sum() /
+                   static_cast<double>(values.size() - 1));
+}
+
+// Prints a row a network; returns the largest error of p.
+double PrintDesigns(const Places& places,
+                    const std::vector<TrainedNetwork>& throwers) {
+  constexpr double kShift = 1e-2;
+  const Design truth = SolveByPhysics(places);
+  const auto lost = [&](double p) {
+    return SolveByPhysics(places, p).energy - truth.energy;
+  };
+  const double curvature =
+      (lost(truth.p + kShift) + lost(truth.p - kShift)) / (kShift * kShift);
+  std::printf(
+      "           p [m]   error  miss [m]  energy lost  curvature  of it "
+      "Gauss-Newton  iterations\n");
+  std::printf(
+      "physics %8.4f       -         -            -  %9.2f  %18s  %10d\n",
+      truth.p,
+      curvature,
+      "-",
+      truth.num_iterations);
+  VectorXd p(throwers.size());
+  for (size_t i = 0; i < throwers.size(); ++i) {
+    const TrainedNetwork& thrower = throwers[i];
+    const Design design = SolveBySurrogate(thrower, places);
+    const auto [gauss_newton, all] = Curvatures(thrower, places, truth.p);
+    p[i] = design.p;
+    std::printf("%-7s %8.4f %7.4f  %8.3f %11.4f%%  %9.2f  %18.2f  %10d\n",
+                thrower.network.hidden_activation() == Activation::kTanh
+                    ? "tanh"
+                    : "ReLU",
+                design.p,
+                design.p - truth.p,
+                LargestMiss(thrower, places, design.p),
+                100.0 * lost(design.p) / truth.energy,
+                all,
+                gauss_newton,
+                design.num_iterations);
+  }
+  std::printf("  mean %.4f, deviation %.4f\n", p.mean(), Deviation(p));
+  return (p.array() - truth.p).abs().maxCoeff();
+}
+
+// --- The ensemble ---
+
+struct Square {
+  template <typename T>
+  bool operator()(const T* x, T* y) const {
+    y[0] = x[0] * x[0];
+    return true;
+  }
+};
+
+// The pre-image on the side of x_now.
+std::optional<VectorXd> InvertSquare(const VectorXd& y, const VectorXd& x_now) {
+  if (y[0] < 0.0) return std::nullopt;
+  return VectorXd::Constant(1, std::copysign(std::sqrt(y[0]), x_now[0]));
+}
+
+// As compare --problem=multimodal --rules=sip:step_size=3e-3:schedule=linear trains it from
+// this seed in 2,000 steps.
+TrainedNetwork TrainRoot(int seed) {
+  constexpr int kNumSamples = 2000;
+  DenseNetwork network({1, 32, 32, 1}, Activation::kTanh);
+  const invgrad::Model model(
+      network,
+      std::make_shared<invgrad::AutoDiffSimulator<Square, 1, 1>>(),
+      std::make_shared<invgrad::SquaredNormLoss>(1, 0.5),
+      invgrad::Reduction::kMean);
+  const MatrixXd x =
+      1.0 - 2.0 * invgrad::NumpyRandom(0).Rand(1, kNumSamples).array();
+  invgrad::TrainOptions options;
+  options.max_num_steps = 2000;
+  options.batch_size = 100;
+  options.seed = seed;
+  options.inverse = invgrad::Inverse(InvertSquare);
+  const invgrad::TrainResult result =
+      invgrad::Train(model,
+                     {x.cwiseAbs2(), x.cwiseAbs2()},
+                     "sip:step_size=3e-3:schedule=linear",
+                     options);
+  CHECK(result.error.empty()) << result.error;
+  return {std::move(network), result.weights};
+}
+
+// x of every network, a row each, at the places y (1 x N).
+MatrixXd Roots(const std::vector<TrainedNetwork>& networks, const MatrixXd& y) {
+  MatrixXd x(networks.size(), y.cols());
+  for (size_t i = 0; i < networks.size(); ++i) {
+    x.row(i) = networks[i].network.Outputs(networks[i].weights, y);
+  }
+  return x;
+}
+
+// Returns false if the file cannot be written.
+bool PrintEnsemble(const std::vector<TrainedNetwork>& networks) {
+  const MatrixXd grid = VectorXd::LinSpaced(151, 0.0, 1.5).transpose();
+  const MatrixXd x = Roots(networks, grid);
+  std::ofstream file("trained_networks.txt");
+  for (Eigen::Index j = 0; j < grid.cols(); ++j) {
+    file << grid(j) << " " << std::sqrt(grid(j)) << " " << x.col(j).transpose()
+         << "\n";
+  }
+  // At y = 1.
+  const auto is_positive = (x.col(100).array() > 0.0).eval();
+  std::printf("%ld of %ld networks at x > 0\n",
+              static_cast<long>(is_positive.count()),
+              static_cast<long>(x.rows()));
+  std::printf(
+      "    y  sqrt y   x: mean  deviation   |x|: mean  deviation   error of "
+      "a network\n");
+  for (const double y :
+       {0.0, 0.01, 0.1, 0.25, 0.5, 0.75, 1.0, 1.1, 1.25, 1.5}) {
+    const VectorXd at = Roots(networks, MatrixXd::Constant(1, 1, y));
+    const VectorXd size = at.cwiseAbs();
+    std::printf("%5.2f  %6.4f  %8.4f  %9.4f  %10.4f  %9.4f  %18.4f\n",
+                y,
+                std::sqrt(y),
+                at.mean(),
+                Deviation(at),
+                size.mean(),
+                Deviation(size),
+                std::sqrt((size.array() - std::sqrt(y)).square().mean()));
+  }
+  return !file.flush().fail();
+}
+
+}  // namespace
+
+int main(int /*argc*/, char** argv) {
+  google::InitGoogleLogging(argv[0]);
+  invgrad::SetBlasThreads(1);
+  std::vector<TrainedNetwork> tanh, relu, roots;
+  for (int seed = 1; seed <= kNumSeeds; ++seed) {
+    tanh.push_back(TrainThrower(Activation::kTanh, seed));
+    relu.push_back(TrainThrower(Activation::kRelu, seed));
+  }
+  const Places inside = {{-4.0, 0.5}, {0.0, 1.0}, {7.0, 0.0}};
+  const Places outside = {{-10.0, 0.5}, {0.0, 1.0}, {13.0, 0.0}};
+  std::printf("Where to stand, all throws within the training data\n");
+  const double error = PrintDesigns(inside, tanh);
+  PrintDesigns(inside, relu);
+  std::printf("Where to stand, throws beyond the training data\n");
+  PrintDesigns(outside, tanh);
+  PrintDesigns(outside, relu);
+
+  for (int seed = 1; seed <= 20; ++seed) roots.push_back(TrainRoot(seed));
+  std::printf("An ensemble on y = x^2\n");
+  if (!PrintEnsemble(roots)) {
+    std::fprintf(stderr, "trained_networks.txt cannot be written\n");
+    return 1;
+  }
+  std::printf("truth %s (tolerance %g m)\n",
+              error < kTolerance ? "found" : "missed",
+              kTolerance);
+  return error < kTolerance ? 0 : 1;
+}
