@@ -59,6 +59,9 @@ struct Metric {
   // `x`: |x| x N, the network's outputs for the N samples of `data`. NaN if it
   // has no value.
   std::function<double(const Eigen::MatrixXd& x, const DataSet& data)> evaluate;
+  // What no network can get below, because the data do not determine it, if
+  // known.
+  std::optional<double> floor = std::nullopt;
 };
 
 struct LearningProblem {

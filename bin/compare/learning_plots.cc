@@ -1,6 +1,7 @@
 #include "bin/compare/learning_plots.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "bin/compare/field_plots.h"
@@ -27,6 +28,22 @@ Plot CurvePlot(const Runs& runs,
   return plot;
 }
 
+// A line below the curves.
+Series Floor(const Plot& plot, double value) {
+  double first = HistoryRow::kNone, last = HistoryRow::kNone;
+  for (const Series& series : plot.series) {
+    for (const double x : series.x) {
+      first = std::fmin(first, x);
+      last = std::fmax(last, x);
+    }
+  }
+  Series line;
+  line.title = "floor";
+  line.x = {first, last};
+  line.y = {value, value};
+  return line;
+}
+
 std::vector<Plot> LossPlots(const LearningProblem& problem, const Runs& runs) {
   // Uses the test loss if there is one.
   const bool has_test_data = problem.test.num_samples() > 0;
@@ -40,6 +57,9 @@ std::vector<Plot> LossPlots(const LearningProblem& problem, const Runs& runs) {
         CurvePlot(runs, problem.metric->name, &HistoryRow::metric, true));
   }
   MuteAllButTheLowest(&plots);
+  if (problem.metric.has_value() && problem.metric->floor.has_value()) {
+    plots.back().series.push_back(Floor(plots.back(), *problem.metric->floor));
+  }
   return plots;
 }
 

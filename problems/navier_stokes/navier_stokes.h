@@ -34,6 +34,7 @@ struct NavierStokesSettings {
   static constexpr double kSide = 128.0;
   static constexpr double kTime = 2.0;
   static constexpr int kNumSteps = 8;
+  static constexpr double kFluctuation = 0.1;  // deviation of a component of x*
 
   int cells = 64;  // a side
 

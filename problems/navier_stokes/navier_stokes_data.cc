@@ -105,8 +105,10 @@ Eigen::MatrixXd RandomNavierStokesFields(const NavierStokesSettings& settings,
         (middle - CentreOfMass(marker, settings)) / NavierStokesSettings::kTime;
     VectorXd velocity =
         SwirlVelocity(uniform, random->Uniform(-2.0, 2.0), settings);
-    velocity.head(n) += 0.1 * RandomField(grid, random);
-    velocity.tail(n) += 0.1 * RandomField(grid, random);
+    velocity.head(n) +=
+        NavierStokesSettings::kFluctuation * RandomField(grid, random);
+    velocity.tail(n) +=
+        NavierStokesSettings::kFluctuation * RandomField(grid, random);
     fields.col(i) << marker, velocity;
   }
   return fields;

@@ -1,5 +1,6 @@
 #include "problems/navier_stokes/navier_stokes_network.h"
 
+#include <cmath>
 #include <cstdint>
 #include <memory>
 
@@ -56,9 +57,11 @@ bool NavierStokesNetwork::Create(LearningProblem* problem,
   };
   problem->source = field.MakeSource(make_samples, "random flows", data_seed);
   problem->metric =
-      Metric{"velocity_error", [](const MatrixXd& x, const DataSet& samples) {
+      Metric{"velocity_error",
+             [](const MatrixXd& x, const DataSet& samples) {
                return MeanVelocityError(x, samples.solutions);
-             }};
+             },
+             NavierStokesSettings::kFluctuation * std::sqrt(0.5 * M_PI)};
   const auto simulator = std::make_shared<NavierStokesSimulator>(settings);
   problem->inverse = std::make_shared<TimeReversal>(
       simulator,

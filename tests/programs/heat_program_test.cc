@@ -66,7 +66,7 @@ TEST_F(HeatProgram, NetworksLeaveTheirFields) {
                             "dp_adam, x",
                             "sip, y",
                             "sip, x"}) {
-    end = script.find("set title '" + std::string(title) + "'", end);
+    end = script.find("set title \"" + std::string(title) + '"', end);
     EXPECT_NE(end, std::string::npos) << title;
   }
 }
