@@ -1,6 +1,7 @@
 #include "bin/compare/field_plots.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "fmt/core.h"
@@ -9,7 +10,6 @@ namespace invgrad {
 namespace {
 
 using Eigen::Index;
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr size_t kMaxNumRuns = 6;
@@ -129,16 +129,17 @@ Picture FieldsPicture(const LearningProblem& problem,
   panels.AddNetwork("initial weights", initial_weights);
   const auto score = problem.metric.has_value() ? &HistoryRow::metric
                                                 : &HistoryRow::train_loss;
-  std::vector<double> scores;
-  for (const LearningRunResult* run : runs) {
-    scores.push_back(run->last().*score);
-  }
-  std::sort(scores.begin(), scores.end());
-  for (const LearningRunResult* run : runs) {
-    if (scores.size() <= kMaxNumRuns ||
-        run->last().*score <= scores[kMaxNumRuns - 1]) {
-      panels.AddNetwork(run->label, run->weights);
-    }
+  // A value that is not a number is last.
+  const auto is_lower = [score](const LearningRunResult* a,
+                                const LearningRunResult* b) {
+    const double value = a->last().*score, other = b->last().*score;
+    return value < other || (std::isnan(other) && !std::isnan(value));
+  };
+  std::vector<const LearningRunResult*> best = runs;
+  std::stable_sort(best.begin(), best.end(), is_lower);
+  best.resize(std::min(best.size(), kMaxNumRuns));
+  for (const LearningRunResult* run : best) {
+    panels.AddNetwork(run->label, run->weights);
   }
   return panels.Take(path_png);
 }

@@ -25,8 +25,8 @@ Plot FieldPlot(const std::string& title,
 bool HasFields(const LearningProblem& problem);
 
 // The fields of the first test sample: the network's input, unless it is y*; y*
-// and x*; then P(x) and x of `initial_weights` and of each run. Of more than six
-// runs those with the lowest metric or, without one, the lowest loss.
+// and x*; then P(x) and x of `initial_weights` and of at most six runs, from the
+// lowest metric or, without one, the lowest loss.
 Picture FieldsPicture(const LearningProblem& problem,
                       const std::string& path_png,
                       const Eigen::VectorXd& initial_weights,

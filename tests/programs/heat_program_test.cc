@@ -46,8 +46,8 @@ TEST_F(HeatProgram, LargePointsLeaveNormsStatesAndPictures) {
   EXPECT_TRUE(std::filesystem::exists(Path("run") + "/fields.gp"));
 }
 
-// A row for the data, the initial weights and each method; a column for y and
-// x. The input is y*, and has no row.
+// A row for the data, the initial weights and each method, the best one first; a
+// column for y and x. The input is y*, and has no row.
 TEST_F(HeatProgram, NetworksLeaveTheirFields) {
   const Output output =
       Run({"--problem=heat:resolution=4:num_samples=4",
@@ -62,10 +62,10 @@ TEST_F(HeatProgram, NetworksLeaveTheirFields) {
                             "x*",
                             "initial weights, y",
                             "initial weights, x",
-                            "dp_adam, y",
-                            "dp_adam, x",
                             "sip, y",
-                            "sip, x"}) {
+                            "sip, x",
+                            "dp_adam, y",
+                            "dp_adam, x"}) {
     end = script.find("set title \"" + std::string(title) + '"', end);
     EXPECT_NE(end, std::string::npos) << title;
   }

@@ -16,9 +16,9 @@
 // Cost:    one loss; a general Newton step adds one Hessian and size^3 / 3
 //          operations (saddle-free: 9 size^3).
 // Fails:   returns false if the loss has no finite value, if H_L is singular
-//          (Newton), or if the loss does not form it (both Newton steps). The saddle-free step is zero along eigenvectors whose
-//          |eigenvalue| is below 1e-12 of the largest: L does not depend on
-//          them.
+//          (Newton), or if the loss does not form it (both Newton steps). The
+//          saddle-free step is zero along eigenvectors whose |eigenvalue| is
+//          below 1e-12 of the largest: L does not depend on them.
 //
 // Source:  Holl, Koltun, Thuerey, arXiv 2109.15048, section 3.2; PBDL, chapter
 //          physgrad-nn.

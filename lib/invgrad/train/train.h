@@ -13,8 +13,8 @@
 //
 // Time is the wall-clock time of the steps or, with cpu_time, the processor's, of
 // all threads: that compares methods fairly on a busy machine. Evaluations,
-// callbacks and checkpoints are not counted. Losses are evaluated before the first step,
-// after the epochs of IsEvaluationEpoch, and at the end of a phase.
+// callbacks and checkpoints are not counted. Losses are evaluated before the
+// first step, after the epochs of IsEvaluationEpoch, and at the end of a phase.
 //
 // Phases share the weights and the counts of steps, epochs and seconds. Each
 // phase has a new rule, its own schedule and patience, and begins with the
