@@ -20,7 +20,9 @@ struct UNetSettings {
     set->Add("network",
              &network,
              {"dense", "u_net"},
-             "u_net needs libtorch (u_net.h)");
+             HasTorch() ? "u_net needs libtorch (u_net.h)"
+                        : "u_net is not built: install libtorch (on Debian "
+                          "libtorch-dev), and build again in a new folder");
     set->Add("levels", &levels, {1.0, 8.0}, "resolutions of the U-net");
     set->Add("filters", &filters, {1.0, 256.0}, "channels of the U-net");
     set->Add("padding",

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "problems/torch/torch_networks.h"
 #include "tests/docs/pages.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
@@ -182,6 +183,8 @@ std::string PrintedPage(const std::string& page) {
 // docs/rules.md and docs/problems.md are printed from the tables.
 TEST(Docs, GeneratedPagesAreCurrent) {
   for (const std::string page : {"rules", "problems"}) {
+    // Without libtorch the problems say which of their networks are not built.
+    if (page == "problems" && !HasTorch()) continue;
     EXPECT_EQ(PrintedPage(page),
               ReadText(SourceRoot() / "docs" / (page + ".md")))
         << "docs/" << page << ".md is not what compare --list_markdown=" << page

@@ -9,6 +9,8 @@
 #include "Eigen/Core"
 #include "Eigen/LU"
 #include "gtest/gtest.h"
+#include "invgrad/chain/chain_jacobian.h"
+#include "invgrad/chain/dense_network.h"
 #include "invgrad/core/layer_jacobian.h"
 #include "tests/rules/layers.h"
 #include "tests/rules/step_of.h"
@@ -122,6 +124,79 @@ TEST(Kfac, AveragesItsFactors) {
   StepOf(forgetful.get(), first.At());
   EXPECT_EQ(StepOf(forgetful.get(), second.At()),
             StepOf("kfac:step_size=1:damping=0", second.At()));
+}
+
+// The factors of the first step, with the gradient of the second.
+TEST(Kfac, KeepsItsFactorsForAnInterval) {
+  LinearChain first;
+  LinearChain second;
+  second.inputs = RandomMatrix(4, 7, 12);
+  const auto rule = MakeRule("kfac:step_size=1:damping=0:interval=2");
+  StepOf(rule.get(), first.At());
+  MatrixXd with_bias = MatrixXd::Ones(5, 7);
+  with_bias.topRows(4) = first.inputs;
+  const MatrixXd A = with_bias * with_bias.transpose() / 7.0;
+  const MatrixXd D =
+      7.0 * first.simulator * first.c * first.simulator.transpose();
+  VectorXd gradient;
+  GaussNewton(second.At(), &gradient);
+  const MatrixXd expected =
+      -A.lu().solve(gradient.reshaped(5, 3)) * D.inverse();
+  ExpectNear(StepOf(rule.get(), second.At()), expected.reshaped(), 1e-9);
+}
+
+// The same chain, its J given by products.
+Linearization ByProducts(const LinearChain& chain) {
+  const auto network =
+      std::make_shared<DenseNetwork>(std::vector<int>{4, 3}, Activation::kTanh);
+  const VectorXd weights = RandomMatrix(network->num_weights(), 1, 1);
+  auto pass = network->NewPass();
+  std::string error;
+  EXPECT_TRUE(network->Forward(
+      weights, chain.inputs, Network::Derivatives::kFirst, pass.get(), &error));
+  std::vector<std::unique_ptr<const JacobianOperator>> simulators;
+  for (int s = 0; s < chain.num_samples; ++s) {
+    simulators.push_back(
+        std::make_unique<DenseJacobian>(MatrixXd(chain.simulator.transpose())));
+  }
+  Linearization at_x = chain.At();
+  at_x.jacobian = std::make_shared<ChainJacobian>(
+      network, weights, std::move(pass), std::move(simulators));
+  return at_x;
+}
+
+// The mean over random covectors, here 7 samples in 2000 steps, is the exact D.
+TEST(Kfac, SampledFactorsTendToTheExactOnes) {
+  const LinearChain chain;
+  const auto rule = MakeRule("kfac:step_size=1:damping=0.3:decay=0.99999");
+  const Linearization at_x = ByProducts(chain);
+  VectorXd step;
+  for (int k = 0; k < 2000; ++k) step = StepOf(rule.get(), at_x);
+  const VectorXd exact = StepOf("kfac:step_size=1:damping=0.3", chain.At());
+  ExpectNear(step, exact, 0.03);
+  EXPECT_GT((step - exact).norm(), 1e-6 * exact.norm());
+}
+
+TEST(Kfac, SampledFactorsResumeBitForBit) {
+  for (const std::string text : {"kfac", "kfac:interval=3:seed=5"}) {
+    LinearChain chain;
+    const auto whole = MakeRule(text);
+    const auto resumed = MakeRule(text);
+    for (int k = 0; k < 6; ++k) {
+      chain.inputs = RandomMatrix(4, 7, 20 + k);
+      if (k == 2) {
+        for (std::size_t i = 0; i < whole->MutableState().size(); ++i) {
+          *resumed->MutableState()[i] = *whole->MutableState()[i];
+        }
+      }
+      const VectorXd step = StepOf(whole.get(), ByProducts(chain));
+      if (k < 2) continue;
+      EXPECT_EQ(StepOf(resumed.get(), ByProducts(chain)), step);
+    }
+  }
+  // The seed decides on the covectors.
+  EXPECT_NE(StepOf("kfac", ByProducts({})),
+            StepOf("kfac:seed=1", ByProducts({})));
 }
 
 // docs/conventions.md, section 3: the damping is in units of the Hessian.

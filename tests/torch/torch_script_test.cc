@@ -54,6 +54,10 @@ TEST_F(TorchScriptTest, ComputesTheFunctionAndItsDerivatives) {
   EXPECT_EQ(network->num_inputs(), 3);
   EXPECT_EQ(network->num_outputs(), 2);
   ASSERT_EQ(network->num_weights(), 8);
+  // K-FAC finds the product with W; b is a weight of no layer.
+  ASSERT_EQ(network->FactorLayers().size(), 1u);
+  EXPECT_EQ(network->FactorLayers()[0],
+            Eigen::VectorXi::LinSpaced(6, 0, 5).reshaped(3, 2));
   const VectorXd weights = RandomMatrix(8, 1, 1);
   const MatrixXd inputs = RandomMatrix(3, 4, 2);
   // Row-major W, then b.

@@ -49,7 +49,7 @@ void ChainJacobian::Times(const VectorXd& v, VectorXd* Jv) const {
   }
 }
 
-void ChainJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
+MatrixXd ChainJacobian::OutputCovectors(const VectorXd& w) const {
   CHECK_EQ(w.size(), rows());
   MatrixXd x_bar(network_->num_outputs(), num_samples_);
   VectorXd product;
@@ -63,7 +63,16 @@ void ChainJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
       x_bar.col(s) = product;
     }
   }
-  network_->Backward(weights_, *pass_, x_bar, Jtw);
+  return x_bar;
+}
+
+void ChainJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
+  network_->Backward(weights_, *pass_, OutputCovectors(w), Jtw);
+}
+
+void ChainJacobian::FactorsAlong(const VectorXd& w,
+                                 SampledFactors* factors) const {
+  network_->Factors(weights_, *pass_, OutputCovectors(w), factors);
 }
 
 std::string ChainJacobian::RowName(int row) const {

@@ -38,8 +38,16 @@ class ChainJacobian final : public JacobianOperator {
   void TransposeTimes(const Eigen::VectorXd& w,
                       Eigen::VectorXd* Jtw) const override;
   std::string RowName(int row) const override;  // "row 12 (sample 3, output 0)"
+  std::vector<LayerColumns> FactorLayers() const override {
+    return network_->FactorLayers();
+  }
+  void FactorsAlong(const Eigen::VectorXd& w,
+                    SampledFactors* factors) const override;
 
  private:
+  // P'^T w: the covectors of the network's outputs.
+  Eigen::MatrixXd OutputCovectors(const Eigen::VectorXd& w) const;
+
   std::shared_ptr<const Network> network_;
   Eigen::VectorXd weights_;
   std::unique_ptr<const Network::Pass> pass_;

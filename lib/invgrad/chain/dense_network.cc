@@ -1,5 +1,6 @@
 #include "invgrad/chain/dense_network.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -215,6 +216,51 @@ void DenseNetwork::Backward(const VectorXd& weights,
     BackwardThroughLayer(
         l, weights, activations, activations.num_channels, *delta, &below);
     delta = &below;
+  }
+}
+
+std::vector<LayerColumns> DenseNetwork::FactorLayers() const {
+  std::vector<LayerColumns> layers;
+  for (int l = 0; l < num_layers(); ++l) {
+    layers.push_back(
+        Eigen::VectorXi::LinSpaced(layer_size(l), offset(l), offset(l + 1) - 1)
+            .reshaped(widths_[l] + 1, widths_[l + 1]));
+  }
+  return layers;
+}
+
+double DenseNetwork::FactorBytes(int num_columns) const {
+  return 2.0 * sizeof(double) * num_columns *
+         *std::max_element(widths_.begin(), widths_.end());
+}
+
+void DenseNetwork::Factors(const VectorXd& weights,
+                           const Pass& pass,
+                           const MatrixXd& output_covectors,
+                           SampledFactors* factors) const {
+  const auto& activations = dynamic_cast<const Activations&>(pass);
+  CHECK_EQ(activations.num_channels, 1);
+  CHECK_EQ(output_covectors.cols(), activations.num_columns());
+  factors->layers.resize(num_layers());
+  factors->others.setZero(num_weights());
+  MatrixXd delta = output_covectors;
+  MatrixXd below;
+  for (int l = num_layers() - 1; l >= 0; --l) {
+    const MatrixXd& a = activations.inputs[l];
+    SampledFactors::Layer& layer = factors->layers[l];
+    layer.A.resize(a.rows(), a.rows());
+    layer.D.resize(delta.rows(), delta.rows());
+    Gemm(Op::kNone,
+         Op::kTranspose,
+         1.0 / static_cast<double>(a.cols()),
+         a,
+         a,
+         0.0,
+         layer.A);
+    Gemm(Op::kNone, Op::kTranspose, 1.0, delta, delta, 0.0, layer.D);
+    if (l == 0) return;
+    BackwardThroughLayer(l, weights, activations, 1, delta, &below);
+    delta.swap(below);
   }
 }
 

@@ -115,6 +115,14 @@ class DenseNetwork final : public Network {
                const Eigen::VectorXd& weight_tangent,
                Eigen::MatrixXd* output_tangents) const override;
 
+  // Not for jets (CHECKed).
+  void Factors(const Eigen::VectorXd& weights,
+               const Pass& pass,
+               const Eigen::MatrixXd& output_covectors,
+               SampledFactors* factors) const override;
+  std::vector<LayerColumns> FactorLayers() const override;
+  double FactorBytes(int num_columns) const override;
+
   // The Jacobians dx/da: |a| x B |x|, column s |x| + i is the derivative of
   // x_{s,i} with respect to a_s. Cost: 2 n B |x|. Not for jets (CHECKed).
   void InputJacobians(const Eigen::VectorXd& weights,

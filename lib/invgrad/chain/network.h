@@ -4,10 +4,10 @@
 //   x = f(a; theta),   J = dx/dtheta
 //
 // The chain, the pull-backs and all rules that need only products with J work
-// with any network. DenseNetwork (dense_network.h) also has the factors of J,
-// from which the exact joint rules, K-FAC and Newton's method are computed, the
-// derivatives with respect to its input, and loops over time. Networks of
-// libtorch: invgrad/torch/torch_network.h.
+// with any network; K-FAC needs its FactorLayers. DenseNetwork (dense_network.h)
+// also has the factors of J, from which the exact joint rules and Newton's
+// method are computed, the derivatives with respect to its input, and loops over
+// time. Networks of libtorch: invgrad/torch/torch_network.h.
 //
 // Shapes:  theta: n = num_weights;  a: num_inputs x B, x: num_outputs x B, one
 //          column a sample.
@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "invgrad/core/sampled_factors.h"
 
 namespace invgrad {
 
@@ -104,6 +105,19 @@ class Network {
                        const Pass& pass,
                        const Eigen::VectorXd& weight_tangent,
                        Eigen::MatrixXd* output_tangents) const = 0;
+
+  // The layers of Factors; by default none.
+  virtual std::vector<LayerColumns> FactorLayers() const { return {}; }
+
+  // The factors of the layers (sampled_factors.h) for output covectors w:
+  // num_outputs x columns. NaN if it fails. A network with FactorLayers defines
+  // it.
+  virtual void Factors(const Eigen::VectorXd& /*weights*/,
+                       const Pass& /*pass*/,
+                       const Eigen::MatrixXd& /*output_covectors*/,
+                       SampledFactors* /*factors*/) const {}
+  // Estimated memory of Factors, in addition to BytesPerColumn.
+  virtual double FactorBytes(int /*num_columns*/) const { return 0.0; }
 };
 
 }  // namespace invgrad

@@ -82,6 +82,8 @@ JacobianOperator::ColumnBlocks() const {
   return {};
 }
 
+std::vector<LayerColumns> JacobianOperator::FactorLayers() const { return {}; }
+
 FunctionJacobian::FunctionJacobian(int rows,
                                    int cols,
                                    Product times,

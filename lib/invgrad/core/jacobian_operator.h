@@ -17,6 +17,7 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
+#include "invgrad/core/sampled_factors.h"
 
 namespace invgrad {
 
@@ -53,6 +54,12 @@ class JacobianOperator {
   // refer to this operator, which must outlive them.
   virtual std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
       const;
+
+  // The layers of a network that FactorsAlong knows; by default none.
+  virtual std::vector<LayerColumns> FactorLayers() const;
+  // Their factors for the covector w (m). Only with FactorLayers.
+  virtual void FactorsAlong(const Eigen::VectorXd& /*w*/,
+                            SampledFactors* /*factors*/) const {}
 };
 
 // J given by its two products.

@@ -35,6 +35,10 @@ struct JacobianSizes {
   std::vector<Layer> layers;
   // Memory of the factors that determine J, its Gram matrix and its layers.
   double factor_bytes = 0.0;
+  // The layers of SampledFactors, of a J that is given by products, and the
+  // memory of a call of FactorsAlong.
+  std::vector<Layer> sampled_layers;
+  double sampled_factor_bytes = 0.0;
 };
 
 class UpdateRule {

@@ -8,7 +8,7 @@
 //
 // G_l is the gradient J_l^T g in the layer's weights as a matrix, a_s and
 // delta_{s,j} the factors of layer_jacobian.h, N the number of a_s. In the k-th
-// step the factors are the averages
+// update, every `interval` steps, the factors become the averages
 //
 //   A <- e A + (1 - e) A of the batch,   e = min(1 - 1 / k, decay),
 //
@@ -16,6 +16,20 @@
 // minimizer along the direction of the Gauss-Newton model with the whole J and
 // the damping lambda. [1] also adapts lambda and adds momentum; here lambda is
 // constant and there is no momentum.
+//
+// A Jacobian that is given by products (a network of libtorch, or a simulator of
+// fields) has sampled factors (sampled_factors.h): convolutions count as dense
+// layers of their patches [2], with the cells as further samples, and
+//
+//   D = sum_t delta_t delta_t^T   for a random covector w ~ N(0, H_L) of y,
+//
+// whose mean over w is the D above: a gradient of the loss at a target drawn from
+// its Gauss-Newton model, as in [1]; step k = 0, 1, .. draws after
+// np.random.seed(seed + k). The weights of no layer (batch normalization) take
+//
+//   step_i = -eta G_i / (d_i + lambda)
+//
+// where d_i averages (J^T w)_i^2, whose mean over w is the diagonal of J^T H_L J.
 //
 // With one linear layer, a linear simulator, and a loss of constant H_L, J_l^T
 // H_L J_l is the Kronecker product itself: without damping and with eta = 1, the
@@ -25,7 +39,9 @@
 //          fan_out, with the bias in the last row.
 // Units:   lambda in [L] / [theta]^2; eta is a number.
 // Cost:    as kfac_rule.cc, with Cholesky factorizations in place of the
-//          eigenproblems, and fan_out products with H_L a layer.
+//          eigenproblems, and fan_out products with H_L a layer. Sampled: one
+//          product with J^T, and N (fan_in^2 + fan_out^2) a layer, where N also
+//          counts the cells.
 // Fails:   returns false if J has no layers (a network in front of a simulator
 //          has; a ceres::Problem has none), if g, J^T g or the step is not
 //          finite, if a damped factor is not positive definite (no damping, or
@@ -36,10 +52,13 @@
 //     Approximate Curvature. ICML 2015, sections 3, 4.2 (block diagonal), 5,
 //     6.3 and 6.4. arXiv 1503.05671. For a squared norm, the Fisher matrix of
 //     [1] is the Gauss-Newton matrix.
+// [2] Grosse, Martens. A Kronecker-factored approximate Fisher matrix for
+//     convolution layers. ICML 2016. arXiv 1602.01407.
 #include <lapacke.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <string>
@@ -61,6 +80,7 @@ using Eigen::Index;
 using Eigen::Map;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using Eigen::VectorXi;
 
 // The deltas times H_L, row by row.
 MatrixXd CurvedDeltas(const LayerJacobian& layer, const Linearization& at_x) {
@@ -99,6 +119,8 @@ class DampedKfacRule final : public UpdateRule {
     StepSizeOptions step_size{/*step_size=*/std::nullopt};
     double damping = 1e-3;
     double decay = 0.95;
+    int interval = 1;
+    int seed = 0;
 
     Options() { step_size.rho = 1.0; }
     void Describe(OptionSet* set) {
@@ -111,6 +133,14 @@ class DampedKfacRule final : public UpdateRule {
                &decay,
                {0.0, 1.0, false, true},
                "memory of the factors, at most; 0: those of the batch alone");
+      set->Add("interval",
+               &interval,
+               {1.0, 1e6},
+               "steps from one update of the factors to the next");
+      set->Add("seed",
+               &seed,
+               {0.0, std::numeric_limits<int>::max()},
+               "of the sampled factors, where J is given by products");
     }
   };
 
@@ -128,13 +158,32 @@ class DampedKfacRule final : public UpdateRule {
     const JacobianOperator& J = *at_x.jacobian;
     const auto blocks = J.ColumnBlocks();
     std::vector<const LayerJacobian*> layers;
-    if (!FindLayers(blocks, &layers, error)) return false;
+    std::vector<LayerColumns> columns = J.FactorLayers();
+    const bool is_sampled = !columns.empty();
+    if (!is_sampled) {
+      if (!FindLayers(blocks, &layers, error)) return false;
+      columns = ColumnsOf(layers);
+    }
     if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
     VectorXd direction;
     J.TransposeTimes(at_x.loss_gradient, &direction);
     if (!CheckFinite("J^T g", direction, error)) return false;
     const bool is_zero = direction.isZero(0.0);
-    if (!Precondition(at_x, layers, &direction, error)) return false;
+    const std::vector<Factors> factors =
+        FactorsOf(columns, is_sampled ? J.cols() : 0);
+    const long k = static_cast<long>(k_[0]);
+    if (k % options_.interval == 0) {
+      const double num_updates = static_cast<double>(k / options_.interval) + 1;
+      const double memory = std::min(1.0 - 1.0 / num_updates, options_.decay);
+      if (!is_sampled) {
+        Average(at_x, layers, memory, factors);
+      } else if (!Sample(at_x, memory, factors, error)) {
+        return false;
+      }
+    }
+    k_[0] += 1.0;
+    if (!Precondition(columns, factors, &direction, error)) return false;
+    if (is_sampled) PreconditionOthers(columns, &direction);
     double eta = options_.step_size.step_size.value_or(0.0);
     if (options_.step_size.is_auto() && !is_zero &&
         !FindStepSize(at_x, direction, &eta, error)) {
@@ -142,7 +191,7 @@ class DampedKfacRule final : public UpdateRule {
     }
     eta *= options_.step_size.ScheduleFactor(at_x.progress);
     *step = -eta * direction;
-    report_ = fmt::format("{} layers, step size {:.2g}", layers.size(), eta);
+    report_ = fmt::format("{} layers, step size {:.2g}", columns.size(), eta);
     return CheckFinite("the step", *step, error);
   }
 
@@ -156,88 +205,161 @@ class DampedKfacRule final : public UpdateRule {
   std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
     double squares = 0.0;
     double largest = 0.0;
-    for (const JacobianSizes::Layer& layer : J.layers) {
-      squares += layer.fan_in * layer.fan_in + layer.fan_out * layer.fan_out;
-      largest = std::max(largest,
-                         2.0 * layer.fan_in * layer.fan_in +
-                             2.0 * layer.fan_out * layer.fan_out +
-                             layer.fan_out * J.rows);
-    }
+    const auto add = [&](const JacobianSizes::Layer& layer, double curved) {
+      const double of_layer =
+          layer.fan_in * layer.fan_in + layer.fan_out * layer.fan_out;
+      squares += of_layer;
+      largest = std::max(largest, 2.0 * of_layer + curved);
+    };
+    for (const auto& layer : J.layers) add(layer, layer.fan_out * J.rows);
+    // Random covectors, and factors before they are averaged.
+    for (const auto& layer : J.sampled_layers) add(layer, 4.0 * J.rows);
+    if (!J.sampled_layers.empty()) squares = 2.0 * squares + J.cols;
     std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"factors of J", J.factor_bytes});
+    parts.push_back({"factors of J", J.factor_bytes + J.sampled_factor_bytes});
     parts.push_back({"averaged factors", sizeof(double) * squares});
     parts.push_back({"factorizations of a layer", sizeof(double) * largest});
     return parts;
   }
 
  private:
-  // Updates the factors, and multiplies the gradient by their damped inverses.
-  bool Precondition(const Linearization& at_x,
-                    const std::vector<const LayerJacobian*>& layers,
-                    VectorXd* gradient,
-                    std::string* error) {
-    Index size = 0;
+  // The averaged factors of a layer.
+  struct Factors {
+    Map<MatrixXd> A;
+    Map<MatrixXd> D;
+  };
+
+  static std::vector<LayerColumns> ColumnsOf(
+      const std::vector<const LayerJacobian*>& layers) {
+    std::vector<LayerColumns> columns;
+    int first = 0;
     for (const LayerJacobian* layer : layers) {
-      const Index fan_in = layer->inputs().rows();
-      const Index fan_out = layer->deltas().rows();
-      size += fan_in * fan_in + fan_out * fan_out;
+      const int size = layer->cols();
+      columns.push_back(
+          VectorXi::LinSpaced(size, first, first + size - 1)
+              .reshaped(layer->inputs().rows(), layer->deltas().rows()));
+      first += size;
+    }
+    return columns;
+  }
+
+  // The parts of factors_, after its first `num_others` entries.
+  std::vector<Factors> FactorsOf(const std::vector<LayerColumns>& layers,
+                                 Index num_others) {
+    Index size = num_others;
+    for (const LayerColumns& layer : layers) {
+      size += layer.rows() * layer.rows() + layer.cols() * layer.cols();
     }
     if (factors_.size() == 0) factors_.setZero(size);
     CHECK_EQ(factors_.size(), size)
         << "The network has changed; use a new update rule for each run.";
-    k_[0] += 1.0;
-    const double memory = std::min(1.0 - 1.0 / k_[0], options_.decay);
-    double* next = factors_.data();
-    Index column = 0;
+    double* next = factors_.data() + num_others;
+    std::vector<Factors> factors;
+    for (const LayerColumns& layer : layers) {
+      Map<MatrixXd> A(next, layer.rows(), layer.rows());
+      next += A.size();
+      Map<MatrixXd> D(next, layer.cols(), layer.cols());
+      next += D.size();
+      factors.push_back({A, D});
+    }
+    return factors;
+  }
+
+  static void Average(const Linearization& at_x,
+                      const std::vector<const LayerJacobian*>& layers,
+                      double memory,
+                      std::vector<Factors> factors) {
     for (std::size_t l = 0; l < layers.size(); ++l) {
       const LayerJacobian& layer = *layers[l];
-      const Index fan_in = layer.inputs().rows();
-      const Index fan_out = layer.deltas().rows();
-      Map<MatrixXd> A(next, fan_in, fan_in);
-      Map<MatrixXd> D(next + A.size(), fan_out, fan_out);
       Gemm(Op::kNone,
            Op::kTranspose,
            (1.0 - memory) / static_cast<double>(layer.inputs().cols()),
            layer.inputs(),
            layer.inputs(),
            memory,
-           A);
+           factors[l].A);
       Gemm(Op::kNone,
            Op::kTranspose,
            1.0 - memory,
            CurvedDeltas(layer, at_x),
            layer.deltas(),
            memory,
-           D);
-      if (!PreconditionLayer(A, D, gradient->segment(column, layer.cols()))) {
+           factors[l].D);
+    }
+  }
+
+  bool Sample(const Linearization& at_x,
+              double memory,
+              std::vector<Factors> factors,
+              std::string* error) {
+    // A resumed run needs only k.
+    VectorXd w;
+    DrawCovector(at_x,
+                 static_cast<std::uint32_t>(options_.seed) +
+                     static_cast<std::uint32_t>(k_[0]),
+                 &w);
+    if (!CheckFinite("a random covector", w, error)) return false;
+    SampledFactors sampled;
+    at_x.jacobian->FactorsAlong(w, &sampled);
+    if (!CheckFinite("J^T w", sampled.others, error)) return false;
+    CHECK_EQ(sampled.layers.size(), factors.size());
+    auto others = factors_.head(sampled.others.size());
+    others = memory * others + (1.0 - memory) * sampled.others.cwiseAbs2();
+    for (std::size_t l = 0; l < factors.size(); ++l) {
+      const SampledFactors::Layer& layer = sampled.layers[l];
+      factors[l].A = memory * factors[l].A + (1.0 - memory) * layer.A;
+      factors[l].D = memory * factors[l].D + (1.0 - memory) * layer.D;
+    }
+    return true;
+  }
+
+  // Multiplies the layers' gradient by their damped inverse factors.
+  bool Precondition(const std::vector<LayerColumns>& layers,
+                    const std::vector<Factors>& factors,
+                    VectorXd* gradient,
+                    std::string* error) const {
+    for (std::size_t l = 0; l < layers.size(); ++l) {
+      const auto columns = layers[l].reshaped();
+      MatrixXd G =
+          (*gradient)(columns).reshaped(layers[l].rows(), layers[l].cols());
+      if (!PreconditionLayer(factors[l].A, factors[l].D, &G)) {
         *error = fmt::format(
             "layer {}: a damped factor is not positive definite; a larger "
             "damping may help",
             l);
         return false;
       }
-      next += A.size() + D.size();
-      column += layer.cols();
+      (*gradient)(columns) = G.reshaped();
     }
     return true;
   }
 
+  // The weights of no layer.
+  void PreconditionOthers(const std::vector<LayerColumns>& layers,
+                          VectorXd* gradient) const {
+    VectorXd others =
+        factors_.head(gradient->size()).array() + options_.damping;
+    for (const LayerColumns& layer : layers) others(layer.reshaped()).setOnes();
+    // Without damping, a weight without influence stays.
+    for (Index i = 0; i < others.size(); ++i) {
+      if ((*gradient)[i] != 0.0) (*gradient)[i] /= others[i];
+    }
+  }
+
   bool PreconditionLayer(const Eigen::Ref<const MatrixXd>& A,
                          const Eigen::Ref<const MatrixXd>& D,
-                         Eigen::Ref<VectorXd> gradient) const {
+                         MatrixXd* G) const {
     const double mean_A = A.trace() / static_cast<double>(A.rows());
     const double mean_D = D.trace() / static_cast<double>(D.rows());
     // Without a trace there is nothing to balance.
     const double pi =
         mean_A > 0.0 && mean_D > 0.0 ? std::sqrt(mean_A / mean_D) : 1.0;
     const double damping = std::sqrt(options_.damping);
-    Map<MatrixXd> G(gradient.data(), A.rows(), D.rows());
-    if (G.isZero(0.0)) return true;  // a dead layer has no curvature
-    MatrixXd X = G;
-    if (!SolveDamped(A, pi * damping, &X)) return false;
-    X.transposeInPlace();
-    if (!SolveDamped(D, damping / pi, &X)) return false;
-    G = X.transpose();
+    if (G->isZero(0.0)) return true;  // a dead layer has no curvature
+    if (!SolveDamped(A, pi * damping, G)) return false;
+    G->transposeInPlace();
+    if (!SolveDamped(D, damping / pi, G)) return false;
+    G->transposeInPlace();
     return true;
   }
 
@@ -253,7 +375,7 @@ class DampedKfacRule final : public UpdateRule {
   }
 
   const Options options_;
-  VectorXd factors_;  // A and D of each layer
+  VectorXd factors_;  // sampled: d; A and D of each layer
   VectorXd k_ = VectorXd::Zero(1);
   std::string report_;
 };

@@ -1,13 +1,17 @@
-// The layers of a network's Jacobian, for the rules with Kronecker factors.
+// The layers of a network's Jacobian, for the rules with Kronecker factors, and
+// random covectors for the factors of a Jacobian that is given by products.
 #ifndef INVGRAD_RULES_KFAC_LAYERS_H_
 #define INVGRAD_RULES_KFAC_LAYERS_H_
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/linearization.h"
 
 namespace invgrad {
 
@@ -17,6 +21,16 @@ bool FindLayers(
     const std::vector<std::unique_ptr<const JacobianOperator>>& blocks,
     std::vector<const LayerJacobian*>* layers,
     std::string* error);
+
+// *w = H_L^(1/2) z (m) for standard normal z, after np.random.seed(seed): a
+// gradient of the loss at targets that are drawn from its Gauss-Newton model. The
+// root is Lanczos' [1], exact if H_L has few distinct eigenvalues, which the
+// squared norm has; negative eigenvalues count as zero.
+//
+// [1] Higham. Functions of Matrices. SIAM 2008, section 13.2.2.
+void DrawCovector(const Linearization& at_x,
+                  std::uint32_t seed,
+                  Eigen::VectorXd* w);
 
 }  // namespace invgrad
 

@@ -8,7 +8,9 @@
 #include "glog/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/torch/peak_memory.h"
+#include "invgrad/torch/torch_factors.h"
 #include "invgrad/torch/torch_message.h"
+#include "invgrad/torch/torch_tensors.h"
 #include "invgrad/torch/torch_trial.h"
 #include "torch/csrc/autograd/forward_grad.h"
 
@@ -18,8 +20,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using torch::Tensor;
-
-using DoubleMap = Eigen::Map<const MatrixXd>;
 
 int64_t Product(const std::vector<int64_t>& shape) {
   return std::accumulate(
@@ -65,6 +65,13 @@ class TorchNetwork final : public Network {
                           NumpyRandom* random) const override;
   std::vector<int> WeightBlocks() const override;
   double BytesPerColumn() const override { return bytes_per_column_; }
+  std::vector<LayerColumns> FactorLayers() const override {
+    return layers_.columns;
+  }
+  double FactorBytes(int num_columns) const override {
+    return kMemoryOverTensors *
+           (num_columns * layers_.bytes_per_column + layers_.bytes_of_patches);
+  }
 
   struct TorchPass final : Pass {
     Tensor input;
@@ -88,6 +95,10 @@ class TorchNetwork final : public Network {
                const Pass& pass,
                const VectorXd& weight_tangent,
                MatrixXd* output_tangents) const override;
+  void Factors(const VectorXd& weights,
+               const Pass& pass,
+               const MatrixXd& output_covectors,
+               SampledFactors* factors) const override;
 
  private:
   TorchNetwork(const std::function<TorchFunction()>& make,
@@ -96,7 +107,7 @@ class TorchNetwork final : public Network {
 
   // Parts of Make.
   bool TakeParameters(std::string* error);
-  void MeasureMemory();
+  void Measure();
 
   torch::ScalarType type() const {
     return options_.double_precision ? torch::kDouble : torch::kFloat;
@@ -113,13 +124,6 @@ class TorchNetwork final : public Network {
     shape.insert(shape.begin(), inputs.cols());
     return ToTensor(inputs).view(shape);
   }
-  static MatrixXd ToColumns(const Tensor& tensor) {
-    const Tensor values = tensor.detach().to(torch::kDouble).contiguous();
-    const int64_t num_columns = values.size(0);
-    return DoubleMap(
-        values.data_ptr<double>(), values.numel() / num_columns, num_columns);
-  }
-  static VectorXd Flatten(const std::vector<Tensor>& tensors);
   // Views of a vector with the shapes of the parameters.
   std::vector<Tensor> Split(const VectorXd& vector) const;
 
@@ -134,6 +138,7 @@ class TorchNetwork final : public Network {
   std::vector<int64_t> output_shape_;
   VectorXd initial_weights_;
   double bytes_per_column_ = 0.0;
+  TorchLayers layers_;
 
   mutable std::mutex mutex_;  // of the following
   mutable TorchFunction function_;
@@ -149,20 +154,6 @@ std::vector<Tensor> TrainableParameters(const TorchFunction& function) {
     if (tensor.requires_grad()) tensors.push_back(tensor);
   }
   return tensors;
-}
-
-VectorXd TorchNetwork::Flatten(const std::vector<Tensor>& tensors) {
-  int64_t size = 0;
-  for (const Tensor& tensor : tensors) size += tensor.numel();
-  VectorXd vector(size);
-  int64_t first = 0;
-  for (const Tensor& tensor : tensors) {
-    const Tensor values = tensor.detach().to(torch::kDouble).contiguous();
-    vector.segment(first, values.numel()) =
-        Eigen::Map<const VectorXd>(values.data_ptr<double>(), values.numel());
-    first += values.numel();
-  }
-  return vector;
 }
 
 std::vector<Tensor> TorchNetwork::Split(const VectorXd& vector) const {
@@ -192,7 +183,7 @@ bool TorchNetwork::TakeParameters(std::string* error) {
   return true;
 }
 
-void TorchNetwork::MeasureMemory() {
+void TorchNetwork::Measure() {
   // Linear in the number of samples.
   const auto peak = [this](int num_samples) {
     const MatrixXd inputs = MatrixXd::Constant(num_inputs(), num_samples, 0.5);
@@ -204,7 +195,15 @@ void TorchNetwork::MeasureMemory() {
     if (Forward(initial_weights_, inputs, Derivatives::kFirst, &pass, &error)) {
       Backward(initial_weights_, pass, outputs, &gradient);
     }
-    return memory.bytes();
+    const double bytes = memory.bytes();
+    try {
+      if (pass.output.defined()) {
+        layers_ = FindTorchLayers(pass.output, parameters_);
+      }
+    } catch (const std::exception& exception) {
+      layers_ = {};  // for example inputs that the module overwrites
+    }
+    return bytes;
   };
   const double of_two = peak(2);
   bytes_per_column_ = kMemoryOverTensors * (peak(4) - of_two) / 2.0 +
@@ -236,7 +235,7 @@ std::shared_ptr<const TorchNetwork> TorchNetwork::Make(
                                                      error)) {
     return nullptr;
   }
-  network->MeasureMemory();
+  network->Measure();
   network->name_ = options.name + ", " +
                    std::to_string(network->num_weights()) + " weights, " +
                    ShapeText(options.input_shape) + " to " +
@@ -366,6 +365,25 @@ void TorchNetwork::Tangent(const VectorXd& weights,
   } catch (const std::exception& exception) {
     LOG(ERROR) << "the network's tangent fails: " << TorchMessage(exception);
     output_tangents->setConstant(num_outputs(), pass.num_columns(), NAN);
+  }
+}
+
+void TorchNetwork::Factors(const VectorXd& weights,
+                           const Pass& pass,
+                           const MatrixXd& output_covectors,
+                           SampledFactors* factors) const {
+  const auto& torch_pass = dynamic_cast<const TorchPass&>(pass);
+  CHECK_EQ(output_covectors.rows(), num_outputs());
+  CHECK_EQ(output_covectors.cols(), pass.num_columns());
+  const std::lock_guard<std::mutex> lock(mutex_);
+  try {
+    const Tensor& output = Differentiable(weights, torch_pass);
+    *factors = TorchFactors(
+        output, ToTensor(output_covectors).view(output.sizes()), parameters_);
+  } catch (const std::exception& exception) {
+    LOG(ERROR) << "the network's factors fail: " << TorchMessage(exception);
+    *factors = {};
+    factors->others.setConstant(num_weights(), NAN);
   }
 }
 

@@ -31,7 +31,14 @@ JacobianSizes SizesOfJacobian(const Model& model,
   JacobianSizes J;
   J.rows = num_outputs * batch_size;
   J.cols = model.num_weights();
-  if (!model.has_factors()) return J;
+  if (!model.has_factors()) {
+    for (const LayerColumns& layer : model.network().FactorLayers()) {
+      J.sampled_layers.push_back({1.0 * layer.rows(), 1.0 * layer.cols()});
+    }
+    J.sampled_factor_bytes =
+        model.network().FactorBytes(static_cast<int>(batch_size));
+    return J;
+  }
   const auto& widths = model.dense_network()->widths();
   for (int l = 0; l < model.dense_network()->num_layers(); ++l) {
     J.layers.push_back({widths[l] + 1.0, 1.0 * widths[l + 1]});
@@ -86,6 +93,8 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
     AddLinearization(model, needs.hessian, batch_size, &parts);
     return parts;
   }
+  // J of the proxy is that of the network.
+  if (model.dense_network() == nullptr) return parts;
   // The proxy's Jacobian and Hessian in the network's outputs.
   const double bytes = kDouble * model.network().num_outputs() * J.rows;
   if (needs.jacobian) parts.push_back({"Jacobians of the proxy", bytes});
