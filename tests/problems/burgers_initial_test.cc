@@ -68,6 +68,18 @@ TEST(BurgersInitial, SecondOrderMethodsFindTheSimulatedTarget) {
   }
 }
 
+TEST(BurgersInitial, TruncatedGaussNewtonFindsThePublishedTargetIn10Steps) {
+  for (const char* iterations : {"20", "30", "40"}) {
+    EXPECT_LT(Minimize("published",
+                       std::string("krylov:kappa=1:step_size=40:iterations=") +
+                           iterations,
+                       10)
+                  .final_cost,
+              1e-8)
+        << iterations;
+  }
+}
+
 TEST(BurgersInitial, HalfInverseFindsThePublishedTarget) {
   EXPECT_LT(
       Minimize("published", "half_inverse:step_size=40:truncation=3e-3", 20)
