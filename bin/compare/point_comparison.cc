@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <iostream>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <utility>
 
+#include "bin/compare/counted_simulator.h"
 #include "bin/compare/field_plots.h"
 #include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
@@ -65,11 +68,31 @@ Table PointTable(const PointProblem& problem,
     if (!is_printed) {
       add("mean |x - x*|", NumberOrDash(error.cwiseAbs().mean()));
     }
+    if (!problem.simulator->forms_jacobian()) {
+      add("calls", FormatNumber(has_run ? path.calls.back() : kNan));
+    }
     add("s", FormatNumber(path.summary.total_time_in_seconds));
     table.Add("status", path.status, Table::Align::kLeft);
   }
   return table;
 }
+
+// Records the calls before each step.
+class CallRecorder final : public ceres::IterationCallback {
+ public:
+  CallRecorder(const CountedSimulator* simulator, std::vector<double>* calls)
+      : simulator_(simulator), calls_(calls) {}
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& /*iteration*/) override {
+    calls_->push_back(static_cast<double>(simulator_->num_calls()));
+    return ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const CountedSimulator* simulator_;
+  std::vector<double>* calls_;
+};
 
 // The results of the runs if x is too large to print; fields for `panels`.
 bool WriteFinalStates(const PointProblem& problem,
@@ -129,7 +152,16 @@ bool TracePath(const PointProblem& problem,
   options.parameter_tolerance = 0.0;
   LiveCallback live(method.label);
   options.callbacks.push_back(&live);
-  ChainObjective objective = problem.MakeObjective();
+  PointProblem counted = problem;
+  std::optional<CallRecorder> recorder;
+  if (!problem.simulator->forms_jacobian()) {
+    const auto simulator =
+        std::make_shared<CountedSimulator>(problem.simulator);
+    counted.simulator = simulator;
+    options.callbacks.push_back(
+        &recorder.emplace(simulator.get(), &path->calls));
+  }
+  ChainObjective objective = counted.MakeObjective();
   if (!MinimizeByMethod(method,
                         options,
                         problem.inverse,
@@ -139,6 +171,8 @@ bool TracePath(const PointProblem& problem,
                         error)) {
     return false;
   }
+  // An iteration that failed has no point.
+  if (recorder.has_value()) path->calls.resize(path->x.size(), kNan);
   const auto& iterations = path->summary.iterations;
   // A failed step is not in the path: the last point is the last good one.
   for (size_t k = 0; k < path->x.size(); ++k) {
@@ -172,6 +206,7 @@ bool WritePathCsv(const std::string& prefix,
     }
   } else {
     csv += ",x_norm,distance,seconds";
+    if (!path.calls.empty()) csv += ",calls";
   }
   for (size_t k = 0; k < path.x.size(); ++k) {
     std::vector<double> row = {path.loss[k]};
@@ -181,6 +216,7 @@ bool WritePathCsv(const std::string& prefix,
     } else {
       row.insert(row.end(),
                  {path.x[k].norm(), path.distance[k], path.seconds[k]});
+      if (!path.calls.empty()) row.push_back(path.calls[k]);
     }
     csv += fmt::format("\n{},{:.17g}", k, fmt::join(row, ","));
   }

@@ -5,7 +5,10 @@
 //   DIR/loss.png                L against iterations
 //
 // With more than kMaxPrintedSize unknowns path-METHOD.csv has iteration, L,
-// |x|, |x - x*| and seconds, and there are also:
+// |x|, |x - x*| and seconds, then calls if the simulator does not form its
+// Jacobian: the values and products that the method has computed until then
+// (counted_simulator.h); the calls of a known inverse are not counted. There
+// are also:
 //
 //   DIR/x-METHOD.npy            the final x
 //   DIR/x-true.npy              x*, if it is known
@@ -37,6 +40,7 @@ struct PointPath {
   std::vector<double> loss;        // L at x_k; NaN where it is not finite
   std::vector<double> distance;    // |x_k - x*|; NaN if x* is not known
   std::vector<double> seconds;     // since the start; NaN where not recorded
+  std::vector<double> calls;       // of a simulator of fields; empty: another
   MinimizerSummary summary;
   std::string status;
 

@@ -139,6 +139,34 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   ExpectDrawn(folder, "05_robot_simulator");
 }
 
+// The checks depend on no budget.
+TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.05 --folder='" + (folder / "") + "'",
+                  folder / "out",
+                  "09_flow_simulator");
+  EXPECT_EQ(exit_code, 0) << text;
+  const auto number = [&text = text](const std::string& label) {
+    const size_t at = text.find(label);
+    EXPECT_NE(at, std::string::npos) << label << " in: " << text;
+    return at == std::string::npos ? 1.0
+                                   : std::stod(text.substr(at + label.size()));
+  };
+  EXPECT_LT(number("adjoint identity: "), 1e-12);
+  EXPECT_LT(number("tangent, h = 1e-03: "), 1e-5);
+  // Order 2.
+  EXPECT_NEAR(std::log10(number("tangent, h = 1e-02: ") /
+                         number("tangent, h = 1e-03: ")),
+              2.0,
+              0.35);
+  for (const char* word :
+       {"gradient_descent", "adam", "krylov", "hessian_free"}) {
+    EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+  }
+  ExpectDrawn(folder, "09_flow_simulator");
+}
+
 // Line for line, but for motions: which of several that are as good is told
 // may depend on rounding.
 TEST(RankReportTutorial, PrintsWhatThePageShows) {

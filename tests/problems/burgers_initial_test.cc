@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/SVD"
 #include "gtest/gtest.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/minimize/chain_objective.h"
@@ -68,11 +69,42 @@ TEST(BurgersInitial, SecondOrderMethodsFindTheSimulatedTarget) {
   }
 }
 
+TEST(BurgersInitial, TruncatedGaussNewtonFindsThePublishedTargetIn10Steps) {
+  for (const char* iterations : {"20", "30", "40"}) {
+    EXPECT_LT(Minimize("published",
+                       std::string("krylov:kappa=1:step_size=40:iterations=") +
+                           iterations,
+                       10)
+                  .final_cost,
+              1e-8)
+        << iterations;
+  }
+}
+
 TEST(BurgersInitial, HalfInverseFindsThePublishedTarget) {
   EXPECT_LT(
       Minimize("published", "half_inverse:step_size=40:truncation=3e-3", 20)
           .final_cost,
       1e-8);
+}
+
+// Why the published target needs short steps: the first one makes the shock.
+TEST(BurgersInitial, TheShockTakesHalfOfTheSingularValues) {
+  const PointProblem problem = Create("published");
+  const auto singular_values = [&problem](const VectorXd& x) {
+    Eigen::MatrixXd J(128, 128);  // transposed
+    VectorXd y(128);
+    EXPECT_TRUE(
+        problem.simulator->Evaluate(x.data(), nullptr, y.data(), J.data()));
+    return VectorXd(Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues());
+  };
+  const VectorXd smooth = singular_values(problem.start);
+  EXPECT_GT(smooth[127], 0.8);
+  EXPECT_LE(smooth[0], 1.0 + 1e-12);
+  const VectorXd shock = singular_values(40.0 / 64.0 * problem.target);
+  const auto num_small = (shock.array() < 1e-2 * shock[0]).count();
+  EXPECT_GT(num_small, 40);
+  EXPECT_LT(num_small, 70);
 }
 
 TEST(BurgersInitial, DerivativesAgree) {
