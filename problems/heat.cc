@@ -93,7 +93,13 @@ bool HeatNetwork<kDimensions>::Create(LearningProblem* problem,
   problem->source =
       field.MakeSource(make_samples, "random rectangles", data_seed);
   problem->metric =
-      metric == "x_l1" ? SolutionDistance(metric) : SolutionLoss(metric);
+      metric == "x_loss" ? SolutionLoss(metric) : SolutionDistance(metric);
+  if (metric == "x_l1_cut") {
+    problem->metric->evaluate = [](const Eigen::MatrixXd& x,
+                                   const DataSet& samples) {
+      return (x.cwiseMax(0.0) - samples.solutions).cwiseAbs().mean();
+    };
+  }
   problem->inverse =
       std::make_shared<HeatInverse>(simulator, physics.uncertainty);
   problem->input_shape = {1, rows, n};

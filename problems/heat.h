@@ -17,9 +17,9 @@
 //          decays by 5e-5 at n = 16, by 1e-69 at n = 64.
 // Shapes:  network input, x, y: n^2, row by row, or n in one dimension.
 // Inverse: heat_inverse.h, local.
-// Metric:  x_l1 = mean |x - x_gt|, over samples and cells; or metric=x_loss, the
-//          mean over the samples of 1/2 |x - x_gt|^2. L is insensitive to most
-//          modes of x.
+// Metric:  x_l1 = mean |x - x_gt|, over samples and cells; or metric=x_l1_cut, the
+//          same for max(x, 0), as published; or metric=x_loss, the mean over the
+//          samples of 1/2 |x - x_gt|^2. L is insensitive to most modes of x.
 // Data:    random rectangles of heat; a cell holds the mean over its area:
 //            x_gt = sum_{i < c} s_i 1[|r - p_i| <= h_i],   c = floor(4 + 7 U)
 //            per axis p_i = 32 + 51.2 (U - 1/2), h_i = 10 U, then p_i is moved
@@ -86,7 +86,10 @@ struct HeatNetwork {
   void Describe(OptionSet* set) {
     physics.Describe(kDimensions == 2 ? 64 : 1024, set);
     DescribeSamples(1, 1e6, &num_samples, &data_seed, set);
-    set->Add("metric", &metric, {"x_l1", "x_loss"}, "the distance from x_gt");
+    set->Add("metric",
+             &metric,
+             {"x_l1", "x_l1_cut", "x_loss"},
+             "the distance from x_gt");
     if (kDimensions == 1) return;
     field.Describe(set);
   }
