@@ -19,8 +19,9 @@
 //          gradient/gradient_descent/adam:inner_step_size=0.04:inner_rescale=true
 //          with 8 inner steps, and L-BFGS with 16 iterations,
 //          gradient/lbfgs/adam. By default a dense network with ReLU,
-//          2 n^2-128-128-2 n^2, at n = 16. The release's slips, and what is here:
-//          time_reversal.h (`reversal`).
+//          2 n^2-128-128-2 n^2, at n = 16. `reversal`: the release's factors of
+//          the swirl's way look like a slip (time_reversal.h), and find the swirl
+//          in fewer steps than straight ones (docs/results/navier_stokes.md).
 // Facts:   L = n^2 sqrt(1e-5) for a perfect match. x = 0 has a velocity_error of
 //          about 11 (64 samples, n = 64).
 // Source:  as navier_stokes.h.
@@ -39,7 +40,7 @@ struct NavierStokesNetwork {
   int resolution = 16;
   int num_samples = 256;
   int data_seed = 0;
-  std::string reversal = "straight";
+  std::string reversal = "released";
   FieldNetwork field;
   NavierStokesNetwork() { field.u_net.levels = 5; }
   void Describe(OptionSet* set) {

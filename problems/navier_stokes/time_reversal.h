@@ -16,7 +16,7 @@
 //
 // Release: it has the factors 1, then (7 - i) / 2 for the reverse steps i = 0 ..
 //          7 in place of (7 - i) / 8: T where the number of steps is meant.
-//          `Way::kReleased` has them; kStraight, ours, has t / 8. The release
+//          `Way::kReleased` has them, and kStraight t / 8. The release
 //          divides the projection by 120.5; here it is divided by the mean of
 //          r^2 exp(-r^2 / 800) over the cells, so that a swirl is found exactly.
 // General: RunBack reverses a whole state, marker and velocity, with the errors
