@@ -221,6 +221,7 @@ void DenseNetwork::Backward(const VectorXd& weights,
 
 std::vector<LayerColumns> DenseNetwork::FactorLayers() const {
   std::vector<LayerColumns> layers;
+  layers.reserve(num_layers());
   for (int l = 0; l < num_layers(); ++l) {
     layers.push_back(
         Eigen::VectorXi::LinSpaced(layer_size(l), offset(l), offset(l + 1) - 1)
