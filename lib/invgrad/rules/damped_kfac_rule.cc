@@ -173,8 +173,9 @@ class DampedKfacRule final : public UpdateRule {
         FactorsOf(columns, is_sampled ? J.cols() : 0);
     const long k = static_cast<long>(k_[0]);
     if (k % options_.interval == 0) {
-      const double num_updates = static_cast<double>(k / options_.interval) + 1;
-      const double memory = std::min(1.0 - 1.0 / num_updates, options_.decay);
+      const long num_updates = k / options_.interval + 1;
+      const double memory = std::min(
+          1.0 - 1.0 / static_cast<double>(num_updates), options_.decay);
       if (!is_sampled) {
         Average(at_x, layers, memory, factors);
       } else if (!Sample(at_x, memory, factors, error)) {
