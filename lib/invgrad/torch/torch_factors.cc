@@ -37,8 +37,9 @@ struct Layer {
 template <typename Integers>
 std::vector<int64_t> ToIntegers(const Integers& values) {
   std::vector<int64_t> integers;
-  for (const c10::SymInt value : values) {
-    integers.push_back(value.expect_int());
+  integers.reserve(values.size());
+  for (const auto& value : values) {
+    integers.push_back(c10::SymInt(value).expect_int());
   }
   return integers;
 }
