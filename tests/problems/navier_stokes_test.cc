@@ -36,8 +36,8 @@ VectorXd Blob(const Vector2d& centre, const NavierStokesSettings& settings) {
   const int n = settings.cells;
   VectorXd marker(n * n);
   for (int p = 0; p < n * n; ++p) {
-    const Vector2d r =
-        settings.dx() * Vector2d(p % n + 0.5, p / n + 0.5) - centre;
+    const int row = p / n, col = p % n;
+    const Vector2d r = settings.dx() * Vector2d(col + 0.5, row + 0.5) - centre;
     marker[p] = std::exp(-r.squaredNorm() / (2.0 * 15.0 * 15.0));
   }
   return marker;
