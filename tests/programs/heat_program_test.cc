@@ -49,11 +49,10 @@ TEST_F(HeatProgram, LargePointsLeaveNormsStatesAndPictures) {
 // A row for the data, the initial weights and each method, the best one first; a
 // column for y and x. The input is y*, and has no row.
 TEST_F(HeatProgram, NetworksLeaveTheirFields) {
-  const Output output =
-      Run({"--problem=heat:resolution=4:num_samples=4",
-           "--rules=dp_adam,sip",
-           "--steps=1",
-           "--output=" + Path("run")});
+  const Output output = Run({"--problem=heat:resolution=4:num_samples=4",
+                             "--rules=dp_adam,sip",
+                             "--steps=1",
+                             "--output=" + Path("run")});
   ASSERT_EQ(output.exit_code, 0) << output.text;
   const std::string script = ReadAll(Path("run") + "/fields.gp");
   EXPECT_NE(script.find("layout 4,2"), std::string::npos);
