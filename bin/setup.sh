@@ -30,9 +30,10 @@ missing_packages() {
   done
 }
 
-# Components that are built if they are installed: libtorch (invgrad::torch).
+# Components that are built if they are installed: libtorch (invgrad::torch) and
+# MPI (invgrad::mpi).
 # shellcheck disable=SC2034  # the sourcing commands read it
-readonly optional_packages=(libtorch-dev)
+readonly optional_packages=(libtorch-dev libopenmpi-dev openmpi-bin)
 
 cannot_install() {
   local reason="$1"

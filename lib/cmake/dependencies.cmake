@@ -33,8 +33,9 @@ invgrad_note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
 invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
 invgrad_note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_FOUND)
 
-# Optional: the component invgrad::torch.
+# Optional: the components invgrad::torch and invgrad::mpi.
 find_package(Torch QUIET)
+find_package(MPI QUIET COMPONENTS CXX)
 
 if(INVGRAD_BUILD_PROGRAMS)
   # Command-line flags of the programs.

@@ -1,7 +1,8 @@
 # cmake --install, and the Debian package libinvgrad-dev by `cpack -G DEB`.
 #
 #   include/invgrad/              the headers, and no header elsewhere
-#   lib/libinvgrad.a              and libinvgrad_torch.a, if libtorch is found
+#   lib/libinvgrad.a              and libinvgrad_torch.a, libinvgrad_mpi.a, if
+#                                 libtorch or MPI is found
 #   lib/cmake/invgrad/            find_package(invgrad)
 #   lib/pkgconfig/invgrad.pc
 #   share/doc/libinvgrad-dev/     copyright
@@ -18,7 +19,7 @@ install(TARGETS invgrad EXPORT invgradTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY lib/invgrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-  FILES_MATCHING PATTERN "*.h" PATTERN torch EXCLUDE)
+  FILES_MATCHING PATTERN "*.h" PATTERN torch EXCLUDE PATTERN mpi EXCLUDE)
 if(TARGET invgrad_torch)
   install(TARGETS invgrad_torch EXPORT invgradTorchTargets
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
@@ -27,6 +28,17 @@ if(TARGET invgrad_torch)
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad
     FILES_MATCHING PATTERN "*.h")
   install(EXPORT invgradTorchTargets NAMESPACE invgrad::
+    DESTINATION ${config_dir})
+endif()
+
+if(TARGET invgrad_mpi)
+  install(TARGETS invgrad_mpi EXPORT invgradMpiTargets
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  install(DIRECTORY lib/invgrad/mpi
+    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad
+    FILES_MATCHING PATTERN "*.h")
+  install(EXPORT invgradMpiTargets NAMESPACE invgrad::
     DESTINATION ${config_dir})
 endif()
 
@@ -70,7 +82,8 @@ if(PROJECT_IS_TOP_LEVEL)
   set(CPACK_STRIP_FILES OFF)  # a static library keeps its symbols
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
   set(CPACK_DEBIAN_PACKAGE_SECTION libdevel)
-  set(CPACK_DEBIAN_PACKAGE_SUGGESTS libtorch-dev)  # for invgrad::torch
+  # For invgrad::torch and invgrad::mpi.
+  set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libtorch-dev, libopenmpi-dev")
   set(CPACK_DEBIAN_PACKAGE_DEPENDS
     "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libfmt-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev")
   include(CPack)
