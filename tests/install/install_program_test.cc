@@ -24,6 +24,12 @@ namespace install_program_test {
 
 namespace fs = std::filesystem;
 
+#ifdef INVGRAD_MPI
+constexpr bool kHasMpi = true;
+#else
+constexpr bool kHasMpi = false;
+#endif
+
 const fs::path kBuild = fs::path(BinDir()).parent_path();
 
 // The variable of that name of the build that is tested.
@@ -154,6 +160,7 @@ TEST_F(InstallProgram, HeadersLieBelowInvgradAndCompile) {
   for (const std::string& file : Files(SourceDir() + "/lib/invgrad")) {
     if (fs::path(file).extension() != ".h") continue;
     if (!HasTorch() && file.rfind("torch/", 0) == 0) continue;
+    if (!kHasMpi && file.rfind("mpi/", 0) == 0) continue;
     ours.push_back("invgrad/" + file);
   }
   EXPECT_EQ(headers, ours);
@@ -196,6 +203,10 @@ TEST_F(InstallProgram, FindPackageServesAnApplication) {
   EXPECT_NE(configured.find(HasTorch() ? "with invgrad::torch"
                                        : "without invgrad::torch"),
             std::string::npos)
+      << configured;
+  EXPECT_NE(
+      configured.find(kHasMpi ? "with invgrad::mpi" : "without invgrad::mpi"),
+      std::string::npos)
       << configured;
   Shell(cmake_ + " --build " + Path("consumer"));
   RunConsumer(Path("consumer") + "/consumer");
