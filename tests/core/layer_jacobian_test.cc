@@ -106,7 +106,7 @@ void ExpectGramIsTheSum(int num_calls) {
   MatrixXd gram;
   MatrixXd first;
   MatrixXd second;
-  GramOfLayers(layers, &gram);
+  GramOfLayers(layers, ColumnStrips(layers[0].rows(), nullptr), &gram);
   gram = MatrixXd(gram.selfadjointView<Eigen::Lower>());
   layers[0].Gram(&first);
   layers[1].Gram(&second);

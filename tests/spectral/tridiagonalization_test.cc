@@ -86,7 +86,7 @@ TEST(BandReduction, FactorsAreThoseOfK) {
     const MatrixXd K = RandomSymmetric(m, m);
     MatrixXd reflectors = LowerTriangle(K);
     VectorXd tau;
-    BandReduction().Compute(&reflectors, &tau);
+    BandReduction().Compute(ColumnStrips(m, nullptr), &reflectors, &tau);
     ASSERT_EQ(tau.size(), std::max(0, m - b));
     MatrixXd Q = MatrixXd::Identity(m, m);
     MatrixXd B = MatrixXd::Zero(m, m);
@@ -118,7 +118,7 @@ TEST(BulgeChase, FactorsAreThoseOfTheBand) {
     VectorXd diagonal;
     VectorXd off_diagonal;
     BulgeChase chase;
-    chase.Compute(input, &diagonal, &off_diagonal);
+    chase.Compute(ColumnStrips(m, nullptr), input, &diagonal, &off_diagonal);
     const MatrixXd Q =
         MatrixOf(m, [&](VectorXd* x) { chase.ApplyQ(false, x); });
     const MatrixXd Q_transpose =

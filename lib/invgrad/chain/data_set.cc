@@ -54,6 +54,13 @@ DataSet DataSet::Range(int first, int count) const {
   });
 }
 
+DataSet DataSet::Piece(int first, int count) const {
+  DataSet piece = Range(first, count);
+  piece.first_in_batch = first_in_batch + first;
+  piece.piece_of = batch_size();
+  return piece;
+}
+
 bool DataSet::IsFinite(std::string* error) const {
   const std::pair<const char*, const MatrixXd&> arrays[] = {
       {"inputs", inputs},

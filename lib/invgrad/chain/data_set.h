@@ -19,6 +19,11 @@ struct DataSet {
   // unknown.
   Eigen::MatrixXd solutions;
 
+  // Of a piece of a batch: the number of its first sample in the batch, and the
+  // size of the batch; 0: this is the whole batch.
+  int first_in_batch = 0;
+  int piece_of = 0;
+
   int num_samples() const { return static_cast<int>(inputs.cols()); }
 
   // c of a sample; without contexts a null vector of size 0.
@@ -33,6 +38,11 @@ struct DataSet {
 
   // The samples first, ..., first + count - 1.
   DataSet Range(int first, int count) const;
+
+  // The same, as a piece: costs are scaled as in the whole batch, and messages
+  // number the samples of the whole batch.
+  DataSet Piece(int first, int count) const;
+  int batch_size() const { return piece_of > 0 ? piece_of : num_samples(); }
 
   // Returns false if a value is not finite; *error names array, sample and
   // entry.

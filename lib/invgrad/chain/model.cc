@@ -26,12 +26,14 @@ constexpr char kLoopFailed[] = "the closed loop has no finite derivative";
 constexpr char kNoNextState[] =
     "the simulator has no finite value: there is no finite state after";
 
-bool CheckOutputs(const Network::Pass& pass, std::string* error) {
+bool CheckOutputs(const Network::Pass& pass,
+                  const DataSet& batch,
+                  std::string* error) {
   const MatrixXd& outputs = pass.outputs;
   if (outputs.allFinite()) return true;
   int column = 0;
   while (outputs.col(column).allFinite()) ++column;
-  return SampleError(column / pass.num_channels, kNetworkFailed, error);
+  return SampleError(batch, column / pass.num_channels, kNetworkFailed, error);
 }
 
 // Copies the activations of call t, one column per sample, into the activations
@@ -160,7 +162,7 @@ bool Model::Forward(const VectorXd& weights,
   CheckSizes(*this, weights, batch);
   if (feedback_ == nullptr && output_ == NetworkOutput::kValue) {
     return network_->Forward(weights, batch.inputs, derivatives, pass, error) &&
-           CheckOutputs(*pass, error);
+           CheckOutputs(*pass, batch, error);
   }
   const bool want_curvatures = derivatives == Network::Derivatives::kSecond;
   auto* activations = dynamic_cast<DenseNetwork::Activations*>(pass);
@@ -168,7 +170,7 @@ bool Model::Forward(const VectorXd& weights,
   if (feedback_ == nullptr) {
     dense_network_->ForwardJets(
         weights, batch.inputs, want_curvatures, activations);
-    return CheckOutputs(*activations, error);
+    return CheckOutputs(*activations, batch, error);
   }
   MatrixXd inputs = batch.inputs;
   MatrixXd states = batch.contexts;
@@ -181,14 +183,14 @@ bool Model::Forward(const VectorXd& weights,
                                 call.outputs.col(s).data(),
                                 next.data())) {
           return SampleError(
-              s, AtTimeStep(kNoNextState, t - 1, num_calls()), error);
+              batch, s, AtTimeStep(kNoNextState, t - 1, num_calls()), error);
         }
         states.col(s) = next;
       }
       inputs.topRows(states.rows()) = states;
     }
     dense_network_->Forward(weights, inputs, want_curvatures, &call);
-    if (!CheckOutputs(call, error)) return false;
+    if (!CheckOutputs(call, batch, error)) return false;
     StoreCall(call, t, num_calls(), activations);
   }
   return true;
@@ -225,7 +227,7 @@ bool Model::CloseLoop(const VectorXd& weights,
       const std::string where =
           simulator_->DescribeFailure(x.col(s).data(), batch.Context(s).data());
       return SampleError(
-          s, kLoopFailed + (where.empty() ? "" : ": " + where), error);
+          batch, s, kLoopFailed + (where.empty() ? "" : ": " + where), error);
     }
   }
   return true;
@@ -244,7 +246,7 @@ bool Model::Cost(const VectorXd& weights,
   MatrixXd outputs;
   if (!Predict(weights, batch, &outputs, error)) return false;
   *cost = 0.0;
-  const double scale = BatchScale(batch.num_samples());
+  const double scale = BatchScale(batch.batch_size());
   for (int s = 0; s < batch.num_samples(); ++s) {
     double loss = 0.0;
     if (!loss_->Evaluate(outputs.col(s).data(),
@@ -252,7 +254,7 @@ bool Model::Cost(const VectorXd& weights,
                          &loss,
                          nullptr,
                          nullptr)) {
-      return SampleError(s, kLossFailed, error);
+      return SampleError(batch, s, kLossFailed, error);
     }
     *cost += scale * loss;
   }
@@ -267,7 +269,7 @@ bool Model::Predict(const VectorXd& weights,
   const int num_samples = batch.num_samples();
   outputs->resize(simulator_->num_outputs(), num_samples);
   const auto predict = [&](int begin, int count) {
-    const DataSet piece = batch.Range(begin, count);
+    const DataSet piece = batch.Piece(begin, count);
     ScopedPass pass(*this);
     if (!Forward(
             weights, piece, Network::Derivatives::kNone, pass.get(), error)) {
@@ -288,8 +290,7 @@ bool Model::Predict(const VectorXd& weights,
   const int piece_size = dense_network_ != nullptr ? kPieceSize : num_samples;
   for (int first = 0; first < num_samples; first += piece_size) {
     if (!predict(first, std::min(piece_size, num_samples - first))) {
-      // Repeats the whole batch, for a message with the sample's number in it.
-      return predict(0, num_samples);
+      return false;
     }
   }
   return true;

@@ -48,7 +48,7 @@ class BatchLoss {
                          &value,
                          gradient.data(),
                          hessian)) {
-      return SampleError(s, kLossFailed, error);
+      return SampleError(batch_, s, kLossFailed, error);
     }
     if (outputs_.size() > 0) outputs_.col(s) = y;
     cost_ += scale_ * value;
@@ -163,7 +163,7 @@ bool Model::LinearizeByAdjoint(const VectorXd& weights,
                                Linearization* linearization,
                                std::string* error) const {
   CheckTargets(batch);
-  const double scale = BatchScale(batch.num_samples());
+  const double scale = BatchScale(batch.batch_size());
   ScopedPass pass(*this);
   if (!Forward(
           weights, batch, Network::Derivatives::kFirst, pass.get(), error)) {
@@ -191,7 +191,7 @@ bool Model::LinearizeByAdjoint(const VectorXd& weights,
                              covector,
                              y.data(),
                              x_bar.col(s).data())) {
-      return loss_failed ? SampleError(s, kLossFailed, error)
+      return loss_failed ? SampleError(batch, s, kLossFailed, error)
                          : SimulatorError(*simulator_, x, batch, s, error);
     }
   }
@@ -215,7 +215,7 @@ bool Model::LinearizeByProducts(const VectorXd& weights,
     return false;
   }
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
-  BatchLoss loss(loss_, batch, BatchScale(batch.num_samples()), false);
+  BatchLoss loss(loss_, batch, BatchScale(batch.batch_size()), false);
   std::vector<std::unique_ptr<const JacobianOperator>> jacobians;
   VectorXd y(loss_->size());
   for (int s = 0; s < batch.num_samples(); ++s) {
@@ -261,7 +261,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
   VectorXd y(num_y);
   MatrixXd jacobians(num_x, num_y * batch_size);
-  BatchLoss loss(loss_, batch, BatchScale(batch_size), parts.hessian);
+  BatchLoss loss(loss_, batch, BatchScale(batch.batch_size()), parts.hessian);
   for (int s = 0; s < batch_size; ++s) {
     // A row-major Jacobian is a block of columns.
     if (!simulator_->Evaluate(x.col(s).data(),

@@ -58,6 +58,10 @@ class Network {
   // Estimated memory of a Pass, Backward and Tangent, for a column of inputs.
   virtual double BytesPerColumn() const = 0;
 
+  // Whether an output may depend on the other samples of a batch (batch
+  // normalization).
+  virtual bool couples_samples() const { return false; }
+
   // The derivatives that a pass is used for.
   enum class Derivatives { kNone, kFirst, kSecond };
 

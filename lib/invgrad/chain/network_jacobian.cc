@@ -102,7 +102,7 @@ void NetworkJacobian::Gram(MatrixXd* JJt) const {
   std::vector<LayerJacobian> layers;
   layers.reserve(network_.num_layers());
   for (int l = 0; l < network_.num_layers(); ++l) layers.push_back(Layer(l));
-  GramOfLayers(layers, JJt);
+  GramOfLayers(layers, ColumnStrips(rows(), nullptr), JJt);
 }
 
 void NetworkJacobian::ToDense(MatrixXd* J) const {

@@ -6,8 +6,11 @@
 
 namespace invgrad {
 
-bool SampleError(int sample, const std::string& what, std::string* error) {
-  *error = fmt::format("sample {}: {}", sample, what);
+bool SampleError(const DataSet& batch,
+                 int sample,
+                 const std::string& what,
+                 std::string* error) {
+  *error = fmt::format("sample {}: {}", batch.first_in_batch + sample, what);
   return false;
 }
 
@@ -17,6 +20,7 @@ bool SimulatorError(const Simulator& simulator,
                     int sample,
                     std::string* error) {
   return SampleError(
+      batch,
       sample,
       SimulatorFailure(
           simulator, x.col(sample).data(), batch.Context(sample).data()),

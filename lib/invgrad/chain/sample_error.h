@@ -12,8 +12,12 @@ namespace invgrad {
 
 inline constexpr char kLossFailed[] = "the loss has no finite value";
 
-// *error = "sample 3: what". Returns false.
-bool SampleError(int sample, const std::string& what, std::string* error);
+// *error = "sample 3: what", where the number is that in the whole batch.
+// Returns false.
+bool SampleError(const DataSet& batch,
+                 int sample,
+                 const std::string& what,
+                 std::string* error);
 
 // The same for a simulator that failed at the sample's x (x: |x| x B).
 bool SimulatorError(const Simulator& simulator,

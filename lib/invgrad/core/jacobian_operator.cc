@@ -67,6 +67,11 @@ void JacobianOperator::ToDense(MatrixXd* J) const {
   }
 }
 
+void JacobianOperator::GramStrips(const ColumnStrips& /*strips*/,
+                                  MatrixXd* /*JJt*/) const {
+  LOG(FATAL) << "This process knows all rows of J: use Gram.";
+}
+
 void JacobianOperator::ParameterGram(MatrixXd* JtJ) const {
   MatrixXd J;
   ToDense(&J);

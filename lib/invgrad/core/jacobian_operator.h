@@ -17,6 +17,7 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
+#include "invgrad/core/column_strips.h"
 #include "invgrad/core/sampled_factors.h"
 
 namespace invgrad {
@@ -38,6 +39,14 @@ class JacobianOperator {
   // The lower triangle of J J^T: m x m. Entries above the diagonal are
   // unspecified. By default from the dense J.
   virtual void Gram(Eigen::MatrixXd* JJt) const;
+
+  // The ranks that share the rows of J, of which each knows its own; null: this
+  // process knows all. All ranks must then call the same functions.
+  virtual const Communicator* communicator() const { return nullptr; }
+  // The same as Gram, in this rank's columns alone: m x strips.num_local().
+  // Only with a communicator.
+  virtual void GramStrips(const ColumnStrips& strips,
+                          Eigen::MatrixXd* JJt) const;
 
   // J: m x n. By default min(m, n) products with unit vectors.
   virtual void ToDense(Eigen::MatrixXd* J) const;

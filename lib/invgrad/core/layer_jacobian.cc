@@ -67,8 +67,6 @@ void LayerJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
        Eigen::Map<MatrixXd>(Jtw->data(), inputs_->rows(), deltas_->rows()));
 }
 
-void LayerJacobian::Gram(MatrixXd* JJt) const { GramOfLayers({*this}, JJt); }
-
 void LayerJacobian::ToDense(MatrixXd* J) const {
   J->resize(rows(), cols());
   WriteTo(*J);
@@ -158,21 +156,38 @@ void LayerJacobian::ParameterGram(MatrixXd* JtJ) const {
   }
 }
 
-void GramOfLayers(const std::vector<LayerJacobian>& layers, MatrixXd* JJt) {
+void LayerJacobian::Gram(MatrixXd* JJt) const {
+  GramOfLayers({*this}, ColumnStrips(rows(), nullptr), JJt);
+}
+
+void GramOfLayers(const std::vector<LayerJacobian>& layers,
+                  const ColumnStrips& strips,
+                  MatrixXd* JJt) {
   CHECK(!layers.empty());
   const Index rows = layers[0].rows();
   const Index r = layers[0].outputs_per_sample();
   const Index batch_size = layers[0].inputs().cols();
-  JJt->resize(rows, rows);
+  CHECK_EQ(strips.size(), rows);
+  JJt->resize(rows, strips.num_local());
   if (layers[0].num_calls() > 1) {
     for (std::size_t l = 0; l < layers.size(); ++l) {
       CHECK_EQ(layers[l].rows(), rows);
       CHECK_EQ(layers[l].num_calls(), layers[0].num_calls());
-      Syrk(Op::kTranspose,
-           1.0,
-           layers[l].Transposed(),
-           l == 0 ? 0.0 : 1.0,
-           *JJt);
+      const double beta = l == 0 ? 0.0 : 1.0;
+      const MatrixXd Jt = layers[l].Transposed();
+      if (strips.num_ranks() == 1) {
+        Syrk(Op::kTranspose, 1.0, Jt, beta, *JJt);
+        continue;
+      }
+      strips.ForOwn([&](Index first, Index count) {
+        Gemm(Op::kTranspose,
+             Op::kNone,
+             1.0,
+             Jt.rightCols(rows - first),
+             Jt.middleCols(first, count),
+             beta,
+             JJt->block(first, strips.Local(first), rows - first, count));
+      });
     }
     return;
   }
@@ -190,45 +205,51 @@ void GramOfLayers(const std::vector<LayerJacobian>& layers, MatrixXd* JJt) {
 
   // Tiles of whole samples, small enough that a layer's products stay in the
   // cache until they are scaled and added, large enough for Gemm to be fast.
-  // Measured: 64 is best for r = 4, 128 by a tenth for r = 28 and 64.
+  // Measured: 64 is best for r = 4, 128 by a tenth for r = 28 and 64. A strip may
+  // begin and end within a sample.
   const Index samples_per_tile = std::max<Index>(1, (r < 16 ? 64 : 128) / r);
   const Index tile = samples_per_tile * r;
   MatrixXd delta_gram(tile, tile);
   VectorXd scale(tile);  // a_s . a_t for the rows (s, j) of the tile
-  for (Index t0 = 0; t0 < batch_size; t0 += samples_per_tile) {
-    const Index num_t = std::min(samples_per_tile, batch_size - t0);
-    for (Index s0 = t0; s0 < batch_size; s0 += samples_per_tile) {
-      const Index num_s = std::min(samples_per_tile, batch_size - s0);
-      const Index height = num_s * r;
-      const Index width = num_t * r;
-      for (std::size_t l = 0; l < layers.size(); ++l) {
-        const MatrixXd& delta = layers[l].deltas();
-        Gemm(Op::kTranspose,
-             Op::kNone,
-             1.0,
-             delta.middleCols(s0 * r, height),
-             delta.middleCols(t0 * r, width),
-             0.0,
-             delta_gram.topLeftCorner(height, width));
-        for (Index t = 0; t < num_t; ++t) {
-          const double* inputs = &input_grams[l](s0, t0 + t);
+  const auto fill_tile = [&](Index s0, Index first, Index width) {
+    const Index num_s = std::min(samples_per_tile, batch_size - s0);
+    const Index height = num_s * r;
+    for (std::size_t l = 0; l < layers.size(); ++l) {
+      const MatrixXd& delta = layers[l].deltas();
+      Gemm(Op::kTranspose,
+           Op::kNone,
+           1.0,
+           delta.middleCols(s0 * r, height),
+           delta.middleCols(first, width),
+           0.0,
+           delta_gram.topLeftCorner(height, width));
+      for (Index col = first; col < first + width; ++col) {
+        if (col == first || col % r == 0) {
+          const double* inputs = &input_grams[l](s0, col / r);
           for (Index s = 0; s < num_s; ++s) {
             std::fill_n(scale.data() + s * r, r, inputs[s]);
           }
-          for (Index col = t * r; col < (t + 1) * r; ++col) {
-            const auto product = scale.head(height).cwiseProduct(
-                delta_gram.col(col).head(height));
-            auto sum = JJt->col(t0 * r + col).segment(s0 * r, height);
-            if (l == 0) {
-              sum = product;
-            } else {
-              sum += product;
-            }
-          }
+        }
+        const auto product = scale.head(height).cwiseProduct(
+            delta_gram.col(col - first).head(height));
+        auto sum = JJt->col(strips.Local(col)).segment(s0 * r, height);
+        if (l == 0) {
+          sum = product;
+        } else {
+          sum += product;
         }
       }
     }
-  }
+  };
+  strips.ForOwn([&](Index begin, Index count) {
+    const Index end = begin + count;
+    for (Index first = begin; first < end; first += tile) {
+      const Index width = std::min(tile, end - first);
+      for (Index s0 = first / r; s0 < batch_size; s0 += samples_per_tile) {
+        fill_tile(s0, first, width);
+      }
+    }
+  });
 }
 
 }  // namespace invgrad

@@ -33,6 +33,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "invgrad/core/column_strips.h"
 #include "invgrad/core/jacobian_operator.h"
 
 namespace invgrad {
@@ -70,6 +71,7 @@ class LayerJacobian final : public JacobianOperator {
 
  private:
   friend void GramOfLayers(const std::vector<LayerJacobian>& layers,
+                           const ColumnStrips& strips,
                            Eigen::MatrixXd* JJt);
 
   // A row's deltas in one column: fan_out T x m.
@@ -82,9 +84,11 @@ class LayerJacobian final : public JacobianOperator {
   int num_calls_;
 };
 
-// *JJt = sum_l J_l J_l^T: the Gram matrix of layers side by side. At least one
-// layer, all with the same rows, r and T (CHECKed).
+// The lower triangle of sum_l J_l J_l^T, the Gram matrix of layers side by side,
+// in this rank's strips. At least one layer, all with the same rows, r and T
+// (CHECKed).
 void GramOfLayers(const std::vector<LayerJacobian>& layers,
+                  const ColumnStrips& strips,
                   Eigen::MatrixXd* JJt);
 
 }  // namespace invgrad

@@ -32,6 +32,7 @@ struct JacobianSizes {
   double rows = 0.0;      // m
   double cols = 0.0;      // n, the sum of the layers' fan_in fan_out
   double nonzeros = 0.0;  // of the J of a ceres::Problem; 0: of a network
+  int num_ranks = 1;      // that share the rows
   std::vector<Layer> layers;
   // Memory of the factors that determine J, its Gram matrix and its layers.
   double factor_bytes = 0.0;

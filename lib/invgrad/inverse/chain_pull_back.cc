@@ -68,20 +68,28 @@ bool ChainPullBack::Linearize(const VectorXd& weights,
                               const LinearizationParts& parts,
                               Linearization* linearization,
                               std::string* error) {
-  if (!Forward(weights, batch, parts, error)) return false;
-  const auto x = model_.SimulatorInputs(*pass_);
+  std::vector<Sample> samples;
+  const bool ok = Forward(weights, batch, parts, error) &&
+                  PullBackSamples(batch, &samples, error);
   double cost = 0.0;
-  if (!PullBackSamples(x, batch, &cost, error)) return false;
+  const double scale = model_.BatchScale(batch.batch_size());
+  for (const Sample& sample : samples) cost += scale * sample.loss;
+  if (!GatherSamples(ok, batch, &samples, error)) return false;
+  counts_.BeginStep();
+  for (std::size_t s = 0; s < samples.size(); ++s) {
+    counts_.Add(samples[s].result, static_cast<int>(s));
+  }
+  SetWeights(batch, samples);
   if (options_.simulator.way == SimulatorWay::kAdjoint &&
       !model_.CloseLoop(weights, batch, *pass_, d_x_, error)) {
     return false;
   }
-  wanted_x_ = x + d_x_;
-  if (!LinearizeProxy(weights, parts, linearization, error)) {
+  wanted_x_ = model_.SimulatorInputs(*pass_) + d_x_;
+  if (!LinearizeProxy(weights, batch, parts, linearization, error)) {
     return false;
   }
   linearization->cost = cost;
-  return true;
+  return CheckCost(cost, error);
 }
 
 bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
@@ -93,7 +101,7 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
       << "LinearizeAgain follows Linearize with the same batch";
   if (!Forward(weights, batch, parts, error)) return false;
   d_x_ = wanted_x_ - model_.SimulatorInputs(*pass_);
-  return LinearizeProxy(weights, parts, linearization, error);
+  return LinearizeProxy(weights, batch, parts, linearization, error);
 }
 
 bool ChainPullBack::Forward(const VectorXd& weights,
@@ -115,10 +123,10 @@ bool ChainPullBack::Forward(const VectorXd& weights,
                         error);
 }
 
-bool ChainPullBack::PullBackSamples(const MatrixXd& x,
-                                    const DataSet& batch,
-                                    double* cost,
+bool ChainPullBack::PullBackSamples(const DataSet& batch,
+                                    std::vector<Sample>* samples,
                                     std::string* error) {
+  const auto x = model_.SimulatorInputs(*pass_);
   const int num_samples = batch.num_samples();
   CHECK_EQ(batch.targets.rows(), model_.loss().size());
   CHECK_EQ(batch.targets.cols(), num_samples);
@@ -126,24 +134,47 @@ bool ChainPullBack::PullBackSamples(const MatrixXd& x,
     CHECK_EQ(batch.solutions.rows(), x.rows());
   }
   d_x_.resize(x.rows(), num_samples);
-  std::vector<Sample> samples(num_samples);
+  samples->resize(num_samples);
   ParallelSamples(num_samples, options_.num_threads, [&](int s) {
-    samples[s] = PullBackSample(x.col(s), batch, s);
+    (*samples)[s] = PullBackSample(x.col(s), batch, s);
   });
-
-  counts_.BeginStep();
-  const double scale = model_.BatchScale(num_samples);
-  VectorXd curvatures(num_samples);
-  *cost = 0.0;
   for (int s = 0; s < num_samples; ++s) {
-    const Sample& sample = samples[s];
-    if (!sample.error.empty()) return SampleError(s, sample.error, error);
-    *cost += scale * sample.loss;
-    curvatures[s] = sample.curvature;
-    counts_.Add(sample.result, s);
+    const std::string& why = (*samples)[s].error;
+    if (!why.empty()) return SampleError(batch, s, why, error);
   }
-  SetWeights(curvatures);
-  return CheckCost(*cost, error);
+  return true;
+}
+
+bool ChainPullBack::GatherSamples(bool ok,
+                                  const DataSet& batch,
+                                  std::vector<Sample>* samples,
+                                  std::string* error) const {
+  const Communicator* const communicator = options_.communicator;
+  if (communicator == nullptr) return ok;
+  if (!communicator->Agree(ok, error)) return false;
+  MatrixXd own(3, samples->size());
+  std::string why;  // of the rank's first sample whose first choice failed
+  for (Index s = 0; s < own.cols(); ++s) {
+    const Sample& sample = (*samples)[s];
+    const bool is_first = why.empty() && !sample.result.why.empty();
+    if (is_first) why = sample.result.why;
+    own.col(s) << sample.curvature, static_cast<double>(sample.result.source),
+        is_first ? 1.0 : 0.0;
+  }
+  const MatrixXd all = communicator->GatherColumns(own, batch.batch_size(), 1);
+  std::vector<std::string> reasons;
+  if ((all.row(2).array() > 0.0).any())
+    reasons = communicator->GatherTexts(why);
+  reasons.erase(std::remove(reasons.begin(), reasons.end(), ""), reasons.end());
+  samples->assign(all.cols(), Sample());
+  auto reason = reasons.begin();
+  for (Index s = 0; s < all.cols(); ++s) {
+    Sample& sample = (*samples)[s];
+    sample.curvature = all(0, s);
+    sample.result.source = static_cast<PullBackSource>(all(1, s));
+    if (all(2, s) > 0.0) sample.result.why = *reason++;
+  }
+  return true;
 }
 
 ChainPullBack::Sample ChainPullBack::PullBackSample(
@@ -208,26 +239,34 @@ ChainPullBack::Sample ChainPullBack::PullBackSample(
   return sample;
 }
 
-void ChainPullBack::SetWeights(const VectorXd& curvatures) {
-  sample_weights_ = VectorXd::Ones(curvatures.size());
+void ChainPullBack::SetWeights(const DataSet& batch,
+                               const std::vector<Sample>& samples) {
+  sample_weights_ = VectorXd::Ones(batch.num_samples());
   if (options_.curvature_weight == 0.0) return;
+  VectorXd curvatures(samples.size());
+  for (std::size_t s = 0; s < samples.size(); ++s) {
+    curvatures[s] = samples[s].curvature;
+  }
   const auto moves = curvatures.array() != kNoCurvature;
   const VectorXd powers =
       moves.select(curvatures.array().pow(options_.curvature_weight), 0.0);
   const double mean = powers.sum() / static_cast<double>(moves.count());
   if (!(mean > 0.0) || !std::isfinite(mean)) return;
-  sample_weights_ = moves.select(powers / mean, sample_weights_);
+  const VectorXd weights =
+      moves.select(powers / mean, VectorXd::Ones(curvatures.size()));
+  sample_weights_ = weights.segment(batch.first_in_batch, batch.num_samples());
 }
 
 bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
+                                   const DataSet& batch,
                                    const LinearizationParts& parts,
                                    Linearization* linearization,
                                    std::string* error) {
   const Network& network = model_.network();
   const Index num_x = d_x_.rows();
-  const Index num_samples = d_x_.cols();
   const bool is_l2 = options_.proxy == Proxy::kL2;
-  const VectorXd scales = model_.BatchScale(num_samples) * sample_weights_;
+  const VectorXd scales =
+      model_.BatchScale(batch.batch_size()) * sample_weights_;
   // The proxy's gradient in x.
   MatrixXd g = -d_x_;
   if (!is_l2) g = g.array().sign();

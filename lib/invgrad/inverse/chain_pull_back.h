@@ -48,9 +48,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "invgrad/chain/model.h"
+#include "invgrad/core/communicator.h"
 #include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/pull_back_counts.h"
@@ -74,6 +76,9 @@ class ChainPullBack final : public BatchObjective {
     double data_weight = 0.0;
     int updates_per_evaluation = 1;
     int num_threads = 1;
+    // Not null: the batches are pieces, one a rank, of a batch over which the
+    // weights w and the counts are computed.
+    const Communicator* communicator = nullptr;
   };
 
   // `inverse` as for SimulatorPullBack; the way joint is CHECKed. The model
@@ -117,23 +122,30 @@ class ChainPullBack final : public BatchObjective {
   DenseNetwork::Activations& Activations() {
     return dynamic_cast<DenseNetwork::Activations&>(*pass_);
   }
-  bool PullBackSamples(const Eigen::MatrixXd& x,
-                       const DataSet& batch,
-                       double* cost,
-                       std::string* error);
   struct Sample {
     double loss = 0.0;
     double curvature = 0.0;  // c
     SimulatorPullBack::Result result;
     std::string error;  // empty: none
   };
+  bool PullBackSamples(const DataSet& batch,
+                       std::vector<Sample>* samples,
+                       std::string* error);
+  // Adds the samples of the other ranks. Returns false on all ranks if `ok` is
+  // false on one.
+  bool GatherSamples(bool ok,
+                     const DataSet& batch,
+                     std::vector<Sample>* samples,
+                     std::string* error) const;
   // Computes d_x of one sample.
   Sample PullBackSample(const InverseSimulator::ConstVectorRef& x,
                         const DataSet& batch,
                         int s);
-  void SetWeights(const Eigen::VectorXd& curvatures);
+  // From the samples of the whole batch.
+  void SetWeights(const DataSet& batch, const std::vector<Sample>& samples);
   // Linearizes the proxy at the weights of pass_.
   bool LinearizeProxy(const Eigen::VectorXd& weights,
+                      const DataSet& batch,
                       const LinearizationParts& parts,
                       Linearization* linearization,
                       std::string* error);

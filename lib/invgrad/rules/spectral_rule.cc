@@ -137,7 +137,8 @@ class SpectralRule final : public JointRule {
     const auto bytes = [&](double cols) {
       return SpectralStepBytes(route,
                                static_cast<Eigen::Index>(J.rows),
-                               static_cast<Eigen::Index>(cols));
+                               static_cast<Eigen::Index>(cols),
+                               J.num_ranks);
     };
     double step = 0.0;
     if (layerwise_ && !J.layers.empty()) {

@@ -41,9 +41,18 @@ bool TakeRoute(const SpectralProblem& problem,
   SpectralStepSummary* summary = problem.summary;
   *summary = SpectralStepSummary();
   summary->route = route;
-  const double bytes = SpectralStepBytes(route, problem.m(), problem.n());
+  const Communicator* const communicator = problem.J.communicator();
+  const double bytes =
+      SpectralStepBytes(route,
+                        problem.m(),
+                        problem.n(),
+                        communicator == nullptr ? 1 : communicator->size());
   // Before a message is composed: a step on warm memory allocates nothing.
-  if (!FitsInMemory(bytes, memory_limit)) {
+  bool fits = FitsInMemory(bytes, memory_limit);
+  // The machines of ranks may differ.
+  if (communicator != nullptr)
+    fits = communicator->Agree(fits, &summary->message);
+  if (!fits) {
     FitsInMemory(fmt::format("route {} with J {} x {}",
                              SpectralRouteName(route),
                              problem.m(),
@@ -194,7 +203,7 @@ const char* SpectralRouteName(SpectralRoute route) {
   return kNames[static_cast<int>(route)];
 }
 
-double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
+double SpectralStepBytes(SpectralRoute route, Index m, Index n, int num_ranks) {
   const auto rows = static_cast<double>(m);
   const auto cols = static_cast<double>(n);
   const double size = std::min(rows, cols);
@@ -203,7 +212,7 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n) {
     case SpectralRoute::kGram:
       // The Gram matrix, the buffers of its reduction and function, and for
       // J^T J a dense J.
-      return kDouble * size * size + 800.0 * size +
+      return kDouble * size * size / num_ranks + 800.0 * size +
              Tridiagonalization::Bytes(size) +
              (cols < rows ? kDouble * rows * cols : 0.0);
     case SpectralRoute::kSvd:

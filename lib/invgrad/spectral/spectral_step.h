@@ -13,6 +13,8 @@
 //             whose f is not analytic, gram computes all eigenvectors.
 //   svd       LAPACK's SVD of the dense J, after a QR factorization
 //   gradient  phi(s) = s: d = J^T g, no factorization
+//             Ranks that share J also share a large J J^T, which none of them
+//             holds (column_strips.h).
 //   auto      gradient if phi(s) = s; otherwise gram, and where gram is not
 //             accurate enough, svd for this step and the next 20 of the same
 //             shape; summary.message gives the reason
@@ -130,8 +132,12 @@ class SpectralWorkspace {
 };
 
 // The workspace of a route in bytes, for the m x n Jacobian of a network or in
-// compressed rows; not for auto (CHECKed).
-double SpectralStepBytes(SpectralRoute route, Eigen::Index m, Eigen::Index n);
+// compressed rows; not for auto (CHECKed). Of the first of `num_ranks` ranks that
+// share J, which needs the most.
+double SpectralStepBytes(SpectralRoute route,
+                         Eigen::Index m,
+                         Eigen::Index n,
+                         int num_ranks = 1);
 
 // CHECKs the sizes, that the filter is valid, and phi(s) = s for gradient.
 bool SpectralStep(const JacobianOperator& J,

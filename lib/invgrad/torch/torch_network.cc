@@ -65,6 +65,7 @@ class TorchNetwork final : public Network {
                           NumpyRandom* random) const override;
   std::vector<int> WeightBlocks() const override;
   double BytesPerColumn() const override { return bytes_per_column_; }
+  bool couples_samples() const override { return true; }
   std::vector<LayerColumns> FactorLayers() const override {
     return layers_.columns;
   }

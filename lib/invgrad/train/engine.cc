@@ -5,6 +5,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/model_cost.h"
+#include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/train/training_memory.h"
@@ -31,6 +32,38 @@ bool CheckPullBack(const PullBackMethod& pull_back,
     *error = "the training data have no solutions x* to learn from";
   } else {
     return pull_back.CanPullBack(model.simulator(), error);
+  }
+  return false;
+}
+
+// Returns false if ranks cannot share the batches.
+bool CheckRanks(const Phase& phase,
+                const Model& model,
+                const TrainingData& data,
+                const TrainOptions& options,
+                std::string* error) {
+  if (options.communicator == nullptr) return true;
+  const int num_ranks = options.communicator->size();
+  const int batch_size =
+      phase.BatchSize(options.batch_size, data.train.num_samples());
+  if (phase.ceres != nullptr) {
+    *error = fmt::format(
+        "a minimizer of Ceres works in one process, and this run has {} ranks: "
+        "start it without them, or choose an update rule",
+        num_ranks);
+  } else if (batch_size < num_ranks) {
+    *error = fmt::format(
+        "batch_size={} is less than the {} ranks, of which each has at least "
+        "one sample: choose a larger batch or fewer ranks",
+        batch_size,
+        num_ranks);
+  } else if (model.network().couples_samples()) {
+    *error =
+        "the outputs of the network may depend on all samples of a batch "
+        "(batch normalization), which ranks would share: start the run in one "
+        "process";
+  } else {
+    return true;
   }
   return false;
 }
@@ -80,6 +113,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    const TrainingData& data,
                                    const TrainOptions& options,
                                    std::string* error) {
+  if (!CheckRanks(phase, model, data, options, error)) return nullptr;
   if (phase.ceres != nullptr) {
     if (!CheckCeres(phase, rule.get(), model, data, options, error)) {
       return nullptr;
@@ -98,8 +132,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
       objective = std::make_unique<ModelObjective>(model.WithLoss(
           pull_back.MakeLoss(model.shared_loss()), model.reduction()));
     } else {
-      objective = std::make_unique<ChainPullBack>(
-          &model, options.inverse, pull_back.ChainOptions());
+      ChainPullBack::Options chain = pull_back.ChainOptions();
+      chain.communicator = options.communicator.get();
+      objective =
+          std::make_unique<ChainPullBack>(&model, options.inverse, chain);
     }
   }
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
@@ -115,8 +151,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
         num_samples);
     return nullptr;
   }
-  std::vector<MemoryPart> parts =
-      TrainingMemory(model, *rule, objective->is_proxy(), batch_size);
+  const int num_ranks =
+      options.communicator == nullptr ? 1 : options.communicator->size();
+  std::vector<MemoryPart> parts = TrainingMemory(
+      model, *rule, objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
@@ -124,6 +162,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
             options,
             error)) {
     return nullptr;
+  }
+  if (options.communicator != nullptr) {
+    objective = std::make_unique<DistributedObjective>(std::move(objective),
+                                                       options.communicator);
   }
   return MakeRuleEngine(
       batch_size, options, std::move(objective), std::move(rule), &data);

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <iterator>
 #include <limits>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -33,10 +35,13 @@ void FillCounts(const PullBackCounts& counts, HistoryRow* row) {
 
 double MeanLoss(const Model& model,
                 const Eigen::VectorXd& weights,
-                const DataSet& data) {
+                const DataSet& data,
+                const Communicator* communicator) {
   double cost = 0.0;
   std::string ignored;
-  if (!model.Cost(weights, data, &cost, &ignored)) return HistoryRow::kNone;
+  if (!DistributedCost(model, weights, data, communicator, &cost, &ignored)) {
+    return HistoryRow::kNone;
+  }
   const int num_samples = data.num_samples();
   return cost / (model.BatchScale(num_samples) * num_samples);
 }
@@ -166,21 +171,27 @@ bool TrainingRun::TakeStep() {
 bool TrainingRun::CallBack(ceres::IterationSummary iteration) {
   iteration.iteration = static_cast<int>(state_.step);
   iteration.cumulative_time_in_seconds = state_.seconds;
+  ceres::CallbackReturnType answer = ceres::SOLVER_CONTINUE;
   for (ceres::IterationCallback* callback : options_.callbacks) {
-    switch ((*callback)(iteration)) {
-      case ceres::SOLVER_CONTINUE:
-        break;
-      case ceres::SOLVER_ABORT:
-        End(ceres::USER_FAILURE,
-            AtStep("aborted by a callback", steps_of_phase()));
-        return false;
-      case ceres::SOLVER_TERMINATE_SUCCESSFULLY:
-        End(ceres::USER_SUCCESS,
-            AtStep("stopped by a callback", steps_of_phase()));
-        return false;
-    }
+    answer = (*callback)(iteration);
+    if (answer != ceres::SOLVER_CONTINUE) break;
   }
-  return true;
+  double num_aborts = answer == ceres::SOLVER_ABORT ? 1.0 : 0.0;
+  double num_stops = answer == ceres::SOLVER_TERMINATE_SUCCESSFULLY ? 1.0 : 0.0;
+  if (options_.communicator != nullptr) {
+    double sums[] = {
+        is_first_rank() ? state_.seconds : 0.0, num_aborts, num_stops};
+    options_.communicator->Sum(sums, std::size(sums));
+    state_.seconds = sums[0];
+    num_aborts = sums[1];
+    num_stops = sums[2];
+  }
+  if (num_aborts > 0.0) {
+    End(ceres::USER_FAILURE, AtStep("aborted by a callback", steps_of_phase()));
+  } else if (num_stops > 0.0) {
+    End(ceres::USER_SUCCESS, AtStep("stopped by a callback", steps_of_phase()));
+  }
+  return num_aborts == 0.0 && num_stops == 0.0;
 }
 
 void TrainingRun::EvaluateIfDue() {
@@ -203,7 +214,12 @@ bool TrainingRun::EvaluateOrEnd() {
   if (std::isfinite(history().back().train_loss)) return true;
   double ignored = 0.0;
   std::string why;
-  model_.Cost(weights(), data_.train, &ignored, &why);
+  DistributedCost(model_,
+                  weights(),
+                  data_.train,
+                  options_.communicator.get(),
+                  &ignored,
+                  &why);
   const std::string where =
       state_.step == 0 ? "the loss is not finite at the initial weights: "
                        : AtStep("diverged", steps_of_phase()) +
@@ -220,13 +236,14 @@ void TrainingRun::Evaluate() {
   row.seconds = state_.seconds;
   row.batch_loss = state_.batch_loss;
   row.step_norm = state_.step_norm;
-  row.train_loss = MeanLoss(model_, weights(), data_.train);
+  const auto mean_loss = [this](const DataSet& data) {
+    return MeanLoss(model_, weights(), data, options_.communicator.get());
+  };
+  row.train_loss = mean_loss(data_.train);
   if (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
-    row.train_loss = MeanLoss(model_, weights(), data_.train);
+    row.train_loss = mean_loss(data_.train);
   }
-  if (data_.test.num_samples() > 0) {
-    row.test_loss = MeanLoss(model_, weights(), data_.test);
-  }
+  if (data_.test.num_samples() > 0) row.test_loss = mean_loss(data_.test);
   if (options_.metric) row.metric = options_.metric(weights());
   if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
   state_.history.push_back(row);

@@ -49,6 +49,7 @@
 #include "ceres/types.h"
 #include "invgrad/chain/data_source.h"
 #include "invgrad/chain/model.h"
+#include "invgrad/core/communicator.h"
 #include "invgrad/core/update_rule.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
@@ -108,6 +109,14 @@ struct TrainOptions {
   // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 
+  // Null, or the ranks that share the run (core/communicator.h): each evaluates a
+  // share of every batch, by the same functions in the same order, and every
+  // rank has the results. The steps are those of one process up to rounding. The
+  // first rank's clock counts, and it alone writes the checkpoint, which all
+  // must be able to read. A callback on any rank ends the run on all; Stop is
+  // called on all or on none.
+  std::shared_ptr<const Communicator> communicator;
+
   // Called before the first step and after every step; IterationSummary::cost
   // is the batch loss that the step started from, and with a minimizer of Ceres
   // its cost after the step. Not owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
@@ -146,9 +155,11 @@ struct TrainResult {
 
 // The mean loss over the samples for any reduction of the model, so that runs
 // with different batch sizes compare; NaN if the loss cannot be computed.
+// communicator: null, or the ranks that share the samples.
 double MeanLoss(const Model& model,
                 const Eigen::VectorXd& weights,
-                const DataSet& data);
+                const DataSet& data,
+                const Communicator* communicator = nullptr);
 
 // True after each of the first 40 epochs, and then whenever the number of
 // epochs has grown by 1/40 to 1/20. This suffices for a logarithmic axis, and
@@ -227,6 +238,14 @@ class TrainingRun {
   // The last part of the constructors: resumes from a checkpoint. `rule`: of
   // the caller, or null.
   void Start(const Method& method, const UpdateRule* rule);
+
+  // The end of every constructor: fails on all ranks if one of them has failed,
+  // or is of another run.
+  void AgreeWithRanks();
+  bool is_first_rank() const {
+    return options_.communicator == nullptr ||
+           options_.communicator->rank() == 0;
+  }
 
   // The first call of Step: evaluates the initial weights.
   void Begin();

@@ -81,6 +81,10 @@ TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
       data_(std::move(data)),
       options_(std::move(options)) {
   CHECK_GT(data_.train.num_samples(), 0) << "there are no training samples";
+  // A single rank is a run in one process, bit for bit.
+  if (options_.communicator != nullptr && options_.communicator->size() == 1) {
+    options_.communicator = nullptr;
+  }
   const TrainOptions none;
   if (options_.max_num_epochs == none.max_num_epochs &&
       options_.max_num_steps == none.max_num_steps &&
@@ -114,6 +118,7 @@ TrainingRun::TrainingRun(Model model,
                          TrainOptions options)
     : TrainingRun(std::move(model), std::move(data), std::move(options)) {
   AddPhases(method);
+  AgreeWithRanks();
 }
 
 TrainingRun::TrainingRun(Model model,
@@ -125,6 +130,7 @@ TrainingRun::TrainingRun(Model model,
   if (error().empty() && ParseMethod(method, &parsed, &error_)) {
     AddPhases(parsed);
   }
+  AgreeWithRanks();
 }
 
 TrainingRun::TrainingRun(Model model,
@@ -133,16 +139,21 @@ TrainingRun::TrainingRun(Model model,
                          TrainOptions options)
     : TrainingRun(std::move(model), std::move(data), std::move(options)) {
   CHECK(rule != nullptr);
-  if (!error().empty()) return;
-  const UpdateRule& object = *rule;
-  Method method;
-  method.label = std::string("rule object of ") + typeid(object).name();
-  method.phases.resize(1);
-  phases_.push_back(
-      {MakeEngine(
-           method.phases[0], std::move(rule), model_, data_, options_, &error_),
-       kNoSteps});
-  Start(method, &object);
+  if (error().empty()) {
+    const UpdateRule& object = *rule;
+    Method method;
+    method.label = std::string("rule object of ") + typeid(object).name();
+    method.phases.resize(1);
+    phases_.push_back({MakeEngine(method.phases[0],
+                                  std::move(rule),
+                                  model_,
+                                  data_,
+                                  options_,
+                                  &error_),
+                       kNoSteps});
+    Start(method, &object);
+  }
+  AgreeWithRanks();
 }
 
 TrainingRun::~TrainingRun() = default;
@@ -166,15 +177,30 @@ void TrainingRun::AddPhases(const Method& method) {
 
 void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
   if (!error().empty()) return;
-  if (!options_.checkpoint_path.empty()) {
+  if (!options_.checkpoint_path.empty() || options_.communicator != nullptr) {
     identity_ = IdentityOfRun(
         model_, data_.train, data_.test, data_.source.get(), method, options_);
     if (rule != nullptr && rule->ReadsProgress()) identity_.AddBudget(options_);
+  }
+  if (!options_.checkpoint_path.empty()) {
     std::error_code failure;
     if (std::filesystem::exists(options_.checkpoint_path, failure)) Restore();
     if (failure) error_ = options_.checkpoint_path + ": " + failure.message();
   }
   if (error().empty()) LimitPhase();
+}
+
+void TrainingRun::AgreeWithRanks() {
+  if (options_.communicator == nullptr) return;
+  const Communicator& communicator = *options_.communicator;
+  if (!communicator.Agree(error_.empty(), &error_)) return;
+  const std::string difference =
+      identity_.Difference(communicator.GatherTexts(identity_.text())[0]);
+  if (!difference.empty()) {
+    error_ = fmt::format(
+        "rank {} differs from rank 0: {}", communicator.rank(), difference);
+  }
+  communicator.Agree(error_.empty(), &error_);
 }
 
 // --- Checkpoint ---
@@ -188,7 +214,10 @@ StateArchive TrainingRun::Checkpoint() {
 }
 
 void TrainingRun::SaveCheckpoint(const StateArchive& archive) {
-  if (options_.checkpoint_path.empty() || !engine().has_state()) return;
+  if (options_.checkpoint_path.empty() || !engine().has_state() ||
+      !is_first_rank()) {
+    return;
+  }
   std::string error;
   // The run continues if a checkpoint cannot be written.
   if (!archive.Write(options_.checkpoint_path, identity_, &error)) {

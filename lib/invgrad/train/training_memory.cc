@@ -81,16 +81,19 @@ double DataBytes(const DataSet& data) {
 std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        const UpdateRule& rule,
                                        bool through_pull_back,
-                                       int batch_size) {
+                                       int batch_size,
+                                       int num_ranks) {
   const LinearizationParts needs = rule.Needs();
   const double num_outputs =
       through_pull_back ? model.simulator().num_inputs() : model.loss().size();
-  const JacobianSizes J = SizesOfJacobian(model, num_outputs, batch_size);
+  JacobianSizes J = SizesOfJacobian(model, num_outputs, batch_size);
+  J.num_ranks = num_ranks;
   std::vector<MemoryPart> parts = rule.StepMemory(J);
-  parts.push_back(Activations(model, batch_size));
+  const int own_size = (batch_size + num_ranks - 1) / num_ranks;
+  parts.push_back(Activations(model, own_size));
   if (!needs.jacobian && !needs.hessian) return parts;
   if (!through_pull_back) {
-    AddLinearization(model, needs.hessian, batch_size, &parts);
+    AddLinearization(model, needs.hessian, own_size, &parts);
     return parts;
   }
   // J of the proxy is that of the network.

@@ -26,10 +26,12 @@ namespace invgrad {
 double DataBytes(const DataSet& data);
 
 // A step of a rule on batches of `batch_size` samples.
+// Of each of the ranks that share the batches.
 std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        const UpdateRule& rule,
                                        bool through_pull_back,
-                                       int batch_size);
+                                       int batch_size,
+                                       int num_ranks = 1);
 
 // A phase by Ceres.
 std::vector<MemoryPart> CeresMemory(const Phase& phase,

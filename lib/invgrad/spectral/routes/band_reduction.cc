@@ -20,14 +20,20 @@ using Eigen::VectorXd;
 // because half of their change is wasted.
 constexpr Index kSquare = 64;
 constexpr Index kTileWidth = 3 * kSquare;
+static_assert(ColumnStrips::kWidth == kTileWidth,
+              "A rank changes whole tiles.");
+static_assert(ColumnStrips::kWidth % kBandwidth == 0, "A panel has one owner.");
 constexpr Index kTileHeight = 512;
 
 // Fills the upper triangles of the squares on the diagonal.
-void MirrorSquares(MatrixXd* K) {
-  const Index m = K->rows();
-  for (Index j = 0; j < m; ++j) {
-    for (Index i = j / kSquare * kSquare; i < j; ++i) (*K)(i, j) = (*K)(j, i);
-  }
+void MirrorSquares(const ColumnStrips& strips, MatrixXd* K) {
+  strips.ForOwn([&](Index first, Index count) {
+    for (Index j = first; j < first + count; ++j) {
+      for (Index i = j / kSquare * kSquare; i < j; ++i) {
+        (*K)(i, strips.Local(j)) = (*K)(j, strips.Local(i));
+      }
+    }
+  });
 }
 
 // The end of the tile of this width, on a grid that starts at zero, that
@@ -36,9 +42,11 @@ Index TileEnd(Index i, Index width, Index m) {
   return std::min(m, (i / width + 1) * width);
 }
 
-// One sweep over the lower triangle of K from row `begin` on:
-// A -= [V W] [W V]^T, unless VW is null, and X = A V of the new VX = [V X].
-void SweepTriangle(const MatrixXd* VW,
+// One sweep over this rank's part of the lower triangle of K from row `begin`
+// on: A -= [V W] [W V]^T, unless VW is null, and X = A V, the rank's part of it,
+// of the new VX = [V X].
+void SweepTriangle(const ColumnStrips& strips,
+                   const MatrixXd* VW,
                    const MatrixXd& WV,
                    Index begin,
                    MatrixXd* K,
@@ -48,7 +56,7 @@ void SweepTriangle(const MatrixXd* VW,
   const auto change_tile = [&](Index i, Index i_end, Index j, Index j_end) {
     const Index rows = i_end - i;
     const Index cols = j_end - j;
-    auto A = K->block(i, j, rows, cols);
+    auto A = K->block(i, strips.Local(j), rows, cols);
     const auto V_i = VX->block(i, 0, rows, b);
     const auto V_j = VX->block(j, 0, cols, b);
     auto X_i = VX->block(i, b, rows, b);
@@ -69,6 +77,7 @@ void SweepTriangle(const MatrixXd* VW,
   Index end;
   for (Index j = begin; j < m; j = end) {
     end = TileEnd(j, kTileWidth, m);
+    if (!strips.Owns(j)) continue;
     for (Index k = j; k < end;) {
       const Index square_end = TileEnd(k, kSquare, m);
       change_tile(k, square_end, k, square_end);
@@ -83,8 +92,12 @@ void SweepTriangle(const MatrixXd* VW,
 
 }  // namespace
 
-void BandReduction::Compute(MatrixXd* K, VectorXd* tau) {
-  CHECK_EQ(K->rows(), K->cols());
+void BandReduction::Compute(const ColumnStrips& strips,
+                            MatrixXd* K,
+                            VectorXd* tau) {
+  CHECK_EQ(K->rows(), strips.size());
+  CHECK_EQ(K->cols(), strips.num_local());
+  const Communicator* const communicator = strips.communicator();
   const Index m = K->rows();
   constexpr Index b = kBandwidth;
   tau->resize(std::max<Index>(0, m - b));
@@ -95,53 +108,70 @@ void BandReduction::Compute(MatrixXd* K, VectorXd* tau) {
   T_.resize(b, b);
   S_.resize(b, b);
   TS_.resize(b, b);
-  MirrorSquares(K);
+  MirrorSquares(strips, K);
 
   bool pending = false;
   for (Index k = 0; k < m; k += b) {
     const Index begin = k + b;  // of the rows that the panel clears
     const bool last = begin >= m;
     const Index cols = last ? m - k : b;
-    if (pending) {
+    const bool is_owner = strips.Owns(k);
+    const Index k_local = strips.Local(k);
+    if (pending && is_owner) {
       Gemm(Op::kNone,
            Op::kTranspose,
            -1.0,
            VW_.bottomRows(m - k),
            WV_.middleRows(k, cols),
            1.0,
-           K->block(k, k, m - k, cols));
+           K->block(k, k_local, m - k, cols));
     }
     if (last) break;
 
     const Index n = m - begin;
     const Index width = std::min(n, b);  // the number of reflectors
-    auto panel = K->block(begin, k, n, width);
-    LAPACKE_dgeqrt3_work(LAPACK_COL_MAJOR,
-                         static_cast<int>(n),
-                         static_cast<int>(width),
-                         panel.data(),
-                         static_cast<int>(m),
-                         T_.data(),
-                         static_cast<int>(b));
-    T_.triangularView<Eigen::StrictlyLower>().setZero();
-    tau->segment(k, width) = T_.diagonal().head(width);
-
-    // If the panel is wider than high: the columns right of the square.
-    for (Index j = k + width; j < begin; ++j) {
-      for (Index r = 0; r < width; ++r) {
-        ApplyReflector(static_cast<int>(n - r),
-                       &(*K)(begin + r, k + r),
-                       (*tau)[k + r],
-                       &(*K)(begin + r, j));
-      }
-    }
-
     auto V = next_VW_.block(begin, 0, n, width);
     auto X = next_VW_.block(begin, b, n, width);
     next_VW_.bottomRows(n).setZero();
-    V = panel.triangularView<Eigen::UnitLower>();
+    if (is_owner) {
+      auto panel = K->block(begin, k_local, n, width);
+      LAPACKE_dgeqrt3_work(LAPACK_COL_MAJOR,
+                           static_cast<int>(n),
+                           static_cast<int>(width),
+                           panel.data(),
+                           static_cast<int>(m),
+                           T_.data(),
+                           static_cast<int>(b));
+      T_.triangularView<Eigen::StrictlyLower>().setZero();
+      tau->segment(k, width) = T_.diagonal().head(width);
 
-    SweepTriangle(pending ? &VW_ : nullptr, WV_, begin, K, &next_VW_);
+      // If the panel is wider than high: the columns right of the square.
+      for (Index j = k_local + width; j < k_local + b; ++j) {
+        for (Index r = 0; r < width; ++r) {
+          ApplyReflector(static_cast<int>(n - r),
+                         &(*K)(begin + r, k_local + r),
+                         (*tau)[k + r],
+                         &(*K)(begin + r, j));
+        }
+      }
+      V = panel.triangularView<Eigen::UnitLower>();
+    }
+    if (communicator != nullptr) {
+      VT_.resize(n + b, b);
+      VT_.topLeftCorner(n, width) = V;
+      VT_.bottomRows(b) = T_;
+      communicator->Broadcast(strips.Owner(k), VT_.data(), VT_.size());
+      V = VT_.topLeftCorner(n, width);
+      T_ = VT_.bottomRows(b);
+    }
+
+    SweepTriangle(strips, pending ? &VW_ : nullptr, WV_, begin, K, &next_VW_);
+    if (communicator != nullptr) {
+      VT_.resize(n, b);
+      VT_.leftCols(width) = X;
+      communicator->Sum(VT_.data(), n * width);
+      X = VT_.leftCols(width);
+    }
 
     auto T = T_.topLeftCorner(width, width);
     auto S = S_.topLeftCorner(width, width);

@@ -223,32 +223,49 @@ INVGRAD_INLINE inline void Apply(int m,
 
 }  // namespace
 
-void BulgeChase::Compute(const Eigen::MatrixXd& K,
+void BulgeChase::Compute(const ColumnStrips& strips,
+                         const Eigen::MatrixXd& K,
                          Eigen::VectorXd* diagonal,
                          Eigen::VectorXd* off_diagonal) {
-  CHECK_EQ(K.rows(), K.cols());
+  CHECK_EQ(K.rows(), strips.size());
+  CHECK_EQ(K.cols(), strips.num_local());
   const int m = static_cast<int>(K.rows());
   size_ = m;
+  communicator_ = strips.communicator();
   diagonal->resize(m);
   off_diagonal->resize(std::max(0, m - 1));
   double* band = band_.Reserve(BandSize(m));
-  double* reflectors = reflectors_.Reserve(TotalReflectors(m) * b);
-  double* tau = tau_.Reserve(TotalReflectors(m));
-  padded_x_.Reserve(m + b);
   std::fill(band, band + BandSize(m), 0.0);
-  for (int j = 0; j < m; ++j) {
-    const double* k = K.data() + j * K.rows();
-    std::copy(k + j, k + std::min(m, j + b + 1), band + j * (kStride + 1));
+  strips.ForOwn([&](Index first, Index count) {
+    for (Index j = first; j < first + count; ++j) {
+      const double* k = K.data() + strips.Local(j) * m;
+      std::copy(
+          k + j, k + std::min<Index>(m, j + b + 1), band + j * (kStride + 1));
+    }
+  });
+  if (communicator_ != nullptr) communicator_->Sum(band, BandSize(m));
+  if (strips.rank() == 0) {
+    double* reflectors = reflectors_.Reserve(TotalReflectors(m) * b);
+    double* tau = tau_.Reserve(TotalReflectors(m));
+    padded_x_.Reserve(m + b);
+    simd::Run([&]() INVGRAD_INLINE { Chase(m, band, reflectors, tau); });
+    for (int j = 0; j < m; ++j) {
+      (*diagonal)[j] = band[j * (kStride + 1)];
+      if (j + 1 < m) (*off_diagonal)[j] = band[j * (kStride + 1) + 1];
+    }
   }
-  simd::Run([&]() INVGRAD_INLINE { Chase(m, band, reflectors, tau); });
-  for (int j = 0; j < m; ++j) {
-    (*diagonal)[j] = band[j * (kStride + 1)];
-    if (j + 1 < m) (*off_diagonal)[j] = band[j * (kStride + 1) + 1];
+  if (communicator_ != nullptr) {
+    communicator_->Broadcast(0, diagonal->data(), m);
+    communicator_->Broadcast(0, off_diagonal->data(), m - 1);
   }
 }
 
 void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) const {
   CHECK_EQ(x->size(), size_);
+  if (communicator_ != nullptr && communicator_->rank() > 0) {
+    communicator_->Broadcast(0, x->data(), size_);
+    return;
+  }
   // Reflectors extend past the end, with zeros.
   double* padded = padded_x_.Reserve(size_ + b);
   std::copy(x->data(), x->data() + size_, padded);
@@ -257,6 +274,7 @@ void BulgeChase::ApplyQ(bool transpose, Eigen::VectorXd* x) const {
     Apply(size_, reflectors_.data(), tau_.data(), transpose, padded);
   });
   std::copy(padded, padded + size_, x->data());
+  if (communicator_ != nullptr) communicator_->Broadcast(0, x->data(), size_);
 }
 
 }  // namespace invgrad

@@ -35,6 +35,10 @@ constexpr double kSmallestGram = 1e-270;
 // and gives a better error estimate. Measured: equal at 48.
 constexpr Index kSmallestReduced = 64;
 
+// From this size on, the ranks that share J share its Gram matrix. (A test makes
+// shared steps of this size.)
+constexpr Index kSmallestShared = 1000;
+
 // Values of (s / s_max)^2 within this distance of the jump are undecided.
 double Resolution(const SpectralProblem& problem) {
   const auto size = static_cast<double>(std::min(problem.m(), problem.n()));
@@ -260,7 +264,11 @@ double ApplyCutFunction(const SpectralProblem& problem,
 bool ReducedStep(const SpectralProblem& problem) {
   SpectralBuffers* buffers = problem.buffers;
   SpectralStepSummary* summary = problem.summary;
-  buffers->reduction.Compute(&buffers->gram);
+  if (buffers->strips.communicator() != nullptr) {
+    buffers->reduction.ComputeStrips(buffers->strips, &buffers->gram);
+  } else {
+    buffers->reduction.Compute(&buffers->gram);
+  }
   buffers->tridiagonal.Set(buffers->reduction.diagonal(),
                            buffers->reduction.off_diagonal());
   buffers->reduction.ApplyQTranspose(&buffers->b);
@@ -324,23 +332,50 @@ bool ReducedStep(const SpectralProblem& problem) {
   return MakeStep(problem, buffers->y);
 }
 
+// Of a matrix whose lower triangle the ranks hold in strips.
+void GetDiagonal(const MatrixXd& K,
+                 const ColumnStrips& strips,
+                 VectorXd* diagonal) {
+  diagonal->setZero(strips.size());
+  strips.ForOwn([&](Index first, Index count) {
+    for (Index j = first; j < first + count; ++j) {
+      (*diagonal)[j] = K(j, strips.Local(j));
+    }
+  });
+  if (strips.communicator() != nullptr) {
+    strips.communicator()->Sum(diagonal->data(), diagonal->size());
+  }
+}
+
 }  // namespace
 
 bool GramRoute(const SpectralProblem& problem) {
   SpectralBuffers* buffers = problem.buffers;
   std::string* message = &problem.summary->message;
   MatrixXd& K = buffers->gram;
+  const Index size = std::min(problem.m(), problem.n());
+  // Each rank has the whole of a matrix that is not worth sharing.
+  const bool is_shared = problem.J.communicator() != nullptr &&
+                         !problem.parameter_side() && !problem.filter.clamp &&
+                         size >= kSmallestShared;
+  buffers->strips =
+      ColumnStrips(size, is_shared ? problem.J.communicator() : nullptr);
   if (problem.parameter_side()) {
     problem.J.ParameterGram(&K);
     problem.J.TransposeTimes(problem.g, &buffers->b);
   } else {
-    problem.J.Gram(&K);
+    if (is_shared) {
+      problem.J.GramStrips(buffers->strips, &K);
+    } else {
+      problem.J.Gram(&K);
+    }
     buffers->b = problem.g;
   }
   // A diagonal entry is the squared norm of a row or column of J. It is not
   // finite if an entry of this row or column is not finite, or if a square
   // overflows.
-  const auto diagonal = K.diagonal();
+  VectorXd& diagonal = buffers->values;
+  GetDiagonal(K, buffers->strips, &diagonal);
   if (!diagonal.allFinite()) {
     if (CheckJacobianFinite(problem.J, message)) {
       *message = "the squares of J's entries overflow";
@@ -360,7 +395,12 @@ bool GramRoute(const SpectralProblem& problem) {
   std::frexp(largest, &exponent);
   if (std::abs(exponent) <= 100) exponent = 0;
   buffers->unit = std::ldexp(1.0, exponent);
-  if (exponent != 0) K.triangularView<Eigen::Lower>() *= 1.0 / buffers->unit;
+  if (exponent != 0) {
+    buffers->strips.ForOwn([&](Index first, Index count) {
+      K.block(first, buffers->strips.Local(first), size - first, count) *=
+          1.0 / buffers->unit;
+    });
+  }
   return K.rows() < kSmallestReduced || problem.filter.clamp
              ? EigenvectorStep(problem)
              : ReducedStep(problem);

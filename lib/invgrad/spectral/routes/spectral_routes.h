@@ -33,9 +33,10 @@ struct SvdBuffers {
 };
 
 struct SpectralBuffers {
-  // Route gram: J J^T or J^T J, divided by `unit`; later the reflectors of the
-  // reduction, or the eigenvectors.
+  // Route gram: J J^T or J^T J, divided by `unit`, in the columns of `strips`;
+  // later the reflectors of the reduction, or the eigenvectors.
   Eigen::MatrixXd gram;
+  ColumnStrips strips{0, nullptr};
   double unit = 1.0;
   Eigen::VectorXd b;  // the argument of f(K) b
   Eigen::VectorXd y;
@@ -45,7 +46,8 @@ struct SpectralBuffers {
   Tridiagonal::Perturbations perturbations;
   Tridiagonal::Changes changes;
   Eigen::VectorXd change;
-  Eigen::VectorXd values;  // all eigenvalues, if computed
+  // The diagonal of the Gram matrix; later all eigenvalues, if computed.
+  Eigen::VectorXd values;
   std::vector<ContourNode> nodes;
   std::vector<std::complex<double>> shifts;
   std::vector<std::complex<double>> coefficients;

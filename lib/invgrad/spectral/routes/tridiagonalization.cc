@@ -152,13 +152,27 @@ Method Choose(Method method, double m) {
 void Tridiagonalization::Compute(MatrixXd* K, Method method) {
   CHECK_EQ(K->rows(), K->cols());
   K_ = K;
+  strips_ = ColumnStrips(K->rows(), nullptr);
   method_ = Choose(method, static_cast<double>(K->rows()));
   if (method_ == Method::kOneStage) {
     ReduceInOneStage();
   } else {
-    band_reduction_.Compute(K, &tau_);
-    bulge_chase_.Compute(*K, &diagonal_, &off_diagonal_);
+    ReduceInTwoStages(strips_);
   }
+}
+
+void Tridiagonalization::ComputeStrips(const ColumnStrips& strips,
+                                       MatrixXd* K) {
+  CHECK(strips.communicator() != nullptr);
+  K_ = K;
+  strips_ = strips;
+  method_ = Method::kTwoStage;
+  ReduceInTwoStages(strips);
+}
+
+void Tridiagonalization::ReduceInTwoStages(const ColumnStrips& strips) {
+  band_reduction_.Compute(strips, K_, &tau_);
+  bulge_chase_.Compute(strips, *K_, &diagonal_, &off_diagonal_);
 }
 
 void Tridiagonalization::ReduceInOneStage() {
@@ -191,16 +205,33 @@ void Tridiagonalization::ApplyReflectors(bool transpose, VectorXd* x) const {
   CHECK_EQ(x->size(), m);
   const int offset = method_ == Method::kOneStage ? 1 : kBandwidth;
   const auto count = static_cast<int>(tau_.size());
-  simd::Run([&]() INVGRAD_INLINE {
-    for (int k = 0; k < count; ++k) {
-      const int j = transpose ? k : count - 1 - k;
-      const int first = j + offset;
-      ApplyReflector(m - first,
-                     K_->data() + static_cast<Index>(j) * m + first,
-                     tau_[j],
-                     x->data() + first);
+  const auto apply = [&](Index begin, Index end) {
+    simd::Run([&]() INVGRAD_INLINE {
+      for (Index k = begin; k < end; ++k) {
+        const Index j = transpose ? k : end - 1 - (k - begin);
+        const Index first = j + offset;
+        ApplyReflector(static_cast<int>(m - first),
+                       K_->data() + strips_.Local(j) * m + first,
+                       tau_[j],
+                       x->data() + first);
+      }
+    });
+  };
+  const Communicator* const communicator = strips_.communicator();
+  if (communicator == nullptr) {
+    apply(0, count);
+    return;
+  }
+  // Strip by strip, by its owner.
+  constexpr Index kWidth = ColumnStrips::kWidth;
+  const Index num_strips = (count + kWidth - 1) / kWidth;
+  for (Index i = 0; i < num_strips; ++i) {
+    const Index begin = kWidth * (transpose ? i : num_strips - 1 - i);
+    if (strips_.Owns(begin)) {
+      apply(begin, std::min<Index>(count, begin + kWidth));
     }
-  });
+    communicator->Broadcast(strips_.Owner(begin), x->data(), m);
+  }
 }
 
 void Tridiagonalization::ApplyQTranspose(VectorXd* x) const {

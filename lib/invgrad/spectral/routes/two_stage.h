@@ -11,6 +11,7 @@
 #define INVGRAD_SPECTRAL_ROUTES_TWO_STAGE_H_
 
 #include "Eigen/Core"
+#include "invgrad/core/column_strips.h"
 #include "invgrad/spectral/routes/simd.h"
 
 namespace invgrad {
@@ -28,18 +29,25 @@ constexpr int kBandwidth = 48;
 // One sweep over the lower triangle, tile by tile, both applies the change by
 // one panel and multiplies by V of the next panel. It reads each tile once for
 // 8 b operations an entry, all in matrix products: 4/3 m^3 in total.
+//
+// With ranks, each sweeps its strips of columns: the products X are summed, and
+// the owner of a panel factorizes it and sends V and T. A rank sends about 2 m^2
+// numbers in all.
 class BandReduction {
  public:
-  // Reads the lower triangle of K. Afterwards the band of K is that of B, and
-  // reflector j is below the band in rows j + b, ...; tau: m - b, or none. The
-  // diagonal tiles of K also change above the diagonal.
-  void Compute(Eigen::MatrixXd* K, Eigen::VectorXd* tau);
+  // Reads the lower triangle of K, in this rank's strips. Afterwards the band of
+  // K is that of B, and reflector j is below the band in rows j + b, ...; tau:
+  // m - b, or none. The diagonal tiles of K also change above the diagonal.
+  void Compute(const ColumnStrips& strips,
+               Eigen::MatrixXd* K,
+               Eigen::VectorXd* tau);
 
  private:
   // [V W] and [W V] of the last panel, [V X] of the next: rows are those of K.
   Eigen::MatrixXd VW_;       // m x 2 b
   Eigen::MatrixXd WV_;       // m x 2 b
   Eigen::MatrixXd next_VW_;  // m x 2 b
+  Eigen::MatrixXd VT_;       // (m + b) x b: V over T, or X, for the ranks
   Eigen::MatrixXd T_;        // b x b
   Eigen::MatrixXd S_;        // b x b
   Eigen::MatrixXd TS_;       // b x b
@@ -57,8 +65,10 @@ class BandReduction {
 // the band that stays in the cache.
 class BulgeChase {
  public:
-  // Reads the diagonal of K and the b diagonals below it.
-  void Compute(const Eigen::MatrixXd& K,
+  // Reads the diagonal of K and the b diagonals below it. With ranks, the first
+  // one computes and keeps the reflectors: the chase is serial.
+  void Compute(const ColumnStrips& strips,
+               const Eigen::MatrixXd& K,
                Eigen::VectorXd* diagonal,
                Eigen::VectorXd* off_diagonal);
 
@@ -67,6 +77,7 @@ class BulgeChase {
 
  private:
   int size_ = 0;
+  const Communicator* communicator_ = nullptr;
   AlignedBuffer band_;
   AlignedBuffer reflectors_;
   AlignedBuffer tau_;

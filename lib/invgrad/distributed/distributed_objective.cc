@@ -1,0 +1,94 @@
+#include "invgrad/distributed/distributed_objective.h"
+
+#include <functional>
+#include <utility>
+
+#include "glog/logging.h"
+#include "invgrad/chain/sample_error.h"
+#include "invgrad/distributed/distributed_jacobian.h"
+
+namespace invgrad {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+DistributedObjective::DistributedObjective(
+    std::unique_ptr<BatchObjective> own,
+    std::shared_ptr<const Communicator> communicator)
+    : own_(std::move(own)), communicator_(std::move(communicator)) {}
+
+DataSet DistributedObjective::OwnPiece(const DataSet& batch) const {
+  CHECK_GE(batch.num_samples(), communicator_->size());
+  const Share share = communicator_->OwnShare(batch.num_samples());
+  return batch.Piece(share.first, share.count);
+}
+
+bool DistributedObjective::Linearize(const VectorXd& weights,
+                                     const DataSet& batch,
+                                     const LinearizationParts& parts,
+                                     Linearization* linearization,
+                                     std::string* error) {
+  const bool ok =
+      own_->Linearize(weights, OwnPiece(batch), parts, linearization, error);
+  return Combine(ok, batch.num_samples(), linearization, error);
+}
+
+bool DistributedObjective::LinearizeAgain(const VectorXd& weights,
+                                          const DataSet& batch,
+                                          const LinearizationParts& parts,
+                                          Linearization* linearization,
+                                          std::string* error) {
+  const bool ok = own_->LinearizeAgain(
+      weights, OwnPiece(batch), parts, linearization, error);
+  return Combine(ok, batch.num_samples(), linearization, error);
+}
+
+bool DistributedObjective::Combine(bool ok,
+                                   int num_samples,
+                                   Linearization* linearization,
+                                   std::string* error) const {
+  if (!communicator_->Agree(ok, error)) return false;
+  VectorXd sums(1 + linearization->gradient.size());
+  sums << linearization->cost, linearization->gradient;
+  communicator_->Sum(sums.data(), sums.size());
+  linearization->cost = sums[0];
+  linearization->gradient = sums.tail(sums.size() - 1);
+  MatrixXd& hessian = linearization->hessian;
+  communicator_->Sum(hessian.data(), hessian.size());
+  if (linearization->jacobian != nullptr) {
+    const auto jacobian = std::make_shared<DistributedJacobian>(
+        linearization->jacobian, communicator_, num_samples);
+    linearization->jacobian = jacobian;
+    linearization->loss_gradient =
+        jacobian->GatherRows(linearization->loss_gradient);
+    if (linearization->loss_hessian_times) {
+      linearization->loss_hessian_times =
+          [jacobian, own = std::move(linearization->loss_hessian_times)](
+              const VectorXd& v) {
+            return jacobian->GatherRows(own(jacobian->OwnRows(v)));
+          };
+    }
+  }
+  return CheckCost(linearization->cost, error) &&
+         CheckDerivatives(linearization->gradient, hessian, error);
+}
+
+bool DistributedCost(const Model& model,
+                     const VectorXd& weights,
+                     const DataSet& data,
+                     const Communicator* communicator,
+                     double* cost,
+                     std::string* error) {
+  if (communicator == nullptr) return model.Cost(weights, data, cost, error);
+  const Share share = communicator->OwnShare(data.num_samples());
+  *cost = 0.0;
+  const bool ok =
+      share.count == 0 ||
+      model.Cost(weights, data.Piece(share.first, share.count), cost, error);
+  if (!communicator->Agree(ok, error)) return false;
+  communicator->Sum(cost, 1);
+  return CheckCost(*cost, error);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,262 @@
+// Training on the ranks against training in one process.
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/methods/pull_back_method.h"
+#include "invgrad/rules/rules.h"
+#include "invgrad/train/train.h"
+#include "problems/problems.h"
+#include "tests/distributed/ranks.h"
+
+namespace invgrad {
+namespace distributed_training_test {
+
+using Eigen::VectorXd;
+
+struct Case {
+  std::string problem;
+  std::string method;
+  int batch_size = 13;  // divides by no number of ranks but one
+};
+
+constexpr int kNumSteps = 10;
+
+LearningProblem MakeProblem(const std::string& specification) {
+  PhysicsProblem problem;
+  std::string error;
+  EXPECT_TRUE(CreateProblem(specification, nullptr, &problem, &error)) << error;
+  return *problem.learning;
+}
+
+struct Losses {
+  std::string error;
+  std::vector<double> batch_losses;
+  VectorXd weights;
+  History history;
+  std::string message;
+};
+
+Losses Train(const LearningProblem& problem,
+             const Case& of,
+             const std::shared_ptr<const Communicator>& ranks) {
+  TrainOptions options;
+  options.batch_size = of.batch_size;
+  options.max_num_steps = kNumSteps;
+  options.seed = 1;
+  options.inverse = problem.inverse;
+  options.communicator = ranks;
+  TrainingRun run(*problem.model,
+                  {problem.train, problem.test, problem.source},
+                  of.method,
+                  options);
+  Losses losses;
+  while (run.Step()) losses.batch_losses.push_back(run.loss());
+  losses.error = run.error();
+  losses.weights = run.weights();
+  losses.history = run.history();
+  losses.message = run.summary().message;
+  return losses;
+}
+
+constexpr double kTolerance = 1e-10;
+
+void ExpectSameTraining(const Case& of, double tolerance = kTolerance) {
+  SCOPED_TRACE(of.problem + " " + of.method);
+  const LearningProblem problem = MakeProblem(of.problem);
+  const Losses alone = Train(problem, of, nullptr);
+  const Losses together = Train(problem, of, Ranks());
+  const Losses again = Train(problem, of, Ranks());
+  ASSERT_EQ(alone.error, "");
+  ASSERT_EQ(together.error, "");
+  EXPECT_EQ(together.message, alone.message);
+  ASSERT_EQ(together.batch_losses.size(), alone.batch_losses.size());
+  ASSERT_FALSE(alone.batch_losses.empty());
+  for (std::size_t k = 0; k < alone.batch_losses.size(); ++k) {
+    const double loss = alone.batch_losses[k];
+    EXPECT_NEAR(together.batch_losses[k], loss, tolerance * std::abs(loss))
+        << "step " << k;
+  }
+  EXPECT_NEAR(together.history.back().test_loss,
+              alone.history.back().test_loss,
+              tolerance * std::abs(alone.history.back().test_loss));
+  // Bit for bit, in every run and on every rank.
+  EXPECT_EQ(together.weights, again.weights);
+  VectorXd of_first = together.weights;
+  Ranks()->Broadcast(0, of_first.data(), of_first.size());
+  EXPECT_EQ(together.weights, of_first);
+  if (Ranks()->size() == 1) {
+    EXPECT_EQ(together.weights, alone.weights);
+  }
+}
+
+class EveryRule : public testing::TestWithParam<std::string> {};
+
+TEST_P(EveryRule, TrainsAsInOneProcess) {
+  // A network of some hundred weights, because newton has a dense Hessian.
+  // Products with the Hessian by differences of gradients lose half of the
+  // digits, the inverse of a nearly singular Hessian some.
+  const bool takes_differences = GetParam().rfind("hessian_free", 0) == 0;
+  const bool inverts = GetParam().rfind("saddle_free_newton", 0) == 0;
+  ExpectSameTraining({"regression_1d:num_samples=40", GetParam()},
+                     takes_differences ? 1e-6
+                     : inverts         ? 1e-8
+                                       : kTolerance);
+}
+
+// Every rule with settings that do not amplify rounding errors: short steps, and
+// no small singular values.
+std::vector<std::string> WellConditionedRules() {
+  const Settings settings = {{"step_size", "1e-3"},
+                             {"truncation", "5e-2"},
+                             {"damping", "1"},
+                             {"iterations", "5"}};
+  std::vector<std::string> rules;
+  for (const RuleRow& row : Rules()) {
+    std::string& rule = rules.emplace_back(row.name);
+    for (const OptionSet::Row& option : row.options()) {
+      for (const auto& [name, value] : settings) {
+        if (option.name == name) rule += ":" + name + "=" + value;
+      }
+    }
+  }
+  return rules;
+}
+
+INSTANTIATE_TEST_SUITE_P(Distributed,
+                         EveryRule,
+                         testing::ValuesIn(WellConditionedRules()),
+                         [](const auto& info) {
+                           return info.param.substr(0, info.param.find(':'));
+                         });
+
+TEST(DistributedTraining, PullsBackAsInOneProcess) {
+  const std::string chain = "oscillator_chain:num_samples=80";
+  ExpectSameTraining({chain, "sip:step_size=1e-3"});
+  ExpectSameTraining({chain, "newton/inverse/half_inverse:truncation=1e-3"});
+  ExpectSameTraining({chain, "sip:proxy=l1:curvature_weight=0.5"});
+  ExpectSameTraining({chain, "newton/inverse_gradient/adam:updates=3"});
+  ExpectSameTraining({chain, "newton/joint/half_inverse:truncation=1e-3"});
+  ExpectSameTraining({"multimodal:num_samples=60:wrong_inverse=true",
+                      "newton/inverse/adam:step_size=1e-3"});
+}
+
+// Infidelity has a Hessian of its own; roll-outs call the network at every step;
+// a differential equation takes 2-jets.
+TEST(DistributedTraining, OtherChainsTrainAsInOneProcess) {
+  ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
+                      "half_inverse:truncation=1e-3"});
+  ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
+                      "krylov:step_size=1e-2:iterations=5"});
+  ExpectSameTraining(
+      {"oscillator_tracking:num_samples=40", "half_inverse:truncation=1e-3"});
+  ExpectSameTraining({"poisson_pinn", "half_inverse:truncation=1e-3", 64});
+}
+
+// Batches whose Gram matrix the ranks share (spectral/routes/gram_route.cc).
+TEST(DistributedTraining, SharesLargeGramMatrices) {
+  for (const int batch_size : {253, 481}) {  // m = 1012, 1924
+    ExpectSameTraining({"oscillator_chain:num_samples=1200",
+                        "half_inverse:truncation=1e-2",
+                        batch_size});
+  }
+}
+
+TEST(DistributedTraining, PhasesFollowEachOther) {
+  ExpectSameTraining({"oscillator_chain:num_samples=80",
+                      "adam:steps=4>half_inverse:truncation=1e-3"});
+}
+
+TEST(DistributedTraining, RefusesMoreRanksThanSamples) {
+  if (Ranks()->size() == 1) GTEST_SKIP() << "one rank";
+  const Losses losses = Train(MakeProblem("oscillator_chain:num_samples=80"),
+                              {"", "adam", Ranks()->size() - 1},
+                              Ranks());
+  EXPECT_EQ(losses.error,
+            "batch_size=" + std::to_string(Ranks()->size() - 1) +
+                " is less than the " + std::to_string(Ranks()->size()) +
+                " ranks, of which each has at least one sample: choose a "
+                "larger batch or fewer ranks");
+}
+
+TEST(DistributedTraining, RefusesMinimizersOfCeres) {
+  if (Ranks()->size() == 1) GTEST_SKIP() << "one rank";
+  const Losses losses = Train(MakeProblem("oscillator_chain:num_samples=80"),
+                              {"", "ceres_lm"},
+                              Ranks());
+  EXPECT_NE(losses.error.find("a minimizer of Ceres works in one process"),
+            std::string::npos)
+      << losses.error;
+}
+
+TEST(DistributedTraining, RefusesRanksOfOtherRuns) {
+  if (Ranks()->size() == 1) GTEST_SKIP() << "one rank";
+  LearningProblem problem = MakeProblem("oscillator_chain:num_samples=80");
+  if (Ranks()->rank() == 1) problem.train.targets(0, 0) += 1e-12;
+  const Losses losses = Train(problem, {"", "adam"}, Ranks());
+  EXPECT_EQ(
+      losses.error.rfind("rank 1 differs from rank 0: training data: ", 0), 0u)
+      << losses.error;
+}
+
+// A simulator of one rank's samples fails: the message names the sample of the
+// whole batch, as in one process.
+TEST(DistributedTraining, NamesTheSampleThatFails) {
+  LearningProblem problem = MakeProblem("exponential:num_samples=200");
+  // exp overflows for one sample, by an input that moves x.
+  problem.train.inputs(0, 12) = 1e300;
+  const Case of{"", "gradient_descent:step_size=1e-3"};
+  const Losses alone = Train(problem, of, nullptr);
+  const Losses together = Train(problem, of, Ranks());
+  EXPECT_EQ(together.error, alone.error);
+  EXPECT_EQ(together.message, alone.message);
+}
+
+// Of a run on the ranks, by one process, and the other way round.
+TEST(DistributedTraining, ResumesWithAnotherNumberOfRanks) {
+  const LearningProblem problem =
+      MakeProblem("oscillator_chain:num_samples=80");
+  for (const std::string method :
+       {"adam", "half_inverse:truncation=1e-3", "kfac"}) {
+    SCOPED_TRACE(method);
+    const auto train = [&](int num_steps,
+                           const std::string& checkpoint,
+                           const std::shared_ptr<const Communicator>& ranks) {
+      TrainOptions options;
+      options.batch_size = 13;
+      options.max_num_steps = num_steps;
+      options.communicator = ranks;
+      options.checkpoint_path = checkpoint;
+      const TrainResult result =
+          Train(*problem.model, {problem.train, problem.test}, method, options);
+      EXPECT_EQ(result.error, "");
+      EXPECT_EQ(result.summary.num_steps, num_steps);
+      return result.weights;
+    };
+    const std::string path =
+        (std::filesystem::temp_directory_path() /
+         ("invgrad_ranks_" + std::to_string(Ranks()->size()) + "_" + method))
+            .string();
+    const std::string own = path + "_" + std::to_string(Ranks()->rank());
+    for (const std::string& file : {path, own}) std::filesystem::remove(file);
+    const VectorXd whole = train(8, "", nullptr);
+    double zero = 0.0;
+    Ranks()->Sum(&zero, 1);  // all files are removed
+    train(5, path, Ranks());
+    Ranks()->Sum(&zero, 1);  // the checkpoint is written
+    std::filesystem::copy_file(path, own);
+    const VectorXd resumed_alone = train(8, own, nullptr);
+    const VectorXd resumed_together = train(8, path, Ranks());
+    EXPECT_LE((resumed_alone - whole).norm(), kTolerance * whole.norm());
+    EXPECT_LE((resumed_together - whole).norm(), kTolerance * whole.norm());
+    Ranks()->Sum(&zero, 1);
+    for (const std::string& file : {path, own}) std::filesystem::remove(file);
+  }
+}
+
+}  // namespace distributed_training_test
+}  // namespace invgrad
