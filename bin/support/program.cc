@@ -28,6 +28,8 @@ DECLARE_bool(helpshort);  // of gflags
 namespace invgrad {
 namespace {
 
+bool is_silent = false;
+
 // With a slash at its end; this is bin/support/program.cc.
 std::string BinDirectory() {
   return std::filesystem::path(__FILE__).parent_path().parent_path().string() +
@@ -147,18 +149,19 @@ void UseProcessorsKernels(char** argv) {
   // Set by the user, or by UseProcessorsKernels before it restarted the
   // program.
   if (std::getenv(kVariable) != nullptr) {
-    std::cerr << name << ": " << old_kernels << "\n";
+    if (!is_silent) std::cerr << name << ": " << old_kernels << "\n";
     return;
   }
   const std::string better =
       BetterBlasKernels(ProcessorVectorUnits(), BlasKernels());
-  std::cerr << fmt::format(
+  const std::string notice = fmt::format(
       "{}: OpenBLAS chose its {} kernels, which are too old for this "
       "processor; starting again with {}={}\n",
       name,
       BlasKernels(),
       kVariable,
       better);
+  if (!is_silent) std::cerr << notice;
   setenv(kVariable, better.c_str(), /*overwrite=*/1);
   execv("/proc/self/exe", argv);
   std::cerr << name << ": cannot start again. " << old_kernels << "\n";
@@ -328,7 +331,10 @@ bool ParseNumbers(const std::string& text,
   return true;
 }
 
+void SilenceMessages() { is_silent = true; }
+
 void Warn(const std::string& message) {
+  if (is_silent) return;
   // A message may have several lines; what it quotes may be anything, and long.
   constexpr size_t kMaxWord = 300;
   size_t word = 0;

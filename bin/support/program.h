@@ -87,6 +87,9 @@ bool ParseNumbers(const std::string& text,
 // and of words at most 300 bytes.
 void Warn(const std::string& message);
 
+// From now on Warn and UseProcessorsKernels print nothing in this process.
+void SilenceMessages();
+
 }  // namespace invgrad
 
 #endif  // BIN_SUPPORT_PROGRAM_H_

@@ -340,9 +340,7 @@ bool PrepareRunDirectory(const std::string& path,
 bool PrepareRunDirectory(ExistingDirectory existing,
                          const RunIdentity& identity,
                          std::string* error) {
-  if (FLAGS_output.empty()) {
-    FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
-  }
+  SetDefaultOutput();
   if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
   std::string flags;  // except those about an existing directory
   for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
@@ -351,6 +349,12 @@ bool PrepareRunDirectory(ExistingDirectory existing,
     }
   }
   return PrepareRunDirectory(FLAGS_output, existing, identity, flags, error);
+}
+
+void SetDefaultOutput() {
+  if (FLAGS_output.empty()) {
+    FLAGS_output = std::string("runs/") + gflags::ProgramInvocationShortName();
+  }
 }
 
 bool ListRunFile(const std::string& path, std::string* error) {

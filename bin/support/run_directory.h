@@ -45,6 +45,9 @@ inline bool PrepareRunDirectory(ExistingDirectory existing,
   return PrepareRunDirectory(existing, RunIdentity(), error);
 }
 
+// Sets --output if it is empty.
+void SetDefaultOutput();
+
 // Adds the path to files.txt if it is in the run's directory. Call it before
 // making a file there or the file's folder: --overwrite removes no others.
 // Returns false, with *error set, if files.txt cannot be written.

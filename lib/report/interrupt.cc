@@ -16,6 +16,7 @@ constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
 std::atomic<int> first_signal{0};
 std::atomic<pid_t> owner{0};  // the process with an Interrupt; 0: none
+std::atomic<bool> prints{true};
 static_assert(std::atomic<int>::is_always_lock_free,
               "a signal handler may only touch lock-free atomics");
 
@@ -35,7 +36,7 @@ extern "C" void HandleInterrupt(int signal_number) {
   constexpr std::string_view kMessage =
       "\nending after the current step; a second signal ends at once, without "
       "tables\n";
-  if (owner == getpid() &&
+  if (prints && owner == getpid() &&
       write(STDERR_FILENO, kMessage.data(), kMessage.size()) < 0) {
     // Nobody reads it.
   }
@@ -44,9 +45,10 @@ extern "C" void HandleInterrupt(int signal_number) {
 
 }  // namespace
 
-Interrupt::Interrupt() {
+Interrupt::Interrupt(bool is_silent) {
   CHECK_EQ(owner.exchange(getpid()), 0) << "there is an Interrupt already";
   first_signal = 0;
+  prints = !is_silent;
   for (size_t i = 0; i < before_.size(); ++i) {
     before_[i] = Install(kSignals[i], HandleInterrupt);
   }

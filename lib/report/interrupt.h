@@ -22,7 +22,8 @@ class Interrupt {
  public:
   using Handler = void (*)(int);
 
-  Interrupt();
+  // is_silent: prints nothing, as on all ranks of MPI but the first.
+  explicit Interrupt(bool is_silent = false);
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;
   ~Interrupt();

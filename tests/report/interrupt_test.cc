@@ -27,6 +27,14 @@ TEST(Interrupt, TheFirstSignalOnlySetsTheFlag) {
   EXPECT_FALSE(Interrupt::IsRequested());
 }
 
+TEST(Interrupt, MayBeSilent) {
+  const Interrupt interrupt(/*is_silent=*/true);
+  testing::internal::CaptureStderr();
+  std::raise(SIGTERM);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  EXPECT_TRUE(Interrupt::IsRequested());
+}
+
 TEST(InterruptDeathTest, TheSecondSignalEndsTheProcess) {
   for (const int first : {SIGINT, SIGTERM, SIGHUP}) {
     for (const int second : {SIGINT, SIGTERM, SIGHUP}) {
