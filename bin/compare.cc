@@ -19,6 +19,7 @@ Sample runs:
   compare --problem=oscillator_chain --epochs=25 --output=runs/phases \
     --rules="half_inverse,adam:batch_size=256:epochs=5>half_inverse"
   compare --flagfile=runs/phases/flags.txt --output=runs/again
+  mpirun -n 2 compare --problem=oscillator_chain --steps=20 --overwrite
 
 docs/programs.md has more. Ctrl-C ends the current method, skips the others, and
 keeps the results so far.
@@ -34,6 +35,7 @@ keeps the results so far.
 #include "bin/compare/point_comparison.h"
 #include "bin/support/listing.h"
 #include "bin/support/program.h"
+#include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
@@ -93,6 +95,10 @@ bool ComparePointByFlags(const PointProblem& problem,
     *error = "--resume: a point problem runs in seconds; use --overwrite";
     return false;
   }
+  if (NumRanks() > 1) {
+    *error = "a point problem works in one process: start it without mpirun";
+    return false;
+  }
   MinimizerOptions options;
   options.max_num_iterations =
       FLAGS_steps > 0 ? static_cast<int>(FLAGS_steps) : 100;
@@ -144,7 +150,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  return invgrad::RunProgram(
+  return invgrad::RunProgramOnRanks(
       argc,
       argv,
       "compares methods on one problem: same start, same data, same budget\n\n"

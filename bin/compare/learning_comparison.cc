@@ -11,6 +11,7 @@
 #include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
+#include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
@@ -151,11 +152,12 @@ bool RunOrLoad(const LearningProblem& problem,
   run.tracked_sample = FLAGS_track_sample;
   run.directory =
       fmt::format("{}/{}-seed{}", FLAGS_output, FileName(method.label), seed);
+  run.train.communicator = ProgramRanks();
   if (FLAGS_resume) {
-    if (LoadCompleteRun(problem, method, run, result, error)) {
-      return true;
-    }
-    if (!error->empty()) return false;
+    const bool is_complete =
+        LoadCompleteRun(problem, method, run, result, error);
+    if (!AgreeOnRanks(error->empty(), error)) return false;
+    if (!IsTrueOnAnyRank(!is_complete)) return true;
   }
   Progress progress;
   ProgressState state;
@@ -295,6 +297,10 @@ bool CompareLearning(LearningProblem problem,
   };
   const int batch_size = BatchSize(problem, FLAGS_batch_size);
   if (!FLAGS_dump_step.empty()) {
+    if (NumRanks() > 1) {
+      *error = "--dump_step works in one process: start it without mpirun";
+      return false;
+    }
     return DumpStep(
         problem, methods, batch_size, initial_weights(seeds[0]), error);
   }
@@ -309,16 +315,18 @@ bool CompareLearning(LearningProblem problem,
       })) {
     identity.AddBudget(TrainOptionsOfFlags(batch_size, seeds[0]));
   }
-  if (!PrepareRunDirectory(FLAGS_resume ? ExistingDirectory::kResume
-                                        : ExistingDirectory::kRefuse,
-                           identity,
-                           error)) {
+  if (!PrepareRunDirectoryOnRanks(FLAGS_resume ? ExistingDirectory::kResume
+                                               : ExistingDirectory::kRefuse,
+                                  identity,
+                                  error)) {
     return false;
   }
-  const Interrupt interrupt;
+  const Interrupt interrupt(!IsFirstRank());
   const auto write = [error](const std::string& name, const auto& numbers) {
     const std::string path = FLAGS_output + '/' + name;
-    return ListRunFile(path, error) && WriteNpy(path, numbers, error);
+    return AgreeOnRanks(!IsFirstRank() || (ListRunFile(path, error) &&
+                                           WriteNpy(path, numbers, error)),
+                        error);
   };
   if (!write("data.npy", problem.data)) return false;
   std::set<std::string> warned;
@@ -332,7 +340,8 @@ bool CompareLearning(LearningProblem problem,
     if (!write(fmt::format("initial_weights-seed{}.npy", seed), weights)) {
       return false;
     }
-    for (size_t i = 0; i < methods.size() && !Interrupt::IsRequested(); ++i) {
+    for (size_t i = 0; i < methods.size(); ++i) {
+      if (IsTrueOnAnyRank(Interrupt::IsRequested())) break;
       LearningRunResult result;
       std::string why;
       if (RunOrLoad(
@@ -346,12 +355,16 @@ bool CompareLearning(LearningProblem problem,
       }
     }
   }
-  const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
-  std::cout << table.ToText();
-  if (!WriteTable(FLAGS_output + "/table", table, error) ||
-      !WriteRunFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error)) {
-    return false;
+  bool is_written = true;
+  if (IsFirstRank()) {
+    const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
+    std::cout << table.ToText();
+    is_written =
+        WriteTable(FLAGS_output + "/table", table, error) &&
+        WriteRunFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error);
   }
+  if (!AgreeOnRanks(is_written, error)) return false;
+  if (!IsFirstRank()) return true;
   std::vector<const LearningRunResult*> medians;
   for (const MethodResults& method : all) {
     const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);

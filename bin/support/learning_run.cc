@@ -158,8 +158,13 @@ bool RunLearning(const LearningProblem& problem,
                  const LearningRunOptions& options,
                  LearningRunResult* result,
                  std::string* error) {
-  if (!ListRunFiles(options.directory, error) ||
-      !MakeDirectories(options.directory, error)) {
+  const Communicator* const ranks = options.train.communicator.get();
+  const bool writes = ranks == nullptr || ranks->rank() == 0;
+  const auto agree = [ranks, error](bool ok) {
+    return ranks == nullptr ? ok : ranks->Agree(ok, error);
+  };
+  if (!agree(!writes || (ListRunFiles(options.directory, error) &&
+                         MakeDirectories(options.directory, error)))) {
     return false;
   }
   const Network& network = problem.model->network();
@@ -201,10 +206,13 @@ bool RunLearning(const LearningProblem& problem,
   std::error_code failure;
   // Files of a shorter run that is resumed, not results of this run.
   for (const char* name : {"/result.txt", "/sample_path.csv"}) {
-    std::filesystem::remove(options.directory + name, failure);
+    if (writes) std::filesystem::remove(options.directory + name, failure);
   }
   while (run.Step()) {
-    if (options.on_step && !options.on_step(run)) run.Stop();
+    if (!options.on_step) continue;
+    double num_stops = options.on_step(run) ? 0.0 : 1.0;
+    if (ranks != nullptr) ranks->Sum(&num_stops, 1);
+    if (num_stops > 0.0) run.Stop();
   }
   *result = LearningRunResult();
   static_cast<TrainResult&>(*result) = run.result();
@@ -220,16 +228,16 @@ bool RunLearning(const LearningProblem& problem,
   if (sample_path.size() == num_evaluations) {
     result->sample_path = std::move(sample_path);
   }
-  if (!WriteRunFiles(options.directory,
-                     network,
-                     *result,
-                     run.identity(),
-                     final_neurons,
-                     error)) {
+  if (!agree(!writes || WriteRunFiles(options.directory,
+                                      network,
+                                      *result,
+                                      run.identity(),
+                                      final_neurons,
+                                      error))) {
     return false;
   }
   const ceres::TerminationType type = result->summary.termination_type;
-  if (type != ceres::USER_SUCCESS && type != ceres::NO_CONVERGENCE) {
+  if (writes && type != ceres::USER_SUCCESS && type != ceres::NO_CONVERGENCE) {
     std::filesystem::remove(train_options.checkpoint_path, failure);
   }
   return true;

@@ -59,10 +59,12 @@ void WarnOfLeftOutSamples(const Method& method,
                           std::set<std::string>* warned);
 
 struct LearningRunOptions {
-  TrainOptions train;       // with initial weights and a budget
+  // With initial weights and a budget. If it has ranks, the first one writes the
+  // files.
+  TrainOptions train;
   int tracked_sample = -1;  // -1: none
   std::string directory;
-  // Called after every step; false stops the run. Null: nothing.
+  // Called after every step; false on any rank stops the run. Null: nothing.
   std::function<bool(const TrainingRun& run)> on_step;
 };
 

@@ -139,6 +139,16 @@ int RunProgramOnRanks(int argc,
 
 std::shared_ptr<const Communicator> ProgramRanks() { return ranks; }
 
+bool AgreeOnRanks(bool ok, std::string* error) {
+  return NumRanks() == 1 ? ok : ranks->Agree(ok, error);
+}
+
+bool IsTrueOnAnyRank(bool is_true) {
+  double num_true = is_true ? 1.0 : 0.0;
+  if (NumRanks() > 1) ranks->Sum(&num_true, 1);
+  return num_true > 0.0;
+}
+
 bool IsSameOnRanks(const std::string& what,
                    const std::string& text,
                    std::string* error) {

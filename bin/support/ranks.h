@@ -36,6 +36,11 @@ inline bool IsFirstRank() {
   return ProgramRanks() == nullptr || ProgramRanks()->rank() == 0;
 }
 
+// Communicator::Agree; of one process `ok` itself.
+bool AgreeOnRanks(bool ok, std::string* error);
+// Whether it is true on at least one rank.
+bool IsTrueOnAnyRank(bool is_true);
+
 // Whether the text is the same on all ranks; otherwise *error is "rank 2 on HOST
 // has WHAT TEXT, and rank 0 on HOST has TEXT".
 bool IsSameOnRanks(const std::string& what,
