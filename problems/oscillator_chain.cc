@@ -33,6 +33,10 @@ void OscillatorChain::Describe(OptionSet* set) {
            &num_oscillators,
            {2, kMaxOscillators},
            "length of the chain");
+  set->Add("num_steps",
+           &num_steps,
+           {0, 1e5},
+           "time steps; 0: 24 linear, 96 cubic, as published");
   DescribeSamples(1, 1e7, &num_samples, &data_seed, set);
   DescribeTargetNoise(&noise, set);
 }
@@ -40,7 +44,7 @@ void OscillatorChain::Describe(OptionSet* set) {
 bool OscillatorChain::Create(LearningProblem* problem,
                              std::string* error) const {
   const bool is_cubic = coupling == "cubic";
-  const int num_steps = is_cubic ? 96 : 24;
+  const int steps = num_steps > 0 ? num_steps : is_cubic ? 96 : 24;
   const int state_size = 2 * num_oscillators;
   const SampleSize sample_size = {
       num_samples,
@@ -58,13 +62,13 @@ bool OscillatorChain::Create(LearningProblem* problem,
   AddTargetNoise(noise, data_seed, problem);
   problem->num_epochs = 25;
   problem->model = std::make_shared<Model>(
-      DenseNetwork({state_size, 20, 20, 20, num_steps},
+      DenseNetwork({state_size, 20, 20, 20, steps},
                    is_cubic ? Activation::kRelu : Activation::kTanh),
       // The step for two oscillators and their force has five variables: one
       // pass of Jets.
       num_oscillators == 2
-          ? MakeSimulator<2, 6>(2, is_cubic, num_steps)
-          : MakeSimulator<0, 8>(num_oscillators, is_cubic, num_steps),
+          ? MakeSimulator<2, 6>(2, is_cubic, steps)
+          : MakeSimulator<0, 8>(num_oscillators, is_cubic, steps),
       std::make_shared<SquaredNormLoss>(state_size, 1.0),
       Reduction::kMean);
   return true;

@@ -95,6 +95,7 @@ struct OscillatorStep {
 struct OscillatorChain {
   std::string coupling = "linear";
   int num_oscillators = 2;
+  int num_steps = 0;
   int num_samples = 4096;
   int data_seed = 0;
   double noise = 0.0;

@@ -17,17 +17,22 @@ Share Communicator::ShareOf(int total, int r) const {
   return {bound(r), bound(r + 1) - bound(r)};
 }
 
+std::vector<std::ptrdiff_t> Communicator::SharedSizes(
+    int total, std::ptrdiff_t per_item) const {
+  std::vector<std::ptrdiff_t> sizes;
+  for (int r = 0; r < size(); ++r) {
+    sizes.push_back(per_item * ShareOf(total, r).count);
+  }
+  return sizes;
+}
+
 MatrixXd Communicator::GatherColumns(const MatrixXd& own,
                                      int total,
                                      int per_item) const {
   const Index num_columns = Index{per_item} * total;
   CHECK_EQ(own.cols(), Index{per_item} * OwnShare(total).count);
   MatrixXd all(own.rows(), num_columns);
-  std::vector<std::ptrdiff_t> sizes;
-  for (int r = 0; r < size(); ++r) {
-    sizes.push_back(own.rows() * per_item * ShareOf(total, r).count);
-  }
-  Gather(own.data(), sizes, all.data());
+  Gather(own.data(), SharedSizes(total, own.rows() * per_item), all.data());
   return all;
 }
 

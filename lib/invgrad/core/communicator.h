@@ -35,6 +35,12 @@ class Communicator {
   // Replaces the values by their sums over the ranks. Sends about 2 `size`.
   virtual void Sum(double* values, std::ptrdiff_t size) const = 0;
 
+  // *own = this rank's part of the sums over the ranks of `values`, whose parts
+  // have the sizes of `sizes`, rank after rank. Sends the parts of the others.
+  virtual void SumParts(const double* values,
+                        const std::vector<std::ptrdiff_t>& sizes,
+                        double* own) const = 0;
+
   // Sets the values of all ranks to those of `root`. Sends `size`.
   virtual void Broadcast(int root,
                          double* values,
@@ -52,6 +58,9 @@ class Communicator {
 
   // The share of rank r; shares differ by at most one item.
   Share ShareOf(int total, int r) const;
+  // The sizes of the ranks' shares, with `per_item` numbers an item.
+  std::vector<std::ptrdiff_t> SharedSizes(int total,
+                                          std::ptrdiff_t per_item) const;
   Share OwnShare(int total) const { return ShareOf(total, rank()); }
 
   // Gathers the columns of all ranks' matrices side by side, where rank r has

@@ -28,9 +28,17 @@ class MpiCommunicator final : public Communicator {
   int size() const override { return size_; }
   double num_sent() const override { return num_sent_; }
 
-  // Not MPI_Allreduce, which need not give all ranks the same bits.
+  // Not MPI_Allreduce, which need not give all ranks the same bits: every sum is
+  // made on one rank.
   void Sum(double* values, std::ptrdiff_t size) const override {
     Pieces(values, size, [this](double* piece, int count) {
+      if (count >= kSmallestShared) {
+        const std::vector<std::ptrdiff_t> sizes = SharedSizes(count, 1);
+        std::vector<double> own(sizes[rank_]);
+        SumParts(piece, sizes, own.data());
+        Gather(own.data(), sizes, piece);
+        return;
+      }
       if (rank_ == 0) {
         MPI_Reduce(
             MPI_IN_PLACE, piece, count, MPI_DOUBLE, MPI_SUM, 0, MPI_COMM_WORLD);
@@ -39,8 +47,20 @@ class MpiCommunicator final : public Communicator {
             piece, nullptr, count, MPI_DOUBLE, MPI_SUM, 0, MPI_COMM_WORLD);
       }
       MPI_Bcast(piece, count, MPI_DOUBLE, 0, MPI_COMM_WORLD);
+      num_sent_ += 2.0 * count;
     });
-    num_sent_ += 2.0 * static_cast<double>(size);
+  }
+
+  void SumParts(const double* values,
+                const std::vector<std::ptrdiff_t>& sizes,
+                double* own) const override {
+    CHECK_EQ(static_cast<int>(sizes.size()), size_);
+    const std::vector<int> counts = Counts(sizes);
+    MPI_Reduce_scatter(
+        values, own, counts.data(), MPI_DOUBLE, MPI_SUM, MPI_COMM_WORLD);
+    num_sent_ += static_cast<double>(
+        std::accumulate(sizes.begin(), sizes.end(), std::ptrdiff_t{0}) -
+        sizes[rank_]);
   }
 
   void Broadcast(int root, double* values, std::ptrdiff_t size) const override {
@@ -68,7 +88,7 @@ class MpiCommunicator final : public Communicator {
       }
       return;
     }
-    std::vector<int> counts(sizes.begin(), sizes.end());
+    const std::vector<int> counts = Counts(sizes);
     std::vector<int> offsets(size_, 0);
     std::partial_sum(counts.begin(), counts.end() - 1, offsets.begin() + 1);
     MPI_Allgatherv(own,
@@ -82,6 +102,14 @@ class MpiCommunicator final : public Communicator {
   }
 
  private:
+  // From this size on, each rank sums a part.
+  static constexpr int kSmallestShared = 4096;
+
+  static std::vector<int> Counts(const std::vector<std::ptrdiff_t>& sizes) {
+    for (const std::ptrdiff_t size : sizes) CHECK_LE(size, kLargestMessage);
+    return {sizes.begin(), sizes.end()};
+  }
+
   template <typename Function>
   static void Pieces(double* values,
                      std::ptrdiff_t size,

@@ -157,31 +157,46 @@ void BandReduction::Compute(const ColumnStrips& strips,
       V = panel.triangularView<Eigen::UnitLower>();
     }
     if (communicator != nullptr) {
-      VT_.resize(n + b, b);
-      VT_.topLeftCorner(n, width) = V;
-      VT_.bottomRows(b) = T_;
+      VT_.resize(n + b, width);
+      VT_.topRows(n) = V;
+      VT_.bottomRows(b) = T_.leftCols(width);
       communicator->Broadcast(strips.Owner(k), VT_.data(), VT_.size());
-      V = VT_.topLeftCorner(n, width);
-      T_ = VT_.bottomRows(b);
+      V = VT_.topRows(n);
+      T_.leftCols(width) = VT_.bottomRows(b);
     }
 
     SweepTriangle(strips, pending ? &VW_ : nullptr, WV_, begin, K, &next_VW_);
-    if (communicator != nullptr) {
-      VT_.resize(n, b);
-      VT_.leftCols(width) = X;
-      communicator->Sum(VT_.data(), n * width);
-      X = VT_.leftCols(width);
-    }
 
+    // Each rank computes its share of the rows of W.
+    Share rows{0, static_cast<int>(n)};
+    std::vector<std::ptrdiff_t> sizes;
+    if (communicator != nullptr) {
+      rows = communicator->OwnShare(static_cast<int>(n));
+      sizes = communicator->SharedSizes(static_cast<int>(n), width);
+      all_rows_ = X.transpose();
+      own_rows_.resize(width, rows.count);
+      communicator->SumParts(all_rows_.data(), sizes, own_rows_.data());
+      X.middleRows(rows.first, rows.count) = own_rows_.transpose();
+    }
     auto T = T_.topLeftCorner(width, width);
     auto S = S_.topLeftCorner(width, width);
     auto TS = TS_.topLeftCorner(width, width);
-    auto W = WV_.block(begin, 0, n, width);
-    Gemm(Op::kTranspose, Op::kNone, 1.0, V, X, 0.0, S);
-    Gemm(Op::kTranspose, Op::kNone, 1.0, T, S, 0.0, TS);
-    Gemm(Op::kNone, Op::kNone, -0.5, V, TS, 1.0, X);
     WV_.bottomRows(n).setZero();
-    Gemm(Op::kNone, Op::kNone, 1.0, X, T, 0.0, W);
+    auto W = WV_.block(begin, 0, n, width);
+    auto own_V = V.middleRows(rows.first, rows.count);
+    auto own_X = X.middleRows(rows.first, rows.count);
+    auto own_W = W.middleRows(rows.first, rows.count);
+    S_.setZero();
+    Gemm(Op::kTranspose, Op::kNone, 1.0, own_V, own_X, 0.0, S);
+    if (communicator != nullptr) communicator->Sum(S_.data(), S_.size());
+    Gemm(Op::kTranspose, Op::kNone, 1.0, T, S, 0.0, TS);
+    Gemm(Op::kNone, Op::kNone, -0.5, own_V, TS, 1.0, own_X);
+    Gemm(Op::kNone, Op::kNone, 1.0, own_X, T, 0.0, own_W);
+    if (communicator != nullptr) {
+      own_rows_ = own_W.transpose();
+      communicator->Gather(own_rows_.data(), sizes, all_rows_.data());
+      W = all_rows_.transpose();
+    }
     X = W;
     WV_.block(begin, b, n, width) = V;
     VW_.swap(next_VW_);

@@ -47,10 +47,13 @@ class BandReduction {
   Eigen::MatrixXd VW_;       // m x 2 b
   Eigen::MatrixXd WV_;       // m x 2 b
   Eigen::MatrixXd next_VW_;  // m x 2 b
-  Eigen::MatrixXd VT_;       // (m + b) x b: V over T, or X, for the ranks
-  Eigen::MatrixXd T_;        // b x b
-  Eigen::MatrixXd S_;        // b x b
-  Eigen::MatrixXd TS_;       // b x b
+  // For the ranks: V over T; the rows of X or W of all ranks, and the own ones.
+  Eigen::MatrixXd VT_;
+  Eigen::MatrixXd all_rows_;  // transposed
+  Eigen::MatrixXd own_rows_;  // transposed
+  Eigen::MatrixXd T_;         // b x b
+  Eigen::MatrixXd S_;         // b x b
+  Eigen::MatrixXd TS_;        // b x b
 };
 
 // Sweep s makes column s tridiagonal by a reflector on the b rows below its
