@@ -27,6 +27,7 @@ DEFINE_string(rules,
               "newton/numerical/adam",
               "methods; the first one is the reference");
 DEFINE_int32(steps, 1000, "steps of a run");
+DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
 
 namespace invgrad {
 namespace {
@@ -35,7 +36,7 @@ void TrainSteps(benchmark::State& state,
                 const LearningProblem& problem,
                 const Method& method) {
   TrainOptions options;
-  options.batch_size = BatchSize(problem, /*flag_batch_size=*/-1);
+  options.batch_size = BatchSize(problem, FLAGS_batch_size);
   options.max_num_steps = FLAGS_steps;
   options.initial_weights = InitialWeights(problem, 1);
   options.inverse = problem.inverse;
@@ -54,7 +55,7 @@ void TrainSteps(benchmark::State& state,
 bool Run(RunCounts* counts, std::string* error) {
   LearningProblem problem;
   std::vector<Method> methods;
-  if (!CheckFlags({{"steps", {1.0}}}, error) ||
+  if (!CheckFlags({{"steps", {1.0}}, {"batch_size", {-1.0}}}, error) ||
       !ParseFlag("problem", CreateLearningProblem, &problem, error) ||
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
