@@ -11,20 +11,23 @@
 
 namespace invgrad {
 
-// Splits the samples 0 .. count - 1 into contiguous shares of whole packs, one
-// a thread; the calling thread has the first. function(begin, end) computes a
+// Splits the samples 0 .. count - 1 into contiguous shares of a multiple of
+// `grain`, one a thread; the calling thread has the first. function(begin, end) computes a
 // share and returns the first sample that fails, or `end`. Returns the first
 // sample of all shares that fails, or `count`. BLAS has one thread in each
 // share, so that its threads do not multiply.
 template <typename Function>
-int ForShares(int count, int num_threads, const Function& function) {
-  const int num_packs = (count + Pack::kLanes - 1) / Pack::kLanes;
-  const int num_shares = std::max(1, std::min(num_threads, num_packs));
+int ForShares(int count,
+              int num_threads,
+              const Function& function,
+              int grain = Pack::kLanes) {
+  const int num_grains = (count + grain - 1) / grain;
+  const int num_shares = std::max(1, std::min(num_threads, num_grains));
   if (num_shares == 1) return function(0, count);
   const SingleBlasThread single(true);
   const auto bound = [&](int k) {
-    const long pack = static_cast<long>(num_packs) * k / num_shares;
-    return static_cast<int>(std::min<long>(count, pack * Pack::kLanes));
+    const long first = static_cast<long>(num_grains) * k / num_shares;
+    return static_cast<int>(std::min<long>(count, first * grain));
   };
   std::vector<int> firsts(num_shares);  // the first sample that fails
   const auto run = [&](int k) { firsts[k] = function(bound(k), bound(k + 1)); };
