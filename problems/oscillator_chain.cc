@@ -67,8 +67,8 @@ bool OscillatorChain::Create(LearningProblem* problem,
       // The step for two oscillators and their force has five variables: one
       // pass of Jets.
       num_oscillators == 2
-          ? MakeSimulator<2, 6>(2, is_cubic, steps)
-          : MakeSimulator<0, 8>(num_oscillators, is_cubic, steps),
+          ? MakeSimulator<2, 5>(2, is_cubic, steps)
+          : MakeSimulator<0, 8>(num_oscillators, is_cubic, num_steps),
       std::make_shared<SquaredNormLoss>(state_size, 1.0),
       Reduction::kMean);
   return true;

@@ -62,8 +62,8 @@ namespace invgrad {
 
 // y of one point. x: the 2-jet of u; context as above.
 struct PoissonResidual {
-  template <typename T>
-  bool operator()(const T* x, const double* context, T* y) const {
+  template <typename T, typename C>
+  bool operator()(const T* x, const C* context, T* y) const {
     const T& u = x[0];
     const T& laplacian = x[3];
     const bool is_boundary = context[0] != 0.0;

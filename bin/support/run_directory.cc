@@ -37,7 +37,7 @@ constexpr char kVersionFile[] = "versions.txt";
 constexpr char kFileList[] = "files.txt";
 
 // A resumed run may be longer than the first one, look at other levels or
-// values, and use other numbers of processes.
+// values, and use other numbers of processes and threads.
 constexpr std::string_view kBudgetFlags[] = {"epochs", "steps", "seconds"};
 constexpr std::string_view kFlagsThatMayChange[] = {"output",
                                                     "checkpoint_seconds",
@@ -45,6 +45,7 @@ constexpr std::string_view kFlagsThatMayChange[] = {"output",
                                                     "value",
                                                     "tail",
                                                     "jobs",
+                                                    "threads",
                                                     "progress",
                                                     "plots"};
 

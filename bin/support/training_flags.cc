@@ -33,6 +33,11 @@ DEFINE_bool(cpu_time,
             "seconds of training are those of the processor, of all threads: "
             "for a fair comparison on a busy machine");
 DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
+DEFINE_int32(
+    threads,
+    1,
+    "threads over the samples of a batch; the results do not depend on "
+    "it");
 DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
 DEFINE_double(checkpoint_seconds,
               invgrad::TrainOptions().checkpoint_interval_in_seconds,
@@ -207,7 +212,8 @@ bool CheckTrainingFlags(std::string* error) {
                      {"steps", {0.0}},
                      {"seconds", {0.0}},
                      {"checkpoint_seconds", {0.0}},
-                     {"batch_size", {-1.0}}},
+                     {"batch_size", {-1.0}},
+                     {"threads", {1.0, 1024.0}}},
                     error);
 }
 
@@ -221,6 +227,7 @@ TrainOptions TrainOptionsOfFlags(int batch_size, int seed) {
   TrainOptions options;
   options.batch_size = batch_size;
   options.seed = static_cast<std::uint32_t>(seed);
+  options.num_threads = FLAGS_threads;
   options.shuffle = FLAGS_shuffle;
   if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
   if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "invgrad/chain/tanh.h"
+
 namespace invgrad {
 namespace {
 
@@ -56,8 +58,8 @@ void ActivateAll(Activation activation,
       });
       return;
     case Activation::kTanh:
-      apply([](double z, Derivatives* d) {
-        const double t = std::tanh(z);
+      TanhAll(size, z);
+      apply([](double t, Derivatives* d) {
         const double s = 1.0 - t * t;
         d->slope = s;
         d->curvature = -2.0 * t * s;

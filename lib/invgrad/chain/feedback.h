@@ -55,6 +55,17 @@ class Feedback {
   virtual bool StepJacobians(const double* x,
                              const double* start,
                              double* M) const = 0;
+
+  // The same for `count` samples, one column a sample, M one after the other.
+  // Return the number of samples before the first that fails.
+  virtual int AdvanceBatch(int count,
+                           const double* states,
+                           const double* controls,
+                           double* next_states) const;
+  virtual int StepJacobiansBatch(int count,
+                                 const double* x,
+                                 const double* starts,
+                                 double* M) const;
 };
 
 }  // namespace invgrad

@@ -8,6 +8,7 @@
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
 #include "invgrad/chain/two_jet.h"
+#include "invgrad/core/parallel.h"
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
@@ -64,19 +65,16 @@ void StoreCall(const DenseNetwork::Activations& call,
 }
 
 // Multiplies every column of x_bar (T nc x any number), covectors of one
-// sample's x, by (I - K S)^-T (feedback.h). K: ns x T nc, column t nc + i is
-// the derivative of u_{t,i} in s_t.
+// sample's x, by (I - K S)^-T (feedback.h). M: its step Jacobians. K: ns x T nc,
+// column t nc + i is the derivative of u_{t,i} in s_t.
 bool CloseSampleLoop(const Feedback& feedback,
-                     const double* x,
-                     const double* start,
+                     const double* M,
                      const Eigen::Ref<const MatrixXd>& K,
                      Eigen::Ref<MatrixXd> x_bar) {
   const Index num_calls = feedback.num_calls();
   const Index ns = feedback.state_size();
   const Index nc = feedback.control_size();
   const Index size = ns + nc;
-  Scratch<double> M(num_calls * ns * size);
-  if (!feedback.StepJacobians(x, start, M.data())) return false;
   Scratch<double> memory(2 * ns * x_bar.cols());
   // Covectors of s_{t+1} and of s_t, one per column.
   Eigen::Map<MatrixXd> p(memory.data(), ns, x_bar.cols());
@@ -84,8 +82,7 @@ bool CloseSampleLoop(const Feedback& feedback,
   p.setZero();
   for (Index t = num_calls - 1; t >= 0; --t) {
     // A row-major M_t, read by columns.
-    const Eigen::Map<const MatrixXd> M_transposed(
-        M.data() + t * ns * size, size, ns);
+    const Eigen::Map<const MatrixXd> M_transposed(M + t * ns * size, size, ns);
     auto x_bar_t = x_bar.middleRows(t * nc, nc);
     x_bar_t.noalias() += M_transposed.bottomRows(nc) * p;
     pulled.noalias() = M_transposed.topRows(ns) * p;
@@ -149,6 +146,13 @@ int Model::num_columns() const {
              : num_calls();
 }
 
+Model Model::WithThreads(int num_threads) const {
+  CHECK_GT(num_threads, 0);
+  Model model = *this;
+  model.num_threads_ = num_threads;
+  return model;
+}
+
 double Model::BatchScale(int num_samples) const {
   CHECK_GT(num_samples, 0);
   return reduction_ == Reduction::kMean ? 1.0 / num_samples : 1.0;
@@ -174,19 +178,22 @@ bool Model::Forward(const VectorXd& weights,
   }
   MatrixXd inputs = batch.inputs;
   MatrixXd states = batch.contexts;
-  VectorXd next(states.rows());
+  MatrixXd next(states.rows(), states.cols());
   DenseNetwork::Activations call;
+  const auto advance = [&](int begin, int end) {
+    return begin + feedback_->AdvanceBatch(end - begin,
+                                           states.col(begin).data(),
+                                           call.outputs.col(begin).data(),
+                                           next.col(begin).data());
+  };
   for (int t = 0; t < num_calls(); ++t) {
     if (t > 0) {
-      for (int s = 0; s < batch.num_samples(); ++s) {
-        if (!feedback_->Advance(states.col(s).data(),
-                                call.outputs.col(s).data(),
-                                next.data())) {
-          return SampleError(
-              batch, s, AtTimeStep(kNoNextState, t - 1, num_calls()), error);
-        }
-        states.col(s) = next;
+      const int s = ForShares(batch.num_samples(), num_threads_, advance);
+      if (s < batch.num_samples()) {
+        return SampleError(
+            batch, s, AtTimeStep(kNoNextState, t - 1, num_calls()), error);
       }
+      states.swap(next);
       inputs.topRows(states.rows()) = states;
     }
     dense_network_->Forward(weights, inputs, want_curvatures, &call);
@@ -216,21 +223,34 @@ bool Model::CloseLoop(const VectorXd& weights,
   MatrixXd K;
   dense_network_->InputJacobians(
       weights, dynamic_cast<const DenseNetwork::Activations&>(pass), &K);
-  for (int s = 0; s < batch_size; ++s) {
-    if (!CloseSampleLoop(
-            *feedback_,
-            x.col(s).data(),
-            batch.Context(s).data(),
-            K.topRows(feedback_->state_size()).middleCols(s * num_x, num_x),
-            x_bar.middleCols(s * per_sample, per_sample))) {
-      // The open roll-out has succeeded; DescribeFailure may still name a step.
-      const std::string where =
-          simulator_->DescribeFailure(x.col(s).data(), batch.Context(s).data());
-      return SampleError(
-          batch, s, kLoopFailed + (where.empty() ? "" : ": " + where), error);
+  const Index ns = feedback_->state_size();
+  const Index M_size =
+      num_x * ns * (ns + feedback_->control_size()) / feedback_->control_size();
+  const auto close = [&](int begin, int end) {
+    Scratch<double> M(Pack::kLanes * M_size);
+    for (int first = begin; first < end; first += Pack::kLanes) {
+      const int count = std::min(Pack::kLanes, end - first);
+      const int num_done = feedback_->StepJacobiansBatch(
+          count, x.col(first).data(), batch.Context(first).data(), M.data());
+      for (int s = first; s < first + num_done; ++s) {
+        if (!CloseSampleLoop(*feedback_,
+                             M.data() + (s - first) * M_size,
+                             K.topRows(ns).middleCols(s * num_x, num_x),
+                             x_bar.middleCols(s * per_sample, per_sample))) {
+          return s;
+        }
+      }
+      if (num_done < count) return first + num_done;
     }
-  }
-  return true;
+    return end;
+  };
+  const int s = ForShares(batch_size, num_threads_, close);
+  if (s == batch_size) return true;
+  // The open roll-out has succeeded; DescribeFailure may still name a step.
+  const std::string where =
+      simulator_->DescribeFailure(x.col(s).data(), batch.Context(s).data());
+  return SampleError(
+      batch, s, kLoopFailed + (where.empty() ? "" : ": " + where), error);
 }
 
 void Model::CheckTargets(const DataSet& batch) const {
@@ -276,15 +296,15 @@ bool Model::Predict(const VectorXd& weights,
       return false;
     }
     const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
-    for (int s = 0; s < count; ++s) {
-      if (!simulator_->Evaluate(x.col(s).data(),
-                                piece.Context(s).data(),
-                                outputs->col(begin + s).data(),
-                                nullptr)) {
-        return SimulatorError(*simulator_, x, piece, s, error);
-      }
-    }
-    return true;
+    const int s = ForShares(count, num_threads_, [&](int first, int end) {
+      return first +
+             simulator_->EvaluateBatch(end - first,
+                                       x.col(first).data(),
+                                       piece.Context(first).data(),
+                                       outputs->col(begin + first).data(),
+                                       nullptr);
+    });
+    return s == count || SimulatorError(*simulator_, x, piece, s, error);
   };
   // The samples of other networks may depend on each other.
   const int piece_size = dense_network_ != nullptr ? kPieceSize : num_samples;

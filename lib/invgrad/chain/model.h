@@ -30,6 +30,8 @@
 //          WeightedHessian a sample and DenseNetwork::Hessian. With feedback: T
 //          passes in place of one, an input Jacobian of the network, and one
 //          CloseLoop a sample. With jets: T passes, for the Hessian T^2.
+//          The samples are simulated on num_threads() threads, and four at once
+//          where the simulator can (Simulator::WhyNoLanes).
 // Fails:   Linearize, Cost and Predict return false if a simulator or loss
 //          fails or a value is not finite. The message names the sample (its
 //          column in the batch) and the time step of a roll-out. Empty batches
@@ -123,16 +125,31 @@ class Model {
 
   // The same chain with another loss, or another network.
   Model WithLoss(std::shared_ptr<const Loss> loss, Reduction reduction) const {
-    return Model(
-        network_, simulator_, std::move(loss), reduction, feedback_, output_);
+    return Model(network_,
+                 simulator_,
+                 std::move(loss),
+                 reduction,
+                 feedback_,
+                 output_)
+        .WithThreads(num_threads_);
   }
   Model WithNetwork(std::shared_ptr<const Network> network) const {
-    return Model(
-        std::move(network), simulator_, loss_, reduction_, feedback_, output_);
+    return Model(std::move(network),
+                 simulator_,
+                 loss_,
+                 reduction_,
+                 feedback_,
+                 output_)
+        .WithThreads(num_threads_);
   }
   Model WithNetwork(DenseNetwork network) const {
     return WithNetwork(std::make_shared<DenseNetwork>(std::move(network)));
   }
+
+  // The same chain, whose samples are simulated on `num_threads` threads: the
+  // same bits for any number.
+  Model WithThreads(int num_threads) const;
+  int num_threads() const { return num_threads_; }
 
   Reduction reduction() const { return reduction_; }
   int num_weights() const { return network_->num_weights(); }
@@ -217,6 +234,7 @@ class Model {
   Reduction reduction_;
   std::shared_ptr<const Feedback> feedback_;
   NetworkOutput output_;
+  int num_threads_ = 1;
 };
 
 }  // namespace invgrad

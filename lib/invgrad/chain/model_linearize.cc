@@ -12,6 +12,7 @@
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
+#include "invgrad/core/parallel.h"
 
 namespace invgrad {
 
@@ -20,7 +21,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-// The loss of a batch with its derivatives in y.
+// The loss of a batch with its derivatives in y. Threads may add different
+// samples.
 class BatchLoss {
  public:
   BatchLoss(const std::shared_ptr<const Loss>& loss,
@@ -30,6 +32,8 @@ class BatchLoss {
       : loss_(loss),
         batch_(batch),
         scale_(scale),
+        values_(VectorXd::Zero(batch.num_samples())),
+        has_failed_(batch.num_samples(), 0),
         gradients_(loss->size(), batch.num_samples()) {
     if (!loss->forms_hessian()) {
       outputs_.resize(loss->size(), batch.num_samples());
@@ -38,26 +42,31 @@ class BatchLoss {
     }
   }
 
-  // Adds the loss of sample s.
-  bool Add(int s, const VectorXd& y, std::string* error) {
-    double value = 0.0;
+  // Adds the loss of sample s. Returns false if it has no finite value.
+  bool Add(int s, const VectorXd& y) {
     auto gradient = gradients_.col(s);
     double* const hessian = has_hessians() ? Hessian(s).data() : nullptr;
     if (!loss_->Evaluate(y.data(),
                          batch_.targets.col(s).data(),
-                         &value,
+                         &values_[s],
                          gradient.data(),
                          hessian)) {
-      return SampleError(batch_, s, kLossFailed, error);
+      has_failed_[s] = 1;
+      return false;
     }
     if (outputs_.size() > 0) outputs_.col(s) = y;
-    cost_ += scale_ * value;
     gradient *= scale_;
     if (has_hessians()) Hessian(s) *= scale_;
     return true;
   }
 
-  double cost() const { return cost_; }
+  bool has_failed(int s) const { return has_failed_[s] != 0; }
+  // The sum over the samples, in their order.
+  double cost() const {
+    double cost = 0.0;
+    for (const double value : values_) cost += scale_ * value;
+    return cost;
+  }
   const MatrixXd& gradients() const { return gradients_; }
   // H_L of sample s.
   Eigen::Block<MatrixXd, Eigen::Dynamic, Eigen::Dynamic, true> Hessian(int s) {
@@ -107,11 +116,23 @@ class BatchLoss {
   const std::shared_ptr<const Loss> loss_;
   const DataSet& batch_;
   const double scale_;
-  double cost_ = 0.0;
+  VectorXd values_;
+  std::vector<char> has_failed_;
   MatrixXd gradients_;
   MatrixXd hessians_;  // the blocks of H_L, side by side
   MatrixXd outputs_;   // y, if the loss has only products with H_L
 };
+
+// The message for a sample whose loss or simulator has failed.
+bool LinearizationError(const Simulator& simulator,
+                        const BatchLoss& loss,
+                        const Eigen::Map<const MatrixXd>& x,
+                        const DataSet& batch,
+                        int s,
+                        std::string* error) {
+  return loss.has_failed(s) ? SampleError(batch, s, kLossFailed, error)
+                            : SimulatorError(simulator, x, batch, s, error);
+}
 
 }  // namespace
 
@@ -170,31 +191,34 @@ bool Model::LinearizeByAdjoint(const VectorXd& weights,
     return false;
   }
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
-  VectorXd y(loss_->size());
+  const int batch_size = batch.num_samples();
   MatrixXd x_bar(x.rows(), x.cols());
-  double cost = 0.0;
-  int s = 0;
-  bool loss_failed = false;
-  const auto loss_gradient = [&](const double* at, double* g) {
-    double loss = 0.0;
-    loss_failed =
-        !loss_->Evaluate(at, batch.targets.col(s).data(), &loss, g, nullptr);
-    cost += scale * loss;
-    Eigen::Map<VectorXd>(g, loss_->size()) *= scale;
-    return !loss_failed;
+  VectorXd losses = VectorXd::Zero(batch_size);
+  std::vector<char> loss_failed(batch_size, 0);
+  const auto adjoint = [&](int begin, int end) {
+    const auto loss_gradient = [&](int in_share, const double* y, double* g) {
+      const int s = begin + in_share;
+      loss_failed[s] = !loss_->Evaluate(
+          y, batch.targets.col(s).data(), &losses[s], g, nullptr);
+      Eigen::Map<VectorXd>(g, loss_->size()) *= scale;
+      return loss_failed[s] == 0;
+    };
+    // By reference, because std::function then does not allocate.
+    const Simulator::BatchCovector covector = std::cref(loss_gradient);
+    return begin + simulator_->AdjointBatch(end - begin,
+                                            x.col(begin).data(),
+                                            batch.Context(begin).data(),
+                                            covector,
+                                            x_bar.col(begin).data());
   };
-  // By reference, because std::function then does not allocate.
-  const Simulator::Covector covector = std::cref(loss_gradient);
-  for (; s < batch.num_samples(); ++s) {
-    if (!simulator_->Adjoint(x.col(s).data(),
-                             batch.Context(s).data(),
-                             covector,
-                             y.data(),
-                             x_bar.col(s).data())) {
-      return loss_failed ? SampleError(batch, s, kLossFailed, error)
-                         : SimulatorError(*simulator_, x, batch, s, error);
-    }
+  const int s = ForShares(batch_size, num_threads_, adjoint);
+  if (s < batch_size) {
+    return loss_failed[s] != 0
+               ? SampleError(batch, s, kLossFailed, error)
+               : SimulatorError(*simulator_, x, batch, s, error);
   }
+  double cost = 0.0;  // in the order of the samples
+  for (const double loss : losses) cost += scale * loss;
   if (!CloseLoop(weights, batch, *pass, x_bar, error)) return false;
   x_bar.resize(network_->num_outputs(), (*pass).num_columns());
   network_->Backward(weights, *pass, x_bar, &linearization->gradient);
@@ -216,15 +240,20 @@ bool Model::LinearizeByProducts(const VectorXd& weights,
   }
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(*pass);
   BatchLoss loss(loss_, batch, BatchScale(batch.batch_size()), false);
-  std::vector<std::unique_ptr<const JacobianOperator>> jacobians;
-  VectorXd y(loss_->size());
-  for (int s = 0; s < batch.num_samples(); ++s) {
-    jacobians.push_back(simulator_->Linearize(
-        x.col(s).data(), batch.Context(s).data(), y.data()));
-    if (jacobians.back() == nullptr) {
-      return SimulatorError(*simulator_, x, batch, s, error);
+  const int batch_size = batch.num_samples();
+  std::vector<std::unique_ptr<const JacobianOperator>> jacobians(batch_size);
+  const auto linearize = [&](int begin, int end) {
+    VectorXd y(loss_->size());
+    for (int s = begin; s < end; ++s) {
+      jacobians[s] = simulator_->Linearize(
+          x.col(s).data(), batch.Context(s).data(), y.data());
+      if (jacobians[s] == nullptr || !loss.Add(s, y)) return s;
     }
-    if (!loss.Add(s, y, error)) return false;
+    return end;
+  };
+  const int s = ForShares(batch_size, num_threads_, linearize);
+  if (s < batch_size) {
+    return LinearizationError(*simulator_, loss, x, batch, s, error);
   }
   linearization->cost = loss.cost();
   if (!CheckCost(loss.cost(), error)) return false;
@@ -259,18 +288,25 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     return false;
   }
   const Eigen::Map<const MatrixXd> x = SimulatorInputs(activations);
-  VectorXd y(num_y);
+  MatrixXd y(num_y, batch_size);
   MatrixXd jacobians(num_x, num_y * batch_size);
   BatchLoss loss(loss_, batch, BatchScale(batch.batch_size()), parts.hessian);
-  for (int s = 0; s < batch_size; ++s) {
+  const auto evaluate = [&](int begin, int end) {
     // A row-major Jacobian is a block of columns.
-    if (!simulator_->Evaluate(x.col(s).data(),
-                              batch.Context(s).data(),
-                              y.data(),
-                              jacobians.col(s * num_y).data())) {
-      return SimulatorError(*simulator_, x, batch, s, error);
+    const int num_done =
+        simulator_->EvaluateBatch(end - begin,
+                                  x.col(begin).data(),
+                                  batch.Context(begin).data(),
+                                  y.col(begin).data(),
+                                  jacobians.col(begin * num_y).data());
+    for (int s = begin; s < begin + num_done; ++s) {
+      if (!loss.Add(s, y.col(s))) return s;
     }
-    if (!loss.Add(s, y, error)) return false;
+    return begin + num_done;
+  };
+  const int failed = ForShares(batch_size, num_threads_, evaluate);
+  if (failed < batch_size) {
+    return LinearizationError(*simulator_, loss, x, batch, failed, error);
   }
   linearization->cost = loss.cost();
   linearization->loss_gradient = loss.gradients().reshaped();
@@ -280,18 +316,25 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     // d2L_s/dx2 = J_s^T H_L J_s + sum_i g_i d2y_i/dx2.
     MatrixXd x_bar(num_x, batch_size);
     std::vector<MatrixXd> x_hessians(batch_size);
-    for (int s = 0; s < batch_size; ++s) {
-      const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
-      x_bar.col(s).noalias() = J_transposed * loss.gradients().col(s);
-      x_hessians[s].resize(num_x, num_x);
-      if (!simulator_->WeightedHessian(x.col(s).data(),
-                                       batch.Context(s).data(),
-                                       loss.gradients().col(s).data(),
-                                       x_hessians[s].data())) {
-        return SimulatorError(*simulator_, x, batch, s, error);
+    const auto add_hessians = [&](int begin, int end) {
+      for (int s = begin; s < end; ++s) {
+        const auto J_transposed = jacobians.middleCols(s * num_y, num_y);
+        x_bar.col(s).noalias() = J_transposed * loss.gradients().col(s);
+        x_hessians[s].resize(num_x, num_x);
+        if (!simulator_->WeightedHessian(x.col(s).data(),
+                                         batch.Context(s).data(),
+                                         loss.gradients().col(s).data(),
+                                         x_hessians[s].data())) {
+          return s;
+        }
+        x_hessians[s].noalias() +=
+            J_transposed * loss.Hessian(s) * J_transposed.transpose();
       }
-      x_hessians[s].noalias() +=
-          J_transposed * loss.Hessian(s) * J_transposed.transpose();
+      return end;
+    };
+    const int s = ForShares(batch_size, num_threads_, add_hessians);
+    if (s < batch_size) {
+      return SimulatorError(*simulator_, x, batch, s, error);
     }
     x_bar.resize(network_->num_outputs(), activations.num_columns());
     dense_network_->Hessian(

@@ -1,6 +1,7 @@
 #include "invgrad/chain/simulator.h"
 
 #include <cmath>
+#include <functional>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
@@ -35,16 +36,66 @@ bool Simulator::Adjoint(const double* x,
                         double* y,
                         double* x_bar) const {
   const int rows = num_outputs();
-  const int cols = num_inputs();
-  Scratch<double> jacobian(static_cast<std::size_t>(rows) * cols);
+  Scratch<double> jacobian(static_cast<std::size_t>(rows) * num_inputs());
   Scratch<double> w(rows);
-  if (!Evaluate(x, context, y, jacobian.data())) return false;
-  if (!covector(y, w.data())) return false;
+  return Evaluate(x, context, y, jacobian.data()) && covector(y, w.data()) &&
+         PullBack(jacobian.data(), w.data(), x_bar);
+}
+
+bool Simulator::PullBack(const double* jacobian,
+                         const double* w,
+                         double* x_bar) const {
+  const int rows = num_outputs();
+  const int cols = num_inputs();
   // A row-major J is a column-major J^T.
   Eigen::Map<Eigen::VectorXd>(x_bar, cols).noalias() =
-      Eigen::Map<const Eigen::MatrixXd>(jacobian.data(), cols, rows) *
-      Eigen::Map<const Eigen::VectorXd>(w.data(), rows);
+      Eigen::Map<const Eigen::MatrixXd>(jacobian, cols, rows) *
+      Eigen::Map<const Eigen::VectorXd>(w, rows);
   return AllFinite(x_bar, cols);
+}
+
+int Simulator::EvaluateBatch(int count,
+                             const double* x,
+                             const double* contexts,
+                             double* y,
+                             double* jacobians) const {
+  const std::ptrdiff_t num_x = num_inputs();
+  const std::ptrdiff_t num_y = num_outputs();
+  for (int s = 0; s < count; ++s) {
+    if (!Evaluate(
+            x + s * num_x,
+            contexts + s * num_context(),
+            y + s * num_y,
+            jacobians == nullptr ? nullptr : jacobians + s * num_x * num_y)) {
+      return s;
+    }
+  }
+  return count;
+}
+
+int Simulator::AdjointBatch(int count,
+                            const double* x,
+                            const double* contexts,
+                            const BatchCovector& covector,
+                            double* x_bar) const {
+  const std::ptrdiff_t num_x = num_inputs();
+  Scratch<double> y(num_outputs());
+  int s = 0;
+  const auto of_sample = [&](const double* at, double* w) {
+    return covector(s, at, w);
+  };
+  // By reference, because std::function then does not allocate.
+  const Covector sample_covector = std::cref(of_sample);
+  for (; s < count; ++s) {
+    if (!Adjoint(x + s * num_x,
+                 contexts + s * num_context(),
+                 sample_covector,
+                 y.data(),
+                 x_bar + s * num_x)) {
+      return s;
+    }
+  }
+  return count;
 }
 
 bool Simulator::WeightedHessian(const double* /*x*/,

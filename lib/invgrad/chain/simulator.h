@@ -71,6 +71,29 @@ class Simulator {
                        double* y,
                        double* x_bar) const;
 
+  // Evaluate and Adjoint for `count` samples: one column a sample, J one after
+  // the other. Return the number of samples before the first that fails. The
+  // defaults call the functions above; override both if several samples at once
+  // are faster, with the same bits.
+  virtual int EvaluateBatch(int count,
+                            const double* x,
+                            const double* contexts,
+                            double* y,
+                            double* jacobians) const;
+  // May be called twice for a sample.
+  using BatchCovector =
+      std::function<bool(int sample, const double* y, double* w)>;
+  virtual int AdjointBatch(int count,
+                           const double* x,
+                           const double* contexts,
+                           const BatchCovector& covector,
+                           double* x_bar) const;
+  // Why the functions for batches compute one sample at a time; empty if they
+  // compute several at once.
+  virtual std::string WhyNoLanes() const {
+    return "the simulator is not a functor";
+  }
+
   // Computes H = sum_i w_i d2P_i/dx2, num_inputs x num_inputs, symmetric.
   // Optional: only Newton's method needs it. Override both functions or
   //           neither.
@@ -97,6 +120,10 @@ class Simulator {
                                       const double* /*context*/) const {
     return "";
   }
+
+ protected:
+  // x_bar = J^T w. Returns false if it is not finite.
+  bool PullBack(const double* jacobian, const double* w, double* x_bar) const;
 };
 
 // Returns false, with advice in *error, if the simulator has no

@@ -1,10 +1,13 @@
 #include "invgrad/chain/stepped_simulator.h"
 
 #include <algorithm>
+#include <functional>
 #include <limits>
+#include <type_traits>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/chain/lanes.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/scratch.h"
 
@@ -22,13 +25,20 @@ constexpr Index kSmallState = 7;
 
 // pulled = A^T w for a row-major A, by sums in registers, which is fastest for
 // the sizes of one time step.
-void TransposeTimes(
-    Index rows, Index cols, const double* A, const double* w, double* pulled) {
+template <typename T>
+void TransposeTimes(Index rows, Index cols, const T* A, const T* w, T* pulled) {
   for (Index k = 0; k < cols; ++k) {
-    double sum = 0.0;
+    T sum = 0.0;
     for (Index i = 0; i < rows; ++i) sum += A[i * cols + k] * w[i];
     pulled[k] = sum;
   }
+}
+
+bool IsFinite(const double* values, Index size) {
+  return AllFinite(values, size);
+}
+bool IsFinite(const Pack* packs, Index size) {
+  return AreLanesFinite(packs, size);
 }
 
 }  // namespace
@@ -47,36 +57,18 @@ SteppedSimulator::SteppedSimulator(int state_size,
   CHECK_GT(num_steps, 0);
 }
 
-bool SteppedSimulator::RollOut(const double* x,
-                               const double* start,
-                               Index rows,
-                               double* y,
-                               double* states,
-                               double* G) const {
+template <typename T>
+bool SteppedSimulator::RollOut(
+    const T* x, const T* start, Index rows, T* y, T* states, T* G) const {
   const Index ns = state_size_;
   const Index no = rows - ns;
-  const Index jacobian_size = rows * (ns + control_size_);
-  Scratch<double> state(ns);
-  Scratch<double> next(rows);
+  Scratch<T> state(ns);
   std::copy_n(start, ns, state.data());
-  for (Index t = 0; t < num_steps_; ++t) {
-    const double* control = x + t * control_size_;
-    if (states != nullptr) std::copy_n(state.data(), ns, states + t * ns);
-    if (!(G == nullptr ? Step(t, state.data(), control, rows, next.data())
-                       : LinearizeStep(t,
-                                       state.data(),
-                                       control,
-                                       rows,
-                                       next.data(),
-                                       G + t * jacobian_size))) {
-      return false;
-    }
-    std::copy_n(next.data(), ns, state.data());
-    std::copy_n(next.data() + ns, no, y + t * no);
-  }
+  if (!Steps(0, num_steps_, x, rows, state.data(), states, y, G)) return false;
   if (no == 0) std::copy_n(state.data(), ns, y);
-  return AllFinite(state.data(), ns) && AllFinite(y, num_steps_ * no) &&
-         (G == nullptr || AllFinite(G, num_steps_ * jacobian_size));
+  return IsFinite(state.data(), ns) && IsFinite(y, num_steps_ * no) &&
+         (G == nullptr ||
+          IsFinite(G, num_steps_ * rows * (ns + control_size_)));
 }
 
 bool SteppedSimulator::Evaluate(const double* x,
@@ -85,46 +77,52 @@ bool SteppedSimulator::Evaluate(const double* x,
                                 double* jacobian) const {
   const Index rows = state_size_ + output_size_;
   if (jacobian == nullptr) {
-    return RollOut(x, context, rows, y, nullptr, nullptr);
+    return RollOut<double>(x, context, rows, y, nullptr, nullptr);
   }
   Scratch<double> G(num_steps_ * rows * (state_size_ + control_size_));
-  if (!RollOut(x, context, rows, y, nullptr, G.data())) return false;
+  if (!RollOut<double>(x, context, rows, y, nullptr, G.data())) return false;
   if (output_size_ == 0) {
     ChainToEnd(G.data(), jacobian);
   } else {
     ChainToOutputs(G.data(), jacobian);
   }
-  return AllFinite(jacobian, Index{num_outputs()} * num_inputs());
+  return AllFinite(jacobian, JacobianSize());
 }
 
-void SteppedSimulator::ChainToEnd(const double* G, double* jacobian) const {
+template <typename T>
+void SteppedSimulator::ChainToEnd(const T* G, T* jacobian) const {
   const Index ns = state_size_;
   const Index nc = control_size_;
   const Index size = ns + nc;
   // Both by rows: C, and C M_t = [C A_t, C B_t].
-  Scratch<double> C(ns * ns);
-  Scratch<double> CM(ns * size);
-  Map<MatrixXd>(C.data(), ns, ns).setIdentity();
+  Scratch<T> C(ns * ns);
+  Scratch<T> CM(ns * size);
+  for (Index i = 0; i < ns; ++i) {
+    for (Index k = 0; k < ns; ++k) C[i * ns + k] = i == k ? 1.0 : 0.0;
+  }
   for (Index t = num_steps_ - 1; t >= 0; --t) {
-    const double* M_t = G + t * ns * size;
-    if (ns < kSmallState) {
-      for (Index i = 0; i < ns; ++i) {
-        TransposeTimes(ns, size, M_t, C.data() + i * ns, CM.data() + i * size);
+    const T* M_t = G + t * ns * size;
+    if constexpr (std::is_same_v<T, double>) {
+      if (ns >= kSmallState) {
+        Gemm(Op::kNone,
+             Op::kNone,
+             1.0,
+             Map<const MatrixXd>(M_t, size, ns),
+             Map<const MatrixXd>(C.data(), ns, ns),
+             0.0,
+             Map<MatrixXd>(CM.data(), size, ns));
       }
-    } else {
-      Gemm(Op::kNone,
-           Op::kNone,
-           1.0,
-           Map<const MatrixXd>(M_t, size, ns),
-           Map<const MatrixXd>(C.data(), ns, ns),
-           0.0,
-           Map<MatrixXd>(CM.data(), size, ns));
     }
-    for (Index i = 0; i < ns; ++i) {
-      const double* row = CM.data() + i * size;
-      std::copy(row, row + ns, C.data() + i * ns);
-      std::copy(row + ns, row + size, jacobian + (i * num_steps_ + t) * nc);
-    }
+    CallInlinedFor<T>([&] {
+      for (Index i = 0; i < ns; ++i) {
+        T* const row = CM.data() + i * size;
+        if (ns < kSmallState) {
+          TransposeTimes(ns, size, M_t, C.data() + i * ns, row);
+        }
+        std::copy(row, row + ns, C.data() + i * ns);
+        std::copy(row + ns, row + size, jacobian + (i * num_steps_ + t) * nc);
+      }
+    });
   }
 }
 
@@ -166,29 +164,37 @@ bool SteppedSimulator::Adjoint(const double* x,
                                const Covector& covector,
                                double* y,
                                double* x_bar) const {
+  const Index rows = state_size_ + output_size_;
+  Scratch<double> G(num_steps_ * rows * (state_size_ + control_size_));
+  Scratch<double> w(num_outputs());
+  if (!RollOut<double>(x, context, rows, y, nullptr, G.data()) ||
+      !covector(y, w.data())) {
+    return false;
+  }
+  return ChainBack(G.data(), w.data(), x_bar);
+}
+
+template <typename T>
+bool SteppedSimulator::ChainBack(const T* G, const T* w, T* x_bar) const {
   const Index ns = state_size_;
   const Index nc = control_size_;
   const Index no = output_size_;
   const Index rows = ns + no;
   const Index size = ns + nc;
-  Scratch<double> G(num_steps_ * rows * size);
-  Scratch<double> w(num_outputs());
-  if (!RollOut(x, context, rows, y, nullptr, G.data()) ||
-      !covector(y, w.data())) {
-    return false;
-  }
-  Scratch<double> stacked(rows);  // [p; w_t]
-  Scratch<double> pulled(size);
-  std::fill_n(stacked.data(), ns, 0.0);
-  if (no == 0) std::copy_n(w.data(), ns, stacked.data());
-  for (Index t = num_steps_ - 1; t >= 0; --t) {
-    std::copy_n(w.data() + t * no, no, stacked.data() + ns);
-    TransposeTimes(
-        rows, size, G.data() + t * rows * size, stacked.data(), pulled.data());
-    std::copy_n(pulled.data(), ns, stacked.data());
-    std::copy_n(pulled.data() + ns, nc, x_bar + t * nc);
-  }
-  return AllFinite(x_bar, num_inputs());
+  Scratch<T> stacked(rows);  // [p; w_t]
+  Scratch<T> pulled(size);
+  std::fill_n(stacked.data(), ns, T(0.0));
+  if (no == 0) std::copy_n(w, ns, stacked.data());
+  CallInlinedFor<T>([&] {
+    for (Index t = num_steps_ - 1; t >= 0; --t) {
+      std::copy_n(w + t * no, no, stacked.data() + ns);
+      TransposeTimes(
+          rows, size, G + t * rows * size, stacked.data(), pulled.data());
+      std::copy_n(pulled.data(), ns, stacked.data());
+      std::copy_n(pulled.data() + ns, nc, x_bar + t * nc);
+    }
+  });
+  return IsFinite(x_bar, num_inputs());
 }
 
 bool SteppedSimulator::WeightedHessian(const double* x,
@@ -244,27 +250,26 @@ std::string SteppedSimulator::DescribeFailure(const double* x,
   const Index ns = state_size_;
   const Index no = output_size_;
   Scratch<double> state(ns);
-  Scratch<double> next(ns + no);
+  Scratch<double> y(num_outputs());
   std::copy_n(context, ns, state.data());
   for (Index t = 0; t < num_steps_; ++t) {
-    if (!Step(t, state.data(), x + t * control_size_, ns + no, next.data())) {
+    if (!Steps(
+            t, t + 1, x, ns + no, state.data(), nullptr, y.data(), nullptr)) {
       return AtTimeStep("the step has no value at", t, num_steps_);
     }
-    if (!AllFinite(next.data(), ns)) {
+    if (!AllFinite(state.data(), ns)) {
       return AtTimeStep("the state is not finite after", t, num_steps_);
     }
-    if (!AllFinite(next.data() + ns, no)) {
+    if (!AllFinite(y.data() + t * no, no)) {
       return AtTimeStep("the output is not finite at", t, num_steps_);
     }
-    std::copy_n(next.data(), ns, state.data());
   }
   const Index jacobian_size = (ns + no) * (ns + control_size_);
-  Scratch<double> y(num_outputs());
   Scratch<double> G(num_steps_ * jacobian_size);
   std::fill_n(G.data(),
               num_steps_ * jacobian_size,
               std::numeric_limits<double>::quiet_NaN());
-  RollOut(x, context, ns + no, y.data(), nullptr, G.data());
+  RollOut<double>(x, context, ns + no, y.data(), nullptr, G.data());
   for (Index t = 0; t < num_steps_; ++t) {
     if (!AllFinite(G.data() + t * jacobian_size, jacobian_size)) {
       return AtTimeStep("its derivative is not finite at", t, num_steps_);
@@ -278,7 +283,15 @@ std::string SteppedSimulator::DescribeFailure(const double* x,
 bool SteppedSimulator::Advance(const double* state,
                                const double* control,
                                double* next_state) const {
-  return Step(0, state, control, state_size_, next_state) &&
+  std::copy_n(state, state_size_, next_state);
+  return Steps(0,
+               1,
+               control,
+               state_size_,
+               next_state,
+               nullptr,
+               nullptr,
+               nullptr) &&
          AllFinite(next_state, state_size_);
 }
 
@@ -286,7 +299,191 @@ bool SteppedSimulator::StepJacobians(const double* x,
                                      const double* start,
                                      double* M) const {
   Scratch<double> end(state_size_);
-  return RollOut(x, start, state_size_, end.data(), nullptr, M);
+  return RollOut<double>(x, start, state_size_, end.data(), nullptr, M);
+}
+
+bool SteppedSimulator::EvaluateLanes(const double* x,
+                                     const double* contexts,
+                                     double* y,
+                                     double* jacobians) const {
+  const Index num_x = num_inputs();
+  const Index num_y = num_outputs();
+  const Index rows = state_size_ + output_size_;
+  const Index G_size = jacobians == nullptr
+                           ? 0
+                           : num_steps_ * rows * (state_size_ + control_size_);
+  Scratch<Pack> memory(num_x + state_size_ + num_y + G_size);
+  Pack* const x_packs = memory.data();
+  Pack* const start = x_packs + num_x;
+  Pack* const y_packs = start + state_size_;
+  Pack* const G = G_size == 0 ? nullptr : y_packs + num_y;
+  LoadLanes(x, num_x, x_packs);
+  LoadLanes(contexts, state_size_, start);
+  if (!RollOut<Pack>(x_packs, start, rows, y_packs, nullptr, G)) return false;
+  StoreLanes(y_packs, num_y, y);
+  if (G == nullptr) return true;
+  if (output_size_ == 0 && state_size_ < kSmallState) {
+    Scratch<Pack> jacobian(JacobianSize());
+    ChainToEnd(G, jacobian.data());
+    StoreLanes(jacobian.data(), JacobianSize(), jacobians);
+  } else {
+    // BLAS is faster.
+    Scratch<double> G_lanes(Pack::kLanes * G_size);
+    StoreLanes(G, G_size, G_lanes.data());
+    for (int lane = 0; lane < Pack::kLanes; ++lane) {
+      double* const jacobian = jacobians + lane * JacobianSize();
+      if (output_size_ == 0) {
+        ChainToEnd<double>(G_lanes.data() + lane * G_size, jacobian);
+      } else {
+        ChainToOutputs(G_lanes.data() + lane * G_size, jacobian);
+      }
+    }
+  }
+  return AllFinite(jacobians, Pack::kLanes * JacobianSize());
+}
+
+int SteppedSimulator::EvaluateBatch(int count,
+                                    const double* x,
+                                    const double* contexts,
+                                    double* y,
+                                    double* jacobians) const {
+  const auto evaluate = [&](int s, const auto& function) {
+    return function(
+        x + Index{s} * num_inputs(),
+        contexts + Index{s} * state_size_,
+        y + Index{s} * num_outputs(),
+        jacobians == nullptr ? nullptr : jacobians + s * JacobianSize());
+  };
+  return ForSamplesInLanes(
+      count,
+      WhyNoLanes().empty(),
+      [&](int s) {
+        return evaluate(s, [this](auto... a) { return EvaluateLanes(a...); });
+      },
+      [&](int s) {
+        return evaluate(s, [this](auto... a) { return Evaluate(a...); });
+      });
+}
+
+bool SteppedSimulator::AdjointLanes(int first,
+                                    const double* x,
+                                    const double* contexts,
+                                    const BatchCovector& covector,
+                                    double* x_bar) const {
+  const Index num_x = num_inputs();
+  const Index num_y = num_outputs();
+  const Index rows = state_size_ + output_size_;
+  const Index G_size = num_steps_ * rows * (state_size_ + control_size_);
+  Scratch<Pack> memory(2 * num_x + state_size_ + 2 * num_y + G_size);
+  Pack* const x_packs = memory.data();
+  Pack* const start = x_packs + num_x;
+  Pack* const y_packs = start + state_size_;
+  Pack* const w_packs = y_packs + num_y;
+  Pack* const x_bar_packs = w_packs + num_y;
+  Pack* const G = x_bar_packs + num_x;
+  LoadLanes(x, num_x, x_packs);
+  LoadLanes(contexts, state_size_, start);
+  if (!RollOut<Pack>(x_packs, start, rows, y_packs, nullptr, G)) return false;
+  Scratch<double> y_and_w(2 * Pack::kLanes * num_y);
+  double* const y = y_and_w.data();
+  double* const w = y + Pack::kLanes * num_y;
+  StoreLanes(y_packs, num_y, y);
+  for (int lane = 0; lane < Pack::kLanes; ++lane) {
+    if (!covector(first + lane, y + lane * num_y, w + lane * num_y)) {
+      return false;
+    }
+  }
+  LoadLanes(w, num_y, w_packs);
+  if (!ChainBack<Pack>(G, w_packs, x_bar_packs)) return false;
+  StoreLanes(x_bar_packs, num_x, x_bar);
+  return true;
+}
+
+int SteppedSimulator::AdjointBatch(int count,
+                                   const double* x,
+                                   const double* contexts,
+                                   const BatchCovector& covector,
+                                   double* x_bar) const {
+  Scratch<double> y(num_outputs());
+  int sample = 0;
+  const auto of_sample = [&](const double* at, double* w) {
+    return covector(sample, at, w);
+  };
+  const Covector sample_covector = std::cref(of_sample);
+  return ForSamplesInLanes(
+      count,
+      WhyNoLanes().empty(),
+      [&](int s) {
+        return AdjointLanes(s,
+                            x + Index{s} * num_inputs(),
+                            contexts + Index{s} * state_size_,
+                            covector,
+                            x_bar + Index{s} * num_inputs());
+      },
+      [&](int s) {
+        sample = s;
+        return Adjoint(x + Index{s} * num_inputs(),
+                       contexts + Index{s} * state_size_,
+                       sample_covector,
+                       y.data(),
+                       x_bar + Index{s} * num_inputs());
+      });
+}
+
+int SteppedSimulator::AdvanceBatch(int count,
+                                   const double* states,
+                                   const double* controls,
+                                   double* next_states) const {
+  const Index ns = state_size_;
+  const Index nc = control_size_;
+  Scratch<Pack> memory(ns + nc);
+  Pack* const state = memory.data();
+  Pack* const control = state + ns;
+  return ForSamplesInLanes(
+      count,
+      WhyNoLanes().empty(),
+      [&](int s) {
+        LoadLanes(states + s * ns, ns, state);
+        LoadLanes(controls + s * nc, nc, control);
+        if (!Steps(0, 1, control, ns, state, nullptr, nullptr, nullptr)) {
+          return false;
+        }
+        StoreLanes(state, ns, next_states + s * ns);
+        return IsFinite(state, ns);
+      },
+      [&](int s) {
+        return Advance(
+            states + s * ns, controls + s * nc, next_states + s * ns);
+      });
+}
+
+int SteppedSimulator::StepJacobiansBatch(int count,
+                                         const double* x,
+                                         const double* starts,
+                                         double* M) const {
+  const Index ns = state_size_;
+  const Index num_x = num_inputs();
+  const Index M_size = num_steps_ * ns * (ns + control_size_);
+  Scratch<Pack> memory(num_x + 2 * ns + M_size);
+  Pack* const x_packs = memory.data();
+  Pack* const start = x_packs + num_x;
+  Pack* const end = start + ns;
+  Pack* const M_packs = end + ns;
+  return ForSamplesInLanes(
+      count,
+      WhyNoLanes().empty(),
+      [&](int s) {
+        LoadLanes(x + s * num_x, num_x, x_packs);
+        LoadLanes(starts + s * ns, ns, start);
+        if (!RollOut<Pack>(x_packs, start, ns, end, nullptr, M_packs)) {
+          return false;
+        }
+        StoreLanes(M_packs, M_size, M + s * M_size);
+        return true;
+      },
+      [&](int s) {
+        return StepJacobians(x + s * num_x, starts + s * ns, M + s * M_size);
+      });
 }
 
 }  // namespace invgrad

@@ -26,6 +26,7 @@
 // Cost:    one call of the step's function per time step; chaining J takes
 //          2 ns^2 (ns + nc) N for s_N and N^2 nc ns (ns + no) for z, chaining
 //          the Hessian N^2 nc ns (ns + nc).
+//          Batches: four samples at once (pack.h), with the same bits.
 // Fails:   returns false if a step returns false or a value is not finite.
 //
 // [1] Griewank, Walther. Evaluating Derivatives. 2nd edition, SIAM 2008,
@@ -38,6 +39,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/feedback.h"
 #include "invgrad/chain/simulator.h"
+#include "invgrad/core/pack.h"
 
 namespace invgrad {
 
@@ -57,6 +59,16 @@ class SteppedSimulator : public Simulator, public Feedback {
                const Covector& covector,
                double* y,
                double* x_bar) const override;
+  int EvaluateBatch(int count,
+                    const double* x,
+                    const double* contexts,
+                    double* y,
+                    double* jacobians) const override;
+  int AdjointBatch(int count,
+                   const double* x,
+                   const double* contexts,
+                   const BatchCovector& covector,
+                   double* x_bar) const override;
   bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
@@ -74,6 +86,14 @@ class SteppedSimulator : public Simulator, public Feedback {
   bool StepJacobians(const double* x,
                      const double* start,
                      double* M) const override;
+  int AdvanceBatch(int count,
+                   const double* states,
+                   const double* controls,
+                   double* next_states) const override;
+  int StepJacobiansBatch(int count,
+                         const double* x,
+                         const double* starts,
+                         double* M) const override;
 
  protected:
   using Index = Eigen::Index;
@@ -83,19 +103,27 @@ class SteppedSimulator : public Simulator, public Feedback {
                    int output_size,
                    int num_steps);
 
-  // Computes the first `rows` entries of next = (s_{t+1}, z_t): ns, or all.
-  virtual bool Step(Index t,
-                    const double* state,
-                    const double* control,
-                    Index rows,
-                    double* next) const = 0;
-  // Also computes these rows of G_t.
-  virtual bool LinearizeStep(Index t,
-                             const double* state,
-                             const double* control,
-                             Index rows,
-                             double* next,
-                             double* G_t) const = 0;
+  // Steps t = begin .. end - 1 from *state = s_begin to s_end, under the
+  // controls x of all steps. rows = ns + no also computes the z_t, rows = ns
+  // does not. Writes, unless null, s_t to states, z_t to outputs and these rows
+  // of G_t to G, each at the place of step t. Returns false if a step does.
+  virtual bool Steps(Index begin,
+                     Index end,
+                     const double* x,
+                     Index rows,
+                     double* state,
+                     double* states,
+                     double* outputs,
+                     double* G) const = 0;
+  // The same for four samples; called unless WhyNoLanes() says why not.
+  virtual bool Steps(Index begin,
+                     Index end,
+                     const Pack* x,
+                     Index rows,
+                     Pack* state,
+                     Pack* states,
+                     Pack* outputs,
+                     Pack* G) const = 0;
   // Computes the Hessian of covector . (s_{t+1}, z_t) in (s_t, u_t).
   virtual bool StepHessian(Index t,
                            const double* state,
@@ -106,14 +134,27 @@ class SteppedSimulator : public Simulator, public Feedback {
  private:
   // rows = ns + no: computes y. rows = ns: computes s_N, in *y. Also writes,
   // unless null, the states before the steps and these rows of all G_t.
-  bool RollOut(const double* x,
-               const double* start,
-               Index rows,
-               double* y,
-               double* states,
-               double* G) const;
-  void ChainToEnd(const double* G, double* jacobian) const;
+  // T: double, or Pack for four samples.
+  template <typename T>
+  bool RollOut(
+      const T* x, const T* start, Index rows, T* y, T* states, T* G) const;
+  template <typename T>
+  void ChainToEnd(const T* G, T* jacobian) const;
   void ChainToOutputs(const double* G, double* jacobian) const;
+  // x_bar for the covectors w of y.
+  template <typename T>
+  bool ChainBack(const T* G, const T* w, T* x_bar) const;
+  // The functions for four samples; one column a sample.
+  bool EvaluateLanes(const double* x,
+                     const double* contexts,
+                     double* y,
+                     double* jacobians) const;
+  bool AdjointLanes(int first,
+                    const double* x,
+                    const double* contexts,
+                    const BatchCovector& covector,
+                    double* x_bar) const;
+  Index JacobianSize() const { return Index{num_outputs()} * num_inputs(); }
 
   int state_size_;
   int control_size_;

@@ -21,16 +21,21 @@
 //          `output` with Jets of kStride partial derivatives. Hessian: about
 //          half the square of this number a step, with nested Jets of
 //          kStride^2. For the chaining see stepped_simulator.h.
+//          Batches: four samples at once, by a T of four doubles (lanes.h),
+//          unless a functor has kInLanes = false; samples between which a branch
+//          on values differs are repeated one at a time.
 // Fails:   returns false if `step` or `output` returns false or a value is not
 //          finite.
 #ifndef INVGRAD_CHAIN_TRAJECTORY_SIMULATOR_H_
 #define INVGRAD_CHAIN_TRAJECTORY_SIMULATOR_H_
 
 #include <algorithm>
+#include <string>
 #include <utility>
 
 #include "Eigen/Core"
 #include "ceres/jet.h"
+#include "invgrad/chain/lanes.h"
 #include "invgrad/chain/stepped_simulator.h"
 #include "invgrad/core/nested_jet.h"
 #include "invgrad/core/scratch.h"
@@ -51,40 +56,92 @@ class TrajectorySimulator : public SteppedSimulator {
         step_(std::move(step)),
         output_(std::move(output)) {}
 
- private:
-  bool Step(Index t,
-            const double* state,
-            const double* control,
-            Index rows,
-            double* next) const override {
-    return Call(t, state, control, rows, next);
+  std::string WhyNoLanes() const override {
+    return kHasLanes ? "" : kLanesDeclined;
   }
 
-  bool LinearizeStep(Index t,
-                     const double* state,
-                     const double* control,
-                     Index rows,
-                     double* next,
-                     double* G_t) const override {
-    using Jet = ceres::Jet<double, kStride>;
+ private:
+  static constexpr bool kHasLanes =
+      WantsLanes<StepFunctor>::value && WantsLanes<Output>::value;
+
+  bool Steps(Index begin,
+             Index end,
+             const double* x,
+             Index rows,
+             double* state,
+             double* states,
+             double* outputs,
+             double* G) const override {
+    return StepsOf(begin, end, x, rows, state, states, outputs, G);
+  }
+  bool Steps([[maybe_unused]] Index begin,
+             [[maybe_unused]] Index end,
+             [[maybe_unused]] const Pack* x,
+             [[maybe_unused]] Index rows,
+             [[maybe_unused]] Pack* state,
+             [[maybe_unused]] Pack* states,
+             [[maybe_unused]] Pack* outputs,
+             [[maybe_unused]] Pack* G) const override {
+    if constexpr (kHasLanes) {
+      return StepsOf(begin, end, x, rows, state, states, outputs, G);
+    } else {
+      return false;
+    }
+  }
+
+  template <typename T>
+  bool StepsOf(Index begin,
+               Index end,
+               const T* x,
+               Index rows,
+               T* state,
+               T* states,
+               T* outputs,
+               T* G) const {
+    using Jet = ceres::Jet<T, kStride>;
     const Index ns = state_size();
-    const Index size = ns + control_size();
-    Scratch<Jet> jets(size + rows);
+    const Index nc = control_size();
+    const Index no = rows - ns;
+    const Index size = ns + nc;
+    Scratch<T> next(G == nullptr ? rows : 0);
+    Scratch<Jet> jets(G == nullptr ? 0 : size + rows);
+    T* const next_values = next.data();
     Jet* const z = jets.data();  // state and control
     Jet* const next_jets = z + size;
-    for (Index i = 0; i < ns; ++i) z[i] = Jet(state[i]);
-    for (Index i = ns; i < size; ++i) z[i] = Jet(control[i - ns]);
-    for (Index first = 0; first < size; first += kStride) {
-      const Index width = std::min<Index>(kStride, size - first);
-      for (Index k = 0; k < width; ++k) z[first + k].v[k] = 1.0;
-      if (!Inlined(t, z, z + ns, rows, next_jets)) return false;
-      for (Index k = 0; k < width; ++k) z[first + k].v[k] = 0.0;
-      for (Index i = 0; i < rows; ++i) {
-        std::copy_n(next_jets[i].v.data(), width, G_t + i * size + first);
+    // *next = (s_{t+1}, z_t).
+    const auto store = [=](Index t, const auto& next) {
+      for (Index i = 0; i < ns; ++i) state[i] = next(i);
+      for (Index i = 0; i < no; ++i) outputs[t * no + i] = next(ns + i);
+    };
+    const auto step = [=](Index t) {
+      if (!Call(t, state, x + t * nc, rows, next_values)) return false;
+      store(t, [=](Index i) { return next_values[i]; });
+      return true;
+    };
+    const auto linearize = [=](Index t) {
+      T* const G_t = G + t * rows * size;
+      for (Index i = 0; i < ns; ++i) z[i].a = state[i];
+      for (Index i = ns; i < size; ++i) z[i].a = x[t * nc + i - ns];
+      for (Index first = 0; first < size; first += kStride) {
+        const Index width = std::min<Index>(kStride, size - first);
+        for (Index k = 0; k < width; ++k) z[first + k].v[k] = 1.0;
+        if (!Call(t, z, z + ns, rows, next_jets)) return false;
+        for (Index k = 0; k < width; ++k) z[first + k].v[k] = 0.0;
+        for (Index i = 0; i < rows; ++i) {
+          std::copy_n(next_jets[i].v.data(), width, G_t + i * size + first);
+        }
       }
-    }
-    for (Index i = 0; i < rows; ++i) next[i] = next_jets[i].a;
-    return true;
+      store(t, [=](Index i) { return next_jets[i].a; });
+      return true;
+    };
+    return CallInlinedFor<T>([=] {
+      if (G != nullptr) std::fill_n(z, size, Jet());
+      for (Index t = begin; t < end; ++t) {
+        if (states != nullptr) std::copy_n(state, ns, states + t * ns);
+        if (!(G == nullptr ? step(t) : linearize(t))) return false;
+      }
+      return true;
+    });
   }
 
   // In blocks of kStride.
@@ -133,15 +190,6 @@ class TrajectorySimulator : public SteppedSimulator {
     return step_(state, control, next) &&
            (rows == ns ||
             output_(static_cast<int>(t), next, control, next + ns));
-  }
-
-  // In steps of more than a few dozen operations GCC stops inlining the
-  // operators of Jets; this makes a Runge-Kutta step three times slower (GCC
-  // 12, -O3).
-  template <typename T>
-  [[gnu::flatten]] bool Inlined(
-      Index t, const T* state, const T* control, Index rows, T* next) const {
-    return Call(t, state, control, rows, next);
   }
 
   StepFunctor step_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -11,6 +10,7 @@
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/core/parallel.h"
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
@@ -23,23 +23,6 @@ using Eigen::VectorXd;
 
 // The weight of a sample that does not move.
 constexpr double kNoCurvature = -1.0;
-
-// Calls function(s) for s = 0 .. count - 1, in contiguous shares per thread;
-// the calling thread is one of them.
-template <typename Function>
-void ParallelSamples(int count, int num_threads, const Function& function) {
-  const int shares = std::max(1, std::min(num_threads, count));
-  const auto run = [&](int share) {
-    const auto bound = [&](int k) {
-      return static_cast<int>(static_cast<long>(count) * k / shares);
-    };
-    for (int s = bound(share); s < bound(share + 1); ++s) function(s);
-  };
-  std::vector<std::thread> threads;
-  for (int share = 1; share < shares; ++share) threads.emplace_back(run, share);
-  run(0);
-  for (std::thread& thread : threads) thread.join();
-}
 
 }  // namespace
 
@@ -135,9 +118,16 @@ bool ChainPullBack::PullBackSamples(const DataSet& batch,
   }
   d_x_.resize(x.rows(), num_samples);
   samples->resize(num_samples);
-  ParallelSamples(num_samples, options_.num_threads, [&](int s) {
-    (*samples)[s] = PullBackSample(x.col(s), batch, s);
-  });
+  ForShares(
+      num_samples,
+      std::max(options_.num_threads, model_.num_threads()),
+      [&](int begin, int end) {
+        for (int s = begin; s < end; ++s) {
+          (*samples)[s] = PullBackSample(x.col(s), batch, s);
+        }
+        return end;
+      },
+      /*grain=*/1);
   for (int s = 0; s < num_samples; ++s) {
     const std::string& why = (*samples)[s].error;
     if (!why.empty()) return SampleError(batch, s, why, error);

@@ -32,7 +32,8 @@
 //
 // Shapes:  x: |x| B, sample by sample;  scale: the model's BatchScale.
 // Cost:    a forward and a backward pass of the network and one simulator
-//          pull-back a sample, on num_threads threads. LinearizeAgain does not
+//          pull-back a sample, one sample at a time, on num_threads threads or
+//          on those of the model, if they are more. LinearizeAgain does not
 //          evaluate the simulator.
 // Fails:   Linearize returns false with a message that names the sample if the
 //          network, simulator or loss has no finite value. A sample without a

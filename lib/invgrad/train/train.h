@@ -106,6 +106,9 @@ struct TrainOptions {
   // Computes the metric of the history from the weights. Null: none.
   std::function<double(const Eigen::VectorXd& weights)> metric;
 
+  // The threads over the samples of a batch; the results do not depend on it.
+  int num_threads = 1;
+
   // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 

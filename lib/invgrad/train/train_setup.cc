@@ -77,7 +77,7 @@ TrainingData::TrainingData(DataSet train,
       source(std::move(source)) {}
 
 TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
-    : model_(std::move(model)),
+    : model_(model.WithThreads(options.num_threads)),
       data_(std::move(data)),
       options_(std::move(options)) {
   CHECK_GT(data_.train.num_samples(), 0) << "there are no training samples";
