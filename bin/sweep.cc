@@ -278,10 +278,7 @@ bool Run(RunCounts* counts, std::string* error) {
         job.method, job.batch_size, job.problem->train.num_samples(), &warned);
   }
   Dispatcher dispatcher(run);
-  const bool is_written =
-      WriteResults(plan, RunJobs(plan, &dispatcher), value, counts, error);
-  if (Interrupt::IsRequested()) WarnOfInterrupt();
-  return is_written;
+  return WriteResults(plan, RunJobs(plan, &dispatcher), value, counts, error);
 }
 
 }  // namespace

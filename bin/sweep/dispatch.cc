@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "bin/support/ranks.h"
+#include "bin/sweep/mpirun.h"
 #include "report/interrupt.h"
 #ifdef INVGRAD_MPI
 #include <mpi.h>
@@ -59,14 +60,14 @@ Dispatcher::Dispatcher(RunOfJob run)
     : run_(std::move(run)), slots_(NumRanks()) {}
 
 Dispatcher::~Dispatcher() {
+  own_.Stop();
+  for (int rank = 1; rank < NumRanks(); ++rank) Send(rank, kEnd);
   for (; !IsIdle(); Pause()) {
-    if (Interrupt::IsRequested()) Stop();
     for (int rank = 0; rank < NumRanks(); ++rank) {
       std::string ignored;
       HasEnded(rank, &ignored);
     }
   }
-  Stop();
 }
 
 std::vector<JobStatus> Dispatcher::Run(
@@ -75,13 +76,16 @@ std::vector<JobStatus> Dispatcher::Run(
     const std::function<void(const std::vector<JobStatus>&)>& on_wait) {
   std::vector<JobStatus> statuses(schedule->num_jobs());
   Clock::time_point end = Clock::time_point::max();
+  bool is_stopped = false;
   while (true) {
-    if (Interrupt::IsRequested() && !is_stopped_) {
-      Stop();
+    if (Interrupt::IsRequested() && !is_stopped) {
+      is_stopped = true;
+      WarnOfInterrupt();
+      own_.Stop();  // the other ranks have the signal, too, or are lost
       constexpr std::chrono::milliseconds kPatience(500);
       end = Clock::now() + kPatience;
     }
-    bool has_more = !is_stopped_;
+    bool has_more = !is_stopped;
     for (int rank = 0; rank < NumRanks(); ++rank) {
       Slot& slot = slots_[rank];
       const std::chrono::duration<double> seconds = Clock::now() - slot.start;
@@ -140,14 +144,6 @@ bool Dispatcher::IsIdle() const {
   return std::all_of(slots_.begin(), slots_.end(), [](const Slot& slot) {
     return slot.job < 0;
   });
-}
-
-void Dispatcher::Stop() {
-  own_.Stop();
-  for (int rank = 1; rank < NumRanks() && !is_stopped_; ++rank) {
-    Send(rank, kEnd);
-  }
-  is_stopped_ = true;
 }
 
 void ServeJobs(const RunOfJob& run) {

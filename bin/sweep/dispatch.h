@@ -34,7 +34,7 @@ class Dispatcher {
   explicit Dispatcher(RunOfJob run);
   Dispatcher(const Dispatcher&) = delete;
   Dispatcher& operator=(const Dispatcher&) = delete;
-  // Returns when no job is running, and the other ranks return from ServeJobs.
+  // Stops what still runs; the other ranks then return from ServeJobs.
   ~Dispatcher();
 
   // Calls prepare(job) in this process, and run(job) on a rank, for all waiting
@@ -56,12 +56,10 @@ class Dispatcher {
   bool Start(int rank, int job, std::string* error);
   bool HasEnded(int rank, std::string* error);
   bool IsIdle() const;
-  void Stop();
 
   RunOfJob run_;
   ChildProcess own_;
   std::vector<Slot> slots_;  // one a rank
-  bool is_stopped_ = false;
 };
 
 // On the other ranks: runs the jobs that rank 0 hands out, until its end.
