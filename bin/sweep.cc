@@ -1,5 +1,6 @@
 /*
-Trains by every rule at every point of a grid of settings, in parallel runs.
+Trains by every rule at every point of a grid of settings, in parallel runs: on
+the ranks of MPI (mpirun, srun), or on those that --jobs starts by mpirun.
 
 Sample runs:
 
@@ -24,8 +25,9 @@ remark if it is the smallest or largest one.
   DIR/table.txt, DIR/table.md        the best alternatives
   DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
 
-A second call resumes a sweep and skips finished runs. Ctrl-C ends the sweep and
-keeps the results so far.
+A second call, with any number of ranks, resumes a sweep and skips finished
+runs. Ctrl-C ends the sweep and keeps the results so far. docs/clusters.md has
+more.
 */
 
 #include <algorithm>
@@ -37,15 +39,19 @@ keeps the results so far.
 #include <vector>
 
 #include "bin/support/learning_run.h"
+#include "bin/support/learning_run_files.h"
 #include "bin/support/listing.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
+#include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
+#include "bin/sweep/dispatch.h"
+#include "bin/sweep/mpirun.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
-#include "bin/sweep/processes.h"
 #include "bin/sweep/results.h"
+#include "bin/sweep/schedule.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
@@ -69,7 +75,11 @@ DEFINE_double(tail,
               0.0,
               "share of the training time at its end over which the value is "
               "averaged; 0: the last value alone");
-DEFINE_int32(jobs, 1, "how many runs at a time, each with one core");
+DEFINE_int32(
+    jobs,
+    1,
+    "how many runs at a time, each with one core; under mpirun or srun: "
+    "one a rank");
 
 namespace invgrad {
 namespace {
@@ -102,74 +112,81 @@ bool LoadRun(const SweepJob& job, SweepRun* run) {
 bool RunJob(const SweepJob& job, std::string* error) {
   LearningRunOptions options = OptionsOf(job);
   options.on_step = [](const TrainingRun& /*run*/) {
-    return !IsStopRequested();
+    return !Interrupt::IsRequested();
   };
   LearningRunResult result;
   return RunLearning(*job.problem, job.method, options, &result, error);
 }
 
-// The number of finished jobs.
-ProgressState StateOf(const std::vector<ProcessStatus>& statuses,
+ProgressState StateOf(const Schedule& schedule,
+                      const std::vector<JobStatus>& statuses,
                       int num_skipped) {
-  int num_ended = 0, num_running = 0;
-  double done = 0.0;  // jobs, with the shares of those that run
-  for (const ProcessStatus& status : statuses) {
-    if (status.state == ProcessStatus::State::kRunning) {
-      ++num_running;
-      if (FLAGS_seconds > 0.0) {
-        done += std::min(status.seconds / FLAGS_seconds, 1.0);
-      }
-    } else if (status.state != ProcessStatus::State::kWaiting) {
-      ++num_ended;
-      done += 1.0;
-    }
+  int num_ended = num_skipped, num_running = 0;
+  std::vector<double> seconds;
+  for (const JobStatus& status : statuses) {
+    num_ended += status.state == JobStatus::State::kEnded ? 1 : 0;
+    num_running += status.state == JobStatus::State::kRunning ? 1 : 0;
+    seconds.push_back(status.seconds);
   }
   ProgressState state;
-  state.label = fmt::format("{}/{} done, {} running",
-                            num_skipped + num_ended,
-                            num_skipped + statuses.size(),
-                            num_running);
+  state.label = fmt::format(
+      "{}/{} done, {} running", num_ended, statuses.size(), num_running);
   state.step = ProgressState::kNoStep;
-  state.fraction = done / static_cast<double>(statuses.size());
+  state.fraction = schedule.FractionDone(seconds);
   return state;
 }
 
 // Runs the jobs that are not done yet, and reads all results, one a job.
-std::vector<SweepRun> RunJobs(const SweepPlan& plan) {
+std::vector<SweepRun> RunJobs(const SweepPlan& plan, Dispatcher* dispatcher) {
   std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, "interrupted"});
-  std::vector<int> to_run;
-  int num_done = 0;
+  std::vector<Schedule::Job> scheduled;
+  for (const SweepJob& job : plan.jobs) {
+    scheduled.push_back(ScheduledJob(job, OptionsOf(job).train));
+  }
+  Schedule schedule(std::move(scheduled));
+  int num_skipped = 0, num_done = 0;
   for (size_t i = 0; i < plan.jobs.size(); ++i) {
-    if (LoadRun(plan.jobs[i], &runs[i])) to_run.push_back(static_cast<int>(i));
-    num_done += runs[i].result.has_value() ? 1 : 0;
+    if (LoadRun(plan.jobs[i], &runs[i])) continue;
+    const bool is_done = runs[i].result.has_value();
+    schedule.Finish(
+        static_cast<int>(i),
+        is_done ? runs[i].result->summary.train_time_in_seconds : 0.0);
+    num_done += is_done ? 1 : 0;
+    ++num_skipped;
   }
   if (num_done > 0) {
     std::cout << num_done << " of " << plan.jobs.size()
               << " runs were done before" << std::endl;
   }
-  const auto num_skipped = static_cast<int>(plan.jobs.size() - to_run.size());
-  std::vector<ProcessStatus> statuses;
+  std::vector<JobStatus> statuses;
   {
-    Progress progress;
-    statuses = RunInProcesses(
-        static_cast<int>(to_run.size()),
-        FLAGS_jobs,
+    Progress::Options options;
+    if (ProgramRanks() != nullptr) options.is_terminal = IsLauncherOnTerminal();
+    Progress progress(options);
+    statuses = dispatcher->Run(
+        &schedule,
         [&](int i, std::string* why) {
-          return RunJob(plan.jobs[to_run[i]], why);
+          // Only this process, of all ranks, writes the list.
+          return ListRunFiles(OptionsOf(plan.jobs[i]).directory, why);
         },
-        [&](const std::vector<ProcessStatus>& now) {
-          if (FLAGS_progress) progress.Update(StateOf(now, num_skipped));
+        [&](const std::vector<JobStatus>& now) {
+          if (FLAGS_progress) {
+            progress.Update(StateOf(schedule, now, num_skipped));
+          }
         });
   }
-  for (size_t i = 0; i < to_run.size(); ++i) {
-    const SweepJob& job = plan.jobs[to_run[i]];
-    SweepRun& run = runs[to_run[i]];
-    if (statuses[i].state == ProcessStatus::State::kFailed ||
-        statuses[i].state == ProcessStatus::State::kCrashed) {
-      run.status = "not run: " + statuses[i].message;
-      Warn(job.name + ": " + statuses[i].message);
+  for (size_t i = 0; i < plan.jobs.size(); ++i) {
+    const SweepJob& job = plan.jobs[i];
+    if (statuses[i].state != JobStatus::State::kEnded) continue;
+    if (statuses[i].error.empty()) {
+      constexpr double kMaxSeconds = 60.0;  // until NFS shows a file
+      if (NumRanks() > 1 && !Interrupt::IsRequested()) {
+        WaitForFile(OptionsOf(job).directory + "/result.txt", kMaxSeconds);
+      }
+      LoadRun(job, &runs[i]);
     } else {
-      LoadRun(job, &run);
+      runs[i].status = "not run: " + statuses[i].error;
+      Warn(job.name + ": " + statuses[i].error);
     }
   }
   return runs;
@@ -197,11 +214,7 @@ bool WriteResults(const SweepPlan& plan,
   return true;
 }
 
-bool Run(RunCounts* counts, std::string* error) {
-  if (FLAGS_list) {
-    std::cout << Listing();
-    return true;
-  }
+bool MakePlan(SweepPlan* plan, SweepValue* value, std::string* error) {
   // flags.txt has one line a flag.
   std::replace(FLAGS_grid.begin(), FLAGS_grid.end(), '\n', ' ');
   if (FLAGS_grid.empty()) {
@@ -211,16 +224,33 @@ bool Run(RunCounts* counts, std::string* error) {
     return false;
   }
   Grid grid;
+  const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
+  return CheckTrainingFlags(error) &&
+         CheckFlags(
+             {{"tail", {0.0, 1.0, false, true}}, {"jobs", {1.0, 1024.0}}},
+             error) &&
+         ParseGrid(FLAGS_grid, &grid, error) &&
+         MakeSweepPlan(base, grid, plan, error) &&
+         FindSweepValue(*plan, FLAGS_value, FLAGS_tail, value, error);
+}
+
+bool Run(RunCounts* counts, std::string* error) {
+  if (FLAGS_list) {
+    std::cout << Listing();
+    return true;
+  }
   SweepPlan plan;
   SweepValue value;
-  const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
-  if (!CheckTrainingFlags(error) ||
-      !CheckFlags({{"tail", {0.0, 1.0, false, true}}, {"jobs", {1.0, 1024.0}}},
-                  error) ||
-      !ParseGrid(FLAGS_grid, &grid, error) ||
-      !MakeSweepPlan(base, grid, &plan, error) ||
-      !FindSweepValue(plan, FLAGS_value, FLAGS_tail, &value, error)) {
-    return false;
+  if (!AgreeOnRanks(MakePlan(&plan, &value, error), error)) return false;
+  const int num_ranks =
+      std::min(FLAGS_jobs, static_cast<int>(plan.jobs.size()));
+  if (ProgramRanks() == nullptr && num_ranks > 1) {
+    plan = SweepPlan();  // the ranks have their own
+    RunByMpirun(num_ranks);
+    Warn(fmt::format("--jobs={} needs {}: runs follow one another",
+                     FLAGS_jobs,
+                     kHasMpi ? "mpirun" : "a build with MPI"));
+    if (!MakePlan(&plan, &value, error)) return false;
   }
   SetBlasThreads(1);
   SetDefaultBudget(*plan.jobs[0].problem);
@@ -230,27 +260,36 @@ bool Run(RunCounts* counts, std::string* error) {
       })) {
     identity.AddBudget(OptionsOf(plan.jobs[0]).train);
   }
-  if (!PrepareRunDirectory(ExistingDirectory::kResume, identity, error)) {
+  if (!PrepareRunDirectoryOnRanks(
+          ExistingDirectory::kResume, identity, error)) {
     return false;
+  }
+  const Interrupt interrupt(/*is_silent=*/!IsFirstRank());
+  const auto run = [&plan](int job, std::string* why) {
+    return RunJob(plan.jobs[job], why);
+  };
+  if (!IsFirstRank()) {
+    ServeJobs(run);
+    return true;
   }
   std::set<std::string> warned;
   for (const SweepJob& job : plan.jobs) {
     WarnOfLeftOutSamples(
         job.method, job.batch_size, job.problem->train.num_samples(), &warned);
   }
-  const Interrupt interrupt;
-  return WriteResults(plan, RunJobs(plan), value, counts, error);
+  Dispatcher dispatcher(run);
+  return WriteResults(plan, RunJobs(plan, &dispatcher), value, counts, error);
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  return invgrad::RunProgram(
+  return invgrad::HandOverExitCode(invgrad::RunProgramOnRanks(
       argc,
       argv,
       "trains by every rule at every point of a grid of settings\n\n"
       "  sweep --problem=toy_network --steps=200 --jobs=2 \\\n"
       "    --grid=\"lambda=1,0.1; rule=half_inverse,adam:step_size=1e-2|1e-3\"",
-      invgrad::Run);
+      invgrad::Run));
 }

@@ -321,6 +321,13 @@ bool CompareLearning(LearningProblem problem,
                                   error)) {
     return false;
   }
+  if (NumRanks() > 1) {
+    std::cout << fmt::format(
+        "{} ranks. If one of them is lost, the same command with --resume goes "
+        "on from the checkpoints in {}\n",
+        NumRanks(),
+        FLAGS_output);
+  }
   const Interrupt interrupt(!IsFirstRank());
   const auto write = [error](const std::string& name, const auto& numbers) {
     const std::string path = FLAGS_output + '/' + name;

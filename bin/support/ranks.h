@@ -17,6 +17,12 @@
 
 namespace invgrad {
 
+#ifdef INVGRAD_MPI
+constexpr bool kHasMpi = true;
+#else
+constexpr bool kHasMpi = false;
+#endif
+
 // RunProgram on every rank. `run` must return the same on all ranks
 // (Communicator::Agree); an exception on one of several ends all. SIGUSR1, which
 // mpirun and srun pass on to the ranks, counts as SIGTERM. Exit code 1, with one
@@ -36,8 +42,10 @@ inline bool IsFirstRank() {
   return ProgramRanks() == nullptr || ProgramRanks()->rank() == 0;
 }
 
-// Communicator::Agree; of one process `ok` itself.
-bool AgreeOnRanks(bool ok, std::string* error);
+// Communicator::Agree; in one process, `ok`.
+inline bool AgreeOnRanks(bool ok, std::string* error) {
+  return ProgramRanks() == nullptr ? ok : ProgramRanks()->Agree(ok, error);
+}
 // Whether it is true on at least one rank.
 bool IsTrueOnAnyRank(bool is_true);
 

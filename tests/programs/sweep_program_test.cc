@@ -1,102 +1,23 @@
 // The program sweep, run as a user runs it.
 
+#include "tests/programs/sweep_program.h"
+
 #include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <map>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "tests/support/program_runner.h"
 
 namespace invgrad {
 namespace sweep_program_test {
 
 namespace fs = std::filesystem;
-
-// Lines of a CSV file without quoted commas, by column name.
-using CsvLines = std::vector<std::map<std::string, std::string>>;
-
-CsvLines ReadCsv(const std::string& text) {
-  const auto split = [](const std::string& line) {
-    std::vector<std::string> fields;
-    std::istringstream stream(line + ",");
-    for (std::string field; std::getline(stream, field, ',');) {
-      if (field.size() > 1 && field.front() == '"') {
-        field = field.substr(1, field.size() - 2);
-      }
-      fields.push_back(field);
-    }
-    return fields;
-  };
-  std::istringstream lines(text);
-  std::string line;
-  std::getline(lines, line);
-  const std::vector<std::string> names = split(line);
-  CsvLines rows;
-  while (std::getline(lines, line)) {
-    const std::vector<std::string> fields = split(line);
-    EXPECT_EQ(fields.size(), names.size()) << line;
-    std::map<std::string, std::string> row;
-    for (size_t i = 0; i < std::min(fields.size(), names.size()); ++i) {
-      row[names[i]] = fields[i];
-    }
-    rows.push_back(row);
-  }
-  return rows;
-}
-
-class SweepProgram : public ProgramRunner {
- protected:
-  SweepProgram() : ProgramRunner("sweep") {}
-
-  // The exit code of SmallSweep, two of whose runs diverge.
-  static constexpr int kSomeFailed = 2;
-
-  static std::string SmallGrid() {
-    return "lambda=1,0.1;rule=half_inverse,adam:step_size=1e-3|3e-2|1e200;"
-           "seed=1";
-  }
-
-  // Eight runs of some milliseconds.
-  std::vector<std::string> SmallSweep(const std::string& output) const {
-    return {"--problem=toy_network:num_samples=32",
-            "--grid=" + SmallGrid(),
-            "--steps=6",
-            "--plots=false",
-            "--output=" + Path(output)};
-  }
-
-  CsvLines Results(const std::string& output) const {
-    return ReadCsv(ReadAll(Path(output) + "/sweep.csv"));
-  }
-
-  // But for the times.
-  CsvLines Losses(const std::string& output) const {
-    CsvLines rows = Results(output);
-    for (auto& row : rows) {
-      row.erase("seconds");
-      row.erase("ms_per_step");
-    }
-    return rows;
-  }
-
-  // The directories of the jobs, sorted.
-  std::vector<std::string> Jobs(const std::string& output) const {
-    std::vector<std::string> jobs;
-    for (const auto& entry : fs::directory_iterator(Path(output) + "/jobs")) {
-      jobs.push_back(entry.path());
-    }
-    std::sort(jobs.begin(), jobs.end());
-    return jobs;
-  }
-};
 
 TEST_F(SweepProgram, SaysWhatIsWrongWithAGrid) {
   const auto expect = [this](const std::string& grid,
@@ -313,18 +234,20 @@ TEST_F(SweepProgram, KilledJobsAreFailedRuns) {
   std::vector<std::string> arguments = SmallSweep("run");
   arguments[1] = "--grid=rule=adam,rmsprop;seed=1";
   arguments[2] = "--steps=1000000000";
-  arguments.emplace_back("--jobs=2");
   const pid_t sweep = Start(arguments);
   const std::string pid = std::to_string(sweep);
-  std::vector<pid_t> jobs;
-  for (int i = 0; i < 3000 && jobs.size() < 2; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    std::ifstream children("/proc/" + pid + "/task/" + pid + "/children");
-    jobs.clear();
-    for (pid_t job = 0; children >> job;) jobs.push_back(job);
+  pid_t killed = 0;
+  for (int i = 0; i < 2; ++i) {  // one job after the other
+    pid_t job = killed;
+    for (int k = 0; k < 3000 && job == killed; ++k) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      std::ifstream children("/proc/" + pid + "/task/" + pid + "/children");
+      if (!(children >> job)) job = killed;
+    }
+    ASSERT_NE(job, killed);
+    ::kill(job, SIGKILL);
+    killed = job;
   }
-  ASSERT_EQ(jobs.size(), 2u);
-  for (const pid_t job : jobs) ::kill(job, SIGKILL);
   const Output output = Wait(sweep);
   EXPECT_EQ(output.exit_code, 3) << output.text;
   ExpectSays(output, {"ended by signal 9 (Killed)", "sweep: no run worked"});

@@ -50,6 +50,11 @@ class ProgramRunner : public ::testing::Test {
                      const std::vector<std::string>& arguments) const {
     std::vector<std::string> words = {BinDir() + "/" + program};
     words.insert(words.end(), arguments.begin(), arguments.end());
+    return StartCommand(words);
+  }
+
+  // Any program; a name without a slash is looked up in PATH.
+  pid_t StartCommand(std::vector<std::string> words) const {
     std::vector<char*> argv;
     argv.reserve(words.size() + 1);
     for (std::string& word : words) argv.push_back(word.data());
@@ -58,7 +63,7 @@ class ProgramRunner : public ::testing::Test {
     if (child == 0) {
       if (std::freopen(Path("stdout").c_str(), "w", stdout) != nullptr) {
         ::dup2(STDOUT_FILENO, STDERR_FILENO);
-        ::execv(argv[0], argv.data());
+        ::execvp(argv[0], argv.data());
       }
       std::_Exit(127);
     }

@@ -1,0 +1,330 @@
+// Sweeps on several ranks of MPI: the same results, one message of all ranks,
+// and nothing lost when ranks are killed.
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bin/support/ranks.h"
+#include "gtest/gtest.h"
+#include "invgrad/io/atomic_file.h"
+#include "tests/programs/sweep_program.h"
+
+namespace invgrad {
+namespace sweep_ranks_test {
+
+namespace fs = std::filesystem;
+using Words = std::vector<std::string>;
+
+int NumTimes(const std::string& word, const std::string& text) {
+  int count = 0;
+  for (size_t at = text.find(word); at != std::string::npos;
+       at = text.find(word, at + 1)) {
+    ++count;
+  }
+  return count;
+}
+
+std::vector<pid_t> Children(pid_t parent) {
+  const std::string pid = std::to_string(parent);
+  std::ifstream list("/proc/" + pid + "/task/" + pid + "/children");
+  std::vector<pid_t> children;
+  for (pid_t child = 0; list >> child;) children.push_back(child);
+  return children;
+}
+
+class SweepRanks : public SweepProgram {
+ protected:
+  void SetUp() override {
+    if (!kHasMpi || std::system("mpirun --version > /dev/null 2>&1") != 0) {
+      GTEST_SKIP() << "there is no MPI (apt install libopenmpi-dev)";
+    }
+    for (const char* name : {"OMPI_ALLOW_RUN_AS_ROOT",
+                             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM",
+                             "OMPI_MCA_rmaps_base_oversubscribe"}) {
+      ::setenv(name, "1", /*overwrite=*/0);
+    }
+    ::setenv("OMPI_MCA_hwloc_base_binding_policy", "none", /*overwrite=*/0);
+  }
+
+  static std::string Program() { return BinDir() + "/sweep"; }
+
+  // "mpirun -n N sweep ARGUMENTS".
+  pid_t StartRanks(int num_ranks, const Words& arguments) const {
+    Words words = {"mpirun", "-n", std::to_string(num_ranks), Program()};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    return StartCommand(words);
+  }
+
+  Output RunRanks(int num_ranks, const Words& arguments) const {
+    return Wait(StartRanks(num_ranks, arguments));
+  }
+
+  // Two ranks with words of their own after "sweep ARGUMENTS".
+  Output RunUnlikeRanks(const Words& before_program,
+                        const std::string& program,
+                        const Words& arguments,
+                        const std::string& more) const {
+    Words words = {"mpirun", "-n", "1", Program()};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    words.insert(words.end(), {":", "-n", "1"});
+    words.insert(words.end(), before_program.begin(), before_program.end());
+    words.push_back(program);
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    if (!more.empty()) words.push_back(more);
+    return Wait(StartCommand(words));
+  }
+
+  // Exit code 1, and one message of all ranks.
+  static void ExpectOneMessage(const Output& output, const Words& words) {
+    EXPECT_EQ(output.exit_code, 1) << output.text;
+    ExpectSays(output, words);
+    EXPECT_EQ(NumTimes("sweep: ", output.text), 1) << output.text;
+  }
+
+  // Two runs without an end, and one that diverges at once.
+  Words EndlessSweep(const std::string& output) const {
+    Words arguments = SmallSweep(output);
+    arguments[1] =
+        "--grid=rule=gradient_descent:step_size=1e200,adam,rmsprop;seed=1";
+    arguments[2] = "--steps=1000000000";
+    return arguments;
+  }
+
+  void WaitForJobs(const std::string& output, size_t num_jobs) const {
+    for (int i = 0; i < 6000; ++i) {
+      if (fs::exists(Path(output) + "/jobs") &&
+          Jobs(output).size() == num_jobs) {
+        return;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    ADD_FAILURE() << "the jobs do not start";
+  }
+
+  // Processes of sweep with a path in this test's folder.
+  int NumProcesses() const {
+    int count = 0;
+    for (const auto& process : fs::directory_iterator("/proc")) {
+      std::error_code failure;
+      const std::string path = process.path();
+      if (fs::read_symlink(path + "/exe", failure) != Program()) continue;
+      const std::string words = ReadAll(path + "/cmdline");
+      count += words.find(Path("")) != std::string::npos ? 1 : 0;
+    }
+    return count;
+  }
+};
+
+TEST_F(SweepRanks, AnyNumberGivesTheSameResults) {
+  ASSERT_EQ(Run(SmallSweep("alone")).exit_code, kSomeFailed);
+  for (const int num_ranks : {1, 2, 3}) {
+    const std::string name = std::to_string(num_ranks);
+    const Output output = RunRanks(num_ranks, SmallSweep(name));
+    EXPECT_EQ(output.exit_code, kSomeFailed) << output.text;
+    EXPECT_EQ(NumTimes("results in ", output.text), 1) << output.text;
+    EXPECT_EQ(Losses(name), Losses("alone"));
+    EXPECT_EQ(ReadAll(Path(name) + "/files.txt").size(),
+              ReadAll(Path("alone") + "/files.txt").size());
+  }
+  const Output again = RunRanks(2, SmallSweep("alone"));
+  ExpectSays(again, {"8 of 8 runs were done before"});
+}
+
+TEST_F(SweepRanks, JobsStartsMpirun) {
+  Words arguments = EndlessSweep("run");
+  arguments.emplace_back("--jobs=2");
+  const pid_t sweep = Start(arguments);
+  WaitForJobs("run", 3);
+  const std::vector<pid_t> mpirun = Children(sweep);
+  ASSERT_EQ(mpirun.size(), 1u);
+  EXPECT_EQ(Children(mpirun[0]).size(), 2u);
+  ::kill(sweep, SIGINT);
+  const Output output = Wait(sweep);
+  EXPECT_EQ(output.exit_code, 128 + SIGINT) << output.text;
+  EXPECT_EQ(NumTimes("ending after the current step", output.text), 1);
+  EXPECT_EQ(NumTimes("the same command goes on", output.text), 1);
+  EXPECT_EQ(output.text.find("non-zero"), std::string::npos) << output.text;
+  EXPECT_EQ(NumProcesses(), 0);
+  const CsvLines rows = Results("run");
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[0].at("status").substr(0, 8), "diverged");
+  EXPECT_EQ(rows[1].at("status"), "interrupted");
+  EXPECT_EQ(rows[2].at("status"), "interrupted");
+  for (const char* job :
+       {"/1-adam-batch32-seed1", "/2-rmsprop-batch32-seed1"}) {
+    EXPECT_TRUE(fs::exists(Path("run") + "/jobs" + job + "/checkpoint"));
+  }
+}
+
+TEST_F(SweepRanks, JobsWithoutMpirunRunsOneAfterTheOther) {
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", Path("").c_str(), 1);
+  Words arguments = SmallSweep("run");
+  arguments.emplace_back("--jobs=2");
+  const Output output = Run(arguments);
+  ::setenv("PATH", path.c_str(), 1);
+  EXPECT_EQ(output.exit_code, kSomeFailed) << output.text;
+  EXPECT_EQ(NumTimes("--jobs=2 needs mpirun", output.text), 1) << output.text;
+  EXPECT_EQ(Results("run").size(), 8u);
+}
+
+TEST_F(SweepRanks, ASignalToMpirunKeepsWhatIsComplete) {
+  const pid_t mpirun = StartRanks(2, EndlessSweep("run"));
+  WaitForJobs("run", 3);
+  ::kill(mpirun, SIGUSR1);  // mpirun passes it on, and waits
+  const Output output = Wait(mpirun);
+  EXPECT_EQ(output.exit_code, 128 + SIGTERM) << output.text;
+  EXPECT_EQ(NumTimes("ending after the current step", output.text), 1);
+  EXPECT_EQ(NumTimes("sweep: the same command goes on", output.text), 1);
+  EXPECT_EQ(Results("run")[0].at("status").substr(0, 8), "diverged");
+  EXPECT_EQ(Results("run")[1].at("status"), "interrupted");
+}
+
+TEST_F(SweepRanks, KilledJobsAreRows) {
+  Words arguments = EndlessSweep("run");
+  const pid_t mpirun = StartRanks(2, arguments);
+  WaitForJobs("run", 3);
+  std::vector<pid_t> jobs;
+  for (int i = 0; i < 3000 && jobs.size() < 2; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    jobs.clear();
+    for (const pid_t rank : Children(mpirun)) {
+      for (const pid_t job : Children(rank)) jobs.push_back(job);
+    }
+  }
+  ASSERT_EQ(jobs.size(), 2u);
+  for (const pid_t job : jobs) ::kill(job, SIGKILL);
+  const Output output = Wait(mpirun);
+  EXPECT_EQ(output.exit_code, 3) << output.text;
+  EXPECT_EQ(NumTimes("sweep: 1-adam-batch32-seed1: ended by signal 9 (Killed)",
+                     output.text),
+            1)
+      << output.text;
+  EXPECT_EQ(Results("run")[2].at("status"),
+            "not run: ended by signal 9 (Killed)");
+}
+
+TEST_F(SweepRanks, OneRankSaysWhatIsWrong) {
+  Words arguments = SmallSweep("run");
+  arguments[1] = "--grid=rule=adm";
+  ExpectOneMessage(RunRanks(3, arguments), {"'adm'"});
+  const Output unknown = RunRanks(2, {"--no_flag"});
+  EXPECT_EQ(unknown.exit_code, 1);
+  EXPECT_EQ(NumTimes("unknown command line flag", unknown.text), 1)
+      << unknown.text;
+  EXPECT_FALSE(fs::exists(Path("run")));
+}
+
+TEST_F(SweepRanks, RanksThatDifferAreRefused) {
+  const Words arguments = SmallSweep("run");
+  ExpectOneMessage(RunUnlikeRanks({}, Program(), arguments, "--tail=0.5"),
+                   {"rank 1 on ", " has the arguments ", "--tail=0.5"});
+  const std::string other = Path("other");
+  fs::copy_file(Program(), other);
+  std::ofstream(other, std::ios::app) << "x";
+  ExpectOneMessage(RunUnlikeRanks({}, other, arguments, ""),
+                   {"rank 1 on ", " has a program with the digest "});
+  const Words kernels = {"env", "OPENBLAS_CORETYPE=Nehalem"};
+  const Output output = RunUnlikeRanks(kernels, Program(), arguments, "");
+  EXPECT_EQ(output.exit_code, 1) << output.text;
+  ExpectSays(output, {"rank 1 on ", " has the BLAS kernels", "Nehalem"});
+  EXPECT_FALSE(fs::exists(Path("run")));
+}
+
+TEST_F(SweepRanks, ADirectoryThatNotAllSeeIsRefused) {
+  fs::create_directories(Path("a"));
+  fs::create_directories(Path("b"));
+  Words arguments = SmallSweep("run");
+  arguments.back() = "--output=run";
+  Words words = {"mpirun", "-n", "1", "--wdir", Path("a"), Program()};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  words.insert(words.end(), {":", "-n", "1", "--wdir", Path("b"), Program()});
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  ExpectOneMessage(Wait(StartCommand(words)),
+                   {"--output=run: rank 1 on ", "does not see"});
+  EXPECT_TRUE(fs::is_empty(Path("a")));
+  EXPECT_TRUE(fs::is_empty(Path("b")));
+}
+
+TEST_F(SweepRanks, RanksThatAreAloneAreRefused) {
+  ::setenv("SLURM_STEP_NUM_TASKS", "2", 1);
+  ::setenv("SLURM_PROCID", "0", 1);
+  const Output first = Run(SmallSweep("run"));
+  ::setenv("SLURM_PROCID", "1", 1);
+  const Output second = Run(SmallSweep("run"));
+  ::unsetenv("SLURM_STEP_NUM_TASKS");
+  ::unsetenv("SLURM_PROCID");
+  ExpectOneMessage(first,
+                   {"the launcher has started 2 ranks, and each finds itself "
+                    "alone"});
+  EXPECT_EQ(second.exit_code, 1);
+  EXPECT_EQ(second.text, "");
+  EXPECT_FALSE(fs::exists(Path("run")));
+}
+
+// Kills ranks at random moments, until a sweep is complete; --gtest_repeat does
+// it more often.
+TEST_F(SweepRanks, KilledRanksLoseOnlyWhatTheyWereRunning) {
+  Words arguments = SmallSweep("whole");
+  arguments[2] = "--steps=3000";
+  arguments.insert(arguments.begin(), "--checkpoint_seconds=0.05");
+  ASSERT_EQ(Run(arguments).exit_code, kSomeFailed);
+  arguments.back() = "--output=" + Path("run");
+  std::mt19937 random(
+      1 + testing::UnitTest::GetInstance()->random_seed() +
+      static_cast<unsigned>(
+          std::chrono::steady_clock::now().time_since_epoch().count()));
+  constexpr int kNumKills = 3;
+  for (int i = 0; i < kNumKills; ++i) {
+    const pid_t mpirun = StartRanks(3, arguments);
+    std::vector<pid_t> ranks;
+    for (int k = 0; k < 6000 && ranks.size() < 3; ++k) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      ranks = Children(mpirun);
+    }
+    ASSERT_EQ(ranks.size(), 3u);
+    std::this_thread::sleep_for(std::chrono::milliseconds(random() % 1500));
+    const int victim = static_cast<int>(random() % 3);
+    const bool was_killed = ::kill(ranks[victim], SIGKILL) == 0;
+    const auto start = std::chrono::steady_clock::now();
+    const Output output = Wait(mpirun);
+    while (NumProcesses() > 0) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      const std::chrono::duration<double> seconds =
+          std::chrono::steady_clock::now() - start;
+      ASSERT_LT(seconds.count(), 60.0) << "ranks go on";
+    }
+    const std::chrono::duration<double> seconds =
+        std::chrono::steady_clock::now() - start;
+    int num_done = 0;
+    if (fs::exists(Path("run") + "/jobs")) {
+      for (const std::string& job : Jobs("run")) {
+        num_done += fs::exists(job + "/result.txt") ? 1 : 0;
+      }
+    }
+    std::cout << num_done << " of 8 runs done, killed rank " << victim
+              << ", all ended after " << seconds.count() << " s, exit code "
+              << output.exit_code << std::endl;
+    if (was_killed && output.exit_code != kSomeFailed) {
+      EXPECT_EQ(output.exit_code, 128 + SIGKILL) << output.text;
+      ExpectSays(output, {"process rank " + std::to_string(victim)});
+    }
+  }
+  const Output output = RunRanks(2, arguments);
+  EXPECT_EQ(output.exit_code, kSomeFailed) << output.text;
+  EXPECT_EQ(Losses("run"), Losses("whole"));
+  for (const auto& file : fs::recursive_directory_iterator(Path("run"))) {
+    EXPECT_EQ(TargetOfTemporary(file.path()), "");
+  }
+}
+
+}  // namespace sweep_ranks_test
+}  // namespace invgrad
