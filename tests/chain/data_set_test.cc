@@ -38,6 +38,22 @@ TEST(DataSetTest, RangeIsContiguous) {
   EXPECT_EQ(FourSamples().Range(4, 0).num_samples(), 0);
 }
 
+TEST(DataSetTest, APieceKnowsItsPlaceInTheBatch) {
+  DataSet batch;
+  batch.inputs = Eigen::MatrixXd::Random(2, 10);
+  EXPECT_EQ(batch.batch_size(), 10);
+  const DataSet piece = batch.Piece(4, 5);
+  EXPECT_EQ(piece.num_samples(), 5);
+  EXPECT_EQ(piece.batch_size(), 10);
+  EXPECT_EQ(piece.first_in_batch, 4);
+  EXPECT_EQ(piece.inputs, batch.inputs.middleCols(4, 5));
+  const DataSet part = piece.Piece(2, 3);
+  EXPECT_EQ(part.batch_size(), 10);
+  EXPECT_EQ(part.first_in_batch, 6);
+  // A range is a batch of its own.
+  EXPECT_EQ(batch.Range(4, 5).batch_size(), 5);
+}
+
 TEST(DataSetTest, AnArrayWithoutRowsMayHaveNoColumns) {
   DataSet data = FourSamples();
   data.contexts.resize(0, 0);

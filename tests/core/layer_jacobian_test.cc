@@ -5,6 +5,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "tests/support/one_rank.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -118,6 +119,35 @@ void ExpectGramIsTheSum(int num_calls) {
 TEST(GramOfLayers, IsTheSumOfTheirs) {
   ExpectGramIsTheSum(1);
   ExpectGramIsTheSum(3);
+}
+
+// Strips begin and end within a sample.
+TEST(GramOfLayers, StripsAreColumnsOfTheWhole) {
+  constexpr int kOutputs = 7, kSamples = 90, kRanks = 2;
+  for (const int num_calls : {1, 2}) {
+    const MatrixXd inputs = RandomMatrix(3, kSamples * num_calls, 1);
+    const MatrixXd deltas = RandomMatrix(4, kSamples * kOutputs * num_calls, 2);
+    const std::vector<LayerJacobian> layers = {{&inputs, &deltas, num_calls}};
+    const int rows = layers[0].rows();
+    MatrixXd whole;
+    GramOfLayers(layers, ColumnStrips(rows, nullptr), &whole);
+    for (int r = 0; r < kRanks; ++r) {
+      const OneRank rank(r, kRanks);
+      const ColumnStrips strips(rows, &rank);
+      MatrixXd own;
+      GramOfLayers(layers, strips, &own);
+      ASSERT_EQ(own.cols(), strips.num_local());
+      for (int column = 0; column < rows; ++column) {
+        if (!strips.Owns(column)) continue;
+        const int height = rows - column;
+        EXPECT_LE((own.col(strips.Local(column)).tail(height) -
+                   whole.col(column).tail(height))
+                      .norm(),
+                  1e-14 * whole.diagonal().maxCoeff())
+            << column;
+      }
+    }
+  }
 }
 
 TEST(LayerJacobianDeathTest, SizesThatDoNotFitAreChecked) {

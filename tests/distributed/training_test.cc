@@ -168,6 +168,28 @@ TEST(DistributedTraining, SharesLargeGramMatrices) {
   }
 }
 
+// What docs/results/scaling.md counts.
+TEST(DistributedTraining, AFirstOrderStepSendsItsGradient) {
+  const LearningProblem problem =
+      MakeProblem("oscillator_chain:num_samples=80");
+  TrainOptions options;
+  options.batch_size = 8;  // evaluations are at other steps
+  options.max_num_steps = 3;
+  options.communicator = Ranks();
+  TrainingRun run(*problem.model, {problem.train}, "adam", options);
+  run.Step();
+  const double before = Ranks()->num_sent();
+  run.Step();
+  if (Ranks()->size() == 1) {
+    EXPECT_EQ(Ranks()->num_sent(), before);
+    return;
+  }
+  // Cost and gradient; that no rank has failed; the clock and what callbacks
+  // say.
+  const double num_sums = 1.0 + problem.model->num_weights() + 1.0 + 3.0;
+  EXPECT_EQ(Ranks()->num_sent() - before, 2.0 * num_sums);
+}
+
 TEST(DistributedTraining, PhasesFollowEachOther) {
   ExpectSameTraining({"oscillator_chain:num_samples=80",
                       "adam:steps=4>half_inverse:truncation=1e-3"});
