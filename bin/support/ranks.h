@@ -3,7 +3,7 @@
 // initialized without one.
 //
 // Every rank runs the same program with the same flags. Only rank 0 prints:
-// stdout of the others is closed, Warn says nothing there, and an Interrupt is
+// stdout of the others is /dev/null, Warn says nothing there, an Interrupt may be
 // silent; what glog reports before a crash is printed by any rank.
 #ifndef BIN_SUPPORT_RANKS_H_
 #define BIN_SUPPORT_RANKS_H_

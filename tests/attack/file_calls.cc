@@ -14,10 +14,11 @@
 
 #include <cerrno>
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <utility>
 
 #include "fmt/core.h"
 
@@ -70,6 +71,22 @@ std::string ProcField(const std::string& path, const std::string& key) {
 
 bool ChangesFiles(long flags) {
   return (flags & (O_WRONLY | O_RDWR | O_CREAT | O_TRUNC)) != 0;
+}
+
+// The text at an address of the process; what can be read of it.
+std::string TextAt(pid_t process, std::uint64_t address) {
+  constexpr std::uint64_t kPage = 4096;
+  std::string text;
+  while (text.find('\0') == std::string::npos) {
+    std::string page(kPage - address % kPage, '\0');
+    const iovec here{page.data(), page.size()};
+    const iovec there{reinterpret_cast<void*>(address),  // NOLINT: see below
+                      page.size()};
+    if (process_vm_readv(process, &here, 1, &there, 1, 0) <= 0) break;
+    text += page;
+    address += page.size();
+  }
+  return text.substr(0, text.find('\0'));
 }
 
 // Whether the descriptor is open for writing, or a folder, below `folder`.
@@ -139,8 +156,12 @@ int TakeDescriptor(pid_t process, int file) {
   return taken;
 }
 
-FileCalls::FileCalls(int listener, std::string folder, const Fault& fault)
-    : listener_(listener), folder_(std::move(folder)), fault_(fault) {}
+FileCalls::FileCalls(int listener,
+                     const std::string& folder,
+                     const Fault& fault)
+    : listener_(listener),
+      folder_(std::filesystem::canonical(folder).string() + "/"),
+      fault_(fault) {}
 
 FileCalls::~FileCalls() { close(listener_); }
 
@@ -171,6 +192,16 @@ std::string FileCalls::NameOf(const seccomp_notif& call) const {
   for (const CallRow& row : kCalls) {
     if (row.number != call.data.nr) continue;
     const auto& arguments = call.data.args;
+    // mpirun has files of its own in other folders.
+    const bool is_at = std::string(row.name).find("at") != std::string::npos;
+    const std::string path =
+        row.subject == Subject::kFile
+            ? ""
+            : TextAt(static_cast<pid_t>(call.pid), arguments[is_at ? 1 : 0]);
+    if (path[0] == '/' &&
+        std::filesystem::path(path).lexically_normal().string().rfind(folder_,
+                                                                      0) != 0)
+      return "";
     bool is_change = true;
     if (row.subject == Subject::kFile) {
       is_change = IsFileBelow(folder_,

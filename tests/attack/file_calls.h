@@ -46,7 +46,7 @@ int TakeDescriptor(pid_t process, int file);
 class FileCalls {
  public:
   // Closes `listener`. Counts calls on files below `folder` alone.
-  FileCalls(int listener, std::string folder, const Fault& fault);
+  FileCalls(int listener, const std::string& folder, const Fault& fault);
   ~FileCalls();
   FileCalls(const FileCalls&) = delete;
   FileCalls& operator=(const FileCalls&) = delete;

@@ -274,7 +274,8 @@ TEST_F(SweepRanks, RanksThatAreAloneAreRefused) {
 // it more often.
 TEST_F(SweepRanks, KilledRanksLoseOnlyWhatTheyWereRunning) {
   Words arguments = SmallSweep("whole");
-  arguments[2] = "--steps=3000";
+  arguments[1] += ",2";  // a second seed
+  arguments[2] = "--steps=10000";
   arguments.insert(arguments.begin(), "--checkpoint_seconds=0.05");
   ASSERT_EQ(Run(arguments).exit_code, kSomeFailed);
   arguments.back() = "--output=" + Path("run");
@@ -310,7 +311,7 @@ TEST_F(SweepRanks, KilledRanksLoseOnlyWhatTheyWereRunning) {
         num_done += fs::exists(job + "/result.txt") ? 1 : 0;
       }
     }
-    std::cout << num_done << " of 8 runs done, killed rank " << victim
+    std::cout << num_done << " of 16 runs done, killed rank " << victim
               << ", all ended after " << seconds.count() << " s, exit code "
               << output.exit_code << std::endl;
     if (was_killed && output.exit_code != kSomeFailed) {
