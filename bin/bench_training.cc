@@ -136,6 +136,10 @@ bool Run(RunCounts* counts, std::string* error) {
       register_run(method.label + threaded, model, FLAGS_threads, method);
     }
   }
+  const std::string why_no_lanes = model.simulator().WhyNoLanes();
+  if (!why_no_lanes.empty()) {
+    fmt::print("the samples are simulated one at a time: {}\n", why_no_lanes);
+  }
   RatioReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
   *counts = reporter.counts();

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "glog/logging.h"
+#include "invgrad/chain/lanes.h"
 #include "invgrad/core/scratch.h"
 
 namespace invgrad {
@@ -51,18 +52,50 @@ void SchroedingerSimulator::Factor(const double* x, Step* steps) const {
   }
 }
 
+void SchroedingerSimulator::FactorLanes(const double* x,
+                                        LaneStep* steps) const {
+  using Lanes = Values<kLanes>;
+  for (int t = 0; t < num_steps_; ++t) {
+    Lanes u;
+    for (int lane = 0; lane < kLanes; ++lane)
+      u[lane] = x[lane * num_steps_ + t];
+    Lanes re = Lanes::Zero(), im = Lanes::Zero();  // 1 / d_{k-1}
+    for (int k = 0; k < kNumPoints; ++k) {
+      const double slope = kSpacing * kSpacing * (k + 1) * kSpacing;
+      const Lanes d_re = -2.0 - slope * u - re;
+      const Lanes d_im = scale_ - im;
+      const Lanes inverse_square = (d_re * d_re + d_im * d_im).inverse();
+      re = d_re * inverse_square;
+      im = -d_im * inverse_square;
+      steps[t].inverse_pivots.re.col(k) = re;
+      steps[t].inverse_pivots.im.col(k) = im;
+    }
+  }
+}
+
+// The values at point k: a number if there is one function.
+template <typename Array>
+static auto At(const Array& f, int k) {
+  if constexpr (Array::RowsAtCompileTime == 1) {
+    return f[k];
+  } else {
+    return Eigen::Array<double, Array::RowsAtCompileTime, 1>(f.col(k));
+  }
+}
+
 // Gaussian elimination. With off-diagonals of one, its factors are the inverse
 // pivots e_k:
 //   down  p_k = e_k (b_k - p_{k-1}),   up  p_k -= e_k p_{k+1}.
-template <int kWidth>
-void SchroedingerSimulator::Solve(const GridFunction& inverse_pivots,
-                                  const GridFunctions<kWidth>& c,
-                                  GridFunctions<kWidth>* solution) const {
+template <int kNumPivots, int kWidth>
+void SchroedingerSimulator::Solve(
+    const GridFunctions<kNumPivots>& inverse_pivots,
+    const GridFunctions<kWidth>& c,
+    GridFunctions<kWidth>* solution) const {
   // p_{k-1}, then p_{k+1}
   Values<kWidth> re = Values<kWidth>::Zero(), im = Values<kWidth>::Zero();
   for (int k = 0; k < kNumPoints; ++k) {
-    const double e_re = inverse_pivots.re[k];
-    const double e_im = inverse_pivots.im[k];
+    const auto e_re = At(inverse_pivots.re, k);
+    const auto e_im = At(inverse_pivots.im, k);
     // The right-hand side is also divided by -i / scale.
     const Values<kWidth> b_re = -scale_ * c.im.col(k) - re;
     const Values<kWidth> b_im = scale_ * c.re.col(k) - im;
@@ -70,8 +103,8 @@ void SchroedingerSimulator::Solve(const GridFunction& inverse_pivots,
     solution->im.col(k) = im = e_re * b_im + e_im * b_re;
   }
   for (int k = kNumPoints - 2; k >= 0; --k) {
-    const double e_re = inverse_pivots.re[k];
-    const double e_im = inverse_pivots.im[k];
+    const auto e_re = At(inverse_pivots.re, k);
+    const auto e_im = At(inverse_pivots.im, k);
     const Values<kWidth> above_re = re;
     re = solution->re.col(k) - (e_re * above_re - e_im * im);
     im = solution->im.col(k) - (e_re * im + e_im * above_re);
@@ -87,16 +120,18 @@ static void Advance(const GridFunctions& midpoint, GridFunctions* f) {
   f->im = 2.0 * midpoint.im - f->im;
 }
 
-template <int kWidth>
+template <int kWidth, int kNumFactors>
 void SchroedingerSimulator::Dot(const GridFunctions<kWidth>& f,
-                                const GridFunction& g,
+                                const GridFunctions<kNumFactors>& g,
                                 Values<kWidth>* re,
                                 Values<kWidth>* im) {
   re->setZero();
   im->setZero();
   for (int k = 0; k < kNumPoints; ++k) {
-    *re += g.re[k] * f.re.col(k) - g.im[k] * f.im.col(k);
-    *im += g.re[k] * f.im.col(k) + g.im[k] * f.re.col(k);
+    const auto g_re = At(g.re, k);
+    const auto g_im = At(g.im, k);
+    *re += g_re * f.re.col(k) - g_im * f.im.col(k);
+    *im += g_re * f.im.col(k) + g_im * f.re.col(k);
   }
 }
 
@@ -203,6 +238,118 @@ bool SchroedingerSimulator::Adjoint(const double* x,
     x_bar[t] = re[0];
   });
   return AllFinite(x_bar, num_steps_);
+}
+
+bool SchroedingerSimulator::RollOutLanes(const double* x,
+                                         const double* contexts,
+                                         LaneStep* steps,
+                                         double* y) const {
+  FactorLanes(x, steps);
+  GridFunctions<kLanes> psi, midpoint;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const GridFunction start = FromState(contexts + lane * kStateSize);
+    psi.re.row(lane) = start.re;
+    psi.im.row(lane) = start.im;
+  }
+  // -i dt X applied to ones.
+  GridFunction ones;
+  ones.re.setZero();
+  ones.im.setOnes();
+  const auto dt_x = Source(ones).re;
+  for (int t = 0; t < num_steps_; ++t) {
+    Solve(steps[t].inverse_pivots, psi, &midpoint);
+    for (int k = 0; k < kNumPoints; ++k) {
+      steps[t].source.re.col(k) = dt_x[k] * midpoint.im.col(k);
+      steps[t].source.im.col(k) = -dt_x[k] * midpoint.re.col(k);
+    }
+    Advance(midpoint, &psi);
+  }
+  for (int lane = 0; lane < kLanes; ++lane) {
+    Eigen::Map<Eigen::Array<double, 2, kNumPoints>>(y + lane * kStateSize)
+        << psi.re.row(lane),
+        psi.im.row(lane);
+  }
+  return AllFinite(y, kLanes * kStateSize);
+}
+
+bool SchroedingerSimulator::AdjointLanes(int first,
+                                         const double* x,
+                                         const double* contexts,
+                                         const BatchCovector& covector,
+                                         double* x_bar) const {
+  Scratch<LaneStep> steps(num_steps_);
+  double y[kLanes * kStateSize];
+  if (!RollOutLanes(x, contexts, steps.data(), y)) return false;
+  GridFunctions<kLanes> c, q;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double w[kStateSize];
+    if (!covector(first + lane, y + lane * kStateSize, w)) return false;
+    const GridFunction start = FromState(w);
+    c.re.row(lane) = start.re;
+    c.im.row(lane) = -start.im;
+  }
+  Values<kLanes> re, im;
+  for (int t = num_steps_ - 1; t >= 0; --t) {
+    Solve(steps[t].inverse_pivots, c, &q);
+    Dot(q, steps[t].source, &re, &im);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      x_bar[lane * num_steps_ + t] = re[lane];
+    }
+    Advance(q, &c);
+  }
+  return AllFinite(x_bar, kLanes * num_steps_);
+}
+
+int SchroedingerSimulator::EvaluateBatch(int count,
+                                         const double* x,
+                                         const double* contexts,
+                                         double* y,
+                                         double* jacobians) const {
+  if (jacobians != nullptr) {
+    return Simulator::EvaluateBatch(count, x, contexts, y, jacobians);
+  }
+  Scratch<LaneStep> steps(num_steps_);
+  return ForSamplesInLanes(
+      count,
+      true,
+      [&](int s) {
+        return RollOutLanes(x + s * num_steps_,
+                            contexts + s * kStateSize,
+                            steps.data(),
+                            y + s * kStateSize);
+      },
+      [&](int s) {
+        return Evaluate(x + s * num_steps_,
+                        contexts + s * kStateSize,
+                        y + s * kStateSize,
+                        nullptr);
+      });
+}
+
+int SchroedingerSimulator::AdjointBatch(int count,
+                                        const double* x,
+                                        const double* contexts,
+                                        const BatchCovector& covector,
+                                        double* x_bar) const {
+  double y[kStateSize];
+  return ForSamplesInLanes(
+      count,
+      true,
+      [&](int s) {
+        return AdjointLanes(s,
+                            x + s * num_steps_,
+                            contexts + s * kStateSize,
+                            covector,
+                            x_bar + s * num_steps_);
+      },
+      [&](int s) {
+        return Adjoint(
+            x + s * num_steps_,
+            contexts + s * kStateSize,
+            [&](const double* at, double* w) { return covector(s, at, w); },
+            y,
+            x_bar + s * num_steps_);
+      });
 }
 
 bool SchroedingerSimulator::WeightedHessian(const double* x,

@@ -70,6 +70,18 @@ class SchroedingerSimulator final : public Simulator {
                const Covector& covector,
                double* y,
                double* x_bar) const override;
+  // J's rows are computed side by side; values and pull-backs in lanes.
+  int EvaluateBatch(int count,
+                    const double* x,
+                    const double* contexts,
+                    double* y,
+                    double* jacobians) const override;
+  int AdjointBatch(int count,
+                   const double* x,
+                   const double* contexts,
+                   const BatchCovector& covector,
+                   double* x_bar) const override;
+  std::string WhyNoLanes() const override { return ""; }
   bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,
@@ -88,23 +100,40 @@ class SchroedingerSimulator final : public Simulator {
     Eigen::Array<double, kWidth, kNumPoints> im;
   };
   using GridFunction = GridFunctions<1>;
-  // Results of a step for the backward pass.
-  struct Step {
-    GridFunction inverse_pivots;  // of A_t, scaled: see Factor
-    GridFunction source;          // -i dt X phi_t
+  // Results of a step for the backward pass, of kWidth samples.
+  template <int kWidth>
+  struct Steps {
+    GridFunctions<kWidth> inverse_pivots;  // of A_t, scaled: see Factor
+    GridFunctions<kWidth> source;          // -i dt X phi_t
   };
+  using Step = Steps<1>;
+  static constexpr int kLanes = 4;
+  using LaneStep = Steps<kLanes>;
 
   // Fills the inverse pivots of all steps.
   void Factor(const double* x, Step* steps) const;
-  // Computes A^-1 c.
-  template <int kWidth>
-  void Solve(const GridFunction& inverse_pivots,
+  // The same for four samples; x: one column a sample.
+  void FactorLanes(const double* x, LaneStep* steps) const;
+  // RollOut and Adjoint for four samples from sample `first` on; x, contexts, y
+  // and x_bar: theirs, one column a sample.
+  bool RollOutLanes(const double* x,
+                    const double* contexts,
+                    LaneStep* steps,
+                    double* y) const;
+  bool AdjointLanes(int first,
+                    const double* x,
+                    const double* contexts,
+                    const BatchCovector& covector,
+                    double* x_bar) const;
+  // Computes A^-1 c: one A for all functions (kNumPivots = 1), or one for each.
+  template <int kNumPivots, int kWidth>
+  void Solve(const GridFunctions<kNumPivots>& inverse_pivots,
              const GridFunctions<kWidth>& c,
              GridFunctions<kWidth>* solution) const;
   // Sums f g over the points, without conjugation: kWidth complex numbers.
-  template <int kWidth>
+  template <int kWidth, int kNumFactors>
   static void Dot(const GridFunctions<kWidth>& f,
-                  const GridFunction& g,
+                  const GridFunctions<kNumFactors>& g,
                   Values<kWidth>* re,
                   Values<kWidth>* im);
   // -i dt X f.

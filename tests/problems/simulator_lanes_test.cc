@@ -152,6 +152,7 @@ INSTANTIATE_TEST_SUITE_P(
                     "exponential",
                     "multimodal",
                     "poisson_pinn",
+                    "quantum_dipole:num_steps=20",
                     "oscillator_chain",
                     "oscillator_chain:coupling=cubic",
                     "oscillator_chain:num_oscillators=5",

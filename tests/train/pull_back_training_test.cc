@@ -27,6 +27,34 @@ TrainOptions Steps(long num_steps) {
   return options;
 }
 
+TEST(PullBackTraining, ThreadsOfTheRunDoNotChangeABit) {
+  const LearningProblem chain =
+      CreateLearningProblem("oscillator_chain:num_samples=64");
+  const LearningProblem loop =
+      CreateLearningProblem("oscillator_tracking:num_samples=64:horizon=6");
+  const auto train = [](const LearningProblem& problem,
+                        const std::string& method,
+                        int num_threads) {
+    TrainOptions options = Steps(4);
+    options.batch_size = 30;
+    options.num_threads = num_threads;
+    return TrainProblem(problem, method, options);
+  };
+  for (const LearningProblem* problem : {&chain, &loop}) {
+    for (const char* method : {"adam", "half_inverse", "sip"}) {
+      const TrainResult one = train(*problem, method, 1);
+      EXPECT_EQ(one.error, "") << method;
+      for (const int num_threads : {2, 3}) {
+        const TrainResult several = train(*problem, method, num_threads);
+        EXPECT_EQ(several.weights, one.weights) << method;
+        EXPECT_EQ(several.history.back().train_loss,
+                  one.history.back().train_loss)
+            << method;
+      }
+    }
+  }
+}
+
 // Differentiable physics is the gradient of the chain, whoever computes it.
 TEST(PullBackTraining, DifferentiablePhysicsIsTheRuleAlone) {
   const LearningProblem problem =

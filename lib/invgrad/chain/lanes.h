@@ -21,16 +21,21 @@ constexpr char kLanesDeclined[] = "the functor sets kInLanes = false";
 
 // Whether all values of all lanes are finite: 0 x is zero for a finite x only.
 inline bool AreLanesFinite(const Pack* packs, std::ptrdiff_t size) {
+  const auto is_zero = [](const Pack& sum) {
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]) == 0.0;
+  };
+  constexpr int kNumSums = 8;  // independent, to hide the latency of a sum
+  std::ptrdiff_t i = 0;
+  Pack rest;
+  for (; i < size % kNumSums; ++i) rest += packs[i] * Pack(0.0);
+  if (i == size) return is_zero(rest);
   return CallInlinedFor<Pack>([&] {
-    constexpr int kNumSums = 8;  // independent, to hide the latency of a sum
     Pack sums[kNumSums];
-    std::ptrdiff_t i = 0;
-    for (; i + kNumSums <= size; i += kNumSums) {
+    for (; i < size; i += kNumSums) {
       for (int k = 0; k < kNumSums; ++k) sums[k] += packs[i + k] * Pack(0.0);
     }
-    for (; i < size; ++i) sums[0] += packs[i] * Pack(0.0);
-    for (int k = 1; k < kNumSums; ++k) sums[0] += sums[k];
-    return (sums[0][0] + sums[0][1]) + (sums[0][2] + sums[0][3]) == 0.0;
+    for (const Pack& sum : sums) rest += sum;
+    return is_zero(rest);
   });
 }
 
@@ -52,6 +57,9 @@ inline void StoreLanes(const Pack* packs,
     }
   }
 }
+
+// Logs once, with --v=1, that the branches of a functor differ between samples.
+void LogDifferentBranches();
 
 // Calls in_lanes(s) for the four samples from s on, and one(s) for each sample
 // of a pack for which it returns false or the branches differ, of an incomplete
@@ -75,6 +83,7 @@ int ForSamplesInLanes(int count,
       const bool is_done = in_lanes(s);
       if (PackBranches::differ()) {
         ++num_different;
+        LogDifferentBranches();
       } else if (is_done) {
         s = end;
       }

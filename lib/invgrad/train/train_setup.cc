@@ -85,6 +85,10 @@ TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
   if (options_.communicator != nullptr && options_.communicator->size() == 1) {
     options_.communicator = nullptr;
   }
+  const std::string why_no_lanes = model_.simulator().WhyNoLanes();
+  if (!why_no_lanes.empty()) {
+    VLOG(1) << "the samples are simulated one at a time: " << why_no_lanes;
+  }
   const TrainOptions none;
   if (options_.max_num_epochs == none.max_num_epochs &&
       options_.max_num_steps == none.max_num_steps &&
