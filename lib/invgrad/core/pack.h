@@ -31,6 +31,9 @@ class PackBranches {
   static inline thread_local bool flag_ = false;
 };
 
+// Found by their arguments: functions of packs do not hide those of numbers.
+namespace pack {
+
 struct Pack {
   static constexpr int kLanes = 4;
   // Aligned as the memory of malloc.
@@ -205,6 +208,10 @@ template <int N>
 ceres::Jet<Pack, N> pow(double base, const ceres::Jet<Pack, N>& exponent) {
   return pow(Pack(base), exponent);
 }
+
+}  // namespace pack
+
+using pack::Pack;
 
 // function(), with everything that it calls inlined.
 template <typename Function>
