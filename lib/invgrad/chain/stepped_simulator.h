@@ -140,6 +140,8 @@ class SteppedSimulator : public Simulator, public Feedback {
       const T* x, const T* start, Index rows, T* y, T* states, T* G) const;
   template <typename T>
   void ChainToEnd(const T* G, T* jacobian) const;
+  // Whether ChainToEnd is faster in lanes than with BLAS.
+  bool ChainsInLanes() const;
   void ChainToOutputs(const double* G, double* jacobian) const;
   // x_bar for the covectors w of y.
   template <typename T>
