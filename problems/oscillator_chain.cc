@@ -68,7 +68,7 @@ bool OscillatorChain::Create(LearningProblem* problem,
       // pass of Jets.
       num_oscillators == 2
           ? MakeSimulator<2, 5>(2, is_cubic, steps)
-          : MakeSimulator<0, 8>(num_oscillators, is_cubic, num_steps),
+          : MakeSimulator<0, 8>(num_oscillators, is_cubic, steps),
       std::make_shared<SquaredNormLoss>(state_size, 1.0),
       Reduction::kMean);
   return true;

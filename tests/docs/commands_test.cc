@@ -20,6 +20,7 @@
 #include "tests/docs/recorder.h"
 #include "tests/docs/smallest_budget.h"
 #include "tests/docs/snippets.h"
+#include "tests/support/mpirun.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
 
@@ -45,8 +46,9 @@ class CommandsTest : public ::testing::TestWithParam<std::string> {
 
   // In a folder of its own, in which the flag file of an earlier command of the
   // page is found.
-  void RunSmall(const Words& command) {
-    std::string line = "cd " + Quoted(folder_ / "") + " && " +
+  // `launcher`: what stands before the program.
+  void RunSmall(const std::string& launcher, const Words& command) {
+    std::string line = "cd " + Quoted(folder_ / "") + " && " + launcher +
                        Quoted(BinDir() + "/" + command[0]);
     for (size_t i = 1; i < command.size(); ++i) {
       line += " " + Quoted(command[i]);
@@ -62,6 +64,15 @@ class CommandsTest : public ::testing::TestWithParam<std::string> {
   void Check(const Words& recorded, bool may_overwrite) {
     if (!HasTorch() && NeedsTorch(recorded)) return;
     Words command = recorded;
+    std::string launcher;
+    if (command[0] == "mpirun") {
+      if (!PrepareMpirun()) return;
+      ASSERT_GT(command.size(), 3u);
+      ASSERT_EQ(command[1], "-n");
+      launcher = "mpirun -n " + Quoted(command[2]) + " ";
+      command.erase(command.begin(), command.begin() + 3);
+      command[0] = fs::path(command[0]).filename();
+    }
     const fs::path script = SourceRoot() / "bin" / command[0];
     if (fs::exists(script)) {
       EXPECT_NE(fs::status(script).permissions() & fs::perms::owner_exec,
@@ -77,7 +88,7 @@ class CommandsTest : public ::testing::TestWithParam<std::string> {
     command = Small(command, files_);
     if (may_overwrite && HasOutput(command[0]))
       command.push_back("--overwrite");
-    RunSmall(command);
+    RunSmall(launcher, command);
   }
 
   const TemporaryFolder folder_;

@@ -40,8 +40,14 @@ class Recorder {
       Add("build/release/bin/" + program);
     }
     for (const std::string& script : Scripts()) Add(script);
-    for (const char* tool :
-         {"c++", "cmake", "ctest", "git", "mkdir", "pkg-config", "sudo"}) {
+    for (const char* tool : {"c++",
+                             "cmake",
+                             "ctest",
+                             "git",
+                             "mkdir",
+                             "mpirun",
+                             "pkg-config",
+                             "sudo"}) {
       Add(std::string("tools/") + tool);
     }
     num_files_ = NumFiles();

@@ -147,6 +147,12 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "step_cost") {
     return {"--largest_width=100", "--largest_batch=4", "--svd_seconds=0"};
   }
+  if (program == "rank_speedup") {
+    return {"--problem=" + SmallProblem("oscillator_chain"),
+            "--samples=4",
+            "--steps_per_turn=1",
+            "--turns=1"};
+  }
   if (StartsWith(program, "bench_")) return {"--benchmark_list_tests=true"};
   // These have no flags, and take less than a second.
   if (program == "03_rank_report" || program == "06_own_rule" ||

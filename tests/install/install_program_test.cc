@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "bin/support/ranks.h"
 #include "gtest/gtest.h"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/io/npy.h"
@@ -23,12 +24,6 @@ namespace invgrad {
 namespace install_program_test {
 
 namespace fs = std::filesystem;
-
-#ifdef INVGRAD_MPI
-constexpr bool kHasMpi = true;
-#else
-constexpr bool kHasMpi = false;
-#endif
 
 const fs::path kBuild = fs::path(BinDir()).parent_path();
 

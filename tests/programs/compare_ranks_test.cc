@@ -13,7 +13,7 @@
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/npy.h"
 #include "tests/programs/compare_program.h"
-#include "tests/programs/mpirun.h"
+#include "tests/support/mpirun.h"
 
 namespace invgrad {
 namespace compare_ranks_test {

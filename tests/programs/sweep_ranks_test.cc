@@ -16,6 +16,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
 #include "tests/programs/sweep_program.h"
+#include "tests/support/mpirun.h"
 
 namespace invgrad {
 namespace sweep_ranks_test {
@@ -32,35 +33,17 @@ int NumTimes(const std::string& word, const std::string& text) {
   return count;
 }
 
-std::vector<pid_t> Children(pid_t parent) {
-  const std::string pid = std::to_string(parent);
-  std::ifstream list("/proc/" + pid + "/task/" + pid + "/children");
-  std::vector<pid_t> children;
-  for (pid_t child = 0; list >> child;) children.push_back(child);
-  return children;
-}
-
 class SweepRanks : public SweepProgram {
  protected:
   void SetUp() override {
-    if (!kHasMpi || std::system("mpirun --version > /dev/null 2>&1") != 0) {
-      GTEST_SKIP() << "there is no MPI (apt install libopenmpi-dev)";
-    }
-    for (const char* name : {"OMPI_ALLOW_RUN_AS_ROOT",
-                             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM",
-                             "OMPI_MCA_rmaps_base_oversubscribe"}) {
-      ::setenv(name, "1", /*overwrite=*/0);
-    }
-    ::setenv("OMPI_MCA_hwloc_base_binding_policy", "none", /*overwrite=*/0);
+    if (!PrepareMpirun()) GTEST_SKIP() << kNoMpi;
   }
 
   static std::string Program() { return BinDir() + "/sweep"; }
 
   // "mpirun -n N sweep ARGUMENTS".
   pid_t StartRanks(int num_ranks, const Words& arguments) const {
-    Words words = {"mpirun", "-n", std::to_string(num_ranks), Program()};
-    words.insert(words.end(), arguments.begin(), arguments.end());
-    return StartCommand(words);
+    return StartCommand(MpirunCommand(num_ranks, Program(), arguments));
   }
 
   Output RunRanks(int num_ranks, const Words& arguments) const {

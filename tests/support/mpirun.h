@@ -1,6 +1,6 @@
 // Tests of programs that mpirun starts on several ranks.
-#ifndef INVGRAD_TESTS_PROGRAMS_MPIRUN_H_
-#define INVGRAD_TESTS_PROGRAMS_MPIRUN_H_
+#ifndef INVGRAD_TESTS_SUPPORT_MPIRUN_H_
+#define INVGRAD_TESTS_SUPPORT_MPIRUN_H_
 
 #include <sys/types.h>
 
@@ -9,13 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "bin/support/ranks.h"
+
 namespace invgrad {
 
-#ifdef INVGRAD_MPI
-inline constexpr bool kIsBuiltWithMpi = true;
-#else
-inline constexpr bool kIsBuiltWithMpi = false;
-#endif
 inline constexpr char kNoMpi[] = "there is no MPI (apt install libopenmpi-dev)";
 
 // Returns false if there is no mpirun. Lets Open MPI start more ranks than there
@@ -27,8 +24,7 @@ inline bool PrepareMpirun() {
     ::setenv(name, "1", /*overwrite=*/0);
   }
   ::setenv("OMPI_MCA_hwloc_base_binding_policy", "none", /*overwrite=*/0);
-  return kIsBuiltWithMpi &&
-         std::system("mpirun --version > /dev/null 2>&1") == 0;
+  return kHasMpi && std::system("mpirun --version > /dev/null 2>&1") == 0;
 }
 
 // "mpirun -n N program arguments".
@@ -53,4 +49,4 @@ inline std::vector<pid_t> Children(pid_t parent) {
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_TESTS_PROGRAMS_MPIRUN_H_
+#endif  // INVGRAD_TESTS_SUPPORT_MPIRUN_H_
