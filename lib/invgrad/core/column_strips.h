@@ -52,6 +52,17 @@ class ColumnStrips {
   }
   Index num_local() const { return NumLocal(rank()); }
 
+  // The diagonal of a matrix in strips, on all ranks.
+  void GetDiagonal(const Eigen::MatrixXd& K, Eigen::VectorXd* diagonal) const {
+    diagonal->setZero(size_);
+    ForOwn([&](Index first, Index count) {
+      for (Index j = first; j < first + count; ++j) {
+        (*diagonal)[j] = K(j, Local(j));
+      }
+    });
+    if (communicator_ != nullptr) communicator_->Sum(diagonal->data(), size_);
+  }
+
   // Calls function(first, count) for this rank's ranges of columns: its strips,
   // or all columns.
   template <typename Function>

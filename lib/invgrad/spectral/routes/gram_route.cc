@@ -332,21 +332,6 @@ bool ReducedStep(const SpectralProblem& problem) {
   return MakeStep(problem, buffers->y);
 }
 
-// Of a matrix whose lower triangle the ranks hold in strips.
-void GetDiagonal(const MatrixXd& K,
-                 const ColumnStrips& strips,
-                 VectorXd* diagonal) {
-  diagonal->setZero(strips.size());
-  strips.ForOwn([&](Index first, Index count) {
-    for (Index j = first; j < first + count; ++j) {
-      (*diagonal)[j] = K(j, strips.Local(j));
-    }
-  });
-  if (strips.communicator() != nullptr) {
-    strips.communicator()->Sum(diagonal->data(), diagonal->size());
-  }
-}
-
 }  // namespace
 
 bool GramRoute(const SpectralProblem& problem) {
@@ -375,7 +360,7 @@ bool GramRoute(const SpectralProblem& problem) {
   // finite if an entry of this row or column is not finite, or if a square
   // overflows.
   VectorXd& diagonal = buffers->values;
-  GetDiagonal(K, buffers->strips, &diagonal);
+  buffers->strips.GetDiagonal(K, &diagonal);
   if (!diagonal.allFinite()) {
     if (CheckJacobianFinite(problem.J, message)) {
       *message = "the squares of J's entries overflow";
