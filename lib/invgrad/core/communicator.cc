@@ -19,9 +19,9 @@ Share Communicator::ShareOf(int total, int r) const {
 
 std::vector<std::ptrdiff_t> Communicator::SharedSizes(
     int total, std::ptrdiff_t per_item) const {
-  std::vector<std::ptrdiff_t> sizes;
+  std::vector<std::ptrdiff_t> sizes(size());
   for (int r = 0; r < size(); ++r) {
-    sizes.push_back(per_item * ShareOf(total, r).count);
+    sizes[r] = per_item * ShareOf(total, r).count;
   }
   return sizes;
 }

@@ -172,17 +172,17 @@ bool IsEvaluationEpoch(long epoch);
 class TrainingRun {
  public:
   // `method` as in methods/method.h.
-  TrainingRun(Model model,
+  TrainingRun(const Model& model,
               TrainingData data,
               const std::string& method,
               TrainOptions options = TrainOptions());
-  TrainingRun(Model model,
+  TrainingRun(const Model& model,
               TrainingData data,
               const Method& method,
               TrainOptions options);
   // Trains by a rule object of the caller, which must not have been used
   // before.
-  TrainingRun(Model model,
+  TrainingRun(const Model& model,
               TrainingData data,
               std::shared_ptr<UpdateRule> rule,
               TrainOptions options);
@@ -236,7 +236,7 @@ class TrainingRun {
     double step_norm = HistoryRow::kNone;
   };
 
-  TrainingRun(Model model, TrainingData data, TrainOptions options);
+  TrainingRun(const Model& model, TrainingData data, TrainOptions options);
   void AddPhases(const Method& method);
   // The last part of the constructors: resumes from a checkpoint. `rule`: of
   // the caller, or null.
@@ -308,12 +308,11 @@ class TrainingRun {
 // Trains until the run ends. `method`: a specification, a Method, or a rule, as
 // for TrainingRun.
 template <typename MethodOrRule>
-TrainResult Train(Model model,
+TrainResult Train(const Model& model,
                   TrainingData data,
                   const MethodOrRule& method,
                   TrainOptions options = TrainOptions()) {
-  TrainingRun run(
-      std::move(model), std::move(data), method, std::move(options));
+  TrainingRun run(model, std::move(data), method, std::move(options));
   while (run.Step()) continue;
   return run.result();
 }

@@ -76,7 +76,9 @@ TrainingData::TrainingData(DataSet train,
       test(std::move(test)),
       source(std::move(source)) {}
 
-TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
+TrainingRun::TrainingRun(const Model& model,
+                         TrainingData data,
+                         TrainOptions options)
     : model_(model.WithThreads(options.num_threads)),
       data_(std::move(data)),
       options_(std::move(options)) {
@@ -116,20 +118,20 @@ TrainingRun::TrainingRun(Model model, TrainingData data, TrainOptions options)
   }
 }
 
-TrainingRun::TrainingRun(Model model,
+TrainingRun::TrainingRun(const Model& model,
                          TrainingData data,
                          const Method& method,
                          TrainOptions options)
-    : TrainingRun(std::move(model), std::move(data), std::move(options)) {
+    : TrainingRun(model, std::move(data), std::move(options)) {
   AddPhases(method);
   AgreeWithRanks();
 }
 
-TrainingRun::TrainingRun(Model model,
+TrainingRun::TrainingRun(const Model& model,
                          TrainingData data,
                          const std::string& method,
                          TrainOptions options)
-    : TrainingRun(std::move(model), std::move(data), std::move(options)) {
+    : TrainingRun(model, std::move(data), std::move(options)) {
   Method parsed;
   if (error().empty() && ParseMethod(method, &parsed, &error_)) {
     AddPhases(parsed);
@@ -137,11 +139,11 @@ TrainingRun::TrainingRun(Model model,
   AgreeWithRanks();
 }
 
-TrainingRun::TrainingRun(Model model,
+TrainingRun::TrainingRun(const Model& model,
                          TrainingData data,
                          std::shared_ptr<UpdateRule> rule,
                          TrainOptions options)
-    : TrainingRun(std::move(model), std::move(data), std::move(options)) {
+    : TrainingRun(model, std::move(data), std::move(options)) {
   CHECK(rule != nullptr);
   if (error().empty()) {
     const UpdateRule& object = *rule;
