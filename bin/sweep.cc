@@ -78,8 +78,9 @@ DEFINE_double(tail,
 DEFINE_int32(
     jobs,
     1,
-    "how many runs at a time, each with one core; under mpirun or srun: "
+    "how many runs at a time, each with --threads; under mpirun or srun: "
     "one a rank");
+DEFINE_int32(blas_threads, 1, "threads of the linear algebra of a run");
 
 namespace invgrad {
 namespace {
@@ -226,9 +227,10 @@ bool MakePlan(SweepPlan* plan, SweepValue* value, std::string* error) {
   Grid grid;
   const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
   return CheckTrainingFlags(error) &&
-         CheckFlags(
-             {{"tail", {0.0, 1.0, false, true}}, {"jobs", {1.0, 1024.0}}},
-             error) &&
+         CheckFlags({{"tail", {0.0, 1.0, false, true}},
+                     {"jobs", {1.0, 1024.0}},
+                     {"blas_threads", {1.0, 256.0}}},
+                    error) &&
          ParseGrid(FLAGS_grid, &grid, error) &&
          MakeSweepPlan(base, grid, plan, error) &&
          FindSweepValue(*plan, FLAGS_value, FLAGS_tail, value, error);
@@ -252,7 +254,7 @@ bool Run(RunCounts* counts, std::string* error) {
                      kHasMpi ? "mpirun" : "a build with MPI"));
     if (!MakePlan(&plan, &value, error)) return false;
   }
-  SetBlasThreads(1);
+  SetBlasThreads(FLAGS_blas_threads);
   SetDefaultBudget(*plan.jobs[0].problem);
   RunIdentity identity;
   if (std::any_of(plan.jobs.begin(), plan.jobs.end(), [](const SweepJob& job) {

@@ -8,15 +8,18 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/distributed/distributed_jacobian.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
 #include "problems/problems.h"
 #include "tests/distributed/ranks.h"
+#include "tests/support/random_matrix.h"
 
 namespace invgrad {
 namespace distributed_training_test {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 struct Case {
@@ -161,33 +164,85 @@ TEST(DistributedTraining, OtherChainsTrainAsInOneProcess) {
 
 // Batches whose Gram matrix the ranks share (spectral/routes/gram_route.cc).
 TEST(DistributedTraining, SharesLargeGramMatrices) {
-  for (const int batch_size : {253, 481}) {  // m = 1012, 1924
+  // J J^T with m = 1012 and 1300; J^T J with n = 1444, m = 1924.
+  for (const int batch_size : {253, 325, 481}) {
     ExpectSameTraining({"oscillator_chain:num_samples=1200",
                         "half_inverse:truncation=1e-2",
                         batch_size});
   }
 }
 
+TEST(DistributedJacobian, StripsAreThoseOfTheGramMatrices) {
+  constexpr int kNumSamples = 101, kRowsPerSample = 5, kCols = 700;
+  constexpr int kRows = kNumSamples * kRowsPerSample;
+  const MatrixXd J = RandomMatrix(kRows, kCols, 1);
+  const Share share = Ranks()->OwnShare(kNumSamples);
+  const DistributedJacobian distributed(
+      std::make_shared<DenseJacobian>(MatrixXd(J.middleRows(
+          kRowsPerSample * share.first, kRowsPerSample * share.count))),
+      Ranks(),
+      kNumSamples);
+  const auto expect_columns = [](const MatrixXd& gram,
+                                 const ColumnStrips& strips,
+                                 const MatrixXd& own) {
+    ASSERT_EQ(own.rows(), gram.rows());
+    ASSERT_EQ(own.cols(), strips.num_local());
+    for (int j = 0; j < gram.cols(); ++j) {
+      if (!strips.Owns(j)) continue;
+      const int below = static_cast<int>(gram.rows()) - j;
+      EXPECT_LE((own.col(strips.Local(j)) - gram.col(j)).tail(below).norm(),
+                1e-13 * gram.norm());
+    }
+  };
+  MatrixXd own;
+  const ColumnStrips of_rows(kRows, Ranks().get());
+  distributed.GramStrips(of_rows, &own);
+  expect_columns(J * J.transpose(), of_rows, own);
+  const ColumnStrips of_columns(kCols, Ranks().get());
+  distributed.ParameterGramStrips(of_columns, &own);
+  expect_columns(J.transpose() * J, of_columns, own);
+}
+
+// The numbers that a step sends, with batches of this size.
+double NumSent(const LearningProblem& problem,
+               const std::string& method,
+               int batch_size) {
+  TrainOptions options;
+  options.batch_size = batch_size;  // evaluations are at other steps
+  options.max_num_steps = 3;
+  options.communicator = Ranks();
+  TrainingRun run(*problem.model, {problem.train}, method, options);
+  run.Step();
+  const double before = Ranks()->num_sent();
+  run.Step();
+  EXPECT_EQ(run.error(), "");
+  return Ranks()->num_sent() - before;
+}
+
 // What docs/results/scaling.md counts.
 TEST(DistributedTraining, AFirstOrderStepSendsItsGradient) {
   const LearningProblem problem =
       MakeProblem("oscillator_chain:num_samples=80");
-  TrainOptions options;
-  options.batch_size = 8;  // evaluations are at other steps
-  options.max_num_steps = 3;
-  options.communicator = Ranks();
-  TrainingRun run(*problem.model, {problem.train}, "adam", options);
-  run.Step();
-  const double before = Ranks()->num_sent();
-  run.Step();
-  if (Ranks()->size() == 1) {
-    EXPECT_EQ(Ranks()->num_sent(), before);
-    return;
-  }
   // Cost and gradient; that no rank has failed; the clock and what callbacks
   // say.
   const double num_sums = 1.0 + problem.model->num_weights() + 1.0 + 3.0;
-  EXPECT_EQ(Ranks()->num_sent() - before, 2.0 * num_sums);
+  EXPECT_EQ(NumSent(problem, "adam", 8),
+            Ranks()->size() == 1 ? 0.0 : 2.0 * num_sums);
+}
+
+// Of the samples, rows of g, J d and H_L J d travel, not the layers' factors.
+TEST(DistributedTraining, KfacSendsSumsOverTheSamples) {
+  const LearningProblem problem =
+      MakeProblem("oscillator_chain:num_samples=80");
+  constexpr int kNumRowsOfASample = 4;
+  const int size = Ranks()->size();
+  for (const std::string method : {"kfac", "kfac_half_inverse"}) {
+    SCOPED_TRACE(method);
+    const double of_more =
+        NumSent(problem, method, 4 * size) - NumSent(problem, method, 2 * size);
+    const double num_vectors = method == "kfac" ? 3.0 : 1.0;
+    EXPECT_EQ(of_more, num_vectors * 2 * kNumRowsOfASample * (size - 1));
+  }
 }
 
 TEST(DistributedTraining, PhasesFollowEachOther) {

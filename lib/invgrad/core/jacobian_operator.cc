@@ -72,6 +72,11 @@ void JacobianOperator::GramStrips(const ColumnStrips& /*strips*/,
   LOG(FATAL) << "This process knows all rows of J: use Gram.";
 }
 
+void JacobianOperator::ParameterGramStrips(const ColumnStrips& /*strips*/,
+                                           MatrixXd* /*JtJ*/) const {
+  LOG(FATAL) << "This process knows all rows of J: use ParameterGram.";
+}
+
 void JacobianOperator::ParameterGram(MatrixXd* JtJ) const {
   MatrixXd J;
   ToDense(&J);

@@ -47,6 +47,9 @@ class JacobianOperator {
   // Only with a communicator.
   virtual void GramStrips(const ColumnStrips& strips,
                           Eigen::MatrixXd* JJt) const;
+  // ParameterGram likewise: n x strips.num_local().
+  virtual void ParameterGramStrips(const ColumnStrips& strips,
+                                   Eigen::MatrixXd* JtJ) const;
 
   // J: m x n. By default min(m, n) products with unit vectors.
   virtual void ToDense(Eigen::MatrixXd* J) const;

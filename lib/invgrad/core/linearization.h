@@ -56,6 +56,10 @@ struct Linearization {
       const Eigen::VectorXd& v, Eigen::VectorXd* Hv, std::string* error)>
       hessian_times;
 
+  // g, J and H_L of this rank's samples, if ranks share J
+  // (JacobianOperator::communicator); null: those above.
+  std::shared_ptr<const Linearization> own;
+
   // The share of the run's budget that is spent, in [0, 1], for step-size
   // schedules. Set by the training or minimization loop.
   double progress = 0.0;

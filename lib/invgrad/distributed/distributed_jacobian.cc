@@ -1,5 +1,6 @@
 #include "invgrad/distributed/distributed_jacobian.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "glog/logging.h"
@@ -92,6 +93,26 @@ void DistributedJacobian::GramStrips(const ColumnStrips& strips,
     JJt->middleCols(strips.Local(first), count).noalias() =
         J * J.middleRows(first, count).transpose();
   });
+}
+
+void DistributedJacobian::ParameterGramStrips(const ColumnStrips& strips,
+                                              MatrixXd* JtJ) const {
+  MatrixXd own;
+  own_->ParameterGram(&own);
+  JtJ->resize(cols(), strips.num_local());
+  constexpr Index kWidth = ColumnStrips::kWidth;
+  const int num_ranks = strips.num_ranks();
+  // Of num_ranks strips side by side, each rank gets one.
+  for (Index first = 0; first < cols(); first += num_ranks * kWidth) {
+    std::vector<std::ptrdiff_t> sizes(num_ranks);
+    for (int r = 0; r < num_ranks; ++r) {
+      sizes[r] =
+          cols() * std::clamp<Index>(cols() - first - r * kWidth, 0, kWidth);
+    }
+    communicator_->SumParts(own.col(first).data(),
+                            sizes,
+                            JtJ->data() + cols() * strips.Local(first));
+  }
 }
 
 std::string DistributedJacobian::RowName(int row) const {

@@ -10,8 +10,8 @@
 // Shapes:  as JacobianOperator, with m of the whole batch.
 // Cost:    in addition to that of J_r, a rank sends: J v: its rows N - 1 times,
 //          of N ranks; J^T w: 2 n; J J^T, ColumnBlocks: its factors, once; J^T J:
-//          2 n^2; ToDense: J_r. Every rank holds the factors of all samples after
-//          J J^T or ColumnBlocks.
+//          2 n^2, in strips n^2; ToDense: J_r. Every rank holds the factors of all
+//          samples after J J^T or ColumnBlocks, and J_r^T J_r before the sum.
 // Fails:   never by itself. All ranks must call the same functions.
 #ifndef INVGRAD_DISTRIBUTED_DISTRIBUTED_JACOBIAN_H_
 #define INVGRAD_DISTRIBUTED_DISTRIBUTED_JACOBIAN_H_
@@ -47,6 +47,8 @@ class DistributedJacobian final : public JacobianOperator {
   }
   void GramStrips(const ColumnStrips& strips,
                   Eigen::MatrixXd* JJt) const override;
+  void ParameterGramStrips(const ColumnStrips& strips,
+                           Eigen::MatrixXd* JtJ) const override;
   void ToDense(Eigen::MatrixXd* J) const override;
   void ParameterGram(Eigen::MatrixXd* JtJ) const override;
   std::string RowName(int row) const override;

@@ -57,18 +57,22 @@ bool DistributedObjective::Combine(bool ok,
   MatrixXd& hessian = linearization->hessian;
   communicator_->Sum(hessian.data(), hessian.size());
   if (linearization->jacobian != nullptr) {
+    auto own = std::make_shared<Linearization>();
+    own->loss_gradient = std::move(linearization->loss_gradient);
+    own->jacobian = std::move(linearization->jacobian);
+    own->loss_hessian_times = std::move(linearization->loss_hessian_times);
     const auto jacobian = std::make_shared<DistributedJacobian>(
-        linearization->jacobian, communicator_, num_samples);
+        own->jacobian, communicator_, num_samples);
     linearization->jacobian = jacobian;
-    linearization->loss_gradient =
-        jacobian->GatherRows(linearization->loss_gradient);
-    if (linearization->loss_hessian_times) {
-      linearization->loss_hessian_times =
-          [jacobian, own = std::move(linearization->loss_hessian_times)](
-              const VectorXd& v) {
-            return jacobian->GatherRows(own(jacobian->OwnRows(v)));
-          };
+    linearization->loss_gradient = jacobian->GatherRows(own->loss_gradient);
+    linearization->loss_hessian_times = nullptr;
+    if (own->loss_hessian_times) {
+      linearization->loss_hessian_times = [jacobian, own](const VectorXd& v) {
+        return jacobian->GatherRows(
+            own->loss_hessian_times(jacobian->OwnRows(v)));
+      };
     }
+    linearization->own = std::move(own);
   }
   return CheckCost(linearization->cost, error) &&
          CheckDerivatives(linearization->gradient, hessian, error);

@@ -39,9 +39,9 @@
 //          fan_out, with the bias in the last row.
 // Units:   lambda in [L] / [theta]^2; eta is a number.
 // Cost:    as kfac_rule.cc, with Cholesky factorizations in place of the
-//          eigenproblems, and fan_out products with H_L a layer. Sampled: one
-//          product with J^T, and N (fan_in^2 + fan_out^2) a layer, where N also
-//          counts the cells.
+//          eigenproblems, which every rank makes, and fan_out products with H_L
+//          a layer. Sampled: one product with J^T, and N (fan_in^2 + fan_out^2)
+//          a layer, where N also counts the cells.
 // Fails:   returns false if J has no layers (a network in front of a simulator
 //          has; a ceres::Problem has none), if g, J^T g or the step is not
 //          finite, if a damped factor is not positive definite (no damping, or
@@ -83,9 +83,9 @@ using Eigen::VectorXd;
 using Eigen::VectorXi;
 
 // The deltas times H_L, row by row.
-MatrixXd CurvedDeltas(const LayerJacobian& layer, const Linearization& at_x) {
+MatrixXd CurvedDeltas(const LayerJacobian& layer, const Linearization& own) {
   MatrixXd curved = layer.deltas();
-  if (!at_x.loss_hessian_times) return curved;
+  if (!own.loss_hessian_times) return curved;
   const Index num_calls = layer.num_calls();
   const Index fan_out = curved.rows();
   for (Index unit = 0; unit < fan_out; ++unit) {
@@ -94,7 +94,7 @@ MatrixXd CurvedDeltas(const LayerJacobian& layer, const Linearization& at_x) {
           curved.data() + call * fan_out + unit,
           layer.rows(),
           Eigen::InnerStride<>(fan_out * num_calls));
-      row = at_x.loss_hessian_times(VectorXd(row));
+      row = own.loss_hessian_times(VectorXd(row));
     }
   }
   return curved;
@@ -156,7 +156,8 @@ class DampedKfacRule final : public UpdateRule {
     CHECK(at_x.jacobian != nullptr);
     report_.clear();
     const JacobianOperator& J = *at_x.jacobian;
-    const auto blocks = J.ColumnBlocks();
+    const Linearization& own = OwnPart(at_x);
+    const auto blocks = own.jacobian->ColumnBlocks();
     std::vector<const LayerJacobian*> layers;
     std::vector<LayerColumns> columns = J.FactorLayers();
     const bool is_sampled = !columns.empty();
@@ -177,7 +178,7 @@ class DampedKfacRule final : public UpdateRule {
       const double memory = std::min(
           1.0 - 1.0 / static_cast<double>(num_updates), options_.decay);
       if (!is_sampled) {
-        Average(at_x, layers, memory, factors);
+        Average(own, layers, memory, J, factors);
       } else if (!Sample(at_x, memory, factors, error)) {
         return false;
       }
@@ -212,12 +213,15 @@ class DampedKfacRule final : public UpdateRule {
       squares += of_layer;
       largest = std::max(largest, 2.0 * of_layer + curved);
     };
-    for (const auto& layer : J.layers) add(layer, layer.fan_out * J.rows);
+    for (const auto& layer : J.layers) {
+      add(layer, layer.fan_out * J.rows / J.num_ranks);
+    }
     // Random covectors, and factors before they are averaged.
     for (const auto& layer : J.sampled_layers) add(layer, 4.0 * J.rows);
     if (!J.sampled_layers.empty()) squares = 2.0 * squares + J.cols;
     std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"factors of J", J.factor_bytes + J.sampled_factor_bytes});
+    parts.push_back({"factors of J",
+                     J.factor_bytes / J.num_ranks + J.sampled_factor_bytes});
     parts.push_back({"averaged factors", sizeof(double) * squares});
     parts.push_back({"factorizations of a layer", sizeof(double) * largest});
     return parts;
@@ -266,27 +270,35 @@ class DampedKfacRule final : public UpdateRule {
     return factors;
   }
 
-  static void Average(const Linearization& at_x,
-                      const std::vector<const LayerJacobian*>& layers,
-                      double memory,
-                      std::vector<Factors> factors) {
+  // Sums over the ranks that share J, of which the first adds the memory.
+  void Average(const Linearization& own,
+               const std::vector<const LayerJacobian*>& layers,
+               double memory,
+               const JacobianOperator& J,
+               std::vector<Factors> factors) {
+    const Communicator* const ranks = J.communicator();
+    const double own_memory =
+        ranks == nullptr || ranks->rank() == 0 ? memory : 0.0;
     for (std::size_t l = 0; l < layers.size(); ++l) {
       const LayerJacobian& layer = *layers[l];
+      const double N =
+          static_cast<double>(layer.inputs().cols()) * J.rows() / layer.rows();
       Gemm(Op::kNone,
            Op::kTranspose,
-           (1.0 - memory) / static_cast<double>(layer.inputs().cols()),
+           (1.0 - memory) / N,
            layer.inputs(),
            layer.inputs(),
-           memory,
+           own_memory,
            factors[l].A);
       Gemm(Op::kNone,
            Op::kTranspose,
            1.0 - memory,
-           CurvedDeltas(layer, at_x),
+           CurvedDeltas(layer, own),
            layer.deltas(),
-           memory,
+           own_memory,
            factors[l].D);
     }
+    if (ranks != nullptr) ranks->Sum(factors_.data(), factors_.size());
   }
 
   bool Sample(const Linearization& at_x,

@@ -22,6 +22,12 @@ bool FindLayers(
     std::vector<const LayerJacobian*>* layers,
     std::string* error);
 
+// The linearization at this rank's samples, over whose layers the ranks sum, or
+// all of it.
+inline const Linearization& OwnPart(const Linearization& at_x) {
+  return at_x.own != nullptr ? *at_x.own : at_x;
+}
+
 // *w = H_L^(1/2) z (m) for standard normal z, after np.random.seed(seed): a
 // gradient of the loss at targets that are drawn from its Gauss-Newton model. The
 // root is Lanczos' [1], exact if H_L has few distinct eigenvalues, which the

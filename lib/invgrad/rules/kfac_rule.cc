@@ -26,6 +26,8 @@
 //          eta smaller than for half_inverse, or auto.
 // Cost:    B sum (fan_in^2 + |y| fan_out^2) + O(sum fan_in^3 + fan_out^3), and
 //          the deltas of network_jacobian.h; step_size=auto adds one product.
+//          Ranks share the B samples and the eigenproblems; a rank sends about
+//          3 sum (fan_in^2 + fan_out^2) numbers.
 // Fails:   returns false if J has no layers (a network in front of a simulator
 //          has; a ceres::Problem has none), if g, J^T g or the step is not
 //          finite, if a factorization does not converge, or if there is no
@@ -59,62 +61,114 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// X X^T = s_max^2 U diag(root^2) U^T, root in [0, 1].
+// X X^T = unit^2 U diag(lambda) U^T = s_max^2 U diag(root^2) U^T, root in
+// [0, 1].
 struct Factor {
-  MatrixXd U;
+  MatrixXd U;  // first X X^T / unit^2, the lower triangle
+  double unit = 0.0;
+  VectorXd lambda;
   VectorXd root;
   double s_max = 0.0;
 };
 
-bool Factorize(const MatrixXd& X, Factor* factor, std::string* error) {
+// The largest entry of X, of all ranks.
+double LargestEntry(const MatrixXd& X, const Communicator* ranks) {
+  const double own = X.cwiseAbs().maxCoeff();
+  if (ranks == nullptr) return own;
+  VectorXd all(ranks->size());
+  ranks->Gather(&own, ranks->SharedSizes(ranks->size(), 1), all.data());
+  return all.maxCoeff();
+}
+
+// Begins a factor of the matrix whose columns the ranks share.
+Factor GramOf(const MatrixXd& X, const Communicator* ranks) {
   const Index size = X.rows();
+  Factor factor;
   // Scaled by the largest entry, because its square may over- or underflow.
-  const double unit = X.cwiseAbs().maxCoeff();
-  factor->root.setZero(size);
-  if (unit == 0.0) {
-    factor->U.setIdentity(size, size);
-    factor->s_max = 0.0;
+  factor.unit = LargestEntry(X, ranks);
+  factor.lambda.setZero(size);
+  factor.root.setZero(size);
+  if (factor.unit == 0.0) {
+    factor.U.setIdentity(size, size);
+    return factor;
+  }
+  factor.U.setZero(size, size);
+  Syrk(Op::kNone, 1.0, X / factor.unit, 0.0, factor.U);
+  if (ranks != nullptr) ranks->Sum(factor.U.data(), factor.U.size());
+  return factor;
+}
+
+// Sets U and lambda.
+bool Decompose(Factor* factor, std::string* error) {
+  const Index size = factor->U.rows();
+  if (factor->unit == 0.0 || LAPACKE_dsyevd(LAPACK_COL_MAJOR,
+                                            'V',
+                                            'L',
+                                            size,
+                                            factor->U.data(),
+                                            size,
+                                            factor->lambda.data()) == 0) {
     return true;
   }
-  factor->U.resize(size, size);
-  Syrk(Op::kNone, 1.0, X / unit, 0.0, factor->U);
-  VectorXd lambda(size);
-  if (LAPACKE_dsyevd(LAPACK_COL_MAJOR,
-                     'V',
-                     'L',
-                     size,
-                     factor->U.data(),
-                     size,
-                     lambda.data()) != 0) {
-    *error = "the eigenvalues of a factor (dsyevd) did not converge";
-    return false;
-  }
-  const double largest = lambda[size - 1];
-  factor->s_max = unit * std::sqrt(largest);
+  *error = "the eigenvalues of a factor (dsyevd) did not converge";
+  return false;
+}
+
+// Sets root and s_max.
+void Complete(Factor* factor) {
+  const Index size = factor->lambda.size();
+  const double largest = factor->lambda[size - 1];
+  factor->s_max = factor->unit * std::sqrt(largest);
   const double zero = size * std::numeric_limits<double>::epsilon() * largest;
   for (Index i = 0; i < size; ++i) {
-    if (lambda[i] > zero) factor->root[i] = std::sqrt(lambda[i] / largest);
+    const double lambda = factor->lambda[i];
+    if (lambda > zero) factor->root[i] = std::sqrt(lambda / largest);
+  }
+}
+
+// The factors of inputs and deltas, layer after layer. The ranks decompose them
+// in turn.
+bool Factorize(const std::vector<const LayerJacobian*>& layers,
+               const Communicator* ranks,
+               std::vector<Factor>* factors,
+               std::string* error) {
+  for (const LayerJacobian* layer : layers) {
+    factors->push_back(GramOf(layer->inputs(), ranks));
+    factors->push_back(GramOf(layer->deltas(), ranks));
+  }
+  const auto owner = [&](std::size_t i) {
+    return ranks == nullptr ? 0 : static_cast<int>(i) % ranks->size();
+  };
+  bool is_done = true;
+  for (std::size_t i = 0; i < factors->size() && is_done; ++i) {
+    if (ranks != nullptr && owner(i) != ranks->rank()) continue;
+    is_done = Decompose(&(*factors)[i], error);
+    if (!is_done) *error = fmt::format("layer {}: {}", i / 2, *error);
+  }
+  if (ranks != nullptr) is_done = ranks->Agree(is_done, error);
+  if (!is_done) return false;
+  for (std::size_t i = 0; i < factors->size(); ++i) {
+    Factor& factor = (*factors)[i];
+    if (ranks != nullptr) {
+      ranks->Broadcast(owner(i), factor.U.data(), factor.U.size());
+      ranks->Broadcast(owner(i), factor.lambda.data(), factor.lambda.size());
+    }
+    Complete(&factor);
   }
   return true;
 }
 
 // Multiplies a layer's gradient by phi(S_l) / S_l, and adds the number of kept
-// singular values to *rank.
-bool FilterGradient(const LayerJacobian& layer,
+// singular values to *rank. B: the number of inputs.
+void FilterGradient(const Factor& of_inputs,
+                    const Factor& of_deltas,
+                    double B,
                     const SpectralFilter& filter,
                     Eigen::Ref<VectorXd> gradient,
-                    int* rank,
-                    std::string* error) {
-  Factor of_inputs;
-  Factor of_deltas;
-  if (!Factorize(layer.inputs(), &of_inputs, error) ||
-      !Factorize(layer.deltas(), &of_deltas, error)) {
-    return false;
-  }
+                    int* rank) {
   const MatrixXd& P = of_inputs.U;
   const MatrixXd& Q = of_deltas.U;
-  const double s_max = of_inputs.s_max * of_deltas.s_max /
-                       std::sqrt(static_cast<double>(layer.inputs().cols()));
+  const double s_max = of_inputs.s_max * of_deltas.s_max / std::sqrt(B);
   Eigen::Map<MatrixXd> G(gradient.data(), P.rows(), Q.rows());
   MatrixXd GQ(P.rows(), Q.rows());
   Gemm(Op::kNone, Op::kNone, 1.0, G, Q, 0.0, GQ);
@@ -130,7 +184,6 @@ bool FilterGradient(const LayerJacobian& layer,
   }
   Gemm(Op::kNone, Op::kNone, 1.0, P, G, 0.0, GQ);
   Gemm(Op::kNone, Op::kTranspose, 1.0, GQ, Q, 0.0, G);
-  return true;
 }
 
 class KfacRule final : public JointRule {
@@ -139,18 +192,21 @@ class KfacRule final : public JointRule {
   explicit KfacRule(const Options& options) : JointRule(options) {}
 
   std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
-    // For the largest layer: eigenvectors, dsyevd's two matrices, and a copy of
-    // the deltas.
+    // Eigenvectors, and for the largest layer dsyevd's two matrices and a copy
+    // of the deltas.
+    double sum = 0.0;
     double largest = 0.0;
     for (const JacobianSizes::Layer& layer : J.layers) {
       const double squares =
           layer.fan_in * layer.fan_in + layer.fan_out * layer.fan_out;
-      largest = std::max(
-          largest, sizeof(double) * (3.0 * squares + layer.fan_out * J.rows));
+      sum += squares;
+      largest = std::max(largest,
+                         2.0 * squares + layer.fan_out * J.rows / J.num_ranks);
     }
     std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"factors of J", J.factor_bytes});
-    parts.push_back({"eigenproblems of a layer", largest});
+    parts.push_back({"factors of J", J.factor_bytes / J.num_ranks});
+    parts.push_back(
+        {"eigenproblems of the layers", sizeof(double) * (sum + largest)});
     return parts;
   }
 
@@ -161,7 +217,7 @@ class KfacRule final : public JointRule {
                         std::string* report,
                         std::string* error) override {
     const JacobianOperator& J = *at_x.jacobian;
-    const auto blocks = J.ColumnBlocks();
+    const auto blocks = OwnPart(at_x).jacobian->ColumnBlocks();
     std::vector<const LayerJacobian*> layers;
     if (!FindLayers(blocks, &layers, error)) return false;
     if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
@@ -169,18 +225,20 @@ class KfacRule final : public JointRule {
     if (!CheckFinite("J^T g", *direction, error)) return false;
     *report = fmt::format("{} layers", layers.size());
     if (!filter.IsGradientDescent()) {
+      std::vector<Factor> factors;
+      if (!Factorize(layers, J.communicator(), &factors, error)) return false;
       int rank = 0;
       Index column = 0;
       for (std::size_t l = 0; l < layers.size(); ++l) {
-        if (!FilterGradient(*layers[l],
-                            filter,
-                            direction->segment(column, layers[l]->cols()),
-                            &rank,
-                            error)) {
-          *error = fmt::format("layer {}: {}", l, *error);
-          return false;
-        }
-        column += layers[l]->cols();
+        const LayerJacobian& layer = *layers[l];
+        FilterGradient(factors[2 * l],
+                       factors[2 * l + 1],
+                       static_cast<double>(layer.inputs().cols()) * J.rows() /
+                           layer.rows(),
+                       filter,
+                       direction->segment(column, layer.cols()),
+                       &rank);
+        column += layer.cols();
       }
       *report += fmt::format(", rank {} of {}", rank, column);
     }

@@ -211,10 +211,11 @@ double SpectralStepBytes(SpectralRoute route, Index m, Index n, int num_ranks) {
   switch (route) {
     case SpectralRoute::kGram:
       // The Gram matrix, the buffers of its reduction and function, and for
-      // J^T J a dense J.
+      // J^T J a dense J and, of ranks, the part that they sum.
       return kDouble * size * size / num_ranks + 800.0 * size +
              Tridiagonalization::Bytes(size) +
-             (cols < rows ? kDouble * rows * cols : 0.0);
+             (cols < rows ? kDouble * rows * cols / num_ranks : 0.0) +
+             (cols < rows && num_ranks > 1 ? kDouble * size * size : 0.0);
     case SpectralRoute::kSvd:
       return kDouble *
              ((cols > rows ? 3.0 : 2.0) * rows * cols + 7.0 * size * size);

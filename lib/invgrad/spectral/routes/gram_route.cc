@@ -341,12 +341,15 @@ bool GramRoute(const SpectralProblem& problem) {
   const Index size = std::min(problem.m(), problem.n());
   // Each rank has the whole of a matrix that is not worth sharing.
   const bool is_shared = problem.J.communicator() != nullptr &&
-                         !problem.parameter_side() && !problem.filter.clamp &&
-                         size >= kSmallestShared;
+                         !problem.filter.clamp && size >= kSmallestShared;
   buffers->strips =
       ColumnStrips(size, is_shared ? problem.J.communicator() : nullptr);
   if (problem.parameter_side()) {
-    problem.J.ParameterGram(&K);
+    if (is_shared) {
+      problem.J.ParameterGramStrips(buffers->strips, &K);
+    } else {
+      problem.J.ParameterGram(&K);
+    }
     problem.J.TransposeTimes(problem.g, &buffers->b);
   } else {
     if (is_shared) {
