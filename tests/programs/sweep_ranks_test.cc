@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <iterator>
 #include <random>
 #include <string>
 #include <thread>
@@ -117,6 +118,10 @@ TEST_F(SweepRanks, AnyNumberGivesTheSameResults) {
     EXPECT_EQ(ReadAll(Path(name) + "/files.txt").size(),
               ReadAll(Path("alone") + "/files.txt").size());
   }
+  Words threaded = SmallSweep("threaded");
+  threaded.emplace_back("--threads=2");
+  EXPECT_EQ(RunRanks(2, threaded).exit_code, kSomeFailed);
+  EXPECT_EQ(Losses("threaded"), Losses("alone"));
   const Output again = RunRanks(2, SmallSweep("alone"));
   ExpectSays(again, {"8 of 8 runs were done before"});
 }
@@ -184,7 +189,11 @@ TEST_F(SweepRanks, KilledJobsAreRows) {
     }
   }
   ASSERT_EQ(jobs.size(), 2u);
-  for (const pid_t job : jobs) ::kill(job, SIGKILL);
+  for (const pid_t job : jobs) {
+    const std::string threads = "/proc/" + std::to_string(job) + "/task";
+    EXPECT_EQ(std::distance(fs::directory_iterator(threads), {}), 1);
+    ::kill(job, SIGKILL);
+  }
   const Output output = Wait(mpirun);
   EXPECT_EQ(output.exit_code, 3) << output.text;
   EXPECT_EQ(NumTimes("sweep: 1-adam-batch32-seed1: ended by signal 9 (Killed)",
