@@ -27,8 +27,8 @@
 //          1 / |Re <y*|y>|, which is not differentiated and not in the reported
 //          L. This removes the gradient's factor |<y*|y>|, which slows down
 //          samples far from their targets. But g is then not the derivative of
-//          a function: gradient checks fail, and step_size=auto minimizes the
-//          model of a different loss. The factor depends on the phase of y, and
+//          a function: gradient checks fail, and step_size=auto has no curve of
+//          states to minimize the loss on, so that it fails. The factor depends on the phase of y, and
 //          is unbounded near i or -i; if Re <y*|y> = 0, the run diverges. The
 //          release has this option, but does not use it.
 // Source:  Schnell, Holl, Thuerey, ICLR 2022, section 3.4, arXiv 2203.10131,
@@ -63,6 +63,13 @@ struct Infidelity {
     *loss = 1.0 - (re * re + im * im);
     return true;
   }
+};
+
+// The norm of a state is its invariant.
+class InfidelityLoss final
+    : public AutoDiffLoss<Infidelity, SchroedingerSimulator::kStateSize> {
+ public:
+  bool has_invariant() const override { return true; }
 };
 
 // See `rescale` above. Evaluate returns false if a requested gradient or Hessian
@@ -133,7 +140,7 @@ struct QuantumDipole {
     if (rescale) {
       loss = std::make_shared<RescaledInfidelity>();
     } else {
-      loss = std::make_shared<AutoDiffLoss<Infidelity, kStateSize>>();
+      loss = std::make_shared<InfidelityLoss>();
     }
     problem->model = std::make_shared<Model>(
         DenseNetwork({kStateSize, 20, 20, 20, num_steps}, Activation::kTanh),

@@ -239,6 +239,7 @@ TEST(Model, UnwantedPartsOfAnEarlierLinearizationAreEmptied) {
   EXPECT_EQ(at.loss_gradient.size(), 0);
   EXPECT_EQ(at.jacobian, nullptr);
   EXPECT_EQ(at.loss_hessian_times, nullptr);
+  EXPECT_EQ(at.loss_on_curve, nullptr);
   EXPECT_EQ(at.hessian.size(), 0);
 }
 

@@ -26,6 +26,7 @@ struct Case {
   std::string problem;
   std::string method;
   int batch_size = 13;  // divides by no number of ranks but one
+  bool averages_weights = false;
 };
 
 constexpr int kNumSteps = 10;
@@ -51,6 +52,7 @@ Losses Train(const LearningProblem& problem,
   TrainOptions options;
   options.batch_size = of.batch_size;
   options.max_num_steps = kNumSteps;
+  options.averages_weights = of.averages_weights;
   options.seed = 1;
   options.inverse = problem.inverse;
   options.communicator = ranks;
@@ -157,6 +159,12 @@ TEST(DistributedTraining, OtherChainsTrainAsInOneProcess) {
                       "half_inverse:truncation=1e-3"});
   ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
                       "krylov:step_size=1e-2:iterations=5"});
+  // Steps by the loss on the great circles of the states; short ones, because
+  // long ones amplify rounding errors.
+  ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
+                      "half_inverse:step_size=auto:rho=0.01:truncation=1e-2"});
+  ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
+                      "adaptive_power:rho=0.01:truncation=1e-2"});
   ExpectSameTraining(
       {"oscillator_tracking:num_samples=40", "half_inverse:truncation=1e-3"});
   ExpectSameTraining({"poisson_pinn", "half_inverse:truncation=1e-3", 64});
@@ -248,6 +256,16 @@ TEST(DistributedTraining, KfacSendsSumsOverTheSamples) {
 TEST(DistributedTraining, PhasesFollowEachOther) {
   ExpectSameTraining({"oscillator_chain:num_samples=80",
                       "adam:steps=4>half_inverse:truncation=1e-3"});
+}
+
+// The message has the losses that decide, and says how.
+TEST(DistributedTraining, AveragesWeightsAsInOneProcess) {
+  for (const char* step_size : {"1e-3", "1"}) {
+    ExpectSameTraining({"regression_1d:num_samples=40",
+                        std::string("adam:step_size=") + step_size,
+                        13,
+                        /*averages_weights=*/true});
+  }
 }
 
 TEST(DistributedTraining, RefusesMoreRanksThanSamples) {

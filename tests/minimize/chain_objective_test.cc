@@ -9,6 +9,7 @@
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/field_simulator.h"
+#include "tests/support/real_infidelity.h"
 
 namespace invgrad {
 namespace chain_objective_test {
@@ -74,6 +75,29 @@ TEST(ChainObjective, GradientAndHessianAreThoseOfTheCost) {
   EXPECT_LT((Jt_g - at_x.gradient).norm(), 1e-14);
   const Eigen::VectorXd v = Eigen::Vector3d(1.0, 2.0, 3.0);
   EXPECT_LT((at_x.loss_hessian_times(v) - 2.0 * v).norm(), 1e-14);
+}
+
+TEST(ChainObjective, HasACurveIfTheOutputsKeepTheirNorm) {
+  const ChainObjective squares = MakeObjective(1.0);
+  const ChainObjective objective(
+      std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
+      std::make_shared<RealInfidelity<3>>(),
+      squares.target(),
+      squares.State());
+  LinearizationParts parts = LinearizationParts::Jacobian();
+  parts.gradient = true;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(objective.Linearize(parts, &at_x, &error)) << error;
+  ASSERT_NE(at_x.loss_on_curve, nullptr);
+  // A direction that keeps the norm of the outputs.
+  const Eigen::VectorXd y = objective.Outputs();
+  const Eigen::VectorXd t = Eigen::Vector3d(-y[1], y[0], 0.0);
+  const LossOnCurve start = at_x.loss_on_curve(t, 0.0);
+  EXPECT_NEAR(start.loss, at_x.cost, 1e-14);
+  EXPECT_NEAR(start.slope, at_x.loss_gradient.dot(t), 1e-14);
+  ASSERT_TRUE(squares.Linearize(parts, &at_x, &error)) << error;
+  EXPECT_EQ(at_x.loss_on_curve, nullptr);
 }
 
 TEST(ChainObjective, AsACeresProblemHasTheSameCostAndGradient) {

@@ -69,6 +69,8 @@ TEST(BurgersInitial, SecondOrderMethodsFindTheSimulatedTarget) {
   }
 }
 
+// After 10 steps the loss is 6e-9 to 1.6e-8, by the roundings of OpenBLAS'
+// Prescott, Haswell, Zen and SkylakeX kernels.
 TEST(BurgersInitial, TruncatedGaussNewtonFindsThePublishedTargetIn10Steps) {
   for (const char* iterations : {"20", "30", "40"}) {
     EXPECT_LT(Minimize("published",
@@ -76,7 +78,7 @@ TEST(BurgersInitial, TruncatedGaussNewtonFindsThePublishedTargetIn10Steps) {
                            iterations,
                        10)
                   .final_cost,
-              1e-8)
+              2e-8)
         << iterations;
   }
 }

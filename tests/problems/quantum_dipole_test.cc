@@ -6,6 +6,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/rules/step_size.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 
@@ -133,6 +134,86 @@ TEST(RescaledInfidelity, HasAValueAndNoGradientWithoutOverlap) {
       loss.Evaluate(y.data(), target.data(), &value, g.data(), nullptr));
   EXPECT_FALSE(
       loss.Evaluate(y.data(), target.data(), &value, nullptr, H.data()));
+}
+
+// A factor that depends on y and is not differentiated belongs to no loss.
+TEST(RescaledInfidelity, HasNoInvariantUnlikeTheInfidelity) {
+  EXPECT_TRUE(InfidelityLoss().has_invariant());
+  EXPECT_FALSE(RescaledInfidelity().has_invariant());
+}
+
+// |<y*|y cos a + p sin a>|^2 of complex states, by hand.
+TEST(InfidelityLoss, TheGreatCircleIsThatOfTheStates) {
+  const InfidelityLoss loss;
+  const VectorXd target = Turned(0.6 * Es(2) + 0.8 * Es(3), 0.3);
+  const VectorXd y = WithOverlap(0.4, 1.9);
+  // With a part along i y, a phase, which is a motion on the sphere, too.
+  const VectorXd t =
+      VectorXd::LinSpaced(kSize, -1.0, 0.5) + 0.7 * Turned(y, 0.5 * M_PI);
+  const auto overlap = [&](const VectorXd& state) {
+    std::complex<double> sum = 0.0;
+    for (int k = 0; k < kSize; k += 2) {
+      sum += std::complex<double>(target[k], -target[k + 1]) *
+             std::complex<double>(state[k], state[k + 1]);
+    }
+    return sum;
+  };
+  const VectorXd p = t - y.dot(t) * y;
+  const double eta = 0.31;
+  VectorXd moved(kSize), velocity(kSize);
+  loss.Retract(y.data(), t.data(), eta, moved.data(), velocity.data());
+  EXPECT_NEAR(moved.norm(), 1.0, 1e-14);
+  const double a = eta * p.norm();
+  EXPECT_NEAR(Loss(moved, target),
+              1.0 - std::norm(std::cos(a) * overlap(y) +
+                              std::sin(a) / p.norm() * overlap(p)),
+              1e-14);
+}
+
+// At first most samples are far from their targets, where the loss curves
+// downwards on the sphere, too.
+TEST(QuantumDipole, AutomaticStepsEndAtAMinimumOfTheLossOfTheStates) {
+  const LearningProblem problem =
+      CreateLearningProblem("quantum_dipole:num_samples=16:num_steps=12");
+  const Model& model = *problem.model;
+  for (const std::uint32_t seed : {1, 2, 3}) {
+    SCOPED_TRACE(seed);
+    NumpyRandom random(seed);
+    const VectorXd weights =
+        model.network().InitialWeights(Initialization::kGlorotUniform, &random);
+    LinearizationParts parts = LinearizationParts::Jacobian();
+    parts.gradient = true;
+    Linearization at;
+    std::string error;
+    ASSERT_TRUE(model.Linearize(weights, problem.train, parts, &at, &error))
+        << error;
+    const VectorXd d = -at.gradient;
+    AlongDirection along;
+    double eta = 0.0;
+    ASSERT_TRUE(ModelAlong(at, d, &along, &error)) << error;
+    EXPECT_NEAR(along.slope * along.unit / -d.squaredNorm(), 1.0, 1e-9);
+    ASSERT_TRUE(AutoStepSize(along, 1.0, &eta, &error)) << error;
+    VectorXd t;
+    at.jacobian->Times(d, &t);
+    Eigen::MatrixXd y;
+    ASSERT_TRUE(model.Predict(weights, problem.train, &y, &error)) << error;
+    // The states turned by hand, sample by sample.
+    const auto loss = [&](double part) {
+      double sum = 0.0;
+      for (int s = 0; s < 16; ++s) {
+        const VectorXd t_s = t.segment(s * kSize, kSize);
+        const double a = part * eta * t_s.norm();
+        sum += Loss(std::cos(a) * y.col(s) + std::sin(a) * t_s.normalized(),
+                    problem.train.targets.col(s));
+      }
+      return sum / 16.0;
+    };
+    EXPECT_NEAR(loss(0.0), at.cost, 1e-12);
+    for (const double part : {0.0, 0.5, 0.9, 1.1}) {
+      EXPECT_GT(loss(part), loss(1.0)) << part;
+    }
+    EXPECT_NEAR(along.Change(0.3 * eta), loss(0.3) - loss(0.0), 1e-10);
+  }
 }
 
 TEST(QuantumDipole, RescalesOnDemandAlone) {

@@ -198,6 +198,7 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
       linearization->jacobian = jacobian;
     }
     linearization->loss_hessian_times = nullptr;  // the identity
+    linearization->loss_on_curve = nullptr;
   }
   return true;
 }

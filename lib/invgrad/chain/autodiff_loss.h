@@ -19,7 +19,7 @@
 namespace invgrad {
 
 template <typename Functor, int kSize>
-class AutoDiffLoss final : public Loss {
+class AutoDiffLoss : public Loss {
  public:
   explicit AutoDiffLoss(Functor functor = Functor())
       : simulator_(std::move(functor)) {}

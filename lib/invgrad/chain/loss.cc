@@ -22,6 +22,32 @@ VectorXd Loss::HessianTimes(const double* y,
   return hessian * v;
 }
 
+void Loss::Retract(const double* y,
+                   const double* t,
+                   double eta,
+                   double* moved,
+                   double* velocity) const {
+  const Eigen::Map<const VectorXd> y_map(y, size());
+  const double radius = y_map.norm();
+  VectorXd unit_y = y_map;
+  VectorXd p = Eigen::Map<const VectorXd>(t, size());
+  if (radius != 0.0) {
+    unit_y /= radius;
+    p -= unit_y.dot(p) * unit_y;
+  }
+  const double speed = p.norm();
+  Eigen::Map<VectorXd> R(moved, size());
+  Eigen::Map<VectorXd> dR(velocity, size());
+  if (radius == 0.0 || speed == 0.0) {
+    R = y_map;
+    dR.setZero();
+    return;
+  }
+  const double angle = eta * (speed / radius);
+  R = std::cos(angle) * y_map + std::sin(angle) * (radius / speed) * p;
+  dR = std::cos(angle) * p - std::sin(angle) * speed * unit_y;
+}
+
 SquaredNormLoss::SquaredNormLoss(int size, double factor)
     : size_(size), factor_(factor) {
   CHECK_GT(size, 0);

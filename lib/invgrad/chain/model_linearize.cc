@@ -8,6 +8,7 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/chain_jacobian.h"
+#include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
@@ -35,9 +36,11 @@ class BatchLoss {
         values_(VectorXd::Zero(batch.num_samples())),
         has_failed_(batch.num_samples(), 0),
         gradients_(loss->size(), batch.num_samples()) {
-    if (!loss->forms_hessian()) {
+    if (!loss->forms_hessian() || loss->has_invariant()) {
       outputs_.resize(loss->size(), batch.num_samples());
-    } else if (hessians || !loss->SquaredNormFactor().has_value()) {
+    }
+    if (!loss->forms_hessian()) return;
+    if (hessians || !loss->SquaredNormFactor().has_value()) {
       hessians_.resize(loss->size(), loss->size() * batch.num_samples());
     }
   }
@@ -73,7 +76,19 @@ class BatchLoss {
     return hessians_.middleCols(s * loss_->size(), loss_->size());
   }
 
-  // v -> H_L v. Moves the Hessians.
+  // The model of the loss in y. Moves the Hessians and the outputs.
+  void MoveTo(Linearization* linearization) {
+    if (loss_->has_invariant()) {
+      linearization->loss_on_curve =
+          MakeLossOnCurve(loss_, outputs_, batch_.targets, scale_);
+    }
+    linearization->loss_hessian_times = TakeHessianTimes();
+  }
+
+ private:
+  bool has_hessians() const { return hessians_.size() > 0; }
+
+  // v -> H_L v.
   std::function<VectorXd(const VectorXd&)> TakeHessianTimes() {
     if (const std::optional<double> factor = loss_->SquaredNormFactor()) {
       const double c = 2.0 * *factor * scale_;
@@ -91,9 +106,6 @@ class BatchLoss {
       return Hv;
     };
   }
-
- private:
-  bool has_hessians() const { return hessians_.size() > 0; }
 
   std::function<VectorXd(const VectorXd&)> HessianProducts() {
     return [loss = loss_,
@@ -120,7 +132,8 @@ class BatchLoss {
   std::vector<char> has_failed_;
   MatrixXd gradients_;
   MatrixXd hessians_;  // the blocks of H_L, side by side
-  MatrixXd outputs_;   // y, if the loss has only products with H_L
+  // y, if the loss has only products with H_L or has an invariant.
+  MatrixXd outputs_;
 };
 
 // The message for a sample whose loss or simulator has failed.
@@ -164,6 +177,7 @@ bool Model::Linearize(const VectorXd& weights,
   linearization->loss_gradient.resize(0);
   linearization->jacobian.reset();
   linearization->loss_hessian_times = nullptr;
+  linearization->loss_on_curve = nullptr;
   linearization->hessian.resize(0, 0);
   if (!CanLinearize(parts, error)) return false;
   if (parts.jacobian && !has_factors()) {
@@ -258,7 +272,7 @@ bool Model::LinearizeByProducts(const VectorXd& weights,
   linearization->cost = loss.cost();
   if (!CheckCost(loss.cost(), error)) return false;
   linearization->loss_gradient = loss.gradients().reshaped();
-  linearization->loss_hessian_times = loss.TakeHessianTimes();
+  loss.MoveTo(linearization);
   linearization->jacobian = std::make_shared<ChainJacobian>(
       network_, weights, std::move(pass), std::move(jacobians));
   if (parts.gradient) {
@@ -357,7 +371,7 @@ bool Model::LinearizeThroughJacobians(const VectorXd& weights,
     return true;
   }
   linearization->jacobian = jacobian;
-  linearization->loss_hessian_times = loss.TakeHessianTimes();
+  loss.MoveTo(linearization);
   return true;
 }
 

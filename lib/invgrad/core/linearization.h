@@ -5,6 +5,11 @@
 //
 //   g = dL/dy,   J = dy/dx,   H_L = d2L/dy2,   gradient = J^T g
 //
+// If the outputs keep a quantity (Loss::has_invariant), this model is wrong in
+// second order. The loss along a curve of outputs that keep it needs no model:
+//
+//   eta -> L(R(y, t, eta)),   R(y, t, 0) = y,   dR/deta(y, t, 0) = t = J d
+//
 // Shapes:  x, d: n;  y, g: m;  J: m x n;  H_L: m x m, block diagonal.
 // Units:   x has one unit per entry, y likewise; g is [L]/[y], J is [y]/[x].
 //          A half-inverse step changes with these units, see
@@ -39,6 +44,15 @@ struct LinearizationParts {
   static LinearizationParts Jacobian() { return {false, true, false, false}; }
 };
 
+// The loss at a point R(eta) of a curve of outputs. NaN if it is not finite.
+struct LossOnCurve {
+  double loss = 0.0;   // L
+  double slope = 0.0;  // dL/deta
+  // |dR/deta| / |R| of the sample that moves fastest: on great circles, the angle
+  // per eta.
+  double speed = 0.0;
+};
+
 struct Linearization {
   double cost = 0.0;         // L
   Eigen::VectorXd gradient;  // n: J^T g
@@ -48,6 +62,11 @@ struct Linearization {
   // v -> H_L v, both m. Empty: H_L is the identity.
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> loss_hessian_times;
 
+  // (t, eta) -> the loss on the curve from y in the direction t (m). Empty: the
+  // outputs keep nothing, and the model with H_L stands for it.
+  std::function<LossOnCurve(const Eigen::VectorXd& t, double eta)>
+      loss_on_curve;
+
   Eigen::MatrixXd hessian;  // n x n, symmetric: d2L/dx2
 
   // *Hv = d2L/dx2 v, both n; returns false, with *error, if that has no finite
@@ -56,7 +75,7 @@ struct Linearization {
       const Eigen::VectorXd& v, Eigen::VectorXd* Hv, std::string* error)>
       hessian_times;
 
-  // g, J and H_L of this rank's samples, if ranks share J
+  // g, J, H_L and the curve of this rank's samples, if ranks share J
   // (JacobianOperator::communicator); null: those above.
   std::shared_ptr<const Linearization> own;
 

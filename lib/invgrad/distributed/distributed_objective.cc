@@ -13,6 +13,22 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+namespace {
+
+// The loss on the curve of all ranks' samples.
+LossOnCurve SumOverRanks(const LossOnCurve& own,
+                         const Communicator& communicator) {
+  const Eigen::Vector3d own_values(own.loss, own.slope, own.speed);
+  Eigen::Matrix3Xd values(3, communicator.size());
+  communicator.Gather(own_values.data(),
+                      communicator.SharedSizes(communicator.size(), 3),
+                      values.data());
+  const Eigen::Vector2d sums = values.topRows<2>().rowwise().sum();
+  return {sums[0], sums[1], values.row(2).maxCoeff()};
+}
+
+}  // namespace
+
 DistributedObjective::DistributedObjective(
     std::unique_ptr<BatchObjective> own,
     std::shared_ptr<const Communicator> communicator)
@@ -61,6 +77,7 @@ bool DistributedObjective::Combine(bool ok,
     own->loss_gradient = std::move(linearization->loss_gradient);
     own->jacobian = std::move(linearization->jacobian);
     own->loss_hessian_times = std::move(linearization->loss_hessian_times);
+    own->loss_on_curve = std::move(linearization->loss_on_curve);
     const auto jacobian = std::make_shared<DistributedJacobian>(
         own->jacobian, communicator_, num_samples);
     linearization->jacobian = jacobian;
@@ -71,6 +88,15 @@ bool DistributedObjective::Combine(bool ok,
         return jacobian->GatherRows(
             own->loss_hessian_times(jacobian->OwnRows(v)));
       };
+    }
+    linearization->loss_on_curve = nullptr;
+    if (own->loss_on_curve) {
+      linearization->loss_on_curve =
+          [jacobian, own, communicator = communicator_](const VectorXd& t,
+                                                        double eta) {
+            return SumOverRanks(own->loss_on_curve(jacobian->OwnRows(t), eta),
+                                *communicator);
+          };
     }
     linearization->own = std::move(own);
   }

@@ -3,12 +3,13 @@
 //   rank r linearizes the objective on its share of the samples;
 //   L = sum_r L_r,   gradient and Hessian likewise,   g = [g_r],   J = [J_r]
 //
-// Cost, gradient, g and products with H_L and J are the same on all ranks, and so
-// are the steps that a rule computes from them. They are those of one process up
+// Cost, gradient, g, products with H_L and J and the loss on a curve of outputs
+// are the same on all ranks, and so are the steps that a rule computes from them. They are those of one process up
 // to rounding, and for a given number of ranks the same bits in every run.
 //
 // Cost:    a rank sends 2 (1 + n) numbers for a gradient, and for a Jacobian its
-//          rows of g N - 1 times; see distributed_jacobian.h.
+//          rows of g N - 1 times; see distributed_jacobian.h. For a point of a
+//          curve of outputs, 3 numbers N - 1 times.
 // Fails:   on all ranks, with the message of the first rank that fails.
 #ifndef INVGRAD_DISTRIBUTED_DISTRIBUTED_OBJECTIVE_H_
 #define INVGRAD_DISTRIBUTED_DISTRIBUTED_OBJECTIVE_H_

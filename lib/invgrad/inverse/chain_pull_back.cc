@@ -268,6 +268,7 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
   linearization->loss_gradient.resize(0);
   linearization->jacobian.reset();
   linearization->loss_hessian_times = nullptr;
+  linearization->loss_on_curve = nullptr;
   linearization->hessian.resize(0, 0);
   // The number of outputs of one call of the network.
   const Index width = network.num_outputs() * pass_->num_channels;

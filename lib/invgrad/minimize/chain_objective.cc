@@ -7,6 +7,7 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/core/memory_limit.h"
 
 namespace invgrad {
@@ -148,6 +149,9 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
     linearization->loss_gradient = std::move(g);
     linearization->jacobian =
         forms_jacobian ? std::make_shared<DenseJacobian>(J) : products;
+    linearization->loss_on_curve = loss_->has_invariant()
+                                       ? MakeLossOnCurve(loss_, y, target_, 1.0)
+                                       : nullptr;
     linearization->loss_hessian_times =
         [factor,
          H = std::move(loss_hessian),

@@ -383,7 +383,7 @@ class DampedKfacRule final : public UpdateRule {
     AlongDirection model;
     if (!ModelAlong(at_x, -direction, &model, error)) return false;
     const double length = direction.norm() / model.unit;
-    model.curvature += options_.damping * length * length;
+    model.damping = options_.damping * length * length;
     return AutoStepSize(model, options_.step_size.rho, eta, error);
   }
 

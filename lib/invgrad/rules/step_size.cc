@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
@@ -10,14 +11,84 @@
 
 namespace invgrad {
 
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+// The zero of a function between `low`, where it is negative, and `high`, where
+// it is not: false position, where the value at an end that stays is halved, so
+// that both ends move [1, the Illinois algorithm]. The bracket only shrinks.
+//
+// [1] Dowell, Jarratt. A modified regula falsi method for computing the root of
+//     an equation. BIT 11, 1971.
+template <typename Function>
+double ZeroBetween(double low,
+                   double at_low,
+                   double high,
+                   double at_high,
+                   const Function& function) {
+  // So small, because roundings decide which iterate is the last one, and the
+  // step must not depend on them. It costs some 3 evaluations more than 1e-3.
+  constexpr double kTolerance = 1e-10;
+  constexpr int kMaxNumEvaluations = 100;
+  int last_side = 0;
+  for (int k = 0; k < kMaxNumEvaluations; ++k) {
+    const double width = high - low;
+    const double zero = high - at_high / (at_high - at_low) * width;
+    if (width <= kTolerance * high) return zero;
+    const double value = function(zero);
+    if (value == 0.0) return zero;
+    if (std::isnan(value)) return value;
+    const int side = value < 0.0 ? -1 : 1;
+    if (side < 0) {
+      low = zero;
+      at_low = value;
+      if (last_side == side) at_high *= 0.5;
+    } else {
+      high = zero;
+      at_high = value;
+      if (last_side == side) at_low *= 0.5;
+    }
+    last_side = side;
+  }
+  return high;
+}
+
+// The a > 0 where the loss on the curve stops falling for the first time, at most
+// half a turn of the fastest sample. NaN if the loss is not finite on the way.
+double FirstMinimumOnCurve(const AlongDirection& model) {
+  // The slope is looked at where the fastest sample has turned by these angles.
+  // They double, because a minimum may be near, and the loss of a state has
+  // the period pi, so that the spacing must stay a small part of pi.
+  constexpr double kFirstAngle = kPi / 1024.0;
+  constexpr double kMaxSpacing = kPi / 16.0;
+  const auto slope = [&model](double a) {
+    return model.curve(a).slope + model.damping * a;
+  };
+  double low = 0.0;
+  double at_low = model.slope;
+  for (double angle = kFirstAngle;; angle += std::min(angle, kMaxSpacing)) {
+    const double a = std::min(angle, kPi) / model.start.speed;
+    const double at_a = slope(a);
+    if (std::isnan(at_a)) return at_a;
+    if (at_a >= 0.0) return ZeroBetween(low, at_low, a, at_a, slope);
+    if (angle >= kPi) return a;
+    low = a;
+    at_low = at_a;
+  }
+}
+
+}  // namespace
+
 void StepSizeOptions::Describe(bool allow_auto, OptionSet* set) {
   const Range positive{0.0, std::numeric_limits<double>::infinity(), true};
   if (allow_auto) {
-    set->Add("step_size",
-             &step_size,
-             positive,
-             "eta; auto: rho times the minimizer of the linear model along the "
-             "direction");
+    set->Add(
+        "step_size",
+        &step_size,
+        positive,
+        "eta; auto: rho times the minimizer of the model of the loss along "
+        "the direction");
   } else {
     CHECK(!is_auto()) << "This rule has no automatic step size.";
     set->Add("step_size", &*step_size, positive, "eta");
@@ -37,7 +108,6 @@ void StepSizeOptions::Describe(bool allow_auto, OptionSet* set) {
 }
 
 double StepSizeOptions::ScheduleFactor(double progress) const {
-  constexpr double kPi = 3.14159265358979323846;
   const double p = std::clamp(progress, 0.0, 1.0);
   const double f = final_fraction;
   if (schedule == "linear") return 1.0 - (1.0 - f) * p;
@@ -54,6 +124,12 @@ double StepSizeOptions::Scheduled(double progress) const {
   return *step_size * ScheduleFactor(progress);
 }
 
+double AlongDirection::Change(double eta) const {
+  const double a = eta * unit;
+  if (curve) return curve(a).loss - start.loss + 0.5 * a * a * damping;
+  return a * (slope + 0.5 * a * (curvature + damping));
+}
+
 bool ModelAlong(const Linearization& at_x,
                 const Eigen::VectorXd& direction,
                 AlongDirection* model,
@@ -62,21 +138,23 @@ bool ModelAlong(const Linearization& at_x,
   CHECK(at_x.jacobian != nullptr) << "The linear model needs J.";
   at_x.jacobian->Times(direction, &w);
   if (!CheckFinite("J d", w, error)) return false;
+  *model = AlongDirection();
   model->unit = w.lpNorm<Eigen::Infinity>();
   if (model->unit == 0.0) {
     *error = "J d = 0, so the linear model has no minimizer";
     return false;
   }
   w /= model->unit;
-  model->slope = at_x.loss_gradient.dot(w);
-  model->squared_length = w.squaredNorm();
-  model->curvature = model->squared_length;
-  model->squared_hessian_length = model->squared_length;
-  if (at_x.loss_hessian_times) {
-    const Eigen::VectorXd curved = at_x.loss_hessian_times(w);
-    model->curvature = w.dot(curved);
-    model->squared_hessian_length = curved.squaredNorm();
+  if (at_x.loss_on_curve) {
+    model->curve = [loss_on_curve = at_x.loss_on_curve,
+                    w = std::move(w)](double a) { return loss_on_curve(w, a); };
+    model->start = model->curve(0.0);
+    model->slope = model->start.slope;
+    return true;
   }
+  model->slope = at_x.loss_gradient.dot(w);
+  model->curvature = at_x.loss_hessian_times ? w.dot(at_x.loss_hessian_times(w))
+                                             : w.squaredNorm();
   return true;
 }
 
@@ -84,14 +162,29 @@ bool AutoStepSize(const AlongDirection& model,
                   double rho,
                   double* step_size,
                   std::string* error) {
-  const double eta = -rho * model.slope / model.curvature / model.unit;
   const double slope = model.slope * model.unit;
-  const double curvature = model.curvature * model.unit * model.unit;
   // Written so that NaN fails.
   if (!(model.slope < 0.0)) {
     *error = fmt::format(
         "step_size=auto: not a descent direction, slope {:.6g}", slope);
-  } else if (!(model.curvature > 0.0)) {
+    return false;
+  }
+  if (model.curve) {
+    const double eta = rho * FirstMinimumOnCurve(model) / model.unit;
+    if (!std::isfinite(eta)) {
+      *error = fmt::format(
+          "step_size=auto: the loss is not finite along the direction, slope "
+          "{:.6g}",
+          slope);
+      return false;
+    }
+    *step_size = eta;
+    return true;
+  }
+  const double upwards = model.curvature + model.damping;
+  const double eta = -rho * model.slope / upwards / model.unit;
+  const double curvature = upwards * model.unit * model.unit;
+  if (!(upwards > 0.0)) {
     *error = fmt::format(
         "step_size=auto: the loss does not curve upwards along the direction, "
         "curvature {:.6g}",

@@ -1,5 +1,5 @@
-// The step size eta of a rule: fixed, scheduled, or found from the linear
-// model.
+// The step size eta of a rule: fixed, scheduled, or found from a model of the
+// loss along the direction.
 //
 //   fixed      eta
 //   schedule   eta s(p), p in [0, 1] the share of the budget that is spent:
@@ -8,18 +8,33 @@
 //              cosine       s = f + (1 - f) (1 + cos(pi p)) / 2
 //              exponential  s = f^p
 //              with f = final_fraction
-//   auto       eta s(p) with eta = -rho (g . J d) / (J d . H_L J d): rho times
-//              the minimizer of the linear model along d
+//   auto       eta s(p) with eta = rho times the minimizer of a model of the loss
+//              along d. The linear model is the rule:
+//
+//     L + eta g . J d + eta^2/2 J d . H_L J d,   eta = -(g . J d)/(J d . H_L J d)
+//
+//              If the outputs keep a quantity (Loss::has_invariant), it is the
+//              loss itself on a curve of outputs that keep it,
+//
+//     L(R(y, J d, eta)),
+//
+//              and eta its first local minimum, at most half a turn of the
+//              fastest sample.
+//
+// An infidelity 1 - |<y*|y>|^2 needs the curve: its H_L is negative, and what
+// curves the loss upwards is that |y| stays 1.
 //
 // Units:   eta has the units of step / d, so `auto` makes a rule's step
 //          independent of the units of the loss.
-// Cost:    auto: one product with J and one with H_L.
+// Cost:    auto: one product with J and one with H_L, or some 20 gradients of the
+//          loss in y on the curve.
 // Fails:   ModelAlong returns false if J d is zero or not finite. AutoStepSize
-//          returns false if d is no descent direction, if the loss does not
-//          curve upwards along J d, or if a value is not finite.
+//          returns false if d is no descent direction, if the linear model does
+//          not curve upwards along J d, or if a value is not finite.
 #ifndef INVGRAD_RULES_STEP_SIZE_H_
 #define INVGRAD_RULES_STEP_SIZE_H_
 
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -49,16 +64,22 @@ struct StepSizeOptions {
   double Scheduled(double progress) const;
 };
 
-// The quadratic model of the loss along a direction d. The largest entry of
-// w = J d / unit is one, so that no square over- or underflows.
+// The model of the loss along a direction d. The largest entry of w = J d / unit
+// is one, so that no square over- or underflows.
 //
-//   L(eta d) ~ L + eta unit slope + (eta unit)^2 / 2 curvature
+//   change(eta) = L(R(y, w, a)) - L(y) + a^2/2 damping,   a = eta unit,
+//   or, without a curve, a slope + a^2/2 (curvature + damping)
 struct AlongDirection {
-  double unit = 0.0;                    // |J d|_inf
-  double slope = 0.0;                   // g . w
-  double curvature = 0.0;               // w . H_L w
-  double squared_length = 0.0;          // |w|^2
-  double squared_hessian_length = 0.0;  // |H_L w|^2
+  double unit = 0.0;       // |J d|_inf
+  double slope = 0.0;      // g . w
+  double curvature = 0.0;  // w . H_L w; 0 if there is a curve
+  double damping = 0.0;    // a rule's own addition
+  // a -> the loss at R(y, w, a). Empty: the linear model.
+  std::function<LossOnCurve(double a)> curve;
+  LossOnCurve start;  // curve(0)
+
+  // The predicted change of the loss.
+  double Change(double eta) const;
 };
 
 bool ModelAlong(const Linearization& at_x,
