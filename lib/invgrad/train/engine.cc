@@ -156,6 +156,11 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   std::vector<MemoryPart> parts = TrainingMemory(
       model, *rule, objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
+  if (options.averages_weights) {
+    // One more while it is updated or evaluated.
+    const double bytes = sizeof(double) * 1.0 * model.num_weights();
+    parts.push_back({"averaged weights", 2.0 * bytes});
+  }
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
             data,

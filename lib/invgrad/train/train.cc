@@ -9,6 +9,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/distributed/distributed_objective.h"
+#include "invgrad/io/format.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -116,6 +117,7 @@ void TrainingRun::BeginNextPhase() {
   LimitPhase();
   state_.best_loss = WatchedLoss();
   state_.rows_since_best = 0;
+  state_.average = AveragedWeights();
 }
 
 void TrainingRun::LimitPhase() {
@@ -150,9 +152,14 @@ bool TrainingRun::TakeStep() {
                (state_.seconds - state_.first_second) / budget_in_seconds);
   const Engine::StepResult result =
       engine().Step(std::min(1.0, spent), &state_.weights);
+  using Outcome = Engine::StepResult::Outcome;
+  // (They are empty if not even the first batch had a loss.)
+  if (HasAverage() && result.outcome == Outcome::kStepped &&
+      engine().start_of_step()->size() > 0) {
+    state_.average.Add(*engine().start_of_step());
+  }
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
-  using Outcome = Engine::StepResult::Outcome;
   if (result.outcome == Outcome::kFailed) {
     End(ceres::FAILURE,
         AtStep("diverged", steps_of_phase() + 1) + ": " + result.message);
@@ -236,14 +243,20 @@ void TrainingRun::Evaluate() {
   row.seconds = state_.seconds;
   row.batch_loss = state_.batch_loss;
   row.step_norm = state_.step_norm;
-  const auto mean_loss = [this](const DataSet& data) {
-    return MeanLoss(model_, weights(), data, options_.communicator.get());
+  const bool has_test_data = data_.test.num_samples() > 0;
+  const auto mean_loss = [this](const Eigen::VectorXd& w, const DataSet& data) {
+    return MeanLoss(model_, w, data, options_.communicator.get());
   };
-  row.train_loss = mean_loss(data_.train);
-  if (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
-    row.train_loss = mean_loss(data_.train);
+  row.train_loss = mean_loss(weights(), data_.train);
+  while (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
+    row.train_loss = mean_loss(weights(), data_.train);
   }
-  if (data_.test.num_samples() > 0) row.test_loss = mean_loss(data_.test);
+  if (has_test_data) row.test_loss = mean_loss(weights(), data_.test);
+  if (HasAverage() && std::isfinite(row.train_loss)) {
+    const Eigen::VectorXd average = state_.average.With(weights());
+    row.average_train_loss = mean_loss(average, data_.train);
+    if (has_test_data) row.average_test_loss = mean_loss(average, data_.test);
+  }
   if (options_.metric) row.metric = options_.metric(weights());
   if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
   state_.history.push_back(row);
@@ -267,6 +280,35 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
+  if (type != ceres::FAILURE && HasAverage()) {
+    summary_.message += ChooseFinalWeights();
+  }
+}
+
+bool TrainingRun::HasAverage() const {
+  return options_.averages_weights && engine().start_of_step() != nullptr &&
+         steps_of_phase() > 0;
+}
+
+std::string TrainingRun::ChooseFinalWeights() {
+  HistoryRow row = history().back();
+  const bool takes_average = row.average_train_loss < row.train_loss;
+  constexpr const char* names[] = {"last", "averaged"};
+  const double losses[] = {row.train_loss, row.average_train_loss};
+  const std::string of_both =
+      fmt::format("; final: {} weights (train loss {}; {} weights {})",
+                  names[takes_average],
+                  FormatNumber(losses[takes_average]),
+                  names[!takes_average],
+                  FormatNumber(losses[!takes_average]));
+  if (!takes_average) return of_both;
+  state_.weights = state_.average.With(weights());
+  row.train_loss = row.average_train_loss;
+  row.test_loss = row.average_test_loss;
+  if (options_.metric) row.metric = options_.metric(weights());
+  state_.history.push_back(row);
+  if (options_.on_evaluation) options_.on_evaluation(weights(), history());
+  return of_both;
 }
 
 void TrainingRun::Summarize(ceres::TerminationType type,

@@ -183,6 +183,16 @@ void TrainingRun::AddPhases(const Method& method) {
 
 void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
   if (!error().empty()) return;
+  const auto is_averaged = [](const RunPhase& phase) {
+    return phase.engine->start_of_step() != nullptr;
+  };
+  if (options_.averages_weights &&
+      std::none_of(phases_.begin(), phases_.end(), is_averaged)) {
+    error_ =
+        "averages_weights: the weights of a minimizer of Ceres are not "
+        "averaged: choose an update rule, or leave the option off";
+    return;
+  }
   if (!options_.checkpoint_path.empty() || options_.communicator != nullptr) {
     identity_ = IdentityOfRun(
         model_, data_.train, data_.test, data_.source.get(), method, options_);
@@ -271,6 +281,10 @@ void TrainingRun::VisitState(StateArchive* archive, State* state) {
   archive->Visit("best_loss", &state->best_loss);
   archive->Visit("rows_since_best", &state->rows_since_best);
   VisitHistory(archive, state->step, &state->history);
+  if (options_.averages_weights) {
+    state->average.VisitState(
+        archive, model_.num_weights(), state->step - state->first_step);
+  }
   if (!archive->error().empty()) return;
   for (int k = 0; k <= state->phase; ++k) {
     archive->set_prefix(fmt::format("phase{}.", k + 1));
