@@ -51,6 +51,7 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "levenberg_marquardt",
                                    "layer_half_inverse",
                                    "adaptive_power",
+                                   "adaptive",
                                    "kfac_half_inverse",
                                    "kfac",
                                    "krylov",
@@ -92,7 +93,8 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
                          {"damping", "0"},
                          {"relative_damping", "0"},
                          {"control", "none"},
-                         {"adapts", "exponent"}};
+                         {"adapts", "exponent"},
+                         {"without", "nothing"}};
   const auto join = [](const std::vector<Values>& parts) {
     Values all;
     for (const Values& part : parts) {
@@ -120,6 +122,9 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
   adaptive_power[0].second = "auto";
   adaptive_power[9].second = "gain";
   EXPECT_EQ(defaults("adaptive_power"), join({adaptive_power, spectral}));
+  Values adaptive = adaptive_power;
+  adaptive[9].second = "fresh";
+  EXPECT_EQ(defaults("adaptive"), join({adaptive, spectral}));
 }
 
 TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
@@ -137,7 +142,7 @@ TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {
   EXPECT_EQ(CreationError("half_inverse:kappa=1"),
             "half_inverse: unknown option 'kappa'; known: step_size, schedule, "
             "final_fraction, rho, truncation, clamp, damping, "
-            "relative_damping, control, adapts, route, tolerance, "
+            "relative_damping, control, adapts, without, route, tolerance, "
             "threshold_tolerance");
   EXPECT_EQ(CreationError("power:route=gradient"),
             "power: route=gradient is no choice; allowed: one of auto, gram, "

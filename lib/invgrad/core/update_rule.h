@@ -73,6 +73,31 @@ class UpdateRule {
   // revert the step.
   virtual bool KeepsStep(double /*cost*/, double /*fraction*/) { return true; }
 
+  // Whether the loop calls JudgeWeights. It does so if each batch has samples that
+  // the last step was not computed from.
+  virtual bool JudgesWeights() const { return false; }
+
+  // What to do with the weights before a step.
+  enum class Verdict {
+    kGoOn,
+    kCopy,     // go on, and copy them: they are the best so far
+    kCompare,  // compare the loss of the batch before the last step and at the
+               // copy; go back if it is at most half as large there
+    kReturn    // go back to the copy
+  };
+  // Receives the loss of a new batch before its step; NaN if it is not finite.
+  virtual Verdict JudgeWeights(double /*cost*/) { return Verdict::kGoOn; }
+
+  enum class Return {
+    kNowhere,   // nothing was better, or there is nothing to compare
+    kLastStep,  // the last step was reverted
+    kToCopy,
+    kLeftOut  // the batch: its loss is finite nowhere
+  };
+  // Receives what came of kCompare or kReturn, and the loss of the batch there;
+  // NaN if it is left out.
+  virtual void Returned(Return /*where*/, double /*cost*/) {}
+
   // Estimated memory of ComputeStep in addition to the linearization. A
   // training run fails at its start if this exceeds the memory limit. Default:
   // some vectors, and the factorization of the Hessian if the rule needs it.

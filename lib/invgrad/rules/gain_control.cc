@@ -21,8 +21,6 @@ constexpr double kFirstDamping = 1e-6;
 constexpr double kMinDamping = 1e-14;
 constexpr double kMaxDamping = 100.0;
 
-constexpr double kMaxCurvatureChange = 4.0;
-
 // From this factor, 40 doublings lead back to the full step.
 constexpr double kMinStepFactor = 1e-12;
 
@@ -34,22 +32,23 @@ constexpr double kRounding = 1e-13;
 void GainControlOptions::Describe(OptionSet* set) {
   set->Add("control",
            &control,
-           {"none", "gain"},
+           {"none", "gain", "fresh"},
            "gain: a step whose batch gets worse is taken back, and `adapts` "
-           "follows the gain");
+           "follows the gain; fresh: the loss of new batches decides besides "
+           "about noise, step size and returns");
   set->Add("adapts",
            &adapts,
            {"nothing", "exponent", "damping", "both"},
-           "what control=gain changes: kappa, relative_damping");
+           "what the gain changes: kappa, relative_damping");
 }
 
 GainControl::GainControl(const GainControlOptions& options,
                          const SpectralFilter& filter)
-    : options_(options), filter_(filter), state_(4) {
+    : options_(options), filter_(filter), state_(3) {
   const bool has_no_damping =
       options.adapts_damping() && filter.relative_damping == 0.0;
   state_ << filter.kappa,
-      has_no_damping ? kFirstDamping : filter.relative_damping, 1.0, 0.0;
+      has_no_damping ? kFirstDamping : filter.relative_damping, 1.0;
 }
 
 SpectralFilter GainControl::filter() const {
@@ -59,14 +58,6 @@ SpectralFilter GainControl::filter() const {
   return adapted;
 }
 
-void GainControl::CompleteModel(AlongDirection* model) {
-  if (model->curvature > 0.0) return;
-  double& h = state_[3];
-  if (h == 0.0)
-    h = std::sqrt(model->squared_hessian_length / model->squared_length);
-  model->curvature = h * model->squared_length;
-}
-
 void GainControl::Expect(double cost, const AlongDirection& model, double eta) {
   cost_ = cost;
   model_ = model;
@@ -74,17 +65,14 @@ void GainControl::Expect(double cost, const AlongDirection& model, double eta) {
 }
 
 bool GainControl::Judge(double cost, double fraction) {
-  const double eta = fraction * eta_ * model_.unit;
-  const double predicted = -eta * (model_.slope + 0.5 * eta * model_.curvature);
+  const double predicted = -model_.Change(fraction * eta_);
   const double decrease = cost_ - cost;
   const double rounding = kRounding * std::abs(cost_);
   constexpr double kWorst = -std::numeric_limits<double>::infinity();
   if (!std::isfinite(cost)) {
     last_gain_ = kWorst;
-    state_[3] *= kMaxCurvatureChange;
   } else if (predicted > rounding) {
     last_gain_ = decrease / predicted;
-    MeasureCurvature(decrease, eta);
   } else {
     last_gain_ = decrease >= -rounding ? 1.0 : kWorst;
     if (last_gain_ == 1.0) {
@@ -98,12 +86,10 @@ bool GainControl::Judge(double cost, double fraction) {
   return last_gain_ >= 0.0;
 }
 
-void GainControl::MeasureCurvature(double decrease, double eta) {
-  double& h = state_[3];
-  if (h == 0.0) return;
-  const double measured =
-      -2.0 * (decrease / eta + model_.slope) / eta / model_.squared_length;
-  h = std::clamp(measured, h / kMaxCurvatureChange, h * kMaxCurvatureChange);
+void GainControl::Revert(bool several) {
+  last_gain_ = -std::numeric_limits<double>::infinity();
+  Adapt(last_gain_);
+  if (several) state_[0] = std::min(state_[0], 0.5);
 }
 
 void GainControl::Adapt(double gain) {

@@ -1,8 +1,9 @@
 // Control of a rule's steps by their gain: the decrease of the cost, divided by
-// the decrease that a quadratic model predicts.
+// the decrease that the model of step_size.h predicts.
 //
 //   gain = (L(x) - L(x + step)) / (L(x) - M(step))
-//   M(step) = L(x) + g . J step + 1/2 J step . H_L J step
+//   M(step) = L(x) + g . J step + 1/2 J step . H_L J step,
+//   or L(R(y, J step)), if the outputs keep a quantity
 //
 // A step with gain < 0, or a step that M predicts to be too long and that raises
 // the cost, is reverted. The gain then changes the filter for the next step:
@@ -19,16 +20,11 @@
 // rule's own, and a kept step doubles the step size, up to the rule's own.
 //
 // In training, L is the loss of the mini-batch that the step was computed from:
-// the gain measures the error of the linear model over the step, not the effect
+// the gain measures the error of this model over the step, not the effect
 // of the step on other samples, which rho limits.
 //
-// If the loss does not curve upwards along J step (an infidelity, whose H_L is
-// negative), M has h |J step|^2 in place of J step . H_L J step. h is the
-// curvature that explains the cost after the last step; it starts at
-// |H_L J step| / |J step| and changes at most by a factor of 4 for each step.
-// This makes step_size=auto work for such losses, too.
-//
-// Cost:    one evaluation of the cost a step, and products with J and H_L.
+// Cost:    one evaluation of the cost a step, and products with J and H_L, or
+//          evaluations of the loss on the curve of outputs.
 // Source:  the gain ratio is that of trust-region methods (Conn, Gould, Toint.
 //          Trust-Region Methods. SIAM 2000, chapter 6), the law for the damping
 //          is Nielsen's (Damping Parameter in Marquardt's Method.
@@ -54,7 +50,8 @@ struct GainControlOptions {
 
   void Describe(OptionSet* set);
 
-  bool is_on() const { return control == "gain"; }
+  bool is_on() const { return control != "none"; }
+  bool uses_new_batches() const { return control == "fresh"; }
   bool adapts_exponent() const {
     return adapts == "exponent" || adapts == "both";
   }
@@ -71,9 +68,6 @@ class GainControl {
   SpectralFilter filter() const;
   double step_factor() const { return state_[2]; }
 
-  // Replaces a curvature that is not positive by h |w|^2.
-  void CompleteModel(AlongDirection* model);
-
   // Call before a step of size eta along the direction of the model.
   void Expect(double cost, const AlongDirection& model, double eta);
 
@@ -81,13 +75,15 @@ class GainControl {
   // not finite). Returns false if the step must be reverted.
   bool Judge(double cost, double fraction);
 
+  // Call if steps were reverted later; `several`: more than the last one.
+  void Revert(bool several);
+
   double last_gain() const { return last_gain_; }
 
-  // kappa, relative damping, step factor, h (0: not known yet).
+  // kappa, relative damping, step factor.
   Eigen::VectorXd* mutable_state() { return &state_; }
 
  private:
-  void MeasureCurvature(double decrease, double eta);
   void Adapt(double gain);
   void GrowStep();
 

@@ -33,18 +33,21 @@ void JointRule::Options::Describe(OptionSet* set) {
            {0.0, kInfinity},
            "the same, in units of s_max^2");
   control.Describe(set);
+  fresh.Describe(set);
 }
 
 JointRule::JointRule(const Options& options)
-    : options_(options), control_(options.control, options.filter) {}
+    : options_(options),
+      control_(options.control, options.filter),
+      fresh_(options.fresh) {}
 
 bool JointRule::ComputeStep(const Linearization& at_x,
                             Eigen::VectorXd* step,
                             std::string* error) {
   CHECK(at_x.jacobian != nullptr) << "A joint rule needs J.";
   report_.clear();
-  const SpectralFilter filter =
-      JudgesSteps() ? control_.filter() : options_.filter;
+  SpectralFilter filter = JudgesSteps() ? control_.filter() : options_.filter;
+  if (JudgesWeights()) fresh_.Adjust(&filter);
   std::string how;
   if (!ComputeDirection(at_x, filter, &d_, &how, error)) return false;
   double eta = 0.0;
@@ -60,6 +63,10 @@ bool JointRule::ComputeStep(const Linearization& at_x,
                            filter.kappa,
                            filter.relative_damping);
   }
+  if (JudgesWeights()) {
+    report_ += fmt::format(
+        ", noise {:.2g}, caution {:.2g}", filter.noise, fresh_.caution());
+  }
   return true;
 }
 
@@ -73,28 +80,40 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   AlongDirection model;
   if (!is_zero && (options.is_auto() || JudgesSteps())) {
     if (!ModelAlong(at_x, -d_, &model, error)) return false;
-    if (JudgesSteps()) {
-      control_.CompleteModel(&model);
-      // At a minimum the slope is rounding.
-      if (model.slope >= 0.0) {
-        d_.setZero();
-        model = AlongDirection();
-      }
+    // At a minimum the slope is rounding.
+    if (JudgesSteps() && model.slope >= 0.0) {
+      d_.setZero();
+      model = AlongDirection();
     }
     if (!d_.isZero(0.0) && options.is_auto() &&
         !AutoStepSize(model, options.rho, eta, error)) {
-      if (!JudgesSteps() && model.curvature <= 0.0) {
-        *error += "; control=gain measures the curvature instead";
-      }
       return false;
     }
   }
   *eta *= options.ScheduleFactor(at_x.progress);
   if (JudgesSteps()) {
     *eta *= control_.step_factor();
+    if (JudgesWeights()) *eta *= fresh_.caution();
     control_.Expect(at_x.cost, model, *eta);
   }
   return true;
+}
+
+void JointRule::Returned(Return where, double cost) {
+  if (where != Return::kNowhere) {
+    control_.Revert(/*several=*/where != Return::kLastStep);
+  }
+  fresh_.Returned(where, cost);
+}
+
+std::vector<Eigen::VectorXd*> JointRule::MutableState() {
+  std::vector<Eigen::VectorXd*> state = {control_.mutable_state()};
+  if (JudgesWeights()) {
+    for (Eigen::VectorXd* array : fresh_.MutableState()) {
+      state.push_back(array);
+    }
+  }
+  return state;
 }
 
 }  // namespace invgrad

@@ -6,8 +6,9 @@
 // with phi of spectral_filter.h. A derived rule computes d.
 //
 // Shapes:  g: m;  J: m x n;  step, d: n.
-// Cost:    the cost of d; step_size=auto and control=gain add products with J
-//          and H_L, control=gain also adds one evaluation of the cost.
+// Cost:    the cost of d; step_size=auto and control add products with J
+//          and H_L (step_size.h), control also one evaluation of the cost, and
+//          control=fresh what fresh_control.h says.
 // Fails:   returns false if d cannot be computed, if the step is not finite, or
 //          if there is no automatic step size.
 #ifndef INVGRAD_RULES_JOINT_RULE_H_
@@ -20,6 +21,7 @@
 #include "invgrad/core/linearization.h"
 #include "invgrad/core/option_set.h"
 #include "invgrad/core/update_rule.h"
+#include "invgrad/rules/fresh_control.h"
 #include "invgrad/rules/gain_control.h"
 #include "invgrad/rules/step_size.h"
 #include "invgrad/spectral/spectral_filter.h"
@@ -33,6 +35,7 @@ class JointRule : public UpdateRule {
     SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
     bool kappa_is_a_setting = true;
     GainControlOptions control;
+    FreshControlOptions fresh;
 
     void Describe(OptionSet* set);
   };
@@ -48,15 +51,22 @@ class JointRule : public UpdateRule {
   bool KeepsStep(double cost, double fraction) final {
     return control_.Judge(cost, fraction);
   }
-  std::vector<Eigen::VectorXd*> MutableState() override {
-    return {control_.mutable_state()};
+  bool JudgesWeights() const final {
+    return options_.control.uses_new_batches();
   }
+  Verdict JudgeWeights(double cost) final { return fresh_.Judge(cost); }
+  void Returned(Return where, double cost) final;
+  std::vector<Eigen::VectorXd*> MutableState() override;
   std::string LastStepReport() const final { return report_; }
 
  protected:
   explicit JointRule(const Options& options);
 
   const Options& joint_options() const { return options_; }
+
+  // Of control=fresh: a derived rule that knows the spectrum of J and g gives it
+  // after a step for which `wants_spectrum`.
+  FreshControl* fresh_control() { return &fresh_; }
 
   // Computes *direction = d; *report describes the computation. Returns false,
   // with *error, if that fails.
@@ -72,6 +82,7 @@ class JointRule : public UpdateRule {
 
   const Options options_;
   GainControl control_;
+  FreshControl fresh_;
   Eigen::VectorXd d_;
   std::string report_;
 };

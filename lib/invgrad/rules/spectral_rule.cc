@@ -190,6 +190,9 @@ class SpectralRule final : public JointRule {
       histories_.setZero(kHistory * num_blocks);
     }
     direction->resize(J.cols());
+    // Blocks have spectra of their own.
+    options_.measures_spectrum =
+        JudgesWeights() && blocks.empty() && fresh_control()->wants_spectrum();
     Totals totals;
     Eigen::Index column = 0;
     for (std::size_t i = 0; i < num_blocks; ++i) {
@@ -215,6 +218,9 @@ class SpectralRule final : public JointRule {
       direction->segment(column, d_.size()) = d_;
       column += d_.size();
       totals.Add(block, summary);
+      if (blocks.empty() && JudgesWeights()) {
+        fresh_control()->Observe(summary.spectrum);
+      }
     }
     *report = totals.Report();
     return true;
@@ -243,6 +249,8 @@ std::vector<RuleRow> SpectralRuleRows() {
   SpectralRule::Options adaptive_power;
   adaptive_power.step_size.step_size = std::nullopt;  // auto
   adaptive_power.control.control = "gain";
+  SpectralRule::Options adaptive = adaptive_power;
+  adaptive.control.control = "fresh";
   return {
       MakeRuleRow<SpectralRule>(
           "power", "step = -eta V S^(-kappa) U^T g, s > tau s_max", power),
@@ -263,6 +271,11 @@ std::vector<RuleRow> SpectralRuleRows() {
                                 "step = -eta V S^(-kappa) U^T g, s > tau "
                                 "s_max; kappa follows the gain",
                                 adaptive_power),
+      MakeRuleRow<SpectralRule>("adaptive",
+                                "step = -eta V S^(-kappa) W U^T g, s > tau "
+                                "s_max; kappa follows the gain, eta and the "
+                                "Wiener filter W follow new batches",
+                                adaptive),
   };
 }
 

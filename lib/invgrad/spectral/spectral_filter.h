@@ -2,8 +2,9 @@
 //
 //   step = -eta V phi(S) U^T g,   J = U S V^T
 //
-//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2)   for s > tau s_max, else 0
-//   lambda = damping + relative_damping s_max^2
+//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2) x^a / (x^a + noise)
+//                                                  for s > tau s_max, else 0
+//   lambda = damping + relative_damping s_max^2,   x = (s / s_max)^2
 //
 //   rule                         phi(s)
 //   gradient descent             s               kappa = -1, tau = 0
@@ -12,6 +13,10 @@
 //   power, kappa in [-1, 1]      s^-kappa        lambda = 0
 //   Levenberg-Marquardt          s / (s^2 + lambda)       kappa = 1, tau = 0
 //   clamped                      phi(max(s, tau s_max))
+//
+// The last factor is a Wiener filter: the share of signal in a coefficient of g
+// whose signal has the variance x^a in units in which its noise has the variance
+// `noise` (rules/evidence.h estimates both). It is 1 for noise = 0.
 //
 // With damping, phi acts as gradient descent on values well below sqrt(lambda),
 // and as a power on values well above. Truncation is relative and strict: a
@@ -23,6 +28,7 @@
 #ifndef INVGRAD_SPECTRAL_SPECTRAL_FILTER_H_
 #define INVGRAD_SPECTRAL_SPECTRAL_FILTER_H_
 
+#include <cmath>
 #include <string>
 
 namespace invgrad {
@@ -33,6 +39,8 @@ struct SpectralFilter {
   bool clamp = false;             // raise small values to tau s_max instead
   double damping = 0.0;           // >= 0, in units of s^2
   double relative_damping = 0.0;  // >= 0, in units of s_max^2
+  double noise = 0.0;             // >= 0, in units of the largest signal
+  double signal_exponent = 1.0;   // a in (0, 1]
 
   static SpectralFilter Power(double kappa, double tau);
   static SpectralFilter HalfInverse(double tau) { return Power(0.5, tau); }
@@ -50,8 +58,16 @@ struct SpectralFilter {
   // (1 + kappa) / 2: phi(s) = s f(s^2) with f(x) = (x + lambda)^-Exponent().
   double Exponent() const { return 0.5 * (1.0 + kappa); }
 
+  // The share of signal x^a / (x^a + noise) at x, real or complex.
+  template <typename T>
+  T SignalShare(T x) const {
+    using std::pow;
+    const T signal = signal_exponent == 1.0 ? x : pow(x, signal_exponent);
+    return signal / (signal + noise);
+  }
+
   // The argument of the maximum of phi on (0, highest]; `highest` if phi is
-  // singular at zero.
+  // singular at zero. With damping and noise, the smaller of their arguments.
   double PeakBelow(double highest, double s_max) const;
 
   // True if phi(s) = s, which needs no factorization of J.

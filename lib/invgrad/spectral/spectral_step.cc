@@ -170,6 +170,19 @@ void SummarizeSpectrum(const SpectralProblem& problem,
   }
 }
 
+void SetSpectrum(const SpectralProblem& problem,
+                 const VectorXd& lambda,
+                 const VectorXd& squared_coefficients) {
+  Spectrum& spectrum = problem.summary->spectrum;
+  spectrum.lambda = lambda;
+  spectrum.squared_coefficients = squared_coefficients;
+  spectrum.num_outside = problem.m() - lambda.size();
+  if (spectrum.num_outside > 0) {
+    spectrum.outside =
+        std::max(0.0, problem.g.squaredNorm() - squared_coefficients.sum());
+  }
+}
+
 bool CheckJacobianFinite(const JacobianOperator& J, std::string* message) {
   // A row is finite if its product with tiny numbers is.
   VectorXd product;
@@ -249,8 +262,13 @@ bool SpectralStep(const JacobianOperator& J,
       return false;
     }
   }
-  const SpectralProblem problem{
-      J, g, filter, &workspace->buffers(), d, summary};
+  const SpectralProblem problem{J,
+                                g,
+                                filter,
+                                &workspace->buffers(),
+                                options.measures_spectrum,
+                                d,
+                                summary};
   const SingleBlasThread single(std::min(J.rows(), J.cols()) <
                                 kSmallestThreaded);
   if (options.route == SpectralRoute::kAuto && !filter.IsGradientDescent()) {

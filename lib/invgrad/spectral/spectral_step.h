@@ -65,6 +65,7 @@
 #include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral/spectrum.h"
 
 namespace invgrad {
 
@@ -83,6 +84,8 @@ struct SpectralStepOptions {
   // threshold_resolution <= threshold_tolerance, or no value is undecided: 0
   // requires the sharp threshold.
   double threshold_tolerance = 0.0;
+  // Whether to fill summary.spectrum: k^2 rotations for route gram.
+  bool measures_spectrum = false;
   // In bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 
@@ -106,6 +109,9 @@ struct SpectralStepSummary {
   // if phi jumps at zero, 0 if phi has no jump.
   double threshold_resolution = 0.0;
   std::string message;  // the failure, or why auto used svd
+  // Of J and g, if measured: empty for gradient, for J = 0, and if its iteration
+  // does not converge.
+  Spectrum spectrum;
 };
 
 struct SpectralBuffers;

@@ -45,12 +45,17 @@ class Engine {
   // all steps.
   virtual StepResult Step(double progress, Eigen::VectorXd* weights) = 0;
 
-  // Reverts the last step, after which the train loss is not finite. Returns
-  // false, and does nothing, if the engine does not judge its steps.
+  // Reverts the last step, after which the train loss is not finite, or goes back
+  // to a rule's copy of the weights. Returns false, and does nothing, if the
+  // engine does not judge its steps or has nothing to go back to.
   virtual bool TakeBack(Eigen::VectorXd* /*weights*/) { return false; }
 
   // Resets the weights to the last ones with a finite batch loss.
   virtual void RestoreLastGood(Eigen::VectorXd* /*weights*/) {}
+
+  // The weights that the last step started from, after the one before it was
+  // kept or reverted; null for an engine whose weights are not averaged.
+  virtual const Eigen::VectorXd* start_of_step() const { return nullptr; }
 
   // The number of updates by the rule, one or more per step, and the number of
   // reverted ones.
@@ -91,8 +96,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 // is left out. A rule that
 // judges its steps (control=gain) receives the cost before and after each step;
 // the engine reverts a step that the rule rejects, or after which the next
-// batch has no finite loss. Fails if a batch has no finite loss or the rule has
-// no finite step.
+// batch has no finite loss. A rule that judges weights (control=fresh) receives
+// the loss of each batch before its step, if batches differ; the engine copies
+// the weights, and goes back to the copy, as the rule decides. Fails if a batch
+// has no finite loss or the rule has no finite step.
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
     const TrainOptions& options,

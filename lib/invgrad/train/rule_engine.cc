@@ -1,3 +1,4 @@
+#include <cmath>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -11,6 +12,9 @@
 namespace invgrad {
 namespace {
 
+// So many batches in a row without a finite loss end the run.
+constexpr long kMaxLeftOut = 100;
+
 class RuleEngine final : public Engine {
  public:
   RuleEngine(int batch_size,
@@ -20,6 +24,9 @@ class RuleEngine final : public Engine {
              const TrainingData* data)
       : batch_size_(batch_size),
         shuffles_(options.shuffle),
+        judges_weights_(rule->JudgesWeights() &&
+                        (data->source != nullptr ||
+                         batch_size < data->train.num_samples())),
         num_weights_(options.initial_weights.size()),
         objective_(std::move(objective)),
         rule_(std::move(rule)),
@@ -36,6 +43,9 @@ class RuleEngine final : public Engine {
   bool TakeBack(Eigen::VectorXd* weights) override;
   void RestoreLastGood(Eigen::VectorXd* weights) override {
     if (last_good_weights_.size() > 0) *weights = last_good_weights_;
+  }
+  const Eigen::VectorXd* start_of_step() const override {
+    return &last_good_weights_;
   }
   long num_updates() const override {
     return step_ * objective_->updates_per_step();
@@ -54,6 +64,19 @@ class RuleEngine final : public Engine {
   // The samples of the next step.
   DataSet NextBatch();
   void DrawOrder();
+  // Linearizes at the weights, after those returns that the rule decides.
+  // *left_out: the loss of the batch is finite nowhere, and the rule judges
+  // weights.
+  bool Begin(const DataSet& batch,
+             Linearization* at_weights,
+             Eigen::VectorXd* weights,
+             bool* left_out,
+             std::string* error);
+  // Moves the weights to where the loss of the batch is at most half of `cost`
+  // (not finite: finite): before the last step or the copy.
+  UpdateRule::Return Compare(const DataSet& batch,
+                             double cost,
+                             Eigen::VectorXd* weights);
   // Makes all updates of a step; *at_weights is the linearization for the first
   // one.
   bool Update(const DataSet& batch,
@@ -70,6 +93,7 @@ class RuleEngine final : public Engine {
 
   const int batch_size_;
   const bool shuffles_;
+  const bool judges_weights_;
   const Eigen::Index num_weights_;
   const std::unique_ptr<BatchObjective> objective_;
   const std::shared_ptr<UpdateRule> rule_;
@@ -85,6 +109,9 @@ class RuleEngine final : public Engine {
   NumpyRandom before_order_;
   // The weights of the last finite batch loss.
   Eigen::VectorXd last_good_weights_;
+  // The copy of a rule that judges weights; may be empty.
+  Eigen::VectorXd copied_weights_;
+  long num_left_out_ = 0;  // in a row
 };
 
 DataSet RuleEngine::NextBatch() {
@@ -107,17 +134,19 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   const DataSet batch = NextBatch();
   Linearization at_weights;
   at_weights.progress = progress;
-  const auto linearize = [&] {
-    return objective_->Linearize(
-        *weights, batch, rule_->Needs(), &at_weights, &result.message);
-  };
-  const bool is_finite = linearize() || (TakeBack(weights) && linearize());
+  bool left_out = false;
+  const bool is_finite =
+      Begin(batch, &at_weights, weights, &left_out, &result.message);
   if (is_finite) {
     last_good_weights_ = *weights;
     result.batch_loss = at_weights.cost;
   }
   const long num_taken_back = num_taken_back_;
-  if (!is_finite || !Update(batch, &at_weights, weights, &result.message)) {
+  if (left_out) {
+    ++num_taken_back_;
+    RestoreLastGood(weights);
+  } else if (!is_finite ||
+             !Update(batch, &at_weights, weights, &result.message)) {
     RestoreLastGood(weights);
     return result;
   }
@@ -132,6 +161,82 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   }
   result.iteration.step_norm = (*weights - last_good_weights_).norm();
   return result;
+}
+
+bool RuleEngine::Begin(const DataSet& batch,
+                       Linearization* at_weights,
+                       Eigen::VectorXd* weights,
+                       bool* left_out,
+                       std::string* error) {
+  using Verdict = UpdateRule::Verdict;
+  using Return = UpdateRule::Return;
+  const auto linearize = [&] {
+    return objective_->Linearize(
+        *weights, batch, rule_->Needs(), at_weights, error);
+  };
+  bool is_finite = linearize();
+  if (!judges_weights_) {
+    return is_finite || (TakeBack(weights) && linearize());
+  }
+  const double cost =
+      is_finite ? at_weights->cost : std::numeric_limits<double>::quiet_NaN();
+  const Verdict verdict = rule_->JudgeWeights(cost);
+  Return where = Return::kNowhere;
+  switch (verdict) {
+    case Verdict::kGoOn:
+      return is_finite;
+    case Verdict::kCopy:
+      copied_weights_ = *weights;
+      return is_finite;
+    case Verdict::kCompare:
+      where = Compare(batch, cost, weights);
+      break;
+    case Verdict::kReturn:
+      CHECK_GT(copied_weights_.size(), 0) << "The rule has asked for no copy.";
+      *weights = copied_weights_;
+      where = Return::kToCopy;
+      break;
+  }
+  if (where != Return::kNowhere) {
+    ++num_taken_back_;
+    is_finite = linearize();
+  }
+  *left_out = !is_finite && num_left_out_ < kMaxLeftOut;
+  num_left_out_ = is_finite ? 0 : num_left_out_ + 1;
+  rule_->Returned(
+      is_finite ? where : Return::kLeftOut,
+      is_finite ? at_weights->cost : std::numeric_limits<double>::quiet_NaN());
+  return is_finite;
+}
+
+UpdateRule::Return RuleEngine::Compare(const DataSet& batch,
+                                       double cost,
+                                       Eigen::VectorXd* weights) {
+  using Return = UpdateRule::Return;
+  // The cost of a proxy says nothing about the loss of the batch.
+  if (objective_->is_proxy()) {
+    if (std::isfinite(cost) || last_good_weights_.size() == 0 ||
+        *weights == last_good_weights_) {
+      return Return::kNowhere;
+    }
+    *weights = last_good_weights_;
+    return Return::kLastStep;
+  }
+  double lowest =
+      std::isfinite(cost) ? 0.5 * cost : std::numeric_limits<double>::max();
+  Return where = Return::kNowhere;
+  const auto consider = [&](const Eigen::VectorXd& candidate, Return from) {
+    if (candidate.size() == 0) return;
+    const double there = JudgedCost(batch, candidate);
+    if (!(there < lowest)) return;
+    lowest = there;
+    where = from;
+  };
+  consider(last_good_weights_, Return::kLastStep);
+  consider(copied_weights_, Return::kToCopy);
+  if (where == Return::kLastStep) *weights = last_good_weights_;
+  if (where == Return::kToCopy) *weights = copied_weights_;
+  return where;
 }
 
 bool RuleEngine::Update(const DataSet& batch,
@@ -193,8 +298,11 @@ double RuleEngine::JudgedCost(const DataSet& batch,
 }
 
 bool RuleEngine::TakeBack(Eigen::VectorXd* weights) {
-  if (!rule_->JudgesSteps() || last_good_weights_.size() == 0 ||
-      *weights == last_good_weights_) {
+  if (!rule_->JudgesSteps()) return false;
+  if (*weights == last_good_weights_ && copied_weights_.size() > 0) {
+    last_good_weights_ = copied_weights_;
+  }
+  if (last_good_weights_.size() == 0 || *weights == last_good_weights_) {
     return false;
   }
   *weights = last_good_weights_;
@@ -220,6 +328,14 @@ void RuleEngine::VisitState(StateArchive* archive) {
       archive->Require(random_.SetState(random), "random");
       if (is_within_epoch) DrawOrder();
     }
+  }
+  if (judges_weights_) {
+    archive->Visit("copied_weights", &copied_weights_);
+    archive->Require(copied_weights_.size() == 0 ||
+                         (copied_weights_.size() == num_weights_ &&
+                          copied_weights_.allFinite()),
+                     "copied_weights");
+    archive->Visit("num_left_out", &num_left_out_);
   }
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
   for (size_t i = 0; i < rule_state.size(); ++i) {

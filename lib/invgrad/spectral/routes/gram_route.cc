@@ -16,6 +16,8 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
+#include "invgrad/spectral/routes/spectrum_cut.h"
+#include "invgrad/spectral/routes/tridiagonal_coefficients.h"
 #include "invgrad/spectral/step_error.h"
 
 namespace invgrad {
@@ -57,6 +59,34 @@ bool MakeStep(const SpectralProblem& problem, const VectorXd& w) {
   return CheckFinite("the step", *problem.d, &problem.summary->message);
 }
 
+// Sets the spectrum from K's eigenvalues in units of `unit`, and the coefficients
+// of b in its eigenvectors.
+void MeasureSpectrum(const SpectralProblem& problem,
+                     const VectorXd& lambda,
+                     const VectorXd& c) {
+  VectorXd squared = c.cwiseAbs2();
+  if (problem.parameter_side()) {
+    // (v_i . J^T g)^2 = lambda_i (u_i . g)^2. Below the resolution of K, where
+    // it is rounding, g counts as outside.
+    const double smallest = Resolution(problem) * lambda.maxCoeff();
+    squared =
+        (lambda.array() > smallest)
+            .select(squared.array() / (problem.buffers->unit * lambda.array()),
+                    0.0);
+  }
+  SetSpectrum(problem, problem.buffers->unit * lambda, squared);
+}
+
+// The same from the tridiagonal form of K and b = Q^T b.
+void MeasureSpectrum(const SpectralProblem& problem) {
+  const SpectralBuffers& buffers = *problem.buffers;
+  VectorXd lambda = buffers.reduction.diagonal();
+  VectorXd c = buffers.b;
+  if (TridiagonalCoefficients(buffers.reduction.off_diagonal(), &lambda, &c)) {
+    MeasureSpectrum(problem, lambda, c);
+  }
+}
+
 // Computes f(K) b from all eigenvectors of K.
 bool EigenvectorStep(const SpectralProblem& problem) {
   SpectralBuffers* buffers = problem.buffers;
@@ -72,12 +102,13 @@ bool EigenvectorStep(const SpectralProblem& problem) {
     return false;
   }
   const double s_max = std::sqrt(lambda[size - 1]) * std::sqrt(buffers->unit);
-  lambda /= lambda[size - 1];
-  // Rounding may make small eigenvalues negative.
-  const VectorXd s = s_max * lambda.cwiseMax(0.0).cwiseSqrt();
   VectorXd& c = buffers->y;
   c.resize(size);
   Gemv(Op::kTranspose, 1.0, U, buffers->b, 0.0, c);
+  if (problem.measures_spectrum) MeasureSpectrum(problem, lambda, c);
+  lambda /= lambda[size - 1];
+  // Rounding may make small eigenvalues negative.
+  const VectorXd s = s_max * lambda.cwiseMax(0.0).cwiseSqrt();
   VectorXd filtered(size);
   for (Index i = 0; i < size; ++i) {
     const double phi = problem.filter(s[i], s_max);
@@ -105,11 +136,6 @@ constexpr double kContourTolerance = 1e-15;
 // small.
 constexpr double kSampleSafety = 3.0;
 
-// A few roundings of the largest eigenvalue.
-double RoundingOf(const Tridiagonal& T) {
-  return 4.0 * kEpsilon * std::max(T.upper_bound(), -T.lower_bound());
-}
-
 // Entries +-1 of a fixed pseudo-random sequence (splitmix64).
 void FillSigns(Eigen::Index size, Tridiagonal::Perturbations* signs) {
   if (signs->cols() == size) return;
@@ -125,83 +151,40 @@ void FillSigns(Eigen::Index size, Tridiagonal::Perturbations* signs) {
 }
 
 // f(lambda) = phi(s) / s, lambda = s^2, in units of T: lambda / unit ->
-// f(lambda) / scale = (lambda / unit + damping)^-exponent.
+// f(lambda) / scale = (lambda / unit + damping)^-exponent, times the share of
+// signal. That is analytic outside (-inf, 0], because signal_exponent <= 1.
 struct GramFunction {
-  GramFunction(const SpectralFilter& filter, double unit, double lambda_max)
-      : exponent(filter.Exponent()),
+  // The filter must outlive the function. lambda_max in units of T.
+  GramFunction(const SpectralFilter& spectral_filter,
+               double unit,
+               double largest)
+      : filter(spectral_filter),
+        lambda_max(largest),
+        exponent(filter.Exponent()),
         damping(filter.damping / unit + filter.relative_damping * lambda_max),
         scale(std::pow(unit, -filter.Exponent())) {}
 
   std::complex<double> operator()(std::complex<double> z) const {
-    return exponent == 1.0 ? 1.0 / (z + damping)
-                           : std::pow(z + damping, -exponent);
+    const std::complex<double> power = exponent == 1.0
+                                           ? 1.0 / (z + damping)
+                                           : std::pow(z + damping, -exponent);
+    if (filter.noise == 0.0) return power;
+    return power * filter.SignalShare(z / lambda_max);
   }
 
   // f has a pole or a branch point here, and is analytic above.
-  double singularity() const { return -damping; }
+  double singularity() const { return filter.noise > 0.0 ? 0.0 : -damping; }
   // 1 / (z + damping), defined at roundings below zero too.
-  bool is_damped_resolvent() const { return exponent == 1.0 && damping > 0.0; }
+  bool is_damped_resolvent() const {
+    return exponent == 1.0 && damping > 0.0 && filter.noise == 0.0;
+  }
 
+  const SpectralFilter& filter;
+  double lambda_max;
   double exponent;
   double damping;
   double scale;
 };
-
-// A threshold in T's spectrum. No eigenvalue lies between `below` and `above`.
-struct Cut {
-  int num_below = 0;      // number of dropped eigenvalues
-  int num_undecided = 0;  // within `resolution` of the wanted threshold
-  double below = 0.0;     // the largest dropped eigenvalue, or f's singularity
-  double above = 0.0;     // the smallest kept eigenvalue
-};
-
-// The threshold nearest to `wanted` that lies in a gap of the spectrum:
-// `wanted` itself, unless eigenvalues are within `resolution` of it.
-Cut FindCut(const Tridiagonal& T,
-            double wanted,
-            double resolution,
-            double singularity) {
-  Cut cut;
-  const double rounding = RoundingOf(T);
-  // The number of eigenvalues within the resolution and, if there are any, the
-  // widest gap between them.
-  constexpr int kProbes = 63;
-  double probes[kProbes];
-  int counts[kProbes];
-  for (int k = 0; k < kProbes; ++k) {
-    probes[k] = wanted + resolution * (2.0 * k / (kProbes - 1) - 1.0);
-  }
-  T.CountBelow(probes, kProbes, counts);
-  cut.num_undecided = counts[kProbes - 1] - counts[0];
-  double threshold = wanted;
-  cut.num_below = counts[kProbes / 2];
-  if (cut.num_undecided > 0) {
-    int widest = 0;
-    for (int first = 0; first < kProbes;) {
-      int end = first + 1;
-      while (end < kProbes && counts[end] == counts[first]) ++end;
-      if (end - first > widest) {
-        widest = end - first;
-        threshold = probes[first + widest / 2];
-        cut.num_below = counts[first];
-      }
-      first = end;
-    }
-  }
-  // The eigenvalues on both sides. An eigenvalue far from the others need not
-  // be accurate: the quadrature only needs a gap.
-  cut.above =
-      cut.num_below < T.size()
-          ? T.Eigenvalue(cut.num_below, threshold, T.upper_bound(), rounding)
-          : T.upper_bound();
-  cut.below = singularity;
-  if (cut.num_below > 0) {
-    cut.below = std::max(
-        singularity,
-        T.Eigenvalue(cut.num_below - 1, T.lower_bound(), threshold, rounding));
-  }
-  return cut;
-}
 
 // The norm of the step by f(T) h = y.
 double StepNorm(const SpectralProblem& problem, const VectorXd& y) {
@@ -272,6 +255,7 @@ bool ReducedStep(const SpectralProblem& problem) {
   buffers->tridiagonal.Set(buffers->reduction.diagonal(),
                            buffers->reduction.off_diagonal());
   buffers->reduction.ApplyQTranspose(&buffers->b);
+  if (problem.measures_spectrum) MeasureSpectrum(problem);
   const bool parameter_side = problem.parameter_side();
   const double root_unit = std::sqrt(buffers->unit);
   const Tridiagonal& T = buffers->tridiagonal;

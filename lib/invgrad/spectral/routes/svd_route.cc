@@ -146,6 +146,9 @@ bool SvdRoute(const SpectralProblem& problem) {
     ApplyQ(svd, 'T', &rotated);
     Gemv(Op::kTranspose, 1.0, svd.left, rotated.head(svd.left.rows()), 0.0, c);
   }
+  if (problem.measures_spectrum) {
+    SetSpectrum(problem, svd.s.cwiseAbs2(), c.cwiseAbs2());
+  }
   VectorXd filtered(c.size());
   for (Index i = 0; i < c.size(); ++i) {
     filtered[i] = problem.filter(svd.s[i], s_max) * c[i];

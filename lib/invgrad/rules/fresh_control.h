@@ -1,0 +1,103 @@
+// Control of a rule by the loss of new samples: how much of the residual is
+// noise, how bold the steps are, and when to go back.
+//
+// A batch is new before its own step; its loss L judges the steps before. From
+// the trend of log L (loss_trend.h), d = -slope and its standard error e:
+//
+//   noise    the filter's noise is exp(-1000 max(d, 0)) times that of the evidence
+//            (evidence.h): a residual that still shrinks is not noise
+//   caution  * 0.97 if d < -e, * 1.02 if d > e, within [1e-3, 1]; it multiplies
+//            the step size, and kappa - 1/2 where kappa > 1/2
+//   copy     of the weights, after each block of 10 steps whose mean log L is at
+//            most one standard error above the lowest one
+//   return   to this copy, after a block whose mean is above the lowest one by 3
+//            standard errors and log 1.6
+//   compare  if L is not finite, or an outlier above the trend: the loss of the
+//            same batch before the last step and at the copy. The weights go back
+//            where it is at most half as large. A batch whose loss is finite
+//            nowhere is left out.
+//
+// A return halves the caution and, as a rejected step, the step size; kappa falls
+// to 1/2 at most, but for a return by one step.
+//
+// The setting `without` turns off noise, caution (but for returns) or returns
+// (copies and comparisons, too), to measure what each of them does.
+//
+// Without new samples (all samples in each batch, ceres::Solve) nothing of this
+// happens, and gain control is all.
+//
+// Cost:    the spectrum in every fifth step, a fit to it, and for outliers two
+//          evaluations of the loss.
+// Source:  ours; numbers and what else was tried: docs/results/control.md.
+#ifndef INVGRAD_RULES_FRESH_CONTROL_H_
+#define INVGRAD_RULES_FRESH_CONTROL_H_
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/core/option_set.h"
+#include "invgrad/core/update_rule.h"
+#include "invgrad/rules/evidence.h"
+#include "invgrad/rules/loss_trend.h"
+#include "invgrad/spectral/spectral_filter.h"
+
+namespace invgrad {
+
+struct FreshControlOptions {
+  std::string without = "nothing";  // the part that is off
+
+  void Describe(OptionSet* set);
+};
+
+class FreshControl {
+ public:
+  using Verdict = UpdateRule::Verdict;
+  using Return = UpdateRule::Return;
+
+  explicit FreshControl(const FreshControlOptions& options)
+      : options_(options) {}
+
+  // As UpdateRule::JudgeWeights and Returned.
+  Verdict Judge(double cost);
+  void Returned(Return where, double cost);
+
+  // Before the filter is applied: kappa follows the caution, noise the trend.
+  void Adjust(SpectralFilter* filter) const;
+  double caution() const { return state_[kCaution]; }
+
+  // Whether the next step is to measure its spectrum.
+  bool wants_spectrum() const;
+  // Call after each step, with an empty spectrum if it was not measured.
+  void Observe(const Spectrum& spectrum);
+
+  std::vector<Eigen::VectorXd*> MutableState();
+
+ private:
+  enum {
+    kCaution,
+    kSteps,
+    kNoise,
+    kSignalExponent,
+    kBlockSize,
+    kBlockSum,
+    kBlockSum2,
+    kLowest,
+    kLowestVariance,
+    kSize
+  };
+
+  void Accept(double cost);
+  // Of a full block, which begins anew.
+  Verdict JudgeBlock(bool may_copy);
+
+  const FreshControlOptions options_;
+  Evidence evidence_;
+  LossTrend trend_;
+  Eigen::VectorXd state_ = InitialState();
+  static Eigen::VectorXd InitialState();
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_RULES_FRESH_CONTROL_H_
