@@ -295,7 +295,7 @@ std::string TrainingRun::ChooseFinalWeights() {
   const bool takes_average = row.average_train_loss < row.train_loss;
   constexpr const char* names[] = {"last", "averaged"};
   const double losses[] = {row.train_loss, row.average_train_loss};
-  const std::string of_both =
+  std::string of_both =
       fmt::format("; final: {} weights (train loss {}; {} weights {})",
                   names[takes_average],
                   FormatNumber(losses[takes_average]),
