@@ -197,6 +197,19 @@ bool CheckJacobianFinite(const JacobianOperator& J, std::string* message) {
   return true;
 }
 
+bool CheckCovectorFinite(const JacobianOperator& J,
+                         const VectorXd& g,
+                         std::string* message) {
+  for (int row = 0; row < g.size(); ++row) {
+    if (!std::isfinite(g[row])) {
+      *message =
+          fmt::format("g is not finite: {} is {}", J.RowName(row), g[row]);
+      return false;
+    }
+  }
+  return true;
+}
+
 SpectralStepOptions SpectralStepOptions::ForTraining() {
   SpectralStepOptions options;
   options.tolerance = 1e-2;
@@ -255,13 +268,7 @@ bool SpectralStep(const JacobianOperator& J,
   std::string invalid;
   CHECK(filter.IsValid(&invalid)) << invalid;
   *summary = SpectralStepSummary();
-  for (int row = 0; row < g.size(); ++row) {
-    if (!std::isfinite(g[row])) {
-      summary->message =
-          fmt::format("g is not finite: {} is {}", J.RowName(row), g[row]);
-      return false;
-    }
-  }
+  if (!CheckCovectorFinite(J, g, &summary->message)) return false;
   const SpectralProblem problem{J,
                                 g,
                                 filter,

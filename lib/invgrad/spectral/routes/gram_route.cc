@@ -15,6 +15,7 @@
 
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/spectral/routes/gram_matrix.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/routes/spectrum_cut.h"
 #include "invgrad/spectral/routes/tridiagonal_coefficients.h"
@@ -29,10 +30,6 @@ using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-// If the largest diagonal entry of the Gram matrix is below this, singular
-// values above epsilon s_max underflow.
-constexpr double kSmallestGram = 1e-270;
-
 // Below this size computing all eigenvectors is as cheap as a contour integral,
 // and gives a better error estimate. Measured: equal at 48.
 constexpr Index kSmallestReduced = 64;
@@ -43,10 +40,7 @@ constexpr Index kSmallestShared = 1000;
 
 // Values of (s / s_max)^2 within this distance of the jump are undecided.
 double Resolution(const SpectralProblem& problem) {
-  const auto size = static_cast<double>(std::min(problem.m(), problem.n()));
-  const auto other_size =
-      static_cast<double>(std::max(problem.m(), problem.n()));
-  return 2.0 * kEpsilon * (size + std::sqrt(other_size));
+  return GramResolution(problem.m(), problem.n());
 }
 
 // *d from w = f(K) b.
@@ -329,49 +323,24 @@ bool GramRoute(const SpectralProblem& problem) {
   buffers->strips =
       ColumnStrips(size, is_shared ? problem.J.communicator() : nullptr);
   if (problem.parameter_side()) {
-    if (is_shared) {
-      problem.J.ParameterGramStrips(buffers->strips, &K);
-    } else {
-      problem.J.ParameterGram(&K);
-    }
     problem.J.TransposeTimes(problem.g, &buffers->b);
   } else {
-    if (is_shared) {
-      problem.J.GramStrips(buffers->strips, &K);
-    } else {
-      problem.J.Gram(&K);
-    }
     buffers->b = problem.g;
   }
-  // A diagonal entry is the squared norm of a row or column of J. It is not
-  // finite if an entry of this row or column is not finite, or if a square
-  // overflows.
-  VectorXd& diagonal = buffers->values;
-  buffers->strips.GetDiagonal(K, &diagonal);
-  if (!diagonal.allFinite()) {
-    if (CheckJacobianFinite(problem.J, message)) {
-      *message = "the squares of J's entries overflow";
-    }
+  if (!SmallerGram(problem.J,
+                   buffers->strips,
+                   &K,
+                   &buffers->values,
+                   &buffers->unit,
+                   message)) {
     return false;
   }
-  const double largest = diagonal.maxCoeff();
-  if (largest < kSmallestGram) {
+  if (buffers->unit == 0.0) {
     // J = 0, or for this g as good as that.
     problem.J.TransposeTimes(problem.g, problem.d);
     if (problem.d->isZero(0.0)) return true;
     *message = "the squares of J's entries underflow";
     return false;
-  }
-  // Entries of ordinary size need no scaling, which saves a pass.
-  int exponent = 0;
-  std::frexp(largest, &exponent);
-  if (std::abs(exponent) <= 100) exponent = 0;
-  buffers->unit = std::ldexp(1.0, exponent);
-  if (exponent != 0) {
-    buffers->strips.ForOwn([&](Index first, Index count) {
-      K.block(first, buffers->strips.Local(first), size - first, count) *=
-          1.0 / buffers->unit;
-    });
   }
   return K.rows() < kSmallestReduced || problem.filter.clamp
              ? EigenvectorStep(problem)
