@@ -14,6 +14,8 @@
 // SVD, from the dense J) to d:
 //
 //   gram, svd        the routes of spectral_step.h, with a rule's tolerances
+//   loo, loo_32      leave_one_out.h for one filter: all samples, and 32 of them
+//   loo_32x18        32 samples for 18 filters
 //   golub_kahan      golub_kahan.h, with --truncation=1e-3 or more
 //   dgesdd, sgesdd   LAPACK's SVD of J in double and single precision
 //   bdcsvd           Eigen's
@@ -28,7 +30,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -42,6 +43,7 @@
 #include "bin/support/benchmarks.h"
 #include "bin/support/lapack_svd.h"
 #include "bin/support/learning_run.h"
+#include "bin/support/leave_one_out_step.h"
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
@@ -161,6 +163,14 @@ Step RouteStep(SpectralRoute route, bool is_whole = false) {
   };
 }
 
+// leave_one_out_step.h; 0: all samples.
+Step LeaveOneOutStep(int max_num_samples, bool is_choice) {
+  auto step = std::make_shared<LeftOutStep>(max_num_samples, is_choice);
+  return [step](const Case& at) {
+    return step->Run(at.J(), at.g(), at.batch.num_samples(), at.filter);
+  };
+}
+
 Step KrylovStep() {
   auto basis = std::make_shared<Eigen::MatrixXd>();
   return [basis](const Case& at) {
@@ -214,6 +224,9 @@ const std::vector<RouteRow>& RouteRows() {
   static const auto& rows = *new std::vector<RouteRow>{
       {"gram", false, [] { return RouteStep(SpectralRoute::kGram); }},
       {"step", false, [] { return RouteStep(SpectralRoute::kGram, true); }},
+      {"loo", false, [] { return LeaveOneOutStep(0, false); }},
+      {"loo_32", false, [] { return LeaveOneOutStep(32, false); }},
+      {"loo_32x18", false, [] { return LeaveOneOutStep(32, true); }},
       {"golub_kahan", false, KrylovStep},
       {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},
       {"dgesdd", true, SvdStep<LapackSvd<double>>},
@@ -233,23 +246,6 @@ bool IsWanted(const CaseRow& row, const RouteRow& route) {
   // golub_kahan is for truncations that keep a small share of the values.
   if (name == "golub_kahan") return FLAGS_truncation >= 1e-3;
   return !(route.is_full_svd && row.full_svd_is_slow);
-}
-
-// The dgemm rate of this run, in flops a second.
-double GemmRate() {
-  constexpr int kSize = 1024;
-  const Eigen::MatrixXd A = Eigen::MatrixXd::Random(kSize, kSize);
-  Eigen::MatrixXd C(kSize, kSize);
-  double best = 0.0;
-  for (int i = 0; i < 5; ++i) {
-    using Clock = std::chrono::steady_clock;
-    const Clock::time_point start = Clock::now();
-    Gemm(Op::kNone, Op::kTranspose, 1.0, A, A, 0.0, C);
-    const double seconds =
-        std::chrono::duration<double>(Clock::now() - start).count();
-    best = std::max(best, 2.0 * kSize * kSize * kSize / seconds);
-  }
-  return best;
 }
 
 // The memory, in megabytes, of a process that makes one step.

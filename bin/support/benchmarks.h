@@ -3,6 +3,7 @@
 #define BIN_SUPPORT_BENCHMARKS_H_
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -11,9 +12,11 @@
 #include <utility>
 #include <vector>
 
+#include "Eigen/Core"
 #include "benchmark/benchmark.h"
 #include "bin/support/program.h"
 #include "fmt/core.h"
+#include "invgrad/core/blas.h"
 
 namespace invgrad {
 
@@ -61,6 +64,23 @@ inline benchmark::internal::Benchmark* RegisterBenchmark(
     const std::string& name, std::function<void(benchmark::State&)> measure) {
   return benchmark::RegisterBenchmark(name.c_str(), std::move(measure))
       ->Unit(benchmark::kMillisecond);
+}
+
+// The dgemm rate of this run, in flops a second.
+inline double GemmRate() {
+  constexpr int kSize = 1024;
+  const Eigen::MatrixXd A = Eigen::MatrixXd::Random(kSize, kSize);
+  Eigen::MatrixXd C(kSize, kSize);
+  double best = 0.0;
+  for (int i = 0; i < 5; ++i) {
+    using Clock = std::chrono::steady_clock;
+    const Clock::time_point start = Clock::now();
+    Gemm(Op::kNone, Op::kTranspose, 1.0, A, A, 0.0, C);
+    const double seconds =
+        std::chrono::duration<double>(Clock::now() - start).count();
+    best = std::max(best, 2.0 * kSize * kSize * kSize / seconds);
+  }
+  return best;
 }
 
 // RunProgram after Google Benchmark has taken its flags.
