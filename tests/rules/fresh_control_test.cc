@@ -65,6 +65,40 @@ TEST(FreshControl, AResidualThatShrinksIsNotNoise) {
   EXPECT_GE(Adjusted(constant, 0.5).noise, 1.0);
 }
 
+// The weight that the header states, for losses of the same slope.
+TEST(FreshControl, ASureDecreaseIsNotNoise) {
+  Evidence evidence;
+  evidence.Add(Flat());
+  double weights[2];
+  for (const bool is_sure : {false, true}) {
+    FreshControl control{{}};
+    control.Observe(Flat());
+    LossTrend trend;
+    for (int k = 0; k < 60; ++k) {
+      const double fluctuation = is_sure ? 0.002 : 0.1;
+      const double loss =
+          std::exp(-0.001 * k + (k % 2 == 0 ? fluctuation : -fluctuation));
+      control.Judge(loss);
+      trend.Add(loss);
+    }
+    const double d = -trend.slope();
+    const double errors = d / trend.slope_error();
+    weights[is_sure] = Adjusted(control, 0.5).noise / evidence.Fit().noise;
+    EXPECT_NEAR(
+        std::log(weights[is_sure]), -1000.0 * d - 0.1 * errors * errors, 1e-9);
+  }
+  EXPECT_GE(weights[false], 0.1);
+  EXPECT_LE(weights[true], 1e-6);
+}
+
+// Equal losses after each other have a trend without error.
+TEST(FreshControl, ATrendWithoutErrorsIsDefined) {
+  FreshControl constant{{}};
+  constant.Observe(Flat());
+  for (int k = 0; k < 60; ++k) constant.Judge(1.0);
+  EXPECT_GE(Adjusted(constant, 0.5).noise, 1.0);
+}
+
 TEST(FreshControl, CautionFollowsTheTrendAndKappa) {
   FreshControl control{{}};
   Fall(&control, 0.02, 0, 40);

@@ -7,9 +7,10 @@
 namespace invgrad {
 namespace {
 
-// Of the trend, in steps: what would shrink by a factor e in that time is not
-// noise.
+// In steps: what would shrink by a factor e in that time is not noise.
 constexpr double kHorizon = 1000.0;
+// Of the square of the trend in units of its standard error.
+constexpr double kSignificance = 0.1;
 
 constexpr double kCautionDown = 0.97;
 constexpr double kCautionUp = 1.02;
@@ -110,8 +111,13 @@ void FreshControl::Adjust(SpectralFilter* filter) const {
     filter->kappa = 0.5 + caution() * (filter->kappa - 0.5);
   }
   if (!trend_.known() || options_.without == "noise") return;
-  filter->noise =
-      std::exp(kHorizon * std::min(trend_.slope(), 0.0)) * state_[kNoise];
+  filter->noise = state_[kNoise];
+  const double decrease = -trend_.slope();
+  if (decrease > 0.0) {
+    const double errors = decrease / trend_.slope_error();
+    filter->noise *=
+        std::exp(-kHorizon * decrease - kSignificance * errors * errors);
+  }
   filter->signal_exponent = state_[kSignalExponent];
 }
 

@@ -4,8 +4,9 @@
 // A batch is new before its own step; its loss L judges the steps before. From
 // the trend of log L (loss_trend.h), d = -slope and its standard error e:
 //
-//   noise    the filter's noise is exp(-1000 max(d, 0)) times that of the evidence
-//            (evidence.h): a residual that still shrinks is not noise
+//   noise    if d > 0, the filter's noise is exp(-1000 d - 0.1 (d / e)^2) times
+//            that of the evidence (evidence.h), else equal to it: a residual that
+//            still shrinks, and shrinks for sure, is not noise
 //   caution  * 0.97 if d < -e, * 1.02 if d > e, within [1e-3, 1]; it multiplies
 //            the step size, and kappa - 1/2 where kappa > 1/2
 //   copy     of the weights, after each block of 10 steps whose mean log L is at
