@@ -13,9 +13,10 @@
 //          h = 2 pi^2 / log(10 / tolerance): for tolerance 1e-8 some 20 for
 //          upper = lower, and one more for each factor of 2.6 between them.
 // Accuracy: the relative error is at most `tolerance` for x in [lower, upper].
-//          By Poisson's formula, the rule's own error is at most
-//          4 exp(-2 pi^2 / h); a tail's is at most its variance times half the
-//          second derivative of 1 / (x + z) in z (of t / (1 + x t) in t = 1 / z).
+//          By Poisson's formula, the rule's own error is at most 4 e / (1 - e),
+//          e = exp(-2 pi^2 / h); a tail's is at most its variance times half the
+//          second derivative of 1 / (x + z) in z (of 1 / (1 + x t) in t = 1 / z,
+//          for the masses weight / z): docs/leave_one_out.md, section 2.
 // Grid:    z_j = exp(j h) but for the tails' two nodes: the same for all p and
 //          all intervals, at one tolerance.
 // Fails:   never; CHECKs that 0 < p <= 1, 0 < lower <= upper < infinity, and
