@@ -187,6 +187,9 @@ TEST(LeaveOneOutEdgesDeathTest, CallerBugsAreChecked) {
   EXPECT_DEATH(
       ChangeOf(J, g, {1, 1}, SpectralFilter::Power(3.0, 0.0), &summary),
       "kappa=3 is out of range");
+  SpectralFilter wiener;
+  wiener.noise = 0.1;
+  EXPECT_DEATH(ChangeOf(J, g, {1, 1}, wiener, &summary), "Wiener factor");
   MatrixXd changes;
   std::vector<LeaveOneOutSummary> summaries;
   EXPECT_DEATH(LeaveOneOut().Evaluate({filter}, &changes, &summaries),

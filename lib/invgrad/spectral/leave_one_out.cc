@@ -253,6 +253,7 @@ bool LeaveOneOut::Evaluate(const std::vector<SpectralFilter>& filters,
   for (Index k = 0; k < num_filters; ++k) {
     std::string invalid;
     CHECK(filters[k].IsValid(&invalid)) << invalid;
+    CHECK_EQ(filters[k].noise, 0.0) << "A Wiener factor cannot be left out.";
     if (unit_ == 0.0) continue;
     mixtures.push_back(MixtureOf(filters[k], &shifts, &(*summaries)[k]));
   }

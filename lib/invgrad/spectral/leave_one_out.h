@@ -13,7 +13,8 @@
 // gives for every p; docs/leave_one_out.md proves it. lambda is that of the whole
 // batch, also where it is relative to s_max.
 //
-// Filters. Only damped powers are such sums. A truncated or clamped filter
+// Filters. Only damped powers are such sums, without a Wiener factor (noise). A
+// truncated or clamped filter
 // (tau > 0) is judged by the damped power with tau^2 s_max^2 added to lambda.
 // kappa = -1 is gradient descent whatever tau and lambda are.
 //
