@@ -4,7 +4,7 @@
 # pictures in runs/oscillator_chain. First installs missing packages and builds.
 #
 #   bin/run_comparison.sh                  as in README.md
-#   bin/run_comparison.sh --all            26 methods
+#   bin/run_comparison.sh --all            27 methods
 #   bin/run_comparison.sh --seeds=1 ...    with other flags of `compare`
 #
 # Its exit code is that of `compare`: 2 if a method failed, docs/programs.md.
@@ -17,14 +17,14 @@ build_release compare
 # --- The comparison itself ---
 # The best step sizes of small grids for the first-order rules, the published one
 # for half_inverse:truncation=1e-10, Adam and newton/inverse_gradient/adam (the
-# book's scale-invariant training); auto and adaptive_power need none. Ceres'
+# book's scale-invariant training); auto and adaptive need none. Ceres'
 # minimizers work on all samples at once.
 rules=(
   gradient_descent:step_size=3e-2:momentum=0.9:batch_size=256
   adam:step_size=1e-3:batch_size=256
   newton/inverse_gradient/adam:step_size=1e-3:batch_size=256
   half_inverse:truncation=1e-10
-  adaptive_power
+  adaptive
   gauss_newton:step_size=auto
   kfac_half_inverse:step_size=auto
   ceres_lbfgs
@@ -32,6 +32,7 @@ rules=(
 if [[ "${1:-}" == --all ]]; then
   shift
   rules+=(
+    adaptive_power
     gradient_descent:step_size=1e-1:batch_size=256
     rmsprop:step_size=1e-3:batch_size=256
     adagrad:step_size=1e-2:batch_size=256

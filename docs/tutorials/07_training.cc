@@ -54,7 +54,7 @@ int main() {
   // [train]
   // [call]
   const invgrad::TrainResult result =
-      invgrad::Train(model, {angles, angles}, "adaptive_power");
+      invgrad::Train(model, {angles, angles}, "adaptive");
   // [/call]
   std::printf("%s: loss %.1e after %ld steps\n",
               result.summary.message.c_str(),
