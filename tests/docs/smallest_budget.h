@@ -139,6 +139,9 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "compare" || program == "sweep") {
     return {"--steps=1", "--epochs=0", "--seconds=0", quiet[0], quiet[1]};
   }
+  if (program == "fresh_samples") {
+    return {"--steps=2", "--batch_size=2", quiet[0], quiet[1]};
+  }
   if (program == "estimate") return {"--max_iterations=1", quiet[0], quiet[1]};
   if (program == "trajectories") return {"--steps=1", "--grid=3"};
   if (program == "accuracy") {
@@ -170,16 +173,17 @@ inline Words SmallBudget(const std::string& program) {
 // Programs that take care of the folder of an earlier run.
 inline bool HasOutput(const std::string& program) {
   return program == "compare" || program == "estimate" || program == "sweep" ||
-         program == "trajectories";
+         program == "trajectories" || program == "fresh_samples";
 }
 
 // The command with the smallest budget.
 inline Words Small(const Words& command, const SmallFiles& files) {
   const std::string& program = command[0];
-  const bool trains = program == "compare" || program == "sweep";
+  const bool trains =
+      program == "compare" || program == "sweep" || program == "fresh_samples";
   Words small = {program};
   bool has_problem = false;
-  bool has_rules = program == "sweep";
+  bool has_rules = program != "compare";
   for (size_t i = 1; i < command.size(); ++i) {
     const std::string& word = command[i];
     const std::string value = word.substr(word.find('=') + 1);
