@@ -3,10 +3,11 @@ Predicts what a step does for samples that it is not computed from, by leaving
 samples of its batch out (leave_one_out.h), and takes it to see.
 
 Trains by a rule. At some steps it judges a grid of exponents and dampings, each
-with the step size that is best for a fresh sample; before every k-th step it
-judges the rule's own filter, with that step size and with the rule's. Each step
-is taken, its effect on the next batches is measured, and the weights go back:
-the training is not disturbed.
+with the step size that is best for fresh samples over --grid_steps steps; at
+every k-th step it judges the rule's own filter, with the step size that is best
+for fresh samples by that batch, and with the rule's. Each step is
+taken, its effect on the next batches is measured, and the weights go back: the
+training is not disturbed.
 
 Sample runs:
 
@@ -15,13 +16,12 @@ Sample runs:
   fresh_samples --problem=random_polynomial:noise=0.3 --rule=half_inverse \
     --at=20,200 --every=5 --shuffle --output=runs/fresh_polynomial
 
-  DIR/fresh_samples.csv      a line for each step of --at, exponent and damping
-  DIR/calibration.csv        a line for every k-th step
-  DIR/table.txt, table.md    how well predictions agree with measurements
-  DIR/fresh_samples.png      decrease against damping: predicted as lines,
-                             measured as points
-  DIR/calibration.png        measured against predicted decrease of the rule's
-                             filter
+  DIR/fresh_samples.csv, .txt, .md   a line for each step, exponent, damping;
+                                     agreement, and what the best ones give
+  DIR/fresh_samples.png              decrease against damping
+  DIR/calibration.csv, .txt, .md     a line for every k-th step; agreement
+  DIR/calibration.png                decrease of fresh samples, measured and by
+                                     their own linear model, against predicted
 */
 
 #include <algorithm>
@@ -49,10 +49,12 @@ DEFINE_string(rule,
               "adaptive",
               "the rule of the training, with a spectral filter");
 DEFINE_int32(seed, 0, "of the initial weights and of the batches");
-DEFINE_string(at, "10,100,1000", "judge the grid after so many steps");
+DEFINE_string(at, "10,100,1000", "the first steps at which the grid is judged");
+DEFINE_int32(grid_steps,
+             20,
+             "judge the grid at so many steps in a row, by their means");
 DEFINE_string(dampings,
-              "1e-12,1e-11,1e-10,1e-9,1e-8,1e-7,1e-6,1e-5,1e-4,1e-3,1e-2,1e-1,"
-              "1",
+              "1e-12,1e-10,1e-8,1e-6,1e-4,1e-2,1",
               "lambda of the grid, in units of s_max^2");
 DEFINE_int32(every, 1, "judge the rule's filter before every k-th step");
 DEFINE_int32(fresh_batches, 4, "the next batches, on which steps are measured");
@@ -60,37 +62,64 @@ DEFINE_int32(fresh_batches, 4, "the next batches, on which steps are measured");
 namespace invgrad {
 namespace {
 
-bool JudgeGrid(int step,
+// So that each step counts the same.
+LeaveOneOutScore Relative(LeaveOneOutScore score) {
+  const double g_g = score.g_g > 0.0 ? score.g_g : 1.0;
+  for (double* sum :
+       {&score.g_c, &score.c_c, &score.c_H_c, &score.g_fitted, &score.g_g}) {
+    *sum /= g_g;
+  }
+  return score;
+}
+
+// `weights`: at the steps `from`, from + 1, ..
+bool JudgeGrid(int from,
+               const std::vector<Eigen::VectorXd>& weights,
                const std::vector<double>& dampings,
                FreshProbe* probe,
-               FreshResults* results,
+               std::vector<FreshGridPoint>* results,
                std::string* error) {
   std::vector<FreshGridPoint> points;
   std::vector<SpectralFilter> filters;
   for (const double kappa : kFreshKappas) {
     for (const double damping : dampings) {
       FreshGridPoint& point = points.emplace_back();
-      point.step = step;
+      point.from = from;
       point.kappa = kappa;
       point.damping = damping;
       filters.push_back(SpectralFilter::Power(kappa, 0.0));
       filters.back().relative_damping = damping;
     }
   }
-  std::vector<LeaveOneOutSummary> summaries;
-  if (!probe->Score(filters, &summaries, error)) return false;
-  for (size_t i = 0; i < points.size(); ++i) {
-    points[i].judged = summaries[i].damping;
-    points[i].generalization = summaries[i].score.Generalization();
-    if (!probe->Measure(filters[i],
-                        summaries[i],
-                        summaries[i].score.StepSize(),
-                        &points[i].decrease,
-                        error)) {
+  const auto num_steps = static_cast<int>(weights.size());
+  std::vector<std::vector<LeaveOneOutSummary>> summaries(num_steps);
+  std::vector<LeaveOneOutScore> sums(filters.size());
+  for (int k = 0; k < num_steps; ++k) {
+    if (!probe->Begin(from + k, weights[k], error) ||
+        !probe->Score(filters, &summaries[k], error)) {
       return false;
     }
+    for (size_t i = 0; i < filters.size(); ++i) {
+      sums[i] += Relative(summaries[k][i].score);
+    }
   }
-  results->grid.insert(results->grid.end(), points.begin(), points.end());
+  for (int k = 0; k < num_steps; ++k) {
+    if (!probe->Begin(from + k, weights[k], error)) return false;
+    for (size_t i = 0; i < filters.size(); ++i) {
+      FreshGridPoint& point = points[i];
+      point.step = from + k;
+      point.judged = summaries[k][i].damping;
+      point.generalization = sums[i].Generalization();
+      if (!probe->Measure(filters[i],
+                          summaries[k][i],
+                          sums[i].StepSize(),
+                          &point.decrease,
+                          error)) {
+        return false;
+      }
+    }
+    results->insert(results->end(), points.begin(), points.end());
+  }
   return true;
 }
 
@@ -116,44 +145,57 @@ bool JudgeRule(const JointRule& rule,
 }
 
 // A failure to judge a step is a warning.
-void Train(const std::vector<int>& at,
-           const std::vector<double>& dampings,
-           const JointRule& rule,
-           FreshProbe* probe,
-           TrainingRun* run,
-           FreshResults* results) {
+FreshResults Train(const std::vector<int>& at,
+                   const std::vector<double>& dampings,
+                   const JointRule& rule,
+                   FreshProbe* probe,
+                   TrainingRun* run) {
+  FreshResults results;
   Progress progress;
   ProgressState state;
   state.label = FLAGS_rule;
-  const auto warn = [run](const std::string& why) {
-    Warn(fmt::format("step {} is not judged: {}", run->step(), why));
+  const auto warn_if_failed = [&progress](long step, const std::string& error) {
+    if (error.empty()) return;
+    progress.Clear();
+    Warn(fmt::format("step {} is not judged: {}", step, error));
   };
+  std::vector<std::vector<Eigen::VectorXd>> weights(at.size());
   bool goes_on = true;
   while (goes_on) {
     const long step = run->step();
-    const bool has_grid = std::count(at.begin(), at.end(), step) > 0;
-    const bool has_point = step % FLAGS_every == 0;
+    for (size_t i = 0; i < at.size(); ++i) {
+      if (step >= at[i] && step < at[i] + FLAGS_grid_steps) {
+        weights[i].push_back(run->weights());
+      }
+    }
     std::string error;
     const bool has_begun =
-        (has_grid || has_point) && probe->Begin(step, run->weights(), &error);
-    if (has_begun && has_grid) {
-      JudgeGrid(static_cast<int>(step), dampings, probe, results, &error);
-    }
+        step % FLAGS_every == 0 && probe->Begin(step, run->weights(), &error);
     goes_on = run->Step();
-    if (goes_on && has_begun && has_point) {
+    if (goes_on && has_begun) {
       FreshRulePoint point;
       point.step = step;
       point.loss = run->loss();
       if (JudgeRule(rule, &point, probe, &error)) {
-        results->rule.push_back(point);
+        results.rule.push_back(point);
       }
     }
-    if (!error.empty()) warn(error);
+    warn_if_failed(step, error);
     state.step = run->step();
     state.loss = run->loss();
     state.fraction = run->progress();
     if (goes_on && !ShowProgress(state, &progress)) run->Stop();
   }
+  for (size_t i = 0; i < at.size() && !Interrupt::IsRequested(); ++i) {
+    std::string error;
+    if (weights[i].empty()) {
+      error = fmt::format("--at={}: the run has {} steps", at[i], run->step());
+    } else {
+      JudgeGrid(at[i], weights[i], dampings, probe, &results.grid, &error);
+    }
+    warn_if_failed(at[i], error);
+  }
+  return results;
 }
 
 bool Run(RunCounts* counts, std::string* error) {
@@ -162,7 +204,10 @@ bool Run(RunCounts* counts, std::string* error) {
   std::vector<double> dampings;
   const std::shared_ptr<UpdateRule> rule = MakeRule(FLAGS_rule, error);
   if (!NameFlag("rule", rule != nullptr, error) || !CheckTrainingFlags(error) ||
-      !CheckFlags({{"seed", {0.0}}, {"every", {1.0}}, {"fresh_batches", {1.0}}},
+      !CheckFlags({{"seed", {0.0}},
+                   {"grid_steps", {1.0, 1e6}},
+                   {"every", {1.0}},
+                   {"fresh_batches", {1.0}}},
                   error) ||
       !ParseFlag("at", ParseSeeds, &at, error) ||
       !ParseFlag("dampings", ParseNumbers, &dampings, error) ||
@@ -187,7 +232,7 @@ bool Run(RunCounts* counts, std::string* error) {
   }
   std::sort(at.begin(), at.end());
   if (FLAGS_steps == 0 && FLAGS_epochs == 0 && FLAGS_seconds == 0.0) {
-    FLAGS_steps = std::max(at.back(), 1);
+    FLAGS_steps = std::max(at.back() + FLAGS_grid_steps - 1, 1);
   }
   const int batch_size = BatchSize(problem, FLAGS_batch_size);
   TrainOptions options = TrainOptionsOfFlags(batch_size, FLAGS_seed);
@@ -207,11 +252,7 @@ bool Run(RunCounts* counts, std::string* error) {
     return false;
   }
   const Interrupt interrupt;
-  FreshResults results;
-  Train(at, dampings, *joint_rule, &probe, &run, &results);
-  if (run.step() < at.back()) {
-    Warn(fmt::format("--at={}: the run has {} steps", at.back(), run.step()));
-  }
+  const FreshResults results = Train(at, dampings, *joint_rule, &probe, &run);
   std::cout << FLAGS_rule << ": " << run.summary().message << "\n\n";
   counts->Add(run.summary().termination_type != ceres::FAILURE);
   return WriteFreshResults(FLAGS_output + "/", at, results, error);

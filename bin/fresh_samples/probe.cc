@@ -96,25 +96,24 @@ bool FreshProbe::Begin(long step,
     length = problem_.train.num_samples() / batch_size_;
     first = step - step % length;
   }
+  const auto linearize = [&](const DataSet& samples, Linearization* result) {
+    return problem_.model->Linearize(
+        weights, samples, LinearizationParts::Jacobian(), result, error);
+  };
+  weights_ = weights;
+  test_loss_ = TestLoss(weights);
   fresh_.clear();
+  fresh_at_weights_.clear();
+  fresh_loss_ = 0.0;
   for (int i = 1; i <= num_fresh_batches_; ++i) {
     fresh_.push_back(
         batches_->Batch(first + (step - first + i) % length, batch_size_));
+    if (!linearize(fresh_.back(), &fresh_at_weights_.emplace_back())) {
+      return false;
+    }
+    fresh_loss_ += fresh_at_weights_.back().cost;
   }
-  weights_ = weights;
-  if (!problem_.model->Linearize(weights,
-                                 batch,
-                                 LinearizationParts::Jacobian(),
-                                 &at_weights_,
-                                 error)) {
-    return false;
-  }
-  fresh_loss_ = FreshLoss(weights);
-  test_loss_ = TestLoss(weights);
-  if (!std::isfinite(fresh_loss_)) {
-    *error = "the loss of the next batches is not finite";
-    return false;
-  }
+  if (!linearize(batch, &at_weights_)) return false;
   LeaveOneOutOptions options;
   options.loss_hessian_times = at_weights_.loss_hessian_times;
   const Eigen::VectorXd& g = at_weights_.loss_gradient;
@@ -158,12 +157,14 @@ bool FreshProbe::Measure(const SpectralFilter& filter,
     *error = step_summary.message;
     return false;
   }
-  const Eigen::VectorXd after = weights_ - step_size * d;
+  const Eigen::VectorXd step = -step_size * d;
+  const Eigen::VectorXd after = weights_ + step;
   const LeaveOneOutScore& score = summary.score;
   decrease->step_size = step_size;
   decrease->predicted = step_size *
                         (score.g_c - 0.5 * step_size * score.c_H_c) /
                         at_weights_.cost;
+  decrease->linear = LinearDecrease(step);
   decrease->measured = 1.0 - FreshLoss(after) / fresh_loss_;
   decrease->measured_test = 1.0 - TestLoss(after) / test_loss_;
   return true;
@@ -180,6 +181,18 @@ double FreshProbe::FreshLoss(const Eigen::VectorXd& weights) const {
     sum += cost;
   }
   return sum;
+}
+
+double FreshProbe::LinearDecrease(const Eigen::VectorXd& step) const {
+  double decrease = 0.0;
+  Eigen::VectorXd t;
+  for (const Linearization& fresh : fresh_at_weights_) {
+    fresh.jacobian->Times(step, &t);
+    decrease -=
+        fresh.loss_gradient.dot(t) +
+        0.5 * t.dot(fresh.loss_hessian_times ? fresh.loss_hessian_times(t) : t);
+  }
+  return decrease / fresh_loss_;
 }
 
 double FreshProbe::TestLoss(const Eigen::VectorXd& weights) const {

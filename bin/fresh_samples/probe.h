@@ -4,10 +4,12 @@
 //   step = -eta J^T psi(G) g,   psi(l) = (l + lambda)^-p,   p = (1 + kappa) / 2
 //
 //   predicted = (eta g.c - eta^2/2 c.H_L c) / L        by leave_one_out.h
+//   linear    = -(g'.t + 1/2 t.H_L' t) / L'(theta),   t = J' step
 //   measured  = 1 - L'(theta + step) / L'(theta)
 //
-// L is the loss of the batch that the step is computed from, L' that of the
-// next batches. For least squares and eta = g.c / c.H_L c, `predicted` is
+// L is the loss of the batch that the step is computed from, L', g', J' and H_L'
+// are those of the next batches. Chance keeps `linear` from `predicted`, and the
+// curvature of the model keeps `measured` from `linear`. For least squares and eta = g.c / c.H_L c, `predicted` is
 // LeaveOneOutScore::RelativeDecrease.
 #ifndef BIN_FRESH_SAMPLES_PROBE_H_
 #define BIN_FRESH_SAMPLES_PROBE_H_
@@ -28,6 +30,7 @@ namespace invgrad {
 struct FreshDecrease {
   double step_size = 0.0;  // eta
   double predicted = 0.0;
+  double linear = 0.0;
   // NaN if the loss after the step is not finite.
   double measured = 0.0;
   double measured_test = 0.0;  // on the test data; NaN if there are none
@@ -69,6 +72,8 @@ class FreshProbe {
 
  private:
   double FreshLoss(const Eigen::VectorXd& weights) const;
+  // Of the linear model of the next batches.
+  double LinearDecrease(const Eigen::VectorXd& step) const;
   double TestLoss(const Eigen::VectorXd& weights) const;
 
   const LearningProblem& problem_;
@@ -81,6 +86,7 @@ class FreshProbe {
   Linearization at_weights_;
   LeaveOneOut leave_one_out_;
   std::vector<DataSet> fresh_;
+  std::vector<Linearization> fresh_at_weights_;
   double fresh_loss_ = 0.0;
   double test_loss_ = 0.0;
   SpectralWorkspace workspace_;

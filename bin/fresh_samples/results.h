@@ -16,6 +16,7 @@ namespace invgrad {
 inline constexpr double kFreshKappas[] = {-1.0, 0.0, 0.5, 0.75, 1.0};
 
 struct FreshGridPoint {
+  int from = 0;  // the first one of the steps with the same step size
   int step = 0;
   double kappa = 0.0;
   double damping = 0.0;  // relative, as asked for
@@ -38,8 +39,9 @@ struct FreshResults {
   std::vector<FreshRulePoint> rule;
 };
 
-// Prints the tables, and writes all files to FOLDER. `at`: the steps of the grid,
-// ascending. Returns false, with *error, if a file cannot be written.
+// Prints the tables, and writes all files to FOLDER. Tables and pictures show
+// the grid's means over the steps from each step of `at`, which is ascending.
+// Returns false, with *error, if a file cannot be written.
 bool WriteFreshResults(const std::string& folder,
                        const std::vector<int>& at,
                        const FreshResults& results,

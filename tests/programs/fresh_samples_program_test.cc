@@ -1,5 +1,6 @@
 // The program fresh_samples, run as a user runs it, and its parts.
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -11,6 +12,7 @@
 #include "bin/fresh_samples/probe.h"
 #include "bin/support/learning_run.h"
 #include "gtest/gtest.h"
+#include "invgrad/io/format.h"
 #include "invgrad/train/train.h"
 #include "tests/programs/csv_lines.h"
 #include "tests/support/program_runner.h"
@@ -33,6 +35,7 @@ class FreshSamplesProgram : public ProgramRunner {
         "--batch_size=8",
         "--shuffle",
         "--dampings=1e-6,1e-2",
+        "--grid_steps=1",
         "--progress=false"};
     all.insert(all.end(), arguments.begin(), arguments.end());
     return all;
@@ -94,6 +97,27 @@ TEST_F(FreshSamplesProgram, JudgingDoesNotDisturbTheTraining) {
   for (size_t i = 0; i < 3; ++i) EXPECT_EQ(all[3 * i], third[i]);
 }
 
+TEST_F(FreshSamplesProgram, TheGridShowsMeansOverSteps) {
+  const Output output = Run(Small({"--at=2",
+                                   "--grid_steps=3",
+                                   "--dampings=1e-2",
+                                   "--plots=false",
+                                   "--output=" + Path("run")}));
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const CsvLines grid = Read("run/fresh_samples.csv");
+  ASSERT_EQ(grid.size(), 3u * 5u);
+  double highest = 0.0;
+  for (size_t i = 0; i < 5; ++i) {
+    double sum = 0.0;
+    for (size_t k = 0; k < 3; ++k) {
+      sum += Number(grid, 5 * k + i, "predicted");
+      EXPECT_EQ(grid[5 * k + i].at("step_size"), grid[i].at("step_size"));
+    }
+    highest = std::max(highest, sum / 3.0);
+  }
+  ExpectSays(output, {" " + FormatNumber(highest) + " "});
+}
+
 TEST_F(FreshSamplesProgram, RefusesBadInput) {
   ExpectRefused({"--rule=adam"}, {"--rule=adam", "no filter", "half_inverse"});
   ExpectRefused({"--rule=adaptve"}, {"--rule", "adaptve", "adaptive"});
@@ -101,6 +125,7 @@ TEST_F(FreshSamplesProgram, RefusesBadInput) {
   ExpectRefused({"--at=ten"}, {"--at", "ten"});
   ExpectRefused({"--dampings="}, {"--dampings"});
   ExpectRefused({"--dampings=-1"}, {"--dampings", "-1"});
+  ExpectRefused({"--grid_steps=0"}, {"--grid_steps=0", "allowed"});
   ExpectRefused({"--every=0"}, {"--every=0", "allowed"});
   ExpectRefused({"--fresh_batches=0"}, {"--fresh_batches=0", "allowed"});
   ExpectRefused({"--batch_size=0"}, {"--fresh_batches", "4096"});
@@ -172,9 +197,12 @@ TEST(FreshProbe, PredictionsHoldForALinearModelAndIndependentSamples) {
     EXPECT_NEAR(
         decrease.measured, decrease.predicted, 3.0 * 2.0 / std::sqrt(kBatch));
     EXPECT_GT(decrease.predicted, 0.2);
+    // Up to rounding, the linear model is the loss.
+    EXPECT_NEAR(decrease.linear, decrease.measured, 1e-12);
     // No step changes nothing, and twice the best one gains nothing.
     ASSERT_TRUE(probe.Measure(filter, summaries[0], 0.0, &decrease, &error));
     EXPECT_EQ(decrease.predicted, 0.0);
+    EXPECT_EQ(decrease.linear, 0.0);
     EXPECT_EQ(decrease.measured, 0.0);
     ASSERT_TRUE(probe.Measure(
         filter, summaries[0], 2.0 * score.StepSize(), &decrease, &error));
