@@ -1,5 +1,6 @@
 #include "bin/fresh_samples/results.h"
 
+#include <cmath>
 #include <iostream>
 #include <limits>
 #include <map>
@@ -203,8 +204,11 @@ Table RuleTable(const std::vector<Span>& spans) {
   return table;
 }
 
-// Below this a picture shows no decrease: harm has no bound.
-constexpr double kLowest = -0.5;
+// From half the highest decrease below zero: harm has no bound.
+AxisRange RangeUpTo(double highest) {
+  if (!(highest > 0.0)) return {};
+  return {-0.5 * highest, highest};
+}
 
 std::vector<Plot> GridPlots(const std::vector<int>& at,
                             const std::vector<FreshGridPoint>& points) {
@@ -216,7 +220,7 @@ std::vector<Plot> GridPlots(const std::vector<int>& at,
     plot.x_label = "damping / s_max^2";
     plot.y_label = "decrease of the loss of fresh samples";
     plot.log_x = true;
-    plot.y_range = {kLowest, 1.0};
+    double highest = 0.0;
     for (const double kappa : kFreshKappas) {
       Series predicted, measured;
       predicted.title = fmt::format("kappa {:g}", kappa);
@@ -225,6 +229,8 @@ std::vector<Plot> GridPlots(const std::vector<int>& at,
           static_cast<int>(plot.series.size() / 2);
       for (const FreshGridPoint& point : points) {
         if (point.from != from || point.kappa != kappa) continue;
+        highest = std::fmax(highest, point.decrease.predicted);
+        highest = std::fmax(highest, point.decrease.measured);
         predicted.x.push_back(point.damping);
         predicted.y.push_back(point.decrease.predicted);
         measured.x.push_back(point.damping);
@@ -234,6 +240,7 @@ std::vector<Plot> GridPlots(const std::vector<int>& at,
       plot.series.push_back(predicted);
       plot.series.push_back(measured);
     }
+    plot.y_range = RangeUpTo(1.1 * highest);
     if (!plot.series.empty()) plots.push_back(plot);
   }
   return plots;
@@ -249,18 +256,20 @@ std::vector<Plot> RulePlots(const std::vector<Span>& spans) {
       plot.title = fmt::format("step size {}", step_size);
       plot.x_label = "predicted decrease";
       plot.y_label = fmt::format("decrease of fresh samples, {}", name);
-      plot.x_range = plot.y_range = {kLowest, 1.0};
+      double highest = 0.0;
       for (const Span& span : spans) {
         Series& series = plot.series.emplace_back();
         series.title = span.title;
         series.style = Series::Style::kPoints;
         series.x = ValuesOf(span, decrease, &FreshDecrease::predicted);
         series.y = ValuesOf(span, decrease, value);
+        for (const double x : series.x) highest = std::fmax(highest, x);
       }
       Series& equal = plot.series.emplace_back();
       equal.title = "equal";
       equal.is_muted = true;
-      equal.x = equal.y = {kLowest, 1.0};
+      plot.x_range = plot.y_range = RangeUpTo(1.1 * highest);
+      equal.x = equal.y = {-0.55 * highest, 1.1 * highest};
     }
   }
   return plots;
