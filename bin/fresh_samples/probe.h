@@ -9,8 +9,8 @@
 //
 // L is the loss of the batch that the step is computed from, L', g', J' and H_L'
 // are those of the next batches. Chance keeps `linear` from `predicted`, and the
-// curvature of the model keeps `measured` from `linear`. For least squares and eta = g.c / c.H_L c, `predicted` is
-// LeaveOneOutScore::RelativeDecrease.
+// curvature of the model keeps `measured` from `linear`. For least squares and
+// eta = g.c / c.H_L c, `predicted` is LeaveOneOutScore::RelativeDecrease.
 #ifndef BIN_FRESH_SAMPLES_PROBE_H_
 #define BIN_FRESH_SAMPLES_PROBE_H_
 
