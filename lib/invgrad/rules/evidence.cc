@@ -50,27 +50,30 @@ void Evidence::Add(const Spectrum& spectrum) {
 Evidence::Model Evidence::Fit() const {
   Model best;
   if (state_.size() == 0) return best;
-  const auto counts = state_.head(kNumBins + 1);
-  const auto sums = state_.tail(kNumBins + 1);
+  // Of the bins that are not empty.
+  Eigen::ArrayXd counts(kNumBins + 1), sums(kNumBins + 1), x(kNumBins + 1);
+  Index num_bins = 0;
+  for (Index bin = 0; bin <= kNumBins; ++bin) {
+    if (state_[bin] == 0.0) continue;
+    counts[num_bins] = state_[bin];
+    sums[num_bins] = state_[kNumBins + 1 + bin];
+    x[num_bins++] = CenterOf(bin);
+  }
+  counts.conservativeResize(num_bins);
+  sums.conservativeResize(num_bins);
+  x.conservativeResize(num_bins);
   const double size = counts.sum();
   double lowest = std::numeric_limits<double>::infinity();
-  VectorXd signal(kNumBins + 1);
+  Eigen::ArrayXd signal, variance;
   for (const double a : {0.5, 0.75, 1.0}) {
-    for (Index bin = 0; bin <= kNumBins; ++bin) {
-      signal[bin] = std::pow(CenterOf(bin), a);
-    }
+    signal = x.pow(a);
     for (double exponent = -20.0; exponent <= 3.0; exponent += 0.25) {
       const double noise = std::pow(10.0, exponent);
+      variance = signal + noise;
       // With K = scaled / size, twice the negative logarithm of the likelihood,
       // up to a constant.
-      double scaled = 0.0;
-      double logarithms = 0.0;
-      for (Index bin = 0; bin <= kNumBins; ++bin) {
-        if (counts[bin] == 0.0) continue;
-        const double variance = signal[bin] + noise;
-        scaled += sums[bin] / variance;
-        logarithms += counts[bin] * std::log(variance);
-      }
+      const double scaled = (sums / variance).sum();
+      const double logarithms = (counts * variance.log()).sum();
       const double value = logarithms + size * std::log(scaled);
       if (value < lowest) {
         lowest = value;

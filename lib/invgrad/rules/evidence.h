@@ -16,7 +16,7 @@
 //          in bins of lambda / lambda_max: two for each factor e, down to
 //          e^-32, and one below. An observation has the weight 0.77^k after k
 //          others.
-// Cost:    Fit: 18,000 logarithms.
+// Cost:    Fit: at most 18,000 logarithms.
 // Source:  empirical Bayes, as in Bayesian regularization (MacKay. Bayesian
 //          interpolation. Neural Computation 4 (1992)), where a = 1.
 #ifndef INVGRAD_RULES_EVIDENCE_H_

@@ -23,6 +23,8 @@ bool TridiagonalCoefficients(VectorXd off_diagonal,
   CHECK_EQ(e.size(), size - 1);
   const double largest =
       std::max(d.lpNorm<Eigen::Infinity>(), e.lpNorm<Eigen::Infinity>());
+  // Far below rounding, and its square does not underflow.
+  const double tiny = std::pow(kEpsilon, 3) * largest;
   // Whether T is, up to rounding, two matrices: before and after row i + 1.
   const auto splits = [&](Index i) {
     return std::abs(e[i]) <=
@@ -48,15 +50,16 @@ bool TridiagonalCoefficients(VectorXd off_diagonal,
       for (; i >= first; --i) {
         const double f = sine * e[i];
         const double b = cosine * e[i];
-        const double r = std::hypot(f, g);
+        const double r = std::sqrt(f * f + g * g);
         if (i + 1 < last) e[i + 1] = r;
-        if (r == 0.0) {
+        if (r <= tiny) {
           // T has split at row i + 1.
           d[i + 1] -= p;
           break;
         }
-        sine = f / r;
-        cosine = g / r;
+        const double inverse = 1.0 / r;
+        sine = f * inverse;
+        cosine = g * inverse;
         g = d[i + 1] - p;
         const double t = (d[i] - g) * sine + 2.0 * cosine * b;
         p = sine * t;
