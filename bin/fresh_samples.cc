@@ -17,7 +17,8 @@ Sample runs:
     --at=20,200 --every=5 --shuffle --output=runs/fresh_polynomial
 
   DIR/fresh_samples.csv, .txt, .md   a line for each step, exponent, damping;
-                                     agreement, and what the best ones give
+                                     the noise scale of the gradient, agreement,
+                                     and what the best ones give
   DIR/fresh_samples.png              decrease against damping
   DIR/calibration.csv, .txt, .md     a line for every k-th step; agreement
   DIR/calibration.png                decrease of fresh samples, measured and by
@@ -42,6 +43,7 @@ Sample runs:
 #include "invgrad/core/blas.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/rules.h"
+#include "invgrad/spectral/gradient_noise.h"
 #include "report/interrupt.h"
 
 DEFINE_string(problem, "oscillator_chain", "name[:key=value...]");
@@ -103,6 +105,8 @@ bool JudgeGrid(int from,
       sums[i] += Relative(summaries[k][i].score);
     }
   }
+  static_assert(kFreshKappas[0] == -1.0, "the first sum is the gradient's");
+  const double noise_scale = GradientNoiseScale(sums[0], probe->batch_size());
   for (int k = 0; k < num_steps; ++k) {
     if (!probe->Begin(from + k, weights[k], error)) return false;
     for (size_t i = 0; i < filters.size(); ++i) {
@@ -110,6 +114,7 @@ bool JudgeGrid(int from,
       point.step = from + k;
       point.judged = summaries[k][i].damping;
       point.generalization = sums[i].Generalization();
+      point.noise_scale = noise_scale;
       if (!probe->Measure(filters[i],
                           summaries[k][i],
                           sums[i].StepSize(),

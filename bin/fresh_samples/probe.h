@@ -50,6 +50,7 @@ class FreshProbe {
   bool IsValid(std::string* error) const;
 
   std::shared_ptr<const DataSource> batches() const { return batches_; }
+  int batch_size() const { return batch_size_; }
 
   // Linearizes at the weights, for the batch of step k = 0, 1, ... Returns
   // false, with *error, if a loss or the linearization is not finite, or if

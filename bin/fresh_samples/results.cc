@@ -30,6 +30,7 @@ Table GridCsv(const std::vector<FreshGridPoint>& points) {
     table.Add("measured", ExactNumber(point.decrease.measured));
     table.Add("measured_test", ExactNumber(point.decrease.measured_test));
     table.Add("gamma", ExactNumber(point.generalization));
+    table.Add("noise_scale", ExactNumber(point.noise_scale));
   }
   return table;
 }
@@ -126,6 +127,7 @@ Table GridTable(const std::vector<int>& at,
     };
     table.BeginRow();
     table.Add("from step", std::to_string(from));
+    table.Add("noise scale", NumberOrDash(chosen->noise_scale));
     AddAgreement(predicted, linear, measured, &table);
     table.Add("chosen kappa, damping", filter(*chosen));
     table.Add("gamma", NumberOrDash(chosen->generalization));

@@ -22,6 +22,7 @@ struct FreshGridPoint {
   double damping = 0.0;  // relative, as asked for
   double judged = 0.0;   // in units of s^2, as judged
   double generalization = 0.0;
+  double noise_scale = 0.0;  // of these steps' gradients, gradient_noise.h
   FreshDecrease decrease;
 };
 

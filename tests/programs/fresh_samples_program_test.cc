@@ -71,6 +71,14 @@ TEST_F(FreshSamplesProgram, WritesAllFilesAndSensibleNumbers) {
     EXPECT_LE(Number(grid, i, "measured"), 1.0) << i;
     EXPECT_LE(Number(grid, i, "measured_test"), 1.0) << i;
   }
+  // gradient_noise.h, for batches of 8.
+  for (const size_t from : {0u, 10u}) {
+    const double gamma = Number(grid, from, "gamma");
+    ASSERT_GT(gamma, 0.0);
+    for (size_t i = from; i < from + 10; ++i) {
+      EXPECT_NEAR(Number(grid, i, "noise_scale"), 7.0 / gamma - 8.0, 1e-9) << i;
+    }
+  }
   // Gradient descent has no damping.
   EXPECT_EQ(Number(grid, 0, "kappa"), -1.0);
   EXPECT_EQ(grid[0].at("predicted"), grid[1].at("predicted"));
