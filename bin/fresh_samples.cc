@@ -17,8 +17,8 @@ Sample runs:
     --at=20,200 --every=5 --shuffle --output=runs/fresh_polynomial
 
   DIR/fresh_samples.csv, .txt, .md   a line for each step, exponent, damping;
-                                     the noise scale of the gradient, agreement,
-                                     and what the best ones give
+                                     agreement, what the best ones give, and
+                                     the noise scale of the batches
   DIR/fresh_samples.png              decrease against damping
   DIR/calibration.csv, .txt, .md     a line for every k-th step; agreement
   DIR/calibration.png                decrease of fresh samples, measured and by
@@ -105,7 +105,7 @@ bool JudgeGrid(int from,
       sums[i] += Relative(summaries[k][i].score);
     }
   }
-  static_assert(kFreshKappas[0] == -1.0, "the first sum is the gradient's");
+  // The first filter is gradient descent.
   const double noise_scale = GradientNoiseScale(sums[0], probe->batch_size());
   for (int k = 0; k < num_steps; ++k) {
     if (!probe->Begin(from + k, weights[k], error)) return false;

@@ -49,8 +49,8 @@ class FreshProbe {
   // Whether there are so many batches; *error has the number.
   bool IsValid(std::string* error) const;
 
-  std::shared_ptr<const DataSource> batches() const { return batches_; }
   int batch_size() const { return batch_size_; }
+  std::shared_ptr<const DataSource> batches() const { return batches_; }
 
   // Linearizes at the weights, for the batch of step k = 0, 1, ... Returns
   // false, with *error, if a loss or the linearization is not finite, or if

@@ -13,6 +13,7 @@
 
 namespace invgrad {
 
+// Gradient descent comes first.
 inline constexpr double kFreshKappas[] = {-1.0, 0.0, 0.5, 0.75, 1.0};
 
 struct FreshGridPoint {
@@ -22,7 +23,7 @@ struct FreshGridPoint {
   double damping = 0.0;  // relative, as asked for
   double judged = 0.0;   // in units of s^2, as judged
   double generalization = 0.0;
-  double noise_scale = 0.0;  // of these steps' gradients, gradient_noise.h
+  double noise_scale = 0.0;  // in samples, of all steps with the same `from`
   FreshDecrease decrease;
 };
 

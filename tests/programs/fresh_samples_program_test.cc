@@ -23,6 +23,7 @@ namespace fresh_samples_program_test {
 namespace fs = std::filesystem;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 class FreshSamplesProgram : public ProgramRunner {
  protected:
@@ -71,14 +72,6 @@ TEST_F(FreshSamplesProgram, WritesAllFilesAndSensibleNumbers) {
     EXPECT_LE(Number(grid, i, "measured"), 1.0) << i;
     EXPECT_LE(Number(grid, i, "measured_test"), 1.0) << i;
   }
-  // gradient_noise.h, for batches of 8.
-  for (const size_t from : {0u, 10u}) {
-    const double gamma = Number(grid, from, "gamma");
-    ASSERT_GT(gamma, 0.0);
-    for (size_t i = from; i < from + 10; ++i) {
-      EXPECT_NEAR(Number(grid, i, "noise_scale"), 7.0 / gamma - 8.0, 1e-9) << i;
-    }
-  }
   // Gradient descent has no damping.
   EXPECT_EQ(Number(grid, 0, "kappa"), -1.0);
   EXPECT_EQ(grid[0].at("predicted"), grid[1].at("predicted"));
@@ -124,6 +117,35 @@ TEST_F(FreshSamplesProgram, TheGridShowsMeansOverSteps) {
     highest = std::max(highest, sum / 3.0);
   }
   ExpectSays(output, {" " + FormatNumber(highest) + " "});
+}
+
+// Of the same sums as gradient descent's gamma: (B - 1) / gamma - B.
+TEST_F(FreshSamplesProgram, TheNoiseScaleIsThatOfAllStepsOfAGrid) {
+  const Output output = Run(Small({"--at=2,5",
+                                   "--grid_steps=3",
+                                   "--dampings=1e-2",
+                                   "--plots=false",
+                                   "--output=" + Path("run")}));
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const CsvLines grid = Read("run/fresh_samples.csv");
+  ASSERT_EQ(grid.size(), 2u * 3u * 5u);
+  const auto gamma = [&grid](size_t i) {
+    EXPECT_EQ(Number(grid, i, "kappa"), -1.0);
+    return Number(grid, i, "gamma");
+  };
+  // One that cannot be told from noise, and one that can.
+  ASSERT_LT(gamma(0), 0.0);
+  ASSERT_GT(gamma(15), 0.0);
+  for (size_t i = 0; i < 15; ++i) {
+    EXPECT_EQ(Number(grid, i, "noise_scale"), kInfinity) << i;
+  }
+  const double noise_scale = Number(grid, 15, "noise_scale");
+  EXPECT_NEAR(noise_scale, 7.0 / gamma(15) - 8.0, 1e-14 * 7.0 / gamma(15));
+  for (size_t i = 15; i < 30; ++i) {
+    EXPECT_EQ(Number(grid, i, "noise_scale"), noise_scale) << i;
+  }
+  ExpectSays(output,
+             {"noise scale", " inf ", " " + FormatNumber(noise_scale) + " "});
 }
 
 TEST_F(FreshSamplesProgram, RefusesBadInput) {
