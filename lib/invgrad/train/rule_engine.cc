@@ -192,7 +192,8 @@ bool RuleEngine::Begin(const DataSet& batch,
       where = Compare(batch, cost, weights);
       break;
     case Verdict::kReturn:
-      CHECK_GT(copied_weights_.size(), 0) << "There is no copy of the weights yet.";
+      CHECK_GT(copied_weights_.size(), 0)
+          << "There is no copy of the weights yet.";
       *weights = copied_weights_;
       where = Return::kToCopy;
       break;
