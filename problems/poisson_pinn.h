@@ -9,7 +9,7 @@
 //   L = 1 / (2 N_int) sum_int (Lap u + f)^2 + 1 / (2 N_bd) sum_bd (u - u*)^2
 //
 // A sample is a point a. The simulator is the equation: it maps the network's
-// 2-jet x = (u, d_1 u, d_2 u, Lap u) at the point (two_jet.h) to the residual.
+// jet x = (u, d_1 u, d_2 u, Lap u) at the point (derivative_set.h) to the residual.
 // L is the mean of 1/2 y^2 over all N = N_int + N_bd points, with
 //
 //   y = sqrt(N / N_int) (Lap u + f)   or   y = sqrt(N / N_bd) (u - u*)
@@ -24,7 +24,7 @@
 //          second, times 4, the number of the side. Data are rows (a_1,
 //          a_2, 1 at the boundary or 0 inside). All points are one batch.
 //          For testing 100 x 100 midpoints of cells, none at the boundary;
-//          their loss is the mean of 1/2 (Lap u + f)^2. Solutions: u*'s 2-jet.
+//          their loss is the mean of 1/2 (Lap u + f)^2. Solutions: u*'s jets.
 // Metric:  L2_error, sqrt(mean (u - u*)^2) over the points for testing. For
 //          u = 0 it is 1/2.
 // Facts:   after 1,000 s on a GPU in double precision (best of many settings,
@@ -60,7 +60,7 @@
 
 namespace invgrad {
 
-// y of one point. x: the 2-jet of u; context as above.
+// y of one point. x: the jet of u; context as above.
 struct PoissonResidual {
   template <typename T, typename C>
   bool operator()(const T* x, const C* context, T* y) const {
@@ -139,7 +139,7 @@ struct PoissonPinn {
         std::make_shared<AutoDiffSimulator<PoissonResidual, 4, 1, 3>>(),
         std::make_shared<SquaredNormLoss>(1, 0.5),
         Reduction::kMean,
-        NetworkOutput::kTwoJet);
+        Derivatives());
     problem->metric = Metric{
         "L2_error", [](const Eigen::MatrixXd& x, const DataSet& samples) {
           return std::sqrt(
@@ -151,6 +151,12 @@ struct PoissonPinn {
   }
 
  private:
+  // (u, d_1 u, d_2 u, Lap u)
+  static std::shared_ptr<const DerivativeSet> Derivatives() {
+    return std::make_shared<DerivativeSet>(
+        "xy", std::vector<std::string>{"x", "y", "xx+yy"});
+  }
+
   // Rows (a_1, a_2, 0): the midpoints of the cells of an n x n grid.
   static Eigen::MatrixXd CellMidpoints(int n) {
     Eigen::MatrixXd points = Eigen::MatrixXd::Zero(n * n, 3);
@@ -202,9 +208,9 @@ struct PoissonPinn {
     const bool is_given = data.size() > 0;
     const double num_points = is_given ? static_cast<double>(data.rows())
                                        : 1.0 * num_interior + num_boundary;
-    // Numbers per point: its row, its sample (2 + 3 + 1 + 4), and three
-    // temporary pairs in SolutionJets.
-    const double bytes = sizeof(double) * num_points * (3 + 10 + 6);
+    // Numbers per point: its row, its sample (8 + 3 + 1 + 4), and four temporary
+    // pairs.
+    const double bytes = sizeof(double) * num_points * (3 + 16 + 8);
     return FitsInMemory(is_given
                             ? fmt::format("data of {} points", data.rows())
                             : fmt::format("num_interior={}:num_boundary={}",
@@ -238,8 +244,9 @@ struct PoissonPinn {
                              double interior_factor,
                              double boundary_factor) {
     DataSet samples;
-    samples.inputs = data.leftCols(2).transpose();
-    samples.solutions = SolutionJets(samples.inputs);
+    const Eigen::MatrixXd points = data.leftCols(2).transpose();
+    samples.inputs = Derivatives()->InputJets(points);
+    samples.solutions = SolutionJets(points);
     samples.targets = Eigen::MatrixXd::Zero(1, data.rows());
     samples.contexts.resize(3, data.rows());
     for (Eigen::Index s = 0; s < data.rows(); ++s) {

@@ -114,7 +114,7 @@ bool SetTorchScript(const std::string& file,
   const TorchNetworks* const networks = LoadTorchNetworks(error);
   if (networks == nullptr) return false;
   if (own.feedback() != nullptr ||
-      own.network_output() != NetworkOutput::kValue) {
+      own.derivatives() != nullptr) {
     *error = "torch_script: this problem needs a dense network";
     return false;
   }
@@ -195,9 +195,10 @@ bool SetNetwork(const NetworkSettings& settings,
               error)) {
     return false;
   }
-  if (own.network_output() == NetworkOutput::kTwoJet &&
+  if (own.derivatives() != nullptr && own.derivatives()->order() > 1 &&
       activation == Activation::kRelu) {
-    *error = "activation=relu has no Laplacian, which this problem needs";
+    *error =
+        "activation=relu has no second derivative, which this problem needs";
     return false;
   }
   problem->initialization = initialization;

@@ -1,4 +1,4 @@
-// Models whose simulator's inputs are the network's 2-jets.
+// Models whose simulator's inputs are derivatives of the network.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,7 +11,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/inverse/chain_pull_back.h"
-#include "tests/chain/jets_by_functor.h"
+#include "tests/chain/derivatives_by_functor.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -22,13 +22,14 @@ using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 // A nonlinear equation of two functions, u and v, with a coefficient c:
-//   y = (Lap u + u d_1 v - c, |grad v|^2 + sin(u) Lap v).
+//   y = (Lap u + u v_x + u_xxy / 10 - c, |grad v|^2 + sin(u) Lap v).
+const std::vector<std::string> kWords = {"x", "y", "xx+yy", "xxy"};
 struct Equation {
   template <typename T>
   bool operator()(const T* x, const double* c, T* y) const {
     using std::sin;
     const T *u = x, *v = x + 1;  // channels are two apart
-    y[0] = u[6] + u[0] * v[2] - c[0];
+    y[0] = u[6] + u[0] * v[2] + 0.1 * u[8] - c[0];
     y[1] = v[2] * v[2] + v[4] * v[4] + sin(u[0]) * v[6];
     return true;
   }
@@ -39,18 +40,20 @@ Model MakeModel(std::vector<int> hidden, Activation activation) {
   widths.insert(widths.end(), hidden.begin(), hidden.end());
   widths.push_back(2);
   return Model(DenseNetwork(widths, activation),
-               std::make_shared<AutoDiffSimulator<Equation, 8, 2, 1>>(),
+               std::make_shared<AutoDiffSimulator<Equation, 2 * 7, 2, 1>>(),
                std::make_shared<SquaredNormLoss>(2, 0.5),
                Reduction::kMean,
-               NetworkOutput::kTwoJet);
+               std::make_shared<DerivativeSet>("xy", kWords));
 }
+
+MatrixXd Points(int num_samples) { return RandomMatrix(2, num_samples, 11); }
 
 DataSet MakeData(int num_samples) {
   DataSet data;
-  data.inputs = RandomMatrix(2, num_samples, 11);
+  data.inputs = DerivativeSet("xy", kWords).InputJets(Points(num_samples));
   data.contexts = RandomMatrix(1, num_samples, 12);
   data.targets = RandomMatrix(2, num_samples, 13);
-  data.solutions = RandomMatrix(8, num_samples, 14);
+  data.solutions = RandomMatrix(2 * 7, num_samples, 14);
   return data;
 }
 
@@ -72,9 +75,13 @@ class JetModelTest : public testing::TestWithParam<Activation> {
   // y of the batch, by Jets of Jets for the network's derivatives.
   VectorXd Outputs(const VectorXd& weights) const {
     VectorXd y(2 * data_.num_samples());
+    const MatrixXd points = Points(data_.num_samples());
     for (int s = 0; s < data_.num_samples(); ++s) {
-      const MatrixXd x =
-          JetsByFunctor(*model_.dense_network(), weights, data_.inputs.col(s));
+      const MatrixXd x = JetsByFunctor(*model_.derivatives(),
+                                       "xy",
+                                       *model_.dense_network(),
+                                       weights,
+                                       points.col(s));
       EXPECT_TRUE(
           Equation()(x.data(), data_.contexts.col(s).data(), y.data() + 2 * s));
     }
@@ -197,6 +204,7 @@ struct LaplacianOfOneLayer {
   }
 };
 
+// Lap u, of the set (u, u_x, u_y, Lap u).
 struct LaplaceEquation {
   template <typename T>
   bool operator()(const T* x, T* y) const {
@@ -204,6 +212,11 @@ struct LaplaceEquation {
     return true;
   }
 };
+
+std::shared_ptr<const DerivativeSet> LaplaceSet() {
+  return std::make_shared<DerivativeSet>(
+      "xy", std::vector<std::string>{"x", "y", "xx+yy"});
+}
 
 // To rounding errors: no difference quotient.
 TEST(JetModel, DerivativesOfALaplacianAreTheClosedForm) {
@@ -214,9 +227,10 @@ TEST(JetModel, DerivativesOfALaplacianAreTheClosedForm) {
       std::make_shared<AutoDiffSimulator<LaplaceEquation, 4, 1>>(),
       std::make_shared<DotProductLoss>(1),
       Reduction::kSum,
-      NetworkOutput::kTwoJet);
+      LaplaceSet());
+  const Vector2d point(0.4, -0.7);
   DataSet data;
-  data.inputs = Vector2d(0.4, -0.7);
+  data.inputs = LaplaceSet()->InputJets(point);
   data.targets = MatrixXd::Ones(1, 1);
   const VectorXd weights = RandomMatrix(kWeights, 1, 31);
   LinearizationParts parts;
@@ -229,8 +243,7 @@ TEST(JetModel, DerivativesOfALaplacianAreTheClosedForm) {
   for (int k = 0; k < kWeights; ++k) {
     jets[k] = MakeHessianJet<kWeights>(weights[k], k);
   }
-  const auto y =
-      LaplacianOfOneLayer()(jets.data(), kHidden, data.inputs.col(0));
+  const auto y = LaplacianOfOneLayer()(jets.data(), kHidden, point);
   EXPECT_NEAR(linearization.cost, y.a.a, 1e-14);
   for (int k = 0; k < kWeights; ++k) {
     EXPECT_NEAR(linearization.gradient[k], y.v[k].a, 1e-13) << k;
@@ -255,7 +268,7 @@ TEST(JetModel, CopiesKeepTheJets) {
   const Model again =
       model.WithNetwork(DenseNetwork({2, 7, 2}, Activation::kGelu))
           .WithLoss(std::make_shared<SquaredNormLoss>(2, 1.0), Reduction::kSum);
-  EXPECT_EQ(again.network_output(), NetworkOutput::kTwoJet);
+  EXPECT_EQ(again.derivatives(), model.derivatives());
 }
 
 TEST(JetModelDeathTest, SimulatorMustTakeAllChannels) {
@@ -264,7 +277,7 @@ TEST(JetModelDeathTest, SimulatorMustTakeAllChannels) {
             std::make_shared<AutoDiffSimulator<LaplaceEquation, 4, 1>>(),
             std::make_shared<SquaredNormLoss>(1, 0.5),
             Reduction::kMean,
-            NetworkOutput::kTwoJet),
+            LaplaceSet()),
       "the simulator's inputs");
 }
 
@@ -286,8 +299,11 @@ TEST(JetModel, PullBacksTrainAllChannels) {
   const auto loss = [&](const VectorXd& at) {
     double sum = 0.0;
     for (int s = 0; s < data.num_samples(); ++s) {
-      const MatrixXd x =
-          JetsByFunctor(*model.dense_network(), at, data.inputs.col(s));
+      const MatrixXd x = JetsByFunctor(*model.derivatives(),
+                                       "xy",
+                                       *model.dense_network(),
+                                       at,
+                                       Points(5).col(s));
       sum += (VectorXd(x.reshaped()) - data.solutions.col(s)).squaredNorm();
     }
     return 0.5 * sum / data.num_samples();

@@ -153,7 +153,7 @@ TEST(DistributedTraining, PullsBackAsInOneProcess) {
 }
 
 // Infidelity has a Hessian of its own; roll-outs call the network at every step;
-// a differential equation takes 2-jets.
+// a differential equation takes jets.
 TEST(DistributedTraining, OtherChainsTrainAsInOneProcess) {
   ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
                       "half_inverse:truncation=1e-3"});

@@ -124,7 +124,7 @@ TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
   std::string error;
   EXPECT_FALSE(SetNetwork({"", "relu", ""}, &problem, &error));
   EXPECT_EQ(error,
-            "activation=relu has no Laplacian, which this problem needs");
+            "activation=relu has no second derivative, which this problem needs");
   EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
             Activation::kTanh);
 }

@@ -54,15 +54,17 @@ T Activate(Activation activation, const T& z) {
   return z;
 }
 
-// phi of `size` values in place; unless null, phi' and phi'', and with both
-// phi''' and phi''''.
+// The highest derivative of phi that is known.
+inline constexpr int kMaxActivationOrder = 6;
+
+// phi of `size` values in place, and its first num_derivatives <=
+// kMaxActivationOrder derivatives: phi^(p) of all values from
+// derivatives + (p - 1) size on.
 void ActivateAll(Activation activation,
                  int size,
                  double* z,
-                 double* slope,
-                 double* curvature,
-                 double* third = nullptr,
-                 double* fourth = nullptr);
+                 int num_derivatives,
+                 double* derivatives);
 
 }  // namespace invgrad
 

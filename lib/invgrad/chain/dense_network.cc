@@ -8,7 +8,6 @@
 
 #include "fmt/format.h"
 #include "glog/logging.h"
-#include "invgrad/chain/two_jet.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/io/numpy_random.h"
 
@@ -118,21 +117,27 @@ void DenseNetwork::Forward(const VectorXd& weights,
                            bool want_curvatures,
                            Activations* activations) const {
   CHECK(activations != nullptr) << "The pass is of another network.";
+  activations->derivatives = DerivativeSet::Values();
   activations->num_channels = 1;
   RunLayers(weights, inputs, want_curvatures, activations);
 }
 
-void DenseNetwork::ForwardJets(const VectorXd& weights,
-                               const MatrixXd& inputs,
-                               bool want_curvatures,
-                               Activations* activations) const {
-  CHECK(hidden_ != Activation::kRelu) << "ReLU has no Laplacian.";
-  activations->num_channels = NumTwoJetChannels(num_inputs());
-  RunLayers(weights, JetsOfInputs(inputs), want_curvatures, activations);
+void DenseNetwork::ForwardJets(
+    const VectorXd& weights,
+    const std::shared_ptr<const DerivativeSet>& derivatives,
+    const Eigen::Ref<const MatrixXd>& input_jets,
+    bool want_curvatures,
+    Activations* activations) const {
+  CHECK(derivatives->order() < 2 || hidden_ != Activation::kRelu)
+      << "ReLU has no second derivative: choose a smooth activation.";
+  CHECK_EQ(input_jets.cols() % derivatives->num_channels(), 0);
+  activations->derivatives = derivatives;
+  activations->num_channels = derivatives->num_channels();
+  RunLayers(weights, input_jets, want_curvatures, activations);
 }
 
 void DenseNetwork::RunLayers(const VectorXd& weights,
-                             const MatrixXd& inputs,
+                             const Eigen::Ref<const MatrixXd>& inputs,
                              bool want_curvatures,
                              Activations* activations) const {
   CHECK_EQ(inputs.rows(), num_inputs());
@@ -160,11 +165,11 @@ void DenseNetwork::RunLayers(const VectorXd& weights,
     if (want_curvatures) activations->curvatures[l].resize(width, num_columns);
     auto above = activations->inputs[l + 1].topRows(width);
     ApplyLayer(l, weights, activations->inputs[l], 0.0, above);
-    ActivateJets(hidden_,
-                 num_channels,
-                 above,
-                 &activations->slopes[l],
-                 want_curvatures ? &activations->curvatures[l] : nullptr);
+    activations->derivatives->Activate(
+        hidden_,
+        above,
+        &activations->slopes[l],
+        want_curvatures ? &activations->curvatures[l] : nullptr);
   }
   activations->outputs.resize(num_outputs(), num_columns);
   ApplyLayer(
@@ -184,9 +189,9 @@ void DenseNetwork::BackwardThroughLayer(int l,
   if (per_sample == 1) calls = activations.num_columns();
   for (Eigen::Index first = 0; first < above.cols(); first += calls) {
     const Eigen::Index sample = first / (per_sample * calls);
-    MultiplyJetsTransposed(activations.num_channels,
-                           slopes.middleCols(sample * calls, calls),
-                           below->middleCols(first, calls));
+    activations.derivatives->MultiplyTransposed(
+        slopes.middleCols(sample * calls, calls),
+        below->middleCols(first, calls));
   }
 }
 
@@ -295,7 +300,7 @@ void DenseNetwork::Tangent(const VectorXd& weights,
     ApplyLayer(l, weight_tangent, activations.inputs[l], 0.0, above);
     if (l > 0) ApplyLayer(l, weights, below, 1.0, above);
     if (l + 1 < num_layers()) {
-      MultiplyJets(activations.num_channels, activations.slopes[l], above);
+      activations.derivatives->Multiply(activations.slopes[l], above);
     }
     below.swap(above);
   }

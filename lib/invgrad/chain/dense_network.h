@@ -3,10 +3,11 @@
 //
 //   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
 //
-// ForwardJets propagates f with its derivatives with respect to a: every
-// quantity is then a 2-jet (two_jet.h) with T = |a| + 2 columns a sample,
+// ForwardJets propagates f with a set of its derivatives with respect to the
+// coordinates of a point (derivative_set.h): every quantity is then a jet of T
+// columns a sample,
 //
-//   x = (f, d_1 f, .., d_|a| f, Lap f)
+//   x = (f, D_1 f, .., D_{T-1} f)
 //
 // The same functions differentiate both with respect to the weights.
 //
@@ -31,6 +32,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/activation.h"
+#include "invgrad/chain/derivative_set.h"
 #include "invgrad/chain/network.h"
 
 namespace invgrad {
@@ -84,6 +86,8 @@ class DenseNetwork final : public Network {
     std::vector<Eigen::MatrixXd> slopes;
     // curvatures[l]: phi''(z), of the same size; only with want_curvatures.
     std::vector<Eigen::MatrixXd> curvatures;
+    // Of the channels.
+    std::shared_ptr<const DerivativeSet> derivatives = DerivativeSet::Values();
   };
   std::unique_ptr<Pass> NewPass() const override {
     return std::make_unique<Activations>();
@@ -98,10 +102,11 @@ class DenseNetwork final : public Network {
                bool want_curvatures,
                Activations* activations) const;
 
-  // The same with derivatives with respect to the input. Not for ReLU, whose
-  // Laplacian is zero almost everywhere (CHECKed).
+  // The same for the jets of the inputs: |a| x B T. Not for ReLU, whose second
+  // derivative is zero almost everywhere (CHECKed).
   void ForwardJets(const Eigen::VectorXd& weights,
-                   const Eigen::MatrixXd& inputs,
+                   const std::shared_ptr<const DerivativeSet>& derivatives,
+                   const Eigen::Ref<const Eigen::MatrixXd>& input_jets,
                    bool want_curvatures,
                    Activations* activations) const;
 
@@ -158,7 +163,7 @@ class DenseNetwork final : public Network {
   class HessianPass;
 
   void RunLayers(const Eigen::VectorXd& weights,
-                 const Eigen::MatrixXd& inputs,
+                 const Eigen::Ref<const Eigen::MatrixXd>& inputs,
                  bool want_curvatures,
                  Activations* activations) const;
   // z = W_l a + beta z, with the bias if `a` has the row of ones.

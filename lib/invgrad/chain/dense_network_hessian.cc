@@ -2,7 +2,6 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/two_jet.h"
 #include "invgrad/core/blas.h"
 
 namespace invgrad {
@@ -28,8 +27,8 @@ class DenseNetwork::HessianPass {
       pulled_[l - 1].resize(network.widths_[l], num_columns);
       network.ApplyLayerTransposed(l, weights, deltas_[l], pulled_[l - 1]);
       deltas_[l - 1] = pulled_[l - 1];
-      MultiplyJetsTransposed(
-          activations.num_channels, activations.slopes[l - 1], deltas_[l - 1]);
+      activations.derivatives->MultiplyTransposed(activations.slopes[l - 1],
+                                                  deltas_[l - 1]);
     }
     z_dots_.resize(L);
     a_dots_.resize(L);
@@ -47,7 +46,8 @@ class DenseNetwork::HessianPass {
            int unit,
            int channel,
            const std::vector<MatrixXd>& output_hessians) {
-    const int T = activations_.num_channels;
+    const DerivativeSet& jets = *activations_.derivatives;
+    const int T = jets.num_channels();
     const auto batch_size = static_cast<Index>(output_hessians.size());
     z_dots_[from].setZero();
     for (Index s = 0; s < batch_size; ++s) {
@@ -57,7 +57,7 @@ class DenseNetwork::HessianPass {
     const int last = network_.num_layers() - 1;
     for (int l = from + 1; l <= last; ++l) {
       a_dots_[l] = z_dots_[l - 1];
-      MultiplyJets(T, activations_.slopes[l - 1], a_dots_[l]);
+      jets.Multiply(activations_.slopes[l - 1], a_dots_[l]);
       network_.ApplyLayer(l, weights_, a_dots_[l], 0.0, z_dots_[l]);
     }
     const Index num_x = z_dots_[last].rows() * T;
@@ -73,11 +73,11 @@ class DenseNetwork::HessianPass {
     for (int l = last; l > from; --l) {
       MatrixXd& below = delta_dots_[l - 1];
       network_.ApplyLayerTransposed(l, weights_, delta_dots_[l], below);
-      MultiplyJetsTransposed(T, activations_.slopes[l - 1], below);
+      jets.MultiplyTransposed(activations_.slopes[l - 1], below);
       slope_dots = z_dots_[l - 1];
-      MultiplyJets(T, activations_.curvatures[l - 1], slope_dots);
+      jets.Multiply(activations_.curvatures[l - 1], slope_dots);
       turned = pulled_[l - 1];
-      MultiplyJetsTransposed(T, slope_dots, turned);
+      jets.MultiplyTransposed(slope_dots, turned);
       below += turned;
     }
   }

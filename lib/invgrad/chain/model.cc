@@ -7,7 +7,6 @@
 #include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
-#include "invgrad/chain/two_jet.h"
 #include "invgrad/core/parallel.h"
 #include "invgrad/core/scratch.h"
 
@@ -97,7 +96,9 @@ void CheckSizes(const Model& model,
                 const DataSet& batch) {
   CHECK_EQ(weights.size(), model.num_weights());
   CHECK_GT(batch.num_samples(), 0) << "The batch is empty.";
-  CHECK_EQ(batch.inputs.rows(), model.network().num_inputs());
+  const int num_channels =
+      model.derivatives() == nullptr ? 1 : model.derivatives()->num_channels();
+  CHECK_EQ(batch.inputs.rows(), model.network().num_inputs() * num_channels);
   CHECK_EQ(batch.contexts.rows(), model.simulator().num_context());
   if (batch.contexts.rows() > 0) {
     CHECK_EQ(batch.contexts.cols(), batch.num_samples());
@@ -111,20 +112,20 @@ Model::Model(std::shared_ptr<const Network> network,
              std::shared_ptr<const Loss> loss,
              Reduction reduction,
              std::shared_ptr<const Feedback> feedback,
-             NetworkOutput output)
+             std::shared_ptr<const DerivativeSet> derivatives)
     : network_(std::move(network)),
       dense_network_(dynamic_cast<const DenseNetwork*>(network_.get())),
       simulator_(std::move(simulator)),
       loss_(std::move(loss)),
       reduction_(reduction),
       feedback_(std::move(feedback)),
-      output_(output) {
+      derivatives_(std::move(derivatives)) {
   CHECK(network_ != nullptr);
   CHECK(simulator_ != nullptr);
   CHECK(loss_ != nullptr);
-  CHECK(feedback_ == nullptr || output_ == NetworkOutput::kValue);
+  CHECK(feedback_ == nullptr || derivatives_ == nullptr);
   CHECK(dense_network_ != nullptr ||
-        (feedback_ == nullptr && output_ == NetworkOutput::kValue))
+        (feedback_ == nullptr && derivatives_ == nullptr))
       << "Feedback and jets need a DenseNetwork.";
   CHECK_EQ(num_columns() * network_->num_outputs(), simulator_->num_inputs())
       << "The network's outputs are the simulator's inputs.";
@@ -141,9 +142,7 @@ Model::Model(std::shared_ptr<const Network> network,
 }
 
 int Model::num_columns() const {
-  return output_ == NetworkOutput::kTwoJet
-             ? NumTwoJetChannels(network_->num_inputs())
-             : num_calls();
+  return derivatives_ != nullptr ? derivatives_->num_channels() : num_calls();
 }
 
 Model Model::WithThreads(int num_threads) const {
@@ -164,7 +163,7 @@ bool Model::Forward(const VectorXd& weights,
                     Network::Pass* pass,
                     std::string* error) const {
   CheckSizes(*this, weights, batch);
-  if (feedback_ == nullptr && output_ == NetworkOutput::kValue) {
+  if (feedback_ == nullptr && derivatives_ == nullptr) {
     return network_->Forward(weights, batch.inputs, derivatives, pass, error) &&
            CheckOutputs(*pass, batch, error);
   }
@@ -172,8 +171,13 @@ bool Model::Forward(const VectorXd& weights,
   auto* activations = dynamic_cast<DenseNetwork::Activations*>(pass);
   CHECK(activations != nullptr) << "The pass is of another network.";
   if (feedback_ == nullptr) {
+    const Index num_inputs = network_->num_inputs();
     dense_network_->ForwardJets(
-        weights, batch.inputs, want_curvatures, activations);
+        weights,
+        derivatives_,
+        batch.inputs.reshaped(num_inputs, batch.inputs.size() / num_inputs),
+        want_curvatures,
+        activations);
     return CheckOutputs(*activations, batch, error);
   }
   MatrixXd inputs = batch.inputs;

@@ -14,12 +14,13 @@
 // first ns entries. The other entries, such as a set point, are the same in all
 // calls. Include a reference signal and its generator in the state.
 //
-// With NetworkOutput::kTwoJet the derivatives of the network with respect to
-// its input are also inputs of the simulator. The residual of a differential
-// equation is then a simulator: a function of these derivatives and of the
-// sample's context (a physics-informed network),
+// With a DerivativeSet (derivative_set.h) derivatives of the network with respect
+// to a point are also inputs of the simulator, and the network's inputs are the
+// jets of functions of the point. The residual of a differential equation is
+// then a simulator: a function of these derivatives and of the sample's context
+// (a physics-informed network),
 //
-//   x_s = (f, d_1 f, .., d_|a| f, Lap f)(a_s; theta)
+//   x_s = (f, D_1 f, .., D_{T-1} f)(a_s; theta)
 //
 // Shapes:  theta: n; y: |y| B, stacked sample by sample, like g and the rows of
 //          J = dy/dtheta. Activations: B columns; with feedback B T, a sample's
@@ -48,6 +49,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
 #include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/derivative_set.h"
 #include "invgrad/chain/feedback.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/chain/network.h"
@@ -58,49 +60,47 @@ namespace invgrad {
 
 enum class Reduction { kMean, kSum };
 
-// The simulator's inputs: the network's outputs, or their 2-jets (two_jet.h).
-enum class NetworkOutput { kValue, kTwoJet };
-
 class Model {
  public:
-  // Sizes must fit (CHECKed): network outputs, times |a| + 2 with kTwoJet, =
+  // Sizes must fit (CHECKed): network outputs, times T with derivatives, =
   // simulator inputs, and simulator outputs = loss size.
   //
   // feedback: null, or the loop over time of the same simulator, often the
-  // simulator itself; not with kTwoJet. Then T network outputs = T controls =
-  // simulator inputs, and the simulator's context is the state at the start.
-  // Feedback and jets need a DenseNetwork.
+  // simulator itself. Then T network outputs = T controls = simulator inputs,
+  // and the simulator's context is the state at the start.
+  // derivatives: null, or the channels of the jets, T for each network input and
+  // output; not with feedback. Both need a DenseNetwork.
   Model(std::shared_ptr<const Network> network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
         Reduction reduction,
         std::shared_ptr<const Feedback> feedback = nullptr,
-        NetworkOutput output = NetworkOutput::kValue);
+        std::shared_ptr<const DerivativeSet> derivatives = nullptr);
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
         Reduction reduction,
         std::shared_ptr<const Feedback> feedback = nullptr,
-        NetworkOutput output = NetworkOutput::kValue)
+        std::shared_ptr<const DerivativeSet> derivatives = nullptr)
       : Model(std::make_shared<DenseNetwork>(std::move(network)),
               std::move(simulator),
               std::move(loss),
               reduction,
               std::move(feedback),
-              output) {}
+              std::move(derivatives)) {}
 
   // Without feedback.
   Model(DenseNetwork network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
         Reduction reduction,
-        NetworkOutput output)
+        std::shared_ptr<const DerivativeSet> derivatives)
       : Model(std::move(network),
               std::move(simulator),
               std::move(loss),
               reduction,
               nullptr,
-              output) {}
+              std::move(derivatives)) {}
 
   const Network& network() const { return *network_; }
   // The network; null if it is of another class.
@@ -113,14 +113,15 @@ class Model {
   }
   std::shared_ptr<const Loss> shared_loss() const { return loss_; }
   const Feedback* feedback() const { return feedback_.get(); }  // may be null
-  NetworkOutput network_output() const { return output_; }
+  const DerivativeSet* derivatives() const {                    // may be null
+    return derivatives_.get();
+  }
 
   // Calls of the network a sample.
   int num_calls() const {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
-  // T: the columns of a sample in the activations, num_calls() or with jets
-  // |a| + 2.
+  // T: the columns of a sample in the activations, calls or channels.
   int num_columns() const;
 
   // The same chain with another loss, or another network.
@@ -130,7 +131,7 @@ class Model {
                  std::move(loss),
                  reduction,
                  feedback_,
-                 output_)
+                 derivatives_)
         .WithThreads(num_threads_);
   }
   Model WithNetwork(std::shared_ptr<const Network> network) const {
@@ -139,7 +140,7 @@ class Model {
                  loss_,
                  reduction_,
                  feedback_,
-                 output_)
+                 derivatives_)
         .WithThreads(num_threads_);
   }
   Model WithNetwork(DenseNetwork network) const {
@@ -233,7 +234,7 @@ class Model {
   std::shared_ptr<const Loss> loss_;
   Reduction reduction_;
   std::shared_ptr<const Feedback> feedback_;
-  NetworkOutput output_;
+  std::shared_ptr<const DerivativeSet> derivatives_;
   int num_threads_ = 1;
 };
 

@@ -76,7 +76,7 @@ class Network {
 
     Eigen::MatrixXd outputs;  // num_outputs x columns: x
     // Adjacent columns that belong to one call of the network; 1, or the number
-    // of channels of a jet (two_jet.h).
+    // of channels of a jet (derivative_set.h).
     int num_channels = 1;
 
     int num_columns() const { return static_cast<int>(outputs.cols()); }

@@ -13,7 +13,7 @@
 //
 // In a loop over time (feedback.h), x holds the outputs of T calls of the
 // network, J_s includes the closed loop, and a row of J sums the outer products
-// over the sample's calls. With 2-jets (two_jet.h) their T channels take the
+// over the sample's calls. With jets (derivative_set.h) their T channels take the
 // place of the calls.
 //
 // Shapes:  J: m x n,  m = B |y|, sample by sample;  n: the weights.
