@@ -113,8 +113,7 @@ bool SetTorchScript(const std::string& file,
   const Model& own = *problem->model;
   const TorchNetworks* const networks = LoadTorchNetworks(error);
   if (networks == nullptr) return false;
-  if (own.feedback() != nullptr ||
-      own.derivatives() != nullptr) {
+  if (own.feedback() != nullptr || own.derivatives() != nullptr) {
     *error = "torch_script: this problem needs a dense network";
     return false;
   }

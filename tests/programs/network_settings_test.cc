@@ -123,8 +123,9 @@ TEST(NetworkSettings, ADifferentialEquationNeedsALaplacian) {
   LearningProblem problem = CreateLearningProblem("poisson_pinn");
   std::string error;
   EXPECT_FALSE(SetNetwork({"", "relu", ""}, &problem, &error));
-  EXPECT_EQ(error,
-            "activation=relu has no second derivative, which this problem needs");
+  EXPECT_EQ(
+      error,
+      "activation=relu has no second derivative, which this problem needs");
   EXPECT_EQ(problem.model->dense_network()->hidden_activation(),
             Activation::kTanh);
 }

@@ -121,6 +121,8 @@ class Model {
   int num_calls() const {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
+  // The rows of DataSet::inputs: the network's inputs, times T with derivatives.
+  int num_inputs() const;
   // T: the columns of a sample in the activations, calls or channels.
   int num_columns() const;
 
