@@ -9,9 +9,23 @@ namespace invgrad {
 namespace fresh_control_test {
 
 using Verdict = FreshControl::Verdict;
-using Return = FreshControl::Return;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+struct Others final : FreshControl::OtherWeights {
+  Others() = default;
+  Others(double before, double at_copy) : before(before), at_copy(at_copy) {}
+  double CostBeforeLastStep() override { return before; }
+  double CostAtCopy() override { return at_copy; }
+
+  double before = kNaN;
+  double at_copy = kNaN;
+};
+
+Verdict Judge(FreshControl* control, double cost, Others others = {}) {
+  return control->Judge(cost, &others);
+}
 
 // Losses that fall by `rate` a step from exp(-rate first), with fluctuations.
 // The number of copies.
@@ -19,7 +33,7 @@ int Fall(FreshControl* control, double rate, int first, int end) {
   int num_copies = 0;
   for (int k = first; k < end; ++k) {
     const Verdict verdict =
-        control->Judge(std::exp(-rate * k + (k % 2 == 0 ? 0.1 : -0.1)));
+        Judge(control, std::exp(-rate * k + (k % 2 == 0 ? 0.1 : -0.1)));
     EXPECT_TRUE(verdict == Verdict::kGoOn || verdict == Verdict::kCopy) << k;
     num_copies += verdict == Verdict::kCopy ? 1 : 0;
   }
@@ -78,7 +92,7 @@ TEST(FreshControl, ASureDecreaseIsNotNoise) {
       const double fluctuation = is_sure ? 0.002 : 0.1;
       const double loss =
           std::exp(-0.001 * k + (k % 2 == 0 ? fluctuation : -fluctuation));
-      control.Judge(loss);
+      Judge(&control, loss);
       trend.Add(loss);
     }
     const double d = -trend.slope();
@@ -95,7 +109,7 @@ TEST(FreshControl, ASureDecreaseIsNotNoise) {
 TEST(FreshControl, ATrendWithoutErrorsIsDefined) {
   FreshControl constant{{}};
   constant.Observe(Flat());
-  for (int k = 0; k < 60; ++k) constant.Judge(1.0);
+  for (int k = 0; k < 60; ++k) Judge(&constant, 1.0);
   EXPECT_GE(Adjusted(constant, 0.5).noise, 1.0);
 }
 
@@ -103,7 +117,7 @@ TEST(FreshControl, CautionFollowsTheTrendAndKappa) {
   FreshControl control{{}};
   Fall(&control, 0.02, 0, 40);
   for (int k = 0; k < 200 && control.caution() == 1.0; ++k) {
-    control.Judge(std::exp(-0.8 + 0.003 * k + (k % 2 == 0 ? 0.1 : -0.1)));
+    Judge(&control, std::exp(-0.8 + 0.003 * k + (k % 2 == 0 ? 0.1 : -0.1)));
   }
   const double caution = control.caution();
   EXPECT_NEAR(caution, 0.97, 1e-15);
@@ -114,20 +128,20 @@ TEST(FreshControl, CautionFollowsTheTrendAndKappa) {
 TEST(FreshControl, ReturnsAfterAWorseBlock) {
   FreshControl control{{}};
   const auto fluctuation = [](int k) { return std::exp(k % 2 ? 0.02 : -0.02); };
-  for (int k = 0; k < 30; ++k) control.Judge(fluctuation(k));
+  for (int k = 0; k < 30; ++k) Judge(&control, fluctuation(k));
+  const double caution = control.caution();
   Verdict verdict = Verdict::kGoOn;
   int num_steps = 0;
   // Higher by a factor 1.9: no outlier, but worse than 1.6 and three standard
   // errors of 0.02 / 3, from both means.
   while (verdict == Verdict::kGoOn && num_steps < 20) {
-    verdict = control.Judge(1.9 * fluctuation(num_steps));
+    verdict = Judge(&control, 1.9 * fluctuation(num_steps), {1.9, 1.0});
     ++num_steps;
   }
   EXPECT_EQ(verdict, Verdict::kReturn);
   EXPECT_EQ(num_steps, 10);
-  const double caution = control.caution();
-  control.Returned(Return::kToCopy, 1.0);
-  EXPECT_DOUBLE_EQ(control.caution(), 0.5 * caution);
+  // Halved, after the trend had changed it.
+  EXPECT_LE(control.caution(), 0.5 * caution);
 }
 
 TEST(FreshControl, AFactorBelowTheLimitIsNoReturn) {
@@ -135,37 +149,80 @@ TEST(FreshControl, AFactorBelowTheLimitIsNoReturn) {
   Fall(&control, 0.0, 0, 30);
   for (int k = 0; k < 60; ++k) {
     const Verdict verdict =
-        control.Judge(1.5 * std::exp(k % 2 == 0 ? 0.1 : -0.1));
+        Judge(&control, 1.5 * std::exp(k % 2 == 0 ? 0.1 : -0.1), {1.0, 1.0});
     EXPECT_NE(verdict, Verdict::kReturn);
   }
 }
 
-TEST(FreshControl, ComparesOutliersAndWhatIsNotFinite) {
-  FreshControl control{{}};
-  EXPECT_EQ(control.Judge(kNaN), Verdict::kCompare);
-  control.Returned(Return::kNowhere, kNaN);
-  EXPECT_EQ(control.Judge(std::numeric_limits<double>::infinity()),
-            Verdict::kCompare);
-  Fall(&control, 0.0, 0, 30);
-  EXPECT_EQ(control.Judge(3.0), Verdict::kCompare);
-  const double caution = control.caution();
-  control.Returned(Return::kLastStep, 1.0);
-  EXPECT_DOUBLE_EQ(control.caution(), 0.5 * caution);
+TEST(FreshControl, ALossThatIsNotFiniteGoesBackToWhereItIsLowest) {
+  for (const double not_finite : {kNaN, kInf}) {
+    FreshControl control{{}};
+    EXPECT_EQ(Judge(&control, not_finite, {1.0, 2.0}), Verdict::kRevertStep);
+    EXPECT_EQ(control.caution(), 0.5);
+    EXPECT_EQ(Judge(&control, not_finite, {2.0, 1.0}), Verdict::kReturn);
+    EXPECT_EQ(Judge(&control, not_finite, {1.0, kNaN}), Verdict::kRevertStep);
+    EXPECT_EQ(Judge(&control, not_finite, {kNaN, 1.0}), Verdict::kReturn);
+    EXPECT_EQ(control.caution(), 0.0625);
+    EXPECT_EQ(Judge(&control, not_finite, {kNaN, kNaN}), Verdict::kLeaveOut);
+    EXPECT_EQ(control.caution(), 0.03125);
+  }
 }
 
-// The copy would be of weights that the next comparison may leave.
-TEST(FreshControl, DoesNotCopyAtAnOutlier) {
+// The batch is a hard one: its loss is no lower elsewhere.
+TEST(FreshControl, AnOutlierThatIsNoBetterElsewhereStartsNoTrial) {
+  FreshControl control{{}};
+  Fall(&control, 0.0, 0, 30);
+  EXPECT_EQ(Judge(&control, 3.0, {1.51, 1.51}), Verdict::kGoOn);
+  EXPECT_EQ(Judge(&control, 3.0), Verdict::kGoOn) << "there is no copy";
+  for (int k = 0; k < 10; ++k) {
+    EXPECT_NE(Judge(&control, 1.0, {1e-9, 1e-9}), Verdict::kReturn);
+  }
+}
+
+TEST(FreshControl, AnOutlierStartsATrialAgainstTheBetterWeights) {
+  for (const bool is_before : {false, true}) {
+    // Ten steps; the second half decides.
+    for (const double at_copy : {0.49, 0.51}) {
+      FreshControl control{{}};
+      Fall(&control, 0.0, 0, 30);
+      EXPECT_EQ(
+          Judge(&control, 3.0, is_before ? Others(1.4, 1.5) : Others(1.5, 1.4)),
+          is_before ? Verdict::kCopyBeforeLastStep : Verdict::kGoOn);
+      for (int k = 1; k <= 9; ++k) {
+        EXPECT_EQ(Judge(&control, 1.0, {1.0, k <= 5 ? 1e-9 : at_copy}),
+                  Verdict::kGoOn);
+      }
+      EXPECT_EQ(Judge(&control, 1.0, {1.0, at_copy}),
+                at_copy < 0.5 ? Verdict::kReturn : Verdict::kGoOn);
+      EXPECT_EQ(control.caution(), at_copy < 0.5 ? 0.5 : 1.0);
+    }
+  }
+}
+
+// The last good weights are the copy of the trial.
+TEST(FreshControl, ATrialEndsWithALossThatIsNotFinite) {
+  FreshControl control{{}};
+  Fall(&control, 0.0, 0, 30);
+  Judge(&control, 3.0, {1.4, 1.5});
+  EXPECT_EQ(Judge(&control, kNaN, {kNaN, 1.0}), Verdict::kReturn);
+  for (int k = 0; k < 20; ++k) {
+    EXPECT_NE(Judge(&control, 1.0, {1.0, 1e-9}), Verdict::kReturn);
+  }
+}
+
+// The copy would be of weights that the trial may leave.
+TEST(FreshControl, DoesNotCopyInATrial) {
   FreshControl control{{}};
   Fall(&control, 0.0, 0, 19);  // the next loss ends a block
-  EXPECT_EQ(control.Judge(3.0), Verdict::kCompare);
-  control.Returned(Return::kNowhere, 3.0);
-  for (int k = 0; k < 9; ++k) control.Judge(1.0);
-  EXPECT_EQ(control.Judge(1.0), Verdict::kCopy);
+  EXPECT_EQ(Judge(&control, 3.0, {1.5, 1.4}), Verdict::kGoOn);
+  for (int k = 0; k < 10; ++k) {
+    EXPECT_EQ(Judge(&control, 0.1, {1.0, 1.0}), Verdict::kGoOn);
+  }
 }
 
 TEST(FreshControl, CautionHasALowerEnd) {
   FreshControl control{{}};
-  for (int k = 0; k < 100; ++k) control.Returned(Return::kLeftOut, kNaN);
+  for (int k = 0; k < 100; ++k) Judge(&control, kNaN);
   EXPECT_EQ(control.caution(), 1e-3);
 }
 
@@ -187,7 +244,8 @@ TEST(FreshControl, ItsStateIsAll) {
   for (size_t i = 0; i < from.size(); ++i) *to[i] = *from[i];
   for (int k = 0; k < 40; ++k) {
     const double loss = std::exp(std::sin(k));
-    EXPECT_EQ(control.Judge(loss), copy.Judge(loss));
+    EXPECT_EQ(Judge(&control, loss, {0.5, 0.4}),
+              Judge(&copy, loss, {0.5, 0.4}));
     EXPECT_EQ(control.caution(), copy.caution());
     EXPECT_EQ(Adjusted(control, 0.8).noise, Adjusted(copy, 0.8).noise);
   }
@@ -200,17 +258,17 @@ TEST(FreshControl, EachPartCanBeOff) {
   EXPECT_EQ(Adjusted(no_noise, 0.5).noise, 0.0);
 
   FreshControl no_caution{{"caution"}};
-  for (int k = 0; k < 60; ++k) no_caution.Judge(std::exp(0.01 * k));
+  for (int k = 0; k < 60; ++k) Judge(&no_caution, std::exp(0.01 * k));
   EXPECT_EQ(no_caution.caution(), 1.0);
-  no_caution.Returned(Return::kToCopy, 1.0);
+  Judge(&no_caution, kNaN, {kNaN, 1.0});
   EXPECT_EQ(no_caution.caution(), 0.5);
 
   FreshControl no_returns{{"returns"}};
   for (int k = 0; k < 60; ++k) {
-    EXPECT_EQ(no_returns.Judge(k < 30 ? 1.0 : 1e3), Verdict::kGoOn);
+    EXPECT_EQ(Judge(&no_returns, k < 30 ? 1.0 : 1e3, {0.1, 0.1}),
+              Verdict::kGoOn);
   }
-  // As without control=fresh, the engine then reverts the last step.
-  EXPECT_EQ(no_returns.Judge(kNaN), Verdict::kCompare);
+  EXPECT_EQ(Judge(&no_returns, kNaN, {1.0, kNaN}), Verdict::kRevertStep);
 }
 
 }  // namespace fresh_control_test

@@ -41,7 +41,8 @@ class LimitedLoss final : public Loss {
 // given verdict before it.
 class ScriptedRule final : public UpdateRule {
  public:
-  using Script = std::function<Verdict(int k, double cost)>;
+  using Script =
+      std::function<Verdict(int k, double cost, OtherWeights* others)>;
   explicit ScriptedRule(Script script) : script_(std::move(script)) {}
 
   LinearizationParts Needs() const override {
@@ -55,25 +56,23 @@ class ScriptedRule final : public UpdateRule {
   }
   bool JudgesSteps() const override { return true; }
   bool JudgesWeights() const override { return true; }
-  Verdict JudgeWeights(double cost) override {
+  Verdict JudgeWeights(double cost, OtherWeights* others) override {
     costs.push_back(cost);
-    return script_(static_cast<int>(costs.size()) - 1, cost);
-  }
-  void Returned(Return where, double cost) override {
-    returns.emplace_back(where, cost);
-    if (where == Return::kLeftOut) length = -1.0;
+    const Verdict verdict =
+        script_(static_cast<int>(costs.size()) - 1, cost, others);
+    if (verdict == Verdict::kLeaveOut) length = -1.0;
+    return verdict;
   }
 
   double length = 0.4;
   std::vector<double> costs;
-  std::vector<std::pair<Return, double>> returns;
 
  private:
   Script script_;
 };
 
 using Verdict = UpdateRule::Verdict;
-using Return = UpdateRule::Return;
+using OtherWeights = UpdateRule::OtherWeights;
 
 // y = b for inputs zero: 24 samples in 6 batches, of which the fifth is limited.
 TrainResult TrainScripted(ScriptedRule* rule, int num_steps) {
@@ -94,42 +93,52 @@ TrainResult TrainScripted(ScriptedRule* rule, int num_steps) {
 }
 
 TEST(JudgedWeights, ReturnToTheirCopy) {
-  ScriptedRule rule([](int k, double) {
-    return k == 1 ? Verdict::kCopy : k == 3 ? Verdict::kReturn : Verdict::kGoOn;
+  ScriptedRule rule([](int k, double, OtherWeights* others) {
+    if (k == 1) return Verdict::kCopy;
+    if (k != 3) return Verdict::kGoOn;
+    EXPECT_DOUBLE_EQ(others->CostBeforeLastStep(), 9.2);
+    EXPECT_DOUBLE_EQ(others->CostAtCopy(), 9.6);
+    return Verdict::kReturn;
   });
   const TrainResult result = TrainScripted(&rule, 4);
   // y_0 = 0, 0.4 (copied), 0.8, 1.2 -> 0.4, and after the fourth step 0.8.
   ASSERT_EQ(rule.costs.size(), 4u);
   EXPECT_DOUBLE_EQ(rule.costs[3], 8.8);
-  ASSERT_EQ(rule.returns.size(), 1u);
-  EXPECT_EQ(rule.returns[0].first, Return::kToCopy);
-  EXPECT_DOUBLE_EQ(rule.returns[0].second, 9.6);
   EXPECT_DOUBLE_EQ(result.history.back().train_loss, 9.2);
   EXPECT_EQ(result.summary.num_taken_back, 1);
 }
 
-TEST(JudgedWeights, ComparisonWithoutABetterPlaceGoesOn) {
-  ScriptedRule rule([](int, double) { return Verdict::kCompare; });
-  const TrainResult result = TrainScripted(&rule, 2);
-  EXPECT_DOUBLE_EQ(result.history.back().train_loss, 10.0 - 0.8);
-  ASSERT_EQ(rule.returns.size(), 2u);
-  for (const auto& [where, cost] : rule.returns) {
-    EXPECT_EQ(where, Return::kNowhere);
-  }
-  EXPECT_EQ(result.summary.num_taken_back, 0);
+TEST(JudgedWeights, ReturnToBeforeTheLastStep) {
+  ScriptedRule rule([](int k, double, OtherWeights*) {
+    return k == 2 ? Verdict::kRevertStep : Verdict::kGoOn;
+  });
+  // y_0 = 0, 0.4, 0.8 -> 0.4, 0.8.
+  const TrainResult result = TrainScripted(&rule, 3);
+  EXPECT_DOUBLE_EQ(result.history.back().train_loss, 9.2);
+  EXPECT_EQ(result.summary.num_taken_back, 1);
+}
+
+TEST(JudgedWeights, TheCopyCanBeOfBeforeTheLastStep) {
+  ScriptedRule rule([](int k, double, OtherWeights* others) {
+    EXPECT_EQ(std::isnan(others->CostBeforeLastStep()), k == 0);
+    EXPECT_EQ(std::isnan(others->CostAtCopy()), k <= 2);
+    if (k == 2) return Verdict::kCopyBeforeLastStep;
+    return k == 3 ? Verdict::kReturn : Verdict::kGoOn;
+  });
+  // y_0 = 0, 0.4 (copied later), 0.8, 1.2 -> 0.4, 0.8.
+  const TrainResult result = TrainScripted(&rule, 4);
+  EXPECT_DOUBLE_EQ(result.history.back().train_loss, 9.2);
 }
 
 // At step 4 y_0 = 1.6, which the limited samples do not allow; nor 1.2.
 TEST(JudgedWeights, ABatchWithoutALossIsLeftOut) {
-  ScriptedRule rule([](int k, double cost) {
-    return !std::isfinite(cost) ? Verdict::kCompare
-           : k == 3             ? Verdict::kCopy
-                                : Verdict::kGoOn;
+  ScriptedRule rule([](int k, double cost, OtherWeights* others) {
+    if (std::isfinite(cost)) return k == 3 ? Verdict::kCopy : Verdict::kGoOn;
+    EXPECT_TRUE(std::isnan(others->CostBeforeLastStep()));
+    EXPECT_TRUE(std::isnan(others->CostAtCopy()));
+    return Verdict::kLeaveOut;
   });
   const TrainResult result = TrainScripted(&rule, 6);
-  ASSERT_EQ(rule.returns.size(), 1u);
-  EXPECT_EQ(rule.returns[0].first, Return::kLeftOut);
-  EXPECT_TRUE(std::isnan(rule.returns[0].second));
   // The weights are those before the step that led there: 1.2, then -1.
   EXPECT_EQ(result.summary.termination_type, ceres::NO_CONVERGENCE)
       << result.summary.message;
@@ -139,15 +148,12 @@ TEST(JudgedWeights, ABatchWithoutALossIsLeftOut) {
 
 // At step 4 y_0 = 1.6; the copy is at 0.8.
 TEST(JudgedWeights, ABatchWithoutALossReturnsToWhereItHasOne) {
-  ScriptedRule rule([](int k, double cost) {
-    return !std::isfinite(cost) ? Verdict::kCompare
-           : k == 2             ? Verdict::kCopy
-                                : Verdict::kGoOn;
+  ScriptedRule rule([](int k, double cost, OtherWeights* others) {
+    if (std::isfinite(cost)) return k == 2 ? Verdict::kCopy : Verdict::kGoOn;
+    EXPECT_DOUBLE_EQ(others->CostAtCopy(), 9.2);
+    return Verdict::kReturn;
   });
   const TrainResult result = TrainScripted(&rule, 5);
-  ASSERT_EQ(rule.returns.size(), 1u);
-  EXPECT_EQ(rule.returns[0].first, Return::kToCopy);
-  EXPECT_DOUBLE_EQ(rule.returns[0].second, 9.2);
   // The last step leads to 1.2, where the train loss has no value: the run ends
   // with the weights before it.
   EXPECT_DOUBLE_EQ(result.history.back().train_loss, 9.2);

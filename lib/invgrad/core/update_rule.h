@@ -80,23 +80,24 @@ class UpdateRule {
   // What to do with the weights before a step.
   enum class Verdict {
     kGoOn,
-    kCopy,     // go on, and copy them: they are the best so far
-    kCompare,  // compare the loss of the batch before the last step and at the
-               // copy; go back if it is at most half as large there
-    kReturn    // go back to the copy
+    kCopy,                // go on, and copy them
+    kCopyBeforeLastStep,  // go on, and copy those before the last step
+    kRevertStep,          // go back to before the last step
+    kReturn,              // go back to the copy
+    kLeaveOut             // leave the batch out: its loss is finite nowhere
+  };
+  // The loss of the batch at other weights, by a forward pass each; NaN if it is
+  // not finite, or if there are no such weights.
+  class OtherWeights {
+   public:
+    virtual ~OtherWeights() = default;
+    virtual double CostBeforeLastStep() = 0;
+    virtual double CostAtCopy() = 0;
   };
   // Receives the loss of a new batch before its step; NaN if it is not finite.
-  virtual Verdict JudgeWeights(double /*cost*/) { return Verdict::kGoOn; }
-
-  enum class Return {
-    kNowhere,   // nothing was better, or there is nothing to compare
-    kLastStep,  // the last step was reverted
-    kToCopy,
-    kLeftOut  // the batch: its loss is finite nowhere
-  };
-  // Receives what came of kCompare or kReturn, and the loss of the batch there;
-  // NaN if it is left out.
-  virtual void Returned(Return /*where*/, double /*cost*/) {}
+  virtual Verdict JudgeWeights(double /*cost*/, OtherWeights* /*others*/) {
+    return Verdict::kGoOn;
+  }
 
   // Estimated memory of ComputeStep in addition to the linearization. A
   // training run fails at its start if this exceeds the memory limit. Default:

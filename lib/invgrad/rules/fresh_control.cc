@@ -25,6 +25,14 @@ constexpr double kWorseFactor = 1.6;
 // been luck.
 constexpr double kLuck = 0.3;
 
+constexpr double kTrial = 10.0;  // steps
+constexpr double kHarm = 2.0;
+
+// NaN counts as infinite.
+double OrInfinity(double cost) {
+  return std::isnan(cost) ? std::numeric_limits<double>::infinity() : cost;
+}
+
 }  // namespace
 
 void FreshControlOptions::Describe(OptionSet* set) {
@@ -42,8 +50,9 @@ Eigen::VectorXd FreshControl::InitialState() {
   return state;
 }
 
-FreshControl::Verdict FreshControl::Judge(double cost) {
-  if (!std::isfinite(cost)) return Verdict::kCompare;
+FreshControl::Verdict FreshControl::Judge(double cost, OtherWeights* others) {
+  if (!std::isfinite(cost)) return GoBack(others);
+  if (state_[kTrialSteps] > 0.0) return JudgeTrial(cost, others);
   const double log_cost = std::log(std::max(cost, 1e-300));
   state_[kBlockSize] += 1.0;
   state_[kBlockSum] += log_cost;
@@ -56,10 +65,57 @@ FreshControl::Verdict FreshControl::Judge(double cost) {
     Accept(cost);
     return Verdict::kGoOn;
   }
-  if (verdict == Verdict::kReturn) return verdict;
-  if (is_outlier) return Verdict::kCompare;
+  if (verdict == Verdict::kReturn) return Return(others->CostAtCopy());
+  if (is_outlier) return JudgeOutlier(cost, others);
   Accept(cost);
   return verdict;
+}
+
+FreshControl::Verdict FreshControl::JudgeOutlier(double cost,
+                                                 OtherWeights* others) {
+  const double before = OrInfinity(others->CostBeforeLastStep());
+  const double at_copy = OrInfinity(others->CostAtCopy());
+  if (std::min(before, at_copy) > cost / kHarm) {
+    Accept(cost);
+    return Verdict::kGoOn;
+  }
+  state_[kTrialSteps] = 1.0;
+  state_[kTrialSum] = 0.0;
+  return before < at_copy ? Verdict::kCopyBeforeLastStep : Verdict::kGoOn;
+}
+
+FreshControl::Verdict FreshControl::JudgeTrial(double cost,
+                                               OtherWeights* others) {
+  state_[kTrialSteps] += 1.0;
+  if (state_[kTrialSteps] <= 0.5 * kTrial + 1.0) return Verdict::kGoOn;
+  const double at_copy = OrInfinity(others->CostAtCopy());
+  state_[kTrialSum] +=
+      std::log(std::max(cost, 1e-300)) - std::log(std::max(at_copy, 1e-300));
+  if (state_[kTrialSteps] <= kTrial) return Verdict::kGoOn;
+  state_[kTrialSteps] = 0.0;
+  if (state_[kTrialSum] > 0.5 * kTrial * std::log(kHarm))
+    return Return(at_copy);
+  trend_.Restart();
+  return Verdict::kGoOn;
+}
+
+FreshControl::Verdict FreshControl::GoBack(OtherWeights* others) {
+  const double before = OrInfinity(others->CostBeforeLastStep());
+  const double at_copy = OrInfinity(others->CostAtCopy());
+  if (at_copy < before) return Return(at_copy);
+  state_[kTrialSteps] = 0.0;
+  ReduceCaution();
+  if (!std::isfinite(before)) return Verdict::kLeaveOut;
+  Accept(before);
+  return Verdict::kRevertStep;
+}
+
+FreshControl::Verdict FreshControl::Return(double cost) {
+  state_[kTrialSteps] = 0.0;
+  ReduceCaution();
+  trend_.Restart();
+  if (std::isfinite(cost)) Accept(cost);
+  return Verdict::kReturn;
 }
 
 FreshControl::Verdict FreshControl::JudgeBlock(bool may_copy) {
@@ -85,12 +141,8 @@ FreshControl::Verdict FreshControl::JudgeBlock(bool may_copy) {
   return Verdict::kCopy;
 }
 
-void FreshControl::Returned(Return where, double cost) {
-  if (where != Return::kNowhere) {
-    state_[kCaution] = std::max(kMinCaution, 0.5 * state_[kCaution]);
-  }
-  if (where == Return::kToCopy) trend_.Restart();
-  if (std::isfinite(cost)) Accept(cost);
+void FreshControl::ReduceCaution() {
+  state_[kCaution] = std::max(kMinCaution, 0.5 * state_[kCaution]);
 }
 
 void FreshControl::Accept(double cost) {

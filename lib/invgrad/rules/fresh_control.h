@@ -13,13 +13,17 @@
 //            most one standard error above the lowest one
 //   return   to this copy, after a block whose mean is above the lowest one by 3
 //            standard errors and log 1.6
-//   compare  if L is not finite, or an outlier above the trend: the loss of the
-//            same batch before the last step and at the copy. The weights go back
-//            where it is at most half as large. A batch whose loss is finite
-//            nowhere is left out.
+//   trial    after an outlier above the trend, if the loss of its batch is at
+//            most half as large before the last step or at the copy. The better
+//            ones of these weights are the copy then, and ten steps follow. A
+//            return ends them if their second half has, by geometric means,
+//            twice the loss that the copy has on the same batches.
+//   revert   if L is not finite: the last step, or all of them since the copy,
+//            where the loss is lower. A batch whose loss is finite nowhere is left
+//            out.
 //
-// A return halves the caution and, as a rejected step, the step size; kappa falls
-// to 1/2 at most, but for a return by one step.
+// Each of the last three ways back halves the caution and, as a rejected step,
+// the step size; kappa falls to 1/2 at most, but for one reverted step.
 //
 // The setting `without` turns off noise, caution (but for returns) or returns
 // (copies and comparisons, too), to measure what each of them does.
@@ -54,14 +58,13 @@ struct FreshControlOptions {
 class FreshControl {
  public:
   using Verdict = UpdateRule::Verdict;
-  using Return = UpdateRule::Return;
+  using OtherWeights = UpdateRule::OtherWeights;
 
   explicit FreshControl(const FreshControlOptions& options)
       : options_(options) {}
 
-  // As UpdateRule::JudgeWeights and Returned.
-  Verdict Judge(double cost);
-  void Returned(Return where, double cost);
+  // As UpdateRule::JudgeWeights.
+  Verdict Judge(double cost, OtherWeights* others);
 
   // Before the filter is applied: kappa follows the caution, noise the trend.
   void Adjust(SpectralFilter* filter) const;
@@ -85,10 +88,19 @@ class FreshControl {
     kBlockSum2,
     kLowest,
     kLowestVariance,
+    kTrialSteps,
+    kTrialSum,
     kSize
   };
 
   void Accept(double cost);
+  void ReduceCaution();
+  // Of an outlier, of a step of a trial, and of a loss that is not finite.
+  Verdict JudgeOutlier(double cost, OtherWeights* others);
+  Verdict JudgeTrial(double cost, OtherWeights* others);
+  Verdict GoBack(OtherWeights* others);
+  // Goes on from the copy, where the loss of the batch is `cost`.
+  Verdict Return(double cost);
   // Of a full block, which begins anew.
   Verdict JudgeBlock(bool may_copy);
 

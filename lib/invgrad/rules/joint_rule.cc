@@ -101,11 +101,13 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   return true;
 }
 
-void JointRule::Returned(Return where, double cost) {
-  if (where != Return::kNowhere) {
-    control_.Revert(/*several=*/where != Return::kLastStep);
+JointRule::Verdict JointRule::JudgeWeights(double cost, OtherWeights* others) {
+  const Verdict verdict = fresh_.Judge(cost, others);
+  if (verdict == Verdict::kRevertStep) control_.Revert(/*several=*/false);
+  if (verdict == Verdict::kReturn || verdict == Verdict::kLeaveOut) {
+    control_.Revert(/*several=*/true);
   }
-  fresh_.Returned(where, cost);
+  return verdict;
 }
 
 std::vector<Eigen::VectorXd*> JointRule::MutableState() {

@@ -54,8 +54,7 @@ class JointRule : public UpdateRule {
   bool JudgesWeights() const final {
     return options_.control.uses_new_batches();
   }
-  Verdict JudgeWeights(double cost) final { return fresh_.Judge(cost); }
-  void Returned(Return where, double cost) final;
+  Verdict JudgeWeights(double cost, OtherWeights* others) final;
   std::vector<Eigen::VectorXd*> MutableState() override;
   std::string LastStepReport() const final { return report_; }
 

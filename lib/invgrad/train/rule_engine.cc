@@ -72,11 +72,6 @@ class RuleEngine final : public Engine {
              Eigen::VectorXd* weights,
              bool* left_out,
              std::string* error);
-  // Moves the weights to where the loss of the batch is at most half of `cost`
-  // (not finite: finite): before the last step or the copy.
-  UpdateRule::Return Compare(const DataSet& batch,
-                             double cost,
-                             Eigen::VectorXd* weights);
   // Makes all updates of a step; *at_weights is the linearization for the first
   // one.
   bool Update(const DataSet& batch,
@@ -90,6 +85,8 @@ class RuleEngine final : public Engine {
                    Linearization* at_weights);
   // The cost of the objective; NaN if it is not finite.
   double JudgedCost(const DataSet& batch, const Eigen::VectorXd& weights);
+
+  class Others;
 
   const int batch_size_;
   const bool shuffles_;
@@ -163,13 +160,50 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   return result;
 }
 
+// The cost of a proxy says nothing about the loss of the batch, only whether it
+// is finite: it is before each step.
+class RuleEngine::Others final : public UpdateRule::OtherWeights {
+ public:
+  Others(RuleEngine* engine,
+         const DataSet& batch,
+         const Eigen::VectorXd& weights,
+         bool is_finite)
+      : engine_(*engine),
+        batch_(batch),
+        weights_(weights),
+        is_finite_(is_finite) {}
+
+  double CostBeforeLastStep() override {
+    const Eigen::VectorXd& before = engine_.last_good_weights_;
+    if (!engine_.objective_->is_proxy()) return CostAt(before);
+    const bool is_known =
+        !is_finite_ && before.size() > 0 && before != weights_;
+    return is_known ? 0.0 : kNaN;
+  }
+  double CostAtCopy() override {
+    if (engine_.objective_->is_proxy()) return kNaN;
+    return CostAt(engine_.copied_weights_);
+  }
+
+ private:
+  static constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+  double CostAt(const Eigen::VectorXd& weights) {
+    return weights.size() == 0 ? kNaN : engine_.JudgedCost(batch_, weights);
+  }
+
+  RuleEngine& engine_;
+  const DataSet& batch_;
+  const Eigen::VectorXd& weights_;
+  const bool is_finite_;
+};
+
 bool RuleEngine::Begin(const DataSet& batch,
                        Linearization* at_weights,
                        Eigen::VectorXd* weights,
                        bool* left_out,
                        std::string* error) {
   using Verdict = UpdateRule::Verdict;
-  using Return = UpdateRule::Return;
   const auto linearize = [&] {
     return objective_->Linearize(
         *weights, batch, rule_->Needs(), at_weights, error);
@@ -178,66 +212,36 @@ bool RuleEngine::Begin(const DataSet& batch,
   if (!judges_weights_) {
     return is_finite || (TakeBack(weights) && linearize());
   }
-  const double cost =
-      is_finite ? at_weights->cost : std::numeric_limits<double>::quiet_NaN();
-  const Verdict verdict = rule_->JudgeWeights(cost);
-  Return where = Return::kNowhere;
+  Others others(this, batch, *weights, is_finite);
+  const Verdict verdict = rule_->JudgeWeights(
+      is_finite ? at_weights->cost : std::numeric_limits<double>::quiet_NaN(),
+      &others);
   switch (verdict) {
-    case Verdict::kGoOn:
-      return is_finite;
     case Verdict::kCopy:
       copied_weights_ = *weights;
-      return is_finite;
-    case Verdict::kCompare:
-      where = Compare(batch, cost, weights);
       break;
-    case Verdict::kReturn:
-      CHECK_GT(copied_weights_.size(), 0)
-          << "There is no copy of the weights yet.";
-      *weights = copied_weights_;
-      where = Return::kToCopy;
+    case Verdict::kCopyBeforeLastStep:
+      copied_weights_ = last_good_weights_;
       break;
-  }
-  if (where != Return::kNowhere) {
-    ++num_taken_back_;
-    is_finite = linearize();
-  }
-  *left_out = !is_finite && num_left_out_ < kMaxLeftOut;
-  num_left_out_ = is_finite ? 0 : num_left_out_ + 1;
-  rule_->Returned(
-      is_finite ? where : Return::kLeftOut,
-      is_finite ? at_weights->cost : std::numeric_limits<double>::quiet_NaN());
-  return is_finite;
-}
-
-UpdateRule::Return RuleEngine::Compare(const DataSet& batch,
-                                       double cost,
-                                       Eigen::VectorXd* weights) {
-  using Return = UpdateRule::Return;
-  // The cost of a proxy says nothing about the loss of the batch.
-  if (objective_->is_proxy()) {
-    if (std::isfinite(cost) || last_good_weights_.size() == 0 ||
-        *weights == last_good_weights_) {
-      return Return::kNowhere;
+    case Verdict::kRevertStep:
+    case Verdict::kReturn: {
+      const bool is_step = verdict == Verdict::kRevertStep;
+      const Eigen::VectorXd& back =
+          is_step ? last_good_weights_ : copied_weights_;
+      CHECK_GT(back.size(), 0) << "There are no weights to go back to.";
+      *weights = back;
+      ++num_taken_back_;
+      is_finite = linearize();
+      break;
     }
-    *weights = last_good_weights_;
-    return Return::kLastStep;
+    case Verdict::kGoOn:
+    case Verdict::kLeaveOut:
+      break;
   }
-  double lowest =
-      std::isfinite(cost) ? 0.5 * cost : std::numeric_limits<double>::max();
-  Return where = Return::kNowhere;
-  const auto consider = [&](const Eigen::VectorXd& candidate, Return from) {
-    if (candidate.size() == 0) return;
-    const double there = JudgedCost(batch, candidate);
-    if (!(there < lowest)) return;
-    lowest = there;
-    where = from;
-  };
-  consider(last_good_weights_, Return::kLastStep);
-  consider(copied_weights_, Return::kToCopy);
-  if (where == Return::kLastStep) *weights = last_good_weights_;
-  if (where == Return::kToCopy) *weights = copied_weights_;
-  return where;
+  *left_out =
+      !is_finite && verdict != Verdict::kGoOn && num_left_out_ < kMaxLeftOut;
+  num_left_out_ = is_finite ? 0 : num_left_out_ + 1;
+  return is_finite;
 }
 
 bool RuleEngine::Update(const DataSet& batch,
