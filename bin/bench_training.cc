@@ -116,7 +116,7 @@ bool Run(RunCounts* counts, std::string* error) {
       model.shared_loss(),
       model.reduction(),
       feedback,
-      model.network_output());
+      model.derivatives());
   const auto register_run = [&problem](const std::string& name,
                                        const Model& model,
                                        int num_threads,

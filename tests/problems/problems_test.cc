@@ -198,8 +198,7 @@ TEST_P(EveryProblem, DataAreFiniteAndFitTheModel) {
   std::string error;
   EXPECT_TRUE(learning.train.IsFinite(&error)) << error;
   EXPECT_TRUE(learning.test.IsFinite(&error)) << error;
-  EXPECT_EQ(learning.train.inputs.rows(),
-            learning.model->network().num_inputs());
+  EXPECT_EQ(learning.train.inputs.rows(), learning.model->num_inputs());
   EXPECT_EQ(learning.train.contexts.rows(),
             learning.model->simulator().num_context());
   EXPECT_EQ(learning.train.targets.rows(), learning.model->loss().size());

@@ -57,6 +57,7 @@ void StoreCall(const DenseNetwork::Activations& call,
     for (std::size_t l = 0; l < from.size(); ++l) store(from[l], &(*to)[l]);
   };
   all->num_channels = call.num_channels;
+  all->derivatives = call.derivatives;
   store_layers(call.inputs, &all->inputs);
   store_layers(call.slopes, &all->slopes);
   store_layers(call.curvatures, &all->curvatures);
@@ -96,9 +97,7 @@ void CheckSizes(const Model& model,
                 const DataSet& batch) {
   CHECK_EQ(weights.size(), model.num_weights());
   CHECK_GT(batch.num_samples(), 0) << "The batch is empty.";
-  const int num_channels =
-      model.derivatives() == nullptr ? 1 : model.derivatives()->num_channels();
-  CHECK_EQ(batch.inputs.rows(), model.network().num_inputs() * num_channels);
+  CHECK_EQ(batch.inputs.rows(), model.num_inputs());
   CHECK_EQ(batch.contexts.rows(), model.simulator().num_context());
   if (batch.contexts.rows() > 0) {
     CHECK_EQ(batch.contexts.cols(), batch.num_samples());
@@ -139,6 +138,11 @@ Model::Model(std::shared_ptr<const Network> network,
   }
   CHECK_EQ(simulator_->num_outputs(), loss_->size())
       << "The simulator's outputs are the loss's argument.";
+}
+
+int Model::num_inputs() const {
+  return network_->num_inputs() *
+         (derivatives_ != nullptr ? derivatives_->num_channels() : 1);
 }
 
 int Model::num_columns() const {

@@ -113,8 +113,9 @@ class Model {
   }
   std::shared_ptr<const Loss> shared_loss() const { return loss_; }
   const Feedback* feedback() const { return feedback_.get(); }  // may be null
-  const DerivativeSet* derivatives() const {                    // may be null
-    return derivatives_.get();
+  // May be null.
+  const std::shared_ptr<const DerivativeSet>& derivatives() const {
+    return derivatives_;
   }
 
   // Calls of the network a sample.

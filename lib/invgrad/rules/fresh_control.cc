@@ -25,7 +25,9 @@ constexpr double kWorseFactor = 1.6;
 // been luck.
 constexpr double kLuck = 0.3;
 
-constexpr double kTrial = 10.0;  // steps
+// Steps of a trial after an outlier; the second half decides.
+constexpr double kTrial = 10.0;
+// How many times the loss of other weights is harm.
 constexpr double kHarm = 2.0;
 
 // NaN counts as infinite.

@@ -1,0 +1,98 @@
+#include "invgrad/chain/trial_function.h"
+
+#include <cmath>
+
+#include "fmt/format.h"
+#include "glog/logging.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+bool EvaluateJets(const DerivativeSet& set,
+                  const std::string& name,
+                  int num_functions,
+                  const InputFunction& function,
+                  const MatrixXd& points,
+                  MatrixXd* jets,
+                  std::string* error) {
+  *jets = JetsOf(set, num_functions, function, points);
+  if (jets->allFinite()) return true;
+  Index s = 0;
+  while (jets->col(s).allFinite()) ++s;
+  Index row = 0;
+  while (std::isfinite((*jets)(row, s))) ++row;
+  const std::string& word = set.word(static_cast<int>(row / num_functions));
+  *error =
+      fmt::format("{} {}: {} is not finite at point {}, ({})",
+                  name,
+                  row % num_functions,
+                  word.empty() ? "its value" : "its derivative " + word,
+                  s,
+                  fmt::join(points.col(s).begin(), points.col(s).end(), ", "));
+  return false;
+}
+
+}  // namespace
+
+int TrialFunction::NumInputs() const {
+  return features == nullptr ? derivatives->num_variables() : num_features;
+}
+
+int TrialFunction::ConditionSize() const {
+  return has_conditions() ? 2 * num_functions * derivatives->num_channels() : 0;
+}
+
+bool TrialFunction::Inputs(const MatrixXd& points,
+                           MatrixXd* inputs,
+                           std::string* error) const {
+  if (features != nullptr) {
+    return EvaluateJets(
+        *derivatives, "feature", num_features, features, points, inputs, error);
+  }
+  *inputs = derivatives->InputJets(points);
+  return true;
+}
+
+bool TrialFunction::Conditions(const MatrixXd& points,
+                               MatrixXd* conditions,
+                               std::string* error) const {
+  conditions->resize(0, points.cols());
+  if (!has_conditions()) return true;
+  CHECK(distance != nullptr) << "Boundary values have a distance function.";
+  MatrixXd g, d;
+  if (!EvaluateJets(*derivatives,
+                    "boundary value",
+                    num_functions,
+                    boundary_values,
+                    points,
+                    &g,
+                    error) ||
+      !EvaluateJets(*derivatives,
+                    "distance",
+                    num_functions,
+                    distance,
+                    points,
+                    &d,
+                    error)) {
+    return false;
+  }
+  conditions->resize(ConditionSize(), points.cols());
+  *conditions << g, d;
+  return true;
+}
+
+MatrixXd TrialFunction::Values(const MatrixXd& network_jets,
+                               const MatrixXd& contexts) const {
+  if (!has_conditions()) return network_jets;
+  const Index size = network_jets.rows();
+  const Index num_columns = network_jets.cols() * derivatives->num_channels();
+  MatrixXd u = network_jets.reshaped(num_functions, num_columns);
+  const MatrixXd d = contexts.middleRows(size, size);
+  derivatives->Multiply(d.reshaped(num_functions, num_columns), u);
+  return u.reshaped(size, network_jets.cols()) + contexts.topRows(size);
+}
+
+}  // namespace invgrad

@@ -1,0 +1,272 @@
+#include "invgrad/chain/trial_function.h"
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "gtest/gtest.h"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/chain/equation_simulator.h"
+#include "invgrad/chain/model.h"
+#include "tests/chain/derivatives_by_functor.h"
+#include "tests/support/random_matrix.h"
+
+namespace invgrad {
+namespace trial_function_test {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+std::shared_ptr<const DerivativeSet> Set(std::vector<std::string> words) {
+  return std::make_shared<DerivativeSet>("tx", std::move(words));
+}
+
+// Every operation, of two coordinates.
+struct Operations {
+  template <typename T>
+  void operator()(const T* a, T* f) const {
+    f[0] = a[0] * a[1] - 2.0 * a[0] + 1.0;
+    f[1] = (a[0] + 0.5) / (1.5 - a[1]);
+    f[2] = exp(a[0] * a[1]);
+    f[3] = log(2.0 + a[0]);
+    f[4] = sin(3.0 * a[1]) - cos(a[0]);
+    f[5] = tanh(a[0] - a[1]);
+    f[6] = sqrt(3.0 + a[0] * a[1]);
+    f[7] = 0.25;
+    f[8] = -a[1];
+    f[8] += a[0];
+  }
+};
+
+TEST(InputJet, DerivativesAreThoseOfDualNumbers) {
+  const auto set = Set({"t", "x", "xx", "tx", "ttxx", "xxxx"});
+  const MatrixXd points = RandomMatrix(2, 5, 1);
+  const MatrixXd jets = JetsOf(*set, 9, Operations(), points);
+  for (int s = 0; s < 5; ++s) {
+    const MatrixXd expected =
+        JetsByDuals(*set, "tx", 9, points.col(s), Operations());
+    EXPECT_LT((jets.col(s).reshaped(9, set->num_channels()) - expected).norm(),
+              kRounding * expected.norm());
+  }
+}
+
+TEST(InputJet, APowerOfZeroHasDerivatives) {
+  const auto set = Set({"xxx"});
+  const MatrixXd jets = JetsOf(
+      *set,
+      1,
+      [](const InputJet* a, InputJet* f) { f[0] = pow(a[1], 3.0); },
+      MatrixXd::Zero(2, 1));
+  EXPECT_EQ(jets(set->ChannelOf(""), 0), 0.0);
+  EXPECT_EQ(jets(set->ChannelOf("x"), 0), 0.0);
+  EXPECT_EQ(jets(set->ChannelOf("xx"), 0), 0.0);
+  EXPECT_EQ(jets(set->ChannelOf("xxx"), 0), 6.0);
+}
+
+// Periodic in x, u = v = sin(pi x) at t = 0, v_t = 0 there.
+TrialFunction Periodic(std::vector<std::string> words) {
+  TrialFunction trial;
+  trial.derivatives = Set(std::move(words));
+  trial.num_functions = 2;
+  trial.num_features = 3;
+  trial.features = [](const InputJet* a, InputJet* f) {
+    f[0] = a[0];
+    f[1] = sin(M_PI * a[1]);
+    f[2] = cos(M_PI * a[1]);
+  };
+  trial.boundary_values = [](const InputJet* a, InputJet* g) {
+    g[0] = g[1] = sin(M_PI * a[1]);
+  };
+  trial.distance = [](const InputJet* a, InputJet* d) {
+    d[0] = a[0];
+    d[1] = a[0] * a[0];
+  };
+  return trial;
+}
+
+// The jets of u at points: 2 T x N.
+MatrixXd ValuesAt(const TrialFunction& trial, const MatrixXd& points) {
+  const DenseNetwork network({3, 6, 5, 2}, Activation::kTanh);
+  const VectorXd weights = RandomMatrix(network.num_weights(), 1, 2);
+  const int T = trial.derivatives->num_channels();
+  MatrixXd inputs, conditions;
+  std::string error;
+  EXPECT_TRUE(trial.Inputs(points, &inputs, &error)) << error;
+  EXPECT_TRUE(trial.Conditions(points, &conditions, &error)) << error;
+  DenseNetwork::Activations pass;
+  network.ForwardJets(weights,
+                      trial.derivatives,
+                      inputs.reshaped(3, points.cols() * T),
+                      false,
+                      &pass);
+  return trial.Values(pass.outputs.reshaped(2 * T, points.cols()), conditions);
+}
+
+TEST(TrialFunction, SatisfiesItsConditionsForAnyWeights) {
+  const TrialFunction trial = Periodic({"t", "x", "xx"});
+  MatrixXd points(2, 4);
+  points << 0.0, 0.0, 0.7, 0.7, 0.3, -0.8, -1.0, 1.0;
+  const MatrixXd u = ValuesAt(trial, points);
+  for (int s = 0; s < 2; ++s) {
+    const double angle = M_PI * points(1, s);
+    EXPECT_NEAR(u(0, s), std::sin(angle), 1e-15);
+    EXPECT_NEAR(u(1, s), std::sin(angle), 1e-15);
+    const int t = 2 * trial.derivatives->ChannelOf("t");
+    EXPECT_GT(std::abs(u(t, s)), 1e-3);
+    EXPECT_EQ(u(t + 1, s), 0.0);
+    const int xx = 2 * trial.derivatives->ChannelOf("xx");
+    EXPECT_NEAR(u(xx, s), -M_PI * M_PI * std::sin(angle), 1e-14);
+  }
+  // All derivatives are periodic.
+  EXPECT_LT((u.col(2) - u.col(3)).norm(), 1e-12);
+}
+
+TEST(TrialFunction, DerivativesAreDifferencesOfItsValues) {
+  const TrialFunction trial = Periodic({"t", "x", "xx", "xt"});
+  constexpr double h = 1e-4;
+  const MatrixXd center = RandomMatrix(2, 3, 4);
+  const auto shifted = [&](double dt, double dx) {
+    MatrixXd points = center;
+    points.row(0).array() += dt;
+    points.row(1).array() += dx;
+    return ValuesAt(trial, points);
+  };
+  const auto derivative = [&](const std::string& word) -> MatrixXd {
+    return shifted(0.0, 0.0).middleRows(2 * trial.derivatives->ChannelOf(word),
+                                        2);
+  };
+  const auto value = [&](double dt, double dx) -> MatrixXd {
+    return shifted(dt, dx).topRows(2);
+  };
+  // h^2 times fourth derivatives of some hundreds.
+  constexpr double kDifference = 2e-5;
+  const auto expect_near = [&](const MatrixXd& a, const MatrixXd& b) {
+    EXPECT_LT((a - b).cwiseAbs().maxCoeff(), kDifference);
+  };
+  expect_near(derivative("t"), (value(h, 0) - value(-h, 0)) / (2 * h));
+  expect_near(derivative("x"), (value(0, h) - value(0, -h)) / (2 * h));
+  expect_near(derivative("xx"),
+              (value(0, h) - 2 * value(0, 0) + value(0, -h)) / (h * h));
+  expect_near(derivative("tx"),
+              (value(h, h) - value(-h, h) - value(h, -h) + value(-h, -h)) /
+                  (4 * h * h));
+}
+
+TEST(TrialFunction, NamesPointAndDerivativeOutsideADomain) {
+  TrialFunction trial;
+  trial.derivatives = Set({"x"});
+  trial.num_features = 1;
+  trial.features = [](const InputJet* a, InputJet* f) { f[0] = sqrt(a[1]); };
+  trial.boundary_values = [](const InputJet* a, InputJet* g) {
+    g[0] = log(a[0]);
+  };
+  trial.distance = [](const InputJet* a, InputJet* d) { d[0] = a[0]; };
+  MatrixXd points(2, 2), jets;
+  points << 1.0, -1.0, 0.5, 0.0;
+  std::string error;
+  EXPECT_FALSE(trial.Inputs(points, &jets, &error));
+  EXPECT_EQ(error,
+            "feature 0: its derivative x is not finite at point 1, (-1, 0)");
+  EXPECT_FALSE(trial.Conditions(points, &jets, &error));
+  EXPECT_EQ(error,
+            "boundary value 0: its value is not finite at point 1, (-1, 0)");
+}
+
+// Two equations of u and v with a coefficient.
+struct System {
+  template <typename T, typename C>
+  bool operator()(const T* u, const C* c, T* y) const {
+    // (u, v, u_t, v_t, u_xx, v_xx)
+    y[0] = u[2] + u[0] * u[5] - c[0] * u[4];
+    y[1] = u[3] - u[1] * u[1] * u[0];
+    return true;
+  }
+};
+
+class EquationSimulatorTest : public testing::TestWithParam<bool> {
+ protected:
+  EquationSimulatorTest() {
+    TrialFunction trial = Periodic({"t", "xx"});
+    if (!GetParam()) trial.boundary_values = trial.distance = nullptr;
+    simulator_ = std::make_shared<EquationSimulator>(
+        trial, std::make_shared<AutoDiffSimulator<System, 6, 2, 1>>());
+    MatrixXd conditions;
+    std::string error;
+    EXPECT_TRUE(trial.Conditions(RandomMatrix(2, 7, 5), &conditions, &error));
+    contexts_.resize(conditions.rows() + 1, 7);
+    contexts_ << conditions, RandomMatrix(1, 7, 6);
+    x_ = RandomMatrix(simulator_->num_inputs(), 7, 7);
+  }
+
+  std::shared_ptr<const EquationSimulator> simulator_;
+  MatrixXd contexts_;
+  MatrixXd x_;
+};
+
+TEST_P(EquationSimulatorTest, IsTheEquationOfTheTrialFunction) {
+  ASSERT_EQ(simulator_->num_context(), contexts_.rows());
+  const MatrixXd u = simulator_->trial_function().Values(x_, contexts_);
+  EXPECT_EQ(u == x_, !GetParam());
+  MatrixXd y(2, 7), expected(2, 7);
+  ASSERT_EQ(simulator_->EvaluateBatch(
+                7, x_.data(), contexts_.data(), y.data(), nullptr),
+            7);
+  for (int s = 0; s < 7; ++s) {
+    System()(u.col(s).data(),
+             &contexts_(contexts_.rows() - 1, s),
+             expected.col(s).data());
+  }
+  EXPECT_LT((y - expected).norm(), kRounding);
+}
+
+TEST_P(EquationSimulatorTest, DerivativesAreDifferences) {
+  constexpr double h = 1e-5;
+  const int size = simulator_->num_inputs();
+  const Eigen::Vector2d w(0.7, -1.3);
+  for (int s = 0; s < 7; ++s) {
+    const double* c = contexts_.col(s).data();
+    const auto jacobian = [&](const VectorXd& x) {
+      MatrixXd J_transposed(size, 2);
+      Eigen::Vector2d y;
+      EXPECT_TRUE(
+          simulator_->Evaluate(x.data(), c, y.data(), J_transposed.data()));
+      return J_transposed;
+    };
+    const auto value = [&](const VectorXd& x) {
+      Eigen::Vector2d y;
+      EXPECT_TRUE(simulator_->Evaluate(x.data(), c, y.data(), nullptr));
+      return y;
+    };
+    MatrixXd H(size, size);
+    ASSERT_TRUE(
+        simulator_->WeightedHessian(x_.col(s).data(), c, w.data(), H.data()));
+    const MatrixXd J_transposed = jacobian(x_.col(s));
+    for (int i = 0; i < size; ++i) {
+      const VectorXd above = x_.col(s) + h * VectorXd::Unit(size, i);
+      const VectorXd below = x_.col(s) - h * VectorXd::Unit(size, i);
+      const Eigen::Vector2d row = (value(above) - value(below)) / (2 * h);
+      EXPECT_LT((J_transposed.row(i).transpose() - row).norm(), 1e-7);
+      const VectorXd column = (jacobian(above) - jacobian(below)) * w / (2 * h);
+      EXPECT_LT((H.col(i) - column).norm(), 1e-7);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Conditions,
+                         EquationSimulatorTest,
+                         testing::Bool(),
+                         [](const auto& info) {
+                           return info.param ? "Hard" : "None";
+                         });
+
+TEST(EquationSimulatorDeathTest, TheEquationTakesTheStatedDerivatives) {
+  EXPECT_DEATH(
+      EquationSimulator(Periodic({"t"}),
+                        std::make_shared<AutoDiffSimulator<System, 6, 2, 1>>()),
+      "the functions and their stated derivatives");
+}
+
+}  // namespace trial_function_test
+}  // namespace invgrad
