@@ -52,7 +52,8 @@ bool FirstStep(const Specification& rule_text,
   ChainObjective objective = problem.point->MakeObjective();
   Linearization at_start;
   if (!objective.Linearize(rule->Needs(), &at_start, error)) return false;
-  AddHessianTimes(&objective, &at_start);
+  AddProductsAndTrials(
+      rule->Needs(), objective.State(), AfterOf(&objective), &at_start);
   return rule->ComputeStep(at_start, step, error);
 }
 

@@ -216,23 +216,16 @@ bool DumpStep(const LearningProblem& problem,
     Linearization at_weights;
     Eigen::MatrixXd y, J;
     Eigen::VectorXd step;
-    AddHessianTimes(
-        weights,
-        [&](const auto& shift, auto* gradient, auto* why) {
-          Linearization after;
-          const bool has_gradient =
-              model.Linearize(weights + shift,
-                              batch,
-                              LinearizationParts::Gradient(),
-                              &after,
-                              why);
-          *gradient = std::move(after.gradient);
-          return has_gradient;
-        },
-        &at_weights);
+    const auto after = [&](const auto& shift, auto... at) {
+      return model.Linearize(weights + shift, batch, at...);
+    };
     if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
-        !model.Predict(weights, batch, &y, error) ||
-        !rule->ComputeStep(at_weights, &step, error)) {
+        !model.Predict(weights, batch, &y, error)) {
+      *error = method.label + ": " + *error;
+      return false;
+    }
+    AddProductsAndTrials(parts, weights, after, &at_weights);
+    if (!rule->ComputeStep(at_weights, &step, error)) {
       *error = method.label + ": " + *error;
       return false;
     }

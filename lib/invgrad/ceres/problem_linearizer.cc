@@ -172,7 +172,10 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
     return false;
   }
   linearization->cost = cost;
-  if (!needs_jacobian) return true;
+  if (!needs_jacobian) {
+    if (parts.loss_gradient) linearization->loss_gradient = std::move(r);
+    return true;
+  }
   const SparseJacobian::Matrix& J = jacobian->matrix();
   if (parts.gradient) {
     linearization->gradient = J.transpose() * r;

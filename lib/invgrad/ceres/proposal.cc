@@ -47,8 +47,8 @@ bool Proposal::ComputeStep(double cost,
   at_x.cost = cost;
   if (needs_linearization_ && !Linearize(&at_x, message)) return false;
   work_.CountStep();
-  if (parts_.hessian_times) {
-    AddHessianTimes(&linearizer_, &at_x);
+  if (parts_.hessian_times || parts_.after) {
+    AddProductsAndTrials(parts_, state_, AfterOf(&linearizer_), &at_x);
     work_.CountLinearization();
     work_.CountLinearization();
   }

@@ -213,6 +213,11 @@ class Model {
 
  private:
   void CheckTargets(const DataSet& batch) const;
+  // Linearize for g alone.
+  bool LinearizeLoss(const Eigen::VectorXd& weights,
+                     const DataSet& batch,
+                     Linearization* linearization,
+                     std::string* error) const;
   // Linearize for the gradient alone.
   bool LinearizeByAdjoint(const Eigen::VectorXd& weights,
                           const DataSet& batch,

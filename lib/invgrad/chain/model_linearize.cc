@@ -190,7 +190,28 @@ bool Model::Linearize(const VectorXd& weights,
   if (parts.gradient) {
     return LinearizeByAdjoint(weights, batch, linearization, error);
   }
+  if (parts.loss_gradient) {
+    return LinearizeLoss(weights, batch, linearization, error);
+  }
   return Cost(weights, batch, &linearization->cost, error);
+}
+
+bool Model::LinearizeLoss(const VectorXd& weights,
+                          const DataSet& batch,
+                          Linearization* linearization,
+                          std::string* error) const {
+  CheckTargets(batch);
+  MatrixXd outputs;
+  if (!Predict(weights, batch, &outputs, error)) return false;
+  BatchLoss loss(loss_, batch, BatchScale(batch.batch_size()), false);
+  for (int s = 0; s < batch.num_samples(); ++s) {
+    if (!loss.Add(s, outputs.col(s))) {
+      return SampleError(batch, s, kLossFailed, error);
+    }
+  }
+  linearization->cost = loss.cost();
+  linearization->loss_gradient = loss.gradients().reshaped();
+  return CheckCost(linearization->cost, error);
 }
 
 bool Model::LinearizeByAdjoint(const VectorXd& weights,

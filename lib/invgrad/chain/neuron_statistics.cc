@@ -11,7 +11,11 @@ std::vector<NeuronStatistics> ComputeNeuronStatistics(
   const auto* dense = dynamic_cast<const DenseNetwork*>(&network);
   if (dense == nullptr) return {};
   DenseNetwork::Activations activations;
-  dense->Forward(weights, data.inputs, false, &activations);
+  // Of jets, the first rows are the values.
+  dense->Forward(weights,
+                 data.inputs.topRows(dense->num_inputs()),
+                 false,
+                 &activations);
   const double num_samples = data.num_samples();
   std::vector<NeuronStatistics> neurons;
   for (int layer = 1; layer < dense->num_layers(); ++layer) {

@@ -22,29 +22,17 @@
 #ifndef INVGRAD_CORE_HESSIAN_TIMES_H_
 #define INVGRAD_CORE_HESSIAN_TIMES_H_
 
-#include <functional>
-#include <string>
-
 #include "Eigen/Core"
 #include "invgrad/core/linearization.h"
-#include "invgrad/core/objective.h"
 
 namespace invgrad {
 
-// The gradient at x + step.
-using GradientAfter = std::function<bool(const Eigen::VectorXd& step,
-                                         Eigen::VectorXd* gradient,
-                                         std::string* error)>;
-
-// Sets linearization->hessian_times at x.
-void AddHessianTimes(const Eigen::VectorXd& x,
-                     GradientAfter gradient_after,
-                     Linearization* linearization);
-
-// The same for an objective at its current state, unless the objective has set
-// the function itself. The function moves the objective and moves it back; it
-// does not own the objective.
-void AddHessianTimes(Objective* objective, Linearization* linearization);
+// Sets linearization->hessian_times at x, unless the objective has set it itself,
+// and linearization->after, each if `parts` has it.
+void AddProductsAndTrials(const LinearizationParts& parts,
+                          const Eigen::VectorXd& x,
+                          LinearizeAfter after,
+                          Linearization* linearization);
 
 }  // namespace invgrad
 

@@ -34,14 +34,30 @@ namespace invgrad {
 // The parts to compute. The cost is always computed; each further part costs
 // time.
 struct LinearizationParts {
-  bool gradient = false;  // J^T g
-  bool jacobian = false;  // g, J and H_L
-  bool hessian = false;   // d2L/dx2, exact
-  // v -> d2L/dx2 v. Set by the loop that owns the objective (hessian_times.h).
+  bool gradient = false;       // J^T g
+  bool jacobian = false;       // g, J and H_L
+  bool hessian = false;        // d2L/dx2, exact
+  bool loss_gradient = false;  // g alone
+  // v -> d2L/dx2 v (hessian_times.h), and linearizations at other points. Both
+  // are set by the loop that owns the objective.
   bool hessian_times = false;
+  bool after = false;
 
-  static LinearizationParts Gradient() { return {true, false, false, false}; }
-  static LinearizationParts Jacobian() { return {false, true, false, false}; }
+  static LinearizationParts Gradient() {
+    LinearizationParts parts;
+    parts.gradient = true;
+    return parts;
+  }
+  static LinearizationParts Jacobian() {
+    LinearizationParts parts;
+    parts.jacobian = true;
+    return parts;
+  }
+  static LinearizationParts LossGradient() {
+    LinearizationParts parts;
+    parts.loss_gradient = true;
+    return parts;
+  }
 };
 
 // The loss at a point R(eta) of a curve of outputs. NaN if it is not finite.
@@ -52,6 +68,15 @@ struct LossOnCurve {
   // per eta.
   double speed = 0.0;
 };
+
+struct Linearization;
+
+// Linearizes at x + step, with the same samples. Returns false, with *error, if
+// the cost or a part has no finite value there. Valid until the objective moves.
+using LinearizeAfter = std::function<bool(const Eigen::VectorXd& step,
+                                          const LinearizationParts& parts,
+                                          Linearization* after,
+                                          std::string* error)>;
 
 struct Linearization {
   double cost = 0.0;         // L
@@ -74,6 +99,8 @@ struct Linearization {
   std::function<bool(
       const Eigen::VectorXd& v, Eigen::VectorXd* Hv, std::string* error)>
       hessian_times;
+
+  LinearizeAfter after;  // empty: not known
 
   // g, J, H_L and the curve of this rank's samples, if ranks share J
   // (JacobianOperator::communicator); null: those above.

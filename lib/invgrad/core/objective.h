@@ -41,6 +41,9 @@ class Objective {
   virtual bool Plus(const Eigen::VectorXd& step) = 0;
 };
 
+// Moves the objective from its current point, and moves it back; does not own it.
+LinearizeAfter AfterOf(Objective* objective);
+
 }  // namespace invgrad
 
 #endif  // INVGRAD_CORE_OBJECTIVE_H_

@@ -100,6 +100,10 @@ bool DistributedObjective::Combine(bool ok,
     }
     linearization->own = std::move(own);
   }
+  // Without J nobody knows whose rows they are.
+  if (linearization->jacobian == nullptr) {
+    linearization->loss_gradient.resize(0);
+  }
   return CheckCost(linearization->cost, error) &&
          CheckDerivatives(linearization->gradient, hessian, error);
 }

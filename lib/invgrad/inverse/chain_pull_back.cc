@@ -294,8 +294,10 @@ bool ChainPullBack::LinearizeProxy(const VectorXd& weights,
           linearization->gradient, linearization->hessian, error)) {
     return false;
   }
+  if (parts.jacobian || parts.loss_gradient) {
+    linearization->loss_gradient = g.reshaped();
+  }
   if (!parts.jacobian) return true;
-  linearization->loss_gradient = g.reshaped();
   linearization->loss_hessian_times =
       [curvature](const VectorXd& v) -> VectorXd {
     return curvature.cwiseProduct(v);

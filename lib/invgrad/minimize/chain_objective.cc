@@ -41,7 +41,10 @@ bool ChainObjective::Linearize(const LinearizationParts& parts,
     return LinearizeWithJacobian(parts, linearization, error);
   }
   if (parts.gradient) return PullBackGradient(linearization, error);
-  return Cost(&linearization->cost, error);
+  if (!parts.loss_gradient) return Cost(&linearization->cost, error);
+  linearization->loss_gradient.resize(simulator_->num_outputs());
+  return EvaluateLoss(
+      &linearization->cost, linearization->loss_gradient.data(), error);
 }
 
 bool ChainObjective::PullBackGradient(Linearization* linearization,
@@ -167,12 +170,18 @@ bool ChainObjective::LinearizeWithJacobian(const LinearizationParts& parts,
 }
 
 bool ChainObjective::Cost(double* cost, std::string* error) const {
+  return EvaluateLoss(cost, nullptr, error);
+}
+
+bool ChainObjective::EvaluateLoss(double* cost,
+                                  double* gradient,
+                                  std::string* error) const {
   const Eigen::VectorXd y = Outputs();
   if (y.size() == 0) {
     *error = OutputsError();
     return false;
   }
-  if (!loss_->Evaluate(y.data(), target_.data(), cost, nullptr, nullptr) ||
+  if (!loss_->Evaluate(y.data(), target_.data(), cost, gradient, nullptr) ||
       !std::isfinite(*cost)) {
     *error = kNoLoss;
     return false;

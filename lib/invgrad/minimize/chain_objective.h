@@ -61,6 +61,8 @@ class ChainObjective final : public Objective {
   const Eigen::VectorXd& target() const { return target_; }
 
  private:
+  // L and, unless null, g.
+  bool EvaluateLoss(double* cost, double* gradient, std::string* error) const;
   bool PullBackGradient(Linearization* linearization, std::string* error) const;
   // The message if the simulator fails.
   std::string OutputsError() const;

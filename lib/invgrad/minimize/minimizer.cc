@@ -156,7 +156,8 @@ class Run {
   // rule reverts the step.
   bool Move(std::string* error) {
     Eigen::VectorXd step;
-    if (parts_.hessian_times) AddHessianTimes(objective_, &at_x_);
+    AddProductsAndTrials(
+        parts_, objective_->State(), AfterOf(objective_), &at_x_);
     if (!rule_->ComputeStep(at_x_, &step, error)) return false;
     CHECK_EQ(step.size(), objective_->num_parameters());
     if (!step.allFinite()) {

@@ -19,7 +19,8 @@ std::deque<RuleRow>& Table() {
                                      DampedKfacRuleRows(),
                                      KrylovRuleRows(),
                                      HessianFreeRuleRows(),
-                                     AdaHessianRuleRows()}) {
+                                     AdaHessianRuleRows(),
+                                     GeodesicRuleRows()}) {
       rows->insert(rows->end(), rows_of_file.begin(), rows_of_file.end());
     }
     return rows;

@@ -78,11 +78,6 @@ class RuleEngine final : public Engine {
               Linearization* at_weights,
               Eigen::VectorXd* weights,
               std::string* error);
-  // Sets the products with the Hessian of the objective: of the loss, or of a
-  // proxy with constant x~. Valid while batch and weights are.
-  void AddProducts(const DataSet& batch,
-                   const Eigen::VectorXd& weights,
-                   Linearization* at_weights);
   // The cost of the objective; NaN if it is not finite.
   double JudgedCost(const DataSet& batch, const Eigen::VectorXd& weights);
 
@@ -258,9 +253,11 @@ bool RuleEngine::Update(const DataSet& batch,
     if (judges && objective_->is_proxy()) {
       at_weights->cost = JudgedCost(batch, *weights);
     }
-    if (rule_->Needs().hessian_times) {
-      AddProducts(batch, *weights, at_weights);
-    }
+    // Of the loss, or of a proxy with constant x~.
+    const auto after = [&](const Eigen::VectorXd& step, auto... at) {
+      return objective_->LinearizeAgain(*weights + step, batch, at...);
+    };
+    AddProductsAndTrials(rule_->Needs(), *weights, after, at_weights);
     if (!rule_->ComputeStep(*at_weights, &step, error)) return false;
     const Eigen::VectorXd before = *weights;
     *weights += step;
@@ -271,25 +268,6 @@ bool RuleEngine::Update(const DataSet& batch,
     }
   }
   return true;
-}
-
-void RuleEngine::AddProducts(const DataSet& batch,
-                             const Eigen::VectorXd& weights,
-                             Linearization* at_weights) {
-  const auto gradient_after =
-      [this, &batch, &weights](const auto& step, auto* gradient, auto* error) {
-        Linearization after;
-        if (!objective_->LinearizeAgain(weights + step,
-                                        batch,
-                                        LinearizationParts::Gradient(),
-                                        &after,
-                                        error)) {
-          return false;
-        }
-        *gradient = std::move(after.gradient);
-        return true;
-      };
-  AddHessianTimes(weights, gradient_after, at_weights);
 }
 
 double RuleEngine::JudgedCost(const DataSet& batch,
