@@ -4,6 +4,7 @@
 
 #include "fmt/core.h"
 #include "problems/burgers_initial.h"
+#include "problems/equations/burgers.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
@@ -107,6 +108,9 @@ const std::vector<ProblemRow>& Problems() {
       Row<PoissonInverse>("poisson_inverse",
                           "laplace(y) = x, y = 0 outside, L = 1/2 |y - y*|^2",
                           "SIP release, poisson"),
+      Row<BurgersPinn>("burgers_pinn",
+                       "u_t + u u_x = nu u_xx, u = g + d N, L = 1/2 mean R^2",
+                       "Raissi et al., J. Comput. Phys. 378 (2019)"),
       Row<PoissonPinn>(
           "poisson_pinn",
           "-Lap u = f, u = 0 at the boundary, u a network of the point, L = "

@@ -195,8 +195,8 @@ class EquationSimulatorTest : public testing::TestWithParam<bool> {
     MatrixXd conditions;
     std::string error;
     EXPECT_TRUE(trial.Conditions(RandomMatrix(2, 7, 5), &conditions, &error));
-    contexts_.resize(conditions.rows() + 1, 7);
-    contexts_ << conditions, RandomMatrix(1, 7, 6);
+    contexts_.resize(conditions.rows() + 2, 7);
+    contexts_ << conditions, RandomMatrix(2, 7, 6);
     x_ = RandomMatrix(simulator_->num_inputs(), 7, 7);
   }
 
@@ -217,6 +217,7 @@ TEST_P(EquationSimulatorTest, IsTheEquationOfTheTrialFunction) {
     System()(u.col(s).data(),
              &contexts_(contexts_.rows() - 1, s),
              expected.col(s).data());
+    expected.col(s) *= contexts_(contexts_.rows() - 2, s);
   }
   EXPECT_LT((y - expected).norm(), kRounding);
 }

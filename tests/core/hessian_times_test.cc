@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/core/objective.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/rosenbrock.h"
 
@@ -20,6 +21,12 @@ namespace hessian_times_test {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+LinearizationParts Products() {
+  LinearizationParts parts;
+  parts.hessian_times = true;
+  return parts;
+}
+
 // H v of L = scale^2 sum_i cosh((x_i - c_i) / scale), whose Hessian is
 // diag(cosh).
 TEST(HessianTimes, HasTheErrorOfCentralDifferencesForUnknownsOfAnySize) {
@@ -27,10 +34,11 @@ TEST(HessianTimes, HasTheErrorOfCentralDifferencesForUnknownsOfAnySize) {
     const VectorXd x = scale * RandomMatrix(6, 1, 1);
     const VectorXd c = scale * RandomMatrix(6, 1, 2);
     Linearization at_x;
-    AddHessianTimes(
+    AddProductsAndTrials(
+        Products(),
         x,
-        [&](const VectorXd& step, VectorXd* gradient, std::string*) {
-          *gradient = scale * ((x + step - c) / scale).array().sinh();
+        [&](const VectorXd& step, auto&, Linearization* after, auto*) {
+          after->gradient = scale * ((x + step - c) / scale).array().sinh();
           return true;
         },
         &at_x);
@@ -58,7 +66,8 @@ TEST(HessianTimes, AgreesWithTheExactHessianOfAProblemThatItLeavesInPlace) {
   Linearization at_x;
   std::string error;
   ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
-  AddHessianTimes(&linearizer, &at_x);
+  AddProductsAndTrials(
+      Products(), linearizer.State(), AfterOf(&linearizer), &at_x);
   const VectorXd state = linearizer.State();
   const Eigen::Vector2d v(0.3, -2.0);
   VectorXd Hv;
@@ -76,7 +85,8 @@ TEST(HessianTimes, KeepsTheProductOfTheObjective) {
     *Hv = 3.0 * v;
     return true;
   };
-  AddHessianTimes(&linearizer, &at_x);
+  AddProductsAndTrials(
+      Products(), linearizer.State(), AfterOf(&linearizer), &at_x);
   VectorXd Hv;
   std::string error;
   ASSERT_TRUE(at_x.hessian_times(VectorXd::Ones(2), &Hv, &error));
@@ -87,25 +97,52 @@ TEST(HessianTimes, ReportsWhatFails) {
   Linearization at_x;
   VectorXd Hv;
   std::string error;
-  AddHessianTimes(
+  AddProductsAndTrials(
+      Products(),
       VectorXd::Zero(2),
-      [](const VectorXd&, VectorXd*, std::string* why) {
+      [](const VectorXd&, auto&, Linearization*, std::string* why) {
         *why = "no gradient here";
         return false;
       },
       &at_x);
   EXPECT_FALSE(at_x.hessian_times(VectorXd::Ones(2), &Hv, &error));
   EXPECT_EQ(error, "no gradient here");
-  AddHessianTimes(
+  Linearization at_infinity;
+  AddProductsAndTrials(
+      Products(),
       VectorXd::Zero(2),
-      [](const VectorXd& step, VectorXd* gradient, std::string*) {
-        *gradient = step * std::numeric_limits<double>::infinity();
+      [](const VectorXd& step, auto&, Linearization* after, auto*) {
+        after->gradient = step * std::numeric_limits<double>::infinity();
         return true;
       },
-      &at_x);
-  EXPECT_FALSE(at_x.hessian_times(VectorXd::Ones(2), &Hv, &error));
+      &at_infinity);
+  EXPECT_FALSE(at_infinity.hessian_times(VectorXd::Ones(2), &Hv, &error));
   EXPECT_EQ(error,
             "the product with the Hessian is not finite: entry 0 is inf");
+}
+
+TEST(LinearizeAfter, IsTheLinearizationThereAndMovesBack) {
+  RosenbrockProblem p;
+  ProblemLinearizer linearizer(&p.problem, {});
+  const VectorXd state = linearizer.State();
+  LinearizationParts parts;
+  parts.after = true;
+  Linearization at_x, after, expected;
+  AddProductsAndTrials(parts, state, AfterOf(&linearizer), &at_x);
+  EXPECT_FALSE(at_x.hessian_times);
+  const Eigen::Vector2d step(0.3, -0.2);
+  std::string error;
+  ASSERT_TRUE(
+      at_x.after(step, LinearizationParts::LossGradient(), &after, &error));
+  EXPECT_EQ(linearizer.State(), state);
+  ASSERT_TRUE(linearizer.Plus(step));
+  ASSERT_TRUE(
+      linearizer.Linearize(LinearizationParts::Jacobian(), &expected, &error));
+  EXPECT_EQ(after.cost, expected.cost);
+  EXPECT_EQ(after.loss_gradient, expected.loss_gradient);
+  EXPECT_EQ(after.jacobian, nullptr);
+  EXPECT_FALSE(AfterOf(&linearizer)(
+      Eigen::Vector2d::Constant(1e300), parts, &after, &error));
 }
 
 }  // namespace hessian_times_test

@@ -64,6 +64,13 @@ class Quadratic {
       *Hv = H * v;
       return true;
     };
+    at_x.after = [*this, x](const Eigen::VectorXd& step,
+                            const LinearizationParts&,
+                            Linearization* after,
+                            std::string*) {
+      *after = At(x + step);
+      return true;
+    };
     return at_x;
   }
 

@@ -143,8 +143,9 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   if (needs_jacobian) {
     if (!PlusJacobians(&plus_jacobians, error)) return false;
     jacobian = NewJacobian();
-    r.resize(structure_.num_residuals);
   }
+  const bool needs_residuals = needs_jacobian || parts.loss_gradient;
+  if (needs_residuals) r.resize(structure_.num_residuals);
   if (options_.evaluation_callback != nullptr) {
     options_.evaluation_callback->PrepareForEvaluation(
         needs_jacobian, /*new_evaluation_point=*/true);
@@ -156,8 +157,8 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   for (const ResidualBlock& block : structure_.residual_blocks) {
     if (!evaluation.Evaluate(block, error)) return false;
     cost += evaluation.cost();
+    if (needs_residuals) evaluation.WriteResiduals(r.data() + block.row);
     if (!needs_jacobian) continue;
-    evaluation.WriteResiduals(r.data() + block.row);
     if (!evaluation.WriteJacobian(
             jacobian->mutable_matrix()->valuePtr() +
                 jacobian->matrix().outerIndexPtr()[block.row],

@@ -10,6 +10,7 @@ namespace invgrad {
 using Eigen::Index;
 using Eigen::Map;
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 EquationSimulator::EquationSimulator(TrialFunction trial_function,
                                      std::shared_ptr<const Simulator> equation)
@@ -28,7 +29,7 @@ int EquationSimulator::num_inputs() const {
 }
 
 int EquationSimulator::num_context() const {
-  return trial_function_.ConditionSize() + equation_->num_context();
+  return trial_function_.ConditionSize() + 1 + equation_->num_context();
 }
 
 MatrixXd EquationSimulator::EquationInputs(int count,
@@ -46,25 +47,25 @@ MatrixXd EquationSimulator::EquationContexts(int count,
       .bottomRows(equation_->num_context());
 }
 
+double EquationSimulator::Weight(const double* contexts, Index sample) const {
+  return contexts[sample * num_context() + trial_function_.ConditionSize()];
+}
+
 void EquationSimulator::PullBackToNetwork(
-    int count,
-    const double* contexts,
+    const double* context,
     const Eigen::Ref<const MatrixXd>& covectors,
     Eigen::Ref<MatrixXd> x_bar) const {
   x_bar.setZero();
   x_bar.topRows(covectors.rows()) = covectors;
   if (!trial_function_.has_conditions()) return;
-  const Index size = num_inputs();
-  const Index T = trial_function_.derivatives->num_channels();
-  const Index per_sample = covectors.cols() / count;
-  for (Index s = 0; s < count; ++s) {
-    const Map<const MatrixXd> d(
-        contexts + s * num_context() + size, trial_function_.num_functions, T);
-    for (Index k = s * per_sample; k < (s + 1) * per_sample; ++k) {
-      trial_function_.derivatives->MultiplyTransposed(
-          d,
-          Map<MatrixXd>(x_bar.col(k).data(), trial_function_.num_functions, T));
-    }
+  const DerivativeSet& jets = *trial_function_.derivatives;
+  const Index num_functions = trial_function_.num_functions;
+  const Map<const MatrixXd> d(
+      context + num_inputs(), num_functions, jets.num_channels());
+  for (Index k = 0; k < x_bar.cols(); ++k) {
+    jets.MultiplyTransposed(
+        d,
+        Map<MatrixXd>(x_bar.col(k).data(), num_functions, jets.num_channels()));
   }
 }
 
@@ -75,16 +76,26 @@ int EquationSimulator::EvaluateBatch(int count,
                                      double* jacobians) const {
   const MatrixXd u = EquationInputs(count, x, contexts);
   const MatrixXd c = EquationContexts(count, contexts);
-  if (jacobians == nullptr) {
-    return equation_->EvaluateBatch(count, u.data(), c.data(), y, nullptr);
-  }
+  const Index num_y = num_outputs();
   // Row-major Jacobians, read as columns.
-  const Index num_rows = Index{num_outputs()} * count;
-  MatrixXd to_u(equation_->num_inputs(), num_rows);
+  MatrixXd to_u(equation_->num_inputs(),
+                jacobians == nullptr ? 0 : num_y * count);
   const int num_done =
-      equation_->EvaluateBatch(count, u.data(), c.data(), y, to_u.data());
-  PullBackToNetwork(
-      count, contexts, to_u, Map<MatrixXd>(jacobians, num_inputs(), num_rows));
+      equation_->EvaluateBatch(count,
+                               u.data(),
+                               c.data(),
+                               y,
+                               jacobians == nullptr ? nullptr : to_u.data());
+  for (Index s = 0; s < num_done; ++s) {
+    Map<VectorXd>(y + s * num_y, num_y) *= Weight(contexts, s);
+    if (jacobians == nullptr) continue;
+    to_u.middleCols(s * num_y, num_y) *= Weight(contexts, s);
+    PullBackToNetwork(
+        contexts + s * num_context(),
+        to_u.middleCols(s * num_y, num_y),
+        Map<MatrixXd>(
+            jacobians + s * num_y * num_inputs(), num_inputs(), num_y));
+  }
   return num_done;
 }
 
@@ -94,15 +105,17 @@ bool EquationSimulator::WeightedHessian(const double* x,
                                         double* hessian) const {
   const MatrixXd u = EquationInputs(1, x, context);
   const MatrixXd c = EquationContexts(1, context);
+  const VectorXd scaled =
+      Weight(context, 0) * Map<const VectorXd>(w, num_outputs());
   const Index num_u = equation_->num_inputs();
   MatrixXd to_u(num_u, num_u);
-  if (!equation_->WeightedHessian(u.data(), c.data(), w, to_u.data())) {
+  if (!equation_->WeightedHessian(
+          u.data(), c.data(), scaled.data(), to_u.data())) {
     return false;
   }
   MatrixXd half(num_inputs(), num_u);
-  PullBackToNetwork(1, context, to_u, half);
-  PullBackToNetwork(1,
-                    context,
+  PullBackToNetwork(context, to_u, half);
+  PullBackToNetwork(context,
                     half.transpose(),
                     Map<MatrixXd>(hessian, num_inputs(), num_inputs()));
   return true;

@@ -1,7 +1,7 @@
 // The residual of a differential equation, as a simulator of the jets of a
 // network.
 //
-//   y = R(D u; c),   u = g + d N,   x = (N, D_1 N, .., D_{T-1} N)
+//   y = w R(D u; c),   u = g + d N,   x = (N, D_1 N, .., D_{T-1} N)
 //
 // The equation R is a simulator of u and its stated derivatives alone, most
 // often a functor (autodiff_simulator.h): its input is u, then the derivatives
@@ -10,7 +10,7 @@
 //
 // Shapes:  x: |u| T;  input of R: |u| (1 + number of words);  y: that of R;
 //          context: the jets of g and d, if the trial function has conditions,
-//          then c.
+//          the weight w of the sample, then c.
 // Cost:    that of R, and two products of jets.
 // Fails:   as R does.
 #ifndef INVGRAD_CHAIN_EQUATION_SIMULATOR_H_
@@ -61,10 +61,10 @@ class EquationSimulator final : public Simulator {
                                  const double* x,
                                  const double* contexts) const;
   Eigen::MatrixXd EquationContexts(int count, const double* contexts) const;
-  // Covectors of the inputs of R for those of x: |u| T x covectors.cols(), the
-  // columns of a sample side by side.
-  void PullBackToNetwork(int count,
-                         const double* contexts,
+  double Weight(const double* contexts, Eigen::Index sample) const;
+  // x_bar = covectors of x for covectors of the inputs of R, of one sample: a
+  // column each.
+  void PullBackToNetwork(const double* context,
                          const Eigen::Ref<const Eigen::MatrixXd>& covectors,
                          Eigen::Ref<Eigen::MatrixXd> x_bar) const;
 

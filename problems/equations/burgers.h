@@ -1,0 +1,110 @@
+// The viscous Burgers equation, solved by a physics-informed network.
+//
+//   u_t + u u_x = nu u_xx,   u(0, x) = -sin(pi x),   u(t, -1) = u(t, 1) = 0
+//
+// on 0 <= t <= 1, -1 <= x <= 1. The solution is odd in x, and steepens to a
+// front of width nu at x = 0. The network solves the half x >= 0, where u(t, 0) =
+// 0; initial and boundary values hold exactly,
+//
+//   u = -sin(pi x) + 4 t x (1 - x) N(2 t - 1, 2 x - 1)
+//
+// Shapes:  network 2-20-20-20-1, tanh: 921 weights; x: N, N_t, N_x, N_xx.
+// Data:    Gauss points, rows (t, x, weight); all are one batch. For testing a
+//          grid of 41 x 101 points with its faces.
+// Metric:  L2_error, relative. By symmetry it is that of -1 <= x <= 1.
+// Facts:   the solution in closed form (Cole-Hopf), by the trapezoidal rule:
+//            u = -I[sin(pi z)] / I[1],   z = x - 2 sqrt(nu t) q
+//            I[f] = int f exp(-cos(pi z) / (2 pi nu) - q^2) dq
+//          nu = 0.01: L2 error 3.9e-7 in 15.6 s on an H100, 1.9e-12 in 144 s
+//          with 5,125 weights (arXiv 2607.02194); nu = 0.01 / pi: 1.6e-8 with
+//          3,021 weights (arXiv 2501.16371).
+// Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks. J.
+//          Comput. Phys. 378 (2019), with nu = 0.01 / pi.
+#ifndef PROBLEMS_EQUATIONS_BURGERS_H_
+#define PROBLEMS_EQUATIONS_BURGERS_H_
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "problems/equations/equation.h"
+
+namespace invgrad {
+
+struct BurgersResidual {
+  double nu;
+  // u: u, u_t, u_x, u_xx.
+  template <typename T>
+  bool operator()(const T* u, T* y) const {
+    y[0] = u[1] + u[0] * u[2] - nu * u[3];
+    return true;
+  }
+};
+
+struct BurgersPinn {
+  double viscosity = 0.01;
+  int num_t = 64;
+  int num_x = 64;
+  void Describe(OptionSet* set) {
+    set->Add("viscosity", &viscosity, {1e-3, 1.0}, "nu");
+    set->Add("num_t", &num_t, {1, 1000}, "Gauss points in t");
+    set->Add("num_x", &num_x, {1, 1000}, "Gauss points in x");
+  }
+
+  static double Solution(double nu, double t, double x) {
+    if (t == 0.0) return -std::sin(M_PI * x);
+    // Beyond the limit the integrand is below e^-45 of its largest value, because
+    // the cosine's part is at least exp(-1 / (pi nu)).
+    constexpr int kNumIntervals = 1500;
+    const double limit = std::sqrt(45.0 + 1.0 / (M_PI * nu));
+    const double width = 2.0 * std::sqrt(nu * t);
+    double numerator = 0.0;
+    double denominator = 0.0;
+    for (int k = 0; k <= kNumIntervals; ++k) {
+      const double q = limit * (2.0 * k / kNumIntervals - 1.0);
+      const double z = x - width * q;
+      // cos + 1 >= 0: no overflow.
+      const double f =
+          std::exp(-(1.0 + std::cos(M_PI * z)) / (2.0 * M_PI * nu) - q * q);
+      numerator += std::sin(M_PI * z) * f;
+      denominator += f;
+    }
+    return -numerator / denominator;
+  }
+
+  bool Create(LearningProblem* problem, std::string* error) const {
+    Equation equation;
+    equation.trial.derivatives = std::make_shared<DerivativeSet>(
+        "tx", std::vector<std::string>{"t", "x", "xx"});
+    equation.trial.num_features = 2;
+    equation.trial.features = [](const InputJet* a, InputJet* f) {
+      f[0] = 2.0 * a[0] - 1.0;
+      f[1] = 2.0 * a[1] - 1.0;
+    };
+    equation.trial.boundary_values = [](const InputJet* a, InputJet* g) {
+      g[0] = -sin(M_PI * a[1]);
+    };
+    equation.trial.distance = [](const InputJet* a, InputJet* d) {
+      d[0] = 4.0 * a[0] * a[1] * (1.0 - a[1]);
+    };
+    equation.residual =
+        std::make_shared<AutoDiffSimulator<BurgersResidual, 4, 1>>(
+            BurgersResidual{viscosity});
+    equation.solution = [nu = viscosity](const Eigen::VectorXd& a) {
+      return Solution(nu, a[0], a[1]);
+    };
+    equation.box = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(1.0, 1.0)};
+    equation.train = GaussPoints(equation.box, {num_t, num_x});
+    equation.test = GridPoints(equation.box, {41, 101});
+    equation.hidden = {20, 20, 20};
+    return CreateEquation(equation, problem, error);
+  }
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_EQUATIONS_BURGERS_H_

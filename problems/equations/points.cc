@@ -1,0 +1,101 @@
+#include "problems/equations/points.h"
+
+#include <cmath>
+
+#include "glog/logging.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The tensor product of the coordinates, one column a point.
+MatrixXd TensorProduct(const std::vector<VectorXd>& coordinates) {
+  Index size = 1;
+  for (const VectorXd& values : coordinates) size *= values.size();
+  MatrixXd points(coordinates.size(), size);
+  Index repeats = size;
+  for (std::size_t i = 0; i < coordinates.size(); ++i) {
+    repeats /= coordinates[i].size();
+    for (Index s = 0; s < size; ++s) {
+      points(i, s) = coordinates[i][(s / repeats) % coordinates[i].size()];
+    }
+  }
+  return points;
+}
+
+}  // namespace
+
+QuadraturePoints GaussRule(int count) {
+  CHECK_GT(count, 0);
+  QuadraturePoints rule;
+  rule.points.resize(1, count);
+  rule.weights.resize(count);
+  for (int i = 0; i < count; ++i) {
+    // Newton's method for the roots of the Legendre polynomial.
+    double z = std::cos(M_PI * (i + 0.75) / (count + 0.5));
+    double slope = 0.0;
+    for (double change = 1.0; std::abs(change) > 1e-15;) {
+      double p = 1.0;
+      double previous = 0.0;
+      for (int k = 0; k < count; ++k) {
+        const double next = ((2 * k + 1) * z * p - k * previous) / (k + 1);
+        previous = p;
+        p = next;
+      }
+      slope = count * (z * p - previous) / (z * z - 1.0);
+      change = p / slope;
+      z -= change;
+    }
+    rule.points(0, i) = 0.5 * (1.0 - z);
+    rule.weights[i] = 1.0 / ((1.0 - z * z) * slope * slope);
+  }
+  return rule;
+}
+
+QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts) {
+  CHECK_EQ(static_cast<Index>(counts.size()), box.lower.size());
+  std::vector<VectorXd> nodes;
+  std::vector<VectorXd> weights;
+  for (Index i = 0; i < box.lower.size(); ++i) {
+    const QuadraturePoints rule = GaussRule(counts[i]);
+    nodes.emplace_back(box.lower[i] +
+                       (box.upper[i] - box.lower[i]) *
+                           rule.points.row(0).transpose().array());
+    weights.push_back(rule.weights);
+  }
+  return {TensorProduct(nodes),
+          TensorProduct(weights).colwise().prod().transpose()};
+}
+
+QuadraturePoints SequencePoints(const Box& box, int count, long first) {
+  const Index d = box.lower.size();
+  double phi = 2.0;
+  for (int k = 0; k < 100; ++k) phi = std::pow(1.0 + phi, 1.0 / (d + 1.0));
+  QuadraturePoints result;
+  result.points.resize(d, count);
+  result.weights = VectorXd::Constant(count, 1.0 / count);
+  for (Index i = 0; i < d; ++i) {
+    const double alpha = std::pow(phi, -(i + 1.0));
+    for (int s = 0; s < count; ++s) {
+      const double place =
+          std::fmod(0.5 + static_cast<double>(first + s + 1) * alpha, 1.0);
+      result.points(i, s) =
+          box.lower[i] + (box.upper[i] - box.lower[i]) * place;
+    }
+  }
+  return result;
+}
+
+MatrixXd GridPoints(const Box& box, const std::vector<int>& counts) {
+  std::vector<VectorXd> nodes;
+  for (Index i = 0; i < box.lower.size(); ++i) {
+    nodes.emplace_back(
+        VectorXd::LinSpaced(counts[i], box.lower[i], box.upper[i]));
+  }
+  return TensorProduct(nodes);
+}
+
+}  // namespace invgrad

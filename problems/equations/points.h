@@ -1,0 +1,47 @@
+// Points in a box, with quadrature weights.
+//
+//   sum_s w_s f(a_s) ~ mean of f over the box,   sum_s w_s = 1
+//
+// Gauss points: tensor products of Gauss-Legendre rules, exact for polynomials
+// of degree 2 k - 1 in each coordinate. A network's residual is smooth: its mean
+// square is then that of the whole box and not of the points alone, which a
+// network can fit in between. They are denser at the faces.
+// A sequence has equal weights: a_s = frac(offset + s alpha), alpha_i = phi^-i
+// with the positive root of phi^(d+1) = phi + 1 [1], for d >= 3.
+//
+// [1] Roberts. The unreasonable effectiveness of quasirandom sequences. 2018.
+//     (The generalized golden ratio; Kronecker sequences.)
+#ifndef PROBLEMS_EQUATIONS_POINTS_H_
+#define PROBLEMS_EQUATIONS_POINTS_H_
+
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+struct Box {
+  Eigen::VectorXd lower;
+  Eigen::VectorXd upper;
+};
+
+struct QuadraturePoints {
+  Eigen::MatrixXd points;   // d x N
+  Eigen::VectorXd weights;  // N
+};
+
+// The rule of `count` nodes on [0, 1].
+QuadraturePoints GaussRule(int count);
+
+// counts: nodes a coordinate; the last coordinate runs fastest.
+QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts);
+
+// The points first, first + 1, .. of the sequence.
+QuadraturePoints SequencePoints(const Box& box, int count, long first);
+
+// A grid with its faces, of equal weights.
+Eigen::MatrixXd GridPoints(const Box& box, const std::vector<int>& counts);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_EQUATIONS_POINTS_H_
