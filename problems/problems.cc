@@ -5,6 +5,7 @@
 #include "fmt/core.h"
 #include "problems/burgers_initial.h"
 #include "problems/equations/burgers.h"
+#include "problems/equations/korteweg_de_vries.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
@@ -111,6 +112,10 @@ const std::vector<ProblemRow>& Problems() {
       Row<BurgersPinn>("burgers_pinn",
                        "u_t + u u_x = nu u_xx, u = g + d N, L = 1/2 mean R^2",
                        "Raissi et al., J. Comput. Phys. 378 (2019)"),
+      Row<KortewegDeVriesPinn>(
+          "kdv_pinn",
+          "u_t + u u_x + mu^2 u_xxx = 0, u = g + d N, L = 1/2 mean R^2",
+          "Zabusky, Kruskal, Phys. Rev. Lett. 15 (1965)"),
       Row<PoissonPinn>(
           "poisson_pinn",
           "-Lap u = f, u = 0 at the boundary, u a network of the point, L = "

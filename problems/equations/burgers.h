@@ -94,8 +94,12 @@ struct BurgersPinn {
     equation.residual =
         std::make_shared<AutoDiffSimulator<BurgersResidual, 4, 1>>(
             BurgersResidual{viscosity});
-    equation.solution = [nu = viscosity](const Eigen::VectorXd& a) {
-      return Solution(nu, a[0], a[1]);
+    equation.solution = [nu = viscosity](const Eigen::MatrixXd& points) {
+      Eigen::VectorXd u(points.cols());
+      for (Eigen::Index s = 0; s < u.size(); ++s) {
+        u[s] = Solution(nu, points(0, s), points(1, s));
+      }
+      return u;
     };
     equation.box = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(1.0, 1.0)};
     equation.train = GaussPoints(equation.box, {num_t, num_x});

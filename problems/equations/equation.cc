@@ -126,11 +126,7 @@ bool CreateEquation(const Equation& equation,
                    error)) {
     return false;
   }
-  VectorXd solution(equation.test.cols());
-  for (Index s = 0; s < solution.size(); ++s) {
-    solution[s] = equation.solution(equation.test.col(s));
-  }
-  problem->metric = L2Error(trial, std::move(solution));
+  problem->metric = L2Error(trial, equation.solution(equation.test));
   std::vector<int> widths = {trial.NumInputs()};
   widths.insert(widths.end(), equation.hidden.begin(), equation.hidden.end());
   widths.push_back(trial.num_functions);

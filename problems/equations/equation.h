@@ -27,8 +27,8 @@ struct Equation {
   // R; its context is the right-hand side at the point, if it has one.
   std::shared_ptr<const Simulator> residual;
   std::function<double(const Eigen::VectorXd& point)> right_hand_side;
-  // u*, of the first function.
-  std::function<double(const Eigen::VectorXd& point)> solution;
+  // u* of the first function at points, one a column.
+  std::function<Eigen::VectorXd(const Eigen::MatrixXd& points)> solution;
   Box box;
   QuadraturePoints train;
   Eigen::MatrixXd test;     // d x N

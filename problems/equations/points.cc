@@ -70,6 +70,22 @@ QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts) {
           TensorProduct(weights).colwise().prod().transpose()};
 }
 
+QuadraturePoints GaussTimesPeriodic(const Box& box, int num_t, int num_x) {
+  CHECK_EQ(box.lower.size(), 2);
+  const QuadraturePoints rule = GaussRule(num_t);
+  const VectorXd t = box.lower[0] + (box.upper[0] - box.lower[0]) *
+                                        rule.points.row(0).transpose().array();
+  const VectorXd x =
+      VectorXd::LinSpaced(num_x,
+                          box.lower[1],
+                          box.upper[1] - (box.upper[1] - box.lower[1]) / num_x);
+  return {TensorProduct({t, x}),
+          TensorProduct({rule.weights, VectorXd::Constant(num_x, 1.0 / num_x)})
+              .colwise()
+              .prod()
+              .transpose()};
+}
+
 QuadraturePoints SequencePoints(const Box& box, int count, long first) {
   const Index d = box.lower.size();
   double phi = 2.0;

@@ -36,6 +36,10 @@ QuadraturePoints GaussRule(int count);
 // counts: nodes a coordinate; the last coordinate runs fastest.
 QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts);
 
+// Of a box of two coordinates: Gauss points in the first, equidistant ones in the
+// second, in which functions are periodic: exact for num_x - 1 waves.
+QuadraturePoints GaussTimesPeriodic(const Box& box, int num_t, int num_x);
+
 // The points first, first + 1, .. of the sequence.
 QuadraturePoints SequencePoints(const Box& box, int count, long first);
 

@@ -5,6 +5,8 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "problems/equations/burgers.h"
+#include "problems/equations/korteweg_de_vries.h"
+#include "problems/equations/periodic_evolution.h"
 #include "problems/equations/points.h"
 #include "problems/problems.h"
 
@@ -100,6 +102,83 @@ TEST(Burgers, TheFrontIsThatOfTheLiterature) {
   const double t = 1.6037 / M_PI;
   const double slope = -BurgersPinn::Solution(0.01 / M_PI, t, h) / h;
   EXPECT_NEAR(slope, 152.00516, 1e-3);
+}
+
+TEST(GaussTimesPeriodic, IntegratesWaves) {
+  const QuadraturePoints points =
+      GaussTimesPeriodic({Vector2d(0.0, -1.0), Vector2d(1.0, 1.0)}, 3, 8);
+  const auto t = points.points.row(0).array();
+  const auto x = points.points.row(1).array();
+  EXPECT_NEAR(points.weights.sum(), 1.0, 1e-14);
+  EXPECT_NEAR(
+      (t * (3.0 * M_PI * x).cos().square()).matrix().dot(points.weights),
+      0.25,
+      1e-14);
+}
+
+MatrixXd SomePoints() {
+  MatrixXd points(2, 6);
+  points << 1.0, 0.0, 0.3, 0.3, 0.7, 0.05,  //
+      0.2, -0.4, 0.9, -1.0, 0.5, 0.0;
+  return points;
+}
+
+// The exact wave of u_t = nu u_xx, and Burgers' closed form.
+TEST(PeriodicEvolution, IsTheClosedForm) {
+  PeriodicEvolution heat;
+  heat.linear = [](double k) { return -0.1 * k * k; };
+  heat.nonlinear = [](double) { return 0.0; };
+  heat.num_cells = 16;
+  heat.time_step = 0.2;
+  const auto sine = [](double x) { return -std::sin(M_PI * x); };
+  const MatrixXd points = SomePoints();
+  const VectorXd u = heat.Solve(sine, points);
+  for (int s = 0; s < points.cols(); ++s) {
+    EXPECT_NEAR(
+        u[s],
+        std::exp(-0.1 * M_PI * M_PI * points(0, s)) * sine(points(1, s)),
+        1e-14);
+  }
+  PeriodicEvolution burgers = heat;
+  burgers.linear = [](double k) { return -0.02 * k * k; };
+  burgers.nonlinear = [](double v) { return -0.5 * v * v; };
+  burgers.has_derivative = true;
+  burgers.num_cells = 512;
+  burgers.time_step = 1e-3;
+  const VectorXd v = burgers.Solve(sine, points);
+  for (int s = 0; s < points.cols(); ++s) {
+    EXPECT_NEAR(
+        v[s], BurgersPinn::Solution(0.02, points(0, s), points(1, s)), 1e-10);
+  }
+}
+
+// Where the linear part turns fast modes quickly, as of Korteweg-de Vries at
+// these steps, the order is three.
+TEST(PeriodicEvolution, ConvergesWithOrderFour) {
+  PeriodicEvolution burgers;
+  burgers.linear = [](double k) { return -0.1 * k * k; };
+  burgers.nonlinear = [](double u) { return -0.5 * u * u; };
+  burgers.has_derivative = true;
+  burgers.num_cells = 64;
+  const double exact = BurgersPinn::Solution(0.1, 0.4, 0.3);
+  const auto error = [&](double h) {
+    burgers.time_step = h;
+    return burgers.Solve([](double x) { return -std::sin(M_PI * x); },
+                         Vector2d(0.4, 0.3))[0] -
+           exact;
+  };
+  EXPECT_NEAR(std::log2(error(0.04) / error(0.02)), 4.0, 0.3);
+}
+
+// Half the step and twice the cells change nothing in the ninth digit.
+TEST(KortewegDeVries, ReferenceIsFarBelowThePublishedErrors) {
+  PeriodicEvolution evolution = KortewegDeVriesPinn::Evolution(4.84e-4);
+  const auto cosine = [](double x) { return std::cos(M_PI * x); };
+  const VectorXd u = evolution.Solve(cosine, SomePoints());
+  evolution.num_cells *= 2;
+  evolution.time_step *= 0.5;
+  EXPECT_LT((evolution.Solve(cosine, SomePoints()) - u).cwiseAbs().maxCoeff(),
+            2e-9);
 }
 
 TEST(Burgers, NamesPointsOutsideTheBox) {

@@ -1,0 +1,101 @@
+// The Korteweg-de Vries equation, solved by a physics-informed network.
+//
+//   u_t + u u_x + mu^2 u_xxx = 0,   u(0, x) = cos(pi x),   periodic in x
+//
+// on 0 <= t <= 1, -1 <= x <= 1. The wave steepens, and breaks up into a train of
+// solitons [1]. The network is periodic, and satisfies the initial value exactly,
+//
+//   u = cos(pi x) + t N(2 t - 1, cos(pi x), sin(pi x))
+//
+// Shapes:  network 3-30-30-30-1, tanh: 2,011 weights; x: N and its derivatives t,
+//          x, xxx, xx, in this order.
+// Data:    Gauss points in t, equidistant ones in x, rows (t, x, weight); all are
+//          one batch. For testing a grid of 41 x 201 points with its faces.
+// Metric:  L2_error, relative.
+// Facts:   the solution by ETDRK4 (periodic_evolution.h), with an error below
+//          2e-9. Published, mu^2 = 4.84e-4: L2 error 3.4e-4 with some 500,000
+//          weights (arXiv 2502.00604).
+// Source:  [1] Zabusky, Kruskal. Interaction of solitons in a collisionless
+//          plasma. Physical Review Letters 15 (1965).
+#ifndef PROBLEMS_EQUATIONS_KORTEWEG_DE_VRIES_H_
+#define PROBLEMS_EQUATIONS_KORTEWEG_DE_VRIES_H_
+
+#include <cmath>
+#include <complex>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "problems/equations/equation.h"
+#include "problems/equations/periodic_evolution.h"
+
+namespace invgrad {
+
+struct KortewegDeVriesResidual {
+  double dispersion;
+  // u: u, u_t, u_x, u_xxx.
+  template <typename T>
+  bool operator()(const T* u, T* y) const {
+    y[0] = u[1] + u[0] * u[2] + dispersion * u[3];
+    return true;
+  }
+};
+
+struct KortewegDeVriesPinn {
+  double dispersion = 4.84e-4;
+  int num_t = 64;
+  int num_x = 128;
+  void Describe(OptionSet* set) {
+    set->Add("dispersion", &dispersion, {1e-5, 1.0}, "mu^2");
+    set->Add("num_t", &num_t, {1, 1000}, "Gauss points in t");
+    set->Add("num_x", &num_x, {1, 1000}, "equidistant points in x");
+  }
+
+  static PeriodicEvolution Evolution(double dispersion) {
+    PeriodicEvolution evolution;
+    evolution.linear = [dispersion](double k) {
+      return std::complex<double>(0.0, dispersion * k * k * k);
+    };
+    evolution.nonlinear = [](double u) { return -0.5 * u * u; };
+    evolution.has_derivative = true;
+    evolution.num_cells = 512;
+    evolution.time_step = 1e-4;
+    return evolution;
+  }
+
+  bool Create(LearningProblem* problem, std::string* error) const {
+    Equation equation;
+    equation.trial.derivatives = std::make_shared<DerivativeSet>(
+        "tx", std::vector<std::string>{"t", "x", "xxx"});
+    equation.trial.num_features = 3;
+    equation.trial.features = [](const InputJet* a, InputJet* f) {
+      f[0] = 2.0 * a[0] - 1.0;
+      f[1] = cos(M_PI * a[1]);
+      f[2] = sin(M_PI * a[1]);
+    };
+    equation.trial.boundary_values = [](const InputJet* a, InputJet* g) {
+      g[0] = cos(M_PI * a[1]);
+    };
+    equation.trial.distance = [](const InputJet* a, InputJet* d) {
+      d[0] = a[0];
+    };
+    equation.residual =
+        std::make_shared<AutoDiffSimulator<KortewegDeVriesResidual, 4, 1>>(
+            KortewegDeVriesResidual{dispersion});
+    equation.solution = [mu2 = dispersion](const Eigen::MatrixXd& points) {
+      return Evolution(mu2).Solve([](double x) { return std::cos(M_PI * x); },
+                                  points);
+    };
+    equation.box = {Eigen::Vector2d(0.0, -1.0), Eigen::Vector2d(1.0, 1.0)};
+    equation.train = GaussTimesPeriodic(equation.box, num_t, num_x);
+    equation.test = GridPoints(equation.box, {41, 201});
+    equation.hidden = {30, 30, 30};
+    return CreateEquation(equation, problem, error);
+  }
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_EQUATIONS_KORTEWEG_DE_VRIES_H_
