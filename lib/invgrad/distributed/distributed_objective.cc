@@ -47,7 +47,7 @@ bool DistributedObjective::Linearize(const VectorXd& weights,
                                      std::string* error) {
   const bool ok =
       own_->Linearize(weights, OwnPiece(batch), parts, linearization, error);
-  return Combine(ok, batch.num_samples(), linearization, error);
+  return Combine(ok, batch.num_samples(), parts, linearization, error);
 }
 
 bool DistributedObjective::LinearizeAgain(const VectorXd& weights,
@@ -57,11 +57,22 @@ bool DistributedObjective::LinearizeAgain(const VectorXd& weights,
                                           std::string* error) {
   const bool ok = own_->LinearizeAgain(
       weights, OwnPiece(batch), parts, linearization, error);
-  return Combine(ok, batch.num_samples(), linearization, error);
+  return Combine(ok, batch.num_samples(), parts, linearization, error);
+}
+
+VectorXd DistributedObjective::GatherRows(const VectorXd& own,
+                                          int num_samples) const {
+  const int own_samples = communicator_->OwnShare(num_samples).count;
+  CHECK_EQ(own.size() % own_samples, 0);
+  const int rows_per_sample = static_cast<int>(own.size()) / own_samples;
+  return communicator_
+      ->GatherColumns(own.transpose(), num_samples, rows_per_sample)
+      .transpose();
 }
 
 bool DistributedObjective::Combine(bool ok,
                                    int num_samples,
+                                   const LinearizationParts& parts,
                                    Linearization* linearization,
                                    std::string* error) const {
   if (!communicator_->Agree(ok, error)) return false;
@@ -100,9 +111,13 @@ bool DistributedObjective::Combine(bool ok,
     }
     linearization->own = std::move(own);
   }
-  // Without J nobody knows whose rows they are.
   if (linearization->jacobian == nullptr) {
-    linearization->loss_gradient.resize(0);
+    VectorXd& g = linearization->loss_gradient;
+    if (parts.loss_gradient) {
+      g = GatherRows(g, num_samples);
+    } else {
+      g.resize(0);
+    }
   }
   return CheckCost(linearization->cost, error) &&
          CheckDerivatives(linearization->gradient, hessian, error);
