@@ -17,7 +17,10 @@ class FieldSource final : public DataSource {
         name_(std::move(name)),
         seed_(seed) {}
 
-  DataSet Batch(long step, int batch_size) const override {
+  DataSet Batch(long step,
+                int batch_size,
+                const Model& /*model*/,
+                const Eigen::VectorXd& /*weights*/) const override {
     const std::uint32_t seed =
         seed_ + 0x9e3779b9U * (static_cast<std::uint32_t>(step) + 1);
     return make_samples_(batch_size, seed);

@@ -64,11 +64,22 @@ struct Metric {
   std::optional<double> floor = std::nullopt;
 };
 
+// A function of two coordinates that the network represents, at the test data: a
+// grid whose first coordinate is constant in a row.
+struct FunctionOnGrid {
+  int rows = 0;
+  Eigen::VectorXd truth;  // row by row
+  // For the network's outputs x, |x| x N.
+  std::function<Eigen::VectorXd(const Eigen::MatrixXd& x, const DataSet& data)>
+      values;
+};
+
 struct LearningProblem {
   std::shared_ptr<const Model> model;
   std::shared_ptr<const InverseSimulator> inverse;  // null: none is known
   // Evaluated on the test data; on the train data if there are no test data.
   std::optional<Metric> metric;
+  std::optional<FunctionOnGrid> function_on_grid;  // for pictures
   DataSet train;
   DataSet test;  // may have no samples
   // Null, or the fresh samples of each step; `train` is then for evaluation.

@@ -4,8 +4,13 @@
 
 #include "fmt/core.h"
 #include "problems/burgers_initial.h"
+#include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
+#include "problems/equations/heat.h"
+#include "problems/equations/heat_4d.h"
+#include "problems/equations/helmholtz.h"
 #include "problems/equations/korteweg_de_vries.h"
+#include "problems/equations/poisson_5d.h"
 #include "problems/exponential.h"
 #include "problems/heat.h"
 #include "problems/linear_scale.h"
@@ -116,6 +121,24 @@ const std::vector<ProblemRow>& Problems() {
           "kdv_pinn",
           "u_t + u u_x + mu^2 u_xxx = 0, u = g + d N, L = 1/2 mean R^2",
           "Zabusky, Kruskal, Phys. Rev. Lett. 15 (1965)"),
+      Row<AllenCahnPinn>(
+          "allen_cahn_pinn",
+          "u_t = D u_xx + 5 (u - u^3), u = g + d N, L = 1/2 mean R^2",
+          "Raissi et al., J. Comput. Phys. 378 (2019)"),
+      Row<HeatPinn>("heat_pinn",
+                    "u_t = u_xx / 4, u = g + d N, L = 1/2 mean R^2",
+                    "KFAC for PINNs, NeurIPS 2024"),
+      Row<Heat4dPinn>("heat_4d_pinn",
+                      "u_t = laplace(u) / 4, u = g + t N, L = 1/2 mean R^2 + "
+                      "w/2 mean (u - u*)^2 at the faces",
+                      "KFAC for PINNs, NeurIPS 2024"),
+      Row<Poisson5dPinn>("poisson_5d_pinn",
+                         "-laplace(u) = f, L = 1/2 mean R^2 + w/2 mean (u - "
+                         "u*)^2 at the faces",
+                         "KFAC for PINNs, NeurIPS 2024"),
+      Row<HelmholtzPinn>("helmholtz_pinn",
+                         "laplace(u) + k^2 u = q, u = d N, L = 1/2 mean R^2",
+                         "Wang et al., SIAM J. Sci. Comput. 43 (2021)"),
       Row<PoissonPinn>(
           "poisson_pinn",
           "-Lap u = f, u = 0 at the boundary, u a network of the point, L = "

@@ -19,6 +19,28 @@ Index NumCells(const LearningProblem& problem) {
   return problem.input_shape[1] * problem.input_shape[2];
 }
 
+std::string ShortTitle(const std::string& label) {
+  return label.size() <= kMaxTitle ? label
+                                   : label.substr(0, kMaxTitle - 3) + "...";
+}
+
+// At most kMaxNumRuns, from the lowest metric or, without one, the lowest loss; a
+// value that is not a number is last.
+std::vector<const LearningRunResult*> BestRuns(
+    const LearningProblem& problem,
+    std::vector<const LearningRunResult*> runs) {
+  const auto score = problem.metric.has_value() ? &HistoryRow::metric
+                                                : &HistoryRow::train_loss;
+  const auto is_lower = [score](const LearningRunResult* a,
+                                const LearningRunResult* b) {
+    const double value = a->last().*score, other = b->last().*score;
+    return value < other || (std::isnan(other) && !std::isnan(value));
+  };
+  std::stable_sort(runs.begin(), runs.end(), is_lower);
+  runs.resize(std::min(runs.size(), kMaxNumRuns));
+  return runs;
+}
+
 // The panels of a sample's fields.
 class FieldPanels {
  public:
@@ -52,9 +74,7 @@ class FieldPanels {
       return;
     }
     const VectorXd x = pass->outputs.col(0);
-    const std::string who = label.size() <= kMaxTitle
-                                ? label
-                                : label.substr(0, kMaxTitle - 3) + "...";
+    const std::string who = ShortTitle(label);
     if (!model.simulator().Evaluate(
             x.data(), samples_.Context(0).data(), y.data(), nullptr)) {
       return;
@@ -127,21 +147,56 @@ Picture FieldsPicture(const LearningProblem& problem,
                       const std::vector<const LearningRunResult*>& runs) {
   FieldPanels panels(problem);
   panels.AddNetwork("initial weights", initial_weights);
-  const auto score = problem.metric.has_value() ? &HistoryRow::metric
-                                                : &HistoryRow::train_loss;
-  // A value that is not a number is last.
-  const auto is_lower = [score](const LearningRunResult* a,
-                                const LearningRunResult* b) {
-    const double value = a->last().*score, other = b->last().*score;
-    return value < other || (std::isnan(other) && !std::isnan(value));
-  };
-  std::vector<const LearningRunResult*> best = runs;
-  std::stable_sort(best.begin(), best.end(), is_lower);
-  best.resize(std::min(best.size(), kMaxNumRuns));
-  for (const LearningRunResult* run : best) {
+  for (const LearningRunResult* run : BestRuns(problem, runs)) {
     panels.AddNetwork(run->label, run->weights);
   }
   return panels.Take(path_png);
+}
+
+void AddFunctionPanels(const std::string& title,
+                       int rows,
+                       const VectorXd& function,
+                       const VectorXd* truth,
+                       Picture* picture) {
+  const VectorXd& reference = truth == nullptr ? function : *truth;
+  Plot& panel = picture->panels.emplace_back(
+      FieldPlot(ShortTitle(title), rows, function, reference));
+  panel.equal_aspect = false;
+  if (truth == nullptr) return;
+  const VectorXd error = (function - *truth).cwiseAbs();
+  Plot& of_error = picture->panels.emplace_back(
+      FieldPlot("|u - u*|", rows, error, error));
+  of_error.equal_aspect = false;
+  of_error.heat_map->log_z = true;
+  // Where u holds exactly, the error is rounding.
+  of_error.heat_map->z_range = {1e-4 * error.maxCoeff(), error.maxCoeff()};
+}
+
+Picture FunctionPicture(const LearningProblem& problem,
+                        const std::string& path_png,
+                        const std::vector<const LearningRunResult*>& runs) {
+  const FunctionOnGrid& function = *problem.function_on_grid;
+  Picture picture = {path_png, {}, 2};
+  AddFunctionPanels("u*", function.rows, function.truth, nullptr, &picture);
+  picture.panels.emplace_back();
+  for (const LearningRunResult* run : BestRuns(problem, runs)) {
+    const auto pass = problem.model->network().NewPass();
+    std::string ignored;
+    if (!problem.model->Forward(run->weights,
+                                problem.test,
+                                Network::Derivatives::kNone,
+                                pass.get(),
+                                &ignored)) {
+      continue;
+    }
+    AddFunctionPanels(
+        run->label,
+        function.rows,
+        function.values(problem.model->SimulatorInputs(*pass), problem.test),
+        &function.truth,
+        &picture);
+  }
+  return picture;
 }
 
 }  // namespace invgrad

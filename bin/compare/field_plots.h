@@ -32,6 +32,21 @@ Picture FieldsPicture(const LearningProblem& problem,
                       const Eigen::VectorXd& initial_weights,
                       const std::vector<const LearningRunResult*>& runs);
 
+// Adds the panel of a function of two coordinates, `rows` rows, row by row, in the
+// colours of `truth`, and the panel of its error. Null: the function is the true
+// one.
+void AddFunctionPanels(const std::string& title,
+                       int rows,
+                       const Eigen::VectorXd& function,
+                       const Eigen::VectorXd* truth,
+                       Picture* picture);
+
+// A function of two coordinates (problem.function_on_grid): the true one, then the
+// function and its error of at most six runs, chosen in the same way.
+Picture FunctionPicture(const LearningProblem& problem,
+                        const std::string& path_png,
+                        const std::vector<const LearningRunResult*>& runs);
+
 }  // namespace invgrad
 
 #endif  // BIN_COMPARE_FIELD_PLOTS_H_

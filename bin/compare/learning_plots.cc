@@ -178,6 +178,10 @@ std::vector<Picture> LearningPictures(const LearningProblem& problem,
     pictures.push_back(FieldsPicture(
         problem, directory + "/fields.png", initial_weights, runs));
   }
+  if (problem.function_on_grid.has_value()) {
+    pictures.push_back(
+        FunctionPicture(problem, directory + "/solution.png", runs));
+  }
   if (tracked_sample >= 0 && problem.train.targets.rows() >= 2) {
     pictures.push_back({directory + "/sample_path.png",
                         {SamplePathPlot(problem, tracked_sample, runs)}});

@@ -8,6 +8,8 @@
 //   DIR/map.png          x over the input, where both are one number
 //   DIR/fields.png       fields of the first test sample (field_plots.h), where
 //                        x and y are fields
+//   DIR/solution.png     the solution of a differential equation and its error
+//                        (field_plots.h)
 //   DIR/sample_path.png  the tracked sample in the plane of y_0 and y_1
 #ifndef BIN_COMPARE_LEARNING_PLOTS_H_
 #define BIN_COMPARE_LEARNING_PLOTS_H_

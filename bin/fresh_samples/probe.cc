@@ -17,7 +17,10 @@ class EpochBatches final : public DataSource {
   EpochBatches(const DataSet& train, bool shuffles, int seed)
       : train_(train), shuffles_(shuffles), seed_(seed) {}
 
-  DataSet Batch(long step, int batch_size) const override {
+  DataSet Batch(long step,
+                int batch_size,
+                const Model& /*model*/,
+                const Eigen::VectorXd& /*weights*/) const override {
     const long steps_per_epoch = train_.num_samples() / batch_size;
     const int first = static_cast<int>(step % steps_per_epoch) * batch_size;
     if (!shuffles_) return train_.Range(first, batch_size);
@@ -89,7 +92,8 @@ bool FreshProbe::IsValid(std::string* error) const {
 bool FreshProbe::Begin(long step,
                        const Eigen::VectorXd& weights,
                        std::string* error) {
-  const DataSet batch = batches_->Batch(step, batch_size_);
+  const DataSet batch = batches_->Batch(
+      step, batch_size_, *problem_.model, weights);
   // Within the epoch of the step, so that no sample is in two batches.
   long first = 0, length = std::numeric_limits<long>::max();
   if (problem_.source == nullptr) {
@@ -106,8 +110,10 @@ bool FreshProbe::Begin(long step,
   fresh_at_weights_.clear();
   fresh_loss_ = 0.0;
   for (int i = 1; i <= num_fresh_batches_; ++i) {
-    fresh_.push_back(
-        batches_->Batch(first + (step - first + i) % length, batch_size_));
+    fresh_.push_back(batches_->Batch(first + (step - first + i) % length,
+                                     batch_size_,
+                                     *problem_.model,
+                                     weights));
     if (!linearize(fresh_.back(), &fresh_at_weights_.emplace_back())) {
       return false;
     }

@@ -69,38 +69,6 @@ bool Choose(const char* setting,
   return true;
 }
 
-// "20-20-20". A network's weights are numbered by an int.
-bool ParseWidths(const std::string& text,
-                 std::vector<int>* widths,
-                 std::string* error) {
-  if (text.empty()) return true;
-  constexpr double kMaxWidth = 1e6;
-  constexpr int kMaxNumWeights = std::numeric_limits<int>::max();
-  std::vector<int> all = {widths->front()};
-  std::istringstream parts(text + "-");
-  for (std::string part; std::getline(parts, part, '-');) {
-    OptionSet set;
-    set.Add("width", &all.emplace_back(1), {1.0, kMaxWidth}, "");
-    if (!set.Set("width", part, error)) {
-      *error = fmt::format(
-          "hidden={}: {}; expected a width for each hidden layer, as in "
-          "20-20-20",
-          Printable(text),
-          *error);
-      return false;
-    }
-  }
-  all.push_back(widths->back());
-  *widths = all;
-  if (DenseNetwork::CountWeights(all) <= kMaxNumWeights) return true;
-  *error = fmt::format(
-      "hidden={}: the network would have more than the {} weights that are "
-      "allowed",
-      text,
-      kMaxNumWeights);
-  return false;
-}
-
 // The shape of a sample's input for a network of libtorch.
 std::vector<std::int64_t> InputShape(const LearningProblem& problem) {
   if (!problem.input_shape.empty()) return problem.input_shape;
@@ -151,6 +119,37 @@ bool HasNoDenseSettings(NetworkSettings settings,
 }
 
 }  // namespace
+
+bool ParseWidths(const std::string& text,
+                 std::vector<int>* widths,
+                 std::string* error) {
+  if (text.empty()) return true;
+  constexpr double kMaxWidth = 1e6;
+  constexpr int kMaxNumWeights = std::numeric_limits<int>::max();
+  std::vector<int> all = {widths->front()};
+  std::istringstream parts(text + "-");
+  for (std::string part; std::getline(parts, part, '-');) {
+    OptionSet set;
+    set.Add("width", &all.emplace_back(1), {1.0, kMaxWidth}, "");
+    if (!set.Set("width", part, error)) {
+      *error = fmt::format(
+          "hidden={}: {}; expected a width for each hidden layer, as in "
+          "20-20-20",
+          Printable(text),
+          *error);
+      return false;
+    }
+  }
+  all.push_back(widths->back());
+  *widths = all;
+  if (DenseNetwork::CountWeights(all) <= kMaxNumWeights) return true;
+  *error = fmt::format(
+      "hidden={}: the network would have more than the {} weights that are "
+      "allowed",
+      text,
+      kMaxNumWeights);
+  return false;
+}
 
 const std::vector<std::string>& NetworkSettings::Names() {
   static const auto& names = *new std::vector<std::string>{

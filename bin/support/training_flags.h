@@ -47,6 +47,12 @@ bool SetNetwork(const NetworkSettings& settings,
 
 NetworkSettings NetworkOfFlags();
 
+// "20-20-20": replaces the hidden layers of `widths`, unless the text is empty. A
+// network's weights are numbered by an int.
+bool ParseWidths(const std::string& text,
+                 std::vector<int>* widths,
+                 std::string* error);
+
 // Returns false, with *error, for a budget or a batch size that is not allowed.
 // SetNetwork checks the network's flags.
 bool CheckTrainingFlags(std::string* error);

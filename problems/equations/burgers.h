@@ -31,7 +31,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "problems/equations/equation.h"
+#include "invgrad/equations/points.h"
+#include "invgrad/equations/time_windows.h"
+#include "problems/equations/equation_problem.h"
 
 namespace invgrad {
 
@@ -49,10 +51,12 @@ struct BurgersPinn {
   double viscosity = 0.01;
   int num_t = 64;
   int num_x = 64;
+  PointOptions points;
   void Describe(OptionSet* set) {
     set->Add("viscosity", &viscosity, {1e-3, 1.0}, "nu");
     set->Add("num_t", &num_t, {1, 1000}, "Gauss points in t");
     set->Add("num_x", &num_x, {1, 1000}, "Gauss points in x");
+    points.Describe(set);
   }
 
   static double Solution(double nu, double t, double x) {
@@ -76,36 +80,42 @@ struct BurgersPinn {
     return -numerator / denominator;
   }
 
-  bool Create(LearningProblem* problem, std::string* error) const {
-    Equation equation;
-    equation.trial.derivatives = std::make_shared<DerivativeSet>(
+  static void Start(const InputJet* a, InputJet* u) {
+    u[0] = -sin(M_PI * a[1]);
+  }
+
+  EquationProblem InWindow(const TimeWindow& window) const {
+    EquationProblem burgers;
+    burgers.box = {Eigen::Vector2d(window.begin, 0.0),
+                   Eigen::Vector2d(window.end, 1.0)};
+    TrialFunction& trial = burgers.equation.trial;
+    trial.derivatives = std::make_shared<DerivativeSet>(
         "tx", std::vector<std::string>{"t", "x", "xx"});
-    equation.trial.num_features = 2;
-    equation.trial.features = [](const InputJet* a, InputJet* f) {
-      f[0] = 2.0 * a[0] - 1.0;
+    trial.num_features = 2;
+    trial.features = [window](const InputJet* a, InputJet* f) {
+      f[0] = window.Scaled(a[0]);
       f[1] = 2.0 * a[1] - 1.0;
     };
-    equation.trial.boundary_values = [](const InputJet* a, InputJet* g) {
-      g[0] = -sin(M_PI * a[1]);
+    trial.boundary_values = window.start;
+    trial.distance = [window](const InputJet* a, InputJet* d) {
+      d[0] = 4.0 * (a[0] - window.begin) * a[1] * (1.0 - a[1]);
     };
-    equation.trial.distance = [](const InputJet* a, InputJet* d) {
-      d[0] = 4.0 * a[0] * a[1] * (1.0 - a[1]);
+    burgers.equation.terms = {
+        {"equation",
+         std::make_shared<AutoDiffSimulator<BurgersResidual, 4, 1>>(
+             BurgersResidual{viscosity}),
+         GaussPoints(burgers.box, {num_t, num_x})}};
+    burgers.equation.hidden = {20, 20, 20};
+    burgers.points = points;
+    burgers.solution = [nu = viscosity](const Eigen::VectorXd& point) {
+      return Solution(nu, point[0], point[1]);
     };
-    equation.residual =
-        std::make_shared<AutoDiffSimulator<BurgersResidual, 4, 1>>(
-            BurgersResidual{viscosity});
-    equation.solution = [nu = viscosity](const Eigen::MatrixXd& points) {
-      Eigen::VectorXd u(points.cols());
-      for (Eigen::Index s = 0; s < u.size(); ++s) {
-        u[s] = Solution(nu, points(0, s), points(1, s));
-      }
-      return u;
-    };
-    equation.box = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(1.0, 1.0)};
-    equation.train = GaussPoints(equation.box, {num_t, num_x});
-    equation.test = GridPoints(equation.box, {41, 101});
-    equation.hidden = {20, 20, 20};
-    return CreateEquation(equation, problem, error);
+    burgers.test_counts = {41, 101};
+    return burgers;
+  }
+
+  bool Create(LearningProblem* problem, std::string* error) const {
+    return CreateEquationProblem(InWindow({0.0, 1.0, Start}), problem, error);
   }
 };
 

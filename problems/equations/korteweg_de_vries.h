@@ -28,7 +28,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "problems/equations/equation.h"
+#include "invgrad/equations/points.h"
+#include "invgrad/equations/time_windows.h"
+#include "problems/equations/equation_problem.h"
 #include "problems/equations/periodic_evolution.h"
 
 namespace invgrad {
@@ -47,10 +49,12 @@ struct KortewegDeVriesPinn {
   double dispersion = 4.84e-4;
   int num_t = 64;
   int num_x = 128;
+  PointOptions points;
   void Describe(OptionSet* set) {
     set->Add("dispersion", &dispersion, {1e-5, 1.0}, "mu^2");
     set->Add("num_t", &num_t, {1, 1000}, "Gauss points in t");
     set->Add("num_x", &num_x, {1, 1000}, "equidistant points in x");
+    points.Describe(set);
   }
 
   static PeriodicEvolution Evolution(double dispersion) {
@@ -65,34 +69,44 @@ struct KortewegDeVriesPinn {
     return evolution;
   }
 
-  bool Create(LearningProblem* problem, std::string* error) const {
-    Equation equation;
-    equation.trial.derivatives = std::make_shared<DerivativeSet>(
+  static void Start(const InputJet* a, InputJet* u) {
+    u[0] = cos(M_PI * a[1]);
+  }
+
+  EquationProblem InWindow(const TimeWindow& window) const {
+    EquationProblem kdv;
+    kdv.box = {Eigen::Vector2d(window.begin, -1.0),
+               Eigen::Vector2d(window.end, 1.0)};
+    TrialFunction& trial = kdv.equation.trial;
+    trial.derivatives = std::make_shared<DerivativeSet>(
         "tx", std::vector<std::string>{"t", "x", "xxx"});
-    equation.trial.num_features = 3;
-    equation.trial.features = [](const InputJet* a, InputJet* f) {
-      f[0] = 2.0 * a[0] - 1.0;
+    trial.num_features = 3;
+    trial.features = [window](const InputJet* a, InputJet* f) {
+      f[0] = window.Scaled(a[0]);
       f[1] = cos(M_PI * a[1]);
       f[2] = sin(M_PI * a[1]);
     };
-    equation.trial.boundary_values = [](const InputJet* a, InputJet* g) {
-      g[0] = cos(M_PI * a[1]);
+    trial.boundary_values = window.start;
+    trial.distance = [window](const InputJet* a, InputJet* d) {
+      d[0] = a[0] - window.begin;
     };
-    equation.trial.distance = [](const InputJet* a, InputJet* d) {
-      d[0] = a[0];
-    };
-    equation.residual =
-        std::make_shared<AutoDiffSimulator<KortewegDeVriesResidual, 4, 1>>(
-            KortewegDeVriesResidual{dispersion});
-    equation.solution = [mu2 = dispersion](const Eigen::MatrixXd& points) {
+    kdv.equation.terms = {
+        {"equation",
+         std::make_shared<AutoDiffSimulator<KortewegDeVriesResidual, 4, 1>>(
+             KortewegDeVriesResidual{dispersion}),
+         GaussTimesPeriodic(kdv.box, num_t, num_x)}};
+    kdv.equation.hidden = {30, 30, 30};
+    kdv.points = points;
+    kdv.solution_at = [mu2 = dispersion](const Eigen::MatrixXd& points) {
       return Evolution(mu2).Solve([](double x) { return std::cos(M_PI * x); },
                                   points);
     };
-    equation.box = {Eigen::Vector2d(0.0, -1.0), Eigen::Vector2d(1.0, 1.0)};
-    equation.train = GaussTimesPeriodic(equation.box, num_t, num_x);
-    equation.test = GridPoints(equation.box, {41, 201});
-    equation.hidden = {30, 30, 30};
-    return CreateEquation(equation, problem, error);
+    kdv.test_counts = {41, 201};
+    return kdv;
+  }
+
+  bool Create(LearningProblem* problem, std::string* error) const {
+    return CreateEquationProblem(InWindow({0.0, 1.0, Start}), problem, error);
   }
 };
 

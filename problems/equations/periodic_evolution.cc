@@ -69,6 +69,14 @@ class Evolution {
     u_.resize(grid_.num_modes());
     grid_.Forward(cells_.data(), u_.data());
   }
+  void BeginByModes(const std::function<Complex(int m)>& start) {
+    u_.resize(grid_.num_modes());
+    // The transform's first cell is at x = -1.
+    const auto n = static_cast<double>(cells_.size());
+    for (int m = 0; m < u_.size(); ++m) {
+      u_[m] = (m % 2 == 0 ? n : -n) * start(m);
+    }
+  }
 
   // By equal steps that are at most as long as asked.
   void Advance(double duration) {
@@ -132,28 +140,42 @@ class Evolution {
   Coefficients c_;
 };
 
-}  // namespace
-
-Eigen::VectorXd PeriodicEvolution::Solve(
-    const std::function<double(double x)>& start,
-    const Eigen::MatrixXd& points) const {
+// u at the points, by one evolution that has begun.
+Eigen::VectorXd SolveAt(const Eigen::MatrixXd& points, Evolution* evolution) {
   CHECK_EQ(points.rows(), 2);
-  CHECK_GT(time_step, 0.0);
   std::vector<Index> order(points.cols());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&points](Index i, Index j) {
     return points(0, i) < points(0, j);
   });
-  Evolution evolution(*this);
-  evolution.Begin(start);
   Eigen::VectorXd solution(points.cols());
   double t = 0.0;
   for (const Index s : order) {
-    evolution.Advance(points(0, s) - t);
+    evolution->Advance(points(0, s) - t);
     t = points(0, s);
-    solution[s] = evolution.At(points(1, s));
+    solution[s] = evolution->At(points(1, s));
   }
   return solution;
+}
+
+}  // namespace
+
+Eigen::VectorXd PeriodicEvolution::Solve(
+    const std::function<double(double x)>& start,
+    const Eigen::MatrixXd& points) const {
+  CHECK_GT(time_step, 0.0);
+  Evolution evolution(*this);
+  evolution.Begin(start);
+  return SolveAt(points, &evolution);
+}
+
+Eigen::VectorXd PeriodicEvolution::SolveByModes(
+    const std::function<Complex(int m)>& start,
+    const Eigen::MatrixXd& points) const {
+  CHECK_GT(time_step, 0.0);
+  Evolution evolution(*this);
+  evolution.BeginByModes(start);
+  return SolveAt(points, &evolution);
 }
 
 }  // namespace invgrad

@@ -35,6 +35,11 @@ struct PeriodicEvolution {
   // u at points (t, x), 2 x number, for u(0, x) = start(x). t >= 0.
   Eigen::VectorXd Solve(const std::function<double(double x)>& start,
                         const Eigen::MatrixXd& points) const;
+  // For u(0, x) = sum_m U_m exp(i pi m x), U_m = start(m), U_-m = conj(U_m). A
+  // start with a kink is known better by its modes than by its values on a grid.
+  Eigen::VectorXd SolveByModes(
+      const std::function<std::complex<double>(int m)>& start,
+      const Eigen::MatrixXd& points) const;
 };
 
 }  // namespace invgrad

@@ -8,7 +8,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/chain/dense_network.h"
-#include "tests/chain/derivatives_by_functor.h"
+#include "tests/support/derivatives_by_functor.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -11,7 +11,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/inverse/chain_pull_back.h"
-#include "tests/chain/derivatives_by_functor.h"
+#include "tests/support/derivatives_by_functor.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -1,13 +1,16 @@
-// Points, and problems that are differential equations.
+// Problems that are differential equations.
 #include <cmath>
 #include <string>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/equations/equation_simulator.h"
+#include "invgrad/equations/input_jet.h"
+#include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
+#include "problems/equations/evolutions.h"
 #include "problems/equations/korteweg_de_vries.h"
 #include "problems/equations/periodic_evolution.h"
-#include "problems/equations/points.h"
 #include "problems/problems.h"
 
 namespace invgrad {
@@ -16,47 +19,6 @@ namespace equations_test {
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
-
-TEST(GaussRule, IntegratesPolynomialsExactly) {
-  for (const int count : {1, 2, 5, 64}) {
-    const QuadraturePoints rule = GaussRule(count);
-    EXPECT_GT(rule.weights.minCoeff(), 0.0);
-    for (const int degree : {0, 1, 2 * count - 1}) {
-      const double integral =
-          rule.points.row(0).array().pow(degree).matrix().dot(rule.weights);
-      EXPECT_NEAR(integral, 1.0 / (degree + 1), 1e-14) << count;
-    }
-  }
-}
-
-const Box kBox = {Vector2d(0.0, -1.0), Vector2d(2.0, 1.0)};
-
-TEST(Points, LieInTheBoxAndIntegrate) {
-  // The mean of t x^2 is 1/3.
-  for (const QuadraturePoints& points :
-       {GaussPoints(kBox, {2, 3}), SequencePoints(kBox, 4096, 0)}) {
-    EXPECT_NEAR(points.weights.sum(), 1.0, 1e-13);
-    const auto t = points.points.row(0).array();
-    const auto x = points.points.row(1).array();
-    EXPECT_TRUE((t > 0.0).all() && (t < 2.0).all());
-    EXPECT_TRUE((x > -1.0).all() && (x < 1.0).all());
-    const double mean = (t * x.square()).matrix().dot(points.weights);
-    // Of random points the error would be 7e-3.
-    EXPECT_NEAR(mean, 1.0 / 3.0, points.weights.size() > 6 ? 1e-3 : 1e-14);
-  }
-}
-
-TEST(SequencePoints, ContinuesTheSequence) {
-  const MatrixXd all = SequencePoints(kBox, 10, 0).points;
-  EXPECT_EQ(SequencePoints(kBox, 4, 6).points, MatrixXd(all.rightCols(4)));
-}
-
-TEST(GridPoints, HasTheCorners) {
-  const MatrixXd grid = GridPoints(kBox, {2, 3});
-  MatrixXd expected(2, 6);
-  expected << 0, 0, 0, 2, 2, 2, -1, 0, 1, -1, 0, 1;
-  EXPECT_EQ(grid, expected);
-}
 
 class BurgersTest : public testing::TestWithParam<double> {};
 
@@ -102,18 +64,6 @@ TEST(Burgers, TheFrontIsThatOfTheLiterature) {
   const double t = 1.6037 / M_PI;
   const double slope = -BurgersPinn::Solution(0.01 / M_PI, t, h) / h;
   EXPECT_NEAR(slope, 152.00516, 1e-3);
-}
-
-TEST(GaussTimesPeriodic, IntegratesWaves) {
-  const QuadraturePoints points =
-      GaussTimesPeriodic({Vector2d(0.0, -1.0), Vector2d(1.0, 1.0)}, 3, 8);
-  const auto t = points.points.row(0).array();
-  const auto x = points.points.row(1).array();
-  EXPECT_NEAR(points.weights.sum(), 1.0, 1e-14);
-  EXPECT_NEAR(
-      (t * (3.0 * M_PI * x).cos().square()).matrix().dot(points.weights),
-      0.25,
-      1e-14);
 }
 
 MatrixXd SomePoints() {
@@ -179,6 +129,120 @@ TEST(KortewegDeVries, ReferenceIsFarBelowThePublishedErrors) {
   evolution.time_step *= 0.5;
   EXPECT_LT((evolution.Solve(cosine, SomePoints()) - u).cwiseAbs().maxCoeff(),
             2e-9);
+}
+
+TEST(AllenCahn, ReferenceIsFarBelowThePublishedErrors) {
+  PeriodicEvolution evolution = AllenCahnPinn::Evolution(1e-4);
+  MatrixXd points(2, 6);
+  points << 0.025, 0.1, 0.5, 1.0, 1.0, 0.3,  //
+      0.99, 1.0, 0.5, 0.55, 0.0, 0.47;
+  const VectorXd u =
+      evolution.SolveByModes(AllenCahnPinn::StartMode, points);
+  evolution.num_cells *= 2;
+  evolution.time_step *= 0.5;
+  const VectorXd finer =
+      evolution.SolveByModes(AllenCahnPinn::StartMode, points);
+  EXPECT_LT((finer - u).cwiseAbs().maxCoeff(), 1e-10);
+  // A second way, without the modes: at x = 1 of order N^-2, elsewhere more.
+  const VectorXd by_values = evolution.Solve(
+      [](double x) { return x * x * std::cos(M_PI * x); }, points);
+  EXPECT_LT((by_values - u).cwiseAbs().maxCoeff(), 3e-6);
+  EXPECT_NEAR(by_values[2], u[2], 1e-10);
+  EXPECT_NEAR(by_values[3], u[3], 1e-10);
+}
+
+// w_t = D w_xx - 10 w, w_x(t, 1) = 1, w(0, x) = 0.
+TEST(AllenCahn, TheLayerSolvesItsEquation) {
+  constexpr double D = 1e-3;
+  const DerivativeSet set("tx", {"t", "x", "xx"});
+  const auto w = [&](double t, double x) -> VectorXd {
+    return JetsOf(
+        set,
+        1,
+        [](const InputJet* a, InputJet* f) {
+          f[0] = AllenCahnPinn::Layer(D, a[0], a[1]);
+        },
+        Vector2d(t, x));
+  };
+  for (const double t : {0.01, 0.2, 1.0}) {
+    EXPECT_NEAR(w(t, 1.0)[2], 1.0, 1e-13);
+    for (const double x : {0.9, 0.97, 1.0}) {
+      const VectorXd jet = w(t, x);
+      EXPECT_NEAR(jet[1], D * jet[3] - 10.0 * jet[0], 1e-12) << t << " " << x;
+    }
+  }
+  EXPECT_NEAR(w(1e-12, 0.99)[0], 0.0, 1e-15);
+}
+
+// The closed forms satisfy their equations and conditions.
+TEST(EquationProblems, LossesOfTheSolutionsVanish) {
+  // An equation's residual at the true jets: the data's terms have c = u*.
+  for (const std::string name : {"heat_4d_pinn:num_points=20:num_face=2",
+                                 "poisson_5d_pinn:num_points=20:num_face=2"}) {
+    PhysicsProblem problem;
+    std::string error;
+    ASSERT_TRUE(CreateProblem(name, nullptr, &problem, &error)) << error;
+    const LearningProblem& learning = *problem.learning;
+    const auto& simulator =
+        dynamic_cast<const EquationSimulator&>(learning.model->simulator());
+    const EquationContext& layout = simulator.context_layout();
+    const DerivativeSet& set = *simulator.trial_function().derivatives;
+    const bool is_heat = set.num_variables() == 5 && layout.weight > 0;
+    const MatrixXd points =
+        learning.train.contexts.middleRows(layout.point, 5);
+    const MatrixXd u = JetsOf(
+        set,
+        1,
+        [is_heat](const InputJet* a, InputJet* f) {
+          f[0] = 0.0;
+          for (int i = is_heat ? 1 : 0; i < 5; ++i) {
+            f[0] += is_heat ? sin(2.0 * a[i]) : cos(M_PI * a[i]);
+          }
+          if (is_heat) f[0] *= exp(-a[0]);
+        },
+        points);
+    MatrixXd x = u;
+    // N = (u - g) / t; its jets by those of 1 / t.
+    if (is_heat) {
+      x -= learning.train.contexts.topRows(u.rows());
+      const MatrixXd inverse = JetsOf(
+          set,
+          1,
+          [](const InputJet* a, InputJet* f) { f[0] = 1.0 / a[0]; },
+          points);
+      const Eigen::Index T = set.num_channels();
+      for (Eigen::Index s = 0; s < x.cols(); ++s) {
+        MatrixXd jet = x.col(s).transpose();
+        jet.resize(1, T);
+        const MatrixXd factor = inverse.col(s).reshaped(1, T);
+        set.Multiply(factor, jet);
+        x.col(s) = jet.reshaped();
+      }
+    }
+    MatrixXd y(1, x.cols());
+    ASSERT_EQ(simulator.EvaluateBatch(static_cast<int>(x.cols()),
+                                      x.data(),
+                                      learning.train.contexts.data(),
+                                      y.data(),
+                                      nullptr),
+              x.cols());
+    EXPECT_LT(y.cwiseAbs().maxCoeff(), 1e-9) << name;
+  }
+}
+
+TEST(Evolutions, AreTheProblemsInAWindow) {
+  EvolutionProblem evolution;
+  std::string error;
+  ASSERT_TRUE(CreateEvolution("kdv_pinn:num_t=4", &evolution, &error)) << error;
+  const EquationProblem problem =
+      evolution.in_window({0.25, 0.5, evolution.start});
+  EXPECT_EQ(problem.box.lower[0], 0.25);
+  EXPECT_EQ(problem.equation.terms[0].points.points.cols(), 4 * 128);
+  EXPECT_FALSE(CreateEvolution("poisson", &evolution, &error));
+  EXPECT_EQ(error.rfind("unknown equation of evolution 'poisson'", 0), 0u)
+      << error;
+  EXPECT_FALSE(CreateEvolution("kdv_pinn:num_t=0", &evolution, &error));
+  EXPECT_NE(error.find("num_t=0"), std::string::npos) << error;
 }
 
 TEST(Burgers, NamesPointsOutsideTheBox) {

@@ -1,23 +1,32 @@
-// A stream of fresh samples: each step has new ones, which are made and not
-// stored.
+// A stream of fresh samples, which are made and not stored: each step has new
+// ones, or every few steps.
 //
 // The samples are a function of the step, so that all methods train on the same
-// stream and a resumed run continues it.
+// stream, or also of the weights. A resumed run continues the stream.
 #ifndef INVGRAD_CHAIN_DATA_SOURCE_H_
 #define INVGRAD_CHAIN_DATA_SOURCE_H_
 
 #include <string>
 
+#include "Eigen/Core"
 #include "invgrad/chain/data_set.h"
 
 namespace invgrad {
+
+class Model;
 
 class DataSource {
  public:
   virtual ~DataSource() = default;
 
-  // The samples of step k = 0, 1, ...
-  virtual DataSet Batch(long step, int batch_size) const = 0;
+  // The samples of step k = 0, 1, ...  `weights` of the model that is trained:
+  // those before the first step of the set of samples that k belongs to.
+  virtual DataSet Batch(long step,
+                        int batch_size,
+                        const Model& model,
+                        const Eigen::VectorXd& weights) const = 0;
+  // A set of samples serves the steps k with the same k / steps_per_set().
+  virtual long steps_per_set() const { return 1; }
 
   // What determines the stream, to recognize a run: "heat, seed 0".
   virtual std::string Name() const = 0;

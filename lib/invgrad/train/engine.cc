@@ -173,7 +173,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                                        options.communicator);
   }
   return MakeRuleEngine(
-      batch_size, options, std::move(objective), std::move(rule), &data);
+      batch_size, options, std::move(objective), std::move(rule), &model, &data);
 }
 
 }  // namespace invgrad

@@ -76,10 +76,11 @@ class Engine {
 // Makes the engine of a phase by `rule` (null if the phase has none): a rule
 // lowers the loss of the model, a joint loss, or the proxy of a pull-back
 // through the model; a minimizer of Ceres lowers the loss. Model and data must
-// outlive the engine; the options have initial weights and a batch size >= 0. Returns null, with *error set, for bad input: a batch size
-// out of range, a method that does not fit the model or the data (a trust
-// region without a least-squares loss, supervised training without solutions,
-// ...), or too little memory.
+// outlive the engine; the options have initial weights and a batch size >= 0.
+// Returns null, with *error set, for bad input: a batch size out of range, a
+// method that does not fit the model or the data (a trust region without a
+// least-squares loss, supervised training without solutions, ...), or too little
+// memory.
 std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    std::shared_ptr<UpdateRule> rule,
                                    const Model& model,
@@ -93,18 +94,18 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 //
 // A batch is `batch_size` samples of the data source, or else consecutive samples
 // of an epoch's order (shuffle and seed of the options); an incomplete last batch
-// is left out. A rule that
-// judges its steps (control=gain) receives the cost before and after each step;
-// the engine reverts a step that the rule rejects, or after which the next
-// batch has no finite loss. A rule that judges weights (control=fresh) receives
-// the loss of each batch before its step, if batches differ; the engine copies
-// the weights, and goes back to the copy, as the rule decides. Fails if a batch
-// has no finite loss or the rule has no finite step.
+// is left out. A rule that judges its steps (control=gain) receives the cost
+// before and after each step; the engine reverts a step that the rule rejects, or
+// after which the next batch has no finite loss. A rule that judges weights
+// (control=fresh) receives the loss of each batch before its step, if batches
+// differ; the engine copies the weights, and goes back to the copy, as the rule
+// decides. Fails if a batch has no finite loss or the rule has no finite step.
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
+    const Model* model,
     const TrainingData* data);
 
 // The engine of a minimizer of Ceres on all samples, with or without proposals

@@ -21,6 +21,7 @@ class RuleEngine final : public Engine {
              const TrainOptions& options,
              std::unique_ptr<BatchObjective> objective,
              std::shared_ptr<UpdateRule> rule,
+             const Model* model,
              const TrainingData* data)
       : batch_size_(batch_size),
         shuffles_(options.shuffle),
@@ -30,6 +31,7 @@ class RuleEngine final : public Engine {
         num_weights_(options.initial_weights.size()),
         objective_(std::move(objective)),
         rule_(std::move(rule)),
+        model_(*model),
         train_(data->train),
         source_(data->source),
         steps_per_epoch_(train_.num_samples() / batch_size),
@@ -61,8 +63,9 @@ class RuleEngine final : public Engine {
   }
 
  private:
-  // The samples of the next step.
-  DataSet NextBatch();
+  // The samples of the next step from the weights.
+  DataSet NextBatch(const Eigen::VectorXd& weights);
+  DataSet NextBatchOfSource(const Eigen::VectorXd& weights);
   void DrawOrder();
   // Linearizes at the weights, after those returns that the rule decides.
   // *left_out: the loss of the batch is finite nowhere, and the rule judges
@@ -89,6 +92,7 @@ class RuleEngine final : public Engine {
   const Eigen::Index num_weights_;
   const std::unique_ptr<BatchObjective> objective_;
   const std::shared_ptr<UpdateRule> rule_;
+  const Model& model_;
   const DataSet& train_;
   const std::shared_ptr<const DataSource> source_;  // may be null
   const long steps_per_epoch_;
@@ -99,6 +103,11 @@ class RuleEngine final : public Engine {
   // Of the current epoch, if shuffled, and the random numbers before it.
   std::vector<int> order_;
   NumpyRandom before_order_;
+  // Of a source whose samples serve several steps: the weights before the first
+  // one, the number of the set, and its samples.
+  Eigen::VectorXd set_weights_;
+  long set_ = -1;
+  DataSet set_samples_;
   // The weights of the last finite batch loss.
   Eigen::VectorXd last_good_weights_;
   // The copy of a rule that judges weights; may be empty.
@@ -106,14 +115,27 @@ class RuleEngine final : public Engine {
   long num_left_out_ = 0;  // in a row
 };
 
-DataSet RuleEngine::NextBatch() {
-  if (source_ != nullptr) return source_->Batch(step_, batch_size_);
+DataSet RuleEngine::NextBatch(const Eigen::VectorXd& weights) {
+  if (source_ != nullptr) return NextBatchOfSource(weights);
   const long in_epoch = step_ % steps_per_epoch_;
   const int first = static_cast<int>(in_epoch) * batch_size_;
   if (!shuffles_) return train_.Range(first, batch_size_);
   if (in_epoch == 0) DrawOrder();
   const auto begin = order_.begin() + first;
   return train_.Select(std::vector<int>(begin, begin + batch_size_));
+}
+
+DataSet RuleEngine::NextBatchOfSource(const Eigen::VectorXd& weights) {
+  const long steps_per_set = source_->steps_per_set();
+  if (steps_per_set == 1) {
+    return source_->Batch(step_, batch_size_, model_, weights);
+  }
+  if (step_ % steps_per_set == 0) set_weights_ = weights;
+  if (set_ != step_ / steps_per_set) {
+    set_ = step_ / steps_per_set;
+    set_samples_ = source_->Batch(step_, batch_size_, model_, set_weights_);
+  }
+  return set_samples_;
 }
 
 void RuleEngine::DrawOrder() {
@@ -123,7 +145,7 @@ void RuleEngine::DrawOrder() {
 
 Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   StepResult result;
-  const DataSet batch = NextBatch();
+  const DataSet batch = NextBatch(*weights);
   Linearization at_weights;
   at_weights.progress = progress;
   bool left_out = false;
@@ -312,6 +334,13 @@ void RuleEngine::VisitState(StateArchive* archive) {
       if (is_within_epoch) DrawOrder();
     }
   }
+  if (source_ != nullptr && source_->steps_per_set() > 1) {
+    archive->Visit("set_weights", &set_weights_);
+    archive->Require((set_weights_.size() == 0 && step_ == 0) ||
+                         (set_weights_.size() == num_weights_ &&
+                          set_weights_.allFinite()),
+                     "set_weights");
+  }
   if (judges_weights_) {
     archive->Visit("copied_weights", &copied_weights_);
     archive->Require(copied_weights_.size() == 0 ||
@@ -342,9 +371,10 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
+    const Model* model,
     const TrainingData* data) {
   return std::make_unique<RuleEngine>(
-      batch_size, options, std::move(objective), std::move(rule), data);
+      batch_size, options, std::move(objective), std::move(rule), model, data);
 }
 
 }  // namespace invgrad

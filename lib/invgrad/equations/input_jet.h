@@ -10,8 +10,8 @@
 // For data: features of a network's inputs, boundary values, exact solutions.
 // Cost:    a product of jets an operation, and an allocation.
 // Fails:   never; outside the domain of a function its jet is not finite.
-#ifndef INVGRAD_CHAIN_INPUT_JET_H_
-#define INVGRAD_CHAIN_INPUT_JET_H_
+#ifndef INVGRAD_EQUATIONS_INPUT_JET_H_
+#define INVGRAD_EQUATIONS_INPUT_JET_H_
 
 #include <functional>
 #include <memory>
@@ -47,6 +47,7 @@ class InputJet {
   friend InputJet sin(const InputJet& x);
   friend InputJet cos(const InputJet& x);
   friend InputJet tanh(const InputJet& x);
+  friend InputJet erfc(const InputJet& x);
   friend InputJet sqrt(const InputJet& x);
   friend InputJet pow(const InputJet& x, double exponent);
 
@@ -71,4 +72,4 @@ Eigen::MatrixXd JetsOf(const DerivativeSet& set,
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_CHAIN_INPUT_JET_H_
+#endif  // INVGRAD_EQUATIONS_INPUT_JET_H_

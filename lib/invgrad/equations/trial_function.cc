@@ -1,6 +1,7 @@
-#include "invgrad/chain/trial_function.h"
+#include "invgrad/equations/trial_function.h"
 
 #include <cmath>
+#include <vector>
 
 #include "fmt/format.h"
 #include "glog/logging.h"
@@ -93,6 +94,39 @@ MatrixXd TrialFunction::Values(const MatrixXd& network_jets,
   const MatrixXd d = contexts.middleRows(size, size);
   derivatives->Multiply(d.reshaped(num_functions, num_columns), u);
   return u.reshaped(size, network_jets.cols()) + contexts.topRows(size);
+}
+
+void EvaluateTrialFunction(const TrialFunction& trial,
+                           const DenseNetwork& network,
+                           const Eigen::VectorXd& weights,
+                           const InputJet* point,
+                           InputJet* u) {
+  const DerivativeSet& set = *trial.derivatives;
+  const Index T = set.num_channels();
+  const Index num_functions = trial.num_functions;
+  std::vector<InputJet> features(point, point + set.num_variables());
+  if (trial.features != nullptr) {
+    features.resize(trial.num_features);
+    trial.features(point, features.data());
+  }
+  // A sample with a column a channel.
+  MatrixXd inputs = MatrixXd::Zero(static_cast<Index>(features.size()), T);
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const Eigen::RowVectorXd& jet = features[i].jet();
+    inputs.row(static_cast<Index>(i)).head(jet.size()) = jet;
+  }
+  DenseNetwork::Activations pass;
+  network.ForwardJets(weights, trial.derivatives, inputs, false, &pass);
+  std::vector<InputJet> g(num_functions);
+  std::vector<InputJet> d(num_functions);
+  if (trial.has_conditions()) {
+    trial.boundary_values(point, g.data());
+    trial.distance(point, d.data());
+  }
+  for (Index f = 0; f < num_functions; ++f) {
+    u[f] = InputJet(&set, pass.outputs.row(f));
+    if (trial.has_conditions()) u[f] = g[f] + d[f] * u[f];
+  }
 }
 
 }  // namespace invgrad

@@ -1,4 +1,4 @@
-#include "invgrad/chain/input_jet.h"
+#include "invgrad/equations/input_jet.h"
 
 #include <cmath>
 #include <utility>
@@ -96,6 +96,19 @@ InputJet tanh(const InputJet& x) {
               derivatives,
               DerivativeSet::kMaxOrder,
               derivatives + 1);
+  return x.Compose(derivatives);
+}
+
+InputJet erfc(const InputJet& x) {
+  const double z = x.value();
+  const double slope = -2.0 / std::sqrt(M_PI) * std::exp(-z * z);
+  // Hermite's polynomials.
+  const double derivatives[] = {std::erfc(z),
+                                slope,
+                                -2.0 * z * slope,
+                                (4.0 * z * z - 2.0) * slope,
+                                (12.0 - 8.0 * z * z) * z * slope};
+  static_assert(kNumDerivatives == 5);
   return x.Compose(derivatives);
 }
 

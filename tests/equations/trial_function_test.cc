@@ -1,4 +1,4 @@
-#include "invgrad/chain/trial_function.h"
+#include "invgrad/equations/trial_function.h"
 
 #include <cmath>
 #include <memory>
@@ -7,10 +7,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/equation_simulator.h"
-#include "invgrad/chain/model.h"
-#include "tests/chain/derivatives_by_functor.h"
+#include "tests/support/derivatives_by_functor.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -174,99 +171,54 @@ TEST(TrialFunction, NamesPointAndDerivativeOutsideADomain) {
             "boundary value 0: its value is not finite at point 1, (-1, 0)");
 }
 
-// Two equations of u and v with a coefficient.
-struct System {
-  template <typename T, typename C>
-  bool operator()(const T* u, const C* c, T* y) const {
-    // (u, v, u_t, v_t, u_xx, v_xx)
-    y[0] = u[2] + u[0] * u[5] - c[0] * u[4];
-    y[1] = u[3] - u[1] * u[1] * u[0];
-    return true;
-  }
-};
-
-class EquationSimulatorTest : public testing::TestWithParam<bool> {
- protected:
-  EquationSimulatorTest() {
-    TrialFunction trial = Periodic({"t", "xx"});
-    if (!GetParam()) trial.boundary_values = trial.distance = nullptr;
-    simulator_ = std::make_shared<EquationSimulator>(
-        trial, std::make_shared<AutoDiffSimulator<System, 6, 2, 1>>());
-    MatrixXd conditions;
-    std::string error;
-    EXPECT_TRUE(trial.Conditions(RandomMatrix(2, 7, 5), &conditions, &error));
-    contexts_.resize(conditions.rows() + 2, 7);
-    contexts_ << conditions, RandomMatrix(2, 7, 6);
-    x_ = RandomMatrix(simulator_->num_inputs(), 7, 7);
-  }
-
-  std::shared_ptr<const EquationSimulator> simulator_;
-  MatrixXd contexts_;
-  MatrixXd x_;
-};
-
-TEST_P(EquationSimulatorTest, IsTheEquationOfTheTrialFunction) {
-  ASSERT_EQ(simulator_->num_context(), contexts_.rows());
-  const MatrixXd u = simulator_->trial_function().Values(x_, contexts_);
-  EXPECT_EQ(u == x_, !GetParam());
-  MatrixXd y(2, 7), expected(2, 7);
-  ASSERT_EQ(simulator_->EvaluateBatch(
-                7, x_.data(), contexts_.data(), y.data(), nullptr),
-            7);
-  for (int s = 0; s < 7; ++s) {
-    System()(u.col(s).data(),
-             &contexts_(contexts_.rows() - 1, s),
-             expected.col(s).data());
-    expected.col(s) *= contexts_(contexts_.rows() - 2, s);
-  }
-  EXPECT_LT((y - expected).norm(), kRounding);
+// At a point that depends on others: u(begin, x) has no derivative in t.
+TEST(TrialFunction, IsAFunctionOfJets) {
+  const TrialFunction trial = Periodic({"t", "x", "xx"});
+  const DenseNetwork network({3, 6, 5, 2}, Activation::kTanh);
+  const VectorXd weights = RandomMatrix(network.num_weights(), 1, 2);
+  const MatrixXd points = RandomMatrix(2, 4, 3);
+  const auto u_at = [&](auto shift) {
+    return JetsOf(
+        *trial.derivatives,
+        2,
+        [&](const InputJet* a, InputJet* u) {
+          const InputJet at[] = {shift(a[0]), a[1]};
+          EvaluateTrialFunction(trial, network, weights, at, u);
+        },
+        points);
+  };
+  EXPECT_LT((u_at([](const InputJet& t) { return t; }) -
+             ValuesAt(trial, points))
+                .norm(),
+            kRounding);
+  MatrixXd at_begin = points;
+  at_begin.row(0).setConstant(0.3);
+  MatrixXd expected = ValuesAt(trial, at_begin);
+  expected.middleRows(2 * trial.derivatives->ChannelOf("t"), 2).setZero();
+  EXPECT_LT((u_at([](const InputJet&) { return InputJet(0.3); }) - expected)
+                .norm(),
+            kRounding);
 }
 
-TEST_P(EquationSimulatorTest, DerivativesAreDifferences) {
-  constexpr double h = 1e-5;
-  const int size = simulator_->num_inputs();
-  const Eigen::Vector2d w(0.7, -1.3);
-  for (int s = 0; s < 7; ++s) {
-    const double* c = contexts_.col(s).data();
-    const auto jacobian = [&](const VectorXd& x) {
-      MatrixXd J_transposed(size, 2);
-      Eigen::Vector2d y;
-      EXPECT_TRUE(
-          simulator_->Evaluate(x.data(), c, y.data(), J_transposed.data()));
-      return J_transposed;
-    };
-    const auto value = [&](const VectorXd& x) {
-      Eigen::Vector2d y;
-      EXPECT_TRUE(simulator_->Evaluate(x.data(), c, y.data(), nullptr));
-      return y;
-    };
-    MatrixXd H(size, size);
-    ASSERT_TRUE(
-        simulator_->WeightedHessian(x_.col(s).data(), c, w.data(), H.data()));
-    const MatrixXd J_transposed = jacobian(x_.col(s));
-    for (int i = 0; i < size; ++i) {
-      const VectorXd above = x_.col(s) + h * VectorXd::Unit(size, i);
-      const VectorXd below = x_.col(s) - h * VectorXd::Unit(size, i);
-      const Eigen::Vector2d row = (value(above) - value(below)) / (2 * h);
-      EXPECT_LT((J_transposed.row(i).transpose() - row).norm(), 1e-7);
-      const VectorXd column = (jacobian(above) - jacobian(below)) * w / (2 * h);
-      EXPECT_LT((H.col(i) - column).norm(), 1e-7);
-    }
+TEST(InputJet, ErfcHasItsDerivatives) {
+  const auto set = Set({"xxxx"});
+  const auto at = [&](double x) {
+    return JetsOf(
+        *set,
+        1,
+        [](const InputJet* a, InputJet* f) { f[0] = erfc(a[1]); },
+        Eigen::Vector2d(0.0, x));
+  };
+  constexpr double h = 1e-3;
+  const double x = 0.7;
+  EXPECT_EQ(at(x)(0), std::erfc(x));
+  for (const std::string word : {"x", "xx", "xxx", "xxxx"}) {
+    const int k = set->ChannelOf(word);
+    const int below = set->ChannelOf(word.substr(1));
+    // h^2 / 6 times a third derivative of some tens.
+    EXPECT_NEAR(at(x)(k), (at(x + h)(below) - at(x - h)(below)) / (2 * h), 1e-5)
+        << word;
   }
-}
-
-INSTANTIATE_TEST_SUITE_P(Conditions,
-                         EquationSimulatorTest,
-                         testing::Bool(),
-                         [](const auto& info) {
-                           return info.param ? "Hard" : "None";
-                         });
-
-TEST(EquationSimulatorDeathTest, TheEquationTakesTheStatedDerivatives) {
-  EXPECT_DEATH(
-      EquationSimulator(Periodic({"t"}),
-                        std::make_shared<AutoDiffSimulator<System, 6, 2, 1>>()),
-      "the functions and their stated derivatives");
 }
 
 }  // namespace trial_function_test

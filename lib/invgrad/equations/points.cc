@@ -1,4 +1,4 @@
-#include "problems/equations/points.h"
+#include "invgrad/equations/points.h"
 
 #include <cmath>
 
@@ -103,6 +103,25 @@ QuadraturePoints SequencePoints(const Box& box, int count, long first) {
     }
   }
   return result;
+}
+
+QuadraturePoints FacePoints(const Box& box, int first, int count) {
+  const auto d = static_cast<int>(box.lower.size());
+  CHECK_LT(first, d);
+  QuadraturePoints faces;
+  faces.points.resize(d, Index{2} * (d - first) * count);
+  faces.weights = VectorXd::Constant(
+      faces.points.cols(), 1.0 / static_cast<double>(faces.points.cols()));
+  long place = 0;
+  for (int i = first; i < d; ++i) {
+    for (const double value : {box.lower[i], box.upper[i]}) {
+      MatrixXd points = SequencePoints(box, count, place).points;
+      points.row(i).setConstant(value);
+      faces.points.middleCols(place, count) = points;
+      place += count;
+    }
+  }
+  return faces;
 }
 
 MatrixXd GridPoints(const Box& box, const std::vector<int>& counts) {

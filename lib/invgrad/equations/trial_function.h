@@ -17,15 +17,16 @@
 //
 // [1] Lagaris, Likas, Fotiadis. Artificial neural networks for solving ordinary
 //     and partial differential equations. IEEE Trans. Neural Networks 9 (1998).
-#ifndef INVGRAD_CHAIN_TRIAL_FUNCTION_H_
-#define INVGRAD_CHAIN_TRIAL_FUNCTION_H_
+#ifndef INVGRAD_EQUATIONS_TRIAL_FUNCTION_H_
+#define INVGRAD_EQUATIONS_TRIAL_FUNCTION_H_
 
 #include <memory>
 #include <string>
 
 #include "Eigen/Core"
+#include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/derivative_set.h"
-#include "invgrad/chain/input_jet.h"
+#include "invgrad/equations/input_jet.h"
 
 namespace invgrad {
 
@@ -58,6 +59,13 @@ struct TrialFunction {
                          const Eigen::MatrixXd& contexts) const;
 };
 
+// u at a point, with its derivatives in what the point depends on.
+void EvaluateTrialFunction(const TrialFunction& trial,
+                           const DenseNetwork& network,
+                           const Eigen::VectorXd& weights,
+                           const InputJet* point,
+                           InputJet* u);
+
 }  // namespace invgrad
 
-#endif  // INVGRAD_CHAIN_TRIAL_FUNCTION_H_
+#endif  // INVGRAD_EQUATIONS_TRIAL_FUNCTION_H_

@@ -11,8 +11,8 @@
 //
 // [1] Roberts. The unreasonable effectiveness of quasirandom sequences. 2018.
 //     (The generalized golden ratio; Kronecker sequences.)
-#ifndef PROBLEMS_EQUATIONS_POINTS_H_
-#define PROBLEMS_EQUATIONS_POINTS_H_
+#ifndef INVGRAD_EQUATIONS_POINTS_H_
+#define INVGRAD_EQUATIONS_POINTS_H_
 
 #include <vector>
 
@@ -43,9 +43,13 @@ QuadraturePoints GaussTimesPeriodic(const Box& box, int num_t, int num_x);
 // The points first, first + 1, .. of the sequence.
 QuadraturePoints SequencePoints(const Box& box, int count, long first);
 
+// count points of a sequence on each of both faces of the coordinates `first`,
+// first + 1, .., with equal weights.
+QuadraturePoints FacePoints(const Box& box, int first, int count);
+
 // A grid with its faces, of equal weights.
 Eigen::MatrixXd GridPoints(const Box& box, const std::vector<int>& counts);
 
 }  // namespace invgrad
 
-#endif  // PROBLEMS_EQUATIONS_POINTS_H_
+#endif  // INVGRAD_EQUATIONS_POINTS_H_

@@ -1,0 +1,83 @@
+#include "invgrad/equations/renewed_points.h"
+
+#include <cstdint>
+#include <utility>
+
+#include "fmt/core.h"
+#include "glog/logging.h"
+#include "invgrad/io/numpy_random.h"
+
+namespace invgrad {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+constexpr int kCandidates = 4;
+}  // namespace
+
+RenewedPoints::RenewedPoints(Equation equation, Box box, Options options)
+    : equation_(std::move(equation)),
+      box_(std::move(box)),
+      options_(options) {
+  CHECK_GT(options_.num_steps, 0);
+}
+
+std::string RenewedPoints::Name() const {
+  return fmt::format("points renewed every {} steps{}",
+                     options_.num_steps,
+                     options_.by_residual ? " by residual" : "");
+}
+
+MatrixXd RenewedPoints::DrawByResidual(const QuadraturePoints& candidates,
+                                       const Model& model,
+                                       const VectorXd& weights,
+                                       long set) const {
+  DataSet samples;
+  MatrixXd y;
+  std::string error;
+  CHECK(TermSamples(equation_, 0, candidates, &samples, &error)) << error;
+  VectorXd density = VectorXd::Ones(samples.num_samples());
+  // Where the network has no finite residual, the training reports it.
+  if (model.Predict(weights, samples, &y, &error)) {
+    const VectorXd size = y.colwise().norm();
+    if (size.sum() > 0.0) density += size / size.mean();
+  }
+  const Index count = samples.num_samples() / kCandidates;
+  const double interval = density.sum() / static_cast<double>(count);
+  NumpyRandom random(static_cast<std::uint32_t>(set));
+  MatrixXd points(candidates.points.rows(), count);
+  double sum = density[0];
+  Index s = 0;
+  for (Index i = 0; i < count; ++i) {
+    const double place = (static_cast<double>(i) + random.Rand()) * interval;
+    while (sum <= place && s + 1 < density.size()) sum += density[++s];
+    points.col(i) = candidates.points.col(s);
+  }
+  return points;
+}
+
+DataSet RenewedPoints::Batch(long step,
+                             int batch_size,
+                             const Model& model,
+                             const VectorXd& weights) const {
+  CHECK_EQ(batch_size, NumPoints(equation_))
+      << "Points are renewed for batches of all points.";
+  const int count = static_cast<int>(equation_.terms[0].points.points.cols());
+  const int drawn = options_.by_residual ? kCandidates * count : count;
+  Equation equation = equation_;
+  QuadraturePoints& points = equation.terms[0].points;
+  const long set = step / options_.num_steps;
+  points = SequencePoints(box_, drawn, set * drawn);
+  if (options_.by_residual) {
+    points = {DrawByResidual(points, model, weights, set),
+              VectorXd::Constant(count, 1.0 / count)};
+  }
+  DataSet samples;
+  std::string error;
+  CHECK(EquationSamples(equation, &samples, &error)) << error;
+  return samples;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,108 @@
+#include "invgrad/equations/time_windows.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "fmt/core.h"
+#include "glog/logging.h"
+#include "invgrad/chain/dense_network.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// u of a trained window at its end, as the start of the next one.
+InputFunction EndOf(const Equation& equation,
+                    const VectorXd& weights,
+                    double end) {
+  const auto model = std::make_shared<const Model>(EquationModel(equation));
+  return [trial = equation.trial, model, weights, end](const InputJet* point,
+                                                       InputJet* u) {
+    std::vector<InputJet> at_end(
+        point, point + trial.derivatives->num_variables());
+    at_end[0] = InputJet(end);
+    EvaluateTrialFunction(
+        trial, *model->dense_network(), weights, at_end.data(), u);
+  };
+}
+
+}  // namespace
+
+bool WindowSolutions::At(const MatrixXd& points,
+                         MatrixXd* u,
+                         std::string* error) const {
+  CHECK(!equations.empty());
+  u->resize(equations[0].trial.num_functions, points.cols());
+  const std::size_t num_windows = equations.size();
+  for (std::size_t k = 0; k < num_windows; ++k) {
+    std::vector<Index> inside;
+    for (Index s = 0; s < points.cols(); ++s) {
+      const double t = points(0, s);
+      if ((k == 0 || t > times[k]) &&
+          (k + 1 == num_windows || t <= times[k + 1])) {
+        inside.push_back(s);
+      }
+    }
+    MatrixXd of_window;
+    if (inside.empty()) continue;
+    if (!Solution(equations[k],
+                  weights[k],
+                  points(Eigen::all, inside),
+                  &of_window,
+                  error)) {
+      return false;
+    }
+    (*u)(Eigen::all, inside) = of_window;
+  }
+  return true;
+}
+
+bool SolveInWindows(const std::vector<double>& times,
+                    const InputFunction& start,
+                    const MakeWindowEquation& make_equation,
+                    const std::string& method,
+                    const TrainOptions& options,
+                    WindowSolutions* solutions,
+                    std::string* error) {
+  CHECK_GE(times.size(), 2u);
+  CHECK(std::is_sorted(times.begin(), times.end()));
+  *solutions = WindowSolutions();
+  solutions->times = {times[0]};
+  TimeWindow window = {times[0], times[1], start};
+  for (std::size_t k = 1; k < times.size(); ++k) {
+    window.end = times[k];
+    const Equation equation = make_equation(window);
+    DataSet samples;
+    if (!EquationSamples(equation, &samples, error)) return false;
+    TrainOptions of_window = options;
+    of_window.batch_size = 0;
+    TrainResult run =
+        Train(EquationModel(equation), samples, method, of_window);
+    if (run.error.empty() &&
+        run.summary.termination_type == ceres::FAILURE) {
+      run.error = run.summary.message;
+    }
+    if (!run.error.empty()) {
+      *error = fmt::format("window {}, t from {:g} to {:g}: {}",
+                           k - 1,
+                           window.begin,
+                           window.end,
+                           run.error);
+      return false;
+    }
+    solutions->times.push_back(window.end);
+    solutions->equations.push_back(equation);
+    solutions->weights.push_back(run.weights);
+    solutions->runs.push_back(std::move(run));
+    window = {times[k],
+              times[k],
+              EndOf(equation, solutions->weights.back(), window.end)};
+  }
+  return true;
+}
+
+}  // namespace invgrad

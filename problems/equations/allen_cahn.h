@@ -1,0 +1,160 @@
+// The Allen-Cahn equation, solved by a physics-informed network.
+//
+//   u_t = D u_xx + 5 (u - u^3),   u(0, x) = x^2 cos(pi x),   periodic in x
+//
+// on 0 <= t <= 1, -1 <= x <= 1. Fronts of width sqrt(2 D / 5) form. The solution
+// is even in x: the network solves 0 <= x <= 1, where u_x(t, 0) = u_x(t, 1) = 0.
+//
+// The initial value has the slope -2 at x = 1, so that u_xx is singular at (0, 1):
+// a layer of width sqrt(D t) takes the slope to zero. Near u = -1 the reaction is
+// -10 (u + 1), and the layer of that linear equation,
+//
+//   w_t = D w_xx - 10 w,   w_x(t, 1) = 1,   w(0, x) = 0,
+//
+// is known [1]: with z = 1 - x, l = sqrt(D / 10), s = sqrt(4 D t),
+//
+//   w = l / 2 (exp(-z / l) erfc(z / s - sqrt(10 t)) -
+//              exp(z / l) erfc(z / s + sqrt(10 t)))
+//
+// The initial value and the layer hold exactly; cos(pi x) as the only feature of x
+// makes N even and N_x zero at x = 1:
+//
+//   u = x^2 cos(pi x) + 2 w(t, x) + t N(2 t - 1, cos(pi x))
+//
+// Shapes:  network 2-30-30-30-1, tanh: 1,981 weights; x: N, N_t, N_xx, N_x.
+// Data:    Gauss points, rows (t, x, weight), with x = sin(pi s / 2), dense at x =
+//          1; all are one batch. For testing a grid of 40 x 201 points without t = 0,
+//          where u is exact.
+// Metric:  L2_error, relative. By symmetry it is that of -1 <= x <= 1.
+// Facts:   the solution by ETDRK4 (periodic_evolution.h), with an error below
+//          1e-10. Published, D = 1e-4: L2 error 9.4e-7 with 2,019 weights (arXiv
+//          2501.16371), 3.5e-6 with some 500,000 (arXiv 2502.00604).
+// Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks. J.
+//          Comput. Phys. 378 (2019), with D = 1e-4.
+//          [1] Carslaw, Jaeger. Conduction of heat in solids. 1959, section 2.9:
+//          constant flux at the end of a half-line, with loss to a medium.
+#ifndef PROBLEMS_EQUATIONS_ALLEN_CAHN_H_
+#define PROBLEMS_EQUATIONS_ALLEN_CAHN_H_
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/equations/points.h"
+#include "invgrad/equations/time_windows.h"
+#include "problems/equations/equation_problem.h"
+#include "problems/equations/periodic_evolution.h"
+
+namespace invgrad {
+
+struct AllenCahnResidual {
+  double diffusivity;
+  // u: u, u_t, u_xx.
+  template <typename T>
+  bool operator()(const T* u, T* y) const {
+    y[0] = u[1] - diffusivity * u[2] - 5.0 * u[0] * (1.0 - u[0] * u[0]);
+    return true;
+  }
+};
+
+struct AllenCahnPinn {
+  double diffusivity = 1e-4;
+  int num_t = 64;
+  int num_x = 96;
+  PointOptions points;
+  void Describe(OptionSet* set) {
+    set->Add("diffusivity", &diffusivity, {1e-5, 1.0}, "D");
+    set->Add("num_t", &num_t, {1, 1000}, "Gauss points in t");
+    set->Add("num_x", &num_x, {1, 1000}, "Gauss points in x");
+    points.Describe(set);
+  }
+
+  static PeriodicEvolution Evolution(double diffusivity) {
+    PeriodicEvolution evolution;
+    evolution.linear = [diffusivity](double k) { return -diffusivity * k * k; };
+    evolution.nonlinear = [](double u) { return 5.0 * (u - u * u * u); };
+    evolution.num_cells = 4096;
+    evolution.time_step = 5e-4;
+    return evolution;
+  }
+
+  // The Fourier mode m of x^2 cos(pi x).
+  static double StartMode(int m) {
+    // int_0^1 x^2 cos(k pi x) dx
+    const auto integral = [](int k) {
+      return k == 0 ? 1.0 / 3.0
+                    : (k % 2 == 0 ? 2.0 : -2.0) / (M_PI * M_PI * k * k);
+    };
+    return 0.5 * (integral(m - 1) + integral(m + 1));
+  }
+
+  // w for the jets or values of t and x.
+  template <typename T>
+  static T Layer(double diffusivity, const T& t, const T& x) {
+    constexpr double kRate = 10.0;
+    const double width = std::sqrt(diffusivity / kRate);
+    const T root = sqrt(kRate * t);
+    const T z = (1.0 - x) / width;
+    const T similar = z / (2.0 * root);
+    return 0.5 * width *
+           (exp(-z) * erfc(similar - root) - exp(z) * erfc(similar + root));
+  }
+
+  static void Start(const InputJet* a, InputJet* u) {
+    u[0] = a[1] * a[1] * cos(M_PI * a[1]);
+  }
+
+  EquationProblem InWindow(const TimeWindow& window) const {
+    EquationProblem allen_cahn;
+    allen_cahn.box = {Eigen::Vector2d(window.begin, 0.0),
+                      Eigen::Vector2d(window.end, 1.0)};
+    TrialFunction& trial = allen_cahn.equation.trial;
+    trial.derivatives = std::make_shared<DerivativeSet>(
+        "tx", std::vector<std::string>{"t", "xx"});
+    trial.num_features = 2;
+    trial.features = [window](const InputJet* a, InputJet* f) {
+      f[0] = window.Scaled(a[0]);
+      f[1] = cos(M_PI * a[1]);
+    };
+    trial.boundary_values = [window, D = diffusivity](const InputJet* a,
+                                                      InputJet* g) {
+      window.start(a, g);
+      // Later the slope is zero.
+      if (window.begin == 0.0) g[0] += 2.0 * Layer(D, a[0], a[1]);
+    };
+    trial.distance = [window](const InputJet* a, InputJet* d) {
+      d[0] = a[0] - window.begin;
+    };
+    QuadraturePoints gauss = GaussPoints(allen_cahn.box, {num_t, num_x});
+    for (Eigen::Index s = 0; s < gauss.weights.size(); ++s) {
+      const double angle = 0.5 * M_PI * gauss.points(1, s);
+      gauss.points(1, s) = std::sin(angle);
+      gauss.weights[s] *= 0.5 * M_PI * std::cos(angle);
+    }
+    allen_cahn.equation.terms = {
+        {"equation",
+         std::make_shared<AutoDiffSimulator<AllenCahnResidual, 3, 1>>(
+             AllenCahnResidual{diffusivity}),
+         gauss}};
+    allen_cahn.equation.hidden = {30, 30, 30};
+    allen_cahn.points = points;
+    allen_cahn.solution_at = [D = diffusivity](const Eigen::MatrixXd& points) {
+      return Evolution(D).SolveByModes(StartMode, points);
+    };
+    allen_cahn.test_counts = {40, 201};
+    allen_cahn.test_box = allen_cahn.box;
+    allen_cahn.test_box->lower[0] += (window.end - window.begin) / 40;
+    return allen_cahn;
+  }
+
+  bool Create(LearningProblem* problem, std::string* error) const {
+    return CreateEquationProblem(InWindow({0.0, 1.0, Start}), problem, error);
+  }
+};
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_EQUATIONS_ALLEN_CAHN_H_

@@ -1,0 +1,51 @@
+// A differential equation with a known solution as a learning problem.
+//
+// Data:    the points of the equation, rows (coordinates, weight); those of other
+//          terms stay. All are one batch. For testing a grid with its faces.
+// Metric:  L2_error, |u - u*|_2 / |u*|_2 over the points for testing.
+#ifndef PROBLEMS_EQUATIONS_EQUATION_PROBLEM_H_
+#define PROBLEMS_EQUATIONS_EQUATION_PROBLEM_H_
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/core/option_set.h"
+#include "invgrad/equations/equation.h"
+#include "invgrad/equations/points.h"
+#include "problems/problem.h"
+
+namespace invgrad {
+
+// Which points a step has.
+struct PointOptions {
+  std::string points = "fixed";
+  int renewal = 50;
+  // The options points and renewal.
+  void Describe(OptionSet* set);
+};
+
+struct EquationProblem {
+  Equation equation;  // the first term is the equation itself
+  Box box;
+  PointOptions points;
+  // u* of the first function at a point, or at points, one a column.
+  std::function<double(const Eigen::VectorXd& point)> solution;
+  std::function<Eigen::VectorXd(const Eigen::MatrixXd& points)> solution_at;
+  // The grid for testing: points a coordinate, and its box, if it is another one.
+  std::vector<int> test_counts;
+  std::optional<Box> test_box;
+};
+
+// `problem->data`, if any, are points of the first term. Returns false, with
+// *error, if they are not of d + 1 columns, lie outside the box, have a weight
+// that is not positive, or if there is too little memory.
+bool CreateEquationProblem(const EquationProblem& equation_problem,
+                           LearningProblem* problem,
+                           std::string* error);
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_EQUATIONS_EQUATION_PROBLEM_H_

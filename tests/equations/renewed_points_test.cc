@@ -1,0 +1,96 @@
+#include "invgrad/equations/renewed_points.h"
+
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "gtest/gtest.h"
+#include "invgrad/train/train.h"
+#include "tests/equations/decay.h"
+#include "tests/support/random_matrix.h"
+#include "tests/support/temporary_folder.h"
+
+namespace invgrad {
+namespace renewed_points_test {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int kNumPoints = 48;  // of the equation
+
+MatrixXd PointsOf(const DataSet& samples) {
+  // Of an equation of two coordinates and a coefficient: the last three rows
+  // before c.
+  return samples.contexts.middleRows(samples.contexts.rows() - 3, 2);
+}
+
+TEST(RenewedPoints, ContinueTheSequence) {
+  const Equation decay = DecayEquation(1.0);
+  const Model model = EquationModel(decay);
+  const RenewedPoints points(decay, kDecayBox, {10, false});
+  const VectorXd weights = RandomMatrix(model.num_weights(), 1, 1);
+  const auto at = [&](long step) {
+    return PointsOf(points.Batch(step, kNumPoints, model, weights));
+  };
+  EXPECT_EQ(points.steps_per_set(), 10);
+  EXPECT_EQ(at(0), SequencePoints(kDecayBox, kNumPoints, 0).points);
+  EXPECT_EQ(at(9), at(0));
+  EXPECT_EQ(at(25), SequencePoints(kDecayBox, kNumPoints, 2L * kNumPoints).points);
+}
+
+struct StepResidual {
+  template <typename T, typename C>
+  bool operator()(const T* u, const C* c, T* y) const {
+    y[0] = c[0] + 0.0 * u[0];
+    return true;
+  }
+};
+
+// A residual that is 9 times as large where t > 1/2 has (1 + 9 / 5) / (1 + 1 / 5)
+// = 7/3 times as many points there.
+TEST(RenewedPoints, FollowTheResidual) {
+  Equation step = DecayEquation(1.0);
+  step.terms[0].residual =
+      std::make_shared<AutoDiffSimulator<StepResidual, 3, 1, 1>>();
+  step.terms[0].points = SequencePoints(kDecayBox, 1000, 0);
+  step.terms[0].context = [](const VectorXd& point, Eigen::Index, auto c) {
+    c[0] = point[0] > 0.5 ? 9.0 : 1.0;
+  };
+  const Model model = EquationModel(step);
+  const RenewedPoints points(step, kDecayBox, {10, true});
+  const DataSet samples =
+      points.Batch(0, 1000, model, VectorXd::Zero(model.num_weights()));
+  // The context ends with c.
+  const auto late =
+      (samples.contexts.bottomRows(1).array() == 9.0).count();
+  EXPECT_NEAR(static_cast<double>(late), 700.0, 10.0);
+}
+
+// Also in the middle of a set, whose points depend on earlier weights.
+TEST(RenewedPoints, AResumedRunHasTheSameBits) {
+  const Equation decay = DecayEquation(1.0);
+  DataSet samples;
+  std::string error;
+  ASSERT_TRUE(EquationSamples(decay, &samples, &error)) << error;
+  const Model model = EquationModel(decay);
+  const TrainingData data(
+      samples,
+      DataSet(),
+      std::make_shared<RenewedPoints>(
+          decay, kDecayBox, RenewedPoints::Options{10, true}));
+  const TemporaryFolder folder;
+  TrainOptions options;
+  options.batch_size = 0;
+  options.max_num_steps = 35;
+  const VectorXd whole = Train(model, data, "geodesic", options).weights;
+  options.checkpoint_path = folder / "checkpoint";
+  options.max_num_steps = 17;
+  Train(model, data, "geodesic", options);
+  options.max_num_steps = 35;
+  const TrainResult resumed = Train(model, data, "geodesic", options);
+  EXPECT_EQ(resumed.error, "");
+  EXPECT_EQ(resumed.weights, whole);
+}
+
+}  // namespace renewed_points_test
+}  // namespace invgrad

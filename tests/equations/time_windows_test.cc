@@ -1,0 +1,75 @@
+#include "invgrad/equations/time_windows.h"
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "gtest/gtest.h"
+#include "tests/equations/decay.h"
+
+namespace invgrad {
+namespace time_windows_test {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kRate = 2.0;
+
+Equation Window(const TimeWindow& window) {
+  return DecayEquation(kRate, window.begin, window.end, window.start);
+}
+
+TEST(TimeWindows, SolveAnEquationContinuously) {
+  TrainOptions options;
+  options.max_num_steps = 150;
+  WindowSolutions solutions;
+  std::string error;
+  const std::vector<double> times = {0.0, 0.5, 1.0};
+  ASSERT_TRUE(SolveInWindows(
+      times, DecayStart, Window, "geodesic", options, &solutions, &error))
+      << error;
+  ASSERT_EQ(solutions.times, times);
+  ASSERT_EQ(solutions.weights.size(), 2u);
+  const MatrixXd points = GridPoints(kDecayBox, {9, 5});
+  MatrixXd u;
+  ASSERT_TRUE(solutions.At(points, &u, &error)) << error;
+  for (Eigen::Index s = 0; s < points.cols(); ++s) {
+    // As well as eight neurons know u.
+    EXPECT_NEAR(u(s), DecaySolution(kRate, points.col(s)), 1e-3);
+  }
+  // At the seam, also at other x than those of the points.
+  MatrixXd seam(2, 3), before, after;
+  seam << 0.5, 0.5, 0.5, -0.93, 0.01, 0.77;
+  ASSERT_TRUE(Solution(
+      solutions.equations[0], solutions.weights[0], seam, &before, &error));
+  ASSERT_TRUE(Solution(
+      solutions.equations[1], solutions.weights[1], seam, &after, &error));
+  EXPECT_LT((before - after).cwiseAbs().maxCoeff(), 1e-14);
+}
+
+TEST(TimeWindows, NameTheWindowThatFails) {
+  const auto fails_later = [](const TimeWindow& window) {
+    Equation equation = Window(window);
+    if (window.begin > 0.0) {
+      equation.coefficients[0] = std::numeric_limits<double>::infinity();
+    }
+    return equation;
+  };
+  TrainOptions options;
+  options.max_num_steps = 3;
+  WindowSolutions solutions;
+  std::string error;
+  EXPECT_FALSE(SolveInWindows({0.0, 0.25, 1.0},
+                              DecayStart,
+                              fails_later,
+                              "geodesic",
+                              options,
+                              &solutions,
+                              &error));
+  EXPECT_EQ(error.rfind("window 1, t from 0.25 to 1: ", 0), 0u) << error;
+  EXPECT_EQ(solutions.weights.size(), 1u);
+}
+
+}  // namespace time_windows_test
+}  // namespace invgrad
