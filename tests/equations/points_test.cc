@@ -64,6 +64,15 @@ TEST(GaussTimesPeriodic, IntegratesWaves) {
       1e-14);
 }
 
+TEST(GaussPanels, IntegratePiecewisePolynomialsExactly) {
+  // |x|^3 has a kink in its third derivative at an end of a panel.
+  const QuadraturePoints rule = GaussPanels({-1.0, 0.0, 3.0}, {2, 4});
+  EXPECT_NEAR(rule.weights.sum(), 1.0, 1e-15);
+  const double mean =
+      rule.points.row(0).array().abs().cube().matrix().dot(rule.weights);
+  EXPECT_NEAR(mean, (0.25 + 81.0 / 4.0) / 4.0, 1e-14);
+}
+
 TEST(FacePoints, LieOnTheFacesOfTheirCoordinates) {
   const Box box = {Eigen::Vector3d(0.0, -1.0, 2.0),
                    Eigen::Vector3d(1.0, 1.0, 3.0)};

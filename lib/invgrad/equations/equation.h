@@ -41,12 +41,11 @@ struct EquationTerm {
   std::shared_ptr<const Simulator> residual;  // R_k
   QuadraturePoints points;
   double weight = 1.0;
-  // c at a point, a column of points.points; null: R_k has none. Index s of the
-  // point, for data such as measurements.
+  // c at column s of the points, which has measurements, say; null: R_k has none.
   std::function<void(const Eigen::VectorXd& point,
                      Eigen::Index s,
                      Eigen::Ref<Eigen::VectorXd> c)>
-      context;
+      context = nullptr;
 };
 
 struct Equation {

@@ -55,35 +55,56 @@ QuadraturePoints GaussRule(int count) {
   return rule;
 }
 
-QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts) {
-  CHECK_EQ(static_cast<Index>(counts.size()), box.lower.size());
+QuadraturePoints GaussPanels(const std::vector<double>& ends,
+                             const std::vector<int>& counts) {
+  CHECK_EQ(ends.size(), counts.size() + 1);
+  Index size = 0;
+  for (const int count : counts) size += count;
+  QuadraturePoints points;
+  points.points.resize(1, size);
+  points.weights.resize(size);
+  Index first = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const double width = ends[i + 1] - ends[i];
+    const QuadraturePoints rule = GaussRule(counts[i]);
+    points.points.middleCols(first, counts[i]) =
+        ends[i] + width * rule.points.array();
+    points.weights.segment(first, counts[i]) =
+        width / (ends.back() - ends.front()) * rule.weights;
+    first += counts[i];
+  }
+  return points;
+}
+
+QuadraturePoints ProductPoints(const std::vector<QuadraturePoints>& rules) {
   std::vector<VectorXd> nodes;
   std::vector<VectorXd> weights;
-  for (Index i = 0; i < box.lower.size(); ++i) {
-    const QuadraturePoints rule = GaussRule(counts[i]);
-    nodes.emplace_back(box.lower[i] +
-                       (box.upper[i] - box.lower[i]) *
-                           rule.points.row(0).transpose().array());
+  for (const QuadraturePoints& rule : rules) {
+    CHECK_EQ(rule.points.rows(), 1);
+    nodes.emplace_back(rule.points.row(0));
     weights.push_back(rule.weights);
   }
   return {TensorProduct(nodes),
           TensorProduct(weights).colwise().prod().transpose()};
 }
 
+QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts) {
+  CHECK_EQ(static_cast<Index>(counts.size()), box.lower.size());
+  std::vector<QuadraturePoints> rules;
+  for (Index i = 0; i < box.lower.size(); ++i) {
+    rules.push_back(GaussPanels({box.lower[i], box.upper[i]}, {counts[i]}));
+  }
+  return ProductPoints(rules);
+}
+
 QuadraturePoints GaussTimesPeriodic(const Box& box, int num_t, int num_x) {
   CHECK_EQ(box.lower.size(), 2);
-  const QuadraturePoints rule = GaussRule(num_t);
-  const VectorXd t = box.lower[0] + (box.upper[0] - box.lower[0]) *
-                                        rule.points.row(0).transpose().array();
-  const VectorXd x =
-      VectorXd::LinSpaced(num_x,
-                          box.lower[1],
-                          box.upper[1] - (box.upper[1] - box.lower[1]) / num_x);
-  return {TensorProduct({t, x}),
-          TensorProduct({rule.weights, VectorXd::Constant(num_x, 1.0 / num_x)})
-              .colwise()
-              .prod()
-              .transpose()};
+  const double last = box.upper[1] - (box.upper[1] - box.lower[1]) / num_x;
+  const QuadraturePoints in_x = {
+      Eigen::RowVectorXd::LinSpaced(num_x, box.lower[1], last),
+      VectorXd::Constant(num_x, 1.0 / num_x)};
+  return ProductPoints(
+      {GaussPanels({box.lower[0], box.upper[0]}, {num_t}), in_x});
 }
 
 QuadraturePoints SequencePoints(const Box& box, int count, long first) {

@@ -33,7 +33,15 @@ struct QuadraturePoints {
 // The rule of `count` nodes on [0, 1].
 QuadraturePoints GaussRule(int count);
 
-// counts: nodes a coordinate; the last coordinate runs fastest.
+// Gauss rules in panels of one coordinate, [ends[i], ends[i + 1]] with counts[i]
+// nodes: dense where a function is steep.
+QuadraturePoints GaussPanels(const std::vector<double>& ends,
+                             const std::vector<int>& counts);
+
+// The product of rules of one coordinate each; the last one runs fastest.
+QuadraturePoints ProductPoints(const std::vector<QuadraturePoints>& rules);
+
+// counts: Gauss nodes a coordinate.
 QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts);
 
 // Of a box of two coordinates: Gauss points in the first, equidistant ones in the
