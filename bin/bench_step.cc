@@ -1,5 +1,6 @@
 // Times the half-inverse step's linear algebra by each route and by a full SVD,
-// for the four published sizes and a million weights (docs/results/speed.md).
+// for the four published sizes, a million weights, and two physics-informed
+// networks with more points than weights (docs/results/speed.md).
 //
 // Sample runs:
 //
@@ -7,6 +8,7 @@
 //   bench_step --cases=poisson --routes=gram,dgesdd
 //   bench_step --cases=linear_chain,cubic_chain --benchmark_repetitions=5
 //   bench_step --cases=poisson --truncation=1e-2
+//   bench_step --cases=equation_1341,equation_3021 --routes=gram,parameter_gram
 //   bench_step --memory --cases=poisson --routes=gram,dgesdd
 //
 // One BLAS thread, warm: the workspace is kept between steps. CASE/ROUTE is the
@@ -16,6 +18,7 @@
 //   gram, svd        the routes of spectral_step.h, with a rule's tolerances
 //   loo, loo_32      leave_one_out.h for one filter: all samples, and 32 of them
 //   loo_32x18        32 samples for 18 filters
+//   parameter_gram   J^T J alone, from the factors
 //   golub_kahan      golub_kahan.h, with --truncation=1e-3 or more
 //   dgesdd, sgesdd   LAPACK's SVD of J in double and single precision
 //   bdcsvd           Eigen's
@@ -55,7 +58,8 @@
 #include "invgrad/spectral/spectral_step.h"
 
 DEFINE_string(cases,
-              "linear_chain,cubic_chain,quantum_dipole,poisson,million",
+              "linear_chain,cubic_chain,quantum_dipole,poisson,million,"
+              "equation_1341,equation_3021",
               "which sizes, comma-separated");
 DEFINE_string(routes,
               "",
@@ -72,7 +76,7 @@ struct CaseRow {
   const char* problem;
   double truncation;      // the published one
   bool full_svd_is_slow;  // a minute or more
-  // Of a network in place of the problem's, with a J of 33 GB: no full SVD.
+  // Of a network in place of the problem's; then no full SVD.
   std::vector<int> widths;
 };
 
@@ -83,6 +87,16 @@ const std::vector<CaseRow>& CaseRows() {
       {"quantum_dipole", "quantum_dipole", 1e-5, false, {}},
       {"poisson", "poisson", 1e-5, true, {}},
       {"million", "poisson", 1e-5, true, {64, 512, 1024, 416, 64}},
+      {"equation_1341",
+       "burgers_pinn:num_x=128",
+       1e-6,
+       true,
+       {2, 20, 20, 20, 20, 1}},
+      {"equation_3021",
+       "burgers_pinn:num_x=128",
+       1e-6,
+       true,
+       {2, 20, 20, 20, 20, 20, 20, 20, 20, 1}},
   };
   return rows;
 }
@@ -109,7 +123,7 @@ struct Case {
                        problem.model->dense_network()->hidden_activation())));
     }
     model = problem.model;
-    batch = problem.train.Range(0, problem.batch_size);
+    batch = problem.train.Range(0, BatchSize(problem, -1));
     weights = InitialWeights(problem, 1);
     Linearize(&at_weights);
   }
@@ -123,13 +137,19 @@ struct Case {
   const JacobianOperator& J() const { return *at_weights.jacobian; }
   const Eigen::VectorXd& g() const { return at_weights.loss_gradient; }
 
-  // The operations of the Gram matrix and its reduction:
-  // m^2 sum(widths) + 4/3 m^3.
-  double LimitFlops() const {
-    const std::vector<int>& widths = model->dense_network()->widths();
-    const double sum = std::accumulate(widths.begin() + 1, widths.end(), 0.0);
+  bool is_wide() const { return J().rows() <= J().cols(); }
+  // The operations of the Gram matrix: m^2 sum(widths), or m n^2 of J^T J.
+  double GramFlops() const {
     const double m = J().rows();
-    return m * m * sum + 4.0 / 3.0 * m * m * m;
+    const double n = J().cols();
+    if (!is_wide()) return m * n * n;
+    const std::vector<int>& widths = model->dense_network()->widths();
+    return m * m * std::accumulate(widths.begin() + 1, widths.end(), 0.0);
+  }
+  // With its reduction, 4/3 of the cube of its size.
+  double LimitFlops() const {
+    const double size = std::min(J().rows(), J().cols());
+    return GramFlops() + 4.0 / 3.0 * size * size * size;
   }
 };
 
@@ -168,6 +188,14 @@ Step LeaveOneOutStep(int max_num_samples, bool is_choice) {
   auto step = std::make_shared<LeftOutStep>(max_num_samples, is_choice);
   return [step](const Case& at) {
     return step->Run(at.J(), at.g(), at.batch.num_samples(), at.filter);
+  };
+}
+
+Step ParameterGramStep() {
+  auto gram = std::make_shared<Eigen::MatrixXd>();
+  return [gram](const Case& at) {
+    at.J().ParameterGram(gram.get());
+    return std::string();
   };
 }
 
@@ -227,6 +255,7 @@ const std::vector<RouteRow>& RouteRows() {
       {"loo", false, [] { return LeaveOneOutStep(0, false); }},
       {"loo_32", false, [] { return LeaveOneOutStep(32, false); }},
       {"loo_32x18", false, [] { return LeaveOneOutStep(32, true); }},
+      {"parameter_gram", false, ParameterGramStep},
       {"golub_kahan", false, KrylovStep},
       {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},
       {"dgesdd", true, SvdStep<LapackSvd<double>>},
@@ -238,6 +267,8 @@ const std::vector<RouteRow>& RouteRows() {
 
 bool IsWanted(const CaseRow& row, const RouteRow& route) {
   const std::string name = route.name;
+  const bool is_equation = std::string(row.name).rfind("equation_", 0) == 0;
+  if (name == "parameter_gram" && !is_equation) return false;
   if (route.is_full_svd && !row.widths.empty()) return false;
   if (!FLAGS_routes.empty()) {
     const std::vector<std::string> wanted = SplitList(FLAGS_routes);
@@ -334,18 +365,22 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
   }
   fmt::print("\ndgemm: {:.1f} GF/s\n", gemm_rate * 1e-9);
   for (const auto& at : cases) {
-    const double seconds =
-        reporter.Median(std::string(at->row->name) + "/gram");
-    if (std::isnan(seconds)) continue;
-    fmt::print(
-        "{:<15} {:5} x {:7}: {:9.3f} GF, {:5.1f} GF/s, {:5.2f} times the "
-        "limit\n",
-        at->row->name,
-        at->J().rows(),
-        at->J().cols(),
-        at->LimitFlops() * 1e-9,
-        at->LimitFlops() / seconds * 1e-9,
-        seconds * gemm_rate / at->LimitFlops());
+    const auto print = [&](const std::string& route, double flops) {
+      const double seconds =
+          reporter.Median(std::string(at->row->name) + "/" + route);
+      if (std::isnan(seconds)) return;
+      fmt::print(
+          "{:<29} {:5} x {:7}: {:9.3f} GF, {:5.1f} GF/s, {:5.2f} times the "
+          "limit\n",
+          std::string(at->row->name) + "/" + route,
+          at->J().rows(),
+          at->J().cols(),
+          flops * 1e-9,
+          flops / seconds * 1e-9,
+          seconds * gemm_rate / flops);
+    };
+    print("gram", at->LimitFlops());
+    print("parameter_gram", at->GramFlops());
   }
 }
 

@@ -1,5 +1,5 @@
 // Solves a differential equation of one's own by a physics-informed network: no
-// flags, no tables, only the library.
+// tables, only the library.
 //
 // Sample run:
 //
@@ -11,17 +11,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
+#include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/equations/equation.h"
 #include "invgrad/equations/value_residual.h"
 #include "invgrad/train/train.h"
+
+DEFINE_int32(steps, 300, "training steps");
 
 namespace {
 
@@ -50,6 +52,7 @@ T Wave(const T& t, const T& x) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
   using namespace invgrad;  // NOLINT
   // [trial]
   Equation fisher;
@@ -84,7 +87,7 @@ int main(int argc, char** argv) {
   }
   TrainOptions options;
   options.batch_size = 0;  // all points
-  options.max_num_steps = argc > 1 ? std::atol(argv[1]) : 300;
+  options.max_num_steps = FLAGS_steps;
   const TrainResult result =
       Train(EquationModel(fisher), samples, "geodesic", options);
   // [/train]

@@ -4,13 +4,12 @@
 // Sample runs:
 //
 //   build/release/bin/11_unknown_coefficient
-//   build/release/bin/11_unknown_coefficient 0.05 2    # deviation, seed
+//   build/release/bin/11_unknown_coefficient --deviation=0.02 --seed=3
 //
 // docs/tutorials/11_unknown_coefficient.md explains each part.
 
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,6 +18,7 @@
 #include "ceres/numeric_diff_cost_function.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/equations/equation.h"
 #include "invgrad/equations/equation_cost.h"
@@ -26,6 +26,10 @@
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/minimizer.h"
 #include "invgrad/rules/rules.h"
+
+DEFINE_double(deviation, 0.01, "of the measurements' errors");
+DEFINE_int32(seed, 1, "of the measurements and of the initial weights");
+DEFINE_int32(steps, 300, "iterations");
 
 namespace {
 
@@ -79,15 +83,14 @@ struct DistanceToTruth {
 }  // namespace
 
 int main(int argc, char** argv) {
+  gflags::ParseCommandLineFlags(&argc, &argv, true);
   using namespace invgrad;  // NOLINT
-  const double deviation = argc > 1 ? std::atof(argv[1]) : 0.01;
-  const int seed = argc > 2 ? std::atoi(argv[2]) : 1;
 
   // [measurements]
   const Box box = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(1.0, 1.0)};
-  NumpyRandom random(seed);
+  NumpyRandom random(FLAGS_seed);
   const Eigen::MatrixXd places = random.Rand(kNumMeasurements, 2).transpose();
-  Eigen::VectorXd measured = deviation * random.Normal(kNumMeasurements);
+  Eigen::VectorXd measured = FLAGS_deviation * random.Normal(kNumMeasurements);
   for (int s = 0; s < kNumMeasurements; ++s) {
     measured[s] += Truth(kTrueNu, places(0, s), places(1, s));
   }
@@ -133,7 +136,7 @@ int main(int argc, char** argv) {
   }
   const std::unique_ptr<UpdateRule> rule = MakeRule("geodesic");
   MinimizerOptions options;
-  options.max_num_iterations = 300;
+  options.max_num_iterations = FLAGS_steps;
   MinimizerSummary summary;
   Minimize(options, rule.get(), &problem, &summary);
   // [/solve]
@@ -152,8 +155,8 @@ int main(int argc, char** argv) {
   ceres::Solve({}, &of_one, &ignored);
   std::printf("measurements with deviation %g, seed %d: nu = %.5f, from the "
               "closed form %.5f, true %.5f\n",
-              deviation,
-              seed,
+              FLAGS_deviation,
+              FLAGS_seed,
               burgers.coefficients[0],
               best,
               kTrueNu);

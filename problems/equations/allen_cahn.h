@@ -6,20 +6,17 @@
 // is even in x: the network solves 0 <= x <= 1, where u_x(t, 0) = u_x(t, 1) = 0.
 //
 // The initial value has the slope -2 at x = 1, so that u_xx is singular at (0, 1):
-// a layer of width sqrt(D t) takes the slope to zero. Near u = -1 the reaction is
-// -10 (u + 1), and the layer of that linear equation,
+// a layer of width sqrt(D t) takes the slope to zero. There u + 1 is small, decays
+// with exp(-10 t), and diffuses as heat does: with z = 1 - x, s = sqrt(4 D t),
 //
-//   w_t = D w_xx - 10 w,   w_x(t, 1) = 1,   w(0, x) = 0,
-//
-// is known [1]: with z = 1 - x, l = sqrt(D / 10), s = sqrt(4 D t),
-//
-//   w = l / 2 (exp(-z / l) erfc(z / s - sqrt(10 t)) -
-//              exp(z / l) erfc(z / s + sqrt(10 t)))
+//   u = -1 + exp(-10 t) (2 z + 2 w) + O(z^2),
+//   w_t = D w_zz,   w_z(t, 0) = -1,   w(0, z) = 0
+//   w = s / sqrt(pi) exp(-z^2 / s^2) - z erfc(z / s)                          [1]
 //
 // The initial value and the layer hold exactly; cos(pi x) as the only feature of x
 // makes N even and N_x zero at x = 1:
 //
-//   u = x^2 cos(pi x) + 2 w(t, x) + t N(2 t - 1, cos(pi x))
+//   u = -1 + exp(-10 t) (x^2 cos(pi x) + 1 + 2 w) + t N(2 t - 1, cos(pi x))
 //
 // Shapes:  network 2-20-20-20-20-1, tanh: 1,341 weights; x: N, N_t, N_xx, N_x.
 // Data:    Gauss points, rows (t, x, weight), in three panels of x: half of them
@@ -32,7 +29,7 @@
 // Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks. J.
 //          Comput. Phys. 378 (2019), with D = 1e-4.
 //          [1] Carslaw, Jaeger. Conduction of heat in solids. 1959, section 2.9:
-//          constant flux at the end of a half-line, with loss to a medium.
+//          constant flux at the end of a half-line.
 #ifndef PROBLEMS_EQUATIONS_ALLEN_CAHN_H_
 #define PROBLEMS_EQUATIONS_ALLEN_CAHN_H_
 
@@ -91,16 +88,12 @@ struct AllenCahnPinn {
     return 0.5 * (integral(m - 1) + integral(m + 1));
   }
 
-  // w for the jets or values of t and x.
+  // w for the jets or values of t and z.
   template <typename T>
-  static T Layer(double diffusivity, const T& t, const T& x) {
-    constexpr double kRate = 10.0;
-    const double width = std::sqrt(diffusivity / kRate);
-    const T root = sqrt(kRate * t);
-    const T z = (1.0 - x) / width;
-    const T similar = z / (2.0 * root);
-    return 0.5 * width *
-           (exp(-z) * erfc(similar - root) - exp(z) * erfc(similar + root));
+  static T Layer(double diffusivity, const T& t, const T& z) {
+    const T s = sqrt(4.0 * diffusivity * t);
+    const T eta = z / s;
+    return s / std::sqrt(M_PI) * exp(-eta * eta) - z * erfc(eta);
   }
 
   static void Start(const InputJet* a, InputJet* u) {
@@ -122,8 +115,9 @@ struct AllenCahnPinn {
     trial.boundary_values = [window, D = diffusivity](const InputJet* a,
                                                       InputJet* g) {
       window.start(a, g);
-      // Later the slope is zero.
-      if (window.begin == 0.0) g[0] += 2.0 * Layer(D, a[0], a[1]);
+      if (window.begin > 0.0) return;  // the slope is zero
+      const InputJet w = Layer(D, a[0], 1.0 - a[1]);
+      g[0] = exp(-10.0 * a[0]) * (g[0] + 1.0 + 2.0 * w) - 1.0;
     };
     trial.distance = [window](const InputJet* a, InputJet* d) {
       d[0] = a[0] - window.begin;

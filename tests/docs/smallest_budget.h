@@ -30,12 +30,17 @@ inline std::string SmallProblem(std::string problem) {
   problem =
       std::regex_replace(problem, std::regex("^shuttlecock"), "toy_network");
   problem = std::regex_replace(
-      problem, std::regex(":num_(samples|interior|boundary)=[0-9]+"), "");
+      problem,
+      std::regex(":num_(samples|interior|boundary|t|x|y|points|face)=[0-9]+"),
+      "");
   PhysicsProblem created;
   std::string error;
   for (const std::string& small :
        {":num_samples=" + std::to_string(kNumSamples),
-        std::string(":num_interior=16:num_boundary=8")}) {
+        std::string(":num_interior=16:num_boundary=8"),
+        std::string(":num_t=2:num_x=8"),
+        std::string(":num_x=4:num_y=4"),
+        std::string(":num_points=16:num_face=2")}) {
     if (CreateProblem(problem + small, nullptr, &created, &error)) {
       return problem + small;
     }
@@ -143,6 +148,9 @@ inline Words SmallBudget(const std::string& program) {
     return {"--steps=2", "--batch_size=2", quiet[0], quiet[1]};
   }
   if (program == "estimate") return {"--max_iterations=1", quiet[0], quiet[1]};
+  if (program == "time_windows") {
+    return {"--steps=1", "--seconds=0", quiet[0]};
+  }
   if (program == "trajectories") return {"--steps=1", "--grid=3"};
   if (program == "accuracy") {
     return {"--batch_size=1", "--train_steps=1", "--long_double_rows=8"};
@@ -163,6 +171,10 @@ inline Words SmallBudget(const std::string& program) {
     return {};
   }
   if (program == "04_ceres_solve") return {"--starts=2"};
+  if (program == "10_differential_equation" ||
+      program == "11_unknown_coefficient") {
+    return {"--steps=2"};
+  }
   // The other tutorials.
   if (std::isdigit(static_cast<unsigned char>(program[0])) != 0) {
     return {"--seconds=0.01"};
@@ -173,7 +185,8 @@ inline Words SmallBudget(const std::string& program) {
 // Programs that take care of the folder of an earlier run.
 inline bool HasOutput(const std::string& program) {
   return program == "compare" || program == "estimate" || program == "sweep" ||
-         program == "trajectories" || program == "fresh_samples";
+         program == "trajectories" || program == "fresh_samples" ||
+         program == "time_windows";
 }
 
 // The command with the smallest budget.
@@ -187,7 +200,8 @@ inline Words Small(const Words& command, const SmallFiles& files) {
   for (size_t i = 1; i < command.size(); ++i) {
     const std::string& word = command[i];
     const std::string value = word.substr(word.find('=') + 1);
-    if (trains && StartsWith(word, "--problem=")) {
+    if ((trains || program == "time_windows") &&
+        StartsWith(word, "--problem=")) {
       small.push_back("--problem=" + SmallProblem(value));
       has_problem = true;
     } else if (StartsWith(word, "--grid=") && program == "sweep") {

@@ -18,13 +18,14 @@
 namespace invgrad {
 namespace tutorials_test {
 
-// Runs a tutorial's program with `arguments`; returns its exit code and what it
-// printed.
+// Runs a tutorial's program with `arguments` in the folder of `output`; returns
+// its exit code and what it printed.
 std::pair<int, std::string> RunTutorial(
     const std::string& arguments,
     const std::string& output,
     const std::string& program = "01_new_problem") {
-  const int status = std::system(("'" + BinDir() + "/" + program + "' " +
+  const int status = std::system(("cd \"$(dirname '" + output + "')\" && '" +
+                                  BinDir() + "/" + program + "' " +
                                   arguments + " > '" + output + "' 2>&1")
                                      .c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadText(output)};
@@ -165,6 +166,39 @@ TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
   ExpectDrawn(folder, "09_flow_simulator");
+}
+
+TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] = RunTutorial(
+      "--steps=30", folder / "out", "10_differential_equation");
+  EXPECT_EQ(exit_code, 0) << text;
+  EXPECT_NE(text.find("after 30 steps; largest error"), std::string::npos)
+      << text;
+  ExpectDrawn(folder, "10_differential_equation");
+  const std::string source =
+      ReadText(SourceRoot() / "docs/tutorials/10_differential_equation.cc");
+  size_t num_lines = 0;
+  for (const char* marker :
+       {"equation", "wave", "trial", "terms", "train", "solution"}) {
+    num_lines += SplitLines(MarkedRegion(source, marker)).size();
+  }
+  EXPECT_LT(num_lines, 60u);
+}
+
+// Eighty steps are enough for two digits.
+TEST(CoefficientTutorial, FindsWhatTheMeasurementsTell) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] = RunTutorial(
+      "--steps=80", folder / "out", "11_unknown_coefficient");
+  EXPECT_EQ(exit_code, 0) << text;
+  const size_t at = text.find("nu = ");
+  const size_t best = text.find("closed form ");
+  ASSERT_NE(at, std::string::npos) << text;
+  ASSERT_NE(best, std::string::npos) << text;
+  EXPECT_NEAR(std::stod(text.substr(at + 5)),
+              std::stod(text.substr(best + 12)),
+              5e-4);
 }
 
 // Line for line, but for motions: which of several that are as good is told
