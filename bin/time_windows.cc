@@ -18,6 +18,8 @@ others.
   DIR/solution.png       u*, u and the error
 */
 
+#include "invgrad/equations/time_windows.h"
+
 #include <cmath>
 #include <string>
 #include <vector>
@@ -29,7 +31,6 @@ others.
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/equations/time_windows.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "invgrad/methods/method.h"
@@ -141,8 +142,8 @@ bool Run(RunCounts* counts, std::string* error) {
     table.Add("t", fmt::format("{:g} - {:g}", times[k], times[k + 1]));
     table.Add("loss", FormatNumber(run.history.back().train_loss));
     table.Add("L2_error",
-              FormatNumber(RelativeError(u.row(0)(inside).transpose(),
-                                         truth(inside))));
+              FormatNumber(
+                  RelativeError(u.row(0)(inside).transpose(), truth(inside))));
     table.Add("steps", std::to_string(run.summary.num_steps));
     table.Add("s", FormatNumber(run.summary.train_time_in_seconds));
     table.Add("status", run.summary.message, Table::Align::kLeft);

@@ -164,8 +164,8 @@ void AddFunctionPanels(const std::string& title,
   panel.equal_aspect = false;
   if (truth == nullptr) return;
   const VectorXd error = (function - *truth).cwiseAbs();
-  Plot& of_error = picture->panels.emplace_back(
-      FieldPlot("|u - u*|", rows, error, error));
+  Plot& of_error =
+      picture->panels.emplace_back(FieldPlot("|u - u*|", rows, error, error));
   of_error.equal_aspect = false;
   of_error.heat_map->log_z = true;
   // Where u holds exactly, the error is rounding.

@@ -92,8 +92,8 @@ bool FreshProbe::IsValid(std::string* error) const {
 bool FreshProbe::Begin(long step,
                        const Eigen::VectorXd& weights,
                        std::string* error) {
-  const DataSet batch = batches_->Batch(
-      step, batch_size_, *problem_.model, weights);
+  const DataSet batch =
+      batches_->Batch(step, batch_size_, *problem_.model, weights);
   // Within the epoch of the step, so that no sample is in two batches.
   long first = 0, length = std::numeric_limits<long>::max();
   if (problem_.source == nullptr) {

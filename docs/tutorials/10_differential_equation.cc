@@ -98,8 +98,7 @@ int main(int argc, char** argv) {
   std::ofstream file("10_differential_equation.txt");
   double largest = 0.0;
   for (Eigen::Index s = 0; s < points.cols(); ++s) {
-    const double difference =
-        std::abs(u(s) - Wave(points(0, s), points(1, s)));
+    const double difference = std::abs(u(s) - Wave(points(0, s), points(1, s)));
     largest = std::max(largest, difference);
     file << (s % 101 == 0 ? "\n" : "") << points.col(s).transpose() << ' '
          << u(s) << ' ' << difference << '\n';

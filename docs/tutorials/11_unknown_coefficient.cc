@@ -109,11 +109,11 @@ int main(int argc, char** argv) {
   };
   burgers.hidden = {16, 16, 16};
   burgers.coefficients = Eigen::VectorXd::Constant(1, 0.1);  // a first guess
-  EquationTerm data = {"measurements",
-                       std::make_shared<ValueResidual>(trial, 1),
-                       {places,
-                        Eigen::VectorXd::Constant(kNumMeasurements,
-                                                  1.0 / kNumMeasurements)}};
+  EquationTerm data = {
+      "measurements",
+      std::make_shared<ValueResidual>(trial, 1),
+      {places,
+       Eigen::VectorXd::Constant(kNumMeasurements, 1.0 / kNumMeasurements)}};
   data.weight = 1e-3;
   data.context = [&](const Eigen::VectorXd&, Eigen::Index s, auto c) {
     c[0] = measured[s];
@@ -125,9 +125,8 @@ int main(int argc, char** argv) {
   // [/terms]
 
   // [solve]
-  Eigen::VectorXd weights =
-      EquationModel(burgers).network().InitialWeights(
-          Initialization::kGlorotUniform, &random);
+  Eigen::VectorXd weights = EquationModel(burgers).network().InitialWeights(
+      Initialization::kGlorotUniform, &random);
   ceres::Problem problem;
   std::string error;
   if (!AddEquationToProblem(&burgers, &weights, &problem, &error)) {
@@ -143,22 +142,22 @@ int main(int argc, char** argv) {
 
   double best = kTrueNu;
   ceres::Problem of_one;
-  of_one.AddResidualBlock(
-      new ceres::NumericDiffCostFunction<DistanceToTruth,
-                                         ceres::CENTRAL,
-                                         kNumMeasurements,
-                                         1>(
-          new DistanceToTruth{places, measured}),
-      nullptr,
-      &best);
+  of_one.AddResidualBlock(new ceres::NumericDiffCostFunction<DistanceToTruth,
+                                                             ceres::CENTRAL,
+                                                             kNumMeasurements,
+                                                             1>(
+                              new DistanceToTruth{places, measured}),
+                          nullptr,
+                          &best);
   ceres::Solver::Summary ignored;
   ceres::Solve({}, &of_one, &ignored);
-  std::printf("measurements with deviation %g, seed %d: nu = %.5f, from the "
-              "closed form %.5f, true %.5f\n",
-              FLAGS_deviation,
-              FLAGS_seed,
-              burgers.coefficients[0],
-              best,
-              kTrueNu);
+  std::printf(
+      "measurements with deviation %g, seed %d: nu = %.5f, from the "
+      "closed form %.5f, true %.5f\n",
+      FLAGS_deviation,
+      FLAGS_seed,
+      burgers.coefficients[0],
+      best,
+      kTrueNu);
   return 0;
 }

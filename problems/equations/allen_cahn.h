@@ -122,9 +122,10 @@ struct AllenCahnPinn {
     trial.distance = [window](const InputJet* a, InputJet* d) {
       d[0] = a[0] - window.begin;
     };
-    const QuadraturePoints gauss = ProductPoints(
-        {GaussPanels({window.begin, window.end}, {num_t}),
-         GaussPanels({0.0, 0.35, 0.65, 1.0}, {num_x / 4, num_x / 2, num_x / 4})});
+    const QuadraturePoints gauss =
+        ProductPoints({GaussPanels({window.begin, window.end}, {num_t}),
+                       GaussPanels({0.0, 0.35, 0.65, 1.0},
+                                   {num_x / 4, num_x / 2, num_x / 4})});
     allen_cahn.equation.terms = {
         {"equation",
          std::make_shared<AutoDiffSimulator<AllenCahnResidual, 3, 1>>(

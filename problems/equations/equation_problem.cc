@@ -90,7 +90,8 @@ bool CreateEquationProblem(const EquationProblem& of,
     data.resize(points.points.cols(), points.points.rows() + 1);
     data << points.points.transpose(), points.weights;
   }
-  const MatrixXd test = GridPoints(of.test_box.value_or(of.box), of.test_counts);
+  const MatrixXd test =
+      GridPoints(of.test_box.value_or(of.box), of.test_counts);
   const VectorXd equal =
       VectorXd::Constant(test.cols(), 1.0 / static_cast<double>(test.cols()));
   if (!EquationSamples(equation, &problem->train, error) ||

@@ -42,7 +42,8 @@ struct Heat4dPinn {
   void Describe(OptionSet* set) {
     set->Add("num_points", &num_points, {1, 1e6}, "points inside");
     set->Add("num_face", &num_face, {1, 1e6}, "points on each of 8 faces");
-    set->Add("face_weight", &face_weight, {1e-12, 1e12}, "of their mean square");
+    set->Add(
+        "face_weight", &face_weight, {1e-12, 1e12}, "of their mean square");
     points.Describe(set);
   }
 
@@ -60,8 +61,8 @@ struct Heat4dPinn {
       for (int i = 0; i < 5; ++i) f[i] = 2.0 * a[i] - 1.0;
     };
     trial.boundary_values = [](const InputJet* a, InputJet* g) {
-      g[0] = sin(2.0 * a[1]) + sin(2.0 * a[2]) + sin(2.0 * a[3]) +
-             sin(2.0 * a[4]);
+      g[0] =
+          sin(2.0 * a[1]) + sin(2.0 * a[2]) + sin(2.0 * a[3]) + sin(2.0 * a[4]);
     };
     trial.distance = [](const InputJet* a, InputJet* d) { d[0] = a[0]; };
     heat.box = {Eigen::VectorXd::Zero(5), Eigen::VectorXd::Ones(5)};

@@ -69,9 +69,7 @@ struct KortewegDeVriesPinn {
     return evolution;
   }
 
-  static void Start(const InputJet* a, InputJet* u) {
-    u[0] = cos(M_PI * a[1]);
-  }
+  static void Start(const InputJet* a, InputJet* u) { u[0] = cos(M_PI * a[1]); }
 
   EquationProblem InWindow(const TimeWindow& window) const {
     EquationProblem kdv;

@@ -46,7 +46,8 @@ struct Poisson5dPinn {
   void Describe(OptionSet* set) {
     set->Add("num_points", &num_points, {1, 1e6}, "points inside");
     set->Add("num_face", &num_face, {1, 1e6}, "points on each of 10 faces");
-    set->Add("face_weight", &face_weight, {1e-12, 1e12}, "of their mean square");
+    set->Add(
+        "face_weight", &face_weight, {1e-12, 1e12}, "of their mean square");
     points.Describe(set);
   }
 

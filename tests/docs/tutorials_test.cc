@@ -24,10 +24,10 @@ std::pair<int, std::string> RunTutorial(
     const std::string& arguments,
     const std::string& output,
     const std::string& program = "01_new_problem") {
-  const int status = std::system(("cd \"$(dirname '" + output + "')\" && '" +
-                                  BinDir() + "/" + program + "' " +
-                                  arguments + " > '" + output + "' 2>&1")
-                                     .c_str());
+  const int status =
+      std::system(("cd \"$(dirname '" + output + "')\" && '" + BinDir() + "/" +
+                   program + "' " + arguments + " > '" + output + "' 2>&1")
+                      .c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadText(output)};
 }
 
@@ -170,8 +170,8 @@ TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
 
 TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
   const TemporaryFolder folder;
-  const auto [exit_code, text] = RunTutorial(
-      "--steps=30", folder / "out", "10_differential_equation");
+  const auto [exit_code, text] =
+      RunTutorial("--steps=30", folder / "out", "10_differential_equation");
   EXPECT_EQ(exit_code, 0) << text;
   EXPECT_NE(text.find("after 30 steps; largest error"), std::string::npos)
       << text;
@@ -189,16 +189,15 @@ TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
 // Eighty steps are enough for two digits.
 TEST(CoefficientTutorial, FindsWhatTheMeasurementsTell) {
   const TemporaryFolder folder;
-  const auto [exit_code, text] = RunTutorial(
-      "--steps=80", folder / "out", "11_unknown_coefficient");
+  const auto [exit_code, text] =
+      RunTutorial("--steps=80", folder / "out", "11_unknown_coefficient");
   EXPECT_EQ(exit_code, 0) << text;
   const size_t at = text.find("nu = ");
   const size_t best = text.find("closed form ");
   ASSERT_NE(at, std::string::npos) << text;
   ASSERT_NE(best, std::string::npos) << text;
-  EXPECT_NEAR(std::stod(text.substr(at + 5)),
-              std::stod(text.substr(best + 12)),
-              5e-4);
+  EXPECT_NEAR(
+      std::stod(text.substr(at + 5)), std::stod(text.substr(best + 12)), 5e-4);
 }
 
 // Line for line, but for motions: which of several that are as good is told

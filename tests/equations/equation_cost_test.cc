@@ -79,8 +79,8 @@ TEST(EquationCost, FindsTheCoefficient) {
   Equation equation = Measured(1.0);
   const Model model = EquationModel(equation);
   NumpyRandom random(1);
-  VectorXd weights = model.network().InitialWeights(
-      Initialization::kGlorotUniform, &random);
+  VectorXd weights =
+      model.network().InitialWeights(Initialization::kGlorotUniform, &random);
   ceres::Problem problem;
   std::string error;
   ASSERT_TRUE(AddEquationToProblem(&equation, &weights, &problem, &error));

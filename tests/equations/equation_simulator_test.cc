@@ -166,8 +166,8 @@ TEST_P(EquationSimulatorTest, NamesTermPointAndInputs) {
   EXPECT_EQ(simulator_->EvaluateBatch(
                 kNumSamples, x_.data(), contexts_.data(), y.data(), nullptr),
             3);
-  const std::string what = simulator_->DescribeFailure(
-      x_.col(3).data(), contexts_.col(3).data());
+  const std::string what =
+      simulator_->DescribeFailure(x_.col(3).data(), contexts_.col(3).data());
   EXPECT_EQ(what.rfind("system at the point (", 0), 0u) << what;
   EXPECT_NE(what.find("u0_t = nan"), std::string::npos) << what;
   EXPECT_NE(what.find("u1_xx = "), std::string::npos) << what;

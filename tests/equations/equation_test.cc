@@ -94,9 +94,9 @@ TEST(Equation, NamesTermPointAndDerivative) {
   DataSet samples;
   std::string error;
   EXPECT_FALSE(EquationSamples(decay, &samples, &error));
-  EXPECT_EQ(error.rfind("decay: distance 0: its value is not finite at point 0",
-                        0),
-            0u)
+  EXPECT_EQ(
+      error.rfind("decay: distance 0: its value is not finite at point 0", 0),
+      0u)
       << error;
 }
 

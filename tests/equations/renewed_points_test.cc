@@ -35,7 +35,8 @@ TEST(RenewedPoints, ContinueTheSequence) {
   EXPECT_EQ(points.steps_per_set(), 10);
   EXPECT_EQ(at(0), SequencePoints(kDecayBox, kNumPoints, 0).points);
   EXPECT_EQ(at(9), at(0));
-  EXPECT_EQ(at(25), SequencePoints(kDecayBox, kNumPoints, 2L * kNumPoints).points);
+  EXPECT_EQ(at(25),
+            SequencePoints(kDecayBox, kNumPoints, 2L * kNumPoints).points);
 }
 
 struct StepResidual {
@@ -61,8 +62,7 @@ TEST(RenewedPoints, FollowTheResidual) {
   const DataSet samples =
       points.Batch(0, 1000, model, VectorXd::Zero(model.num_weights()));
   // The context ends with c.
-  const auto late =
-      (samples.contexts.bottomRows(1).array() == 9.0).count();
+  const auto late = (samples.contexts.bottomRows(1).array() == 9.0).count();
   EXPECT_NEAR(static_cast<double>(late), 700.0, 10.0);
 }
 

@@ -187,17 +187,17 @@ TEST(TrialFunction, IsAFunctionOfJets) {
         },
         points);
   };
-  EXPECT_LT((u_at([](const InputJet& t) { return t; }) -
-             ValuesAt(trial, points))
-                .norm(),
-            kRounding);
+  EXPECT_LT(
+      (u_at([](const InputJet& t) { return t; }) - ValuesAt(trial, points))
+          .norm(),
+      kRounding);
   MatrixXd at_begin = points;
   at_begin.row(0).setConstant(0.3);
   MatrixXd expected = ValuesAt(trial, at_begin);
   expected.middleRows(2 * trial.derivatives->ChannelOf("t"), 2).setZero();
-  EXPECT_LT((u_at([](const InputJet&) { return InputJet(0.3); }) - expected)
-                .norm(),
-            kRounding);
+  EXPECT_LT(
+      (u_at([](const InputJet&) { return InputJet(0.3); }) - expected).norm(),
+      kRounding);
 }
 
 TEST(InputJet, ErfcHasItsDerivatives) {

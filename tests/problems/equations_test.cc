@@ -136,8 +136,7 @@ TEST(AllenCahn, ReferenceIsFarBelowThePublishedErrors) {
   MatrixXd points(2, 6);
   points << 0.025, 0.1, 0.5, 1.0, 1.0, 0.3,  //
       0.99, 1.0, 0.5, 0.55, 0.0, 0.47;
-  const VectorXd u =
-      evolution.SolveByModes(AllenCahnPinn::StartMode, points);
+  const VectorXd u = evolution.SolveByModes(AllenCahnPinn::StartMode, points);
   evolution.num_cells *= 2;
   evolution.time_step *= 0.5;
   const VectorXd finer =
@@ -188,8 +187,7 @@ TEST(EquationProblems, LossesOfTheSolutionsVanish) {
     const EquationContext& layout = simulator.context_layout();
     const DerivativeSet& set = *simulator.trial_function().derivatives;
     const bool is_heat = set.num_variables() == 5 && layout.weight > 0;
-    const MatrixXd points =
-        learning.train.contexts.middleRows(layout.point, 5);
+    const MatrixXd points = learning.train.contexts.middleRows(layout.point, 5);
     const MatrixXd u = JetsOf(
         set,
         1,

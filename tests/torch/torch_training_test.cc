@@ -125,8 +125,10 @@ TEST(FreshData, AreTheSameForAllRunsAndNewAtEveryStep) {
   ASSERT_NE(problem.source, nullptr);
   const DataSet batch = problem.source->Batch(3, 8, *problem.model, {});
   EXPECT_EQ(batch.inputs, again.source->Batch(3, 8, *problem.model, {}).inputs);
-  EXPECT_NE(batch.inputs, problem.source->Batch(4, 8, *problem.model, {}).inputs);
-  EXPECT_EQ(batch.inputs.leftCols(5), problem.source->Batch(3, 5, *problem.model, {}).inputs);
+  EXPECT_NE(batch.inputs,
+            problem.source->Batch(4, 8, *problem.model, {}).inputs);
+  EXPECT_EQ(batch.inputs.leftCols(5),
+            problem.source->Batch(3, 5, *problem.model, {}).inputs);
   VectorXd y(batch.targets.rows());
   ASSERT_TRUE(problem.model->simulator().Evaluate(
       batch.solutions.col(7).data(), nullptr, y.data(), nullptr));

@@ -92,9 +92,9 @@ bool MakeSpace(const Equation& equation,
   }
   const auto simulator = MakeSimulator(equation);
   *samples = DataSet();
-  samples->inputs.resize(equation.trial.NumInputs() *
-                             equation.trial.derivatives->num_channels(),
-                         num_points);
+  samples->inputs.resize(
+      equation.trial.NumInputs() * equation.trial.derivatives->num_channels(),
+      num_points);
   samples->contexts.resize(simulator->num_context(), num_points);
   samples->targets = MatrixXd::Zero(simulator->num_outputs(), num_points);
   return true;
@@ -166,8 +166,7 @@ bool Solution(const Equation& equation,
               MatrixXd* u,
               std::string* error) {
   MatrixXd inputs, conditions;
-  if (!CheckMemory(
-          equation.trial, static_cast<double>(points.cols()), error) ||
+  if (!CheckMemory(equation.trial, static_cast<double>(points.cols()), error) ||
       !equation.trial.Inputs(points, &inputs, error) ||
       !equation.trial.Conditions(points, &conditions, error)) {
     return false;
@@ -180,11 +179,8 @@ bool Solution(const Equation& equation,
       MatrixXd::Zero(model.simulator().num_context(), points.cols());
   samples.contexts.topRows(conditions.rows()) = conditions;
   const auto pass = model.network().NewPass();
-  if (!model.Forward(weights,
-                     samples,
-                     Network::Derivatives::kNone,
-                     pass.get(),
-                     error)) {
+  if (!model.Forward(
+          weights, samples, Network::Derivatives::kNone, pass.get(), error)) {
     return false;
   }
   *u = equation.trial.Values(model.SimulatorInputs(*pass), conditions)

@@ -37,7 +37,7 @@
 namespace invgrad {
 
 struct EquationTerm {
-  std::string name;  // in messages: "equation"
+  std::string name;                           // in messages: "equation"
   std::shared_ptr<const Simulator> residual;  // R_k
   QuadraturePoints points;
   double weight = 1.0;

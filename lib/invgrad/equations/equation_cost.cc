@@ -18,9 +18,8 @@ EquationCostFunction::EquationCostFunction(const Equation& equation,
                                            DataSet samples)
     : model_(EquationModel(equation)),
       samples_(std::move(samples)),
-      layout_(
-          dynamic_cast<const EquationSimulator&>(model_.simulator())
-              .context_layout()) {
+      layout_(dynamic_cast<const EquationSimulator&>(model_.simulator())
+                  .context_layout()) {
   CHECK_EQ(samples_.contexts.rows(), layout_.size);
   set_num_residuals(model_.loss().size() * samples_.num_samples());
   *mutable_parameter_block_sizes() = model_.network().WeightBlocks();
@@ -56,11 +55,8 @@ bool EquationCostFunction::Evaluate(double const* const* parameters,
       dynamic_cast<const EquationSimulator&>(model_.simulator());
   const auto pass = model_.network().NewPass();
   std::string error;
-  if (!model_.Forward(weights,
-                      samples,
-                      Network::Derivatives::kNone,
-                      pass.get(),
-                      &error)) {
+  if (!model_.Forward(
+          weights, samples, Network::Derivatives::kNone, pass.get(), &error)) {
     return false;
   }
   const int count = samples.num_samples();

@@ -100,8 +100,8 @@ int EquationSimulator::EvaluateResiduals(int count,
     const Simulator& residual = *residuals_[k].function;
     const Index num_y = residual.num_outputs();
     const Index size = end - first;
-    const MatrixXd c = context.block(
-        layout_.of_residual, first, residual.num_context(), size);
+    const MatrixXd c =
+        context.block(layout_.of_residual, first, residual.num_context(), size);
     MatrixXd of_term(num_y, size);
     MatrixXd J(num_u, jacobians == nullptr ? 0 : num_y * size);
     const int num_done =
@@ -150,11 +150,12 @@ int EquationSimulator::EvaluateBatch(int count,
       count, x, contexts, y, jacobians == nullptr ? nullptr : &to_u);
   if (jacobians == nullptr) return num_done;
   for (Index s = 0; s < num_done; ++s) {
-    PullBackToNetwork(contexts + s * layout_.size,
-                      to_u.block(0, s * num_outputs_, num_stated_, num_outputs_),
-                      Map<MatrixXd>(jacobians + s * num_outputs_ * num_inputs(),
-                                    num_inputs(),
-                                    num_outputs_));
+    PullBackToNetwork(
+        contexts + s * layout_.size,
+        to_u.block(0, s * num_outputs_, num_stated_, num_outputs_),
+        Map<MatrixXd>(jacobians + s * num_outputs_ * num_inputs(),
+                      num_inputs(),
+                      num_outputs_));
   }
   return num_done;
 }
@@ -183,8 +184,8 @@ bool EquationSimulator::WeightedHessian(const double* x,
   inputs << StatedJets(1, x, context),
       Map<const VectorXd>(context + layout_.coefficients,
                           layout_.num_coefficients);
-  const VectorXd scaled = context[layout_.weight] *
-                          Map<const VectorXd>(w, residual.num_outputs());
+  const VectorXd scaled =
+      context[layout_.weight] * Map<const VectorXd>(w, residual.num_outputs());
   MatrixXd to_u(inputs.size(), inputs.size());
   if (!residual.WeightedHessian(inputs.data(),
                                 context + layout_.of_residual,
@@ -193,7 +194,8 @@ bool EquationSimulator::WeightedHessian(const double* x,
     return false;
   }
   MatrixXd half(num_inputs(), num_stated_);
-  PullBackToNetwork(context, to_u.topLeftCorner(num_stated_, num_stated_), half);
+  PullBackToNetwork(
+      context, to_u.topLeftCorner(num_stated_, num_stated_), half);
   PullBackToNetwork(context,
                     half.transpose(),
                     Map<MatrixXd>(hessian, num_inputs(), num_inputs()));

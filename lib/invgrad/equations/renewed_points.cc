@@ -18,9 +18,7 @@ constexpr int kCandidates = 4;
 }  // namespace
 
 RenewedPoints::RenewedPoints(Equation equation, Box box, Options options)
-    : equation_(std::move(equation)),
-      box_(std::move(box)),
-      options_(options) {
+    : equation_(std::move(equation)), box_(std::move(box)), options_(options) {
   CHECK_GT(options_.num_steps, 0);
 }
 

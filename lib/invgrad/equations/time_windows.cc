@@ -22,8 +22,8 @@ InputFunction EndOf(const Equation& equation,
   const auto model = std::make_shared<const Model>(EquationModel(equation));
   return [trial = equation.trial, model, weights, end](const InputJet* point,
                                                        InputJet* u) {
-    std::vector<InputJet> at_end(
-        point, point + trial.derivatives->num_variables());
+    std::vector<InputJet> at_end(point,
+                                 point + trial.derivatives->num_variables());
     at_end[0] = InputJet(end);
     EvaluateTrialFunction(
         trial, *model->dense_network(), weights, at_end.data(), u);
@@ -82,8 +82,7 @@ bool SolveInWindows(const std::vector<double>& times,
     of_window.batch_size = 0;
     TrainResult run =
         Train(EquationModel(equation), samples, method, of_window);
-    if (run.error.empty() &&
-        run.summary.termination_type == ceres::FAILURE) {
+    if (run.error.empty() && run.summary.termination_type == ceres::FAILURE) {
       run.error = run.summary.message;
     }
     if (!run.error.empty()) {

@@ -172,8 +172,12 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     objective = std::make_unique<DistributedObjective>(std::move(objective),
                                                        options.communicator);
   }
-  return MakeRuleEngine(
-      batch_size, options, std::move(objective), std::move(rule), &model, &data);
+  return MakeRuleEngine(batch_size,
+                        options,
+                        std::move(objective),
+                        std::move(rule),
+                        &model,
+                        &data);
 }
 
 }  // namespace invgrad

@@ -336,10 +336,10 @@ void RuleEngine::VisitState(StateArchive* archive) {
   }
   if (source_ != nullptr && source_->steps_per_set() > 1) {
     archive->Visit("set_weights", &set_weights_);
-    archive->Require((set_weights_.size() == 0 && step_ == 0) ||
-                         (set_weights_.size() == num_weights_ &&
-                          set_weights_.allFinite()),
-                     "set_weights");
+    archive->Require(
+        (set_weights_.size() == 0 && step_ == 0) ||
+            (set_weights_.size() == num_weights_ && set_weights_.allFinite()),
+        "set_weights");
   }
   if (judges_weights_) {
     archive->Visit("copied_weights", &copied_weights_);
