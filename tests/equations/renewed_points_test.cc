@@ -66,6 +66,23 @@ TEST(RenewedPoints, FollowTheResidual) {
   EXPECT_NEAR(static_cast<double>(late), 700.0, 10.0);
 }
 
+TEST(RenewedPoints, RefuseSmallBatches) {
+  const Equation decay = DecayEquation(1.0);
+  DataSet samples;
+  std::string error;
+  ASSERT_TRUE(EquationSamples(decay, &samples, &error)) << error;
+  const TrainingData data(
+      samples,
+      DataSet(),
+      std::make_shared<RenewedPoints>(
+          decay, kDecayBox, RenewedPoints::Options{10, false}));
+  TrainOptions options;
+  options.batch_size = 16;
+  EXPECT_EQ(Train(EquationModel(decay), data, "adam", options).error,
+            "batch_size=16 is not allowed with points renewed every 10 steps: "
+            "take 0, all 48 samples");
+}
+
 // Also in the middle of a set, whose points depend on earlier weights.
 TEST(RenewedPoints, AResumedRunHasTheSameBits) {
   const Equation decay = DecayEquation(1.0);

@@ -28,6 +28,9 @@ class DataSource {
   // A set of samples serves the steps k with the same k / steps_per_set().
   virtual long steps_per_set() const { return 1; }
 
+  // Whether batches have as many samples as the training data.
+  virtual bool needs_whole_batches() const { return false; }
+
   // What determines the stream, to recognize a run: "heat, seed 0".
   virtual std::string Name() const = 0;
 };

@@ -51,6 +51,7 @@ class RenewedPoints final : public DataSource {
                 const Model& model,
                 const Eigen::VectorXd& weights) const override;
   long steps_per_set() const override { return options_.num_steps; }
+  bool needs_whole_batches() const override { return true; }
   std::string Name() const override;
 
  private:

@@ -143,6 +143,15 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   }
   const int num_samples = data.train.num_samples();
   const int batch_size = phase.BatchSize(options.batch_size, num_samples);
+  if (data.source != nullptr && data.source->needs_whole_batches() &&
+      batch_size != num_samples) {
+    *error = fmt::format(
+        "batch_size={} is not allowed with {}: take 0, all {} samples",
+        batch_size,
+        data.source->Name(),
+        num_samples);
+    return nullptr;
+  }
   if (batch_size > num_samples) {
     *error = fmt::format(
         "batch_size={} is out of range; allowed: 1 to the {} training samples, "
