@@ -51,16 +51,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Ends a window at a signal.
-class EndAtInterrupt final : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& /*summary*/) override {
-    return Interrupt::IsRequested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
-                                    : ceres::SOLVER_CONTINUE;
-  }
-};
-
 double RelativeError(const VectorXd& u, const VectorXd& truth) {
   return (u - truth).norm() / truth.norm();
 }
@@ -105,9 +95,9 @@ bool Run(RunCounts* counts, std::string* error) {
   const VectorXd truth = Truth(whole, points);
   if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
   const Interrupt interrupt;
-  EndAtInterrupt end_at_interrupt;
+  LiveCallback live(FLAGS_method);
   TrainOptions options = TrainOptionsOfFlags(0, FLAGS_seed);
-  options.callbacks = {&end_at_interrupt};
+  options.callbacks = {&live};
   const auto make_equation = [&](const TimeWindow& window) {
     Equation equation = evolution.in_window(window).equation;
     if (widths.size() > 2) {

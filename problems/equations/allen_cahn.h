@@ -107,11 +107,11 @@ struct AllenCahnPinn {
     TrialFunction& trial = allen_cahn.equation.trial;
     trial.derivatives = std::make_shared<DerivativeSet>(
         "tx", std::vector<std::string>{"t", "xx"});
-    trial.num_features = 2;
-    trial.features = [window](const InputJet* a, InputJet* f) {
-      f[0] = window.Scaled(a[0]);
-      f[1] = cos(M_PI * a[1]);
-    };
+    trial.features = {2, [window](const InputJet* a, InputJet* f) {
+                        f[0] = (2.0 * a[0] - (window.begin + window.end)) /
+                               (window.end - window.begin);
+                        f[1] = cos(M_PI * a[1]);
+                      }};
     trial.boundary_values = [window, D = diffusivity](const InputJet* a,
                                                       InputJet* g) {
       window.start(a, g);

@@ -91,11 +91,7 @@ struct BurgersPinn {
     TrialFunction& trial = burgers.equation.trial;
     trial.derivatives = std::make_shared<DerivativeSet>(
         "tx", std::vector<std::string>{"t", "x", "xx"});
-    trial.num_features = 2;
-    trial.features = [window](const InputJet* a, InputJet* f) {
-      f[0] = window.Scaled(a[0]);
-      f[1] = 2.0 * a[1] - 1.0;
-    };
+    trial.features = ScaledFeatures(burgers.box);
     trial.boundary_values = window.start;
     trial.distance = [window](const InputJet* a, InputJet* d) {
       d[0] = 4.0 * (a[0] - window.begin) * a[1] * (1.0 - a[1]);

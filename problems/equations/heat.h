@@ -58,11 +58,6 @@ struct HeatPinn {
     TrialFunction& trial = heat.equation.trial;
     trial.derivatives = std::make_shared<DerivativeSet>(
         "tx", std::vector<std::string>{"t", "xx"});
-    trial.num_features = 2;
-    trial.features = [](const InputJet* a, InputJet* f) {
-      f[0] = 2.0 * a[0] - 1.0;
-      f[1] = 2.0 * a[1] - 1.0;
-    };
     trial.boundary_values = [](const InputJet* a, InputJet* g) {
       g[0] = sin(M_PI * a[1]);
     };
@@ -70,6 +65,7 @@ struct HeatPinn {
       d[0] = 4.0 * a[0] * a[1] * (1.0 - a[1]);
     };
     heat.box = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(1.0, 1.0)};
+    trial.features = ScaledFeatures(heat.box);
     heat.equation.terms = {
         {"equation",
          std::make_shared<AutoDiffSimulator<HeatResidual, 3, 1>>(),

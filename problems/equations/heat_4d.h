@@ -56,16 +56,13 @@ struct Heat4dPinn {
     TrialFunction& trial = heat.equation.trial;
     trial.derivatives = std::make_shared<DerivativeSet>(
         "tabcd", std::vector<std::string>{"t", "aa+bb+cc+dd"});
-    trial.num_features = 5;
-    trial.features = [](const InputJet* a, InputJet* f) {
-      for (int i = 0; i < 5; ++i) f[i] = 2.0 * a[i] - 1.0;
-    };
     trial.boundary_values = [](const InputJet* a, InputJet* g) {
       g[0] =
           sin(2.0 * a[1]) + sin(2.0 * a[2]) + sin(2.0 * a[3]) + sin(2.0 * a[4]);
     };
     trial.distance = [](const InputJet* a, InputJet* d) { d[0] = a[0]; };
     heat.box = {Eigen::VectorXd::Zero(5), Eigen::VectorXd::Ones(5)};
+    trial.features = ScaledFeatures(heat.box);
     EquationTerm faces = {"faces",
                           std::make_shared<ValueResidual>(trial),
                           FacePoints(heat.box, 1, num_face),

@@ -5,7 +5,7 @@
 // on 0 <= t <= 1, -1 <= x <= 1. The wave steepens, and breaks up into a train of
 // solitons [1]. The network is periodic, and satisfies the initial value exactly,
 //
-//   u = cos(pi x) + t N(2 t - 1, cos(pi x), sin(pi x))
+//   u = cos(pi x) + t N(2 t - 1, cos(pi (x + 1)), sin(pi (x + 1)))
 //
 // Shapes:  network 3-30-30-30-1, tanh: 2,011 weights; x: N and its derivatives t,
 //          x, xxx, xx, in this order.
@@ -78,12 +78,7 @@ struct KortewegDeVriesPinn {
     TrialFunction& trial = kdv.equation.trial;
     trial.derivatives = std::make_shared<DerivativeSet>(
         "tx", std::vector<std::string>{"t", "x", "xxx"});
-    trial.num_features = 3;
-    trial.features = [window](const InputJet* a, InputJet* f) {
-      f[0] = window.Scaled(a[0]);
-      f[1] = cos(M_PI * a[1]);
-      f[2] = sin(M_PI * a[1]);
-    };
+    trial.features = PeriodicFeatures(kdv.box, 1, 2.0);
     trial.boundary_values = window.start;
     trial.distance = [window](const InputJet* a, InputJet* d) {
       d[0] = a[0] - window.begin;

@@ -60,11 +60,8 @@ struct Poisson5dPinn {
     TrialFunction& trial = poisson.equation.trial;
     trial.derivatives = std::make_shared<DerivativeSet>(
         "abcde", std::vector<std::string>{"aa+bb+cc+dd+ee"});
-    trial.num_features = 5;
-    trial.features = [](const InputJet* a, InputJet* f) {
-      for (int i = 0; i < 5; ++i) f[i] = 2.0 * a[i] - 1.0;
-    };
     poisson.box = {Eigen::VectorXd::Zero(5), Eigen::VectorXd::Ones(5)};
+    trial.features = ScaledFeatures(poisson.box);
     EquationTerm inside = {
         "equation",
         std::make_shared<AutoDiffSimulator<LaplaceResidual, 2, 1, 1>>(),

@@ -67,12 +67,11 @@ TrialFunction Periodic(std::vector<std::string> words) {
   TrialFunction trial;
   trial.derivatives = Set(std::move(words));
   trial.num_functions = 2;
-  trial.num_features = 3;
-  trial.features = [](const InputJet* a, InputJet* f) {
-    f[0] = a[0];
-    f[1] = sin(M_PI * a[1]);
-    f[2] = cos(M_PI * a[1]);
-  };
+  trial.features = {3, [](const InputJet* a, InputJet* f) {
+                      f[0] = a[0];
+                      f[1] = sin(M_PI * a[1]);
+                      f[2] = cos(M_PI * a[1]);
+                    }};
   trial.boundary_values = [](const InputJet* a, InputJet* g) {
     g[0] = g[1] = sin(M_PI * a[1]);
   };
@@ -154,8 +153,8 @@ TEST(TrialFunction, DerivativesAreDifferencesOfItsValues) {
 TEST(TrialFunction, NamesPointAndDerivativeOutsideADomain) {
   TrialFunction trial;
   trial.derivatives = Set({"x"});
-  trial.num_features = 1;
-  trial.features = [](const InputJet* a, InputJet* f) { f[0] = sqrt(a[1]); };
+  trial.features = {1,
+                    [](const InputJet* a, InputJet* f) { f[0] = sqrt(a[1]); }};
   trial.boundary_values = [](const InputJet* a, InputJet* g) {
     g[0] = log(a[0]);
   };

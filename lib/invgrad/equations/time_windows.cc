@@ -97,6 +97,10 @@ bool SolveInWindows(const std::vector<double>& times,
     solutions->equations.push_back(equation);
     solutions->weights.push_back(run.weights);
     solutions->runs.push_back(std::move(run));
+    if (solutions->runs.back().summary.termination_type ==
+        ceres::USER_SUCCESS) {
+      return true;
+    }
     window = {times[k],
               times[k],
               EndOf(equation, solutions->weights.back(), window.end)};

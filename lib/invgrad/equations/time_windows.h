@@ -31,11 +31,6 @@ struct TimeWindow {
   // u at its beginning, as a function of the point (t, x, ..), whose t it does
   // not read.
   InputFunction start;
-
-  // t from [begin, end] to [-1, 1], a feature.
-  InputJet Scaled(const InputJet& t) const {
-    return (2.0 * t - (begin + end)) / (end - begin);
-  }
 };
 
 // The equation in a window. Its trial function has u = start where t = begin.
@@ -56,8 +51,9 @@ struct WindowSolutions {
 
 // Trains each window by `method` with the same options; a budget in seconds is
 // that of a window. times: at least two, ascending (CHECKed). Batches are all
-// points. Returns false, with *error, if a window cannot be trained or diverges;
-// the windows before it are then in *solutions.
+// points. A callback that ends the training of a window successfully leaves out
+// those after it. Returns false, with *error, if a window cannot be trained or
+// diverges; the windows before it are then in *solutions.
 bool SolveInWindows(const std::vector<double>& times,
                     const InputFunction& start,
                     const MakeWindowEquation& make_equation,

@@ -39,7 +39,8 @@ bool EvaluateJets(const DerivativeSet& set,
 }  // namespace
 
 int TrialFunction::NumInputs() const {
-  return features == nullptr ? derivatives->num_variables() : num_features;
+  return features.function == nullptr ? derivatives->num_variables()
+                                      : features.size;
 }
 
 int TrialFunction::ConditionSize() const {
@@ -49,9 +50,14 @@ int TrialFunction::ConditionSize() const {
 bool TrialFunction::Inputs(const MatrixXd& points,
                            MatrixXd* inputs,
                            std::string* error) const {
-  if (features != nullptr) {
-    return EvaluateJets(
-        *derivatives, "feature", num_features, features, points, inputs, error);
+  if (features.function != nullptr) {
+    return EvaluateJets(*derivatives,
+                        "feature",
+                        features.size,
+                        features.function,
+                        points,
+                        inputs,
+                        error);
   }
   *inputs = derivatives->InputJets(points);
   return true;
@@ -105,9 +111,9 @@ void EvaluateTrialFunction(const TrialFunction& trial,
   const Index T = set.num_channels();
   const Index num_functions = trial.num_functions;
   std::vector<InputJet> features(point, point + set.num_variables());
-  if (trial.features != nullptr) {
-    features.resize(trial.num_features);
-    trial.features(point, features.data());
+  if (trial.features.function != nullptr) {
+    features.resize(trial.features.size);
+    trial.features.function(point, features.data());
   }
   // A sample with a column a channel.
   MatrixXd inputs = MatrixXd::Zero(static_cast<Index>(features.size()), T);

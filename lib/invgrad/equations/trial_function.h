@@ -5,10 +5,9 @@
 //
 // Where d is zero, u = g for any weights: initial and boundary values without a
 // term in the loss [1]. A d with a double zero fixes the first derivative, too.
-// Features phi make u periodic (sin and cos of the coordinate's angle), even or
-// odd, or resolve many scales (Fourier features).
+// Features phi make u periodic, even or odd, or resolve many scales (features.h).
 //
-// Shapes:  a: d coordinates;  phi: num_features;  u, g, d, N: num_functions;
+// Shapes:  a: d coordinates;  phi: features.size;  u, g, d, N: num_functions;
 //          all as jets of T channels (derivative_set.h), d entry by entry.
 //          In a DataSet, inputs are the jets of phi, and contexts begin with the
 //          jets of g and d (ConditionSize() rows).
@@ -26,6 +25,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/derivative_set.h"
+#include "invgrad/equations/features.h"
 #include "invgrad/equations/input_jet.h"
 
 namespace invgrad {
@@ -33,9 +33,7 @@ namespace invgrad {
 struct TrialFunction {
   std::shared_ptr<const DerivativeSet> derivatives;
   int num_functions = 1;
-  // Null: the coordinates.
-  InputFunction features;
-  int num_features = 0;
+  Features features;  // none: the coordinates
   // Both null: u = N.
   InputFunction boundary_values;  // g
   InputFunction distance;         // d
