@@ -137,15 +137,15 @@ TEST(AllenCahn, ReferenceIsFarBelowThePublishedErrors) {
   points << 0.025, 0.1, 0.5, 1.0, 1.0, 0.3,  //
       0.99, 1.0, 0.5, 0.55, 0.0, 0.47;
   const VectorXd u = evolution.SolveByModes(AllenCahnPinn::StartMode, points);
-  evolution.num_cells *= 2;
-  evolution.time_step *= 0.5;
-  const VectorXd finer =
+  evolution.num_cells /= 2;
+  evolution.time_step *= 2.0;
+  const VectorXd coarser =
       evolution.SolveByModes(AllenCahnPinn::StartMode, points);
-  EXPECT_LT((finer - u).cwiseAbs().maxCoeff(), 1e-10);
+  EXPECT_LT((coarser - u).cwiseAbs().maxCoeff(), 1e-10);
   // A second way, without the modes: at x = 1 of order N^-2, elsewhere more.
   const VectorXd by_values = evolution.Solve(
       [](double x) { return x * x * std::cos(M_PI * x); }, points);
-  EXPECT_LT((by_values - u).cwiseAbs().maxCoeff(), 3e-6);
+  EXPECT_LT((by_values - u).cwiseAbs().maxCoeff(), 2e-5);
   EXPECT_NEAR(by_values[2], u[2], 1e-10);
   EXPECT_NEAR(by_values[3], u[3], 1e-10);
 }

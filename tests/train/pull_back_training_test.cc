@@ -118,6 +118,7 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
                        std::make_unique<ChainPullBack>(
                            problem.model.get(), problem.inverse, options),
                        rule,
+                       problem.model.get(),
                        &data);
     const Eigen::VectorXd start = InitialWeights(problem);
     Eigen::VectorXd weights = start;
