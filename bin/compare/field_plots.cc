@@ -161,12 +161,17 @@ void AddFunctionPanels(const std::string& title,
   const VectorXd& reference = truth == nullptr ? function : *truth;
   Plot& panel = picture->panels.emplace_back(
       FieldPlot(ShortTitle(title), rows, function, reference));
-  panel.equal_aspect = false;
+  const auto label = [](Plot* plot) {
+    plot->equal_aspect = false;
+    plot->x_label = "second coordinate, point";
+    plot->y_label = "first coordinate, point";
+  };
+  label(&panel);
   if (truth == nullptr) return;
   const VectorXd error = (function - *truth).cwiseAbs();
   Plot& of_error =
       picture->panels.emplace_back(FieldPlot("|u - u*|", rows, error, error));
-  of_error.equal_aspect = false;
+  label(&of_error);
   of_error.heat_map->log_z = true;
   // Where u holds exactly, the error is rounding.
   of_error.heat_map->z_range = {1e-4 * error.maxCoeff(), error.maxCoeff()};
