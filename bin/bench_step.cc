@@ -16,7 +16,7 @@
 // SVD, from the dense J) to d:
 //
 //   gram, svd        the routes of spectral_step.h, with a rule's tolerances
-//   loo, loo_32      leave_one_out.h for one filter: all samples, and 32 of them
+//   loo, loo_32      leave_one_out.h for one filter: all samples, and 32
 //   loo_32x18        32 samples for 18 filters
 //   parameter_gram   J^T J alone, from the factors
 //   golub_kahan      golub_kahan.h, with --truncation=1e-3 or more

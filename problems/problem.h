@@ -64,8 +64,8 @@ struct Metric {
   std::optional<double> floor = std::nullopt;
 };
 
-// A function of two coordinates that the network represents, at the test data: a
-// grid whose first coordinate is constant in a row.
+// A function of two coordinates that the network represents, at the test data:
+// a grid whose first coordinate is constant in a row.
 struct FunctionOnGrid {
   int rows = 0;
   Eigen::VectorXd truth;  // row by row

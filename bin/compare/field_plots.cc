@@ -24,8 +24,8 @@ std::string ShortTitle(const std::string& label) {
                                    : label.substr(0, kMaxTitle - 3) + "...";
 }
 
-// At most kMaxNumRuns, from the lowest metric or, without one, the lowest loss; a
-// value that is not a number is last.
+// At most kMaxNumRuns, from the lowest metric or, without one, the lowest loss;
+// a value that is not a number is last.
 std::vector<const LearningRunResult*> BestRuns(
     const LearningProblem& problem,
     std::vector<const LearningRunResult*> runs) {

@@ -25,24 +25,24 @@ Plot FieldPlot(const std::string& title,
 bool HasFields(const LearningProblem& problem);
 
 // The fields of the first test sample: the network's input, unless it is y*; y*
-// and x*; then P(x) and x of `initial_weights` and of at most six runs, from the
-// lowest metric or, without one, the lowest loss.
+// and x*; then P(x) and x of `initial_weights` and of at most six runs, from
+// the lowest metric or, without one, the lowest loss.
 Picture FieldsPicture(const LearningProblem& problem,
                       const std::string& path_png,
                       const Eigen::VectorXd& initial_weights,
                       const std::vector<const LearningRunResult*>& runs);
 
-// Adds the panel of a function of two coordinates, `rows` rows, row by row, in the
-// colours of `truth`, and the panel of its error. Null: the function is the true
-// one.
+// Adds the panel of a function of two coordinates, `rows` rows, row by row, in
+// the colours of `truth`, and the panel of its error. Null: the function is the
+// true one.
 void AddFunctionPanels(const std::string& title,
                        int rows,
                        const Eigen::VectorXd& function,
                        const Eigen::VectorXd* truth,
                        Picture* picture);
 
-// A function of two coordinates (problem.function_on_grid): the true one, then the
-// function and its error of at most six runs, chosen in the same way.
+// A function of two coordinates (problem.function_on_grid): the true one, then
+// the function and its error of at most six runs, chosen in the same way.
 Picture FunctionPicture(const LearningProblem& problem,
                         const std::string& path_png,
                         const std::vector<const LearningRunResult*>& runs);

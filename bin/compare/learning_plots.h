@@ -23,8 +23,8 @@
 
 namespace invgrad {
 
-// `tracked_sample`: -1 if there is none. `initial_weights`: of one of the seeds.
-// `runs`: one a method.
+// `tracked_sample`: -1 if there is none. `initial_weights`: of one of the
+// seeds. `runs`: one a method.
 std::vector<Picture> LearningPictures(
     const LearningProblem& problem,
     const std::string& directory,

@@ -173,9 +173,9 @@ int RunProgram(int argc,
                const std::string& usage,
                bool (*run)(RunCounts* counts, std::string* error)) {
   UseProcessorsKernels(argv);
-  // By default glibc returns the memory of large arrays to the system, and clears
-  // it again, at every step: a fifth of the time of a physics-informed network,
-  // half of that of a U-net.
+  // By default glibc returns the memory of large arrays to the system, and
+  // clears it again, at every step: a fifth of the time of a physics-informed
+  // network, half of that of a U-net.
   mallopt(M_MMAP_MAX, 0);
   mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
   std::atexit(CheckOutput);

@@ -47,8 +47,8 @@ bool SetNetwork(const NetworkSettings& settings,
 
 NetworkSettings NetworkOfFlags();
 
-// "20-20-20": replaces the hidden layers of `widths`, unless the text is empty. A
-// network's weights are numbered by an int.
+// "20-20-20": replaces the hidden layers of `widths`, unless the text is empty.
+// A network's weights are numbered by an int.
 bool ParseWidths(const std::string& text,
                  std::vector<int>* widths,
                  std::string* error);

@@ -5,8 +5,8 @@
 //
 //   build/release/bin/10_differential_equation
 //
-// It writes 10_differential_equation.txt. docs/tutorials/10_differential_equation.md
-// explains each part.
+// It writes 10_differential_equation.txt.
+// docs/tutorials/10_differential_equation.md explains each part.
 
 #include <algorithm>
 #include <cmath>

@@ -34,8 +34,8 @@ DEFINE_int32(steps, 300, "iterations");
 namespace {
 
 // [equation]
-// Burgers' equation, u_t + u u_x = nu u_xx. The inputs are u and the derivatives
-// that are stated below, then the coefficients.
+// Burgers' equation, u_t + u u_x = nu u_xx. The inputs are u and the
+// derivatives that are stated below, then the coefficients.
 struct Burgers {
   template <typename T>
   bool operator()(const T* u, T* y) const {

@@ -2,34 +2,36 @@
 //
 //   u_t = D u_xx + 5 (u - u^3),   u(0, x) = x^2 cos(pi x),   periodic in x
 //
-// on 0 <= t <= 1, -1 <= x <= 1. Fronts of width sqrt(2 D / 5) form. The solution
-// is even in x: the network solves 0 <= x <= 1, where u_x(t, 0) = u_x(t, 1) = 0.
+// on 0 <= t <= 1, -1 <= x <= 1. Fronts of width sqrt(2 D / 5) form. The
+// solution is even in x: the network solves 0 <= x <= 1, where u_x(t, 0) =
+// u_x(t, 1) = 0.
 //
-// The initial value has the slope -2 at x = 1, so that u_xx is singular at (0, 1):
-// a layer of width sqrt(D t) takes the slope to zero. There u + 1 is small, decays
-// with exp(-10 t), and diffuses as heat does: with z = 1 - x, s = sqrt(4 D t),
+// The initial value has the slope -2 at x = 1, so that u_xx is singular at
+// (0, 1): a layer of width sqrt(D t) takes the slope to zero. There u + 1 is
+// small, decays with exp(-10 t), and diffuses as heat does: with z = 1 - x,
+// s = sqrt(4 D t),
 //
 //   u = -1 + exp(-10 t) (2 z + 2 w) + O(z^2),
 //   w_t = D w_zz,   w_z(t, 0) = -1,   w(0, z) = 0
-//   w = s / sqrt(pi) exp(-z^2 / s^2) - z erfc(z / s)                          [1]
+//   w = s / sqrt(pi) exp(-z^2 / s^2) - z erfc(z / s)                        [1]
 //
-// The initial value and the layer hold exactly; cos(pi x) as the only feature of x
-// makes N even and N_x zero at x = 1:
+// The initial value and the layer hold exactly; cos(pi x) as the only feature
+// of x makes N even and N_x zero at x = 1:
 //
 //   u = -1 + exp(-10 t) (x^2 cos(pi x) + 1 + 2 w) + t N(2 t - 1, cos(pi x))
 //
 // Shapes:  network 2-20-20-20-20-1, tanh: 1,341 weights; x: N, N_t, N_xx, N_x.
-// Data:    Gauss points, rows (t, x, weight), in three panels of x: half of them
-//          around the front at x = 1/2. All are one batch. For testing a grid of 40
-//          x 201 points without t = 0, where u is exact.
+// Data:    Gauss points, rows (t, x, weight), in three panels of x: half of
+//          them around the front at x = 1/2. All are one batch. For testing a
+//          grid of 40 x 201 points without t = 0, where u is exact.
 // Metric:  L2_error, relative. By symmetry it is that of -1 <= x <= 1.
 // Facts:   the solution by ETDRK4 (periodic_evolution.h), with an error below
-//          1e-10. Published, D = 1e-4: L2 error 9.4e-7 with 2,019 weights (arXiv
-//          2501.16371), 3.5e-6 with some 500,000 (arXiv 2502.00604).
-// Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks. J.
-//          Comput. Phys. 378 (2019), with D = 1e-4.
-//          [1] Carslaw, Jaeger. Conduction of heat in solids. 1959, section 2.9:
-//          constant flux at the end of a half-line.
+//          1e-10. Published, D = 1e-4: L2 error 9.4e-7 with 2,019 weights
+//          (arXiv 2501.16371), 3.5e-6 with some 500,000 (arXiv 2502.00604).
+// Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks.
+//          J. Comput. Phys. 378 (2019), with D = 1e-4.
+//          [1] Carslaw, Jaeger. Conduction of heat in solids. 1959, section
+//          2.9: constant flux at the end of a half-line.
 #ifndef PROBLEMS_EQUATIONS_ALLEN_CAHN_H_
 #define PROBLEMS_EQUATIONS_ALLEN_CAHN_H_
 

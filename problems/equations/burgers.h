@@ -3,8 +3,8 @@
 //   u_t + u u_x = nu u_xx,   u(0, x) = -sin(pi x),   u(t, -1) = u(t, 1) = 0
 //
 // on 0 <= t <= 1, -1 <= x <= 1. The solution is odd in x, and steepens to a
-// front of width nu at x = 0. The network solves the half x >= 0, where u(t, 0) =
-// 0; initial and boundary values hold exactly,
+// front of width nu at x = 0. The network solves the half x >= 0, where u(t, 0)
+// = 0; initial and boundary values hold exactly,
 //
 //   u = -sin(pi x) + 4 t x (1 - x) N(2 t - 1, 2 x - 1)
 //
@@ -18,8 +18,8 @@
 //          nu = 0.01: L2 error 3.9e-7 in 15.6 s on an H100, 1.9e-12 in 144 s
 //          with 5,125 weights (arXiv 2607.02194); nu = 0.01 / pi: 1.6e-8 with
 //          3,021 weights (arXiv 2501.16371).
-// Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks. J.
-//          Comput. Phys. 378 (2019), with nu = 0.01 / pi.
+// Source:  Raissi, Perdikaris, Karniadakis. Physics-informed neural networks.
+//          J. Comput. Phys. 378 (2019), with nu = 0.01 / pi.
 #ifndef PROBLEMS_EQUATIONS_BURGERS_H_
 #define PROBLEMS_EQUATIONS_BURGERS_H_
 
@@ -61,8 +61,8 @@ struct BurgersPinn {
 
   static double Solution(double nu, double t, double x) {
     if (t == 0.0) return -std::sin(M_PI * x);
-    // Beyond the limit the integrand is below e^-45 of its largest value, because
-    // the cosine's part is at least exp(-1 / (pi nu)).
+    // Beyond the limit the integrand is below e^-45 of its largest value,
+    // because the cosine's part is at least exp(-1 / (pi nu)).
     constexpr int kNumIntervals = 1500;
     const double limit = std::sqrt(45.0 + 1.0 / (M_PI * nu));
     const double width = 2.0 * std::sqrt(nu * t);

@@ -1,7 +1,8 @@
 // A differential equation with a known solution as a learning problem.
 //
-// Data:    the points of the equation, rows (coordinates, weight); those of other
-//          terms stay. All are one batch. For testing a grid with its faces.
+// Data:    the points of the equation, rows (coordinates, weight); those of
+//          other terms stay. All are one batch. For testing a grid with its
+//          faces.
 // Metric:  L2_error, |u - u*|_2 / |u*|_2 over the points for testing.
 #ifndef PROBLEMS_EQUATIONS_EQUATION_PROBLEM_H_
 #define PROBLEMS_EQUATIONS_EQUATION_PROBLEM_H_
@@ -34,7 +35,8 @@ struct EquationProblem {
   // u* of the first function at a point, or at points, one a column.
   std::function<double(const Eigen::VectorXd& point)> solution;
   std::function<Eigen::VectorXd(const Eigen::MatrixXd& points)> solution_at;
-  // The grid for testing: points a coordinate, and its box, if it is another one.
+  // The grid for testing: points a coordinate, and its box, if it is another
+  // one.
   std::vector<int> test_counts;
   std::optional<Box> test_box;
 };

@@ -1,5 +1,5 @@
-// The problems that are equations of evolution, for solutions in windows of time
-// (time_windows.h).
+// The problems that are equations of evolution, for solutions in windows of
+// time (time_windows.h).
 #ifndef PROBLEMS_EQUATIONS_EVOLUTIONS_H_
 #define PROBLEMS_EQUATIONS_EVOLUTIONS_H_
 

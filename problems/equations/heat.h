@@ -6,15 +6,16 @@
 //
 //   u = sin(pi x) + 4 t x (1 - x) N(2 t - 1, 2 x - 1)
 //
-// Shapes:  network 2-64-1, tanh: 257 weights, as in the source; x: N, N_t, N_xx,
-//          N_x.
+// Shapes:  network 2-64-1, tanh: 257 weights, as in the source; x: N, N_t,
+//          N_xx, N_x.
 // Data:    Gauss points, rows (t, x, weight); all are one batch. For testing a
 //          grid of 41 x 41 points with its faces.
 // Metric:  L2_error, relative.
 // Facts:   u = exp(-pi^2 t / 4) sin(pi x). Published: L2 error 2.7e-8 by ENGD,
 //          1,000 s on a GPU, with the conditions as terms of the loss.
 // Source:  Dangel, Mueller, Zeinhofer. Kronecker-Factored Approximate Curvature
-//          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv 2405.15603.
+//          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv
+//          2405.15603.
 #ifndef PROBLEMS_EQUATIONS_HEAT_H_
 #define PROBLEMS_EQUATIONS_HEAT_H_
 

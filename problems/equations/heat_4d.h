@@ -3,20 +3,22 @@
 //   u_t = 1/4 Lap u on 0 <= t <= 1, 0 <= x_i <= 1
 //   u(0, x) = sum_i sin(2 x_i), and u given at x_i = 0 and 1
 //
-// The initial value holds exactly, the values at the faces are a term of the loss
-// beside the equation:
+// The initial value holds exactly, the values at the faces are a term of the
+// loss beside the equation:
 //
 //   u = sum_i sin(2 x_i) + t N(2 t - 1, 2 x - 1)
 //
-// Shapes:  network 5-64-1, tanh: 449 weights, as in the source; x: N, N_t, Lap N,
-//          N_i.
-// Data:    a low-discrepancy sequence, rows (t, x, weight), and one on each face;
-//          all are one batch. For testing a grid of 5^5 points with its faces.
+// Shapes:  network 5-64-1, tanh: 449 weights, as in the source; x: N, N_t, Lap
+//          N, N_i.
+// Data:    a low-discrepancy sequence, rows (t, x, weight), and one on each
+//          face; all are one batch. For testing a grid of 5^5 points with its
+//          faces.
 // Metric:  L2_error, relative.
-// Facts:   u = exp(-t) sum_i sin(2 x_i). Published: L2 error 7.4e-7 by ENGD, 3,000
-//          s on a GPU, with all conditions as terms of the loss.
+// Facts:   u = exp(-t) sum_i sin(2 x_i). Published: L2 error 7.4e-7 by ENGD,
+//          3,000 s on a GPU, with all conditions as terms of the loss.
 // Source:  Dangel, Mueller, Zeinhofer. Kronecker-Factored Approximate Curvature
-//          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv 2405.15603.
+//          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv
+//          2405.15603.
 #ifndef PROBLEMS_EQUATIONS_HEAT_4D_H_
 #define PROBLEMS_EQUATIONS_HEAT_4D_H_
 

@@ -1,4 +1,5 @@
-// The Helmholtz equation in two dimensions, solved by a physics-informed network.
+// The Helmholtz equation in two dimensions, solved by a physics-informed
+// network.
 //
 //   Lap u + k^2 u = q on -1 <= x, y <= 1,   u = 0 at the boundary
 //   q such that u = sin(a_1 pi x) sin(a_2 pi y)
@@ -10,8 +11,8 @@
 //          grid of 101 x 101 points with its faces.
 // Metric:  L2_error, relative.
 // Source:  Wang, Teng, Perdikaris. Understanding and mitigating gradient flow
-//          pathologies in physics-informed neural networks. SIAM J. Sci. Comput.
-//          43 (2021), section 4.1: k = 1, a = (1, 4), by Adam.
+//          pathologies in physics-informed neural networks. SIAM J. Sci.
+//          Comput. 43 (2021), section 4.1: k = 1, a = (1, 4), by Adam.
 #ifndef PROBLEMS_EQUATIONS_HELMHOLTZ_H_
 #define PROBLEMS_EQUATIONS_HELMHOLTZ_H_
 

@@ -2,15 +2,16 @@
 //
 //   u_t + u u_x + mu^2 u_xxx = 0,   u(0, x) = cos(pi x),   periodic in x
 //
-// on 0 <= t <= 1, -1 <= x <= 1. The wave steepens, and breaks up into a train of
-// solitons [1]. The network is periodic, and satisfies the initial value exactly,
+// on 0 <= t <= 1, -1 <= x <= 1. The wave steepens, and breaks up into a train
+// of solitons [1]. The network is periodic, and satisfies the initial value
+// exactly,
 //
 //   u = cos(pi x) + t N(2 t - 1, cos(pi (x + 1)), sin(pi (x + 1)))
 //
-// Shapes:  network 3-30-30-30-1, tanh: 2,011 weights; x: N and its derivatives t,
-//          x, xxx, xx, in this order.
-// Data:    Gauss points in t, equidistant ones in x, rows (t, x, weight); all are
-//          one batch. For testing a grid of 41 x 201 points with its faces.
+// Shapes:  network 3-30-30-30-1, tanh: 2,011 weights; x: N and its derivatives
+//          t, x, xxx, xx, in this order.
+// Data:    Gauss points in t, equidistant ones in x, rows (t, x, weight); all
+//          are one batch. For testing a grid of 41 x 201 points with its faces.
 // Metric:  L2_error, relative.
 // Facts:   the solution by ETDRK4 (periodic_evolution.h), with an error below
 //          2e-9. Published, mu^2 = 4.84e-4: L2 error 3.4e-4 with some 500,000

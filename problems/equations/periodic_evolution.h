@@ -1,5 +1,5 @@
-// The solution of an equation that is first order in time and periodic in space,
-// as reference for networks.
+// The solution of an equation that is first order in time and periodic in
+// space, as reference for networks.
 //
 //   u_t = A u + d^p/dx^p f(u),   p = 0 or 1,   u(t, x + 2) = u(t, x)
 //
@@ -13,8 +13,9 @@
 //          smooth. Halve h and double N to see them.
 // Fails:   never; values that are not finite propagate.
 //
-// [1] Kassam, Trefethen. Fourth-order time-stepping for stiff PDEs. SIAM J. Sci.
-//     Comput. 26 (2005), equations 2.5 and 26 to 29 of Cox and Matthews (2002).
+// [1] Kassam, Trefethen. Fourth-order time-stepping for stiff PDEs. SIAM J.
+//     Sci. Comput. 26 (2005), equations 2.5 and 26 to 29 of Cox and Matthews
+//     (2002).
 #ifndef PROBLEMS_EQUATIONS_PERIODIC_EVOLUTION_H_
 #define PROBLEMS_EQUATIONS_PERIODIC_EVOLUTION_H_
 
@@ -36,7 +37,8 @@ struct PeriodicEvolution {
   Eigen::VectorXd Solve(const std::function<double(double x)>& start,
                         const Eigen::MatrixXd& points) const;
   // For u(0, x) = sum_m U_m exp(i pi m x), U_m = start(m), U_-m = conj(U_m). A
-  // start with a kink is known better by its modes than by its values on a grid.
+  // start with a kink is known better by its modes than by its values on a
+  // grid.
   Eigen::VectorXd SolveByModes(
       const std::function<std::complex<double>(int m)>& start,
       const Eigen::MatrixXd& points) const;

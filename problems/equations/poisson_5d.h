@@ -1,18 +1,21 @@
-// The Poisson equation in five dimensions, solved by a physics-informed network.
+// The Poisson equation in five dimensions, solved by a physics-informed
+// network.
 //
 //   -Lap u = pi^2 sum_i cos(pi x_i) on 0 <= x_i <= 1, u given at the faces
 //
 // The values at the faces are a term of the loss beside the equation; no
 // condition holds exactly: u = N(2 x - 1).
 //
-// Shapes:  network 5-64-1, tanh: 449 weights, as in the source; x: N, Lap N, N_i.
-// Data:    a low-discrepancy sequence, rows (x, weight), and one on each face; all
-//          are one batch. For testing a grid of 5^5 points with its faces.
+// Shapes:  network 5-64-1, tanh: 449 weights, as in the source; x: N, Lap N,
+//          N_i.
+// Data:    a low-discrepancy sequence, rows (x, weight), and one on each face;
+//          all are one batch. For testing a grid of 5^5 points with its faces.
 // Metric:  L2_error, relative.
-// Facts:   u = sum_i cos(pi x_i). Published: L2 error 5.6e-8 by ENGD, 3,000 s on a
-//          GPU.
+// Facts:   u = sum_i cos(pi x_i). Published: L2 error 5.6e-8 by ENGD, 3,000 s
+//          on a GPU.
 // Source:  Dangel, Mueller, Zeinhofer. Kronecker-Factored Approximate Curvature
-//          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv 2405.15603.
+//          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv
+//          2405.15603.
 #ifndef PROBLEMS_EQUATIONS_POISSON_5D_H_
 #define PROBLEMS_EQUATIONS_POISSON_5D_H_
 

@@ -24,7 +24,8 @@ namespace invgrad {
 
 constexpr int kNumSamples = 10;
 
-// "oscillator_chain" -> "oscillator_chain:num_samples=8". A point problem stays.
+// "oscillator_chain" -> "oscillator_chain:num_samples=8". A point problem
+// stays.
 inline std::string SmallProblem(std::string problem) {
   // Tutorial 1 lets the reader add this one.
   problem =
@@ -48,7 +49,8 @@ inline std::string SmallProblem(std::string problem) {
   return problem;
 }
 
-// Batches of 2^k samples become batches of k: small, and as different as before.
+// Batches of 2^k samples become batches of k: small, and as different as
+// before.
 inline std::string WithSmallBatches(const std::string& text) {
   const std::regex batch_size("batch_size=([1-9][0-9]*)");
   std::string small;

@@ -47,8 +47,8 @@ struct StepResidual {
   }
 };
 
-// A residual that is 9 times as large where t > 1/2 has (1 + 9 / 5) / (1 + 1 / 5)
-// = 7/3 times as many points there.
+// A residual that is 9 times as large where t > 1/2 has (1 + 9 / 5) / (1 + 1 /
+// 5) = 7/3 times as many points there.
 TEST(RenewedPoints, FollowTheResidual) {
   Equation step = DecayEquation(1.0);
   step.terms[0].residual =

@@ -4,13 +4,13 @@
 //   L = sum_r L_r,   gradient and Hessian likewise,   g = [g_r],   J = [J_r]
 //
 // Cost, gradient, g, products with H_L and J and the loss on a curve of outputs
-// are the same on all ranks, and so are the steps that a rule computes from them.
-// They are those of one process up to rounding, and for a given number of ranks
-// the same bits in every run.
+// are the same on all ranks, and so are the steps that a rule computes from
+// them. They are those of one process up to rounding, and for a given number of
+// ranks the same bits in every run.
 //
-// Cost:    a rank sends 2 (1 + n) numbers for a gradient, and for a Jacobian its
-//          rows of g N - 1 times; see distributed_jacobian.h. For a point of a
-//          curve of outputs, 3 numbers N - 1 times.
+// Cost:    a rank sends 2 (1 + n) numbers for a gradient, and for a Jacobian
+//          its rows of g N - 1 times; see distributed_jacobian.h. For a point
+//          of a curve of outputs, 3 numbers N - 1 times.
 // Fails:   on all ranks, with the message of the first rank that fails.
 #ifndef INVGRAD_DISTRIBUTED_DISTRIBUTED_OBJECTIVE_H_
 #define INVGRAD_DISTRIBUTED_DISTRIBUTED_OBJECTIVE_H_
@@ -49,7 +49,8 @@ class DistributedObjective final : public BatchObjective {
   DataSet OwnPiece(const DataSet& batch) const;
   // The rows of all ranks, for those of this rank's samples.
   Eigen::VectorXd GatherRows(const Eigen::VectorXd& own, int num_samples) const;
-  // Completes the linearization of this rank's share; `ok`: whether it succeeded.
+  // Completes the linearization of this rank's share; `ok`: whether it
+  // succeeded.
   bool Combine(bool ok,
                int num_samples,
                const LinearizationParts& parts,

@@ -41,8 +41,8 @@ bool CheckMemory(const TrialFunction& trial,
       error);
 }
 
-// Writes the samples of term k to the columns first, first + 1, ..; `scale`: y =
-// sqrt(scale w_s) R_k.
+// Writes the samples of term k to the columns first, first + 1, ..; `scale`: y
+// = sqrt(scale w_s) R_k.
 bool WriteTerm(const Equation& equation,
                int k,
                const QuadraturePoints& points,

@@ -3,19 +3,20 @@
 //
 //   minimize  L = sum_k weight_k 1/2 mean R_k(D u, p; c)^2,   u = g + d N
 //
-// Each term k has its own points: the equation inside the domain, a condition at
-// the boundary that g and d do not satisfy exactly, measurements of u. Where g
-// and d do, there is no term.
+// Each term k has its own points: the equation inside the domain, a condition
+// at the boundary that g and d do not satisfy exactly, measurements of u. Where
+// g and d do, there is no term.
 //
 // A sample of the model is a point with a quadrature weight w_s of its term:
 //
-//   y = sqrt(weight_k w_s N) R_k,   L = 1 / N sum_s 1/2 |y_s|^2,   sum_s w_s = 1
+//   y = sqrt(weight_k w_s N) R_k,   L = 1 / N sum_s 1/2 |y_s|^2
+//   sum_s w_s = 1 for each term
 //
 // Shapes:  a: d coordinates;  u: trial.num_functions;  p: coefficients.
 // Cost:    equation_simulator.h; the samples hold their jets.
-// Fails:   EquationSamples returns false, with *error, where a feature, g or d is
-//          not finite, or if there is too little memory. Sizes that do not fit
-//          are CHECKed.
+// Fails:   EquationSamples returns false, with *error, where a feature, g or d
+//          is not finite, or if there is too little memory. Sizes that do not
+//          fit are CHECKed.
 //
 // [1] Raissi, Perdikaris, Karniadakis. Physics-informed neural networks. J.
 //     Comput. Phys. 378 (2019).
@@ -41,7 +42,8 @@ struct EquationTerm {
   std::shared_ptr<const Simulator> residual;  // R_k
   QuadraturePoints points;
   double weight = 1.0;
-  // c at column s of the points, which has measurements, say; null: R_k has none.
+  // c at column s of the points, which has measurements, say; null: R_k has
+  // none.
   std::function<void(const Eigen::VectorXd& point,
                      Eigen::Index s,
                      Eigen::Ref<Eigen::VectorXd> c)>

@@ -4,8 +4,8 @@
 //   r = y(theta, p) / sqrt(N),   1/2 |r|^2 = L(theta, p)        (equation.h)
 //
 // The network's weights theta are the blocks of Network::WeightBlocks (the
-// neurons); each coefficient p_i is a block of its own, which can have bounds, a
-// manifold, be constant, or be shared with other residual blocks.
+// neurons); each coefficient p_i is a block of its own, which can have bounds,
+// a manifold, be constant, or be shared with other residual blocks.
 //
 // Cost:    J is formed: N |y| (n + |p|) numbers.
 // Fails:   Evaluate returns false where the model does.
@@ -37,8 +37,8 @@ class EquationCostFunction final : public ceres::CostFunction {
 };
 
 // Adds the terms of the equation. `weights`, of the network of
-// EquationModel(*equation), and equation->coefficients must outlive the problem.
-// Returns false, with *error, if the samples have no finite values.
+// EquationModel(*equation), and equation->coefficients must outlive the
+// problem. Returns false, with *error, if the samples have no finite values.
 bool AddEquationToProblem(Equation* equation,
                           Eigen::VectorXd* weights,
                           ceres::Problem* problem,

@@ -3,14 +3,15 @@
 //
 //   y = w R_k(D u, p; c),   u = g + d N,   x = (N, D_1 N, .., D_{T-1} N)
 //
-// k is the term that a sample belongs to: the equation inside, a condition at the
-// boundary, a measurement. p are the coefficients of the equation, the same at
-// all samples; they are parameters of equation_cost.h, and constants elsewhere.
+// k is the term that a sample belongs to: the equation inside, a condition at
+// the boundary, a measurement. p are the coefficients of the equation, the same
+// at all samples; they are parameters of equation_cost.h, and constants
+// elsewhere.
 //
-// A residual R_k is a simulator of u and its stated derivatives alone, most often
-// a functor (autodiff_simulator.h). Its input is u, then the derivatives in the
-// order of the words (derivative_set.h); of several functions u, v all values
-// first, then all first words, and so on; then p.
+// A residual R_k is a simulator of u and its stated derivatives alone, most
+// often a functor (autodiff_simulator.h). Its input is u, then the derivatives
+// in the order of the words (derivative_set.h); of several functions u, v all
+// values first, then all first words, and so on; then p.
 //
 // Shapes:  x: |u| T;  input of R_k: |u| (1 + number of words) + |p|;
 //          y: the outputs of the largest R_k, the others followed by zeros;
@@ -31,8 +32,8 @@
 
 namespace invgrad {
 
-// The rows of a sample's context: the jets of g and d, if the trial function has
-// conditions, then w, k, the point, p and c.
+// The rows of a sample's context: the jets of g and d, if the trial function
+// has conditions, then w, k, the point, p and c.
 struct EquationContext {
   EquationContext() = default;
   EquationContext(const TrialFunction& trial_function,
@@ -76,8 +77,8 @@ class EquationSimulator final : public Simulator {
                     const double* contexts,
                     double* y,
                     double* jacobians) const override;
-  // dy/dp: |y| x |p|, column-major, one sample after the other. Returns the number of
-  // samples before the first that fails.
+  // dy/dp: |y| x |p|, column-major, one sample after the other. Returns the
+  // number of samples before the first that fails.
   int CoefficientJacobians(int count,
                            const double* x,
                            const double* contexts,

@@ -3,9 +3,9 @@
 //   sum_s w_s f(a_s) ~ mean of f over the box,   sum_s w_s = 1
 //
 // Gauss points: tensor products of Gauss-Legendre rules, exact for polynomials
-// of degree 2 k - 1 in each coordinate. A network's residual is smooth: its mean
-// square is then that of the whole box and not of the points alone, which a
-// network can fit in between. They are denser at the faces.
+// of degree 2 k - 1 in each coordinate. A network's residual is smooth: its
+// mean square is then that of the whole box and not of the points alone, which
+// a network can fit in between. They are denser at the faces.
 // A sequence has equal weights: a_s = frac(offset + s alpha), alpha_i = phi^-i
 // with the positive root of phi^(d+1) = phi + 1 [1], for d >= 3.
 //
@@ -33,8 +33,8 @@ struct QuadraturePoints {
 // The rule of `count` nodes on [0, 1].
 QuadraturePoints GaussRule(int count);
 
-// Gauss rules in panels of one coordinate, [ends[i], ends[i + 1]] with counts[i]
-// nodes: dense where a function is steep.
+// Gauss rules in panels of one coordinate, [ends[i], ends[i + 1]] with
+// counts[i] nodes: dense where a function is steep.
 QuadraturePoints GaussPanels(const std::vector<double>& ends,
                              const std::vector<int>& counts);
 
@@ -44,8 +44,8 @@ QuadraturePoints ProductPoints(const std::vector<QuadraturePoints>& rules);
 // counts: Gauss nodes a coordinate.
 QuadraturePoints GaussPoints(const Box& box, const std::vector<int>& counts);
 
-// Of a box of two coordinates: Gauss points in the first, equidistant ones in the
-// second, in which functions are periodic: exact for num_x - 1 waves.
+// Of a box of two coordinates: Gauss points in the first, equidistant ones in
+// the second, in which functions are periodic: exact for num_x - 1 waves.
 QuadraturePoints GaussTimesPeriodic(const Box& box, int num_t, int num_x);
 
 // The points first, first + 1, .. of the sequence.

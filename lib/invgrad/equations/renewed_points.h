@@ -1,5 +1,5 @@
-// Points that are renewed in training: every num_steps steps the first term of an
-// equation has other points.
+// Points that are renewed in training: every num_steps steps the first term of
+// an equation has other points.
 //
 //   sequence     the next N points of the sequence in points.h
 //   by residual  of the next 4 N points, N that are drawn with the density

@@ -2,11 +2,11 @@
 //
 //   u = u_k for t_{k-1} <= t <= t_k,   u_k(t_{k-1}, x) = u_{k-1}(t_{k-1}, x)
 //
-// The first coordinate of a point is the time. At a seam u is continuous exactly,
-// because u_k takes the end of u_{k-1} as its boundary values g (trial_function.h);
-// so are its derivatives in x, and u_t is as continuous as both satisfy the
-// equation. A window is shorter than the whole, so that its network can be
-// smaller, and no later time influences an earlier one.
+// The first coordinate of a point is the time. At a seam u is continuous
+// exactly, because u_k takes the end of u_{k-1} as its boundary values g
+// (trial_function.h); so are its derivatives in x, and u_t is as continuous as
+// both satisfy the equation. A window is shorter than the whole, so that its
+// network can be smaller, and no later time influences an earlier one.
 //
 // Cost:    K trainings; g of window k evaluates the k - 1 networks before it at
 //          each of its points, once.
@@ -42,8 +42,8 @@ struct WindowSolutions {
   std::vector<Eigen::VectorXd> weights;
   std::vector<TrainResult> runs;
 
-  // u at the points (d x N): num_functions x N. A point before t_0 belongs to the
-  // first window, one after t_K to the last one.
+  // u at the points (d x N): num_functions x N. A point before t_0 belongs to
+  // the first window, one after t_K to the last one.
   bool At(const Eigen::MatrixXd& points,
           Eigen::MatrixXd* u,
           std::string* error) const;

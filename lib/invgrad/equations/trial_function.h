@@ -5,12 +5,13 @@
 //
 // Where d is zero, u = g for any weights: initial and boundary values without a
 // term in the loss [1]. A d with a double zero fixes the first derivative, too.
-// Features phi make u periodic, even or odd, or resolve many scales (features.h).
+// Features phi make u periodic, even or odd, or resolve many scales
+// (features.h).
 //
 // Shapes:  a: d coordinates;  phi: features.size;  u, g, d, N: num_functions;
 //          all as jets of T channels (derivative_set.h), d entry by entry.
-//          In a DataSet, inputs are the jets of phi, and contexts begin with the
-//          jets of g and d (ConditionSize() rows).
+//          In a DataSet, inputs are the jets of phi, and contexts begin with
+//          the jets of g and d (ConditionSize() rows).
 // Fails:   where a jet is not finite at a point, with a message that names the
 //          point and the derivative.
 //

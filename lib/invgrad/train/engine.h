@@ -45,9 +45,9 @@ class Engine {
   // all steps.
   virtual StepResult Step(double progress, Eigen::VectorXd* weights) = 0;
 
-  // Reverts the last step, after which the train loss is not finite, or goes back
-  // to a rule's copy of the weights. Returns false, and does nothing, if the
-  // engine does not judge its steps or has nothing to go back to.
+  // Reverts the last step, after which the train loss is not finite, or goes
+  // back to a rule's copy of the weights. Returns false, and does nothing, if
+  // the engine does not judge its steps or has nothing to go back to.
   virtual bool TakeBack(Eigen::VectorXd* /*weights*/) { return false; }
 
   // Resets the weights to the last ones with a finite batch loss.
@@ -79,8 +79,8 @@ class Engine {
 // outlive the engine; the options have initial weights and a batch size >= 0.
 // Returns null, with *error set, for bad input: a batch size out of range, a
 // method that does not fit the model or the data (a trust region without a
-// least-squares loss, supervised training without solutions, ...), or too little
-// memory.
+// least-squares loss, supervised training without solutions, ...), or too
+// little memory.
 std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    std::shared_ptr<UpdateRule> rule,
                                    const Model& model,
@@ -92,14 +92,15 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 //
 //   theta_{k+1} = theta_k + rule(linearization of the objective on batch k)
 //
-// A batch is `batch_size` samples of the data source, or else consecutive samples
-// of an epoch's order (shuffle and seed of the options); an incomplete last batch
-// is left out. A rule that judges its steps (control=gain) receives the cost
-// before and after each step; the engine reverts a step that the rule rejects, or
-// after which the next batch has no finite loss. A rule that judges weights
-// (control=fresh) receives the loss of each batch before its step, if batches
-// differ; the engine copies the weights, and goes back to the copy, as the rule
-// decides. Fails if a batch has no finite loss or the rule has no finite step.
+// A batch is `batch_size` samples of the data source, or else consecutive
+// samples of an epoch's order (shuffle and seed of the options); an incomplete
+// last batch is left out. A rule that judges its steps (control=gain) receives
+// the cost before and after each step; the engine reverts a step that the rule
+// rejects, or after which the next batch has no finite loss. A rule that judges
+// weights (control=fresh) receives the loss of each batch before its step, if
+// batches differ; the engine copies the weights, and goes back to the copy, as
+// the rule decides. Fails if a batch has no finite loss or the rule has no
+// finite step.
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
     const TrainOptions& options,
