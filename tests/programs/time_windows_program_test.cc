@@ -37,7 +37,8 @@ TEST_F(TimeWindowsProgram, WritesSolutionTableAndPicture) {
   }
   Eigen::MatrixXd solution;
   std::string error;
-  ASSERT_TRUE(ReadNpy(Path("run/solution.npy"), -1, 4, &solution, &error)) << error;
+  ASSERT_TRUE(ReadNpy(Path("run/solution.npy"), -1, 4, &solution, &error))
+      << error;
   ASSERT_EQ(solution.rows(), 41 * 101);
   ASSERT_EQ(solution.cols(), 4);
   const double distance = (solution.col(2) - solution.col(3)).norm();

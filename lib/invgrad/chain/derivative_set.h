@@ -82,8 +82,8 @@ class DerivativeSet {
   void MultiplyTransposed(const Eigen::Ref<const Eigen::MatrixXd>& factors,
                           Eigen::Ref<Eigen::MatrixXd> covectors) const;
 
-  // The jet of phi(z) of one function, for derivatives[p] = phi^(p)(z_0), p = 0
-  // .. D. Both have T entries.
+  // The jet of phi(z) of one function, for derivatives[p] = phi^(p)(z_0) up to
+  // p = D. Both have T entries.
   void Compose(const double* derivatives,
                const double* z,
                double* result) const;

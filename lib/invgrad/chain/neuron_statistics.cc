@@ -12,10 +12,8 @@ std::vector<NeuronStatistics> ComputeNeuronStatistics(
   if (dense == nullptr) return {};
   DenseNetwork::Activations activations;
   // Of jets, the first rows are the values.
-  dense->Forward(weights,
-                 data.inputs.topRows(dense->num_inputs()),
-                 false,
-                 &activations);
+  dense->Forward(
+      weights, data.inputs.topRows(dense->num_inputs()), false, &activations);
   const double num_samples = data.num_samples();
   std::vector<NeuronStatistics> neurons;
   for (int layer = 1; layer < dense->num_layers(); ++layer) {
