@@ -61,7 +61,8 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "krylov",
                                    "hessian_free",
                                    "adahessian",
-                                   "geodesic"}));
+                                   "geodesic",
+                                   "determined"}));
 }
 
 // Every default, set explicitly, changes nothing.

@@ -20,11 +20,11 @@ namespace invgrad {
 class UpdateCallback::State final : public ceres::IterationCallback {
  public:
   State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
-      : options_(options),
+      : options_(Resolved(options)),
         rule_(rule),
         problem_(problem),
         linearizer_(problem, {{}, true, options.evaluation_callback}),
-        turns_(options.by_merit) {
+        turns_(options_.by_merit) {
     std::string error;
     CHECK(StagedStep::IsSupported(
         options_.max_block_size, linearizer_.structure(), *problem, &error))
@@ -59,8 +59,12 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
     const ceres::CallbackReturnType result = PrepareNext(iteration);
-    if (next_ == Next::kCeresStep) staged_->Unwrap();
-    return result;
+    if (next_ != Next::kCeresStep) return result;
+    staged_->Unwrap();
+    if (!options_.only_proposals || result != ceres::SOLVER_CONTINUE) {
+      return result;
+    }
+    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
   }
 
   Summary summary() const {
@@ -89,6 +93,15 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     kPlainState,  // the result of the solve without proposals
     kSameState,   // a step of length zero, which ends the run
   };
+
+  static Options Resolved(Options options) {
+    if (options.only_proposals) {
+      options.by_merit = false;
+      options.compare_with_plain = false;
+      options.max_relative_work = std::numeric_limits<double>::infinity();
+    }
+    return options;
+  }
 
   // Less than Ceres' max_num_consecutive_invalid_steps.
   static constexpr int kMaxNumHolds = 3;

@@ -60,6 +60,13 @@ class UpdateCallback final {
     // Ceres' own (turn_taking.h). False: the rule has every turn for which it
     // has a step.
     bool by_merit = true;
+    // True: Ceres makes no step of its own, and there is no comparison with the
+    // plain solve and no limit on work. The solve ends, with USER_SUCCESS, at
+    // the first state where the rule has no step that lowers the cost, where its
+    // step promises less than min_relative_model_decrease, or after Ceres has
+    // rejected one. For rules that leave directions alone
+    // (rules/determined_rule.cc), along which a step of Ceres would drift.
+    bool only_proposals = false;
     // The limit on tangent spaces (see Cost).
     int max_block_size = 512;
     // A proposal is made only if the linear model predicts

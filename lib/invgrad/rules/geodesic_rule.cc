@@ -53,8 +53,8 @@ using Eigen::VectorXd;
 
 constexpr double kFirstFactor = 0.5;
 constexpr double kFactor = 4.0;
-constexpr double kMinDamping = 1e-30;
-constexpr double kMaxDamping = 1e6;
+constexpr double kLeastDamping = 1e-30;
+constexpr double kLargestDamping = 1e6;
 // The length of the difference that gives g_vv, in units of v.
 constexpr double kDifference = 0.1;
 constexpr double kMaxBend = 0.75;
@@ -69,7 +69,7 @@ class GeodesicRule final : public UpdateRule {
     void Describe(OptionSet* set) {
       set->Add("damping",
                &damping,
-               {kMinDamping, kMaxDamping},
+               {kLeastDamping, kLargestDamping},
                "lambda before the first step");
       set->Add("gain",
                &gain,
@@ -131,11 +131,12 @@ class GeodesicRule final : public UpdateRule {
       return false;
     }
     if (squared_norm == 0.0) return true;
-    for (double damping = kFirstFactor * damping_[0]; damping <= kMaxDamping;
+    for (double damping = kFirstFactor * damping_[0];
+         damping <= kLargestDamping;
          damping *= kFactor) {
       if (!Factorize(damping * squared_norm)) continue;
       if (!FindStep(at_x, step)) continue;
-      damping_[0] = std::max(damping, kMinDamping);
+      damping_[0] = std::max(damping, kLeastDamping);
       return true;
     }
     step->setZero();

@@ -20,7 +20,8 @@ std::deque<RuleRow>& Table() {
                                      KrylovRuleRows(),
                                      HessianFreeRuleRows(),
                                      AdaHessianRuleRows(),
-                                     GeodesicRuleRows()}) {
+                                     GeodesicRuleRows(),
+                                     DeterminedRuleRows()}) {
       rows->insert(rows->end(), rows_of_file.begin(), rows_of_file.end());
     }
     return rows;
