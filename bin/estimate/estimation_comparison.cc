@@ -35,6 +35,7 @@ struct Row {
   int num_iterations = 0;
   int num_accepted = 0;  // steps
   int num_rejected = 0;
+  int num_outside_domain = 0;  // candidates
   double seconds = 0.0;
   // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
@@ -63,6 +64,9 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   if (method.last_phase().ceres != nullptr &&
       method.last_phase().rule != nullptr && proposals != std::string::npos) {
     status += summary.message.substr(proposals);
+  } else if (summary.num_outside_domain > 0) {
+    status +=
+        fmt::format("; {} outside the domain", summary.num_outside_domain);
   }
   return status;
 }
@@ -79,6 +83,7 @@ void SetResults(const Method& method,
     ++(summary.iterations[k].step_is_successful ? row->num_accepted
                                                 : row->num_rejected);
   }
+  row->num_outside_domain = summary.num_outside_domain;
   row->seconds = summary.total_time_in_seconds;
   row->digits = estimation.Digits();
   row->status = Status(method, summary);
@@ -263,6 +268,9 @@ Table EstimationTable(const std::vector<Row>& rows, bool is_exact) {
       table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
     }
     table.Add("status", row.status, kLeft);
+    if (is_exact) {
+      table.Add("outside_domain", std::to_string(row.num_outside_domain));
+    }
   }
   return table;
 }

@@ -45,6 +45,25 @@ TEST(TurnTaking, ARuleThatBecomesBetter) {
   EXPECT_EQ(Turns(&turns, 6, -9.0, 2.0), "rccrcc");
 }
 
+TEST(TurnTaking, TheRuleWaitsUntilItsNextTurn) {
+  TurnTaking turns(true);
+  EXPECT_TRUE(turns.IsTheRules());
+  EXPECT_FALSE(turns.IsRuleWaiting());
+  turns.RuleStepped(1.0);
+  EXPECT_FALSE(turns.IsTheRules());  // Ceres' first turn
+  EXPECT_FALSE(turns.IsRuleWaiting());
+  turns.CeresStepped(0.5);
+  EXPECT_TRUE(turns.IsTheRules());
+  turns.RuleHadNoStep();
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_TRUE(turns.IsRuleWaiting());
+    EXPECT_FALSE(turns.IsTheRules());
+    EXPECT_TRUE(turns.IsRuleWaiting());
+  }
+  EXPECT_TRUE(turns.IsTheRules());
+  EXPECT_FALSE(turns.IsRuleWaiting());
+}
+
 TEST(TurnTaking, WithoutMeritTheRuleHasAllTurns) {
   TurnTaking turns(false);
   EXPECT_EQ(Turns(&turns, 12, -1.0, 2.0), "rrrrrrrrrrrr");

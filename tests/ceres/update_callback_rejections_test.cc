@@ -244,7 +244,8 @@ TEST(UpdateCallback, ABadProposalDoesNotSilenceTheRule) {
   }
 }
 
-// Cannot be evaluated below 99.99 the first 12 times.
+// Cannot be evaluated below 99.99 the first 13 times: at 12 candidates, and once
+// more to explain the first of them.
 class Closed final : public ceres::SizedCostFunction<1, 1> {
  public:
   bool Evaluate(double const* const* x,
@@ -252,7 +253,7 @@ class Closed final : public ceres::SizedCostFunction<1, 1> {
                 double** jacobians) const override {
     r[0] = x[0][0] - 10.0;
     if (jacobians != nullptr && jacobians[0] != nullptr) jacobians[0][0] = 1.0;
-    return x[0][0] > 99.99 || ++num_failures_ > 12;
+    return x[0][0] > 99.99 || ++num_failures_ > 13;
   }
 
  private:

@@ -42,6 +42,7 @@ bool Proposal::ComputeStep(double cost,
   cost_ = cost;
   state_ = state;
   num_withheld_ = 0;
+  num_outside_domain_ = 0;
   fraction_ = scale_;
   Linearization at_x;
   at_x.cost = cost;
@@ -92,14 +93,16 @@ bool Proposal::FindCandidate(std::string* message) {
   for (;; step_ *= 0.5, fraction_ *= 0.5) {
     double cost = std::numeric_limits<double>::quiet_NaN();
     std::string error;
-    if (linearizer_.Plus(step_)) {
+    bool is_in_domain = linearizer_.Plus(step_);
+    if (is_in_domain) {
       candidate_ = linearizer_.State();
       work_.CountLinearization();
-      if (linearizer_.Linearize(parts_, &at_candidate_, &error) &&
-          CanContinueFromCandidate()) {
+      is_in_domain = linearizer_.Linearize(parts_, &at_candidate_, &error);
+      if (is_in_domain && CanContinueFromCandidate()) {
         cost = at_candidate_.cost;
       }
     }
+    if (!is_in_domain && num_outside_domain_++ == 0) step_outside_ = step_;
     linearizer_.SetState(state_);
     if (cost <= cost_) return true;
     if (rule_.JudgesSteps()) {

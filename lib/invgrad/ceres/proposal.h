@@ -42,6 +42,10 @@ class Proposal {
   const Eigen::VectorXd& step() const { return step_; }
   // Candidates of the last step that were too high.
   int num_withheld() const { return num_withheld_; }
+  // Those of them at which the problem cannot be evaluated, and the step to the
+  // first one.
+  int num_outside_domain() const { return num_outside_domain_; }
+  const Eigen::VectorXd& step_outside() const { return step_outside_; }
   // The problem at the state differs from that which Ceres evaluated.
   bool is_another_state() const { return is_another_state_; }
 
@@ -67,6 +71,8 @@ class Proposal {
   double scale_ = 1.0;
   double fraction_ = 1.0;  // step_ / the rule's step
   int num_withheld_ = 0;
+  int num_outside_domain_ = 0;
+  Eigen::VectorXd step_outside_;
   bool is_another_state_ = false;
   Eigen::VectorXd candidate_;  // empty: none
   Linearization at_candidate_;

@@ -25,7 +25,8 @@ class TurnTaking {
   // Returns whether the next turn is the rule's. Call once after each accepted
   // step.
   bool IsTheRules() {
-    if (num_turns_left_ > 0) {
+    is_waiting_ = num_turns_left_ > 0;
+    if (is_waiting_) {
       --num_turns_left_;
       return false;
     }
@@ -38,6 +39,9 @@ class TurnTaking {
     ++num_in_a_row_;
     return true;
   }
+
+  // Whether this turn is Ceres' because the last one of the rule was in vain.
+  bool IsRuleWaiting() const { return is_waiting_ || num_turns_left_ > 0; }
 
   void RuleStepped(double gain) {
     Average(gain, &rule_merit_);
@@ -73,6 +77,7 @@ class TurnTaking {
   int num_in_a_row_ = 0;    // of the rule's turns
   int num_turns_left_ = 0;  // of Ceres, before the rule's next
   int next_wait_ = kFirstWait;
+  bool is_waiting_ = false;
 };
 
 }  // namespace invgrad

@@ -44,6 +44,7 @@ class UpdateCallback::State final : public ceres::IterationCallback {
       staged_->Unwrap();
       return;
     }
+    solver_options_ = *options;
     safeguard_.emplace(options_.compare_with_plain,
                        options,
                        options_.evaluation_callback,
@@ -132,6 +133,8 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     const Next made = was_passed_over ? Next::kCeresStep : next_;
     staged_->Clear();
     if (iteration.iteration > 0) Count(iteration, made);
+    const double last_radius =
+        std::exchange(radius_, iteration.trust_region_radius);
     Eigen::VectorXd state = linearizer_.State();
     if (iteration.step_is_successful && !iteration.step_is_nonmonotonic &&
         iteration.step_norm > 0.0 && state == last_state_) {
@@ -139,6 +142,9 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     }
     last_state_ = std::move(state);
     const bool is_own = made == Next::kCeresStep;
+    const bool is_outside = IsOutsideDomain(iteration);
+    if (is_outside) ++summary_.num_outside_domain;
+    if (is_outside && is_own) ExplainCeresStep(last_radius);
     safeguard_->Observe(iteration, last_state_, is_own);
     const bool has_moved =
         made == Next::kPlainState && iteration.step_is_successful;
@@ -201,9 +207,15 @@ class UpdateCallback::State final : public ceres::IterationCallback {
         turns_.CeresStepped(gain);
       }
     }
-    if (!is_accepted) return ceres::SOLVER_CONTINUE;
-    cost_ = iteration.cost;
-    return Propose(iteration);
+    if (is_accepted) {
+      cost_ = iteration.cost;
+      is_nonmonotonic_ = iteration.step_is_nonmonotonic;
+      has_tried_ = false;
+    } else if (made != Next::kCeresStep || has_tried_ ||
+               turns_.IsRuleWaiting() || !IsOutsideDomain(iteration)) {
+      return ceres::SOLVER_CONTINUE;
+    }
+    return Propose(/*is_rules_turn=*/!is_accepted);
   }
 
   void Count(const ceres::IterationSummary& iteration, Next made) {
@@ -218,28 +230,30 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     }
   }
 
-  ceres::CallbackReturnType Propose(const ceres::IterationSummary& iteration) {
-    if (iteration.step_is_nonmonotonic) {
+  // At the last accepted state.
+  ceres::CallbackReturnType Propose(bool is_rules_turn) {
+    if (is_nonmonotonic_) {
       // The blocks hold the state of least cost, not the current state.
       summary_.message = "the last step was nonmonotonic";
       return ceres::SOLVER_CONTINUE;
     }
     constexpr double kRounding = std::numeric_limits<double>::epsilon();
-    if (iteration.cost <= kRounding * kRounding * start_cost_) {
+    if (cost_ <= kRounding * kRounding * start_cost_) {
       summary_.message = "the cost is zero up to rounding";
       return ceres::SOLVER_CONTINUE;
     }
-    if (!turns_.IsTheRules()) return ceres::SOLVER_CONTINUE;
+    if (!is_rules_turn && !turns_.IsTheRules()) return ceres::SOLVER_CONTINUE;
+    has_tried_ = true;
     if (work_->NeedsComparison()) safeguard_->Compare();
     if (!HasWorkLeft(work_->AllowsStep()) ||
-        !proposal_->ComputeStep(
-            iteration.cost, last_state_, &summary_.message)) {
+        !proposal_->ComputeStep(cost_, last_state_, &summary_.message)) {
       if (proposal_->is_another_state()) return Abort(kAnotherState);
       turns_.RuleHadNoStep();
       return ceres::SOLVER_CONTINUE;
     }
     const bool has_candidate = proposal_->FindCandidate(&summary_.message);
     summary_.num_withheld += proposal_->num_withheld();
+    ExplainProposal();
     if (!has_candidate) {
       turns_.RuleStepped(0.0);
       return ceres::SOLVER_CONTINUE;
@@ -247,6 +261,44 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     safeguard_->Compare();
     if (HasWorkLeft(work_->AllowsIteration())) Stage(Next::kProposal);
     return ceres::SOLVER_CONTINUE;
+  }
+
+  DomainFailure::Options FailureOptions() const {
+    return {options_.block_name, options_.evaluation_callback};
+  }
+
+  // Ceres does not expose its step, so it is computed again.
+  void ExplainCeresStep(double radius) {
+    if (summary_.first_outside_domain || has_repeated_) return;
+    has_repeated_ = true;
+    // The state of the trust region is not known, so that another radius may be
+    // the one that leads outside.
+    constexpr int kMaxNumIterations = 3;
+    ceres::Solver::Options repeated = solver_options_;
+    repeated.initial_trust_region_radius = radius;
+    repeated.max_num_iterations = kMaxNumIterations;
+    DomainFailure failure;
+    if (FindDomainFailure(repeated,
+                          FailureOptions(),
+                          linearizer_.structure(),
+                          *problem_,
+                          &failure)) {
+      summary_.first_outside_domain = std::move(failure);
+    }
+  }
+
+  void ExplainProposal() {
+    summary_.num_outside_domain += proposal_->num_outside_domain();
+    if (summary_.first_outside_domain || proposal_->num_outside_domain() == 0) {
+      return;
+    }
+    DomainFailure failure;
+    if (ExplainFailingStep(FailureOptions(),
+                           linearizer_.structure(),
+                           proposal_->step_outside(),
+                           &failure)) {
+      summary_.first_outside_domain = std::move(failure);
+    }
   }
 
   bool HasWorkLeft(bool has_work_left) {
@@ -284,7 +336,12 @@ class UpdateCallback::State final : public ceres::IterationCallback {
   Eigen::VectorXd staged_state_;
   Eigen::VectorXd last_state_;  // of the blocks, in the last call
   int num_holds_ = 0;           // iterations without a valid step at the end
-  double cost_ = 0.0;           // at the last accepted state
+  ceres::Solver::Options solver_options_;  // of AddTo
+  double radius_ = 0.0;                    // of the trust region
+  bool has_repeated_ = false;              // a step of Ceres, to explain it
+  double cost_ = 0.0;                      // at the last accepted state
+  bool is_nonmonotonic_ = false;           // the step to it
+  bool has_tried_ = false;                 // the rule had its turn there
   double start_cost_ = 0.0;
   TurnTaking turns_;
   Summary summary_;
@@ -329,6 +386,10 @@ std::string UpdateCallback::Summary::BriefReport() const {
                   num_rejected,
                   num_ceres_steps);
   if (num_withheld > 0) report += fmt::format("; {} withheld", num_withheld);
+  if (num_outside_domain > 0) {
+    report += fmt::format("; {} outside the domain", num_outside_domain);
+    if (first_outside_domain) report += ": " + first_outside_domain->ToText();
+  }
   if (num_proposed == 0 && !message.empty()) report += "; " + message;
   if (ended_on_proposal) report += "; the run ended on a proposal";
   if (took_plain_result) report += "; the solve without proposals was better";

@@ -23,7 +23,10 @@
 // step, or if the linear model predicts no sufficient decrease.
 //
 // A step that does not lower the cost is halved, up to two times, before it is
-// proposed (proposal.h).
+// proposed (proposal.h). If a step of Ceres leads to where the problem cannot be
+// evaluated, the rule has the next turn, once at each state, unless it waits
+// because its last turn was in vain. The summary names the parameter that did it
+// (domain_failure.h).
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on); otherwise the callback aborts the
@@ -36,19 +39,23 @@
 //          x and at the candidate. They evaluate all residual blocks, except for
 //          a CachedProblem (cached_problem.h). While a step is staged, Ceres
 //          multiplies J by a k x k matrix for a Euclidean block of size k. With
-//          compare_with_plain one more solve.
+//          compare_with_plain one more solve. The first step of Ceres that
+//          leaves the domain is computed again.
 // Fails:   as Ceres does. A step that leads to where the Jacobian is not finite
 //          is not proposed. After a numerical failure of the rule Ceres has the
 //          turn.
 #ifndef INVGRAD_CERES_UPDATE_CALLBACK_H_
 #define INVGRAD_CERES_UPDATE_CALLBACK_H_
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "invgrad/ceres/domain_failure.h"
 #include "invgrad/core/update_rule.h"
 
 namespace invgrad {
@@ -83,6 +90,9 @@ class UpdateCallback final {
     // Without it, candidates are evaluated with the values that it prepared for
     // another state, and there may be no comparison. Not owned.
     ceres::EvaluationCallback* evaluation_callback = nullptr;
+    // Of a block, for the explanation of a domain failure; "" or no function:
+    // "block i", as in a RankReport.
+    std::function<std::string(const double* values)> block_name;
   };
 
   // Summary of the last solve. num_proposed = num_accepted + num_rejected, plus
@@ -93,6 +103,11 @@ class UpdateCallback final {
     int num_rejected = 0;     // of those proposed
     int num_withheld = 0;     // steps and halves that would not lower the cost
     int num_ceres_steps = 0;  // iterations with a step of Ceres
+    // Candidates, of Ceres and of the rule, at which the problem cannot be
+    // evaluated, and why not at the first of them. No explanation if none was
+    // found, as after inner iterations.
+    int num_outside_domain = 0;
+    std::optional<DomainFailure> first_outside_domain;
     // Why there was no proposal at the last turn, or none at all.
     std::string message;
     // A proposal changed the cost by nothing at all, or the tolerances were set

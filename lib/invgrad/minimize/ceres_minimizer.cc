@@ -5,6 +5,7 @@
 #include "ceres/gradient_problem.h"
 #include "ceres/gradient_problem_solver.h"
 #include "glog/logging.h"
+#include "invgrad/ceres/domain_failure.h"
 
 namespace invgrad {
 namespace {
@@ -51,6 +52,7 @@ void ConvertSummary(const CeresSummary& ceres_summary,
   // The last cost that Ceres reports may belong to a rejected step; Ceres
   // returns the best accepted state.
   for (const ceres::IterationSummary& iteration : summary->iterations) {
+    summary->num_outside_domain += IsOutsideDomain(iteration);
     if (iteration.iteration == 0) {
       summary->final_cost = iteration.cost;
     } else if (iteration.step_is_successful) {
@@ -82,9 +84,10 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   ceres::Solver::Summary ceres_summary;
   ceres::Solve(ceres_options, problem, &ceres_summary);
   ConvertSummary(ceres_summary, summary);
-  if (proposals != nullptr && proposals->summary().has_converged) {
-    summary->termination_type = ceres::CONVERGENCE;
-  }
+  if (proposals == nullptr) return;
+  const UpdateCallback::Summary counts = proposals->summary();
+  summary->num_outside_domain = counts.num_outside_domain;
+  if (counts.has_converged) summary->termination_type = ceres::CONVERGENCE;
 }
 
 void MinimizeWithCeres(const MinimizerOptions& options,

@@ -59,6 +59,9 @@ struct MinimizerSummary {
   std::vector<ceres::IterationSummary> iterations;
   double total_time_in_seconds = 0.0;
   int num_taken_back = 0;  // steps that the rule reverted
+  // Candidates of ceres::Solve, proposals included, at which the problem cannot
+  // be evaluated (domain_failure.h).
+  int num_outside_domain = 0;
 
   int num_steps() const {
     return iterations.empty() ? 0 : static_cast<int>(iterations.size()) - 1;
