@@ -225,6 +225,7 @@ bool GroupBlocks(const RankReport::Options& options,
     return false;
   }
   const SparseMatrix J = ToSparse(*linearization.jacobian);
+  report->cost = linearization.cost;
   linearization = Linearization();
   if (!CheckMemory(J, error)) return false;
   const ProblemStructure& structure = linearizer.structure();

@@ -79,6 +79,9 @@ struct RankReport {
     // The component of each tangent direction; -1 if there is none, as for
     // rotations.
     std::vector<int> components;
+
+    // "`pose 0`[2]", or "`pose 0` tangent 1" if the direction is not a component.
+    std::string ParameterName(int tangent) const;
   };
 
   struct Part {
@@ -124,6 +127,7 @@ struct RankReport {
     int num_removed = 0;       // undetermined directions
   };
 
+  double cost = 0.0;  // L, at the current values
   int num_residuals = 0;
   int num_parameters = 0;  // tangent, of the blocks that are not constant
   int num_constant_blocks = 0;
@@ -155,9 +159,6 @@ struct RankReport {
 
   // The motions of a direction's parts as one step, of size num_parameters.
   Eigen::VectorXd Step(const Direction& direction) const;
-
-  // "`pose 0`[2]", or "`pose 0` tangent 1" if the direction is not a component.
-  std::string ComponentName(int block, int tangent) const;
 
   // The report as text. Lists of blocks and directions end after max_items.
   std::string ToText(int max_items = 10) const;

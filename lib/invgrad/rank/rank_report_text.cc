@@ -126,7 +126,8 @@ class Text {
       return fmt::format("`{}`", report_.blocks[parameters.block].name);
     }
     return List(parameters.tangent.size(), [&](std::size_t i) {
-      return report_.ComponentName(parameters.block, parameters.tangent[i]);
+      return report_.blocks[parameters.block].ParameterName(
+          parameters.tangent[i]);
     });
   }
 
@@ -155,7 +156,7 @@ class Text {
             " {}{} {}",
             part.motion[i] > 0.0 ? "+" : "",
             FormatNumber(part.motion[i], 3),
-            report_.ComponentName(part.block, static_cast<int>(i))));
+            report_.blocks[part.block].ParameterName(static_cast<int>(i))));
       }
     }
     const bool is_cut = terms.size() > max_items_;
@@ -243,12 +244,11 @@ VectorXd RankReport::Step(const Direction& direction) const {
   return step;
 }
 
-std::string RankReport::ComponentName(int block, int tangent) const {
-  const Block& b = blocks[block];
-  const int component = b.components[tangent];
-  if (component < 0) return fmt::format("`{}` tangent {}", b.name, tangent);
-  if (b.size == 1) return fmt::format("`{}`", b.name);
-  return fmt::format("`{}`[{}]", b.name, component);
+std::string RankReport::Block::ParameterName(int tangent) const {
+  const int component = components[tangent];
+  if (component < 0) return fmt::format("`{}` tangent {}", name, tangent);
+  if (size == 1) return fmt::format("`{}`", name);
+  return fmt::format("`{}`[{}]", name, component);
 }
 
 std::string RankReport::ToText(int max_items) const {

@@ -25,8 +25,8 @@ using SparseMatrix = Eigen::SparseMatrix<double>;
 
 using Cholesky = Eigen::CholmodDecomposition<SparseMatrix>;
 
-double LargestEigenvalue(std::vector<double> diagonal,
-                         std::vector<double> off_diagonal) {
+double LargestOfTridiagonal(std::vector<double> diagonal,
+                            std::vector<double> off_diagonal) {
   const auto size = static_cast<lapack_int>(diagonal.size());
   CHECK_EQ(LAPACKE_dsterf(size, diagonal.data(), off_diagonal.data()), 0);
   return diagonal.back();
@@ -95,7 +95,8 @@ bool Factorize(const SparseMatrix& A,
 
 }  // namespace
 
-double LargestSingularValue(const SparseMatrix& A) {
+double LargestEigenvalue(
+    Index n, const std::function<VectorXd(const VectorXd&)>& times) {
   constexpr int kMaxSteps = 100;
   constexpr int kStepsBetweenTests = 8;
   constexpr double kTolerance = 1e-3;
@@ -103,16 +104,16 @@ double LargestSingularValue(const SparseMatrix& A) {
   std::vector<double> off_diagonal;
   // Without symmetries, so that it is unlikely to be orthogonal to a singular
   // vector.
-  VectorXd v = VectorXd::NullaryExpr(A.cols(), [](Index i) {
+  VectorXd v = VectorXd::NullaryExpr(n, [](Index i) {
     return 1.0 + 0.5 * std::sin(1.7 * static_cast<double>(i + 1));
   });
   v.normalize();
-  VectorXd previous = VectorXd::Zero(A.cols());
+  VectorXd previous = VectorXd::Zero(n);
   double beta = 0.0;
   double largest = 0.0;
-  const int max_steps = static_cast<int>(std::min<Index>(kMaxSteps, A.cols()));
+  const int max_steps = static_cast<int>(std::min<Index>(kMaxSteps, n));
   for (int step = 1; step <= max_steps; ++step) {
-    VectorXd w = A.transpose() * (A * v).eval();
+    VectorXd w = times(v);
     const double alpha = v.dot(w);
     if (!std::isfinite(alpha)) return std::numeric_limits<double>::quiet_NaN();
     diagonal.push_back(alpha);
@@ -123,14 +124,21 @@ double LargestSingularValue(const SparseMatrix& A) {
         beta <= std::numeric_limits<double>::epsilon() * alpha;
     if (step % kStepsBetweenTests == 0 || step == max_steps || is_exhausted) {
       const double last = largest;
-      largest = LargestEigenvalue(diagonal, off_diagonal);
+      largest = LargestOfTridiagonal(diagonal, off_diagonal);
       if (is_exhausted || largest - last <= 2.0 * kTolerance * largest) break;
     }
     off_diagonal.push_back(beta);
     previous = v;
     v = w / beta;
   }
-  return std::sqrt(std::max(largest, 0.0));
+  return std::max(largest, 0.0);
+}
+
+double LargestSingularValue(const SparseMatrix& A) {
+  return std::sqrt(
+      LargestEigenvalue(A.cols(), [&A](const VectorXd& v) -> VectorXd {
+        return A.transpose() * (A * v).eval();
+      }));
 }
 
 bool DenseSmallestSingular(const SparseMatrix& A,

@@ -25,6 +25,7 @@
 #ifndef INVGRAD_RANK_SMALLEST_SINGULAR_H_
 #define INVGRAD_RANK_SMALLEST_SINGULAR_H_
 
+#include <functional>
 #include <string>
 
 #include "Eigen/Core"
@@ -32,9 +33,15 @@
 
 namespace invgrad {
 
-// By the Lanczos iteration on A^T A, without reorthogonalization, which the
-// largest value does not need [2]: a lower bound, to about 1e-3, by 10 to 40
-// products with A and A^T. NaN if a product is not finite; 0 for A = 0.
+// The largest eigenvalue of a symmetric matrix M >= 0, n x n, given by v -> M v:
+// by the Lanczos iteration without reorthogonalization, which the largest value
+// does not need [2]: a lower bound, to about 2e-3, by 10 to 40 products. NaN if
+// a product is not finite; 0 for M = 0.
+double LargestEigenvalue(
+    Eigen::Index n,
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& times);
+
+// The square root of that of A^T A: a lower bound, to about 1e-3.
 double LargestSingularValue(const Eigen::SparseMatrix<double>& A);
 
 struct SmallestSingular {

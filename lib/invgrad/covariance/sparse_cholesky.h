@@ -1,0 +1,64 @@
+// The Cholesky decomposition of A^T A, and entries of the inverse.
+//
+//   P A^T A P^T = L L^T,   Z = (A^T A)^-1
+//
+// Solve computes columns of Z. SelectedInverse computes the entries of Z in the
+// pattern of L by Takahashi's recurrence [1, 2], from the last column of L to
+// the first one that is needed:
+//
+//   Z_jj = (1 / L_jj - sum_k Z_jk L_kj) / L_jj,
+//   Z_ij = -sum_k Z_ik L_kj / L_jj,           i, k > j in the pattern of L_j
+//
+// Two columns of A that share a row are in the pattern.
+//
+// Shapes:  A: m x n, sparse;  L: n x n.
+// Cost:    Factorize: one decomposition by CHOLMOD with the ordering AMD, which
+//          does not form A^T A. Solve: 4 |L| for a column. SelectedInverse: the
+//          sum over the columns j of L of |L_k| over all k in the pattern of
+//          L_j, without BLAS.
+// Fails:   Factorize returns false with a message if memory does not suffice or
+//          if A^T A is not positive definite to rounding.
+//
+// [1] Takahashi, Fagan, Chin. Formation of a sparse bus impedance matrix and
+//     its application to short circuit study. PICA (1973).
+// [2] Erisman, Tinney. On computing certain elements of the inverse of a sparse
+//     matrix. Comm. ACM 18 (1975).
+#ifndef INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
+#define INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "Eigen/Core"
+#include "Eigen/SparseCore"
+
+namespace invgrad {
+
+class SparseCholesky {
+ public:
+  SparseCholesky();
+  ~SparseCholesky();
+  SparseCholesky(const SparseCholesky&) = delete;
+  SparseCholesky& operator=(const SparseCholesky&) = delete;
+
+  bool Factorize(const Eigen::SparseMatrix<double>& A, std::string* error);
+
+  // Z B.
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const;
+
+  // For each pair (i, j) the entry Z_ij if it is in the pattern of L. Call it
+  // after all Solves, because it converts L.
+  std::vector<std::optional<double>> SelectedInverse(
+      const std::vector<std::pair<int, int>>& entries);
+
+ private:
+  struct Factor;
+  std::unique_ptr<Factor> factor_;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
