@@ -282,7 +282,7 @@ TEST(RankReport, SubsetManifoldsAndConstantBlocksHaveNoColumns) {
     EXPECT_EQ(report.num_parameters, 4);
     EXPECT_EQ(report.num_undetermined(), 1);
     ASSERT_EQ(report.blocks[0].components, std::vector<int>{2});
-    EXPECT_EQ(report.ComponentName(0, 0), "`block 0`[2]");
+    EXPECT_EQ(report.blocks[0].ParameterName(0), "`block 0`[2]");
     ASSERT_EQ(report.gauges.size(), 1u);
   }
   {
