@@ -34,23 +34,6 @@ const char* ReasonText(Reason reason) {
   return "the Jacobian is not finite";
 }
 
-// The values of the blocks that are not constant.
-Eigen::VectorXd ValuesOf(const ProblemStructure& structure) {
-  Eigen::VectorXd state(structure.num_ambient);
-  for (const auto& block : structure.parameter_blocks) {
-    std::copy_n(block.values, block.ambient_size, state.data() + block.offset);
-  }
-  return state;
-}
-
-void SetValues(const ProblemStructure& structure,
-               const Eigen::VectorXd& state) {
-  CHECK_EQ(state.size(), structure.num_ambient);
-  for (const auto& block : structure.parameter_blocks) {
-    std::copy_n(state.data() + block.offset, block.ambient_size, block.values);
-  }
-}
-
 std::string BlockName(const DomainFailure::Options& options,
                       const ProblemStructure& structure,
                       int block) {
@@ -100,7 +83,7 @@ class DomainSearch {
   };
 
   void SetAll(const Eigen::VectorXd& state, bool with_jacobians) {
-    SetValues(structure_, state);
+    structure_.SetState(state);
     Prepare(with_jacobians);
   }
 
@@ -183,7 +166,7 @@ class DomainSearch {
 
   void FindParameters(DomainFailure* failure) {
     constexpr std::size_t kMaxNumComponents = 1000;
-    SetValues(structure_, good_);
+    structure_.SetState(good_);
     if (IsOutside()) {
       failure->fails_at_good_state = true;
       Prepare(/*with_jacobians=*/true);
@@ -212,14 +195,14 @@ class DomainSearch {
   // The one that suffices, or none.
   std::vector<Unit> One(const std::vector<Unit>& units) {
     std::vector<Unit> sufficient;
-    SetValues(structure_, bad_);
+    structure_.SetState(bad_);
     for (const Unit& unit : units) {
       Set(unit, good_);
       if (!IsOutside()) sufficient.push_back(unit);
       Set(unit, bad_);
     }
     if (sufficient.size() <= 1) return sufficient;
-    SetValues(structure_, good_);
+    structure_.SetState(good_);
     for (const Unit& unit : sufficient) {
       Set(unit, bad_);
       const bool leads_outside = IsOutside();
@@ -232,7 +215,7 @@ class DomainSearch {
   // Of all at their good values, those that are needed.
   std::vector<Unit> Several(const std::vector<Unit>& units) {
     std::vector<Unit> needed;
-    SetValues(structure_, good_);
+    structure_.SetState(good_);
     for (const Unit& unit : units) {
       Set(unit, bad_);
       if (!IsOutside()) continue;
@@ -320,7 +303,7 @@ class CandidateWatch final : public ceres::EvaluationCallback,
     if (users_ != nullptr) {
       users_->PrepareForEvaluation(evaluate_jacobians, new_evaluation_point);
     }
-    candidate_ = ValuesOf(structure_);
+    candidate_ = structure_.State();
     if (!evaluate_jacobians) return;
     last_ = std::move(linearized_);
     linearized_ = candidate_;
@@ -361,10 +344,10 @@ bool ExplainDomainFailure(const DomainFailure::Options& options,
                           const Eigen::VectorXd& bad_state,
                           DomainFailure* failure) {
   CHECK(failure != nullptr);
-  const Eigen::VectorXd state = ValuesOf(structure);
+  const Eigen::VectorXd state = structure.State();
   const bool is_outside =
       DomainSearch(options, structure, good_state, bad_state).Explain(failure);
-  SetValues(structure, state);
+  structure.SetState(state);
   return is_outside;
 }
 
@@ -374,7 +357,7 @@ bool ExplainFailingStep(const DomainFailure::Options& options,
                         DomainFailure* failure) {
   CHECK(failure != nullptr);
   CHECK_EQ(step.size(), structure.num_parameters);
-  const Eigen::VectorXd good = ValuesOf(structure);
+  const Eigen::VectorXd good = structure.State();
   Eigen::VectorXd bad = good;
   int num_failing_blocks = 0;
   for (std::size_t b = 0; b < structure.parameter_blocks.size(); ++b) {
@@ -420,7 +403,7 @@ bool FindDomainFailure(const ceres::Solver::Options& solver_options,
                                : std::make_unique<PlusWatch>(block.manifold));
   }
   CandidateWatch watch(structure, options.evaluation_callback);
-  const Eigen::VectorXd start = ValuesOf(structure);
+  const Eigen::VectorXd start = structure.State();
   {
     ceres::Problem copy(CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, &watch));
     CopyProblem(
@@ -444,7 +427,7 @@ bool FindDomainFailure(const ceres::Solver::Options& solver_options,
     ceres::Solver::Summary summary;
     ceres::Solve(repeated, &copy, &summary);
   }
-  SetValues(structure, start);
+  structure.SetState(start);
   for (std::size_t b = 0; b < plus_watches.size(); ++b) {
     if (plus_watches[b] != nullptr && plus_watches[b]->has_failed()) {
       *failure = FailureOfPlus(options, structure, static_cast<int>(b));

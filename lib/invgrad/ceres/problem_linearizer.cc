@@ -1,6 +1,5 @@
 #include "invgrad/ceres/problem_linearizer.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -213,21 +212,6 @@ bool ProblemLinearizer::Cost(double* cost, std::string* error) const {
   if (!Linearize({}, &linearization, error)) return false;
   *cost = linearization.cost;
   return true;
-}
-
-Eigen::VectorXd ProblemLinearizer::State() const {
-  Eigen::VectorXd state(structure_.num_ambient);
-  for (const ParameterBlock& block : structure_.parameter_blocks) {
-    std::copy_n(block.values, block.ambient_size, state.data() + block.offset);
-  }
-  return state;
-}
-
-void ProblemLinearizer::SetState(const Eigen::VectorXd& state) {
-  CHECK_EQ(state.size(), structure_.num_ambient);
-  for (const ParameterBlock& block : structure_.parameter_blocks) {
-    std::copy_n(state.data() + block.offset, block.ambient_size, block.values);
-  }
 }
 
 bool ProblemLinearizer::Plus(const Eigen::VectorXd& step) {

@@ -70,8 +70,10 @@ class ProblemLinearizer final : public Objective {
   bool Cost(double* cost, std::string* error) const override;
 
   // The values of all blocks that are not constant, one after the other.
-  Eigen::VectorXd State() const override;
-  void SetState(const Eigen::VectorXd& state) override;
+  Eigen::VectorXd State() const override { return structure_.State(); }
+  void SetState(const Eigen::VectorXd& state) override {
+    structure_.SetState(state);
+  }
 
   // Moves the problem by a tangent step (n), each block by the Plus of its
   // manifold. Returns false, and leaves the blocks unchanged, if a Plus fails.

@@ -114,6 +114,21 @@ ProblemStructure ReadStructure(
   return Reader(problem).Read(batch);
 }
 
+Eigen::VectorXd ProblemStructure::State() const {
+  Eigen::VectorXd state(num_ambient);
+  for (const ParameterBlock& block : parameter_blocks) {
+    std::copy_n(block.values, block.ambient_size, state.data() + block.offset);
+  }
+  return state;
+}
+
+void ProblemStructure::SetState(const Eigen::VectorXd& state) const {
+  CHECK_EQ(state.size(), num_ambient);
+  for (const ParameterBlock& block : parameter_blocks) {
+    std::copy_n(state.data() + block.offset, block.ambient_size, block.values);
+  }
+}
+
 std::shared_ptr<SparseJacobian> ProblemStructure::NewJacobian() const {
   std::int64_t num_entries = 0;
   for (const ResidualBlock& block : residual_blocks) {

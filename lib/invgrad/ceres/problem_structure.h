@@ -11,6 +11,7 @@
 #include <memory>
 #include <vector>
 
+#include "Eigen/Core"
 #include "ceres/cost_function.h"
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
@@ -57,6 +58,10 @@ struct ProblemStructure {
   std::vector<double*> values;      // of all residual blocks' arguments
   std::vector<Argument> arguments;  // the same
   std::vector<int> tangent_sizes;   // of parameter_blocks
+
+  // The values of parameter_blocks, one after the other.
+  Eigen::VectorXd State() const;
+  void SetState(const Eigen::VectorXd& state) const;
 
   // m x n, with the pattern of J and unspecified entries. CHECKs that the
   // number of entries fits an int.
