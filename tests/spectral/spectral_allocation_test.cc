@@ -1,9 +1,5 @@
 // The second step, and the second tridiagonalization, of a shape allocate
-// nothing. This file replaces malloc in its executable.
-#include <dlfcn.h>
-
-#include <cstddef>
-#include <cstring>
+// nothing.
 #include <utility>
 
 #include "bin/support/spectral_reference.h"
@@ -11,72 +7,7 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/spectral/routes/tridiagonalization.h"
 #include "invgrad/spectral/spectral_step.h"
-
-namespace {
-
-// Of this thread, while `counting`.
-thread_local long num_allocations = 0;
-thread_local bool counting = false;
-
-// OpenBLAS' own are not counted: its kernels for small matrices allocate their
-// buffers anew in each call on some processors (AVX-512).
-void Count(void* caller) {
-  if (!counting) return;
-  Dl_info library;
-  if (dladdr(caller, &library) == 0 ||
-      std::strstr(library.dli_fname, "openblas") == nullptr) {
-    ++num_allocations;
-  }
-}
-
-template <typename Function>
-long CountAllocations(const Function& function) {
-  num_allocations = 0;
-  counting = true;
-  function();
-  counting = false;
-  return num_allocations;
-}
-
-}  // namespace
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || \
-    !defined(__GLIBC__)
-#define INVGRAD_COUNTS_MALLOC 0
-#else
-#define INVGRAD_COUNTS_MALLOC 1
-// Whatever allocates in a program with glibc ends in one of these.
-extern "C" {
-// glibc's own names.
-// NOLINTBEGIN(bugprone-reserved-identifier)
-void* __libc_malloc(std::size_t size);
-void* __libc_calloc(std::size_t count, std::size_t size);
-void* __libc_realloc(void* memory, std::size_t size);
-void* __libc_memalign(std::size_t alignment, std::size_t size);
-// NOLINTEND(bugprone-reserved-identifier)
-
-void* malloc(std::size_t size) {
-  Count(__builtin_return_address(0));
-  return __libc_malloc(size);
-}
-void* calloc(std::size_t count, std::size_t size) {
-  Count(__builtin_return_address(0));
-  return __libc_calloc(count, size);
-}
-void* realloc(void* memory, std::size_t size) {
-  Count(__builtin_return_address(0));
-  return __libc_realloc(memory, size);
-}
-void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  Count(__builtin_return_address(0));
-  return __libc_memalign(alignment, size);
-}
-void* memalign(std::size_t alignment, std::size_t size) {
-  Count(__builtin_return_address(0));
-  return __libc_memalign(alignment, size);
-}
-}
-#endif
+#include "tests/support/count_allocations.h"
 
 namespace invgrad {
 namespace {
@@ -85,7 +16,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 TEST(SpectralAllocation, CountsThoseOfEigenAndOfNew) {
-  if (!INVGRAD_COUNTS_MALLOC) GTEST_SKIP() << "the sanitizer owns malloc";
+  if (!CountsAllocations()) GTEST_SKIP() << "the sanitizer owns malloc";
   VectorXd x;
   EXPECT_EQ(CountAllocations([&] { x.resize(100); }), 1);
   EXPECT_EQ(x.size(), 100);
@@ -96,7 +27,7 @@ TEST(SpectralAllocation, CountsThoseOfEigenAndOfNew) {
 }
 
 TEST(SpectralAllocation, AWarmStepByTheGramRouteHasNone) {
-  if (!INVGRAD_COUNTS_MALLOC) GTEST_SKIP() << "the sanitizer owns malloc";
+  if (!CountsAllocations()) GTEST_SKIP() << "the sanitizer owns malloc";
   RandomMatrices random(1);
   for (const auto& [m, n] : {std::pair(64, 90), std::pair(130, 200)}) {
     const DenseJacobian first(random.WithSpectrum(m, n, LogUniform(m, 1e-2)));
@@ -133,7 +64,7 @@ TEST(SpectralAllocation, AWarmStepByTheGramRouteHasNone) {
 }
 
 TEST(SpectralAllocation, ASecondTridiagonalizationHasNone) {
-  if (!INVGRAD_COUNTS_MALLOC) GTEST_SKIP() << "the sanitizer owns malloc";
+  if (!CountsAllocations()) GTEST_SKIP() << "the sanitizer owns malloc";
   const SingleBlasThread single(true);  // threads are given work by malloc
   RandomMatrices random(1);
   const MatrixXd A = random.WithSpectrum(260, 260, LogUniform(260, 1e-3));
