@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
+#include <utility>
 
 #include "fmt/core.h"
 #include "glog/logging.h"
@@ -24,41 +24,31 @@ using Eigen::VectorXd;
 // Above this share, nothing but rounding determines a parameter.
 constexpr double kUndetermined = 1.0 - 1e-9;
 
-// A pair of blocks with entries of C, and its blocks' places in their group.
-struct GroupRequests {
-  std::vector<std::pair<int, int>> pairs;  // of the report's blocks
-  std::vector<GroupPair> in_group;
+// The largest singular value of each group, and the SVD of those that are dense.
+struct GroupSpectra {
+  std::vector<double> largest;
+  std::vector<RightSvd> svds;
+  double s_max = 0.0;
 };
 
-bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
-  return group.A.cols() <= options.max_dense_size;
-}
-
-bool ComputeGroup(const RankReport::Options& options,
-                  const ceres::Problem& problem,
-                  const RankReport& report,
-                  const BlockGroup& group,
-                  const RightSvd& svd,
-                  double s_max,
-                  double limit,
-                  const std::vector<GroupPair>& pairs,
-                  PseudoInverse* result,
-                  std::string* error) {
-  if (IsDense(options, group)) {
-    *result = DensePseudoInverse(group, svd, limit, pairs);
-    return true;
+bool FindSpectra(const RankReport::Options& options,
+                 const std::vector<BlockGroup>& groups,
+                 GroupSpectra* spectra,
+                 std::string* error) {
+  spectra->svds.resize(groups.size());
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    RightSvd* svd = &spectra->svds[g];
+    if (IsDense(options, groups[g])) *svd = ComputeRightSvd(groups[g].A);
+    const double largest =
+        svd->s.size() > 0 ? svd->s[0] : LargestSingularValue(groups[g].A);
+    if (!std::isfinite(largest)) {
+      *error = "J is not finite, or its SVD did not converge";
+      return false;
+    }
+    spectra->largest.push_back(largest);
+    spectra->s_max = std::max(spectra->s_max, largest);
   }
-  const GaugeMatcher matcher(options, problem, report, group);
-  // The dimension of the null space is not known yet.
-  const GaugeMatch gauge = matcher.Best(limit, 0, group.A.cols());
-  return SparsePseudoInverse(group,
-                             s_max,
-                             limit,
-                             options.max_directions,
-                             gauge.directions,
-                             pairs,
-                             result,
-                             error);
+  return true;
 }
 
 MatrixXd PlusJacobian(const ceres::Problem& problem,
@@ -92,6 +82,179 @@ void Expand(const MatrixXd& from,
 
 }  // namespace
 
+// Fills a Covariance. The report's blocks and the Covariance's are the same.
+class Covariance::Computation {
+ public:
+  Computation(const Options& options,
+              const ceres::Problem& problem,
+              Covariance* result)
+      : options_(options), problem_(problem), result_(*result) {}
+
+  bool Run(const std::vector<Pair>& pairs, std::string* error) {
+    if (!options_.rank.IsValid(error) ||
+        !GroupBlocks(options_.rank, problem_, &report_, &groups_, error)) {
+      return false;
+    }
+    AddBlocks();
+    AddRequests(pairs);
+    GroupSpectra spectra;
+    if (!FindSpectra(options_.rank, groups_, &spectra, error)) return false;
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      PseudoInverse inverse;
+      if (!Invert(g, spectra, &inverse, error)) {
+        *error = fmt::format("the group of {}: {}",
+                             report_.blocks[groups_[g].blocks.front()].name,
+                             *error);
+        return false;
+      }
+      AddGroup(groups_[g], requests_[g], inverse);
+    }
+    if (!ScaleByResidualVariance(error)) return false;
+    SetStandardDeviations();
+    return true;
+  }
+
+ private:
+  // The pairs of blocks of a group.
+  struct GroupRequests {
+    std::vector<std::pair<int, int>> pairs;  // of the report's blocks
+    std::vector<GroupPair> in_group;
+  };
+
+  void AddBlocks() {
+    result_.cost_ = report_.cost;
+    result_.num_residuals_ = report_.num_residuals;
+    result_.num_parameters_ = report_.num_parameters;
+    result_.uses_residual_variance_ = options_.use_residual_variance;
+    for (const RankReport::Block& from : report_.blocks) {
+      result_.index_[from.values] = static_cast<int>(result_.blocks_.size());
+      Block block;
+      block.block = from;
+      block.values = Eigen::Map<const VectorXd>(from.values, from.size);
+      // Without residuals, until a group says otherwise.
+      block.undetermined_shares = VectorXd::Ones(from.tangent_size);
+      block.plus_jacobian = PlusJacobian(problem_, from);
+      result_.blocks_.push_back(std::move(block));
+    }
+  }
+
+  // The index of a block; -1: constant.
+  int IndexOf(const double* values) {
+    CHECK(problem_.HasParameterBlock(values))
+        << "A block of the covariance is not part of the problem.";
+    const auto it = result_.index_.find(values);
+    if (it != result_.index_.end()) return it->second;
+    result_.constant_sizes_[values] = {
+        problem_.ParameterBlockTangentSize(values),
+        problem_.ParameterBlockSize(values)};
+    return -1;
+  }
+
+  // Blocks of different groups have no covariance.
+  void AddRequests(const std::vector<Pair>& pairs) {
+    std::vector<int> place(report_.blocks.size(), -1);  // in the block's group
+    for (const BlockGroup& group : groups_) {
+      for (std::size_t k = 0; k < group.blocks.size(); ++k) {
+        place[group.blocks[k]] = static_cast<int>(k);
+      }
+    }
+    requests_.resize(groups_.size());
+    for (const auto& [a, b] : pairs) {
+      const auto [i, j] = std::minmax({IndexOf(a), IndexOf(b)});
+      if (i < 0) continue;
+      const RankReport::Block& first = report_.blocks[i];
+      const RankReport::Block& second = report_.blocks[j];
+      const bool is_new = result_.computed_
+                              .try_emplace({i, j},
+                                           MatrixXd::Zero(first.tangent_size,
+                                                          second.tangent_size))
+                              .second;
+      if (!is_new || first.group < 0 || first.group != second.group) continue;
+      requests_[first.group].pairs.emplace_back(i, j);
+      requests_[first.group].in_group.emplace_back(place[i], place[j]);
+    }
+  }
+
+  bool Invert(std::size_t g,
+              const GroupSpectra& spectra,
+              PseudoInverse* inverse,
+              std::string* error) const {
+    const BlockGroup& group = groups_[g];
+    const std::vector<GroupPair>& pairs = requests_[g].in_group;
+    const double limit = options_.rank.threshold * spectra.s_max;
+    if (IsDense(options_.rank, group)) {
+      *inverse = DensePseudoInverse(group, spectra.svds[g], limit, pairs);
+      return true;
+    }
+    const GaugeMatcher matcher(options_.rank, problem_, report_, group);
+    // The dimension of the null space is not known yet.
+    const GaugeMatch gauge = matcher.Best(limit, 0, group.A.cols());
+    return SparsePseudoInverse(group,
+                               spectra.largest[g],
+                               limit,
+                               options_.rank.max_directions,
+                               gauge.directions,
+                               pairs,
+                               inverse,
+                               error);
+  }
+
+  void AddGroup(const BlockGroup& group,
+                const GroupRequests& requests,
+                const PseudoInverse& inverse) {
+    result_.rank_ += static_cast<int>(group.A.cols() - inverse.N.cols());
+    for (std::size_t k = 0; k < group.blocks.size(); ++k) {
+      Block& block = result_.blocks_[group.blocks[k]];
+      for (int i = group.offsets[k]; i < group.offsets[k + 1]; ++i) {
+        block.undetermined_shares[group.columns[i] - block.block.column] =
+            std::min(1.0, inverse.N.row(i).squaredNorm());
+      }
+    }
+    for (std::size_t p = 0; p < requests.pairs.size(); ++p) {
+      const auto& [a, b] = requests.pairs[p];
+      Expand(inverse.blocks[p],
+             group,
+             requests.in_group[p],
+             report_.blocks[a].column,
+             report_.blocks[b].column,
+             &result_.computed_[{a, b}]);
+    }
+  }
+
+  bool ScaleByResidualVariance(std::string* error) {
+    if (!options_.use_residual_variance) return true;
+    const double variance = result_.residual_variance();
+    if (!std::isfinite(variance)) {
+      *error = fmt::format(
+          "use_residual_variance needs more residuals ({}) than determined "
+          "parameters ({})",
+          result_.num_residuals_,
+          result_.rank_);
+      return false;
+    }
+    for (auto& [pair, C] : result_.computed_) C *= variance;
+    return true;
+  }
+
+  void SetStandardDeviations() {
+    for (const auto& [pair, C] : result_.computed_) {
+      if (pair.first != pair.second) continue;
+      Block& block = result_.blocks_[pair.first];
+      block.standard_deviations =
+          (block.undetermined_shares.array() >= kUndetermined)
+              .select(std::numeric_limits<double>::infinity(),
+                      C.diagonal().array().max(0.0).sqrt());
+    }
+  }
+
+  const Options& options_;
+  const ceres::Problem& problem_;
+  Covariance& result_;
+  RankReport report_;
+  std::vector<BlockGroup> groups_;
+  std::vector<GroupRequests> requests_;  // of each group
+};
+
 bool ComputeCovariance(const Covariance::Options& options,
                        const ceres::Problem& problem,
                        const std::vector<Covariance::Pair>& pairs,
@@ -99,139 +262,9 @@ bool ComputeCovariance(const Covariance::Options& options,
                        std::string* error) {
   CHECK(covariance != nullptr);
   CHECK(error != nullptr);
-  if (!options.rank.IsValid(error)) return false;
-  RankReport report;
-  std::vector<BlockGroup> groups;
-  if (!GroupBlocks(options.rank, problem, &report, &groups, error)) {
-    return false;
-  }
   Covariance result;
-  result.cost_ = report.cost;
-  result.num_residuals_ = report.num_residuals;
-  result.num_parameters_ = report.num_parameters;
-  result.uses_residual_variance_ = options.use_residual_variance;
-  for (const RankReport::Block& from : report.blocks) {
-    result.index_[from.values] = static_cast<int>(result.blocks_.size());
-    Covariance::Block block;
-    block.block = from;
-    block.values = Eigen::Map<const VectorXd>(from.values, from.size);
-    // Without residuals, until a group says otherwise.
-    block.undetermined_shares = VectorXd::Ones(from.tangent_size);
-    block.plus_jacobian = PlusJacobian(problem, from);
-    result.blocks_.push_back(std::move(block));
-  }
-
-  std::vector<int> place(report.blocks.size(), -1);  // of a block in its group
-  for (const BlockGroup& group : groups) {
-    for (std::size_t k = 0; k < group.blocks.size(); ++k) {
-      place[group.blocks[k]] = static_cast<int>(k);
-    }
-  }
-  std::vector<GroupRequests> requests(groups.size());
-  for (const auto& [a, b] : pairs) {
-    int blocks[2] = {-1, -1};
-    const double* const values[2] = {a, b};
-    for (int k = 0; k < 2; ++k) {
-      CHECK(problem.HasParameterBlock(values[k]))
-          << "A block of the covariance is not part of the problem.";
-      const auto it = result.index_.find(values[k]);
-      if (it != result.index_.end()) {
-        blocks[k] = it->second;
-      } else {
-        result.constant_sizes_[values[k]] = {
-            problem.ParameterBlockTangentSize(values[k]),
-            problem.ParameterBlockSize(values[k])};
-      }
-    }
-    if (blocks[0] < 0 || blocks[1] < 0) continue;
-    if (blocks[0] > blocks[1]) std::swap(blocks[0], blocks[1]);
-    const RankReport::Block& first = report.blocks[blocks[0]];
-    const RankReport::Block& second = report.blocks[blocks[1]];
-    const bool is_new = result.computed_
-                            .try_emplace({blocks[0], blocks[1]},
-                                         MatrixXd::Zero(first.tangent_size,
-                                                        second.tangent_size))
-                            .second;
-    if (!is_new || first.group < 0 || first.group != second.group) continue;
-    requests[first.group].pairs.emplace_back(blocks[0], blocks[1]);
-    requests[first.group].in_group.emplace_back(place[blocks[0]],
-                                                place[blocks[1]]);
-  }
-
-  double s_max = 0.0;
-  std::vector<double> largest;
-  std::vector<RightSvd> svds(groups.size());
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    if (IsDense(options.rank, groups[g])) {
-      svds[g] = ComputeRightSvd(groups[g].A);
-      largest.push_back(svds[g].s[0]);
-    } else {
-      largest.push_back(LargestSingularValue(groups[g].A));
-    }
-    if (!std::isfinite(largest.back())) {
-      *error = "J is not finite, or its SVD did not converge";
-      return false;
-    }
-    s_max = std::max(s_max, largest.back());
-  }
-  const double limit = options.rank.threshold * s_max;
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const BlockGroup& group = groups[g];
-    PseudoInverse inverse;
-    if (!ComputeGroup(options.rank,
-                      problem,
-                      report,
-                      group,
-                      svds[g],
-                      largest[g],
-                      limit,
-                      requests[g].in_group,
-                      &inverse,
-                      error)) {
-      *error = fmt::format("the group of {}: {}",
-                           report.blocks[group.blocks.front()].name,
-                           *error);
-      return false;
-    }
-    result.rank_ += static_cast<int>(group.A.cols() - inverse.N.cols());
-    for (std::size_t k = 0; k < group.blocks.size(); ++k) {
-      Covariance::Block& block = result.blocks_[group.blocks[k]];
-      for (int i = group.offsets[k]; i < group.offsets[k + 1]; ++i) {
-        block.undetermined_shares[group.columns[i] - block.block.column] =
-            std::min(1.0, inverse.N.row(i).squaredNorm());
-      }
-    }
-    for (std::size_t p = 0; p < requests[g].pairs.size(); ++p) {
-      const auto& [a, b] = requests[g].pairs[p];
-      Expand(inverse.blocks[p],
-             group,
-             requests[g].in_group[p],
-             report.blocks[a].column,
-             report.blocks[b].column,
-             &result.computed_[{a, b}]);
-    }
-  }
-
-  if (options.use_residual_variance) {
-    if (!std::isfinite(result.residual_variance())) {
-      *error = fmt::format(
-          "use_residual_variance needs more residuals ({}) than determined "
-          "parameters ({})",
-          result.num_residuals_,
-          result.rank_);
-      return false;
-    }
-    for (auto& [pair, C] : result.computed_) C *= result.residual_variance();
-  }
-  for (const auto& [pair, C] : result.computed_) {
-    if (pair.first != pair.second) continue;
-    Covariance::Block& block = result.blocks_[pair.first];
-    block.standard_deviations = C.diagonal().cwiseMax(0.0).cwiseSqrt();
-    for (Index i = 0; i < C.rows(); ++i) {
-      if (block.undetermined_shares[i] >= kUndetermined) {
-        block.standard_deviations[i] = std::numeric_limits<double>::infinity();
-      }
-    }
+  if (!Covariance::Computation(options, problem, &result).Run(pairs, error)) {
+    return false;
   }
   *covariance = std::move(result);
   return true;

@@ -101,6 +101,7 @@ class Covariance {
   std::string ToText(double min_correlation = 0.1, int max_items = 20) const;
 
  private:
+  class Computation;
   friend bool ComputeCovariance(const Options& options,
                                 const ceres::Problem& problem,
                                 const std::vector<Pair>& pairs,

@@ -210,6 +210,14 @@ void FillJacobian(const SparseMatrix& J,
 
 }  // namespace
 
+bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
+  constexpr double kMaxEntries = 4e7;  // 320 MB
+  return group.A.cols() <= options.max_dense_size &&
+         static_cast<double>(group.A.rows()) *
+                 static_cast<double>(group.A.cols()) <=
+             kMaxEntries;
+}
+
 bool GroupBlocks(const RankReport::Options& options,
                  const ceres::Problem& problem,
                  RankReport* report,

@@ -36,6 +36,9 @@ struct BlockGroup {
   std::vector<std::vector<BlockArgument>> arguments;
 };
 
+// Whether A is small enough for dense decompositions.
+bool IsDense(const RankReport::Options& options, const BlockGroup& group);
+
 // Linearizes the problem and fills the report's sizes, blocks, unused
 // parameters and lengths of columns. Returns false, with a message, if a cost
 // function fails or is not finite, or if memory does not suffice.

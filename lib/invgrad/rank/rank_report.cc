@@ -15,14 +15,6 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-bool IsDense(const RankReport::Options& options, const BlockGroup& group) {
-  constexpr double kMaxEntries = 4e7;  // 320 MB
-  return group.A.cols() <= options.max_dense_size &&
-         static_cast<double>(group.A.rows()) *
-                 static_cast<double>(group.A.cols()) <=
-             kMaxEntries;
-}
-
 // The small singular values of each group's A, and the largest value of all
 // groups.
 bool Decompose(const RankReport::Options& options,
