@@ -54,9 +54,8 @@
 // Use one object for unknowns in the same coordinates; Reset forgets.
 //
 // Shapes:  H: n x n, its lower triangle is read;  gradient = J^T r, step: n.
-// Cost:    an eigenvalue decomposition and a factorization: microseconds for
-//          n = 6 (docs/results/registration.md); DeterminedStep allocates
-//          nothing on the heap. DeterminedStepOfAnySize costs 25 n^3 and
+// Cost:    an eigenvalue decomposition and a factorization of n x n matrices;
+//          DeterminedStep allocates nothing on the heap. DeterminedStepOfAnySize costs 25 n^3 and
 //          n^2 doubles five times.
 // Fails:   returns false, with *error, step = 0 and the memory as it was, if H
 //          or gradient is not finite. H = 0: everything is left alone.
