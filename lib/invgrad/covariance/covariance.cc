@@ -24,7 +24,7 @@ using Eigen::VectorXd;
 // Above this share, nothing but rounding determines a parameter.
 constexpr double kUndetermined = 1.0 - 1e-9;
 
-// The largest singular value of each group, and the SVD of those that are dense.
+// The largest singular value of each group, and the SVDs of the dense ones.
 struct GroupSpectra {
   std::vector<double> largest;
   std::vector<RightSvd> svds;

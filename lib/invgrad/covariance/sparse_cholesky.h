@@ -49,8 +49,8 @@ class SparseCholesky {
   // Z B.
   Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const;
 
-  // For each pair (i, j) the entry Z_ij if it is in the pattern of L. It converts
-  // L, so that a later Solve takes longer.
+  // For each pair (i, j) the entry Z_ij if it is in the pattern of L. Converts L,
+  // so that a later Solve takes longer.
   std::vector<std::optional<double>> SelectedInverse(
       const std::vector<std::pair<int, int>>& entries);
 

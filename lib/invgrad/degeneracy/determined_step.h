@@ -48,15 +48,15 @@
 // Hysteresis. A direction that was left alone in the last call is determined
 // again at s > tau_high s_max only. The memory is the subspace of the motions
 // D^-1 v: within the span of the v with tau s_max < s <= tau_high s_max, the
-// principal directions that make less than 45 degrees (in the metric D^2) with it
-// stay left alone. tau_high = sqrt(2) tau, a factor of 2 in curvature, is the
+// principal directions that make less than 45 degrees (in the metric D^2) with
+// it stay left alone. tau_high = sqrt(2) tau, a factor of 2 in curvature, is the
 // default: three standard deviations of the curvature of 18 random rows.
 // Use one object for unknowns in the same coordinates; Reset forgets.
 //
 // Shapes:  H: n x n, its lower triangle is read;  gradient = J^T r, step: n.
 // Cost:    an eigenvalue decomposition and a factorization of n x n matrices;
-//          DeterminedStep allocates nothing on the heap. DeterminedStepOfAnySize costs 25 n^3 and
-//          n^2 doubles five times.
+//          DeterminedStep allocates nothing on the heap.
+//          DeterminedStepOfAnySize costs 25 n^3 and n^2 doubles five times.
 // Fails:   returns false, with *error, step = 0 and the memory as it was, if H
 //          or gradient is not finite. H = 0: everything is left alone.
 //

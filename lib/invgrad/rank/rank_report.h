@@ -80,7 +80,7 @@ struct RankReport {
     // rotations.
     std::vector<int> components;
 
-    // "`pose 0`[2]", or "`pose 0` tangent 1" if the direction is not a component.
+    // "`pose 0`[2]", or "`pose 0` tangent 1" if that is not a component.
     std::string ParameterName(int tangent) const;
   };
 
