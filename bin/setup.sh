@@ -15,6 +15,7 @@ readonly root build_dir
 readonly required_packages=(
   cmake ninja-build g++
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev libfmt-dev
+  nlohmann-json3-dev
   libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
   libgtest-dev libbenchmark-dev pkg-config
   gnuplot-nox

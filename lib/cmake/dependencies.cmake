@@ -28,6 +28,10 @@ invgrad_note_if_missing("Ceres Solver 2.1" libceres-dev Ceres_FOUND)
 find_package(fmt QUIET)
 invgrad_note_if_missing("fmt" libfmt-dev fmt_FOUND)
 
+# Writes reports.
+find_package(nlohmann_json 3.11 QUIET)
+invgrad_note_if_missing("nlohmann-json" nlohmann-json3-dev nlohmann_json_FOUND)
+
 include(${CMAKE_CURRENT_LIST_DIR}/invgradLapack.cmake)
 invgrad_note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
 invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)

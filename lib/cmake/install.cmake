@@ -85,6 +85,6 @@ if(PROJECT_IS_TOP_LEVEL)
   # For invgrad::torch and invgrad::mpi.
   set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libtorch-dev, libopenmpi-dev")
   set(CPACK_DEBIAN_PACKAGE_DEPENDS
-    "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libfmt-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev")
+    "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libfmt-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev, nlohmann-json3-dev")
   include(CPack)
 endif()

@@ -85,6 +85,10 @@ class Covariance {
   Eigen::MatrixXd Correlations(const double* a, const double* b) const;
 
   const std::vector<Block>& blocks() const { return blocks_; }
+  // The computed blocks (i, j), i <= j, of blocks().
+  const std::map<std::pair<int, int>, Eigen::MatrixXd>& tangent_blocks() const {
+    return computed_;
+  }
   // CHECKs that the block is not constant.
   const Block& block(const double* values) const;
 
@@ -111,7 +115,7 @@ class Covariance {
   std::vector<Block> blocks_;
   std::map<const double*, int> index_;                       // in blocks_
   std::map<const double*, Eigen::Vector2i> constant_sizes_;  // tangent, ambient
-  std::map<std::pair<int, int>, Eigen::MatrixXd> computed_;  // tangent
+  std::map<std::pair<int, int>, Eigen::MatrixXd> computed_;
   double cost_ = 0.0;
   int num_residuals_ = 0;
   int num_parameters_ = 0;

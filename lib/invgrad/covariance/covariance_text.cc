@@ -23,7 +23,7 @@ struct Line {
 };
 
 std::string Percent(double share) {
-  return FormatNumber(100.0 * share, 2) + " %";
+  return FormatNumber(100.0 * share, 3) + " %";
 }
 
 Line ParameterLine(const Covariance::Block& block, int tangent) {

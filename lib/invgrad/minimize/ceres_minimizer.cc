@@ -1,11 +1,13 @@
 #include "invgrad/minimize/ceres_minimizer.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "ceres/gradient_problem.h"
 #include "ceres/gradient_problem_solver.h"
 #include "glog/logging.h"
 #include "invgrad/ceres/domain_failure.h"
+#include "invgrad/ceres/problem_structure.h"
 
 namespace invgrad {
 namespace {
@@ -70,6 +72,25 @@ void ConvertSummary(const CeresSummary& ceres_summary,
   }
 }
 
+// Why the solve from this start leaves the domain for the first time.
+std::optional<DomainFailure> FirstFailure(
+    const MinimizerOptions& options,
+    const ceres::Solver::Options& ceres_options,
+    const Eigen::VectorXd& start,
+    const ceres::Problem& problem) {
+  const ProblemStructure structure = ReadStructure(problem, {});
+  const Eigen::VectorXd result = structure.State();
+  structure.SetState(start);
+  DomainFailure::Options failure_options;
+  failure_options.block_name = options.block_name;
+  failure_options.evaluation_callback = options.evaluation_callback;
+  DomainFailure failure;
+  const bool is_found =
+      FindDomainFailure(ceres_options, failure_options, problem, &failure);
+  structure.SetState(result);
+  return is_found ? std::make_optional(failure) : std::nullopt;
+}
+
 }  // namespace
 
 void MinimizeWithCeres(const MinimizerOptions& options,
@@ -81,13 +102,23 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   CHECK(summary != nullptr);
   ApplyMinimizerOptions(options, &ceres_options);
   if (proposals != nullptr) proposals->AddTo(&ceres_options);
+  const Eigen::VectorXd start = ReadStructure(*problem, {}).State();
   ceres::Solver::Summary ceres_summary;
   ceres::Solve(ceres_options, problem, &ceres_summary);
   ConvertSummary(ceres_summary, summary);
-  if (proposals == nullptr) return;
-  const UpdateCallback::Summary counts = proposals->summary();
-  summary->num_outside_domain = counts.num_outside_domain;
-  if (counts.has_converged) summary->termination_type = ceres::CONVERGENCE;
+  if (proposals == nullptr) {
+    if (summary->num_outside_domain > 0) {
+      summary->first_outside_domain =
+          FirstFailure(options, ceres_options, start, *problem);
+    }
+    return;
+  }
+  summary->proposals = proposals->summary();
+  summary->num_outside_domain = summary->proposals->num_outside_domain;
+  summary->first_outside_domain = summary->proposals->first_outside_domain;
+  if (summary->proposals->has_converged) {
+    summary->termination_type = ceres::CONVERGENCE;
+  }
 }
 
 void MinimizeWithCeres(const MinimizerOptions& options,

@@ -281,8 +281,10 @@ bool MinimizeProblem(
   if (ceres::IsSchurType(solver_options.linear_solver_type)) {
     solver_options.linear_solver_ordering = std::move(elimination_order);
   }
+  UpdateCallback::Options callback_options;
+  callback_options.block_name = options.block_name;
   const std::string proposals = MinimizeWithProposals(
-      phase, options, solver_options, {}, problem, summary);
+      phase, options, solver_options, callback_options, problem, summary);
   summary->message += proposals;
   return true;
 }

@@ -14,6 +14,8 @@
 #ifndef INVGRAD_MINIMIZE_MINIMIZER_H_
 #define INVGRAD_MINIMIZE_MINIMIZER_H_
 
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +23,8 @@
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/types.h"
+#include "invgrad/ceres/domain_failure.h"
+#include "invgrad/ceres/update_callback.h"
 #include "invgrad/core/objective.h"
 #include "invgrad/core/update_rule.h"
 
@@ -46,6 +50,9 @@ struct MinimizerOptions {
   // The evaluation callback of the problem, if any (see ProblemLinearizer). Not
   // owned.
   ceres::EvaluationCallback* evaluation_callback = nullptr;
+  // Of a block, in MinimizerSummary::first_outside_domain; "" or no function:
+  // "block i".
+  std::function<std::string(const double* values)> block_name;
 };
 
 struct MinimizerSummary {
@@ -62,6 +69,11 @@ struct MinimizerSummary {
   // Candidates of ceres::Solve, proposals included, at which the problem cannot
   // be evaluated (domain_failure.h).
   int num_outside_domain = 0;
+  // Why not at the first of them, for trust regions; none if no reason was
+  // found.
+  std::optional<DomainFailure> first_outside_domain;
+  // Of ceres::Solve with proposals.
+  std::optional<UpdateCallback::Summary> proposals;
 
   int num_steps() const {
     return iterations.empty() ? 0 : static_cast<int>(iterations.size()) - 1;
