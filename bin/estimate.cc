@@ -11,6 +11,7 @@ Sample runs:
   estimate --input=nist --plots=false --overwrite \
     --methods=ceres_lm,ceres_bfgs
   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2 --overwrite
+  estimate --input=nist/BoxBOD.dat --covariance --overwrite
   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
@@ -57,6 +58,10 @@ DEFINE_string(loss,
               "none",
               "robust loss: none, or huber, soft_l_one, cauchy, arctan, tukey "
               "[:scale]");
+DEFINE_bool(covariance,
+            false,
+            "standard deviations and correlations of each result (of the "
+            "cameras, for BAL), and what the residuals do not determine");
 DEFINE_double(perturb,
               0.0,
               "standard deviation of noise on the starts: relative (NIST), in "

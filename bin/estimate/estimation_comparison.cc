@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <limits>
-#include <map>
 #include <optional>
 #include <utility>
 
+#include "bin/estimate/estimation_table.h"
+#include "bin/estimate/run_report.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
@@ -16,7 +16,6 @@
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "problems/estimation/nist_models.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
@@ -25,26 +24,8 @@
 namespace invgrad {
 namespace {
 
-constexpr auto kLeft = Table::Align::kLeft;
-
-struct Row {
-  std::string start;   // "Misra1a-start1-seed3": runs from one start compare
-  std::string method;  // its label
-  double initial_cost = std::numeric_limits<double>::quiet_NaN();
-  double final_cost = std::numeric_limits<double>::quiet_NaN();
-  int num_iterations = 0;
-  int num_accepted = 0;  // steps
-  int num_rejected = 0;
-  int num_outside_domain = 0;  // candidates
-  double seconds = 0.0;
-  // Correct digits of every parameter, if there are certified values.
-  std::optional<Eigen::VectorXd> digits;
-  std::string status;
-  bool has_failed = true;
-};
-
 struct Runs {
-  std::vector<Row> rows;
+  std::vector<EstimationRow> rows;
   std::vector<Picture> pictures;  // drawn when all tables are written
 };
 
@@ -67,6 +48,9 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
   } else if (summary.num_outside_domain > 0) {
     status +=
         fmt::format("; {} outside the domain", summary.num_outside_domain);
+    if (summary.first_outside_domain) {
+      status += ": " + summary.first_outside_domain->ToText();
+    }
   }
   return status;
 }
@@ -74,7 +58,7 @@ std::string Status(const Method& method, const MinimizerSummary& summary) {
 void SetResults(const Method& method,
                 const MinimizerSummary& summary,
                 const Estimation& estimation,
-                Row* row) {
+                EstimationRow* row) {
   // The cost is -1 if the run failed at its start.
   if (summary.initial_cost >= 0.0) row->initial_cost = summary.initial_cost;
   if (summary.final_cost >= 0.0) row->final_cost = summary.final_cost;
@@ -141,8 +125,8 @@ void SetStart(int start, int seed, Estimation* estimation) {
 
 bool Minimize(const std::string& name,
               Method method,
-              const MakeLossFunction& make_loss,
               Estimation* estimation,
+              ceres::Problem* problem,
               MinimizerSummary* summary,
               std::string* error) {
   MinimizerOptions minimizer = estimation->traits().budget;
@@ -153,19 +137,54 @@ bool Minimize(const std::string& name,
   if (FLAGS_function_tolerance >= 0.0) {
     minimizer.function_tolerance = FLAGS_function_tolerance;
   }
+  minimizer.block_name = [estimation](const double* values) {
+    return estimation->BlockName(values);
+  };
   LiveCallback live(name + " " + method.label);
   minimizer.callbacks.push_back(&live);
   method.AddCeresDefaults(
       {{"linear_solver", estimation->traits().linear_solver},
        {"num_threads", std::to_string(FLAGS_threads)}});
-  const std::unique_ptr<ceres::Problem> problem =
-      estimation->MakeProblem(make_loss);
-  return MinimizeProblem(method,
-                         minimizer,
-                         estimation->MakeOrdering(),
-                         problem.get(),
-                         summary,
-                         error);
+  return MinimizeProblem(
+      method, minimizer, estimation->MakeOrdering(), problem, summary, error);
+}
+
+// Of a run that has a result. A covariance that cannot be computed is part of
+// the status.
+void SetCovariance(const ceres::Problem& problem,
+                   const Estimation& estimation,
+                   EstimationRow* row,
+                   RunReport* report) {
+  std::string why;
+  if (!AddCovariance(estimation, problem, report, &why)) {
+    row->status += "; no covariance: " + why;
+    return;
+  }
+  row->rank = report->covariance->rank();
+  row->num_parameters = report->covariance->num_parameters();
+  row->deviation_digits = estimation.DeviationDigits(*report->covariance);
+}
+
+// Writes the result, in the input's format, and the reports.
+bool WriteRun(const std::string& path,
+              const Estimation& estimation,
+              EstimationRow* row,
+              RunReport* report,
+              std::string* error) {
+  const std::string result = path + estimation.traits().extension;
+  if (!ListRunFile(result, error)) return false;
+  // If estimates are not finite, the other runs continue.
+  std::string why;
+  if (!estimation.Write(result, &why)) {
+    Warn(why);
+    row->status += "; no result file: " + why;
+    row->has_failed = true;
+  }
+  report->status = row->status;
+  return WriteRunFile(path + ".csv", IterationsCsv(report->minimizer), error) &&
+         WriteRunFile(path + ".json", report->ToJson(), error) &&
+         (!report->covariance ||
+          WriteRunFile(path + ".report.txt", report->ToText(), error));
 }
 
 // All methods from one start.
@@ -183,6 +202,7 @@ bool RunFrom(int start,
   SetStart(start, seed, estimation);
   std::vector<Plot> panels;
   estimation->Draw("start", &panels);
+  std::vector<Plot> covariance_panels;
   std::vector<Plot> costs(2);
   costs[0].x_label = "iteration";
   costs[1].x_label = "seconds";
@@ -191,148 +211,48 @@ bool RunFrom(int start,
   for (const Method& method : methods) {
     if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
-    Row& row = runs->rows.emplace_back();
+    EstimationRow& row = runs->rows.emplace_back();
     row.start = name;
     row.method = method.label;
-    MinimizerSummary summary;
+    RunReport report;
+    report.start = name;
+    report.method = method.label;
+    const std::unique_ptr<ceres::Problem> problem =
+        estimation->MakeProblem(make_loss);
     std::string why;
-    if (!Minimize(name, method, make_loss, estimation, &summary, &why)) {
+    if (!Minimize(
+            name, method, estimation, problem.get(), &report.minimizer, &why)) {
       row.status = "not run: " + why;
       continue;
     }
-    SetResults(method, summary, *estimation, &row);
-    estimation->Draw(method.label, &panels);
-    AddCosts(method.label, summary, &costs);
-    const std::string file = folder + "/" + FileName(method.label);
-    const std::string result = file + estimation->traits().extension;
-    if (!WriteRunFile(file + ".csv", IterationsCsv(summary), error) ||
-        !ListRunFile(result, error)) {
+    SetResults(method, report.minimizer, *estimation, &row);
+    if (FLAGS_covariance && !row.has_failed) {
+      SetCovariance(*problem, *estimation, &row, &report);
+    }
+    if (!WriteRun(folder + "/" + FileName(method.label),
+                  *estimation,
+                  &row,
+                  &report,
+                  error)) {
       return false;
     }
-    // If estimates are not finite, the other runs continue.
-    if (!estimation->Write(result, &why)) {
-      Warn(why);
-      row.status += "; no result file: " + why;
-      row.has_failed = true;
+    estimation->Draw(method.label, &panels);
+    if (report.covariance) {
+      estimation->DrawCovariance(
+          method.label, *report.covariance, &covariance_panels);
     }
+    AddCosts(method.label, report.minimizer, &costs);
   }
   runs->pictures.push_back({folder + "/result.png", std::move(panels)});
+  if (!covariance_panels.empty()) {
+    runs->pictures.push_back(
+        {folder + "/covariance.png", std::move(covariance_panels)});
+  }
   if (!costs[0].series.empty()) {
     MuteAllButTheLowest(&costs);
     runs->pictures.push_back({folder + "/cost.png", std::move(costs)});
   }
   return true;
-}
-
-bool HasDigits(const std::vector<Row>& rows) {
-  return std::any_of(rows.begin(), rows.end(), [](const Row& row) {
-    return row.digits.has_value();
-  });
-}
-
-bool IsSolved(const Row& row) {
-  return row.digits.has_value() && IsNistSolution(*row.digits);
-}
-
-// Counts of a run or of sums of runs.
-void AddCounts(const Row& counts, Table* table) {
-  table->Add("iterations", std::to_string(counts.num_iterations));
-  table->Add("accepted", std::to_string(counts.num_accepted));
-  table->Add("rejected", std::to_string(counts.num_rejected));
-}
-
-// One row per run, for people; or with all digits, for CSV.
-Table EstimationTable(const std::vector<Row>& rows, bool is_exact) {
-  const bool has_digits = HasDigits(rows);
-  const auto number = [is_exact](double value, int digits) {
-    return is_exact ? ExactNumber(value) : FormatNumber(value, digits);
-  };
-  const std::string none = is_exact ? "" : "-";
-  Table table;
-  for (const Row& row : rows) {
-    table.BeginRow();
-    table.Add("start", row.start, kLeft);
-    table.Add("method", row.method, kLeft);
-    table.Add(is_exact ? "initial_cost" : "initial cost",
-              number(row.initial_cost, 7));
-    table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
-    AddCounts(row, &table);
-    table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
-    if (has_digits || is_exact) {
-      table.Add("digits",
-                row.digits ? number(row.digits->minCoeff(), 3) : none);
-      table.Add(is_exact ? "mean_digits" : "mean digits",
-                row.digits ? number(row.digits->mean(), 3) : none);
-    }
-    if (has_digits && !is_exact) {
-      table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
-    }
-    table.Add("status", row.status, kLeft);
-    if (is_exact) {
-      table.Add("outside_domain", std::to_string(row.num_outside_domain));
-    }
-  }
-  return table;
-}
-
-// For each method, over all starts: the number of solved starts (by NIST's
-// digits); the digits of the worst and of the mean parameter, averaged over the
-// solved starts; the number of starts with the least cost of all methods; and
-// sums.
-Table EstimationSummary(const std::vector<Row>& rows) {
-  constexpr double kSameCost = 1e-6;
-  std::map<std::string, double> least_cost;
-  for (const Row& row : rows) {
-    if (!std::isfinite(row.final_cost)) continue;
-    const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
-    if (!is_new) it->second = std::min(it->second, row.final_cost);
-  }
-  std::vector<std::string> methods;  // in the order of their first runs
-  for (const Row& row : rows) {
-    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
-      methods.push_back(row.method);
-    }
-  }
-  const bool has_digits = HasDigits(rows);
-  Table table;
-  for (const std::string& method : methods) {
-    Row sum;
-    int num_runs = 0, num_solved = 0, num_least = 0;
-    double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
-    for (const Row& row : rows) {
-      if (row.method != method) continue;
-      const double least = least_cost[row.start];
-      ++num_runs;
-      num_least += row.final_cost <= least + kSameCost * std::abs(least);
-      if (IsSolved(row)) {
-        ++num_solved;
-        worst_digits += row.digits->minCoeff();
-        mean_digits += row.digits->mean();
-      }
-      sum.num_iterations += row.num_iterations;
-      sum.num_accepted += row.num_accepted;
-      sum.num_rejected += row.num_rejected;
-      sum.seconds += row.seconds;
-    }
-    const auto mean = [num_solved](double digits) {
-      return num_solved > 0 ? FormatNumber(digits / num_solved, 3) : "-";
-    };
-    const auto share = [num_runs](int count) {
-      return fmt::format("{} of {}", count, num_runs);
-    };
-    table.BeginRow();
-    table.Add("method", method, kLeft);
-    table.Add("starts", std::to_string(num_runs));
-    table.Add("least cost", share(num_least));
-    if (has_digits) {
-      table.Add("solved", share(num_solved));
-      table.Add("digits", mean(worst_digits));
-      table.Add("mean digits", mean(mean_digits));
-    }
-    AddCounts(sum, &table);
-    table.Add("s", FormatNumber(sum.seconds, 3));
-  }
-  return table;
 }
 
 }  // namespace
@@ -394,7 +314,7 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
   }
   std::cout << "results in " << FLAGS_output << "\n";
   DrawPictures(runs.pictures);
-  for (const Row& row : runs.rows) counts->Add(!row.has_failed);
+  for (const EstimationRow& row : runs.rows) counts->Add(!row.has_failed);
   return true;
 }
 

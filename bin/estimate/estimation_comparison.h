@@ -4,8 +4,15 @@
 //   DIR/summary.txt, summary.md             a row a method
 //   DIR/START/METHOD.dat (.txt, .g2o)       the result, in the input's format
 //   DIR/START/METHOD.csv                    iteration, cost, seconds, accepted
+//   DIR/START/METHOD.json                   the run for programs (docs/json.md)
 //   DIR/START/result.png                    the start and every result
 //   DIR/START/cost.png                      cost against iterations and seconds
+//
+// With --covariance also
+//
+//   DIR/START/METHOD.report.txt             standard deviations, correlations,
+//                                           what is not determined
+//   DIR/START/covariance.png                bands (nist), ellipses (g2o)
 //
 // START is the name of the input, with -startK if it has several starts and
 // -seedS if they are perturbed.
@@ -24,6 +31,7 @@
 // Defined in estimate.cc, because compare has flags of the same names.
 DECLARE_string(start);
 DECLARE_string(loss);
+DECLARE_bool(covariance);
 DECLARE_double(perturb);
 DECLARE_string(seeds);
 DECLARE_int32(max_iterations);

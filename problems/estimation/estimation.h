@@ -18,6 +18,7 @@
 #include "Eigen/Core"
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
+#include "invgrad/covariance/covariance.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/minimizer.h"
 #include "problems/estimation/pose_graph.h"
@@ -33,6 +34,9 @@ struct EstimationTraits {
   std::string extension;  // of the result file: ".dat"
   int num_starts = 1;
   MinimizerOptions budget;  // the usual iterations and tolerances
+  // The residuals are divided by their standard deviations. Otherwise a
+  // covariance needs their estimated variance.
+  bool has_unit_variance = false;
 };
 
 class Estimation {
@@ -58,6 +62,22 @@ class Estimation {
   // file has certified values.
   virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
 
+  // The name of a parameter block in reports.
+  virtual std::string BlockName(const double* values) const = 0;
+
+  // The blocks whose standard deviations a report lists.
+  virtual std::vector<Covariance::Pair> CovariancePairs(
+      const ceres::Problem& problem) const {
+    return MarginalPairs(problem);
+  }
+
+  // For each parameter, the digits that agree with its certified standard
+  // deviation, if the file has them.
+  virtual std::optional<Eigen::VectorXd> DeviationDigits(
+      const Covariance& /*covariance*/) const {
+    return {};
+  }
+
   // Writes the current parameters, in the input's format.
   virtual bool Write(const std::string& path, std::string* error) const = 0;
 
@@ -65,6 +85,12 @@ class Estimation {
   // curves in a common panel, or as a new panel.
   virtual void Draw(const std::string& label,
                     std::vector<Plot>* panels) const = 0;
+
+  // Adds a panel of the current parameters with two standard deviations, as a
+  // band or as ellipses; none if that is not drawn.
+  virtual void DrawCovariance(const std::string& /*label*/,
+                              const Covariance& /*covariance*/,
+                              std::vector<Plot>* /*panels*/) const {}
 
  private:
   const EstimationTraits traits_;

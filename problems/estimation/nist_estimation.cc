@@ -53,6 +53,14 @@ class NistEstimation final : public Estimation {
     return LogRelativeErrors(b_, data_.certified);
   }
 
+  std::string BlockName(const double* /*values*/) const override { return "b"; }
+
+  std::optional<Eigen::VectorXd> DeviationDigits(
+      const Covariance& covariance) const override {
+    return LogRelativeErrors(covariance.block(b_.data()).standard_deviations,
+                             data_.standard_deviations);
+  }
+
   // The estimates replace both starts.
   bool Write(const std::string& path, std::string* error) const override {
     NistData result = data_;
@@ -63,22 +71,25 @@ class NistEstimation final : public Estimation {
   void Draw(const std::string& label,
             std::vector<Plot>* panels) const override {
     if (panels->empty()) panels->push_back(DataPanel());
-    Eigen::MatrixXd at = data_.predictors;
-    if (at.cols() == 1) {
-      const double low = at.minCoeff();
-      const double high = at.maxCoeff();
-      at.resize(kNumCurvePoints + 1, 1);
-      for (int i = 0; i <= kNumCurvePoints; ++i) {
-        at(i) = low + (high - low) * i / kNumCurvePoints;
-      }
+    panels->front().series.push_back(Curve(label, CurvePoints()));
+  }
+
+  void DrawCovariance(const std::string& label,
+                      const Covariance& covariance,
+                      std::vector<Plot>* panels) const override {
+    const Eigen::MatrixXd points = CurvePoints();
+    const Eigen::MatrixXd C = covariance.TangentBlock(b_.data(), b_.data());
+    Series curve = Curve("estimate, two standard deviations", points);
+    for (Eigen::Index i = 0; i < points.rows(); ++i) {
+      const Eigen::VectorXd g = Gradient(points.row(i));
+      const double deviation = std::sqrt(g.dot(C * g));
+      curve.y_low.push_back(curve.y[i] - 2.0 * deviation);
+      curve.y_high.push_back(curve.y[i] + 2.0 * deviation);
     }
-    Series curve;
-    curve.title = label;
-    curve.x = Places(at);
-    for (const Eigen::VectorXd x : at.rowwise()) {
-      curve.y.push_back(model_.value(x.data(), b_.data()));
-    }
-    panels->front().series.push_back(std::move(curve));
+    Plot plot = DataPanel();
+    plot.title += ", " + label;
+    plot.series.push_back(std::move(curve));
+    panels->push_back(std::move(plot));
   }
 
  private:
@@ -88,6 +99,39 @@ class NistEstimation final : public Estimation {
     return ToVector(predictors.cols() == 1
                         ? Eigen::VectorXd(predictors.col(0))
                         : Eigen::VectorXd::LinSpaced(m, 1.0, m));
+  }
+
+  // Where a curve is drawn: along the predictor, or at the data.
+  Eigen::MatrixXd CurvePoints() const {
+    if (data_.predictors.cols() > 1) return data_.predictors;
+    return Eigen::VectorXd::LinSpaced(kNumCurvePoints + 1,
+                                      data_.predictors.minCoeff(),
+                                      data_.predictors.maxCoeff());
+  }
+
+  Series Curve(const std::string& title, const Eigen::MatrixXd& points) const {
+    Series curve;
+    curve.title = title;
+    curve.x = Places(points);
+    for (const Eigen::VectorXd x : points.rowwise()) {
+      curve.y.push_back(model_.value(x.data(), b_.data()));
+    }
+    return curve;
+  }
+
+  // df/db at x; a residual is y - f.
+  Eigen::VectorXd Gradient(const Eigen::VectorXd& x) const {
+    const std::unique_ptr<ceres::CostFunction> cost(
+        model_.make_cost(x.data(), 1.0));
+    const double* parameters = b_.data();
+    double residual = 0.0;
+    Eigen::VectorXd gradient(b_.size());
+    double* jacobian = gradient.data();
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    if (!cost->Evaluate(&parameters, &residual, &jacobian)) {
+      gradient.setConstant(kNaN);
+    }
+    return -gradient;
   }
 
   Plot DataPanel() const {

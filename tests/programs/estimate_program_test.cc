@@ -4,13 +4,16 @@
 
 #include <cmath>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/nist_file.h"
+#include "tests/support/json_page.h"
 #include "tests/support/published_data.h"
 
 namespace invgrad {
@@ -245,12 +248,93 @@ TEST_F(EstimateProgram, RobustLossesLowerTheCost) {
             0.1 * std::stod(Results("none")[0][2]));
 }
 
+// The first step of every minimizer leads to b2 = -92, where exp(-b2 x)
+// overflows: as in NIST's BoxBOD, but fitted exactly by its certified values.
+TEST_F(EstimateProgram, NamesTheParameterThatLeavesTheDomain) {
+  NistData data;
+  data.name = "BoxBOD";
+  data.predictors.resize(6, 1);
+  data.predictors << 1.0, 2.0, 3.0, 5.0, 7.0, 10.0;
+  data.responses = 200.0 * (1.0 - (-0.5 * data.predictors.array()).exp());
+  data.starts = Eigen::Matrix2d::Ones();
+  data.certified = Eigen::Vector2d(200.0, 0.5);
+  data.standard_deviations = Eigen::Vector2d(1e-9, 1e-9);
+  std::string error;
+  ASSERT_TRUE(WriteNistFile(Path("BoxBOD.dat"), data, &error)) << error;
+  const Output output = RunQuietly(
+      Path("BoxBOD.dat"),
+      "run",
+      {"--start=1", "--methods=ceres_lm,ceres_lm+half_inverse:step_size=auto"});
+  ExpectSays(output, {"outside the domain: residual block", "`b`[1] = -"});
+  EXPECT_NE(ReadAll(Path("run") + "/results.csv").find("outside_domain"),
+            std::string::npos);
+  const nlohmann::json json = nlohmann::json::parse(
+      ReadAll(Path("run") + "/BoxBOD-start1/ceres_lm.json"));
+  EXPECT_GT(json["minimizer"]["num_outside_domain"], 0);
+  const nlohmann::json& failure = json["minimizer"]["first_outside_domain"];
+  EXPECT_EQ(failure["parameters"][0]["name"], "b");
+  EXPECT_EQ(failure["parameters"][0]["component"], 1);
+}
+
+// The covariance of a chain without loops, by hand. Position and angle of an
+// edge have the variances 1/10 and 1/100, and the errors of an angle turn all
+// that follows. No edge leads to pose 4.
+TEST_F(EstimateProgram, TheCovarianceOfAChainIsThatByHand) {
+  constexpr int kNumEdges = 3;
+  std::string text = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 4 1 1 1\n";
+  for (int k = 1; k <= kNumEdges; ++k) {
+    text += "VERTEX_SE2 " + std::to_string(k) + " " + std::to_string(k) +
+            " 0 0\nEDGE_SE2 " + std::to_string(k - 1) + " " +
+            std::to_string(k) + " 1 0 0 10 0 0 10 0 100\n";
+  }
+  const Output output =
+      RunQuietly(WriteText("chain.g2o", text),
+                 "run",
+                 {"--methods=ceres_lm", "--covariance", "--overwrite"});
+  ExpectSays(output, {"9 of 12"});
+  const std::string path = Path("run") + "/chain/ceres_lm";
+  const nlohmann::json json = nlohmann::json::parse(ReadAll(path + ".json"));
+  std::set<std::string> found;
+  ExpectOnPage(json, &found);
+  ExpectAllFound("invgrad.estimate", found);
+  for (const nlohmann::json& block : json["covariance"]["blocks"]) {
+    const nlohmann::json& deviations = block["standard_deviations"];
+    if (block["name"] == "pose 4") {
+      EXPECT_TRUE(deviations[0].is_null());
+      continue;
+    }
+    const int k = std::stoi(block["name"].get<std::string>().substr(5));
+    double sum_of_squares = 0.0;
+    for (int i = 1; i < k; ++i) sum_of_squares += i * i;
+    EXPECT_NEAR(deviations[0], std::sqrt(k / 10.0), 1e-9);
+    EXPECT_NEAR(
+        deviations[1], std::sqrt(k / 10.0 + sum_of_squares / 100.0), 1e-9);
+    EXPECT_NEAR(deviations[2], std::sqrt(k / 100.0), 1e-9);
+  }
+  const std::string report = ReadAll(path + ".report.txt");
+  for (const char* part : {"`pose 3`[2]", "+/- 0.17321", "not determined"}) {
+    EXPECT_NE(report.find(part), std::string::npos) << part << "\n" << report;
+  }
+}
+
+TEST_F(EstimateProgram, WithoutCovarianceThereIsNone) {
+  RunQuietly(WriteMisra1a(), "run", {"--methods=ceres_lm", "--start=1"});
+  const std::string path = Path("run") + "/Misra1a-start1/ceres_lm";
+  const nlohmann::json json = nlohmann::json::parse(ReadAll(path + ".json"));
+  std::set<std::string> found;
+  ExpectOnPage(json, &found);
+  EXPECT_TRUE(json["covariance"].is_null());
+  EXPECT_TRUE(json["rank_report"].is_null());
+  EXPECT_FALSE(fs::exists(path + ".report.txt"));
+}
+
 TEST_F(EstimateProgram, DrawsPictures) {
   const Output output =
       Run({"--input=" + WriteMisra1a() + "," + WriteG2o2d() + "," +
                WriteG2o3d() + "," + WriteBal("small.txt"),
            "--start=1",
            "--methods=ceres_lm",
+           "--covariance",
            "--output=" + Path("run")});
   EXPECT_EQ(output.exit_code, 0) << output.text;
   if (output.text.find("gnuplot") != std::string::npos) {
@@ -260,6 +344,8 @@ TEST_F(EstimateProgram, DrawsPictures) {
     for (const char* picture : {"/result.png", "/cost.png"}) {
       EXPECT_TRUE(fs::exists(Path("run") + "/" + name + picture)) << name;
     }
+    EXPECT_EQ(fs::exists(Path("run") + "/" + name + "/covariance.png"),
+              name != std::string("small"));
   }
 }
 
@@ -339,6 +425,24 @@ TEST_F(EstimateProgram, SolvesThePublishedRegressions) {
   EXPECT_GE(num_solved[0], 53) << output.text;
   EXPECT_GE(num_solved[1], 52) << output.text;
   EXPECT_GE(sum[0] / num_solved[0], 9.0);
+}
+
+// NIST gives 11 digits. Lanczos1 is fitted to 13 digits, so that its residuals,
+// and their variance, are rounding errors of the data.
+TEST_F(EstimateProgram, ReproducesThePublishedStandardDeviations) {
+  const std::string folder = PublishedData("nist");
+  if (folder.empty()) {
+    GTEST_SKIP() << "https://www.itl.nist.gov/div898/strd/nls has the files";
+  }
+  RunQuietly(
+      folder, "run", {"--methods=ceres_lm", "--start=2", "--covariance"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 27);
+  for (const auto& row : rows) {
+    EXPECT_EQ(row[12], row[13]) << row[0];  // rank, parameters
+    EXPECT_GE(std::stod(row[14]), row[0] == "Lanczos1-start2" ? 2.5 : 6.0)
+        << row[0];
+  }
 }
 
 TEST_F(EstimateProgram, AdjustsThePublishedBundle) {

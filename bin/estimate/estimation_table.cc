@@ -1,0 +1,148 @@
+#include "bin/estimate/estimation_table.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "fmt/core.h"
+#include "invgrad/io/format.h"
+#include "problems/estimation/nist_models.h"
+
+namespace invgrad {
+namespace {
+
+constexpr auto kLeft = Table::Align::kLeft;
+
+bool HasDigits(const std::vector<EstimationRow>& rows) {
+  return std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
+    return row.digits.has_value();
+  });
+}
+
+bool IsSolved(const EstimationRow& row) {
+  return row.digits.has_value() && IsNistSolution(*row.digits);
+}
+
+// Counts of a run or of sums of runs.
+void AddCounts(const EstimationRow& counts, Table* table) {
+  table->Add("iterations", std::to_string(counts.num_iterations));
+  table->Add("accepted", std::to_string(counts.num_accepted));
+  table->Add("rejected", std::to_string(counts.num_rejected));
+}
+
+// The fewest of a run.
+std::string DeviationDigits(const EstimationRow& row, bool is_exact) {
+  if (!row.deviation_digits) return is_exact ? "" : "-";
+  const double digits = row.deviation_digits->minCoeff();
+  return is_exact ? ExactNumber(digits) : FormatNumber(digits, 3);
+}
+
+}  // namespace
+
+Table EstimationTable(const std::vector<EstimationRow>& rows, bool is_exact) {
+  const bool has_digits = HasDigits(rows);
+  const bool has_covariances =
+      std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
+        return row.rank.has_value();
+      });
+  const auto number = [is_exact](double value, int digits) {
+    return is_exact ? ExactNumber(value) : FormatNumber(value, digits);
+  };
+  const std::string none = is_exact ? "" : "-";
+  Table table;
+  for (const EstimationRow& row : rows) {
+    table.BeginRow();
+    table.Add("start", row.start, kLeft);
+    table.Add("method", row.method, kLeft);
+    table.Add(is_exact ? "initial_cost" : "initial cost",
+              number(row.initial_cost, 7));
+    table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
+    AddCounts(row, &table);
+    table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
+    if (has_digits || is_exact) {
+      table.Add("digits",
+                row.digits ? number(row.digits->minCoeff(), 3) : none);
+      table.Add(is_exact ? "mean_digits" : "mean digits",
+                row.digits ? number(row.digits->mean(), 3) : none);
+    }
+    if (has_digits && !is_exact) {
+      table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
+    }
+    if (has_covariances && !is_exact) {
+      table.Add("rank",
+                row.rank
+                    ? fmt::format("{} of {}", *row.rank, row.num_parameters)
+                    : "-");
+      if (has_digits) {
+        table.Add("deviation digits", DeviationDigits(row, is_exact));
+      }
+    }
+    table.Add("status", row.status, kLeft);
+    if (is_exact) {
+      table.Add("outside_domain", std::to_string(row.num_outside_domain));
+      table.Add("rank", row.rank ? std::to_string(*row.rank) : "");
+      table.Add("parameters",
+                row.rank ? std::to_string(row.num_parameters) : "");
+      table.Add("deviation_digits", DeviationDigits(row, is_exact));
+    }
+  }
+  return table;
+}
+
+Table EstimationSummary(const std::vector<EstimationRow>& rows) {
+  constexpr double kSameCost = 1e-6;
+  std::map<std::string, double> least_cost;
+  for (const EstimationRow& row : rows) {
+    if (!std::isfinite(row.final_cost)) continue;
+    const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
+    if (!is_new) it->second = std::min(it->second, row.final_cost);
+  }
+  std::vector<std::string> methods;  // in the order of their first runs
+  for (const EstimationRow& row : rows) {
+    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
+      methods.push_back(row.method);
+    }
+  }
+  const bool has_digits = HasDigits(rows);
+  Table table;
+  for (const std::string& method : methods) {
+    EstimationRow sum;
+    int num_runs = 0, num_solved = 0, num_least = 0;
+    double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
+    for (const EstimationRow& row : rows) {
+      if (row.method != method) continue;
+      const double least = least_cost[row.start];
+      ++num_runs;
+      num_least += row.final_cost <= least + kSameCost * std::abs(least);
+      if (IsSolved(row)) {
+        ++num_solved;
+        worst_digits += row.digits->minCoeff();
+        mean_digits += row.digits->mean();
+      }
+      sum.num_iterations += row.num_iterations;
+      sum.num_accepted += row.num_accepted;
+      sum.num_rejected += row.num_rejected;
+      sum.seconds += row.seconds;
+    }
+    const auto mean = [num_solved](double digits) {
+      return num_solved > 0 ? FormatNumber(digits / num_solved, 3) : "-";
+    };
+    const auto share = [num_runs](int count) {
+      return fmt::format("{} of {}", count, num_runs);
+    };
+    table.BeginRow();
+    table.Add("method", method, kLeft);
+    table.Add("starts", std::to_string(num_runs));
+    table.Add("least cost", share(num_least));
+    if (has_digits) {
+      table.Add("solved", share(num_solved));
+      table.Add("digits", mean(worst_digits));
+      table.Add("mean digits", mean(mean_digits));
+    }
+    AddCounts(sum, &table);
+    table.Add("s", FormatNumber(sum.seconds, 3));
+  }
+  return table;
+}
+
+}  // namespace invgrad

@@ -1,0 +1,47 @@
+// The tables of a comparison of estimations.
+#ifndef BIN_ESTIMATE_ESTIMATION_TABLE_H_
+#define BIN_ESTIMATE_ESTIMATION_TABLE_H_
+
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "report/table.h"
+
+namespace invgrad {
+
+// A run.
+struct EstimationRow {
+  std::string start;   // "Misra1a-start1-seed3": runs from one start compare
+  std::string method;  // its label
+  double initial_cost = std::numeric_limits<double>::quiet_NaN();
+  double final_cost = std::numeric_limits<double>::quiet_NaN();
+  int num_iterations = 0;
+  int num_accepted = 0;  // steps
+  int num_rejected = 0;
+  int num_outside_domain = 0;  // candidates
+  double seconds = 0.0;
+  // Correct digits of every parameter, if there are certified values.
+  std::optional<Eigen::VectorXd> digits;
+  // Of its covariance, and the correct digits of every standard deviation.
+  std::optional<int> rank;
+  int num_parameters = 0;
+  std::optional<Eigen::VectorXd> deviation_digits;
+  std::string status;
+  bool has_failed = true;
+};
+
+// One row per run, for people; or with all digits, for CSV.
+Table EstimationTable(const std::vector<EstimationRow>& rows, bool is_exact);
+
+// For each method, over all starts: the number of solved starts (by NIST's
+// digits); the digits of the worst and of the mean parameter, averaged over the
+// solved starts; the number of starts with the least cost of all methods; and
+// sums.
+Table EstimationSummary(const std::vector<EstimationRow>& rows);
+
+}  // namespace invgrad
+
+#endif  // BIN_ESTIMATE_ESTIMATION_TABLE_H_
