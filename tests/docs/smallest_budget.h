@@ -169,7 +169,7 @@ inline Words SmallBudget(const std::string& program) {
   if (StartsWith(program, "bench_")) return {"--benchmark_list_tests=true"};
   // These have no flags, and take less than a second.
   if (program == "03_rank_report" || program == "06_own_rule" ||
-      program == "07_training") {
+      program == "07_training" || program == "13_covariance") {
     return {};
   }
   if (program == "04_ceres_solve") return {"--starts=2"};

@@ -219,6 +219,26 @@ TEST(RankReportTutorial, PrintsWhatThePageShows) {
   EXPECT_GT(num_lines, 30);
 }
 
+TEST(CovarianceTutorial, PrintsWhatThePageShows) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "13_covariance");
+  EXPECT_EQ(exit_code, 0) << text;
+  const std::vector<std::string> page =
+      SplitLines(ReadText(SourceRoot() / "docs/tutorials/13_covariance.md"));
+  int num_lines = 0;
+  for (const std::string& line : SplitLines(text)) {
+    // Ceres' message and the JSON, with all digits.
+    if (line.find("rank deficient") != std::string::npos ||
+        line.find("WARNING") != std::string::npos || line[0] == '{') {
+      continue;
+    }
+    EXPECT_GT(std::count(page.begin(), page.end(), line), 0) << line;
+    ++num_lines;
+  }
+  EXPECT_GT(num_lines, 25);
+}
+
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =

@@ -195,7 +195,7 @@ void to_json(Json& json, const MinimizerSummary& summary) {
 }
 
 std::string JsonText(const Json& json) {
-  return json.dump(/*indent=*/1,
+  return json.dump(/*indent=*/-1,
                    ' ',
                    /*ensure_ascii=*/false,
                    Json::error_handler_t::replace) +

@@ -39,7 +39,7 @@ void to_json(nlohmann::ordered_json& json,
              const UpdateCallback::Summary& summary);
 void to_json(nlohmann::ordered_json& json, const MinimizerSummary& summary);
 
-// The text of a file, with indentation.
+// The text of a file, on one line: reports of large problems are large.
 std::string JsonText(const nlohmann::ordered_json& json);
 
 }  // namespace invgrad
