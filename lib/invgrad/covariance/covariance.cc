@@ -187,13 +187,11 @@ class Covariance::Computation {
       return true;
     }
     const GaugeMatcher matcher(options_.rank, problem_, report_, group);
-    // The dimension of the null space is not known yet.
-    const GaugeMatch gauge = matcher.Best(limit, 0, group.A.cols());
     return SparsePseudoInverse(group,
                                spectra.largest[g],
                                limit,
                                options_.rank.max_directions,
-                               gauge.directions,
+                               matcher.LargestUnseenSpan(limit),
                                pairs,
                                inverse,
                                error);

@@ -107,24 +107,35 @@ GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
     candidate.motions.resize(A_.cols(), ambient.cols());
     for (std::size_t b = 0; b < group.blocks.size(); ++b) {
       const GaugeBlock& block = component_.blocks[b];
-      MatrixXd tangent = ambient.middleRows(block.offset, block.size);
-      if (block.manifold != nullptr) tangent = (to_tangent[b] * tangent).eval();
+      const auto motion = ambient.middleRows(block.offset, block.size);
       const int first = report.blocks[group.blocks[b]].column;
       for (int i = group.offsets[b]; i < group.offsets[b + 1]; ++i) {
-        candidate.motions.row(i) =
-            group.lengths[i] * tangent.row(group.columns[i] - first);
+        const int tangent = group.columns[i] - first;
+        if (block.manifold == nullptr) {
+          candidate.motions.row(i) = group.lengths[i] * motion.row(tangent);
+        } else {
+          candidate.motions.row(i) =
+              group.lengths[i] * (to_tangent[b].row(tangent) * motion);
+        }
       }
     }
     candidate.lengths = candidate.motions.colwise().norm();
     if (candidate.lengths.isZero(0.0)) continue;
     for (auto motion : candidate.motions.colwise()) motion.normalize();
-    candidate.basis = Span(candidate.motions);
     // A gauge that spans all motions of the group, such as rigid motion in the
     // plane for three scalars, explains none of them.
-    if (candidate.basis.cols() == A_.cols()) continue;
+    if (candidate.motions.cols() >= A_.cols() &&
+        Basis(candidate).cols() == A_.cols()) {
+      continue;
+    }
     candidate.gauge = std::move(gauge);
     candidates_.push_back(std::move(candidate));
   }
+}
+
+const MatrixXd& GaugeMatcher::Basis(const Candidate& candidate) {
+  if (candidate.basis.size() == 0) candidate.basis = Span(candidate.motions);
+  return candidate.basis;
 }
 
 GaugeMatch GaugeMatcher::Best(double limit,
@@ -132,8 +143,9 @@ GaugeMatch GaugeMatcher::Best(double limit,
                               Index num_wanted) const {
   GaugeMatch best;
   for (const Candidate& candidate : candidates_) {
-    const RightSvd svd = ComputeRightSvd(A_ * candidate.basis);
-    const Index g = candidate.basis.cols();
+    const MatrixXd& basis = Basis(candidate);
+    const RightSvd svd = ComputeRightSvd(A_ * basis);
+    const Index g = basis.cols();
     const Index unseen = (svd.s.array() <= limit).count();
     const Index by_chance = g + num_null - A_.cols();
     if (unseen < best.directions.cols() ||
@@ -141,8 +153,8 @@ GaugeMatch GaugeMatcher::Best(double limit,
       continue;
     }
     GaugeMatch match = Match(candidate,
-                             candidate.basis * svd.V.rightCols(unseen),
-                             candidate.basis * svd.V.leftCols(g - unseen),
+                             basis * svd.V.rightCols(unseen),
+                             basis * svd.V.leftCols(g - unseen),
                              limit);
     if (unseen == best.directions.cols() && match.num_named <= best.num_named) {
       continue;
@@ -151,6 +163,25 @@ GaugeMatch GaugeMatcher::Best(double limit,
     if (best.num_named >= num_wanted) break;
   }
   return best;
+}
+
+MatrixXd GaugeMatcher::LargestUnseenSpan(double limit) const {
+  std::vector<const Candidate*> by_size;
+  for (const Candidate& candidate : candidates_) by_size.push_back(&candidate);
+  std::stable_sort(by_size.begin(),
+                   by_size.end(),
+                   [](const Candidate* a, const Candidate* b) {
+                     return a->motions.cols() > b->motions.cols();
+                   });
+  MatrixXd span(A_.cols(), 0);
+  for (const Candidate* candidate : by_size) {
+    if (candidate->motions.cols() <= span.cols()) break;
+    const MatrixXd& basis = Basis(*candidate);
+    const RightSvd svd = ComputeRightSvd(A_ * basis);
+    const Index unseen = (svd.s.array() <= limit).count();
+    if (unseen > span.cols()) span = basis * svd.V.rightCols(unseen);
+  }
+  return span;
 }
 
 GaugeMatch GaugeMatcher::Match(const Candidate& candidate,
@@ -208,7 +239,8 @@ std::vector<GaugeMatcher::NamedMotion> GaugeMatcher::Named(
 std::string GaugeMatcher::NameOf(const MatrixXd& V) const {
   constexpr double kOutside = 0.05;
   for (const Candidate& candidate : candidates_) {
-    const MatrixXd inside = candidate.basis * (candidate.basis.transpose() * V);
+    const MatrixXd& basis = Basis(candidate);
+    const MatrixXd inside = basis * (basis.transpose() * V);
     if (((V - inside).colwise().norm().array() <= kOutside).all()) {
       return candidate.gauge.name;
     }

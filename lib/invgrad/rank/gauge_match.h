@@ -50,6 +50,11 @@ class GaugeMatcher {
                   Eigen::Index num_null,
                   Eigen::Index num_wanted) const;
 
+  // Orthonormal: the motions of one gauge that leave the residuals unchanged, of
+  // the gauge with the most of them. Without names, it costs a small part of
+  // Best.
+  Eigen::MatrixXd LargestUnseenSpan(double limit) const;
+
   // The first gauge whose motions span the columns of V (length one) up to 5 %;
   // empty if there is none.
   std::string NameOf(const Eigen::MatrixXd& V) const;
@@ -59,8 +64,10 @@ class GaugeMatcher {
     Gauge gauge;
     Eigen::VectorXd lengths;  // of the generators' motions
     Eigen::MatrixXd motions;  // n x g, columns of length one, or of zeros
-    Eigen::MatrixXd basis;    // orthonormal, of the same span
+    // Orthonormal, of the same span; empty until Basis computes it.
+    mutable Eigen::MatrixXd basis;
   };
+  static const Eigen::MatrixXd& Basis(const Candidate& candidate);
 
   struct NamedMotion {
     std::string name;
