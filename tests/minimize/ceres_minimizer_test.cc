@@ -1,11 +1,13 @@
 #include "invgrad/minimize/ceres_minimizer.h"
 
+#include <cmath>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/first_order_function.h"
+#include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
 #include "invgrad/methods/ceres_methods.h"
@@ -213,6 +215,54 @@ TEST(CeresMinimizer, NothingToChange) {
       MinimizerOptions(), ceres::Solver::Options(), &p.problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   ExpectConsistent(summary);
+}
+
+// r = log x + 3 from x = 1: the first step leads to x = -2.
+struct Logarithm {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    using std::log;
+    r[0] = log(x[0]) + 3.0;
+    return true;
+  }
+};
+
+// Ends the solve at its first accepted step.
+struct EndEarly final : public ceres::IterationCallback {
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    const bool is_first =
+        iteration.iteration > 0 && iteration.step_is_successful;
+    return is_first ? ceres::SOLVER_TERMINATE_SUCCESSFULLY
+                    : ceres::SOLVER_CONTINUE;
+  }
+};
+
+TEST(CeresMinimizer, ExplainsTheFirstStepOutsideTheDomain) {
+  for (const bool ends_early : {false, true}) {
+    double x = 1.0;
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Logarithm, 1, 1>(new Logarithm),
+        nullptr,
+        &x);
+    MinimizerOptions options;
+    options.block_name = [](const double*) { return "gain"; };
+    EndEarly end_early;
+    if (ends_early) options.callbacks.push_back(&end_early);
+    MinimizerSummary summary;
+    MinimizeWithCeres(options, ceres::Solver::Options(), &problem, &summary);
+    EXPECT_GT(summary.num_outside_domain, 0);
+    ASSERT_EQ(summary.first_outside_domain.has_value(), !ends_early);
+    if (ends_early) continue;
+    EXPECT_NEAR(x, std::exp(-3.0), 1e-9);
+    const DomainFailure& failure = *summary.first_outside_domain;
+    ASSERT_EQ(failure.parameters.size(), 1u);
+    EXPECT_EQ(failure.parameters[0].name, "gain");
+    EXPECT_EQ(failure.parameters[0].was, 1.0);
+    // LM's step is shorter than Gauss-Newton's by its damping, 1e-4.
+    EXPECT_NEAR(failure.parameters[0].value, -2.0, 1e-3);
+  }
 }
 
 }  // namespace ceres_minimizer_test

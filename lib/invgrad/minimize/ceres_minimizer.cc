@@ -107,7 +107,11 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   ceres::Solve(ceres_options, problem, &ceres_summary);
   ConvertSummary(ceres_summary, summary);
   if (proposals == nullptr) {
-    if (summary->num_outside_domain > 0) {
+    // Who ends a run by a callback does not wait for another solve.
+    const bool is_ended_by_callback =
+        summary->termination_type == ceres::USER_SUCCESS ||
+        summary->termination_type == ceres::USER_FAILURE;
+    if (summary->num_outside_domain > 0 && !is_ended_by_callback) {
       summary->first_outside_domain =
           FirstFailure(options, ceres_options, start, *problem);
     }
