@@ -45,8 +45,7 @@ TEST(SparseCholesky, SolutionsAndSelectedEntriesAreThoseOfTheInverse) {
     for (int j = 0; j < n; ++j) {
       for (int i = 0; i < n; ++i) entries.emplace_back(i, j);
     }
-    const std::vector<std::optional<double>> values =
-        cholesky.SelectedInverse(entries);
+    const std::vector<std::optional<double>> values = cholesky.Entries(entries);
     const SparseMatrix normal = A.transpose() * A;
     for (std::size_t e = 0; e < entries.size(); ++e) {
       const auto [i, j] = entries[e];
@@ -67,7 +66,7 @@ TEST(SparseCholesky, TheRecurrenceEndsAtTheFirstColumnThatIsNeeded) {
   std::string error;
   ASSERT_TRUE(cholesky.Factorize(A, &error)) << error;
   for (const int i : {0, 77, 199}) {
-    const auto values = cholesky.SelectedInverse({{i, i}});
+    const auto values = cholesky.Entries({{i, i}});
     ASSERT_TRUE(values[0].has_value());
     EXPECT_NEAR(*values[0], inverse(i, i), 1e-12);
   }

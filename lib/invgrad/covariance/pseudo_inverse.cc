@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <optional>
 
 #include "fmt/core.h"
+#include "invgrad/covariance/gram_inverse.h"
+#include "invgrad/covariance/schur_complement.h"
 #include "invgrad/covariance/sparse_cholesky.h"
 #include "invgrad/rank/smallest_singular.h"
 
@@ -30,8 +33,8 @@ MatrixXd NullSpaceOfJ(const MatrixXd& V_0, const VectorXd& lengths) {
 // columns, which are zero-based columns of A, one a column of V_0.
 class AnchoredInverse {
  public:
-  AnchoredInverse(const SparseMatrix& A, const MatrixXd& V_0)
-      : place_(static_cast<std::size_t>(A.cols()), 0) {
+  AnchoredInverse(const BlockGroup& group, const MatrixXd& V_0)
+      : group_(group), place_(static_cast<std::size_t>(group.A.cols()), 0) {
     if (V_0.cols() > 0) {
       const std::vector<int> order = PivotOrder(V_0.transpose());
       for (Index i = 0; i < V_0.cols(); ++i) place_[order[i]] = -1;
@@ -43,7 +46,8 @@ class AnchoredInverse {
     }
   }
 
-  bool Factorize(const SparseMatrix& A, std::string* error) {
+  bool Factorize(std::string* error) {
+    const SparseMatrix& A = group_.A;
     std::vector<int> sizes;
     sizes.reserve(columns_.size());
     for (const int j : columns_) {
@@ -57,17 +61,25 @@ class AnchoredInverse {
       }
     }
     rest.makeCompressed();
-    return cholesky_.Factorize(rest, error);
+    auto complement = std::make_unique<SchurComplement>(rest, Offsets());
+    if (complement->IsSmall()) {
+      if (!complement->Factorize(rest, error)) return false;
+      Z_ = std::move(complement);
+      return true;
+    }
+    auto cholesky = std::make_unique<SparseCholesky>();
+    if (!cholesky->Factorize(rest, error)) return false;
+    Z_ = std::move(cholesky);
+    return true;
   }
 
   MatrixXd Times(const MatrixXd& B) const {
     MatrixXd result = MatrixXd::Zero(B.rows(), B.cols());
-    result(columns_, Eigen::all) =
-        cholesky_.Solve(MatrixXd(B(columns_, Eigen::all)));
+    result(columns_, Eigen::all) = Z_->Solve(MatrixXd(B(columns_, Eigen::all)));
     return result;
   }
 
-  // For each pair of columns of A the entry, if it is in the factor's pattern.
+  // For each pair of columns of A the entry; none if it costs a solution.
   std::vector<std::optional<double>> Entries(
       const std::vector<std::pair<int, int>>& entries) {
     std::vector<std::pair<int, int>> of_rest;
@@ -79,8 +91,7 @@ class AnchoredInverse {
       of_rest.emplace_back(place_[i], place_[j]);
       indices.push_back(e);
     }
-    const std::vector<std::optional<double>> values =
-        cholesky_.SelectedInverse(of_rest);
+    const std::vector<std::optional<double>> values = Z_->Entries(of_rest);
     for (std::size_t e = 0; e < indices.size(); ++e) {
       result[indices[e]] = values[e];
     }
@@ -88,9 +99,23 @@ class AnchoredInverse {
   }
 
  private:
+  // Of the blocks, counted in columns_.
+  std::vector<int> Offsets() const {
+    std::vector<int> offsets = {0};
+    for (std::size_t b = 1; b < group_.offsets.size(); ++b) {
+      int end = offsets.back();
+      for (int j = group_.offsets[b - 1]; j < group_.offsets[b]; ++j) {
+        if (place_[j] >= 0) ++end;
+      }
+      offsets.push_back(end);
+    }
+    return offsets;
+  }
+
+  const BlockGroup& group_;
   std::vector<int> columns_;  // of A, without the anchors
   std::vector<int> place_;    // of each column of A in columns_; -1: an anchor
-  SparseCholesky cholesky_;
+  std::unique_ptr<GramInverse> Z_;  // of A without the anchors' columns
 };
 
 // The pairs in whose blocks G is computed column by column: by the block whose
@@ -138,7 +163,7 @@ class SparseBlocks {
       (std::max(counts[a], counts[b]) > row ? rows : others).push_back(p);
     }
     Solve(rows);
-    Solve(TakePattern(others));
+    Solve(TakeEntries(others));
     return std::move(blocks_);
   }
 
@@ -162,8 +187,8 @@ class SparseBlocks {
     }
   }
 
-  // Returns the pairs that are not in the pattern.
-  std::vector<std::size_t> TakePattern(
+  // Returns the pairs with entries that cost a solution.
+  std::vector<std::size_t> TakeEntries(
       const std::vector<std::size_t>& of_pairs) {
     std::vector<std::pair<int, int>> entries;
     for (const std::size_t p : of_pairs) {
@@ -196,13 +221,20 @@ class SparseBlocks {
   std::vector<MatrixXd> blocks_;
 };
 
-// The largest eigenvalue of the pseudo-inverse of A^T A, if V_0 spans the null
-// space.
-double LargestVariance(const AnchoredInverse& G, const MatrixXd& V_0) {
-  return LargestEigenvalue(V_0.rows(), [&](const VectorXd& v) -> VectorXd {
-    const VectorXd w = G.Times(v - V_0 * (V_0.transpose() * v));
-    return w - V_0 * (V_0.transpose() * w);
-  });
+// Whether all singular values of A but those of V_0 are above the limit: the
+// largest eigenvalue of the pseudo-inverse of A^T A, if V_0 spans the null
+// space, is at most limit^-2.
+bool SpansNullSpace(const AnchoredInverse& G,
+                    const MatrixXd& V_0,
+                    double limit) {
+  const double threshold = 1.0 / (limit * limit);
+  return LargestEigenvalue(
+             V_0.rows(),
+             [&](const VectorXd& v) -> VectorXd {
+               const VectorXd w = G.Times(v - V_0 * (V_0.transpose() * v));
+               return w - V_0 * (V_0.transpose() * w);
+             },
+             threshold) <= threshold;
 }
 
 }  // namespace
@@ -240,10 +272,9 @@ bool SparsePseudoInverse(const BlockGroup& group,
   const SparseMatrix& A = group.A;
   MatrixXd V_0 = V.cols() > 0 ? Orthonormalized(V) : MatrixXd(A.cols(), 0);
   std::optional<AnchoredInverse> G;
-  G.emplace(A, V_0);
+  G.emplace(group, V_0);
   std::string why;
-  if (!G->Factorize(A, &why) ||
-      !(LargestVariance(*G, V_0) * limit * limit <= 1.0)) {
+  if (!G->Factorize(&why) || !SpansNullSpace(*G, V_0, limit)) {
     SmallestSingular small;
     if (!SparseSmallestSingular(
             A, s_max, limit, max_directions, &small, error)) {
@@ -257,8 +288,8 @@ bool SparsePseudoInverse(const BlockGroup& group,
       return false;
     }
     V_0 = small.V;
-    G.emplace(A, V_0);
-    if (!G->Factorize(A, error)) return false;
+    G.emplace(group, V_0);
+    if (!G->Factorize(error)) return false;
   }
   if (V_0.cols() > 0) {
     // The search resolves V_0 to about 1e-9; this, to rounding.

@@ -136,7 +136,7 @@ bool SparseCholesky::Factorize(const Eigen::SparseMatrix<double>& A,
     *error = "J^T J could not be analyzed: it is too large";
     return false;
   }
-  // A second copy is made by SelectedInverse, beside its Z.
+  // A second copy is made by Entries, beside its Z.
   if (!FitsInMemory(
           fmt::format("the Cholesky factor of a J with {} columns", A.cols()),
           {{"its entries", 3.0 * sizeof(double) * common.lnz}},
@@ -172,7 +172,7 @@ MatrixXd SparseCholesky::Solve(const MatrixXd& B) const {
   return result;
 }
 
-std::vector<std::optional<double>> SparseCholesky::SelectedInverse(
+std::vector<std::optional<double>> SparseCholesky::Entries(
     const std::vector<std::pair<int, int>>& entries) {
   CHECK(factor_->L != nullptr) << "Factorize comes first.";
   if (entries.empty()) return {};

@@ -2,7 +2,7 @@
 //
 //   P A^T A P^T = L L^T,   Z = (A^T A)^-1
 //
-// Solve computes columns of Z. SelectedInverse computes the entries of Z in the
+// Solve computes columns of Z. Entries computes the entries of Z in the
 // pattern of L by Takahashi's recurrence [1, 2], from the last column of L to
 // the first one that is needed:
 //
@@ -13,7 +13,7 @@
 //
 // Shapes:  A: m x n, sparse;  L: n x n.
 // Cost:    Factorize: one decomposition by CHOLMOD with the ordering AMD, which
-//          does not form A^T A. Solve: 4 |L| for a column. SelectedInverse: the
+//          does not form A^T A. Solve: 4 |L| for a column. Entries: the
 //          sum over the columns j of L of |L_k| over all k in the pattern of
 //          L_j, without BLAS.
 // Fails:   Factorize returns false with a message if memory does not suffice or
@@ -34,25 +34,24 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
+#include "invgrad/covariance/gram_inverse.h"
 
 namespace invgrad {
 
-class SparseCholesky {
+class SparseCholesky final : public GramInverse {
  public:
   SparseCholesky();
-  ~SparseCholesky();
+  ~SparseCholesky() override;
   SparseCholesky(const SparseCholesky&) = delete;
   SparseCholesky& operator=(const SparseCholesky&) = delete;
 
   bool Factorize(const Eigen::SparseMatrix<double>& A, std::string* error);
 
-  // Z B.
-  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const;
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const override;
 
-  // For each pair (i, j) the entry Z_ij if it is in the pattern of L. Converts L,
-  // so that a later Solve takes longer.
-  std::vector<std::optional<double>> SelectedInverse(
-      const std::vector<std::pair<int, int>>& entries);
+  // Those in the pattern of L. Converts L, so that a later Solve takes longer.
+  std::vector<std::optional<double>> Entries(
+      const std::vector<std::pair<int, int>>& entries) override;
 
  private:
   struct Factor;

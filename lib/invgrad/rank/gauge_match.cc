@@ -99,9 +99,10 @@ GaugeMatcher::GaugeMatcher(const RankReport::Options& options,
   if (options.look_for_built_in_gauges) {
     for (Gauge& gauge : BuiltInGauges()) gauges.push_back(std::move(gauge));
   }
+  MatrixXd ambient;  // reuses its memory: most gauges do not fit
   for (Gauge& gauge : gauges) {
-    MatrixXd ambient = MatrixXd::Zero(
-        component_.ambient_size, static_cast<Index>(gauge.generators.size()));
+    ambient.setZero(component_.ambient_size,
+                    static_cast<Index>(gauge.generators.size()));
     if (!gauge.motions(component_, &ambient) || !ambient.allFinite()) continue;
     Candidate candidate;
     candidate.motions.resize(A_.cols(), ambient.cols());

@@ -95,11 +95,13 @@ bool Factorize(const SparseMatrix& A,
 
 }  // namespace
 
-double LargestEigenvalue(
-    Index n, const std::function<VectorXd(const VectorXd&)>& times) {
+double LargestEigenvalue(Index n,
+                         const std::function<VectorXd(const VectorXd&)>& times,
+                         double threshold) {
   constexpr int kMaxSteps = 100;
   constexpr int kStepsBetweenTests = 8;
   constexpr double kTolerance = 1e-3;
+  constexpr int kStepsToPercent = 12;
   std::vector<double> diagonal;
   std::vector<double> off_diagonal;
   // Without symmetries, so that it is unlikely to be orthogonal to a singular
@@ -122,6 +124,10 @@ double LargestEigenvalue(
     // The Krylov space is invariant.
     const bool is_exhausted =
         beta <= std::numeric_limits<double>::epsilon() * alpha;
+    if (step == kStepsToPercent && threshold > 0.0 &&
+        100.0 * LargestOfTridiagonal(diagonal, off_diagonal) <= threshold) {
+      return LargestOfTridiagonal(diagonal, off_diagonal);
+    }
     if (step % kStepsBetweenTests == 0 || step == max_steps || is_exhausted) {
       const double last = largest;
       largest = LargestOfTridiagonal(diagonal, off_diagonal);

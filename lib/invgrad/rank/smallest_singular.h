@@ -22,6 +22,9 @@
 //     (2008).
 // [2] Paige. Accuracy and effectiveness of the Lanczos algorithm for the
 //     symmetric eigenproblem. Linear Algebra Appl. 34 (1980).
+// [3] Kuczynski, Wozniakowski. Estimating the largest eigenvalue by the power
+//     and Lanczos algorithms with a random start. SIAM J. Matrix Anal. Appl. 13
+//     (1992), theorem 4.2.
 #ifndef INVGRAD_RANK_SMALLEST_SINGULAR_H_
 #define INVGRAD_RANK_SMALLEST_SINGULAR_H_
 
@@ -36,10 +39,14 @@ namespace invgrad {
 // The largest eigenvalue of a symmetric matrix M >= 0, n x n, given by v -> M v:
 // by the Lanczos iteration without reorthogonalization, which the largest value
 // does not need [2]: a lower bound, to about 2e-3, by 10 to 40 products. NaN if
-// a product is not finite; 0 for M = 0.
+// a product is not finite; 0 for M = 0. A value below `threshold` is not refined
+// where a hundred times the bound of 12 products is below it, too: from a random
+// start, 12 products find less than 1 % of the value with a probability of
+// 1.65 sqrt(n) e^-23 [3].
 double LargestEigenvalue(
     Eigen::Index n,
-    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& times);
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& times,
+    double threshold = 0.0);
 
 // The square root of that of A^T A: a lower bound, to about 1e-3.
 double LargestSingularValue(const Eigen::SparseMatrix<double>& A);
