@@ -18,10 +18,10 @@
 //
 // Shapes:  A: m x n;  N: n x k;  a block: range a x range b.
 // Cost:    dense: 2 m n^2 + 22 n^3. Sparse: one decomposition of A^T A, about
-//          20 + k solutions, and the entries in the pattern of L from the last
-//          column down to the first one needed (sparse_cholesky.h); blocks
-//          outside of the pattern, and rows of blocks, cost one solution a
-//          column.
+//          15 + k solutions, and the entries of G (sparse_cholesky.h, or
+//          schur_complement.h where few columns couple the others); entries
+//          outside of the decomposition's pattern, and rows of blocks, cost one
+//          solution a column.
 // Fails:   returns false with a message if A is not finite, if a decomposition
 //          fails or if there are more undetermined directions than
 //          max_directions.
