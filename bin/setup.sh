@@ -16,6 +16,7 @@ readonly required_packages=(
   cmake ninja-build g++
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev libfmt-dev
   libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
+  libnanoflann-dev
   libgtest-dev libbenchmark-dev pkg-config
   gnuplot-nox
 )
