@@ -8,6 +8,7 @@ Sample runs:
   registration --scenes=corridor --scans=20 --methods=lm,determined
   registration --units=m,mm --methods=determined,eigenvalue:100 --seeds=1..3
   registration --scenes=room --noise=0.03 --outliers=0.2 --output=runs/room
+  registration --scenes=room --guard_edges=false --output=runs/edges
 
 The scenes are those of problems/registration/scan.h. Each alignment starts at
 the odometry (bin/registration/track.h), and is solved by:
@@ -52,6 +53,10 @@ DEFINE_double(tau,
               0.0,
               "threshold of `determined`; 0: from the normals of the first "
               "scan");
+
+DEFINE_bool(guard_edges,
+            true,
+            "reject normals of two walls, and matches with large residuals");
 
 namespace invgrad {
 namespace {
@@ -112,6 +117,7 @@ bool Run(RunCounts* counts, std::string* error) {
   TrackOptions options;
   options.num_scans = FLAGS_scans;
   options.tau = FLAGS_tau;
+  options.guards_edges = FLAGS_guard_edges;
   options.scan.noise = FLAGS_noise;
   options.scan.outliers = FLAGS_outliers;
   const Interrupt interrupt;

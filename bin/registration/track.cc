@@ -59,7 +59,8 @@ Track TrackScans(const Scene& scene,
                  const TrackOptions& options) {
   constexpr int kNumMatchings = 10;
   const double unit = options.scan.unit;
-  const AlignmentOptions alignment = {options.scan.noise, unit};
+  const AlignmentOptions alignment = {
+      options.scan.noise, unit, options.guards_edges};
   const auto scan_seed = [&options](int k) {
     return 100000u * options.seed + 2u * static_cast<std::uint32_t>(k);
   };

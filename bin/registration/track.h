@@ -27,6 +27,7 @@ namespace invgrad {
 struct TrackOptions {
   int num_scans = 100;
   double tau = 0.0;  // 0: TauForNormals(error of the first scan's normals)
+  bool guards_edges = true;  // as in AlignmentOptions
   ScanOptions scan;
   std::uint32_t seed = 1;
 };

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <utility>
 
 #include "Eigen/Eigenvalues"
@@ -87,7 +88,9 @@ AlignmentTarget::~AlignmentTarget() = default;
 
 void AlignmentTarget::FindNormals() {
   const double max_spread =
-      std::max(kMinSpread, 2.0 * options_.noise) * options_.unit;
+      options_.guards_edges
+          ? std::max(kMinSpread, 2.0 * options_.noise) * options_.unit
+          : std::numeric_limits<double>::infinity();
   normals_.setZero(3, points_.cols());
   double sum = 0.0;
   int num_normals = 0;
@@ -136,7 +139,11 @@ int AlignmentTarget::AddResiduals(const Eigen::Matrix3Xd& scan,
     problem->AddResidualBlock(
         new ceres::AutoDiffCostFunction<PointToPlane, 1, 3, 4>(new PointToPlane{
             scan.col(i), points_.col(found[0]), normals_.col(found[0])}),
-        new ceres::TukeyLoss(max_residual),
+
+        options_.guards_edges
+            ? static_cast<ceres::LossFunction*>(
+                  new ceres::TukeyLoss(max_residual))
+            : new ceres::HuberLoss(kStartError * options_.unit),
         pose->t.data(),
         pose->q.coeffs().data());
     ++num_residuals;

@@ -18,7 +18,10 @@
 //             one, and at most twice the noise of the ranges, or 5 mm.
 //   matches   A point near an edge may have its nearest on the other wall. rho
 //             is Tukey's loss, which ignores a residual beyond 5 cm (an error of
-//             the start) + 5 times the noise. With Huber's, such matches pull.
+//             the start) + 5 times the noise.
+//
+// Without guards_edges the normals have the first limit alone, and rho is
+// Huber's loss, linear above 5 cm, so that such matches pull.
 //
 // Shapes:  points: 3 x N.
 // Units:   metres times `unit`.
@@ -45,6 +48,7 @@ struct RelativePose {
 struct AlignmentOptions {
   double noise = 0.01;  // standard deviation of the ranges [m]
   double unit = 1.0;    // 1000: millimetres
+  bool guards_edges = true;
 };
 
 class AlignmentTarget {
