@@ -88,7 +88,7 @@ bool RunAll(RunCounts* counts, std::string* /*error*/) {
   Register("corridor",
            GramOf(0.12),
            [in_corridor](const auto& H, const auto& g) mutable {
-             const Vector6d step = StepOf(&in_corridor, H, g);
+             Vector6d step = StepOf(&in_corridor, H, g);
              CHECK_EQ(in_corridor.num_left_alone(), 1);
              return step;
            });

@@ -52,7 +52,7 @@ DEFINE_string(units, "m", "of lengths: m, mm, or m,mm");
 DEFINE_double(tau,
               0.0,
               "threshold of `determined`; 0: from the normals of the first "
-              "scan");
+              "scan, at least 0.1");
 
 DEFINE_bool(guard_edges,
             true,

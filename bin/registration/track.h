@@ -26,7 +26,9 @@ namespace invgrad {
 
 struct TrackOptions {
   int num_scans = 100;
-  double tau = 0.0;  // 0: TauForNormals(error of the first scan's normals)
+  // Of `determined`; 0: TauForNormals(error of the first scan's normals), but at
+  // least 0.1.
+  double tau = 0.0;
   bool guards_edges = true;  // as in AlignmentOptions
   ScanOptions scan;
   std::uint32_t seed = 1;

@@ -64,7 +64,8 @@ class AlignmentTarget {
 
   // The estimated error of the normals, in each tangent direction, root mean
   // square [rad]: of a plane fit to k points with the variances l_0 (along the
-  // normal) and l_1 it is (l_0 / ((k - 3) l_1))^(1/2). 0: there are no normals.
+  // normal) and l_1 it is (l_0 / ((k - 3) l_1))^(1/2). It knows of noise, not of
+  // edges. 0: there are no normals.
   double normal_error() const { return normal_error_; }
   // 3 x N; zero where there is no plane.
   const Eigen::Matrix3Xd& normals() const { return normals_; }

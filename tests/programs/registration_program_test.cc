@@ -121,6 +121,29 @@ TEST_F(RegistrationProgram, WritesTablePathsAndPictures) {
   EXPECT_EQ(ReadAll(Path("run/drift.csv")), ReadAll(Path("again/drift.csv")));
 }
 
+// Edges and curvature remain, and are not taken for information.
+TEST_F(RegistrationProgram, ExactScansDetermineNoMoreThanNoisyOnes) {
+  const Output output = Run({"--scenes=room,corridor,tunnel,plane,cylinder",
+                             "--methods=determined",
+                             "--scans=5",
+                             "--noise=0",
+                             "--outliers=0",
+                             "--plots=false",
+                             "--output=" + Path("run")});
+  ASSERT_EQ(output.exit_code, 0) << output.text;
+  const std::map<std::string, std::string> expected = {{"room", "0"},
+                                                       {"corridor", "1"},
+                                                       {"tunnel", "1"},
+                                                       {"plane", "3"},
+                                                       {"cylinder", "2"}};
+  const auto rows = LastScans("run", "5");
+  ASSERT_EQ(rows.size(), expected.size());
+  for (const auto& row : rows) {
+    EXPECT_EQ(row.at("left_alone"), expected.at(row.at("scene")))
+        << row.at("scene");
+  }
+}
+
 // The roll in a tube has an eigenvalue in m^2.
 TEST_F(RegistrationProgram, TheUnitChangesAFixedThresholdOnly) {
   const Output output = Run({"--scenes=cylinder",
