@@ -17,6 +17,7 @@ readonly required_packages=(
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev libfmt-dev
   nlohmann-json3-dev
   libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
+  libnanoflann-dev
   libgtest-dev libbenchmark-dev pkg-config
   gnuplot-nox
 )

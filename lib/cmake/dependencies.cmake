@@ -57,6 +57,11 @@ if(INVGRAD_BUILD_PROGRAMS)
   endif()
   invgrad_note_if_missing("FFTW 3" libfftw3-dev FFTW_FOUND)
 
+  # Nearest neighbours of points, in a header.
+  find_path(NANOFLANN_INCLUDE_DIR nanoflann.hpp)
+  mark_as_advanced(NANOFLANN_INCLUDE_DIR)
+  invgrad_note_if_missing("nanoflann" libnanoflann-dev NANOFLANN_INCLUDE_DIR)
+
   find_package(BZip2 QUIET)
   invgrad_note_if_missing("libbz2" libbz2-dev BZIP2_FOUND)
 

@@ -154,6 +154,7 @@ inline Words SmallBudget(const std::string& program) {
     return {"--steps=1", "--seconds=0", quiet[0]};
   }
   if (program == "trajectories") return {"--steps=1", "--grid=3"};
+  if (program == "registration") return {"--scans=1", quiet[0]};
   if (program == "accuracy") {
     return {"--batch_size=1", "--train_steps=1", "--long_double_rows=8"};
   }
@@ -169,7 +170,8 @@ inline Words SmallBudget(const std::string& program) {
   if (StartsWith(program, "bench_")) return {"--benchmark_list_tests=true"};
   // These have no flags, and take less than a second.
   if (program == "03_rank_report" || program == "06_own_rule" ||
-      program == "07_training" || program == "13_covariance") {
+      program == "07_training" || program == "12_degenerate_registration" ||
+      program == "13_covariance") {
     return {};
   }
   if (program == "04_ceres_solve") return {"--starts=2"};
@@ -188,7 +190,7 @@ inline Words SmallBudget(const std::string& program) {
 inline bool HasOutput(const std::string& program) {
   return program == "compare" || program == "estimate" || program == "sweep" ||
          program == "trajectories" || program == "fresh_samples" ||
-         program == "time_windows";
+         program == "time_windows" || program == "registration";
 }
 
 // The command with the smallest budget.

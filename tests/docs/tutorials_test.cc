@@ -200,6 +200,36 @@ TEST(CoefficientTutorial, FindsWhatTheMeasurementsTell) {
       std::stod(text.substr(at + 5)), std::stod(text.substr(best + 12)), 5e-4);
 }
 
+// The corridor's axis stays at the odometry, 6 mm short; LM loses most of the
+// 100 mm.
+TEST(RegistrationTutorial, LeavesTheCorridorsAxisAlone) {
+  const TemporaryFolder folder;
+  const auto along = [&folder](const std::string& arguments) {
+    const auto [exit_code, text] =
+        RunTutorial(arguments, folder / "out", "12_degenerate_registration");
+    EXPECT_EQ(exit_code, 0) << text;
+    std::vector<double> errors;
+    for (const std::string& line : SplitLines(text)) {
+      const size_t at = line.find(" along ");
+      if (at != std::string::npos) {
+        errors.push_back(std::stod(line.substr(at + 7)));
+      }
+    }
+    EXPECT_EQ(errors.size(), 4u) << text;
+    errors.resize(4);
+    return std::make_pair(errors, text);
+  };
+  const auto [endless, text] = along("");
+  EXPECT_EQ(endless[0], -6.0);
+  EXPECT_LT(endless[1], -50.0);
+  EXPECT_NEAR(endless[2], -6.0, 0.2);
+  EXPECT_NEAR(endless[3], -6.0, 0.2);
+  EXPECT_NE(text.find("1 of 6 left alone"), std::string::npos) << text;
+  const auto [with_end, text_with_end] = along("--length=2");
+  for (int i = 1; i < 4; ++i) EXPECT_LT(std::abs(with_end[i]), 6.0);
+  EXPECT_NE(text_with_end.find("all 6 determined"), std::string::npos);
+}
+
 // Line for line, but for motions: which of several that are as good is told
 // may depend on rounding.
 TEST(RankReportTutorial, PrintsWhatThePageShows) {
