@@ -30,12 +30,14 @@ class JetRows {
   // Rows begin ... end - 1.
   template <typename Row>
   bool Add(int begin, int end, const Row& row) {
+    double sum = squared_norm_;
     for (int i = begin; i < end; ++i) {
       Jet residual;
       if (!row(i, x_, &residual)) return false;
       gram_.AddRow(residual.v.data(), residual.a);
-      squared_norm_ += residual.a * residual.a;
+      sum += residual.a * residual.a;
     }
+    squared_norm_ = sum;
     return true;
   }
 

@@ -4,24 +4,21 @@
 //   J = Q R,   R^T R = J^T J,   R^T c = J^T r,   c = the first n of Q^T r
 //
 //   StreamingGram<3> gram;
-//   for (int i = 0; i < num_rows; ++i) gram.AddRow(J.row(i).data(), r[i]);
+//   for (int i = 0; i < m; ++i) gram.AddRow(&J[3 * i], r[i]);  // row by row
 //   const GramRoot<3>& root = gram.Finish();
 //   Eigen::Matrix3d JtJ = root.R.transpose() * root.R;
 //   Eigen::Vector3d gradient = root.R.transpose() * root.c;
 //   double cost = 0.5 * root.squared_norm();  // 1/2 |r|^2
 //
 // Rows wait in a block. A full block goes below R, and n Householder reflections
-// make the stack triangular again [1]. J^T J is never formed: R has the
-// condition number of J, not its square. Blocks depend on nothing but the order
-// of the rows, so however the rows are cut into chunks, the bits are the same.
+// make the stack triangular again [1]. Packs of four rows make this as fast as
+// sums of the products J_i^T J_i, which lose twice as many digits: R has the
+// condition number of J, not its square. Of columns that agree but for 1e-6, R
+// gives a step with eight correct digits, J^T J one with none
+// (docs/results/fits.md).
 //
-// R against J^T J with columns of length one (bin/bench_fit, docs/results/
-// fits.md): the products are faster, but with a condition number of 1e6
-// their solution has four correct digits where that of R has ten, and the rank
-// threshold of 1e-7, which is 1e-14 of J^T J, is within its rounding errors.
-//
-// Shapes:  R: n x n, upper triangle;  c: n.  N is n.
-// Cost:    2 m n^2 + 2 m n. Memory: (block + n) (n + 1) numbers.
+// Shapes:  R: N x N, upper triangle, of any signs;  c: N.
+// Cost:    2 m N^2 + 2 m N. Memory: (block + N) (N + 1) numbers.
 // Fails:   R is not finite if J or r is not.
 // Limits:  squares of entries must not overflow or underflow: |entries| in
 //          1e-150 ... 1e150, or zero.
@@ -62,21 +59,20 @@ struct alignas(32) RowPack {
   Pack::Vector columns[N + 1];
 };
 
-// Column j and those right of it, of AppendRows.
+// Column j and those right of it, of AppendRows. products[l] sums up to the
+// product of the columns j and j + l.
 template <int N, int j>
-void ReflectColumns(int num_packs, RowPack<N>* block, GramRoot<N>* root) {
+void ReflectColumns(int num_packs,
+                    const Pack::Vector* products,
+                    RowPack<N>* block,
+                    GramRoot<N>* root) {
   constexpr int kRight = N - j;  // columns right of it
-  Pack::Vector products[kRight + 1] = {};
-  for (int p = 0; p < num_packs; ++p) {
-    const Pack::Vector v = block[p].columns[j];
-    for (int l = 0; l <= kRight; ++l)
-      products[l] += v * block[p].columns[j + l];
-  }
   const auto sum = [&](int l) {
-    const Pack::Vector& v = products[l];
-    return (v[0] + v[1]) + (v[2] + v[3]);
+    return (products[l][0] + products[l][1]) +
+           (products[l][2] + products[l][3]);
   };
   const double squared = sum(0);
+  Pack::Vector w[kRight + 1] = {};
   if (squared != 0.0) {
     const double alpha = root->R(j, j);
     const double length = std::sqrt(alpha * alpha + squared);
@@ -84,19 +80,31 @@ void ReflectColumns(int num_packs, RowPack<N>* block, GramRoot<N>* root) {
     root->R(j, j) = beta;
     const double u_0 = alpha - beta;
     const double inverse_h = -1.0 / (beta * u_0);
-    Pack::Vector w[kRight + 1];
     for (int l = 1; l <= kRight; ++l) {
       double* top = l < kRight ? &root->R(j, j + l) : &root->c[j];
       const double w_l = (u_0 * *top + sum(l)) * inverse_h;
       *top -= w_l * u_0;
       w[l] = Pack(w_l).v;
     }
-    for (int p = 0; p < num_packs; ++p) {
-      const Pack::Vector v = block[p].columns[j];
-      for (int l = 1; l <= kRight; ++l) block[p].columns[j + l] -= v * w[l];
+  }
+  // The reflected rows, and their products.
+  Pack::Vector next[kRight] = {};
+  for (int p = 0; p < num_packs; ++p) {
+    Pack::Vector* row = &block[p].columns[j];
+    const Pack::Vector first = row[1] - row[0] * w[1];
+    row[1] = first;
+    next[0] += first * first;
+    for (int l = 2; l <= kRight; ++l) {
+      const Pack::Vector reflected = row[l] - row[0] * w[l];
+      row[l] = reflected;
+      next[l - 1] += first * reflected;
     }
   }
-  if constexpr (j + 1 < N) ReflectColumns<N, j + 1>(num_packs, block, root);
+  if constexpr (j + 1 < N) {
+    ReflectColumns<N, j + 1>(num_packs, next, block, root);
+  } else {
+    root->rest += (next[0][0] + next[0][1]) + (next[0][2] + next[0][3]);
+  }
 }
 
 // R, c and rest of the stack [R c; B b], where [B b] is the block, which is
@@ -105,11 +113,12 @@ void ReflectColumns(int num_packs, RowPack<N>* block, GramRoot<N>* root) {
 template <int N>
 void AppendRows(int num_packs, RowPack<N>* block, GramRoot<N>* root) {
   CallInlinedFor<Pack>([&] {
-    ReflectColumns<N, 0>(num_packs, block, root);
-    Pack::Vector rest = {};
-    for (int p = 0; p < num_packs; ++p)
-      rest += block[p].columns[N] * block[p].columns[N];
-    root->rest += (rest[0] + rest[1]) + (rest[2] + rest[3]);
+    Pack::Vector products[N + 1] = {};
+    for (int p = 0; p < num_packs; ++p) {
+      const Pack::Vector first = block[p].columns[0];
+      for (int l = 0; l <= N; ++l) products[l] += first * block[p].columns[l];
+    }
+    ReflectColumns<N, 0>(num_packs, products, block, root);
   });
 }
 
@@ -150,10 +159,10 @@ class StreamingGram {
 
   template <typename Row>
   void Append(const Row& row, double residual) {
-    RowPack<N>& pack = block_[num_waiting_ / kLanes];
-    const int lane = num_waiting_ % kLanes;
-    for (int j = 0; j < N; ++j) pack.columns[j][lane] = row(j);
-    pack.columns[N][lane] = residual;
+    const unsigned i = num_waiting_;
+    Pack::Vector* columns = block_[i / kLanes].columns;
+    for (int j = 0; j < N; ++j) columns[j][i % kLanes] = row(j);
+    columns[N][i % kLanes] = residual;
     if (++num_waiting_ == kBlockRows) Flush();
   }
 
