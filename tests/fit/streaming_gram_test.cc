@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "Eigen/Core"
+#include "Eigen/LU"
 #include "gtest/gtest.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/fit/small_covariance.h"
@@ -54,7 +55,7 @@ TEST(StreamingGram, IsTheRootOfTheProducts) {
   }
 }
 
-// rest = min |r + J step|^2: for a constant, the sum of squares around the mean.
+// rest = min |r + J step|^2: for a constant, the squares around the mean.
 TEST(StreamingGram, RestIsWhatNoStepTakesAway) {
   const VectorXd r = VectorXd::LinSpaced(101, 0.0, 100.0);
   const GramRoot<1> root = RootOf<1>(MatrixXd::Ones(101, 1), r);

@@ -50,8 +50,8 @@ enum class FitStatus {
   kMaxIterations,
   kInvalidSteps,     // no step decreases the linearized cost
   kInvalidJacobian,  // not finite at a state of lower cost
-  // Failed at the start, where x stays: the functor returns false, or its values
-  // or derivatives are not finite.
+  // Failed at the start, where x stays: the functor returns false, or its
+  // values or derivatives are not finite.
   kInvalidStart,
 };
 
@@ -77,7 +77,7 @@ struct FitResult {
   // The pseudo-inverse (J^T J)^+, as of ceres::Covariance: the covariance of x
   // if each residual has the variance 1.
   Matrix covariance = Matrix::Constant(kNaN);
-  // |N^T e_i|^2 in [0, 1] with an orthonormal basis N of J's null space: above
+  // |Z^T e_i|^2 in [0, 1] with an orthonormal basis Z of J's null space: above
   // zero if data leave x_i open. Its variance is then infinite, whatever
   // the pseudo-inverse has.
   Vector undetermined = Vector::Constant(kNaN);

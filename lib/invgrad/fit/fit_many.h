@@ -1,5 +1,5 @@
-// Very many small fits of one model: up to 1e5 data sets and more, each with its
-// own start, status, covariance and rank.
+// Very many small fits of one model: 1e5 data sets and more, each with its own
+// start, status, covariance and rank.
 //
 //   minimize 1/2 sum_i r_i(x_k)^2 over the rows i of data set k, for each k
 //
@@ -24,8 +24,8 @@
 // in a fraction of the time (docs/results/fits.md).
 //
 // Shapes:  num_rows, fits: one entry a data set.
-// Cost:    an iteration evaluates m rows with Jets and takes 2 m N^2 operations.
-//          Nothing is allocated for a fit.
+// Cost:    an iteration evaluates m rows with Jets, and takes 2 m N^2
+//          operations. Nothing is allocated for a fit.
 // Fails:   a data set that fails has a FitStatus, its start or its best state,
 //          and no influence on others. CHECKs the options and the sizes.
 // Threads: fits do not depend on their number.

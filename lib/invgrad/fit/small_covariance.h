@@ -3,8 +3,8 @@
 //
 //   A = R D^-1 = U diag(s) V^T,   D = diag(|R e_i|) = diag(|J e_i|)
 //   rank          the number of s > threshold s_max
-//   covariance    (J^T J)^+ = P D^-1 V S^-2 V^T D^-1 P   over s > threshold s_max
-//   undetermined  diag(N N^T),   P = I - N N^T
+//   covariance    (J^T J)^+ = P D^-1 V S^-2 V^T D^-1 P, of these s
+//   undetermined  diag(Z Z^T),   P = I - Z Z^T
 //
 //   GramRoot<3> root = ...;  // streaming_gram.h
 //   Eigen::Matrix3d covariance;
@@ -12,15 +12,15 @@
 //   const int rank =
 //       ComputeSmallCovariance<3>(root.R, 1e-7, &covariance, &undetermined);
 //
-// N is an orthonormal basis of the null space, D^-1 times the other columns of
+// Z is an orthonormal basis of the null space, D^-1 times the other columns of
 // V. Columns are scaled as in rank_report.h, so that the rank has no units. A
 // column of zeros has D_i = 1.
 //
-// Shapes:  R, covariance: n x n, of which R's upper triangle is read;
-//          undetermined: n.
-// Cost:    n^3 operations if the norms of A and A^-1 show that the rank is n,
-//          otherwise a singular value decomposition by Jacobi's method. Without
-//          allocation for a fixed N.
+// Shapes:  R, covariance: N x N, of which R's upper triangle is read;
+//          undetermined: N.
+// Cost:    N^3 operations if the norms of A and A^-1 show that the rank is N,
+//          otherwise two singular value decompositions by Jacobi's method.
+//          Without allocation.
 // Fails:   R must be finite.
 #ifndef INVGRAD_FIT_SMALL_COVARIANCE_H_
 #define INVGRAD_FIT_SMALL_COVARIANCE_H_
@@ -60,7 +60,7 @@ int ComputeSmallCovariance(const Eigen::Matrix<double, N, N>& R,
   const Matrix V = inverse_D.asDiagonal() * svd.matrixV();
   int rank = 0;
   while (rank < N && s[rank] > threshold * s[0]) ++rank;
-  // The others times zero.
+  // Columns are zero where they do not belong.
   Matrix kept = V;
   Matrix motions = V;
   for (int i = 0; i < N; ++i) {

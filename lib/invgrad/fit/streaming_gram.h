@@ -1,20 +1,20 @@
 // The triangular factor of a Jacobian that arrives row by row: what a step, a
-// covariance and a rank need of it, in the memory of n x n numbers.
+// covariance and a rank need of it, in the memory of N x N numbers.
 //
-//   J = Q R,   R^T R = J^T J,   R^T c = J^T r,   c = the first n of Q^T r
+//   J = Q R,   R^T R = J^T J,   R^T c = J^T r,   c = the first N of Q^T r
 //
 //   StreamingGram<3> gram;
-//   for (int i = 0; i < m; ++i) gram.AddRow(&J[3 * i], r[i]);  // row by row
+//   for (int i = 0; i < m; ++i) gram.AddRow(&J[3 * i], r[i]);
 //   const GramRoot<3>& root = gram.Finish();
 //   Eigen::Matrix3d JtJ = root.R.transpose() * root.R;
 //   Eigen::Vector3d gradient = root.R.transpose() * root.c;
 //   double cost = 0.5 * root.squared_norm();  // 1/2 |r|^2
 //
-// Rows wait in a block. A full block goes below R, and n Householder reflections
-// make the stack triangular again [1]. Packs of four rows make this as fast as
-// sums of the products J_i^T J_i, which lose twice as many digits: R has the
-// condition number of J, not its square. Of columns that agree but for 1e-6, R
-// gives a step with eight correct digits, J^T J one with none
+// Rows wait in a block. A full block goes below R, and N Householder
+// reflections make the stack triangular again [1]. Packs of four rows make this
+// as fast as sums of the products J_i^T J_i, which lose twice as many digits: R
+// has the condition number of J, not its square. Of columns that agree but for
+// 1e-6, R gives a step with eight correct digits, J^T J one with none
 // (docs/results/fits.md).
 //
 // Shapes:  R: N x N, upper triangle, of any signs;  c: N.
