@@ -161,6 +161,9 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "step_cost") {
     return {"--largest_width=100", "--largest_batch=4", "--svd_seconds=0"};
   }
+  if (program == "fit_speed") {
+    return {"--fits=10", "--rows=1000", "--repetitions=1"};
+  }
   if (program == "rank_speedup") {
     return {"--problem=" + SmallProblem("oscillator_chain"),
             "--samples=4",
