@@ -85,6 +85,29 @@ TEST(SchurComplement, BlocksMayBeEmpty) {
   EXPECT_LE((bundle.A.transpose() * (bundle.A * x) - b).norm(), 1e-9);
 }
 
+// A point that no camera sees, but for a prior, as where the cameras' columns
+// are anchors.
+TEST(SchurComplement, BlocksMayBeAlone) {
+  Bundle bundle(40);
+  const int n = static_cast<int>(bundle.A.cols());
+  const int m = static_cast<int>(bundle.A.rows());
+  MatrixXd dense = MatrixXd::Zero(m + 3, n + 3);
+  dense.topLeftCorner(m, n) = bundle.A;
+  dense.bottomRightCorner(3, 3).diagonal() << 1.0, 2.0, 4.0;
+  const SparseMatrix A = dense.sparseView();
+  bundle.offsets.push_back(n + 3);
+  SchurComplement complement(A, bundle.offsets);
+  std::string error;
+  ASSERT_TRUE(complement.Factorize(A, &error)) << error;
+  const Eigen::VectorXd x =
+      complement.Solve(Eigen::VectorXd::Ones(n + 3)).bottomRows(3);
+  EXPECT_NEAR(x[1], 1.0 / 4.0, 1e-15);
+  const auto values = complement.Entries({{n + 2, n + 2}, {n, n + 1}, {0, n}});
+  EXPECT_NEAR(*values[0], 1.0 / 16.0, 1e-15);
+  EXPECT_EQ(*values[1], 0.0);
+  EXPECT_EQ(*values[2], 0.0);
+}
+
 TEST(SchurComplement, IsSmallWhereFewColumnsCoupleTheOthers) {
   const Bundle few_points(10);
   EXPECT_FALSE(SchurComplement(few_points.A, few_points.offsets).IsSmall());

@@ -70,7 +70,7 @@ SchurComplement::SchurComplement(const SparseMatrix& A,
 }
 
 bool SchurComplement::IsSmall() const {
-  return rest_.size() <= kMaxSize &&
+  return !rest_.empty() && rest_.size() <= kMaxSize &&
          static_cast<double>(rest_.size()) <=
              kMaxShare * static_cast<double>(place_.size());
 }
@@ -144,6 +144,8 @@ bool SchurComplement::AddBlock(const SparseMatrix& A,
   const Eigen::LLT<MatrixXd> cholesky(E_rows.transpose() * E_rows);
   if (cholesky.info() != Eigen::Success) return false;
   block->L = cholesky.matrixLLT();
+  block->W.resize(block->size, F_rows.cols());
+  if (block->coupled.empty()) return true;
   block->W = Lower(block->L).solve(E_rows.transpose() * F_rows);
   const MatrixXd WtW = block->W.transpose() * block->W;
   for (std::size_t b = 0; b < block->coupled.size(); ++b) {
@@ -163,13 +165,16 @@ MatrixXd SchurComplement::Solve(const MatrixXd& B) const {
   for (const Block& block : blocks_) {
     auto y = X.middleRows(block.begin, block.size);
     Lower(block.L).solveInPlace(y);
+    if (block.coupled.empty()) continue;
     of_rest(block.coupled, Eigen::all) -= block.W.transpose() * y;
   }
   S_.solveInPlace(of_rest);
   X(rest_, Eigen::all) = of_rest;
   for (const Block& block : blocks_) {
     auto y = X.middleRows(block.begin, block.size);
-    y -= block.W * of_rest(block.coupled, Eigen::all);
+    if (!block.coupled.empty()) {
+      y -= block.W * of_rest(block.coupled, Eigen::all);
+    }
     block.L.triangularView<Eigen::Lower>().transpose().solveInPlace(y);
   }
   return X;
@@ -193,7 +198,10 @@ std::vector<std::optional<double>> SchurComplement::Entries(
   for (const auto& [i, j] : entries) {
     const Row v = RowOfV(i);
     const Row w = RowOfV(j);
-    double z = v.values.dot(S_inverse_(v.columns, w.columns) * w.values);
+    double z = 0.0;
+    if (!v.columns.empty() && !w.columns.empty()) {
+      z = v.values.dot(S_inverse_(v.columns, w.columns) * w.values);
+    }
     if (block_of_[i] >= 0 && block_of_[i] == block_of_[j]) {
       const Block& block = blocks_[block_of_[i]];
       const VectorXd x =
