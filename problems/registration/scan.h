@@ -2,7 +2,7 @@
 // of scans along directions that a scene does not determine.
 //
 //   scene      walls                                         undetermined
-//   room       a box of 10 x 8 x 3                           -
+//   room       a box of 15 x 8 x 3                           -
 //   corridor   2.4 wide, 2.5 high, endless along x           x
 //   tunnel     a tube of radius 2 along x, with a floor      x
 //   plane      a floor 1.5 below the sensor                  x, y, yaw
