@@ -9,13 +9,13 @@
 //   cylinder   a tube of radius 2 along x                    x, roll
 //
 // A scan has one ray for each of 60 azimuths and 24 elevations, from -60 to 40
-// degrees, in the sensor's frame. The range has normal noise, and a share of the
-// rays returns a uniform range in its place. Ranges below 0.5 and above 15 are
-// left out.
+// degrees, in the sensor's frame. The range has normal noise, and a share of
+// the rays returns a uniform range in its place. Ranges below 0.5 and above 15
+// are left out.
 //
-// The sensor advances 0.1 along x a scan, and swings sideways and in yaw (in the
-// cylinder it stays on the axis). Its axes are turned against those of the scene
-// by a yaw of 20 degrees, so that no coordinate is undetermined alone.
+// The sensor advances 0.1 along x a scan, and swings sideways and in yaw (in
+// the cylinder it stays on the axis). Its axes are turned against those of the
+// scene by a yaw of 20 degrees, so that no coordinate is undetermined alone.
 //
 // Shapes:  points: 3 x number of points, in the sensor's frame.
 // Units:   metres times `unit`: 1000 for millimetres; radians.
