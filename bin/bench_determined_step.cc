@@ -1,5 +1,6 @@
-// Times the step for 6 unknowns that leaves undetermined directions alone beside
-// Eigen's decompositions of the same 6 x 6 matrix (docs/results/registration.md).
+// Times the step for 6 unknowns that leaves undetermined directions alone
+// beside Eigen's decompositions of the same 6 x 6 matrix
+// (docs/results/registration.md).
 //
 // Sample runs:
 //

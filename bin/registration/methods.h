@@ -34,8 +34,8 @@ std::unique_ptr<UpdateRule> MakeRegistrationRule(
 // ceres::Solve, by the proposals of `rule` alone; null: by Ceres' own steps.
 void SolveAlignment(UpdateRule* rule, ceres::Problem* problem);
 
-// The directions that the rule's last step left alone; -1: the method leaves none
-// alone at any time.
+// The directions that the rule's last step left alone; -1: the method leaves
+// none alone at any time.
 int NumLeftAlone(const RegistrationMethod& method, const UpdateRule* rule);
 
 }  // namespace invgrad

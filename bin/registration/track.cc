@@ -54,9 +54,9 @@ Vector6d ErrorOf(const Isometry3d& pose,
 }
 
 // Not less than the default, because edges and curvature make errors of normals
-// that do not shrink with the noise, and that the estimate does not see: of scans
-// without noise the corridor's axis has s = 0.008 s_max, and the roll in the
-// cylinder 0.07.
+// that do not shrink with the noise, and that the estimate does not see: of
+// scans without noise the corridor's axis has s = 0.008 s_max, and the roll in
+// the cylinder 0.07.
 double TauOf(double normal_error) {
   return std::max(DeterminedStepOptions().tau,
                   DeterminedStepOptions::TauForNormals(normal_error));

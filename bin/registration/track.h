@@ -7,8 +7,8 @@
 // nearest, and the problem (problems/registration/alignment.h) is solved.
 //
 // The error of P_k is its position and its rotation vector against the true
-// ones, in the scene's axes. The drift is the length of the sum of the errors so
-// far along the axes that the scene determines, and along the others.
+// ones, in the scene's axes. The drift is the length of the sum of the errors
+// so far along the axes that the scene determines, and along the others.
 //
 // Scans and odometry are the same for all methods, and for all units up to
 // rounding.
@@ -26,8 +26,8 @@ namespace invgrad {
 
 struct TrackOptions {
   int num_scans = 100;
-  // Of `determined`; 0: TauForNormals(error of the first scan's normals), but at
-  // least 0.1.
+  // Of `determined`; 0: TauForNormals(error of the first scan's normals), but
+  // at least 0.1.
   double tau = 0.0;
   bool guards_edges = true;  // as in AlignmentOptions
   ScanOptions scan;

@@ -1,6 +1,6 @@
 // A laser scanner moves along a corridor, whose walls do not show how far.
-// Aligns two scans by Levenberg-Marquardt and by steps that leave alone what the
-// walls do not determine.
+// Aligns two scans by Levenberg-Marquardt and by steps that leave alone what
+// the walls do not determine.
 //
 // Sample runs:
 //

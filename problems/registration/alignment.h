@@ -5,20 +5,20 @@
 // p_i: the points of a scan; q_j, n_j: points and normals of the target, which
 // is the scan before; j: the target's nearest point to R p_i + t at the start.
 //
-// The unknowns are two parameter blocks, each with one unit: t (3), and the unit
-// quaternion of R (4) on ceres::EigenQuaternionManifold (3).
+// The unknowns are two parameter blocks, each with one unit: t (3), and the
+// unit quaternion of R (4) on ceres::EigenQuaternionManifold (3).
 //
 // Edges. The pattern of rays moves with the sensor. What goes wrong where two
-// walls meet goes wrong at the same place of each scan, and pulls every alignment
-// towards no motion. Two parts of the problem prevent that:
+// walls meet goes wrong at the same place of each scan, and pulls every
+// alignment towards no motion. Two parts of the problem prevent that:
 //
 //   normals   The least principal axes of the 8 nearest points. A point takes
 //             part if these lie on a plane, and not on two: the spread along
 //             the normal (standard deviation) is at most a fifth of the second
 //             one, and at most twice the noise of the ranges, or 5 mm.
 //   matches   A point near an edge may have its nearest on the other wall. rho
-//             is Tukey's loss, which ignores a residual beyond 5 cm (an error of
-//             the start) + 5 times the noise.
+//             is Tukey's loss, which ignores a residual beyond 5 cm (an error
+//             of the start) + 5 times the noise.
 //
 // Without guards_edges the normals have the first limit alone, and rho is
 // Huber's loss, linear above 5 cm, so that such matches pull.
@@ -64,8 +64,8 @@ class AlignmentTarget {
 
   // The estimated error of the normals, in each tangent direction, root mean
   // square [rad]: of a plane fit to k points with the variances l_0 (along the
-  // normal) and l_1 it is (l_0 / ((k - 3) l_1))^(1/2). It knows of noise, not of
-  // edges. 0: there are no normals.
+  // normal) and l_1 it is (l_0 / ((k - 3) l_1))^(1/2). It knows of noise, not
+  // of edges. 0: there are no normals.
   double normal_error() const { return normal_error_; }
   // 3 x N; zero where there is no plane.
   const Eigen::Matrix3Xd& normals() const { return normals_; }

@@ -2,20 +2,20 @@
 // of scans along directions that a scene does not determine.
 //
 //   scene      walls                                         undetermined
-//   room       a box of 10 x 8 x 3                           -
+//   room       a box of 15 x 8 x 3                           -
 //   corridor   2.4 wide, 2.5 high, endless along x           x
 //   tunnel     a tube of radius 2 along x, with a floor      x
 //   plane      a floor 1.5 below the sensor                  x, y, yaw
 //   cylinder   a tube of radius 2 along x                    x, roll
 //
 // A scan has one ray for each of 60 azimuths and 24 elevations, from -60 to 40
-// degrees, in the sensor's frame. The range has normal noise, and a share of the
-// rays returns a uniform range in its place. Ranges below 0.5 and above 15 are
-// left out.
+// degrees, in the sensor's frame. The range has normal noise, and a share of
+// the rays returns a uniform range in its place. Ranges below 0.5 and above 15
+// are left out.
 //
-// The sensor advances 0.1 along x a scan, and swings sideways and in yaw (in the
-// cylinder it stays on the axis). Its axes are turned against those of the scene
-// by a yaw of 20 degrees, so that no coordinate is undetermined alone.
+// The sensor advances 0.1 along x a scan, and swings sideways and in yaw (in
+// the cylinder it stays on the axis). Its axes are turned against those of the
+// scene by a yaw of 20 degrees, so that no coordinate is undetermined alone.
 //
 // Shapes:  points: 3 x number of points, in the sensor's frame.
 // Units:   metres times `unit`: 1000 for millimetres; radians.

@@ -117,8 +117,9 @@ TEST(RegistrationAlignment, TheSamePointsGiveTheMotionToAllDigits) {
 }
 
 // Two scans of the path. With noise each direction has the deviation
-// (2^(1/2) 0.01 m) / lambda^(1/2) of H's eigenvalue lambda, of which the least is
-// 78, and of the rotations 4,000 m^2; without, some matches near edges are wrong.
+// (2^(1/2) 0.01 m) / lambda^(1/2) of H's eigenvalue lambda, of which the least
+// is 78, and of the rotations 4,000 m^2; without, some matches near edges are
+// wrong.
 TEST(RegistrationAlignment, FindsTheMotionInTheRoom) {
   for (const bool is_noisy : {false, true}) {
     const Pair pair =

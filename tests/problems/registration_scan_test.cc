@@ -1,5 +1,5 @@
-// Scans of scenes with known geometry: closed forms, noise, and which motions of
-// the sensor change them.
+// Scans of scenes with known geometry: closed forms, noise, and which motions
+// of the sensor change them.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -145,8 +145,8 @@ TEST(RegistrationScan, IsTheSameForTheSameSeed) {
 }
 
 // The largest change of a range, if the sensor moves along an axis of the scene
-// by 1 cm, or turns about it by 10 mrad. Rays that return nothing count with the
-// largest range.
+// by 1 cm, or turns about it by 10 mrad. Rays that return nothing count with
+// the largest range.
 double LargestChange(const Scene& scene, int axis) {
   const Isometry3d pose = PathPose(scene, 0);
   Isometry3d moved = pose;
