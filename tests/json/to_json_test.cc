@@ -5,9 +5,12 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/fit/fit_many.h"
+#include "invgrad/json/fit_to_json.h"
 #include "nlohmann/json.hpp"
 #include "tests/rank/rank_problems.h"
 #include "tests/support/json_page.h"
@@ -131,6 +134,34 @@ TEST(ToJson, TheMinimizerIsThatOfThePage) {
   EXPECT_TRUE(json.at("proposals").is_null());
   EXPECT_TRUE(json.at("first_outside_domain").is_null());
   ExpectOnPage(json, &found);
+}
+
+// Of x0 + x1 alone, measured twice: 1 and 2.
+struct Sum {
+  template <typename T>
+  bool operator()(int /*data_set*/, int i, const T* x, T* residual) const {
+    *residual = x[0] + x[1] - 1.0 * (i + 1);
+    return true;
+  }
+};
+
+TEST(ToJson, AFitIsThatOfThePage) {
+  std::vector<FitResult<2>> fits(2);
+  FitMany(FitOptions(), Sum(), {2, 0}, &fits);
+  const nlohmann::json json = Read(fits);
+  ASSERT_EQ(json.size(), 2u);
+  std::set<std::string> found;
+  ExpectOnPage(json[0], &found);
+  ExpectOnPage(json[1], &found);
+  ExpectAllFound("invgrad.fit", found);
+  EXPECT_TRUE(json[0]["is_converged"]);
+  EXPECT_EQ(json[0]["rank"], 1);
+  EXPECT_EQ(json[0]["x"][0].get<double>(), fits[0].x[0]);
+  EXPECT_NEAR(json[0]["x"][0], 0.75, 1e-3);
+  EXPECT_EQ(json[0]["covariance"][0][1].get<double>(),
+            fits[0].covariance(0, 1));
+  EXPECT_TRUE(json[0]["standard_errors"][1].is_null());  // infinite
+  EXPECT_NEAR(json[0]["undetermined_shares"][1], 0.5, 1e-12);
 }
 
 TEST(ToJson, HasTheValuesOfTheRankReport) {

@@ -6,7 +6,8 @@
 //
 // The members have the names of the C++ members, in their order, after "schema".
 // docs/json.md lists all of them, with types and units. Members may be added to
-// a version; those that it has keep their names and meanings.
+// a version; those that it has keep their names and meanings. fit_to_json.h has
+// the fits of lib/invgrad/fit.
 //
 // Numbers:  the shortest decimal number that reads back as the same double. A
 //           number that is not finite (an infinite standard deviation, NaN) is
