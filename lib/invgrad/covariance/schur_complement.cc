@@ -162,20 +162,36 @@ MatrixXd SchurComplement::Solve(const MatrixXd& B) const {
   CHECK_EQ(B.rows(), static_cast<Index>(place_.size()));
   MatrixXd X = B;
   MatrixXd of_rest = B(rest_, Eigen::all);
+  // Loops, because the blocks are too small for calls of BLAS or of Eigen.
   for (const Block& block : blocks_) {
-    auto y = X.middleRows(block.begin, block.size);
-    Lower(block.L).solveInPlace(y);
-    if (block.coupled.empty()) continue;
-    of_rest(block.coupled, Eigen::all) -= block.W.transpose() * y;
+    for (Index c = 0; c < B.cols(); ++c) {
+      double* const y = &X(block.begin, c);
+      double* const f = of_rest.col(c).data();
+      for (int j = 0; j < block.size; ++j) {  // y = L^-1 y
+        y[j] /= block.L(j, j);
+        for (int i = j + 1; i < block.size; ++i) y[i] -= block.L(i, j) * y[j];
+      }
+      const double* w = block.W.data();
+      for (const int k : block.coupled) {  // f -= W^T y
+        for (int i = 0; i < block.size; ++i) f[k] -= *w++ * y[i];
+      }
+    }
   }
   S_.solveInPlace(of_rest);
   X(rest_, Eigen::all) = of_rest;
   for (const Block& block : blocks_) {
-    auto y = X.middleRows(block.begin, block.size);
-    if (!block.coupled.empty()) {
-      y -= block.W * of_rest(block.coupled, Eigen::all);
+    for (Index c = 0; c < B.cols(); ++c) {
+      double* const y = &X(block.begin, c);
+      const double* const f = of_rest.col(c).data();
+      const double* w = block.W.data();
+      for (const int k : block.coupled) {  // y -= W f
+        for (int i = 0; i < block.size; ++i) y[i] -= *w++ * f[k];
+      }
+      for (int j = block.size - 1; j >= 0; --j) {  // y = L^-T y
+        for (int i = j + 1; i < block.size; ++i) y[j] -= block.L(i, j) * y[i];
+        y[j] /= block.L(j, j);
+      }
     }
-    block.L.triangularView<Eigen::Lower>().transpose().solveInPlace(y);
   }
   return X;
 }

@@ -1,7 +1,5 @@
 #include "invgrad/rank/gauge.h"
 
-#include <map>
-
 #include "fmt/core.h"
 #include "invgrad/rank/pose_gauge.h"
 
@@ -44,24 +42,31 @@ bool CommonFactor(const GaugeComponent& component, MatrixXd* motions) {
 // arguments by it: one factor for all components (one column), or one for each
 // component of blocks of one size. Single arguments are priors.
 bool FactorsOfProduct(const GaugeComponent& component, MatrixXd* motions) {
-  std::map<int, std::size_t> places;
+  const auto num_factors = static_cast<int>(motions->cols());
+  std::vector<int> places(component.blocks.size(), -1);  // -1: not in a pair
+  bool has_pairs = false;
   for (const std::vector<int>& arguments : component.arguments) {
     if (arguments.size() == 1) continue;
     if (arguments.size() != 2) return false;
-    for (std::size_t i = 0; i < 2; ++i) {
-      if (places.insert({arguments[i], i}).first->second != i) return false;
+    has_pairs = true;
+    for (int place = 0; place < 2; ++place) {
+      const int b = arguments[place];
+      if (num_factors > 1 && component.blocks[b].size != num_factors) {
+        return false;
+      }
+      if (places[b] >= 0 && places[b] != place) return false;
+      places[b] = place;
     }
   }
-  const Eigen::Index num_factors = motions->cols();
-  for (const auto& [b, place] : places) {
+  for (std::size_t b = 0; b < places.size(); ++b) {
+    if (places[b] < 0) continue;
     const GaugeBlock& block = component.blocks[b];
-    if (num_factors > 1 && block.size != num_factors) return false;
     for (int i = 0; i < block.size; ++i) {
       (*motions)(block.offset + i, num_factors == 1 ? 0 : i) =
-          place == 0 ? block.values[i] : -block.values[i];
+          places[b] == 0 ? block.values[i] : -block.values[i];
     }
   }
-  return !places.empty();
+  return has_pairs;
 }
 
 Gauge ComponentFactors(int size) {
