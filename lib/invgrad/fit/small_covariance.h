@@ -71,7 +71,7 @@ int ComputeSmallCovariance(const Eigen::Matrix<double, N, N>& R,
   undetermined->setZero();
   if (rank < N) {
     const Eigen::JacobiSVD<Matrix> basis(motions, Eigen::ComputeFullU);
-    const Matrix U = basis.matrixU();
+    const Matrix& U = basis.matrixU();
     Matrix P = Matrix::Identity();
     for (int i = 0; i < N - rank; ++i) P -= U.col(i) * U.col(i).transpose();
     *undetermined = U.leftCols(N - rank).rowwise().squaredNorm();
