@@ -173,7 +173,9 @@ MatrixXd SchurComplement::Solve(const MatrixXd& B) const {
       }
       const double* w = block.W.data();
       for (const int k : block.coupled) {  // f -= W^T y
-        for (int i = 0; i < block.size; ++i) f[k] -= *w++ * y[i];
+        double sum = 0.0;
+        for (int i = 0; i < block.size; ++i) sum += *w++ * y[i];
+        f[k] -= sum;
       }
     }
   }
