@@ -16,6 +16,7 @@
 #include "invgrad/rules/rules.h"
 #include "problems/registration/alignment.h"
 #include "problems/registration/scan.h"
+#include "tests/problems/registration_scenes.h"
 
 namespace invgrad {
 namespace registration_alignment_test {
@@ -23,21 +24,6 @@ namespace registration_alignment_test {
 using Eigen::Isometry3d;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-
-const Scene& SceneOf(const std::string& name) {
-  for (const Scene& scene : Scenes()) {
-    if (scene.name == name) return scene;
-  }
-  ADD_FAILURE() << name;
-  return Scenes()[0];
-}
-
-ScanOptions Exact() {
-  ScanOptions options;
-  options.noise = 0.0;
-  options.outliers = 0.0;
-  return options;
-}
 
 RelativePose PoseOf(const Vector3d& t, const Vector3d& rotation) {
   RelativePose pose;

@@ -8,6 +8,7 @@
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
 #include "problems/registration/scan.h"
+#include "tests/problems/registration_scenes.h"
 
 namespace invgrad {
 namespace registration_scan_test {
@@ -19,21 +20,6 @@ using Eigen::Vector3d;
 constexpr int kNumRays = 60 * 24;
 // Ranges are at most 15, and of a few rounding errors.
 constexpr double kRounding = 1e-12;
-
-const Scene& SceneOf(const std::string& name) {
-  for (const Scene& scene : Scenes()) {
-    if (scene.name == name) return scene;
-  }
-  ADD_FAILURE() << name;
-  return Scenes()[0];
-}
-
-ScanOptions Exact() {
-  ScanOptions options;
-  options.noise = 0.0;
-  options.outliers = 0.0;
-  return options;
-}
 
 // The distance of a place in the scene to the nearest surface.
 double DistanceToSurface(const Scene& scene, const Vector3d& place) {
