@@ -7,14 +7,13 @@
 namespace invgrad {
 
 std::string RunReport::ToJson() const {
-  nlohmann::ordered_json json = {
-      {"schema", {{"name", "invgrad.estimate"}, {"version", 1}}},
-      {"start", start},
-      {"method", method},
-      {"status", status},
-      {"minimizer", minimizer},
-      {"rank_report", nullptr},
-      {"covariance", nullptr}};
+  nlohmann::ordered_json json = {{"schema", JsonSchema("estimate")},
+                                 {"start", start},
+                                 {"method", method},
+                                 {"status", status},
+                                 {"minimizer", minimizer},
+                                 {"rank_report", nullptr},
+                                 {"covariance", nullptr}};
   if (rank) json["rank_report"] = *rank;
   if (covariance) json["covariance"] = *covariance;
   return JsonText(json);

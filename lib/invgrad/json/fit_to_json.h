@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "invgrad/fit/fit.h"
+#include "invgrad/json/to_json.h"
 #include "nlohmann/json.hpp"
 
 namespace invgrad {
@@ -29,7 +30,7 @@ void to_json(nlohmann::ordered_json& json, const FitResult<N>& fit) {
     undetermined_shares[i] = fit.undetermined[i];
     for (int j = 0; j < N; ++j) covariance[i][j] = fit.covariance(i, j);
   }
-  json = {{"schema", {{"name", "invgrad.fit"}, {"version", 1}}},
+  json = {{"schema", JsonSchema("fit")},
           {"status", FitStatusText(fit.status)},
           {"is_converged", fit.IsConverged()},
           {"initial_cost", fit.initial_cost},

@@ -4,17 +4,12 @@
 #include <vector>
 
 #include "ceres/types.h"
-#include "fmt/core.h"
 #include "nlohmann/json.hpp"
 
 namespace invgrad {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json Schema(const char* name) {
-  return {{"name", fmt::format("invgrad.{}", name)}, {"version", 1}};
-}
 
 Json Array(const Eigen::VectorXd& vector) {
   return std::vector<double>(vector.data(), vector.data() + vector.size());
@@ -112,7 +107,7 @@ static void to_json(Json& json, const DomainFailure::Parameter& parameter) {
 }
 
 void to_json(Json& json, const RankReport& report) {
-  json = {{"schema", Schema("rank_report")},
+  json = {{"schema", JsonSchema("rank_report")},
           {"cost", report.cost},
           {"num_residuals", report.num_residuals},
           {"num_parameters", report.num_parameters},
@@ -137,7 +132,7 @@ void to_json(Json& json, const RankReport& report) {
 }
 
 void to_json(Json& json, const Covariance& covariance) {
-  json = {{"schema", Schema("covariance")},
+  json = {{"schema", JsonSchema("covariance")},
           {"cost", covariance.cost()},
           {"num_residuals", covariance.num_residuals()},
           {"num_parameters", covariance.num_parameters()},
@@ -154,7 +149,7 @@ void to_json(Json& json, const Covariance& covariance) {
 }
 
 void to_json(Json& json, const DomainFailure& failure) {
-  json = {{"schema", Schema("domain_failure")},
+  json = {{"schema", JsonSchema("domain_failure")},
           {"reason", Name(failure.reason)},
           {"residual_block", failure.residual_block},
           {"num_failing_blocks", failure.num_failing_blocks},
@@ -164,7 +159,7 @@ void to_json(Json& json, const DomainFailure& failure) {
 }
 
 void to_json(Json& json, const UpdateCallback::Summary& summary) {
-  json = {{"schema", Schema("proposals")},
+  json = {{"schema", JsonSchema("proposals")},
           {"num_proposed", summary.num_proposed},
           {"num_accepted", summary.num_accepted},
           {"num_rejected", summary.num_rejected},
@@ -180,7 +175,7 @@ void to_json(Json& json, const UpdateCallback::Summary& summary) {
 }
 
 void to_json(Json& json, const MinimizerSummary& summary) {
-  json = {{"schema", Schema("minimizer")},
+  json = {{"schema", JsonSchema("minimizer")},
           {"termination_type",
            ceres::TerminationTypeToString(summary.termination_type)},
           {"message", summary.message},
@@ -192,6 +187,10 @@ void to_json(Json& json, const MinimizerSummary& summary) {
           {"num_outside_domain", summary.num_outside_domain},
           {"first_outside_domain", Optional(summary.first_outside_domain)},
           {"proposals", Optional(summary.proposals)}};
+}
+
+Json JsonSchema(const std::string& name) {
+  return {{"name", "invgrad." + name}, {"version", 1}};
 }
 
 std::string JsonText(const Json& json) {

@@ -40,6 +40,9 @@ void to_json(nlohmann::ordered_json& json,
              const UpdateCallback::Summary& summary);
 void to_json(nlohmann::ordered_json& json, const MinimizerSummary& summary);
 
+// {"name": "invgrad.NAME", "version": 1}
+nlohmann::ordered_json JsonSchema(const std::string& name);
+
 // The text of a file, on one line: reports of large problems are large.
 std::string JsonText(const nlohmann::ordered_json& json);
 
