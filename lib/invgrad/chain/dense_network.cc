@@ -235,6 +235,13 @@ std::vector<LayerColumns> DenseNetwork::FactorLayers() const {
   return layers;
 }
 
+LayerColumns DenseNetwork::OutputLayer() const { return FactorLayers().back(); }
+
+MatrixXd DenseNetwork::Features(const VectorXd& /*weights*/,
+                                const Pass& pass) const {
+  return dynamic_cast<const Activations&>(pass).inputs.back();
+}
+
 double DenseNetwork::FactorBytes(int num_columns) const {
   return 2.0 * sizeof(double) * num_columns *
          *std::max_element(widths_.begin(), widths_.end());

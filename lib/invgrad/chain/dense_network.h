@@ -128,6 +128,11 @@ class DenseNetwork final : public Network {
   std::vector<LayerColumns> FactorLayers() const override;
   double FactorBytes(int num_columns) const override;
 
+  // The last layer, at one position.
+  LayerColumns OutputLayer() const override;
+  Eigen::MatrixXd Features(const Eigen::VectorXd& weights,
+                           const Pass& pass) const override;
+
   // The Jacobians dx/da: |a| x B |x|, column s |x| + i is the derivative of
   // x_{s,i} with respect to a_s. Cost: 2 n B |x|. Not for jets (CHECKed).
   void InputJacobians(const Eigen::VectorXd& weights,

@@ -11,6 +11,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/model.h"
+#include "invgrad/inverse/output_layer_problem.h"
 #include "invgrad/inverse/pull_back_counts.h"
 
 namespace invgrad {
@@ -36,6 +37,17 @@ class BatchObjective {
     return Linearize(weights, batch, parts, linearization, error);
   }
 
+  // The least-squares problem of the best change of the network's output layer,
+  // on samples that need not be those of the step. Returns false, with *error,
+  // if it has no finite value.
+  virtual bool LinearizeOutputLayer(const Eigen::VectorXd& /*weights*/,
+                                    const DataSet& /*samples*/,
+                                    OutputLayerProblem* /*problem*/,
+                                    std::string* error) {
+    *error = "this objective does not solve the output layer";
+    return false;
+  }
+
   // Whether the objective is a proxy of the loss.
   virtual bool is_proxy() const { return false; }
   virtual int updates_per_step() const { return 1; }
@@ -54,6 +66,12 @@ class ModelObjective final : public BatchObjective {
                  Linearization* linearization,
                  std::string* error) override {
     return model_.Linearize(weights, batch, parts, linearization, error);
+  }
+  bool LinearizeOutputLayer(const Eigen::VectorXd& weights,
+                            const DataSet& samples,
+                            OutputLayerProblem* problem,
+                            std::string* error) override {
+    return LinearizeLossInOutputLayer(model_, weights, samples, problem, error);
   }
 
  private:

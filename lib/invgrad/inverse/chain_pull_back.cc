@@ -87,6 +87,25 @@ bool ChainPullBack::LinearizeAgain(const VectorXd& weights,
   return LinearizeProxy(weights, batch, parts, linearization, error);
 }
 
+bool ChainPullBack::LinearizeOutputLayer(const VectorXd& weights,
+                                         const DataSet& samples,
+                                         OutputLayerProblem* problem,
+                                         std::string* error) {
+  std::vector<Sample> pulled_back;
+  if (!Forward(weights, samples, LinearizationParts(), error) ||
+      !PullBackSamples(samples, &pulled_back, error)) {
+    return false;
+  }
+  SetWeights(samples, pulled_back);
+  SetProblemInX(model_.network(),
+                weights,
+                *pass_,
+                d_x_,
+                options_.curvature_weight == 0.0 ? VectorXd() : sample_weights_,
+                problem);
+  return true;
+}
+
 bool ChainPullBack::Forward(const VectorXd& weights,
                             const DataSet& batch,
                             const LinearizationParts& parts,

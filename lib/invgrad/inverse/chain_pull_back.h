@@ -104,6 +104,12 @@ class ChainPullBack final : public BatchObjective {
                       Linearization* linearization,
                       std::string* error) override;
 
+  // In x, towards x~. Does not count.
+  bool LinearizeOutputLayer(const Eigen::VectorXd& weights,
+                            const DataSet& samples,
+                            OutputLayerProblem* problem,
+                            std::string* error) override;
+
   bool is_proxy() const override { return true; }
   int updates_per_step() const override {
     return options_.updates_per_evaluation;

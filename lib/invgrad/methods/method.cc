@@ -63,8 +63,15 @@ bool FindRows(const std::string& name, Phase* phase, std::string* error) {
   return FindRuleRow(name.substr(plus + 1), phase, error);
 }
 
+const std::vector<std::string>& OwnNames() {
+  static const auto* const names = new std::vector<std::string>{
+      "batch_size", "epochs", "steps", "output_layer", "output_layer_period"};
+  return *names;
+}
+
 bool IsOwn(const std::string& name) {
-  return name == "batch_size" || name == "epochs" || name == "steps";
+  return std::find(OwnNames().begin(), OwnNames().end(), name) !=
+         OwnNames().end();
 }
 
 // The settings of the method itself.
@@ -77,7 +84,27 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   set.Add("batch_size", &batch_size, {0, kMax}, "samples a step; 0: all");
   set.Add("epochs", &num_epochs, {1, kMax}, "share of a phase");
   set.Add("steps", &num_steps, {1, kMax}, "share of a phase");
+  std::string output_layer = "trained";
+  set.Add("output_layer",
+          &output_layer,
+          {"trained", "exact"},
+          "exact: the network's last layer is solved by least squares");
+  set.Add("output_layer_period",
+          &phase->output_layer_period,
+          {0, kMax},
+          "steps between two solutions; 0: as many as cost one solution");
   if (!set.SetAll(settings, error)) return false;
+  phase->solves_output_layer = output_layer == "exact";
+  if (phase->output_layer_period > 0 && !phase->solves_output_layer) {
+    *error = "output_layer_period needs output_layer=exact";
+    return false;
+  }
+  if (phase->solves_output_layer && phase->ceres != nullptr) {
+    *error =
+        "output_layer=exact: Ceres would train the layer with all others: "
+        "choose an update rule, such as geodesic or levenberg_marquardt";
+    return false;
+  }
   for (const auto& [name, ignored] : settings) {
     if (name == "batch_size") phase->batch_size = batch_size;
     if (name == "epochs") phase->num_epochs = num_epochs;
@@ -103,7 +130,7 @@ void AddDefaults(const Settings& defaults, Settings* settings) {
 bool SetPullBack(const Settings& settings, Phase* phase, std::string* error) {
   OptionSet set;
   phase->pull_back->Describe(&set);
-  std::vector<std::string> names = {"batch_size", "epochs", "steps"};
+  std::vector<std::string> names = OwnNames();
   for (const OptionSet::Row& row : set.rows()) names.push_back(row.name);
   for (const OptionSet::Row& row : phase->rule->options()) {
     names.push_back(row.name);

@@ -9,9 +9,11 @@
 //   ceres_lm+half_inverse                   Ceres with an UpdateCallback
 //   adam:epochs=5>half_inverse              two phases
 //
+//   adam:output_layer=exact                 rule for all layers but the last
+//
 // If a phase has several parts, a setting applies to the rule if the rule has
-// this option, otherwise to the other parts. The settings batch_size, epochs
-// and steps belong to the phase itself. Each phase but the last has a share of
+// this option, otherwise to the other parts. The settings batch_size, epochs,
+// steps, output_layer and output_layer_period belong to the phase itself. Each phase but the last has a share of
 // the run, epochs= or steps=, whichever ends first; the last phase has the rest
 // of the budget. A minimizer of Ceres can only be the last phase. train/train.h
 // says how phases follow each other in a run.
@@ -40,6 +42,11 @@ struct Phase {
   // The share of the run; 0: not set.
   int num_epochs = 0;
   int num_steps = 0;
+  // Whether the network's output layer is solved and not trained
+  // (output_layer/reduced_objective.h), and the steps from one solution to the
+  // next; 0: chosen by the cost.
+  bool solves_output_layer = false;
+  int output_layer_period = 0;
 
   // A new rule object; null if the phase has no rule.
   std::unique_ptr<UpdateRule> MakeRule() const;

@@ -47,6 +47,8 @@ class PullBackMethod {
     return proxy_ != "l2" || options_.curvature_weight != 0.0 ||
            updates() != 1 || max_change_ != 0.0;
   }
+  // Whether the proxy is a sum of squares.
+  bool has_least_squares_proxy() const { return proxy_ == "l2"; }
   int updates() const { return options_.updates_per_evaluation; }
   // Whether it needs data with solutions.
   bool needs_solutions() const {

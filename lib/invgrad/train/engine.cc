@@ -8,6 +8,7 @@
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/train/training_memory.h"
 
 namespace invgrad {
@@ -62,6 +63,48 @@ bool CheckRanks(const Phase& phase,
         "the outputs of the network may depend on all samples of a batch "
         "(batch normalization), which ranks would share: start the run in one "
         "process";
+  } else {
+    return true;
+  }
+  return false;
+}
+
+// Returns false if the model's output layer has no least-squares problem.
+bool CanSolveOutputLayer(const Phase& phase,
+                         const Model& model,
+                         const TrainOptions& options,
+                         std::string* error) {
+  const bool in_x = phase.pull_back.has_value() && !phase.pull_back->is_joint();
+  const Network& network = model.network();
+  const auto layer_size = network.OutputLayer().size();
+  if (layer_size == 0) {
+    *error = fmt::format(
+        "output_layer=exact: the network {} does not end in a layer that is "
+        "affine in its weights: let it end in a linear layer or a 1 x 1 "
+        "convolution without an activation, or leave the option off",
+        network.Name());
+  } else if (layer_size == network.num_weights()) {
+    *error = fmt::format(
+        "output_layer=exact: the network {} has no other layer to train: one "
+        "least-squares solution is all, so add a hidden layer",
+        network.Name());
+  } else if (in_x && !phase.pull_back->has_least_squares_proxy()) {
+    *error =
+        "output_layer=exact: proxy=l1 is no sum of squares: choose proxy=l2";
+  } else if (!in_x && !model.loss().SquaredNormFactor().has_value()) {
+    *error =
+        "output_layer=exact: the loss is no sum of squares: train towards "
+        "targets in x, for example newton/inverse_gradient/adam, or leave the "
+        "option off";
+  } else if (!in_x && !IsSolvedInX(model) && !model.has_factors()) {
+    *error =
+        "output_layer=exact: the simulator is not linear, and the Gauss-Newton "
+        "step of the layer needs a DenseNetwork and a simulator that forms its "
+        "Jacobian: train towards targets in x, for example by sip or "
+        "supervised";
+  } else if (options.communicator != nullptr) {
+    *error =
+        "output_layer=exact works in one process: start the run without ranks";
   } else {
     return true;
   }
@@ -141,6 +184,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
     return nullptr;
   }
+  if (phase.solves_output_layer &&
+      !CanSolveOutputLayer(phase, model, options, error)) {
+    return nullptr;
+  }
   const int num_samples = data.train.num_samples();
   const int batch_size = phase.BatchSize(options.batch_size, num_samples);
   if (data.source != nullptr && data.source->needs_whole_batches() &&
@@ -165,6 +212,11 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   std::vector<MemoryPart> parts = TrainingMemory(
       model, *rule, objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
+  if (phase.solves_output_layer) {
+    parts.push_back({"output layer",
+                     DataBytes(data.train) +
+                         OutputLayerBytes(model, objective->is_proxy())});
+  }
   if (options.averages_weights) {
     // One more while it is updated or evaluated.
     const double bytes = sizeof(double) * 1.0 * model.num_weights();
@@ -181,7 +233,20 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     objective = std::make_unique<DistributedObjective>(std::move(objective),
                                                        options.communicator);
   }
+  int output_layer_period = 0;
+  if (phase.solves_output_layer) {
+    const bool of_batch = batch_size == num_samples;
+    output_layer_period =
+        of_batch ? 1
+        : phase.output_layer_period > 0
+            ? phase.output_layer_period
+            : PeriodOfEqualCost(
+                  model, objective->is_proxy(), batch_size, num_samples);
+    objective = std::make_unique<ReducedObjective>(
+        std::move(objective), &model, of_batch ? nullptr : &data.train);
+  }
   return MakeRuleEngine(batch_size,
+                        output_layer_period,
                         options,
                         std::move(objective),
                         std::move(rule),

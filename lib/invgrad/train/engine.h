@@ -53,6 +53,12 @@ class Engine {
   // Resets the weights to the last ones with a finite batch loss.
   virtual void RestoreLastGood(Eigen::VectorXd* /*weights*/) {}
 
+  // The weights that a run reports for `weights`: the same, or with the best
+  // output layer for them.
+  virtual Eigen::VectorXd Finished(const Eigen::VectorXd& weights) {
+    return weights;
+  }
+
   // The weights that the last step started from, after the one before it was
   // kept or reverted; null for an engine whose weights are not averaged.
   virtual const Eigen::VectorXd* start_of_step() const { return nullptr; }
@@ -101,8 +107,13 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 // batches differ; the engine copies the weights, and goes back to the copy, as
 // the rule decides. Fails if a batch has no finite loss or the rule has no
 // finite step.
+//
+// With an output layer that is solved (output_layer/reduced_objective.h), the
+// rule moves the other weights. `output_layer_period`: the steps from one
+// solution to the next; 0: the layer is trained.
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
+    int output_layer_period,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,

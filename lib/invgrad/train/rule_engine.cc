@@ -7,6 +7,7 @@
 #include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -18,6 +19,7 @@ constexpr long kMaxLeftOut = 100;
 class RuleEngine final : public Engine {
  public:
   RuleEngine(int batch_size,
+             int output_layer_period,
              const TrainOptions& options,
              std::unique_ptr<BatchObjective> objective,
              std::shared_ptr<UpdateRule> rule,
@@ -29,7 +31,11 @@ class RuleEngine final : public Engine {
                         (data->source != nullptr ||
                          batch_size < data->train.num_samples())),
         num_weights_(options.initial_weights.size()),
+        output_layer_period_(output_layer_period),
         objective_(std::move(objective)),
+        reduced_(output_layer_period > 0
+                     ? dynamic_cast<ReducedObjective*>(objective_.get())
+                     : nullptr),
         rule_(std::move(rule)),
         model_(*model),
         train_(data->train),
@@ -38,6 +44,7 @@ class RuleEngine final : public Engine {
         random_(options.seed),
         before_order_(random_) {
     CHECK_GT(steps_per_epoch_, 0);
+    CHECK_EQ(output_layer_period > 0, reduced_ != nullptr);
   }
 
   long steps_per_epoch() const override { return steps_per_epoch_; }
@@ -45,6 +52,14 @@ class RuleEngine final : public Engine {
   bool TakeBack(Eigen::VectorXd* weights) override;
   void RestoreLastGood(Eigen::VectorXd* weights) override {
     if (last_good_weights_.size() > 0) *weights = last_good_weights_;
+  }
+  Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
+    Eigen::VectorXd finished = weights;
+    std::string ignored;
+    if (reduced_ != nullptr) {
+      reduced_->SolveOutputLayer(train_, &finished, &ignored);
+    }
+    return finished;
   }
   const Eigen::VectorXd* start_of_step() const override {
     return &last_good_weights_;
@@ -67,6 +82,18 @@ class RuleEngine final : public Engine {
   DataSet NextBatch(const Eigen::VectorXd& weights);
   DataSet NextBatchOfSource(const Eigen::VectorXd& weights);
   void DrawOrder();
+  // Sets the best output layer of the weights, if it is due before a step on the
+  // batch.
+  bool SolveIfDue(const DataSet& batch,
+                  Eigen::VectorXd* weights,
+                  std::string* error);
+  // The weights after a step of the rule. Where each step has its best output
+  // layer, these have it; `error` as SolveOutputLayer.
+  bool After(const DataSet& batch,
+             const Eigen::VectorXd& step,
+             Eigen::VectorXd* weights,
+             std::string* error);
+
   // Linearizes at the weights, after those returns that the rule decides.
   // *left_out: the loss of the batch is finite nowhere, and the rule judges
   // weights.
@@ -90,7 +117,9 @@ class RuleEngine final : public Engine {
   const bool shuffles_;
   const bool judges_weights_;
   const Eigen::Index num_weights_;
+  const int output_layer_period_;
   const std::unique_ptr<BatchObjective> objective_;
+  ReducedObjective* const reduced_;  // the objective; may be null
   const std::shared_ptr<UpdateRule> rule_;
   const Model& model_;
   const DataSet& train_;
@@ -143,6 +172,34 @@ void RuleEngine::DrawOrder() {
   order_ = random_.Permutation(train_.num_samples());
 }
 
+bool RuleEngine::SolveIfDue(const DataSet& batch,
+                            Eigen::VectorXd* weights,
+                            std::string* error) {
+  if (reduced_ == nullptr) return true;
+  if (!reduced_->of_batch()) {
+    return step_ % output_layer_period_ != 0 ||
+           reduced_->SolveOutputLayer(train_, weights, error);
+  }
+  // After each step the layer is the best one of the step's samples.
+  const bool is_new_set =
+      source_ != nullptr && step_ % source_->steps_per_set() == 0;
+  return (step_ > 0 && !is_new_set) ||
+         reduced_->SolveOutputLayer(batch, weights, error);
+}
+
+bool RuleEngine::After(const DataSet& batch,
+                       const Eigen::VectorXd& step,
+                       Eigen::VectorXd* weights,
+                       std::string* error) {
+  if (reduced_ == nullptr) {
+    *weights += step;
+    return true;
+  }
+  reduced_->AddStep(step, weights);
+  return !reduced_->of_batch() ||
+         reduced_->SolveOutputLayer(batch, weights, error);
+}
+
 Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   StepResult result;
   const DataSet batch = NextBatch(*weights);
@@ -150,6 +207,7 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   at_weights.progress = progress;
   bool left_out = false;
   const bool is_finite =
+      SolveIfDue(batch, weights, &result.message) &&
       Begin(batch, &at_weights, weights, &left_out, &result.message);
   if (is_finite) {
     last_good_weights_ = *weights;
@@ -276,14 +334,27 @@ bool RuleEngine::Update(const DataSet& batch,
       at_weights->cost = JudgedCost(batch, *weights);
     }
     // Of the loss, or of a proxy with constant x~.
-    const auto after = [&](const Eigen::VectorXd& step, auto... at) {
-      return objective_->LinearizeAgain(*weights + step, batch, at...);
+    const auto after = [&](const Eigen::VectorXd& step,
+                           const LinearizationParts& parts,
+                           Linearization* there,
+                           std::string* why) {
+      Eigen::VectorXd trial = *weights;
+      return After(batch, step, &trial, why) &&
+             objective_->LinearizeAgain(trial, batch, parts, there, why);
     };
-    AddProductsAndTrials(rule_->Needs(), *weights, after, at_weights);
+    AddProductsAndTrials(
+        rule_->Needs(),
+        reduced_ == nullptr ? *weights : reduced_->OtherWeights(*weights),
+        after,
+        at_weights);
     if (!rule_->ComputeStep(*at_weights, &step, error)) return false;
     const Eigen::VectorXd before = *weights;
-    *weights += step;
-    if (judges && !rule_->KeepsStep(JudgedCost(batch, *weights), 1.0)) {
+    const bool is_solved = After(batch, step, weights, error);
+    if (!is_solved && !judges) return false;
+    const double cost = !judges || !is_solved
+                            ? std::numeric_limits<double>::quiet_NaN()
+                            : JudgedCost(batch, *weights);
+    if (judges && !rule_->KeepsStep(cost, 1.0)) {
       // Not weights - step, which has rounding errors.
       *weights = before;
       ++num_taken_back_;
@@ -368,13 +439,19 @@ void RuleEngine::VisitState(StateArchive* archive) {
 
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
+    int output_layer_period,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
     const Model* model,
     const TrainingData* data) {
-  return std::make_unique<RuleEngine>(
-      batch_size, options, std::move(objective), std::move(rule), model, data);
+  return std::make_unique<RuleEngine>(batch_size,
+                                      output_layer_period,
+                                      options,
+                                      std::move(objective),
+                                      std::move(rule),
+                                      model,
+                                      data);
 }
 
 }  // namespace invgrad

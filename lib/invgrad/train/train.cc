@@ -247,17 +247,20 @@ void TrainingRun::Evaluate() {
   const auto mean_loss = [this](const Eigen::VectorXd& w, const DataSet& data) {
     return MeanLoss(model_, w, data, options_.communicator.get());
   };
-  row.train_loss = mean_loss(weights(), data_.train);
+  Eigen::VectorXd finished = engine().Finished(weights());
+  row.train_loss = mean_loss(finished, data_.train);
   while (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
-    row.train_loss = mean_loss(weights(), data_.train);
+    finished = engine().Finished(weights());
+    row.train_loss = mean_loss(finished, data_.train);
   }
-  if (has_test_data) row.test_loss = mean_loss(weights(), data_.test);
+  if (has_test_data) row.test_loss = mean_loss(finished, data_.test);
   if (HasAverage() && std::isfinite(row.train_loss)) {
-    const Eigen::VectorXd average = state_.average.With(weights());
+    const Eigen::VectorXd average =
+        engine().Finished(state_.average.With(weights()));
     row.average_train_loss = mean_loss(average, data_.train);
     if (has_test_data) row.average_test_loss = mean_loss(average, data_.test);
   }
-  if (options_.metric) row.metric = options_.metric(weights());
+  if (options_.metric) row.metric = options_.metric(finished);
   if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
   state_.history.push_back(row);
   ++state_.rows_since_best;
@@ -265,7 +268,7 @@ void TrainingRun::Evaluate() {
     state_.best_loss = WatchedLoss();
     state_.rows_since_best = 0;
   }
-  if (options_.on_evaluation) options_.on_evaluation(weights(), history());
+  if (options_.on_evaluation) options_.on_evaluation(finished, history());
 }
 
 void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
@@ -280,9 +283,9 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
-  if (type != ceres::FAILURE && HasAverage()) {
-    summary_.message += ChooseFinalWeights();
-  }
+  if (type == ceres::FAILURE) return;
+  if (HasAverage()) summary_.message += ChooseFinalWeights();
+  state_.weights = engine().Finished(weights());
 }
 
 bool TrainingRun::HasAverage() const {

@@ -1,0 +1,313 @@
+#include "invgrad/output_layer/reduced_objective.h"
+
+#include <lapacke.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "Eigen/QR"
+#include "glog/logging.h"
+#include "invgrad/output_layer/reduced_jacobian.h"
+
+namespace invgrad {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The equations of a block, about.
+constexpr double kEquationsOfBlock = 2048.0;
+// The largest share of a promised decrease that a change of a nonlinear loss may
+// miss and need no further one.
+constexpr double kMissed = 1e-3;
+constexpr int kMaxNumChanges = 3;
+constexpr int kMaxNumHalvings = 8;
+
+std::vector<int> WeightsOutside(const LayerColumns& layer, int num_weights) {
+  std::vector<char> is_inside(num_weights, 0);
+  for (const int weight : layer.reshaped()) is_inside[weight] = 1;
+  std::vector<int> others;
+  for (int i = 0; i < num_weights; ++i) {
+    if (is_inside[i] == 0) others.push_back(i);
+  }
+  return others;
+}
+
+// An orthonormal basis of the range.
+MatrixXd RangeOf(const MatrixXd& J) {
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(J);
+  return qr.householderQ() * MatrixXd::Identity(J.rows(), qr.rank());
+}
+
+// The solution of least norm, without a ridge.
+bool SolveLeastNorm(const OutputLayerProblem& problem,
+                    NormalEquations::Solution* solution) {
+  const auto [p, m] = std::pair(problem.H.rows(), problem.H.cols());
+  solution->ridge = 0.0;
+  solution->squared_norm = problem.D.squaredNorm();
+  if (!problem.H.allFinite() || !std::isfinite(solution->squared_norm)) {
+    return false;
+  }
+  MatrixXd A = problem.H.transpose();
+  MatrixXd B = MatrixXd::Zero(std::max(m, p), problem.D.rows());
+  B.topRows(m) = problem.D.transpose();
+  Eigen::VectorXi pivots = Eigen::VectorXi::Zero(p);
+  lapack_int rank = 0;
+  if (LAPACKE_dgelsy(LAPACK_COL_MAJOR,
+                     static_cast<lapack_int>(m),
+                     static_cast<lapack_int>(p),
+                     static_cast<lapack_int>(B.cols()),
+                     A.data(),
+                     static_cast<lapack_int>(m),
+                     B.data(),
+                     static_cast<lapack_int>(B.rows()),
+                     pivots.data(),
+                     static_cast<double>(std::max(m, p)) *
+                         std::numeric_limits<double>::epsilon(),
+                     &rank) != 0) {
+    return false;
+  }
+  solution->Z = B.topRows(p);
+  solution->squared_residual =
+      (solution->Z.transpose() * problem.H - problem.D).squaredNorm();
+  return true;
+}
+
+// The sizes of the least-squares problem.
+struct ProblemSizes {
+  ProblemSizes(const Model& model, bool is_proxy) {
+    const LayerColumns layer = model.network().OutputLayer();
+    const bool in_x = is_proxy || IsSolvedInX(model);
+    p = static_cast<double>(in_x ? layer.rows() : layer.size());
+    q = in_x ? static_cast<double>(layer.cols()) : 1.0;
+    equations_of_sample =
+        in_x ? model.num_columns() * model.network().num_outputs() / q
+             : model.loss().size();
+  }
+  // Of a block.
+  double samples_of_block() const {
+    return std::max(1.0,
+                    std::max(kEquationsOfBlock, 2.0 * p) / equations_of_sample);
+  }
+  double p;
+  double q;
+  double equations_of_sample;
+};
+
+}  // namespace
+
+int PeriodOfEqualCost(const Model& model,
+                      bool is_proxy,
+                      int batch_size,
+                      int num_samples) {
+  const ProblemSizes sizes(model, is_proxy);
+  const double pass = 2.0 * model.num_weights() * model.num_columns();
+  const double solution =
+      (is_proxy ? 3.0 * pass : pass) +
+      4.0 * sizes.equations_of_sample * sizes.p * (sizes.p + sizes.q);
+  const double period = solution * num_samples / (3.0 * pass * batch_size);
+  return static_cast<int>(std::clamp(std::ceil(period), 1.0, 1e9));
+}
+
+double OutputLayerBytes(const Model& model, bool is_proxy) {
+  const ProblemSizes sizes(model, is_proxy);
+  const double equations = sizes.samples_of_block() * sizes.equations_of_sample;
+  return sizeof(double) * (sizes.p + sizes.q) *
+             (3.0 * equations + 4.0 * sizes.p) +
+         sizes.samples_of_block() * model.num_columns() *
+             model.network().BytesPerColumn();
+}
+
+ReducedObjective::ReducedObjective(std::unique_ptr<BatchObjective> whole,
+                                   const Model* model,
+                                   const DataSet* train)
+    : whole_(std::move(whole)),
+      model_(*model),
+      train_(train),
+      layer_(model->network().OutputLayer()),
+      others_(WeightsOutside(layer_, model->num_weights())) {
+  CHECK_GT(layer_.size(), 0) << "the network has no affine output layer";
+  CHECK(!others_.empty()) << "all weights are in the output layer";
+}
+
+bool ReducedObjective::Linearize(const VectorXd& weights,
+                                 const DataSet& batch,
+                                 const LinearizationParts& parts,
+                                 Linearization* linearization,
+                                 std::string* error) {
+  return Reduce(whole_->Linearize(weights, batch, parts, linearization, error),
+                parts,
+                linearization);
+}
+
+bool ReducedObjective::LinearizeAgain(const VectorXd& weights,
+                                      const DataSet& batch,
+                                      const LinearizationParts& parts,
+                                      Linearization* linearization,
+                                      std::string* error) {
+  return Reduce(
+      whole_->LinearizeAgain(weights, batch, parts, linearization, error),
+      parts,
+      linearization);
+}
+
+bool ReducedObjective::Reduce(bool ok,
+                              const LinearizationParts& parts,
+                              Linearization* linearization) const {
+  if (!ok) return false;
+  if (parts.gradient) {
+    linearization->gradient = VectorXd(linearization->gradient(others_));
+  }
+  if (parts.hessian) {
+    linearization->hessian = ReducedHessian(linearization->hessian);
+  }
+  if (linearization->jacobian == nullptr) return true;
+  MatrixXd Q;
+  if (of_batch()) {
+    MatrixXd J_C;
+    linearization->jacobian->ColumnBlocks().back()->ToDense(&J_C);
+    Q = RangeOf(J_C);
+  }
+  linearization->jacobian = std::make_shared<ReducedJacobian>(
+      linearization->jacobian, others_, std::move(Q));
+  return true;
+}
+
+MatrixXd ReducedObjective::ReducedHessian(const MatrixXd& H) const {
+  MatrixXd reduced = H(others_, others_);
+  if (!of_batch()) return reduced;
+  const Eigen::VectorXi in_layer = layer_.reshaped();
+  const MatrixXd H_Cu = H(in_layer, others_);
+  const Eigen::CompleteOrthogonalDecomposition<MatrixXd> H_CC(
+      H(in_layer, in_layer));
+  reduced -= H_Cu.transpose() * H_CC.solve(H_Cu);
+  return reduced;
+}
+
+VectorXd ReducedObjective::OtherWeights(const VectorXd& weights) const {
+  return weights(others_);
+}
+
+void ReducedObjective::AddStep(const VectorXd& step, VectorXd* weights) const {
+  (*weights)(others_) += step;
+}
+
+bool ReducedObjective::SetBlocks(const DataSet& batch, std::string* error) {
+  if (!of_batch() && !blocks_.empty()) return true;
+  const DataSet& samples = of_batch() ? batch : *train_;
+  const long N = samples.num_samples();
+  const ProblemSizes sizes(model_, whole_->is_proxy());
+  const long count =
+      of_batch() ? 1
+                 : static_cast<long>(std::ceil(static_cast<double>(N) /
+                                               sizes.samples_of_block()));
+  blocks_.clear();
+  for (long k = 0; k < count; ++k) {
+    const long first = N * k / count;
+    blocks_.push_back(
+        samples.Range(static_cast<int>(first),
+                      static_cast<int>(N * (k + 1) / count - first)));
+    if (!whole_->is_proxy() && IsSolvedInX(model_) &&
+        !SetLeastSquaresSolutions(model_, &blocks_.back(), error)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+double ReducedObjective::Cost(const VectorXd& weights) {
+  double sum = 0.0;  // not scaled
+  for (const DataSet& block : blocks_) {
+    Linearization at_weights;
+    std::string ignored;
+    if (!whole_->Linearize(
+            weights, block, LinearizationParts(), &at_weights, &ignored)) {
+      return std::numeric_limits<double>::infinity();
+    }
+    sum += at_weights.cost / model_.BatchScale(block.num_samples());
+  }
+  return sum;
+}
+
+bool ReducedObjective::FindChange(const VectorXd& weights,
+                                  NormalEquations::Solution* change,
+                                  std::string* error) {
+  std::optional<NormalEquations> equations;
+  OutputLayerProblem problem;
+  for (const DataSet& block : blocks_) {
+    if (!whole_->LinearizeOutputLayer(weights, block, &problem, error)) {
+      return false;
+    }
+    if (of_batch()) break;
+    if (!equations.has_value()) {
+      equations.emplace(static_cast<int>(problem.H.rows()),
+                        static_cast<int>(problem.D.rows()));
+    }
+    equations->Add(problem.H, problem.D);
+  }
+  const bool is_solved =
+      of_batch() ? SolveLeastNorm(problem, change) : equations->Solve(change);
+  if (is_solved && change->Z.allFinite()) return true;
+  *error =
+      "output_layer=exact: the features of the last hidden layer or the "
+      "targets "
+      "of the output layer are not finite";
+  return false;
+}
+
+bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
+                                        VectorXd* weights,
+                                        std::string* error) {
+  if (!SetBlocks(batch, error)) return false;
+  NormalEquations::Solution change;
+  if (IsInX()) {
+    if (!FindChange(*weights, &change, error)) return false;
+    AddChange(change.Z, 1.0, weights);
+    return true;
+  }
+  VectorXd at = *weights;
+  double cost = Cost(at);
+  for (int k = 0; k < kMaxNumChanges; ++k) {
+    if (!FindChange(at, &change, error)) return false;
+    if (change.squared_norm == 0.0) break;
+    const double promised = 1.0 - change.squared_residual / change.squared_norm;
+    const double before = cost;
+    if (!LowerCost(change.Z, &at, &cost)) break;
+    if (std::abs(1.0 - cost / before - promised) <= kMissed * promised) break;
+  }
+  *weights = at;
+  return true;
+}
+
+bool ReducedObjective::LowerCost(const MatrixXd& Z,
+                                 VectorXd* weights,
+                                 double* cost) {
+  double factor = 1.0;
+  for (int k = 0; k < kMaxNumHalvings; ++k, factor /= 2.0) {
+    VectorXd trial = *weights;
+    AddChange(Z, factor, &trial);
+    const double after = Cost(trial);
+    if (!(after < *cost)) continue;
+    *weights = trial;
+    *cost = after;
+    return true;
+  }
+  return false;
+}
+
+void ReducedObjective::AddChange(const MatrixXd& Z,
+                                 double factor,
+                                 VectorXd* weights) const {
+  const auto change = Z.reshaped(layer_.rows(), layer_.cols());
+  for (Index j = 0; j < layer_.cols(); ++j) {
+    for (Index i = 0; i < layer_.rows(); ++i) {
+      (*weights)[layer_(i, j)] += factor * change(i, j);
+    }
+  }
+}
+
+}  // namespace invgrad

@@ -1,0 +1,140 @@
+// An objective whose network has its best output layer: a function of the other
+// weights (variable projection).
+//
+//   theta = (u, C),   C*(u) = argmin_C L(u, C),   L*(u) = L(u, C*(u))
+//   gradient L*(u) = dL/du at C*(u)
+//   J* = (I - Q Q^T) J_u,   Q: an orthonormal basis of the range of J_C
+//
+// The gradient needs no derivative of C*, because dL/dC = 0 there. J*, the
+// Jacobian of the residuals that the best layer leaves, is Kaufman's: that of
+// Golub and Pereyra without a term that is orthogonal to the residuals, and so
+// with the same gradient J*^T g [1, 2]. docs/variable_projection.md derives both.
+//
+// C is solved on a whole data set (SolveOutputLayer), not on the batch of a
+// step: a batch of fewer samples than features determines no layer. The change
+// of C that a problem in x (inverse/output_layer_problem.h) or, for simulators that
+// are not linear, a Gauss-Newton step in C gives is exact for linear residuals;
+// otherwise the steps are halved until the loss falls.
+//
+//   of_batch   The data set is the batch of each step. C is solved after each
+//              change of u, without a ridge, and J is projected: with
+//              Gauss-Newton and Levenberg-Marquardt rules this is variable
+//              projection.
+//   otherwise  C is solved every few steps, with the ridge of cross-validation
+//              towards the last C (normal_equations.h), and J_u is not
+//              projected: of the range of J_C over all N samples, the B rows of
+//              a batch have the share B / N.
+//
+// Shapes:  theta: n;  u: n - fan_in fan_out, in the order of theta; a rule sees
+//          gradient, J and Hessian in u alone.
+// Cost:    of a solution: a forward pass of all samples, their pull-backs, and
+//          2 N p (p + 2 q) for p unknowns and q right-hand sides: p = fan_in and
+//          q = fan_out in x; p = fan_in fan_out and q = 1 by Gauss-Newton, which
+//          also forms J_C. The projection: 2 m p^2.
+// Fails:   with a message if features are not finite.
+//
+// [1] Golub, Pereyra. The differentiation of pseudo-inverses and nonlinear least
+//     squares problems whose variables separate. SIAM J. Numer. Anal. 10 (1973).
+// [2] Kaufman. A variable projection method for solving separable nonlinear least
+//     squares problems. BIT 15 (1975).
+#ifndef INVGRAD_OUTPUT_LAYER_REDUCED_OBJECTIVE_H_
+#define INVGRAD_OUTPUT_LAYER_REDUCED_OBJECTIVE_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/inverse/batch_objective.h"
+#include "invgrad/output_layer/normal_equations.h"
+
+namespace invgrad {
+
+class ReducedObjective final : public BatchObjective {
+ public:
+  // `whole`: the objective of all weights of the model. The model has an
+  // OutputLayer and other weights (CHECKed). Model and data outlive this object.
+  // train: the samples that C is solved on; null: those of each batch.
+  ReducedObjective(std::unique_ptr<BatchObjective> whole,
+                   const Model* model,
+                   const DataSet* train);
+
+  // The weights are theta, the derivatives those in u.
+  bool Linearize(const Eigen::VectorXd& weights,
+                 const DataSet& batch,
+                 const LinearizationParts& parts,
+                 Linearization* linearization,
+                 std::string* error) override;
+  bool LinearizeAgain(const Eigen::VectorXd& weights,
+                      const DataSet& batch,
+                      const LinearizationParts& parts,
+                      Linearization* linearization,
+                      std::string* error) override;
+  bool LinearizeOutputLayer(const Eigen::VectorXd& weights,
+                            const DataSet& samples,
+                            OutputLayerProblem* problem,
+                            std::string* error) override {
+    return whole_->LinearizeOutputLayer(weights, samples, problem, error);
+  }
+  bool is_proxy() const override { return whole_->is_proxy(); }
+  int updates_per_step() const override { return whole_->updates_per_step(); }
+  PullBackCounts* mutable_counts() override { return whole_->mutable_counts(); }
+
+  bool of_batch() const { return train_ == nullptr; }
+  // u.
+  Eigen::VectorXd OtherWeights(const Eigen::VectorXd& weights) const;
+  void AddStep(const Eigen::VectorXd& step, Eigen::VectorXd* weights) const;
+
+  // Sets C*(u), of the training samples or of the batch. If it fails, the weights
+  // do not change.
+  bool SolveOutputLayer(const DataSet& batch,
+                        Eigen::VectorXd* weights,
+                        std::string* error);
+
+ private:
+  bool Reduce(bool ok,
+              const LinearizationParts& parts,
+              Linearization* linearization) const;
+  // The Schur complement of the layer, or the part of u.
+  Eigen::MatrixXd ReducedHessian(const Eigen::MatrixXd& H) const;
+
+  bool IsInX() const { return whole_->is_proxy() || IsSolvedInX(model_); }
+  // Sets blocks_, unless they are set for the training samples.
+  bool SetBlocks(const DataSet& batch, std::string* error);
+  // The sum of the losses; infinity if it is not finite.
+  double Cost(const Eigen::VectorXd& weights);
+  bool FindChange(const Eigen::VectorXd& weights,
+                  NormalEquations::Solution* change,
+                  std::string* error);
+  void AddChange(const Eigen::MatrixXd& Z,
+                 double factor,
+                 Eigen::VectorXd* weights) const;
+  // Adds Z, Z/2, .. until the cost is lower. Returns false if it never is.
+  bool LowerCost(const Eigen::MatrixXd& Z,
+                 Eigen::VectorXd* weights,
+                 double* cost);
+
+  const std::unique_ptr<BatchObjective> whole_;
+  const Model& model_;
+  const DataSet* const train_;  // may be null
+  const LayerColumns layer_;
+  const std::vector<int> others_;  // the numbers of u in theta
+  // The samples that C is solved on; their equations are added block by block.
+  std::vector<DataSet> blocks_;
+};
+
+// The number of steps on batches that cost about as much as one solution on all
+// `num_samples`, by the operations of the network: a solution of the layer takes
+// 2 n + 4 p (p + q), and a step 6 n, a sample. Pull-backs count as the network
+// does, because a solution pulls back each sample once, as a step does.
+int PeriodOfEqualCost(const Model& model,
+                      bool is_proxy,
+                      int batch_size,
+                      int num_samples);
+
+// The memory of a solution in bytes, in addition to that of a batch.
+double OutputLayerBytes(const Model& model, bool is_proxy);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_OUTPUT_LAYER_REDUCED_OBJECTIVE_H_
