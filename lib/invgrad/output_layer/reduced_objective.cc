@@ -19,8 +19,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The equations of a block, about.
-constexpr double kEquationsOfBlock = 2048.0;
+// Equations of a block for each unknown: the loss of fresh samples is then about
+// 1/16 above that of the best layer.
+constexpr double kEquationsPerUnknown = 16.0;
+// The cost of the solutions, over that of the steps.
+constexpr double kCostOfSolutions = 0.5;
 // The largest share of a promised decrease that a change of a nonlinear loss may
 // miss and need no further one.
 constexpr double kMissed = 1e-3;
@@ -90,8 +93,7 @@ struct ProblemSizes {
   }
   // Of a block.
   double samples_of_block() const {
-    return std::max(1.0,
-                    std::max(kEquationsOfBlock, 2.0 * p) / equations_of_sample);
+    return std::max(1.0, kEquationsPerUnknown * p / equations_of_sample);
   }
   double p;
   double q;
@@ -100,7 +102,7 @@ struct ProblemSizes {
 
 }  // namespace
 
-int PeriodOfEqualCost(const Model& model,
+int OutputLayerPeriod(const Model& model,
                       bool is_proxy,
                       int batch_size,
                       int num_samples) {
@@ -109,7 +111,9 @@ int PeriodOfEqualCost(const Model& model,
   const double solution =
       (is_proxy ? 3.0 * pass : pass) +
       4.0 * sizes.equations_of_sample * sizes.p * (sizes.p + sizes.q);
-  const double period = solution * num_samples / (3.0 * pass * batch_size);
+  const double period =
+      solution * std::min<double>(num_samples, sizes.samples_of_block()) /
+      (kCostOfSolutions * 3.0 * pass * batch_size);
   return static_cast<int>(std::clamp(std::ceil(period), 1.0, 1e9));
 }
 
@@ -219,9 +223,9 @@ bool ReducedObjective::SetBlocks(const DataSet& batch, std::string* error) {
   return true;
 }
 
-double ReducedObjective::Cost(const VectorXd& weights) {
+double ReducedObjective::Cost(const VectorXd& weights, const Blocks& blocks) {
   double sum = 0.0;  // not scaled
-  for (const DataSet& block : blocks_) {
+  for (const DataSet& block : blocks) {
     Linearization at_weights;
     std::string ignored;
     if (!whole_->Linearize(
@@ -234,11 +238,12 @@ double ReducedObjective::Cost(const VectorXd& weights) {
 }
 
 bool ReducedObjective::FindChange(const VectorXd& weights,
+                                  const Blocks& blocks,
                                   NormalEquations::Solution* change,
                                   std::string* error) {
   std::optional<NormalEquations> equations;
   OutputLayerProblem problem;
-  for (const DataSet& block : blocks_) {
+  for (const DataSet& block : blocks) {
     if (!whole_->LinearizeOutputLayer(weights, block, &problem, error)) {
       return false;
     }
@@ -262,21 +267,34 @@ bool ReducedObjective::FindChange(const VectorXd& weights,
 bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
                                         VectorXd* weights,
                                         std::string* error) {
-  if (!SetBlocks(batch, error)) return false;
+  return SetBlocks(batch, error) && Solve(blocks_, weights, error);
+}
+
+bool ReducedObjective::SolveOnShare(long k,
+                                    VectorXd* weights,
+                                    std::string* error) {
+  CHECK(!of_batch());
+  if (!SetBlocks(DataSet(), error)) return false;
+  return Solve({blocks_[k % blocks_.size()]}, weights, error);
+}
+
+bool ReducedObjective::Solve(const Blocks& blocks,
+                             VectorXd* weights,
+                             std::string* error) {
   NormalEquations::Solution change;
   if (IsInX()) {
-    if (!FindChange(*weights, &change, error)) return false;
+    if (!FindChange(*weights, blocks, &change, error)) return false;
     AddChange(change.Z, 1.0, weights);
     return true;
   }
   VectorXd at = *weights;
-  double cost = Cost(at);
+  double cost = Cost(at, blocks);
   for (int k = 0; k < kMaxNumChanges; ++k) {
-    if (!FindChange(at, &change, error)) return false;
+    if (!FindChange(at, blocks, &change, error)) return false;
     if (change.squared_norm == 0.0) break;
     const double promised = 1.0 - change.squared_residual / change.squared_norm;
     const double before = cost;
-    if (!LowerCost(change.Z, &at, &cost)) break;
+    if (!LowerCost(change.Z, blocks, &at, &cost)) break;
     if (std::abs(1.0 - cost / before - promised) <= kMissed * promised) break;
   }
   *weights = at;
@@ -284,13 +302,14 @@ bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
 }
 
 bool ReducedObjective::LowerCost(const MatrixXd& Z,
+                                 const Blocks& blocks,
                                  VectorXd* weights,
                                  double* cost) {
   double factor = 1.0;
   for (int k = 0; k < kMaxNumHalvings; ++k, factor /= 2.0) {
     VectorXd trial = *weights;
     AddChange(Z, factor, &trial);
-    const double after = Cost(trial);
+    const double after = Cost(trial, blocks);
     if (!(after < *cost)) continue;
     *weights = trial;
     *cost = after;

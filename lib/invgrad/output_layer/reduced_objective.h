@@ -20,10 +20,11 @@
 //              change of u, without a ridge, and J is projected: with
 //              Gauss-Newton and Levenberg-Marquardt rules this is variable
 //              projection.
-//   otherwise  C is solved every few steps, with the ridge of cross-validation
-//              towards the last C (normal_equations.h), and J_u is not
-//              projected: of the range of J_C over all N samples, the B rows of
-//              a batch have the share B / N.
+//   otherwise  C is solved every few steps on a share of the samples, the next
+//              one each time, with the ridge of cross-validation towards the
+//              last C (normal_equations.h). J_u is not projected: of the range
+//              of J_C over all N samples, a batch has the share B / N. A run
+//              reports its weights with the C of all samples.
 //
 // Shapes:  theta: n;  u: n - fan_in fan_out, in the order of theta; a rule sees
 //          gradient, J and Hessian in u alone.
@@ -90,8 +91,14 @@ class ReducedObjective final : public BatchObjective {
   bool SolveOutputLayer(const DataSet& batch,
                         Eigen::VectorXd* weights,
                         std::string* error);
+  // The same for the k-th share of the training samples, k = 0, 1, .. modulo the
+  // number of shares: 16 equations for each unknown, with a ridge towards the
+  // layer of the other samples.
+  bool SolveOnShare(long k, Eigen::VectorXd* weights, std::string* error);
 
  private:
+  using Blocks = std::vector<DataSet>;
+
   bool Reduce(bool ok,
               const LinearizationParts& parts,
               Linearization* linearization) const;
@@ -102,8 +109,12 @@ class ReducedObjective final : public BatchObjective {
   // Sets blocks_, unless they are set for the training samples.
   bool SetBlocks(const DataSet& batch, std::string* error);
   // The sum of the losses; infinity if it is not finite.
-  double Cost(const Eigen::VectorXd& weights);
+  double Cost(const Eigen::VectorXd& weights, const Blocks& blocks);
+  bool Solve(const Blocks& blocks,
+             Eigen::VectorXd* weights,
+             std::string* error);
   bool FindChange(const Eigen::VectorXd& weights,
+                  const Blocks& blocks,
                   NormalEquations::Solution* change,
                   std::string* error);
   void AddChange(const Eigen::MatrixXd& Z,
@@ -111,6 +122,7 @@ class ReducedObjective final : public BatchObjective {
                  Eigen::VectorXd* weights) const;
   // Adds Z, Z/2, .. until the cost is lower. Returns false if it never is.
   bool LowerCost(const Eigen::MatrixXd& Z,
+                 const Blocks& blocks,
                  Eigen::VectorXd* weights,
                  double* cost);
 
@@ -119,15 +131,15 @@ class ReducedObjective final : public BatchObjective {
   const DataSet* const train_;  // may be null
   const LayerColumns layer_;
   const std::vector<int> others_;  // the numbers of u in theta
-  // The samples that C is solved on; their equations are added block by block.
-  std::vector<DataSet> blocks_;
+  // The samples that C is solved on, in shares.
+  Blocks blocks_;
 };
 
-// The number of steps on batches that cost about as much as one solution on all
-// `num_samples`, by the operations of the network: a solution of the layer takes
-// 2 n + 4 p (p + q), and a step 6 n, a sample. Pull-backs count as the network
-// does, because a solution pulls back each sample once, as a step does.
-int PeriodOfEqualCost(const Model& model,
+// The number of steps on batches that cost about twice as much as a solution on
+// a share of the samples, by the operations of the network: a solution takes 2 n
+// + 4 p (p + q), and a step 6 n, a sample. Pull-backs count as the network does,
+// because a solution pulls back each sample once, as a step does.
+int OutputLayerPeriod(const Model& model,
                       bool is_proxy,
                       int batch_size,
                       int num_samples);

@@ -240,7 +240,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
         of_batch ? 1
         : phase.output_layer_period > 0
             ? phase.output_layer_period
-            : PeriodOfEqualCost(
+            : OutputLayerPeriod(
                   model, objective->is_proxy(), batch_size, num_samples);
     objective = std::make_unique<ReducedObjective>(
         std::move(objective), &model, of_batch ? nullptr : &data.train);

@@ -178,7 +178,7 @@ bool RuleEngine::SolveIfDue(const DataSet& batch,
   if (reduced_ == nullptr) return true;
   if (!reduced_->of_batch()) {
     return step_ % output_layer_period_ != 0 ||
-           reduced_->SolveOutputLayer(train_, weights, error);
+           reduced_->SolveOnShare(step_ / output_layer_period_, weights, error);
   }
   // After each step the layer is the best one of the step's samples.
   const bool is_new_set =
