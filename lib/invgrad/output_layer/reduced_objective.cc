@@ -15,6 +15,7 @@
 namespace invgrad {
 namespace {
 
+using Eigen::ArrayXd;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -22,6 +23,11 @@ using Eigen::VectorXd;
 // Equations of a block for each unknown: the loss of fresh samples is then about
 // 1/16 above that of the best layer.
 constexpr double kEquationsPerUnknown = 16.0;
+// The root of the ridge of a layer that is solved after each step, over the
+// largest singular value. A smaller one lets directions that the features barely
+// have grow to where rounding errors decide; a truncation in its place makes the
+// loss jump as singular values cross it.
+constexpr double kRidge = 1e-9;
 // The cost of the solutions, over that of the steps.
 constexpr double kCostOfSolutions = 0.5;
 // The largest share of a promised decrease that a change of a nonlinear loss may
@@ -40,41 +46,59 @@ std::vector<int> WeightsOutside(const LayerColumns& layer, int num_weights) {
   return others;
 }
 
-// An orthonormal basis of the range.
-MatrixXd RangeOf(const MatrixXd& J) {
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(J);
-  return qr.householderQ() * MatrixXd::Identity(J.rows(), qr.rank());
+// H^T = U diag(s) V^T, thin. Returns false if H is not finite.
+struct ThinSvd {
+  bool Compute(const MatrixXd& H) {
+    if (!H.allFinite()) return false;
+    MatrixXd A = H.transpose();
+    const Index k = std::min(A.rows(), A.cols());
+    U.resize(A.rows(), k);
+    s.resize(k);
+    Vt.resize(k, A.cols());
+    const auto m = static_cast<lapack_int>(A.rows());
+    const auto n = static_cast<lapack_int>(A.cols());
+    return LAPACKE_dgesdd(LAPACK_COL_MAJOR,
+                          'S',
+                          m,
+                          n,
+                          A.data(),
+                          m,
+                          s.data(),
+                          U.data(),
+                          m,
+                          Vt.data(),
+                          static_cast<lapack_int>(k)) == 0;
+  }
+  // The shares s^2 / (s^2 + lambda) of the directions that a solution takes.
+  ArrayXd Shares() const {
+    const double lambda = std::pow(kRidge * s[0], 2);
+    return (s.array() > 0.0)
+        .select(s.array().square() / (s.array().square() + lambda), 0.0);
+  }
+
+  MatrixXd U;
+  VectorXd s;
+  MatrixXd Vt;
+};
+
+MatrixXd SolvedDirections(const MatrixXd& J_C) {
+  ThinSvd svd;
+  if (!svd.Compute(J_C.transpose())) return {};
+  return svd.U * svd.Shares().sqrt().matrix().asDiagonal();
 }
 
-// The solution of least norm, without a ridge.
-bool SolveLeastNorm(const OutputLayerProblem& problem,
-                    NormalEquations::Solution* solution) {
-  const auto [p, m] = std::pair(problem.H.rows(), problem.H.cols());
-  solution->ridge = 0.0;
+bool SolveWithSmallRidge(const OutputLayerProblem& problem,
+                         NormalEquations::Solution* solution) {
+  ThinSvd svd;
   solution->squared_norm = problem.D.squaredNorm();
-  if (!problem.H.allFinite() || !std::isfinite(solution->squared_norm)) {
+  if (!std::isfinite(solution->squared_norm) || !svd.Compute(problem.H)) {
     return false;
   }
-  MatrixXd A = problem.H.transpose();
-  MatrixXd B = MatrixXd::Zero(std::max(m, p), problem.D.rows());
-  B.topRows(m) = problem.D.transpose();
-  Eigen::VectorXi pivots = Eigen::VectorXi::Zero(p);
-  lapack_int rank = 0;
-  if (LAPACKE_dgelsy(LAPACK_COL_MAJOR,
-                     static_cast<lapack_int>(m),
-                     static_cast<lapack_int>(p),
-                     static_cast<lapack_int>(B.cols()),
-                     A.data(),
-                     static_cast<lapack_int>(m),
-                     B.data(),
-                     static_cast<lapack_int>(B.rows()),
-                     pivots.data(),
-                     static_cast<double>(std::max(m, p)) *
-                         std::numeric_limits<double>::epsilon(),
-                     &rank) != 0) {
-    return false;
-  }
-  solution->Z = B.topRows(p);
+  const ArrayXd shares = svd.Shares();
+  const MatrixXd coefficients = svd.U.transpose() * problem.D.transpose();
+  const VectorXd factors =
+      (svd.s.array() > 0.0).select(shares / svd.s.array(), 0.0);
+  solution->Z = svd.Vt.transpose() * (factors.asDiagonal() * coefficients);
   solution->squared_residual =
       (solution->Z.transpose() * problem.H - problem.D).squaredNorm();
   return true;
@@ -174,7 +198,7 @@ bool ReducedObjective::Reduce(bool ok,
   if (of_batch()) {
     MatrixXd J_C;
     linearization->jacobian->ColumnBlocks().back()->ToDense(&J_C);
-    Q = RangeOf(J_C);
+    Q = SolvedDirections(J_C);
   }
   linearization->jacobian = std::make_shared<ReducedJacobian>(
       linearization->jacobian, others_, std::move(Q));
@@ -254,8 +278,8 @@ bool ReducedObjective::FindChange(const VectorXd& weights,
     }
     equations->Add(problem.H, problem.D);
   }
-  const bool is_solved =
-      of_batch() ? SolveLeastNorm(problem, change) : equations->Solve(change);
+  const bool is_solved = of_batch() ? SolveWithSmallRidge(problem, change)
+                                    : equations->Solve(change);
   if (is_solved && change->Z.allFinite()) return true;
   *error =
       "output_layer=exact: the features of the last hidden layer or the "
