@@ -46,61 +46,106 @@ std::vector<int> WeightsOutside(const LayerColumns& layer, int num_weights) {
   return others;
 }
 
-// H^T = U diag(s) V^T, thin. Returns false if H is not finite.
-struct ThinSvd {
-  bool Compute(const MatrixXd& H) {
-    if (!H.allFinite()) return false;
-    MatrixXd A = H.transpose();
-    const Index k = std::min(A.rows(), A.cols());
-    U.resize(A.rows(), k);
+// J = U diag(s) V^T, thin, by way of J = Q R: m x p, and U is only formed on
+// request.
+class TallSvd {
+ public:
+  // Returns false if J is not finite.
+  bool Compute(MatrixXd J) {
+    if (!J.allFinite()) return false;
+    qr_ = std::move(J);
+    const Index k = std::min(qr_.rows(), qr_.cols());
+    const auto [m, p] = Sizes();
+    tau_.resize(k);
+    LAPACKE_dgeqrf(LAPACK_COL_MAJOR, m, p, qr_.data(), m, tau_.data());
+    MatrixXd R = qr_.topRows(k).triangularView<Eigen::Upper>();
+    const auto rows = static_cast<lapack_int>(k);
+    U_of_R_.resize(k, k);
     s.resize(k);
-    Vt.resize(k, A.cols());
-    const auto m = static_cast<lapack_int>(A.rows());
-    const auto n = static_cast<lapack_int>(A.cols());
+    Vt.resize(k, p);
     return LAPACKE_dgesdd(LAPACK_COL_MAJOR,
                           'S',
-                          m,
-                          n,
-                          A.data(),
-                          m,
+                          rows,
+                          p,
+                          R.data(),
+                          rows,
                           s.data(),
-                          U.data(),
-                          m,
+                          U_of_R_.data(),
+                          rows,
                           Vt.data(),
-                          static_cast<lapack_int>(k)) == 0;
+                          rows) == 0;
+  }
+
+  MatrixXd U() const {
+    MatrixXd U = MatrixXd::Zero(qr_.rows(), s.size());
+    U.topRows(s.size()) = U_of_R_;
+    ApplyQ('N', &U);
+    return U;
+  }
+  // U^T d.
+  MatrixXd Coefficients(MatrixXd d) const {
+    ApplyQ('T', &d);
+    return U_of_R_.transpose() * d.topRows(s.size());
   }
   // The shares s^2 / (s^2 + lambda) of the directions that a solution takes.
   ArrayXd Shares() const {
-    const double lambda = std::pow(kRidge * s[0], 2);
-    return (s.array() > 0.0)
-        .select(s.array().square() / (s.array().square() + lambda), 0.0);
+    const ArrayXd squares = s.array().square();
+    return (squares > 0.0)
+        .select(squares / (squares + std::pow(kRidge * s[0], 2)), 0.0);
   }
 
-  MatrixXd U;
   VectorXd s;
   MatrixXd Vt;
+
+ private:
+  std::pair<lapack_int, lapack_int> Sizes() const {
+    return {static_cast<lapack_int>(qr_.rows()),
+            static_cast<lapack_int>(qr_.cols())};
+  }
+  void ApplyQ(char op, MatrixXd* columns) const {
+    const auto m = Sizes().first;
+    LAPACKE_dormqr(LAPACK_COL_MAJOR,
+                   'L',
+                   op,
+                   m,
+                   static_cast<lapack_int>(columns->cols()),
+                   static_cast<lapack_int>(tau_.size()),
+                   qr_.data(),
+                   m,
+                   tau_.data(),
+                   columns->data(),
+                   m);
+  }
+
+  MatrixXd qr_;
+  VectorXd tau_;
+  MatrixXd U_of_R_;
 };
 
+// W with J - W W^T J the part of J that a solution of the layer leaves.
 MatrixXd SolvedDirections(const MatrixXd& J_C) {
-  ThinSvd svd;
-  if (!svd.Compute(J_C.transpose())) return {};
-  return svd.U * svd.Shares().sqrt().matrix().asDiagonal();
+  TallSvd svd;
+  if (!svd.Compute(J_C)) return {};
+  return svd.U() * svd.Shares().sqrt().matrix().asDiagonal();
 }
 
 bool SolveWithSmallRidge(const OutputLayerProblem& problem,
                          NormalEquations::Solution* solution) {
-  ThinSvd svd;
+  TallSvd svd;
   solution->squared_norm = problem.D.squaredNorm();
-  if (!std::isfinite(solution->squared_norm) || !svd.Compute(problem.H)) {
+  if (!std::isfinite(solution->squared_norm) ||
+      !svd.Compute(problem.H.transpose())) {
     return false;
   }
   const ArrayXd shares = svd.Shares();
-  const MatrixXd coefficients = svd.U.transpose() * problem.D.transpose();
+  const MatrixXd coefficients = svd.Coefficients(problem.D.transpose());
   const VectorXd factors =
       (svd.s.array() > 0.0).select(shares / svd.s.array(), 0.0);
   solution->Z = svd.Vt.transpose() * (factors.asDiagonal() * coefficients);
+  const ArrayXd left = 1.0 - (1.0 - shares).square();
   solution->squared_residual =
-      (solution->Z.transpose() * problem.H - problem.D).squaredNorm();
+      solution->squared_norm -
+      (left * coefficients.rowwise().squaredNorm().array()).sum();
   return true;
 }
 
@@ -247,8 +292,9 @@ bool ReducedObjective::SetBlocks(const DataSet& batch, std::string* error) {
   return true;
 }
 
-double ReducedObjective::Cost(const VectorXd& weights, const Blocks& blocks) {
-  double sum = 0.0;  // not scaled
+double ReducedObjective::SquaredNorm(const VectorXd& weights,
+                                     const Blocks& blocks) {
+  double sum = 0.0;
   for (const DataSet& block : blocks) {
     Linearization at_weights;
     std::string ignored;
@@ -256,7 +302,8 @@ double ReducedObjective::Cost(const VectorXd& weights, const Blocks& blocks) {
             weights, block, LinearizationParts(), &at_weights, &ignored)) {
       return std::numeric_limits<double>::infinity();
     }
-    sum += at_weights.cost / model_.BatchScale(block.num_samples());
+    sum += at_weights.cost / (*model_.loss().SquaredNormFactor() *
+                              model_.BatchScale(block.num_samples()));
   }
   return sum;
 }
@@ -312,31 +359,30 @@ bool ReducedObjective::Solve(const Blocks& blocks,
     return true;
   }
   VectorXd at = *weights;
-  double cost = Cost(at, blocks);
   for (int k = 0; k < kMaxNumChanges; ++k) {
     if (!FindChange(at, blocks, &change, error)) return false;
-    if (change.squared_norm == 0.0) break;
-    const double promised = 1.0 - change.squared_residual / change.squared_norm;
-    const double before = cost;
-    if (!LowerCost(change.Z, blocks, &at, &cost)) break;
-    if (std::abs(1.0 - cost / before - promised) <= kMissed * promised) break;
+    const double before = change.squared_norm;
+    double after = before;
+    if (!LowerSquaredNorm(change.Z, blocks, &at, &after)) break;
+    const double missed = after - change.squared_residual;
+    if (missed <= kMissed * (before - change.squared_residual)) break;
   }
   *weights = at;
   return true;
 }
 
-bool ReducedObjective::LowerCost(const MatrixXd& Z,
-                                 const Blocks& blocks,
-                                 VectorXd* weights,
-                                 double* cost) {
+bool ReducedObjective::LowerSquaredNorm(const MatrixXd& Z,
+                                        const Blocks& blocks,
+                                        VectorXd* weights,
+                                        double* squared_norm) {
   double factor = 1.0;
   for (int k = 0; k < kMaxNumHalvings; ++k, factor /= 2.0) {
     VectorXd trial = *weights;
     AddChange(Z, factor, &trial);
-    const double after = Cost(trial, blocks);
-    if (!(after < *cost)) continue;
+    const double after = SquaredNorm(trial, blocks);
+    if (!(after < *squared_norm)) continue;
     *weights = trial;
-    *cost = after;
+    *squared_norm = after;
     return true;
   }
   return false;

@@ -108,8 +108,8 @@ class ReducedObjective final : public BatchObjective {
   bool IsInX() const { return whole_->is_proxy() || IsSolvedInX(model_); }
   // Sets blocks_, unless they are set for the training samples.
   bool SetBlocks(const DataSet& batch, std::string* error);
-  // The sum of the losses; infinity if it is not finite.
-  double Cost(const Eigen::VectorXd& weights, const Blocks& blocks);
+  // |y - y*|^2 over the samples; infinity if it is not finite.
+  double SquaredNorm(const Eigen::VectorXd& weights, const Blocks& blocks);
   bool Solve(const Blocks& blocks,
              Eigen::VectorXd* weights,
              std::string* error);
@@ -120,11 +120,11 @@ class ReducedObjective final : public BatchObjective {
   void AddChange(const Eigen::MatrixXd& Z,
                  double factor,
                  Eigen::VectorXd* weights) const;
-  // Adds Z, Z/2, .. until the cost is lower. Returns false if it never is.
-  bool LowerCost(const Eigen::MatrixXd& Z,
-                 const Blocks& blocks,
-                 Eigen::VectorXd* weights,
-                 double* cost);
+  // Adds Z, Z/2, .. until |y - y*|^2 is lower. Returns false if it never is.
+  bool LowerSquaredNorm(const Eigen::MatrixXd& Z,
+                        const Blocks& blocks,
+                        Eigen::VectorXd* weights,
+                        double* squared_norm);
 
   const std::unique_ptr<BatchObjective> whole_;
   const Model& model_;
