@@ -114,6 +114,7 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
     const auto rule = std::make_shared<NotingRule>();
     const std::unique_ptr<Engine> engine =
         MakeRuleEngine(100,
+                       /*output_layer_period=*/0,
                        TrainOptions(),
                        std::make_unique<ChainPullBack>(
                            problem.model.get(), problem.inverse, options),
