@@ -21,7 +21,7 @@ NormalEquations::Solution SolutionOf(const MatrixXd& H, const MatrixXd& D) {
                             static_cast<int>(D.rows()));
   equations.Add(H, D);
   NormalEquations::Solution solution;
-  EXPECT_TRUE(equations.Solve(&solution));
+  EXPECT_TRUE(equations.Solve(0.0, &solution));
   return solution;
 }
 
@@ -99,7 +99,7 @@ TEST(NormalEquations, BlocksAreTheWhole) {
   equations.Add(data.H.leftCols(7), data.D.leftCols(7));
   equations.Add(data.H.rightCols(kM - 7), data.D.rightCols(kM - 7));
   NormalEquations::Solution solution;
-  ASSERT_TRUE(equations.Solve(&solution));
+  ASSERT_TRUE(equations.Solve(0.0, &solution));
   const NormalEquations::Solution whole = SolutionOf(data.H, data.D);
   EXPECT_NEAR(solution.ridge, whole.ridge, 1e-12);
   EXPECT_LT((solution.Z - whole.Z).norm(), 1e-12 * whole.Z.norm());
@@ -137,6 +137,33 @@ TEST(NormalEquations, MoreFeaturesThanEquations) {
               1e-9);
 }
 
+TEST(NormalEquations, TheLeastRidgeIsAFractionOfTheLargestEigenvalue) {
+  const Noisy data(0.0);
+  NormalEquations equations(kP, kQ);
+  equations.Add(data.H, data.D);
+  NormalEquations::Solution solution;
+  ASSERT_TRUE(equations.Solve(0.25, &solution));
+  const double l_max =
+      Eigen::SelfAdjointEigenSolver<MatrixXd>(data.H * data.H.transpose())
+          .eigenvalues()[kP - 1];
+  // The grid has the factor 2.
+  EXPECT_GE(solution.ridge, 0.25 * l_max * (1.0 - 1e-12));
+  EXPECT_LE(solution.ridge, 0.5 * l_max * (1.0 + 1e-12));
+}
+
+TEST(NormalEquations, AnotherOriginIsAnotherTarget) {
+  const Noisy data(0.3);
+  const MatrixXd C = RandomMatrix(kP, kQ, 13);
+  NormalEquations moved(kP, kQ);
+  moved.Add(data.H, data.D - C.transpose() * data.H);
+  moved.MoveOrigin(C);
+  NormalEquations::Solution solution;
+  ASSERT_TRUE(moved.Solve(0.0, &solution));
+  const NormalEquations::Solution expected = SolutionOf(data.H, data.D);
+  EXPECT_LT((solution.Z - expected.Z).norm(), 1e-12);
+  EXPECT_NEAR(solution.squared_norm, expected.squared_norm, 1e-11);
+}
+
 TEST(NormalEquations, NothingToFit) {
   const MatrixXd D = RandomMatrix(kQ, kM, 11);
   EXPECT_EQ(SolutionOf(MatrixXd::Zero(kP, kM), D).Z.norm(), 0.0);
@@ -145,7 +172,7 @@ TEST(NormalEquations, NothingToFit) {
       0.0);
   NormalEquations equations(kP, kQ);
   NormalEquations::Solution solution;
-  EXPECT_TRUE(equations.Solve(&solution));
+  EXPECT_TRUE(equations.Solve(0.0, &solution));
   EXPECT_EQ(solution.Z.norm(), 0.0);
 }
 
@@ -159,7 +186,7 @@ TEST(NormalEquations, ValuesThatAreNotFiniteFail) {
       NormalEquations equations(kP, kQ);
       equations.Add(data.H, data.D);
       NormalEquations::Solution solution;
-      EXPECT_FALSE(equations.Solve(&solution)) << bad;
+      EXPECT_FALSE(equations.Solve(0.0, &solution)) << bad;
     }
   }
 }

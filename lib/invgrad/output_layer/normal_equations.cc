@@ -24,7 +24,7 @@ double BestRidge(const ArrayXd& l,
                  double rest,
                  double num_equations,
                  double smallest) {
-  double best = 0.0;
+  double best = smallest;
   double lowest = std::numeric_limits<double>::infinity();
   const double largest = 4.0 * l.maxCoeff();
   for (double ridge = largest; ridge >= smallest; ridge /= 2.0) {
@@ -56,13 +56,23 @@ void NormalEquations::Add(const MatrixXd& H, const MatrixXd& D) {
   Syrk(Op::kNone, 1.0, H, 1.0, G_);
   Gemm(Op::kNone, Op::kTranspose, 1.0, H, D, 1.0, R_);
   squared_norm_ += D.squaredNorm();
-  num_equations_ += H.cols();
+  num_equations_ += static_cast<double>(H.cols());
 }
 
-bool NormalEquations::Solve(Solution* solution) const {
+void NormalEquations::MoveOrigin(const MatrixXd& C) {
+  CHECK_EQ(C.rows(), R_.rows());
+  CHECK_EQ(C.cols(), R_.cols());
+  const MatrixXd GC = G_.selfadjointView<Eigen::Lower>() * C;
+  // |D + C^T H|^2.
+  squared_norm_ += 2.0 * C.cwiseProduct(R_).sum() + C.cwiseProduct(GC).sum();
+  R_ += GC;
+}
+
+bool NormalEquations::Solve(double least_ridge, Solution* solution) const {
   const Index p = G_.rows();
   solution->Z.setZero(p, R_.cols());
   solution->ridge = 0.0;
+  solution->num_equations = num_equations_;
   solution->squared_norm = solution->squared_residual = squared_norm_;
   if (!std::isfinite(squared_norm_ + G_.trace()) || !R_.allFinite()) {
     return false;
@@ -84,8 +94,11 @@ bool NormalEquations::Solve(Solution* solution) const {
   const ArrayXd explained =
       projected.rowwise().squaredNorm().array() / resolved;
   const double rest = std::max(0.0, squared_norm_ - explained.sum());
-  solution->ridge = BestRidge(
-      resolved, explained, rest, static_cast<double>(num_equations_), zero);
+  solution->ridge = BestRidge(resolved,
+                              explained,
+                              rest,
+                              num_equations_,
+                              std::max(zero, least_ridge * l[p - 1]));
   const ArrayXd shifted = resolved + solution->ridge;
   projected = shifted.inverse().matrix().asDiagonal() * projected;
   Gemm(Op::kNone,

@@ -36,20 +36,31 @@ class NormalEquations {
   // k columns of H and D: p x k, q x k.
   void Add(const Eigen::MatrixXd& H, const Eigen::MatrixXd& D);
 
+  // Adds C^T H to D: Z becomes C + Z, so that the ridge pulls it towards zero and
+  // not towards C.
+  void MoveOrigin(const Eigen::MatrixXd& C);
+
+  int num_features() const { return static_cast<int>(R_.rows()); }  // p
+  int num_targets() const { return static_cast<int>(R_.cols()); }   // q
+  double squared_norm() const { return squared_norm_; }             // |D|^2
+  double num_equations() const { return num_equations_; }
+
   struct Solution {
     Eigen::MatrixXd Z;  // p x q
     double ridge = 0.0;
-    // |D|^2, and |Z^T H - D|^2.
+    // |D|^2, and |Z^T H - D|^2 without the ridge.
     double squared_norm = 0.0;
     double squared_residual = 0.0;
+    double num_equations = 0.0;  // m
   };
-  bool Solve(Solution* solution) const;
+  // least_ridge: the ridge is at least this, in units of l_max.
+  bool Solve(double least_ridge, Solution* solution) const;
 
  private:
   Eigen::MatrixXd G_;  // the lower triangle
   Eigen::MatrixXd R_;
-  double squared_norm_ = 0.0;  // |D|^2
-  long num_equations_ = 0;     // m
+  double squared_norm_ = 0.0;   // |D|^2
+  double num_equations_ = 0.0;  // m
 };
 
 }  // namespace invgrad

@@ -310,6 +310,7 @@ double ReducedObjective::SquaredNorm(const VectorXd& weights,
 
 bool ReducedObjective::FindChange(const VectorXd& weights,
                                   const Blocks& blocks,
+                                  DriftRidge* drift,
                                   NormalEquations::Solution* change,
                                   std::string* error) {
   std::optional<NormalEquations> equations;
@@ -325,8 +326,9 @@ bool ReducedObjective::FindChange(const VectorXd& weights,
     }
     equations->Add(problem.H, problem.D);
   }
-  const bool is_solved = of_batch() ? SolveWithSmallRidge(problem, change)
-                                    : equations->Solve(change);
+  const bool is_solved =
+      of_batch() ? SolveWithSmallRidge(problem, change)
+                 : SolveTowardsZero(weights, drift, &*equations, change);
   if (is_solved && change->Z.allFinite()) return true;
   *error =
       "output_layer=exact: the features of the last hidden layer or the "
@@ -335,10 +337,29 @@ bool ReducedObjective::FindChange(const VectorXd& weights,
   return false;
 }
 
+bool ReducedObjective::SolveTowardsZero(const VectorXd& weights,
+                                        DriftRidge* drift,
+                                        NormalEquations* equations,
+                                        NormalEquations::Solution* change) {
+  const double least_ridge = drift == nullptr
+                                 ? 0.0
+                                 : drift->RidgeFor(equations->squared_norm() /
+                                                   equations->num_equations());
+  const VectorXd layer = weights(layer_.reshaped());
+  const MatrixXd C =
+      layer.reshaped(equations->num_features(), equations->num_targets());
+  const double squared_norm = equations->squared_norm();
+  equations->MoveOrigin(C);
+  if (!equations->Solve(least_ridge, change)) return false;
+  change->Z -= C;
+  change->squared_norm = squared_norm;
+  return true;
+}
+
 bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
                                         VectorXd* weights,
                                         std::string* error) {
-  return SetBlocks(batch, error) && Solve(blocks_, weights, error);
+  return SetBlocks(batch, error) && Solve(blocks_, nullptr, weights, error);
 }
 
 bool ReducedObjective::SolveOnShare(long k,
@@ -346,26 +367,28 @@ bool ReducedObjective::SolveOnShare(long k,
                                     std::string* error) {
   CHECK(!of_batch());
   if (!SetBlocks(DataSet(), error)) return false;
-  return Solve({blocks_[k % blocks_.size()]}, weights, error);
+  return Solve({blocks_[k % blocks_.size()]}, &drift_, weights, error);
 }
 
 bool ReducedObjective::Solve(const Blocks& blocks,
+                             DriftRidge* drift,
                              VectorXd* weights,
                              std::string* error) {
-  NormalEquations::Solution change;
-  if (IsInX()) {
-    if (!FindChange(*weights, blocks, &change, error)) return false;
-    AddChange(change.Z, 1.0, weights);
-    return true;
-  }
+  const int max_num_changes = IsInX() || drift != nullptr ? 1 : kMaxNumChanges;
   VectorXd at = *weights;
-  for (int k = 0; k < kMaxNumChanges; ++k) {
-    if (!FindChange(at, blocks, &change, error)) return false;
-    const double before = change.squared_norm;
-    double after = before;
-    if (!LowerSquaredNorm(change.Z, blocks, &at, &after)) break;
-    const double missed = after - change.squared_residual;
-    if (missed <= kMissed * (before - change.squared_residual)) break;
+  for (int k = 0; k < max_num_changes; ++k) {
+    NormalEquations::Solution change;
+    if (!FindChange(at, blocks, drift, &change, error)) return false;
+    double after = change.squared_residual;
+    if (IsInX()) {
+      AddChange(change.Z, 1.0, &at);
+    } else {
+      after = change.squared_norm;
+      if (!LowerSquaredNorm(change.Z, blocks, &at, &after)) break;
+    }
+    if (drift != nullptr) drift->SetResidual(after / change.num_equations);
+    const double promised = change.squared_norm - change.squared_residual;
+    if (after - change.squared_residual <= kMissed * promised) break;
   }
   *weights = at;
   return true;

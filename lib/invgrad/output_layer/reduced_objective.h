@@ -21,8 +21,9 @@
 //              Gauss-Newton and Levenberg-Marquardt rules this is variable
 //              projection.
 //   otherwise  C is solved every few steps on a share of the samples, the next
-//              one each time, with the ridge of cross-validation towards the
-//              last C (normal_equations.h). J_u is not projected: of the range
+//              one each time, with the larger of two ridges: of cross-validation
+//              (normal_equations.h), and of the drift of the features from one
+//              solution to the next (drift_ridge.h). J_u is not projected: of the range
 //              of J_C over all N samples, a batch has the share B / N. A run
 //              reports its weights with the C of all samples.
 //
@@ -47,6 +48,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/inverse/batch_objective.h"
+#include "invgrad/output_layer/drift_ridge.h"
 #include "invgrad/output_layer/normal_equations.h"
 
 namespace invgrad {
@@ -92,9 +94,10 @@ class ReducedObjective final : public BatchObjective {
                         Eigen::VectorXd* weights,
                         std::string* error);
   // The same for the k-th share of the training samples, k = 0, 1, .. modulo the
-  // number of shares: 16 equations for each unknown, with a ridge towards the
-  // layer of the other samples.
+  // number of shares, with 16 equations for each unknown.
   bool SolveOnShare(long k, Eigen::VectorXd* weights, std::string* error);
+  // For a checkpoint.
+  Eigen::VectorXd* mutable_state() { return drift_.mutable_state(); }
 
  private:
   using Blocks = std::vector<DataSet>;
@@ -110,13 +113,21 @@ class ReducedObjective final : public BatchObjective {
   bool SetBlocks(const DataSet& batch, std::string* error);
   // |y - y*|^2 over the samples; infinity if it is not finite.
   double SquaredNorm(const Eigen::VectorXd& weights, const Blocks& blocks);
+  // drift: null for samples that no steps follow.
   bool Solve(const Blocks& blocks,
+             DriftRidge* drift,
              Eigen::VectorXd* weights,
              std::string* error);
   bool FindChange(const Eigen::VectorXd& weights,
                   const Blocks& blocks,
+                  DriftRidge* drift,
                   NormalEquations::Solution* change,
                   std::string* error);
+  // With a ridge that pulls C towards zero.
+  bool SolveTowardsZero(const Eigen::VectorXd& weights,
+                        DriftRidge* drift,
+                        NormalEquations* equations,
+                        NormalEquations::Solution* change);
   void AddChange(const Eigen::MatrixXd& Z,
                  double factor,
                  Eigen::VectorXd* weights) const;
@@ -133,6 +144,7 @@ class ReducedObjective final : public BatchObjective {
   const std::vector<int> others_;  // the numbers of u in theta
   // The samples that C is solved on, in shares.
   Blocks blocks_;
+  DriftRidge drift_;
 };
 
 // The number of steps on batches that cost about twice as much as a solution on

@@ -412,6 +412,11 @@ void RuleEngine::VisitState(StateArchive* archive) {
             (set_weights_.size() == num_weights_ && set_weights_.allFinite()),
         "set_weights");
   }
+  if (reduced_ != nullptr) {
+    Eigen::VectorXd* const drift = reduced_->mutable_state();
+    archive->Visit("output_layer", drift, drift->size());
+    archive->Require(drift->allFinite(), "output_layer");
+  }
   if (judges_weights_) {
     archive->Visit("copied_weights", &copied_weights_);
     archive->Require(copied_weights_.size() == 0 ||
