@@ -92,6 +92,9 @@ std::string Listing() {
          RowTexts(Format::kText, ChainMethods()) +
          "\nPhases, one after the other: adam:epochs=5>half_inverse. Each but "
          "the last has\n  epochs= or steps=, its share of the run\n"
+         "\nRULE:output_layer=exact, in front of any physics: the network's "
+         "last layer is solved by least\n  squares, and the rule trains the "
+         "others; output_layer_period=N: every N steps\n"
          "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
          "ceres_dogleg+RULE let a rule propose steps\n" +
          RowTexts(Format::kText, CeresMethods());
@@ -167,7 +170,16 @@ std::string RulesMarkdown() {
          "and any `LOSS/SIMULATOR/RULE` can be a phase, a minimizer of Ceres "
          "the last one. Every phase begins with a new rule, its schedule runs "
          "from the phase's start to its end, and `patience` and the order of "
-         "the samples begin anew.\n";
+         "the samples begin anew.\n\n"
+         "# Exact output layers\n\n`adam:output_layer=exact`, and the same "
+         "for any update rule or `LOSS/SIMULATOR/RULE`: the network's last "
+         "layer is solved by least squares and not trained, and the rule sees "
+         "the other weights alone ([derivation](variable_projection.md), "
+         "[tutorial](tutorials/15_exact_output_layer.md), "
+         "[measured](results/exact_output_layer.md)). In batches a share of "
+         "the training samples is solved every `output_layer_period` steps "
+         "(0, the default: so that the solutions take about half as long as "
+         "the steps); with all samples in each step, after each step.\n";
 }
 
 std::string ProblemsMarkdown() {

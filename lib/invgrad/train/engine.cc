@@ -235,7 +235,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   }
   int output_layer_period = 0;
   if (phase.solves_output_layer) {
-    const bool of_batch = batch_size == num_samples;
+    // A rule of gradients alone has no say in how far the layer moves.
+    const bool of_batch = batch_size == num_samples &&
+                          (rule->Needs().jacobian || rule->Needs().hessian ||
+                           rule->Needs().after || rule->JudgesSteps());
     output_layer_period =
         of_batch ? 1
         : phase.output_layer_period > 0
