@@ -1,0 +1,161 @@
+// A global fit: many right-hand sides y_k with their own linear parameters c_k,
+// and common nonlinear parameters x.
+//
+//   minimize 1/2 sum_k |Phi(x) c_k - y_k|^2 = 1/2 |Phi(x) C - Y|_F^2
+//
+//   struct TwoDecays {  // a spectrum decays alike at each wavelength
+//     const std::vector<double>& t;
+//     template <typename T>
+//     bool operator()(const T* x, T* phi) const {  // columns of Phi
+//       using std::exp;
+//       for (const double t_i : t) *phi++ = exp(-x[0] * t_i);
+//       for (const double t_i : t) *phi++ = exp(-x[1] * t_i);
+//       return true;
+//     }
+//   };
+//   GlobalFit<2> fit;
+//   fit.nonlinear.x << 1.0, 0.1;                         // the start
+//   FitGlobal(FitOptions(), TwoDecays{t}, 2, Y, &fit);
+//
+// By variable projection with Kaufman's Jacobian (separable/reduced_cost.h), in
+// the iteration of levenberg_marquardt.h:
+//
+//   R = -(I - Phi Phi^+) Y,   C = Phi^+ Y,   J_k = (I - Phi Phi^+) (dPhi/dx_k) C
+//
+// One decomposition of Phi serves all right-hand sides. The cost and J^T J do
+// not change if Y is multiplied from the right by an orthogonal matrix: if K >
+// m, the iteration has the m x m triangular factor of Y in place of Y.
+//
+// The functor is called with T = ceres::Jet<double, N>. It returns false where
+// it has no value.
+//
+// Shapes:  Phi: m x p, column-major;  Y: m x K;  C: p x K;  x: N.
+// Cost:    2 K m^2 once if K > m; then an iteration evaluates m p features with
+//          Jets, and takes about 6 (N + 1) m p q operations, q = min(m, K).
+// Fails:   as FitStatus says; C is then that of the best state, and has no
+//          entries if the start is invalid. CHECKs the options and the sizes.
+#ifndef INVGRAD_FIT_FIT_GLOBAL_H_
+#define INVGRAD_FIT_FIT_GLOBAL_H_
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "Eigen/QR"
+#include "ceres/jet.h"
+#include "glog/logging.h"
+#include "invgrad/fit/fit.h"
+#include "invgrad/fit/levenberg_marquardt.h"
+#include "invgrad/fit/streaming_gram.h"
+#include "invgrad/separable/linear_projection.h"
+
+namespace invgrad {
+
+template <int N>
+struct GlobalFit {
+  // Of x. num_rows is m K; the covariance is that of x in the fit of x and C.
+  FitResult<N> nonlinear;
+  Eigen::MatrixXd C;
+  int rank = 0;  // of Phi, at x
+};
+
+// The residuals of a state, for FitByLevenbergMarquardt.
+template <int N, typename Functor>
+class GlobalRows {
+ public:
+  using Jet = ceres::Jet<double, N>;
+  // As SeparableProblem::Options.
+  static constexpr double kRankThreshold = 1e-10;
+
+  GlobalRows(const Functor& functor, int num_features, const Eigen::MatrixXd& Y)
+      : functor_(functor), Y_(Y), features_(Y.rows() * num_features) {}
+
+  bool Evaluate(const typename GramRoot<N>::Vector& x, double* cost) {
+    Jet jets[N];
+    for (int j = 0; j < N; ++j) jets[j] = Jet(x[j], j);
+    if (!functor_(jets, features_.data())) return false;
+    const Eigen::MatrixXd Phi = Matrix([](const Jet& jet) { return jet.a; });
+    if (!Phi.allFinite()) return false;
+    projection_.emplace(Phi, kRankThreshold);
+    R_ = projection_->Residual(-Y_);
+    *cost = 0.5 * R_.squaredNorm();
+    return true;
+  }
+
+  GramRoot<N> Root() {
+    const Eigen::MatrixXd C = projection_->Solve(Y_);
+    Eigen::MatrixXd J[N];
+    for (int k = 0; k < N; ++k) {
+      J[k] = projection_->Residual(
+          Matrix([k](const Jet& jet) { return jet.v[k]; }) * C);
+    }
+    gram_.Reset();
+    for (Eigen::Index i = 0; i < R_.size(); ++i) {
+      double row[N];
+      for (int k = 0; k < N; ++k) row[k] = J[k].data()[i];
+      gram_.AddRow(row, R_.data()[i]);
+    }
+    return gram_.Finish();
+  }
+
+  const LinearProjection& projection() const { return *projection_; }
+
+ private:
+  template <typename Part>
+  Eigen::MatrixXd Matrix(const Part& part) const {
+    const Eigen::Index m = Y_.rows();
+    Eigen::MatrixXd matrix(m, static_cast<Eigen::Index>(features_.size()) / m);
+    for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+      matrix.data()[i] = part(features_[i]);
+    }
+    return matrix;
+  }
+
+  const Functor& functor_;
+  const Eigen::MatrixXd& Y_;
+  std::vector<Jet> features_;
+  std::optional<LinearProjection> projection_;
+  Eigen::MatrixXd R_;
+  StreamingGram<N> gram_;
+};
+
+template <int N, typename Functor>
+void FitGlobal(const FitOptions& options,
+               const Functor& functor,
+               int num_features,
+               const Eigen::MatrixXd& Y,
+               GlobalFit<N>* fit) {
+  std::string error;
+  CHECK(options.IsValid(&error)) << error;
+  CHECK_GT(num_features, 0);
+  CHECK_GT(Y.size(), 0);
+  Eigen::MatrixXd factor;  // Y = factor Q
+  if (Y.cols() > Y.rows()) {
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Y.transpose());
+    const Eigen::MatrixXd upper =
+        qr.matrixQR().topRows(Y.rows()).template triangularView<Eigen::Upper>();
+    factor = upper.transpose();
+  } else {
+    factor = Y;
+  }
+  GlobalRows<N, Functor> rows(functor, num_features, factor);
+  FitResult<N>& x = fit->nonlinear;
+  FitByLevenbergMarquardt<N>(options, &rows, &x);
+  fit->C.resize(num_features, 0);
+  fit->rank = 0;
+  if (x.status == FitStatus::kInvalidStart) return;
+  double cost;
+  CHECK(rows.Evaluate(x.x, &cost)) << "the functor had a value there before";
+  fit->C = rows.projection().Solve(Y);
+  fit->rank = rows.projection().rank();
+  x.num_rows = Y.size();
+  const double freedom =
+      static_cast<double>((Y.rows() - fit->rank) * Y.cols() - x.rank);
+  x.residual_variance =
+      freedom > 0.0 ? 2.0 * x.cost / freedom : FitResult<N>::kNaN;
+}
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_FIT_FIT_GLOBAL_H_
