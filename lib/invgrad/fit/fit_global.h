@@ -21,22 +21,26 @@
 // the iteration of levenberg_marquardt.h:
 //
 //   R = -(I - Phi Phi^+) Y,   C = Phi^+ Y,   J_k = (I - Phi Phi^+) (dPhi/dx_k) C
+//   C^T = Q T:  J_k Q = (I - Phi Phi^+) (dPhi/dx_k) T^T
 //
-// One decomposition of Phi serves all right-hand sides. The cost and J^T J do
-// not change if Y is multiplied from the right by an orthogonal matrix: if K >
-// m, the iteration has the m x m triangular factor of Y in place of Y.
+// One decomposition of Phi serves all right-hand sides. Cost, J^T J and J^T r do
+// not change if R and the J_k are multiplied from the right by an orthogonal
+// matrix; with Q, J has m p rows in place of m K.
 //
 // The functor is called with T = ceres::Jet<double, N>. It returns false where
 // it has no value.
 //
 // Shapes:  Phi: m x p, column-major;  Y: m x K;  C: p x K;  x: N.
-// Cost:    2 K m^2 once if K > m; then an iteration evaluates m p features with
-//          Jets, and takes about 6 (N + 1) m p q operations, q = min(m, K).
+// Cost:    an iteration evaluates m p features with Jets, and takes 6 m p K
+//          operations in matrix products, and few others.
+// Threads: those of BLAS; FitOptions::num_threads has no effect.
 // Fails:   as FitStatus says; C is then that of the best state, and has no
 //          entries if the start is invalid. CHECKs the options and the sizes.
 #ifndef INVGRAD_FIT_FIT_GLOBAL_H_
 #define INVGRAD_FIT_FIT_GLOBAL_H_
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -45,6 +49,7 @@
 #include "Eigen/QR"
 #include "ceres/jet.h"
 #include "glog/logging.h"
+#include "invgrad/core/blas.h"
 #include "invgrad/fit/fit.h"
 #include "invgrad/fit/levenberg_marquardt.h"
 #include "invgrad/fit/streaming_gram.h"
@@ -75,26 +80,47 @@ class GlobalRows {
     Jet jets[N];
     for (int j = 0; j < N; ++j) jets[j] = Jet(x[j], j);
     if (!functor_(jets, features_.data())) return false;
-    const Eigen::MatrixXd Phi = Matrix([](const Jet& jet) { return jet.a; });
+    const Eigen::MatrixXd Phi = Part([](const Jet& jet) { return jet.a; });
     if (!Phi.allFinite()) return false;
     projection_.emplace(Phi, kRankThreshold);
-    R_ = projection_->Residual(-Y_);
+    const Eigen::MatrixXd& Q_1 = projection_->range();
+    coordinates_.resize(Q_1.cols(), Y_.cols());
+    Gemm(Op::kTranspose, Op::kNone, 1.0, Q_1, Y_, 0.0, coordinates_);
+    R_ = -Y_;
+    Gemm(Op::kNone, Op::kNone, 1.0, Q_1, coordinates_, 1.0, R_);
     *cost = 0.5 * R_.squaredNorm();
     return true;
   }
 
+  // C, at the last x.
+  Eigen::MatrixXd Linear() const {
+    return projection_->Solve(projection_->range()) * coordinates_;
+  }
+
   GramRoot<N> Root() {
-    const Eigen::MatrixXd C = projection_->Solve(Y_);
-    Eigen::MatrixXd J[N];
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Linear().transpose());
+    const Eigen::Index size =
+        std::min(qr.matrixQR().rows(), qr.matrixQR().cols());
+    const Eigen::MatrixXd T =
+        qr.matrixQR().topRows(size).template triangularView<Eigen::Upper>();
+    const Eigen::MatrixXd Q =
+        qr.householderQ() * Eigen::MatrixXd::Identity(Y_.cols(), size);
+    Eigen::MatrixXd RQ(R_.rows(), size);
+    Gemm(Op::kNone, Op::kNone, 1.0, R_, Q, 0.0, RQ);
+    Eigen::MatrixXd JQ[N];
     for (int k = 0; k < N; ++k) {
-      J[k] = projection_->Residual(
-          Matrix([k](const Jet& jet) { return jet.v[k]; }) * C);
+      JQ[k] = projection_->Residual(Part([k](const Jet& jet) {
+        return jet.v[k];
+      })) * T.transpose();
     }
     gram_.Reset();
-    for (Eigen::Index i = 0; i < R_.size(); ++i) {
-      double row[N];
-      for (int k = 0; k < N; ++k) row[k] = J[k].data()[i];
-      gram_.AddRow(row, R_.data()[i]);
+    double row[N] = {};
+    // What is orthogonal to Q.
+    gram_.AddRow(row,
+                 std::sqrt(std::max(0.0, R_.squaredNorm() - RQ.squaredNorm())));
+    for (Eigen::Index i = 0; i < RQ.size(); ++i) {
+      for (int k = 0; k < N; ++k) row[k] = JQ[k].data()[i];
+      gram_.AddRow(row, RQ.data()[i]);
     }
     return gram_.Finish();
   }
@@ -102,8 +128,9 @@ class GlobalRows {
   const LinearProjection& projection() const { return *projection_; }
 
  private:
-  template <typename Part>
-  Eigen::MatrixXd Matrix(const Part& part) const {
+  // A part of each feature, m x p.
+  template <typename Function>
+  Eigen::MatrixXd Part(const Function& part) const {
     const Eigen::Index m = Y_.rows();
     Eigen::MatrixXd matrix(m, static_cast<Eigen::Index>(features_.size()) / m);
     for (Eigen::Index i = 0; i < matrix.size(); ++i) {
@@ -116,6 +143,7 @@ class GlobalRows {
   const Eigen::MatrixXd& Y_;
   std::vector<Jet> features_;
   std::optional<LinearProjection> projection_;
+  Eigen::MatrixXd coordinates_;  // Q_1^T Y, Q_1 of projection_
   Eigen::MatrixXd R_;
   StreamingGram<N> gram_;
 };
@@ -130,16 +158,7 @@ void FitGlobal(const FitOptions& options,
   CHECK(options.IsValid(&error)) << error;
   CHECK_GT(num_features, 0);
   CHECK_GT(Y.size(), 0);
-  Eigen::MatrixXd factor;  // Y = factor Q
-  if (Y.cols() > Y.rows()) {
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Y.transpose());
-    const Eigen::MatrixXd upper =
-        qr.matrixQR().topRows(Y.rows()).template triangularView<Eigen::Upper>();
-    factor = upper.transpose();
-  } else {
-    factor = Y;
-  }
-  GlobalRows<N, Functor> rows(functor, num_features, factor);
+  GlobalRows<N, Functor> rows(functor, num_features, Y);
   FitResult<N>& x = fit->nonlinear;
   FitByLevenbergMarquardt<N>(options, &rows, &x);
   fit->C.resize(num_features, 0);
@@ -147,7 +166,7 @@ void FitGlobal(const FitOptions& options,
   if (x.status == FitStatus::kInvalidStart) return;
   double cost;
   CHECK(rows.Evaluate(x.x, &cost)) << "the functor had a value there before";
-  fit->C = rows.projection().Solve(Y);
+  fit->C = rows.Linear();
   fit->rank = rows.projection().rank();
   x.num_rows = Y.size();
   const double freedom =

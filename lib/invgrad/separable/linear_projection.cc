@@ -8,6 +8,8 @@ LinearProjection::LinearProjection(const Eigen::MatrixXd& Phi,
   scale_ = (scale_.array() > 0.0).select(scale_, 1.0);
   decomposition_.setThreshold(rank_threshold);
   decomposition_.compute(Phi * scale_.cwiseInverse().asDiagonal());
+  Q_1_ = decomposition_.householderQ() *
+         Eigen::MatrixXd::Identity(Phi.rows(), decomposition_.rank());
 }
 
 Eigen::MatrixXd LinearProjection::Solve(const Eigen::MatrixXd& M) const {
@@ -20,11 +22,9 @@ Eigen::MatrixXd LinearProjection::SolveTransposed(
                                           M);
 }
 
-Eigen::MatrixXd LinearProjection::Residual(Eigen::MatrixXd M) const {
-  M.applyOnTheLeft(decomposition_.householderQ().adjoint());
-  M.topRows(decomposition_.rank()).setZero();
-  M.applyOnTheLeft(decomposition_.householderQ());
-  return M;
+Eigen::MatrixXd LinearProjection::Residual(const Eigen::MatrixXd& M) const {
+  const Eigen::MatrixXd coordinates = Q_1_.transpose() * M;
+  return M - Q_1_ * coordinates;
 }
 
 }  // namespace invgrad

@@ -31,10 +31,13 @@ class LinearProjection {
   // (Phi^+)^T M, for the p rows of M.
   Eigen::MatrixXd SolveTransposed(const Eigen::MatrixXd& M) const;
   // (I - Phi Phi^+) M
-  Eigen::MatrixXd Residual(Eigen::MatrixXd M) const;
+  Eigen::MatrixXd Residual(const Eigen::MatrixXd& M) const;
+  // An orthonormal basis of the range of Phi, m x rank: Phi Phi^+ = Q_1 Q_1^T.
+  const Eigen::MatrixXd& range() const { return Q_1_; }
 
  private:
   Eigen::VectorXd scale_;  // D
+  Eigen::MatrixXd Q_1_;
   Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition_;
 };
 

@@ -170,7 +170,7 @@ bool ReducedCost::Jacobian(const double* const* alpha, MatrixXd* J) const {
     return false;
   }
   if (!has_loss) {
-    *J = projection_->Residual(std::move(*J));
+    *J = projection_->Residual(*J);
     return !is_golub_pereyra_ || SubtractPhiTerm(alpha, J);
   }
   for (const auto& block : residuals_.residual_blocks()) {
@@ -179,7 +179,7 @@ bool ReducedCost::Jacobian(const double* const* alpha, MatrixXd* J) const {
     ApplyRootLoss(root, r_b, J->middleRows(block.row, block.size));
     ApplyRootLoss(root, r_b, Phi.middleRows(block.row, block.size));
   }
-  *J = LinearProjection(Phi, rank_threshold_).Residual(std::move(*J));
+  *J = LinearProjection(Phi, rank_threshold_).Residual(*J);
   start_ = c_;
   return true;
 }
