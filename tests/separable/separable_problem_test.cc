@@ -232,6 +232,23 @@ TEST(SeparableProblem, OfLinearParametersAlone) {
   EXPECT_EQ(data.c, Eigen::Vector2d(1.0, 1.0));
 }
 
+// Values of constant blocks count, too.
+TEST(SeparableProblem, FollowsConstantBlocks) {
+  Exponentials data(20);
+  ceres::Problem problem;
+  data.AddTo(&problem);
+  problem.SetParameterBlockConstant(data.a.data());
+  std::string error;
+  const auto separable =
+      SeparableProblem::Create({}, {{data.c.data(), {}}}, &problem, &error);
+  ASSERT_NE(separable, nullptr) << error;
+  ASSERT_TRUE(separable->SolveLinear(&error)) << error;
+  data.a = {1.5, 0.3};
+  ASSERT_TRUE(separable->SolveLinear(&error)) << error;
+  const Eigen::Vector2d c = data.Phi().householderQr().solve(data.y);
+  EXPECT_LE((data.c - c).norm(), 1e-12);
+}
+
 struct Line {
   double t;
   template <typename T>
@@ -381,7 +398,7 @@ TEST(SeparableProblem, RefusesBoundsManifoldsAndLosses) {
   Solve({{data.c.data(), {0}}}, &problem);  // what the message says works
   problem.SetManifold(data.c.data(), new ceres::SubsetManifold(2, {0}));
   ExpectHas(Refusal({{data.c.data(), {}}}, &problem),
-            "linear block block 0 has a manifold");
+            "block 0 is linear and has a manifold");
 
   ceres::Problem robust;
   data.AddTo(&robust, [] {

@@ -70,8 +70,6 @@ template <int N, typename Functor>
 class GlobalRows {
  public:
   using Jet = ceres::Jet<double, N>;
-  // As SeparableProblem::Options.
-  static constexpr double kRankThreshold = 1e-10;
 
   GlobalRows(const Functor& functor, int num_features, const Eigen::MatrixXd& Y)
       : functor_(functor), Y_(Y), features_(Y.rows() * num_features) {}
@@ -82,7 +80,7 @@ class GlobalRows {
     if (!functor_(jets, features_.data())) return false;
     const Eigen::MatrixXd Phi = Part([](const Jet& jet) { return jet.a; });
     if (!Phi.allFinite()) return false;
-    projection_.emplace(Phi, kRankThreshold);
+    projection_.emplace(Phi, kLinearRankThreshold);
     const Eigen::MatrixXd& Q_1 = projection_->range();
     coordinates_.resize(Q_1.cols(), Y_.cols());
     Gemm(Op::kTranspose, Op::kNone, 1.0, Q_1, Y_, 0.0, coordinates_);

@@ -57,12 +57,13 @@ bool ReducedCost::RobustCost(const VectorXd& r,
     const double s = r.segment(block.row, block.size).squaredNorm();
     const RootLoss root(block.loss_function, s);
     if (!root.is_valid) {
-      *error = ResidualBlockMessage(
-          block.index,
-          "variable projection needs a loss with rho >= 0 and rho' >= 0");
+      *error = ResidualBlockMessage(block.index,
+                                    "variable projection needs a loss with rho "
+                                    ">= 0 and rho' >= 0; minimize "
+                                    "over all parameters by ceres::Solve");
       return false;
     }
-    *cost += 0.5 * (block.loss_function == nullptr ? s : root.value);
+    *cost += 0.5 * root.value;
     weights->segment(block.row, block.size).setConstant(root.weight);
   }
   return true;
@@ -102,10 +103,13 @@ bool ReducedCost::Reweight(const VectorXd& r_0,
 bool ReducedCost::SolveAt(const double* const* alpha,
                           std::string* error) const {
   std::vector<double> state;
-  for (std::size_t a = 0; a < residuals_.arguments().size(); ++a) {
-    state.insert(state.end(), alpha[a], alpha[a] + parameter_block_sizes()[a]);
+  for (const auto& block : residuals_.blocks()) {
+    if (block.argument < 0 && !block.linear.empty()) continue;
+    const double* values =
+        block.argument < 0 ? block.values : alpha[block.argument];
+    state.insert(state.end(), values, values + block.size);
   }
-  if (projection_ && state == alpha_) return true;
+  if (projection_ && state == state_) return true;
   projection_.reset();
   VectorXd r_0;
   MatrixXd Phi;
@@ -125,7 +129,7 @@ bool ReducedCost::SolveAt(const double* const* alpha,
     projection_.reset();
     return false;
   }
-  alpha_ = std::move(state);
+  state_ = std::move(state);
   return true;
 }
 

@@ -84,8 +84,9 @@ class ReducedCost final : public ceres::CostFunction {
   const ComponentResiduals residuals_;
   const double rank_threshold_;
   const bool is_golub_pereyra_;
-  // At the last alpha; empty before the first.
-  mutable std::vector<double> alpha_;
+  // All values but those of purely linear blocks, at the last evaluation, and
+  // what follows from them.
+  mutable std::vector<double> state_;
   mutable Eigen::VectorXd c_;
   mutable Eigen::VectorXd r_;
   mutable std::optional<LinearProjection> projection_;

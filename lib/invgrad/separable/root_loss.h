@@ -18,12 +18,11 @@ namespace invgrad {
 
 struct RootLoss {
   // loss: null is rho(s) = s.
-  RootLoss(const ceres::LossFunction* loss, double s) {
+  RootLoss(const ceres::LossFunction* loss, double s) : value(s) {
     if (loss == nullptr) return;
     double rho[3];
     loss->Evaluate(s, rho);
     value = rho[0];
-    slope = rho[1];
     is_valid = rho[0] >= 0.0 && rho[1] >= 0.0 && std::isfinite(rho[0]);
     if (!is_valid) return;
     weight = scale = std::sqrt(rho[1]);
@@ -34,8 +33,7 @@ struct RootLoss {
   }
 
   bool is_valid = true;  // rho >= 0, rho' >= 0
-  double value = 0.0;    // rho; with a loss only
-  double slope = 1.0;    // rho'
+  double value;          // rho
   double scale = 1.0;
   double beta = 0.0;
   double weight = 1.0;

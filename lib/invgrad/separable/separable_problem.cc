@@ -60,8 +60,8 @@ class SeparableProblem::Builder {
     const int size = problem_.ParameterBlockSize(values);
     if (problem_.GetManifold(values) != nullptr) {
       *error = fmt::format(
-          "linear block {} has a manifold; hold linear parameters constant by "
-          "leaving them out, or put them in a block without manifold",
+          "{} is linear and has a manifold; leave it out of the linear "
+          "parameters, or put those in a block without manifold",
           name);
       return false;
     }

@@ -60,10 +60,8 @@ struct LinearBlock {
 class SeparableProblem {
  public:
   struct Options {
-    // Of Phi, relative to the largest pivot (linear_projection.h). With s the
-    // smallest relative singular value that counts, c and Kaufman's Jacobian
-    // have relative errors of 1e-16 / s.
-    double rank_threshold = 1e-10;
+    // Of Phi, relative to the largest pivot (linear_projection.h).
+    double rank_threshold = kLinearRankThreshold;
     // The Jacobian of Golub and Pereyra in place of Kaufman's; not with robust
     // losses. It costs 2 p evaluations more.
     bool is_golub_pereyra = false;
