@@ -8,6 +8,7 @@
 
 #include "bin/estimate/estimation_table.h"
 #include "bin/estimate/run_report.h"
+#include "bin/estimate/way.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
@@ -15,8 +16,6 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/method_minimization.h"
-#include "invgrad/separable/separable_problem.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
@@ -24,13 +23,6 @@
 
 namespace invgrad {
 namespace {
-
-// A method for all parameters, or for the nonlinear ones.
-struct Way {
-  Method method;
-  bool is_separable = false;
-  std::string label;
-};
 
 struct Runs {
   std::vector<EstimationRow> rows;
@@ -131,38 +123,6 @@ void SetStart(int start, int seed, Estimation* estimation) {
   }
 }
 
-// Over the nonlinear parameters; sets the linear ones, too.
-bool MinimizeNonlinear(const Method& method,
-                       const MinimizerOptions& minimizer,
-                       Estimation* estimation,
-                       ceres::Problem* problem,
-                       MinimizerSummary* summary,
-                       std::string* error) {
-  const std::vector<LinearBlock> linear = estimation->LinearParameters();
-  if (linear.empty()) {
-    *error = "no parameter is proved to be linear; use --separable=off";
-    return false;
-  }
-  SeparableProblem::Options options;
-  options.block_name = minimizer.block_name;
-  const auto separable =
-      SeparableProblem::Create(options, linear, problem, error);
-  if (separable == nullptr || !MinimizeProblem(method,
-                                               minimizer,
-                                               /*elimination_order=*/nullptr,
-                                               separable->reduced(),
-                                               summary,
-                                               error)) {
-    return false;
-  }
-  std::string why;
-  if (!separable->SolveLinear(&why)) {
-    summary->termination_type = ceres::FAILURE;
-    summary->message = why;
-  }
-  return true;
-}
-
 bool Minimize(const std::string& name,
               Way way,
               Estimation* estimation,
@@ -185,16 +145,7 @@ bool Minimize(const std::string& name,
   way.method.AddCeresDefaults(
       {{"linear_solver", estimation->traits().linear_solver},
        {"num_threads", std::to_string(FLAGS_threads)}});
-  if (way.is_separable) {
-    return MinimizeNonlinear(
-        way.method, minimizer, estimation, problem, summary, error);
-  }
-  return MinimizeProblem(way.method,
-                         minimizer,
-                         estimation->MakeOrdering(),
-                         problem,
-                         summary,
-                         error);
+  return MinimizeByWay(way, minimizer, estimation, problem, summary, error);
 }
 
 // Of a run that has a result. A covariance that cannot be computed is part of
@@ -233,17 +184,6 @@ bool WriteRun(const std::string& path,
          WriteRunFile(path + ".json", report->ToJson(), error) &&
          (!report->covariance ||
           WriteRunFile(path + ".report.txt", report->ToText(), error));
-}
-
-std::vector<Way> Ways(const std::vector<Method>& methods) {
-  std::vector<Way> ways;
-  for (const Method& method : methods) {
-    if (FLAGS_separable != "on") ways.push_back({method, false, method.label});
-    if (FLAGS_separable != "off") {
-      ways.push_back({method, true, method.label + " separable"});
-    }
-  }
-  return ways;
 }
 
 // All ways from one start.
@@ -356,8 +296,13 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!RunFrom(
-                start, seed, input, Ways(methods), make_loss, &runs, error)) {
+        if (!RunFrom(start,
+                     seed,
+                     input,
+                     Ways(methods, FLAGS_separable),
+                     make_loss,
+                     &runs,
+                     error)) {
           return false;
         }
       }

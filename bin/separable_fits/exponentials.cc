@@ -168,20 +168,19 @@ void CompareSums(RunCounts* counts, Table* table) {
 }  // namespace
 
 bool CompareExponentials(RunCounts* counts, std::string* error) {
-  Table table;
-  for (const std::string& terms : SplitList(FLAGS_terms)) {
-    if (terms == "2") {
-      CompareSums<2>(counts, &table);
-    } else if (terms == "3") {
-      CompareSums<3>(counts, &table);
-    } else if (terms == "4") {
-      CompareSums<4>(counts, &table);
-    } else if (terms == "5") {
-      CompareSums<5>(counts, &table);
-    } else {
+  const std::vector<std::string> all_terms = SplitList(FLAGS_terms);
+  for (const std::string& terms : all_terms) {
+    if (terms != "2" && terms != "3" && terms != "4" && terms != "5") {
       *error = "--terms=" + FLAGS_terms + ": allowed are 2, 3, 4 and 5";
       return false;
     }
+  }
+  Table table;
+  for (const std::string& terms : all_terms) {
+    if (terms == "2") CompareSums<2>(counts, &table);
+    if (terms == "3") CompareSums<3>(counts, &table);
+    if (terms == "4") CompareSums<4>(counts, &table);
+    if (terms == "5") CompareSums<5>(counts, &table);
   }
   std::cout << table.ToMarkdown() << "\n";
   return true;

@@ -135,6 +135,7 @@ GlobalResult SolveFull(ceres::LinearSolverType solver,
 GlobalResult SolveComponents(const GlobalData& data) {
   FullProblem full(data);
   std::vector<LinearBlock> linear;
+  linear.reserve(FLAGS_sides);
   for (int k = 0; k < FLAGS_sides; ++k) {
     linear.push_back({full.C.col(k).data(), {}});
   }

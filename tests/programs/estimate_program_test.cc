@@ -116,6 +116,12 @@ TEST_F(EstimateProgram, MinimizesOverTheNonlinearParameters) {
   EXPECT_NEAR(result.starts(1, 0), 0.5, 1e-9);
 }
 
+TEST_F(EstimateProgram, RefusesAnUnknownWayToSeparate) {
+  const Output output =
+      RunQuietly(WriteMisra1a(), "run", {"--separable=yes"}, /*exit_code=*/1);
+  ExpectSays(output, {"--separable=yes", "off", "on", "both"});
+}
+
 // Nothing is proved to be linear in a pose graph.
 TEST_F(EstimateProgram, SaysWhereNothingIsLinear) {
   const Output output = RunQuietly(WriteG2o2d(),

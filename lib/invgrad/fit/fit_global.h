@@ -20,11 +20,11 @@
 // By variable projection with Kaufman's Jacobian (separable/reduced_cost.h), in
 // the iteration of levenberg_marquardt.h:
 //
-//   R = -(I - Phi Phi^+) Y,   C = Phi^+ Y,   J_k = (I - Phi Phi^+) (dPhi/dx_k) C
-//   C^T = Q T:  J_k Q = (I - Phi Phi^+) (dPhi/dx_k) T^T
+//   P = I - Phi Phi^+:  R = -P Y,   C = Phi^+ Y,   J_k = P (dPhi/dx_k) C
+//   C^T = Q T:          J_k Q = P (dPhi/dx_k) T^T
 //
-// One decomposition of Phi serves all right-hand sides. Cost, J^T J and J^T r do
-// not change if R and the J_k are multiplied from the right by an orthogonal
+// One decomposition of Phi serves all right-hand sides. Cost, J^T J and J^T r
+// do not change if R and the J_k are multiplied from the right by an orthogonal
 // matrix; with Q, J has m p rows in place of m K.
 //
 // The functor is called with T = ceres::Jet<double, N>. It returns false where

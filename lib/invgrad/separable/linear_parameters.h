@@ -28,8 +28,8 @@
 // b0^2 - b0^2, leaves its parameter out.
 //
 // Cost:    one evaluation, times N^2 / 64 words an operation.
-// Fails:   no set, {}, where the functor returns false at b. A functor that uses
-//          a function not listed here does not compile.
+// Fails:   no set, {}, where the functor returns false at b. A functor that
+//          uses a function not listed here does not compile.
 // Limits:  the functor must not convert T to double on a way to its residuals.
 #ifndef INVGRAD_SEPARABLE_LINEAR_PARAMETERS_H_
 #define INVGRAD_SEPARABLE_LINEAR_PARAMETERS_H_

@@ -21,8 +21,8 @@
 namespace invgrad {
 
 // With s the smallest relative singular value that counts, c and Kaufman's
-// Jacobian (reduced_cost.h) have relative errors of 1e-16 / s. Exactly dependent
-// columns have pivots of 1e-15.
+// Jacobian (reduced_cost.h) have relative errors of 1e-16 / s. Exactly
+// dependent columns have pivots of 1e-15.
 constexpr double kLinearRankThreshold = 1e-10;
 
 class LinearProjection {

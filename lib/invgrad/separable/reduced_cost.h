@@ -9,9 +9,9 @@
 //   Golub and Pereyra [2]          - (Phi^+)^T G,
 //                        G_jk = (d(Phi e_j)/dalpha_k)^T f
 //
-// The second line is exact where the rank is constant. It is orthogonal to f, so
-// that both Jacobians give the same gradient, that of the reduced cost. As r is
-// affine in c, G needs no second derivatives: column by column,
+// The second line makes it exact, where the rank is constant. It is orthogonal
+// to f, so that both Jacobians give the same gradient, that of the reduced
+// cost. As r is affine in c, G needs no second derivatives: column by column,
 // G_j = (A(alpha, e_j) - A(alpha, 0))^T f.
 //
 // Robust losses: c minimizes 1/2 sum_b rho_b(|r_b|^2) by reweighting,
@@ -32,9 +32,9 @@
 //
 // [1] Kaufman. A variable projection method for solving separable nonlinear
 //     least squares problems. BIT 15 (1975).
-// [2] Golub, Pereyra. The differentiation of pseudo-inverses and nonlinear least
-//     squares problems whose variables separate. SIAM J. Numer. Anal. 10 (1973),
-//     equations 4.9 and 5.4.
+// [2] Golub, Pereyra. The differentiation of pseudo-inverses and nonlinear
+//     least squares problems whose variables separate. SIAM J. Numer. Anal. 10
+//     (1973).
 #ifndef INVGRAD_SEPARABLE_REDUCED_COST_H_
 #define INVGRAD_SEPARABLE_REDUCED_COST_H_
 

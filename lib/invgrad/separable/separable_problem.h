@@ -11,13 +11,13 @@
 //   ceres::Solve(options, separable->reduced(), &summary);
 //   separable->SolveLinear(&error);                  // amplitudes = c(alpha)
 //
-// Residual blocks that share linear parameters c form a component, which becomes
-// one residual block of the reduced problem (reduced_cost.h). The reduced
-// problem has the blocks of the user's problem that are not linear, with their
-// values, manifolds, bounds and constness, and residual blocks without linear
-// parameters as they are. Where the linear parameters of each component are a
-// few (a point seen by affine cameras), the reduced problem is as sparse in the
-// others as a Schur complement.
+// Residual blocks that share linear parameters c form a component, which
+// becomes one residual block of the reduced problem (reduced_cost.h). The
+// reduced problem has the blocks of the user's problem that are not linear,
+// with their values, manifolds, bounds and constness, and residual blocks without
+// linear parameters as they are. Where the linear parameters of each component
+// are a few (a point seen by affine cameras), the reduced problem is as sparse
+// in the others as a Schur complement.
 //
 // L has the same minima as the problem, at the same cost. LM needs no start for
 // c, and mostly fewer iterations (docs/results/separable_fits.md).
@@ -31,9 +31,9 @@
 //          linear parameters and the n parameters of its other blocks.
 // Fails:   Create returns null, with a message, if residuals are not affine in
 //          the parameters (affine_check.h; linear_parameters.h proves it), if a
-//          linear parameter has bounds or a manifold, or if a component does not
-//          fit in memory. CHECKs that the problem has the blocks, and that no
-//          parameter is named twice.
+//          linear parameter has bounds or a manifold, if a loss has rho < 0 or
+//          rho' < 0, or if memory does not suffice. CHECKs that the problem has
+//          the blocks, and that no parameter is named twice.
 // Needs:   cost functions that depend only on their parameters; evaluation
 //          callbacks are not called.
 // Threads: as ceres::Solve.
@@ -54,7 +54,7 @@ namespace invgrad {
 // Linear parameters: a block of the problem, or some of its components.
 struct LinearBlock {
   double* values;
-  std::vector<int> components;  // empty: all
+  std::vector<int> components = {};  // empty: all
 };
 
 class SeparableProblem {
