@@ -25,7 +25,6 @@
 
 namespace {
 
-using invgrad::LinearBlock;
 using invgrad::SeparableProblem;
 
 // [count]

@@ -202,6 +202,7 @@ const std::vector<MakeLoss>& Losses() {
       [] { return new ceres::SoftLOneLoss(0.05); },
       [] { return new ceres::CauchyLoss(0.3); },
       [] { return new ceres::ArctanLoss(1.0); },
+      [] { return new ceres::TukeyLoss(0.4); },  // outliers have no weight
       [] { return new ceres::TolerantLoss(0.3, 0.1); }};
   return losses;
 }
