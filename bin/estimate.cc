@@ -10,6 +10,7 @@ Sample runs:
     --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
   estimate --input=nist --plots=false --overwrite \
     --methods=ceres_lm,ceres_bfgs
+  estimate --input=nist/Lanczos1.dat --separable=both --overwrite
   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2 --overwrite
   estimate --input=nist/BoxBOD.dat --covariance --overwrite
   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite
@@ -53,6 +54,10 @@ DEFINE_string(
     "methods to compare, name[:key=value...],...: a rule, a minimizer "
     "of Ceres, or one with a rule that proposes steps, as "
     "ceres_lm+half_inverse; --list shows all");
+DEFINE_string(separable,
+              "off",
+              "on: minimize over the nonlinear parameters, from which the "
+              "linear ones follow (nist); both: with and without");
 DEFINE_string(start, "both", "of a NIST file: 1, 2, both");
 DEFINE_string(loss,
               "none",

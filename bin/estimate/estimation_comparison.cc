@@ -8,6 +8,7 @@
 
 #include "bin/estimate/estimation_table.h"
 #include "bin/estimate/run_report.h"
+#include "bin/estimate/way.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
@@ -15,7 +16,6 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/method_minimization.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
@@ -124,7 +124,7 @@ void SetStart(int start, int seed, Estimation* estimation) {
 }
 
 bool Minimize(const std::string& name,
-              Method method,
+              Way way,
               Estimation* estimation,
               ceres::Problem* problem,
               MinimizerSummary* summary,
@@ -140,13 +140,12 @@ bool Minimize(const std::string& name,
   minimizer.block_name = [estimation](const double* values) {
     return estimation->BlockName(values);
   };
-  LiveCallback live(name + " " + method.label);
+  LiveCallback live(name + " " + way.label);
   minimizer.callbacks.push_back(&live);
-  method.AddCeresDefaults(
+  way.method.AddCeresDefaults(
       {{"linear_solver", estimation->traits().linear_solver},
        {"num_threads", std::to_string(FLAGS_threads)}});
-  return MinimizeProblem(
-      method, minimizer, estimation->MakeOrdering(), problem, summary, error);
+  return MinimizeByWay(way, minimizer, estimation, problem, summary, error);
 }
 
 // Of a run that has a result. A covariance that cannot be computed is part of
@@ -187,11 +186,11 @@ bool WriteRun(const std::string& path,
           WriteRunFile(path + ".report.txt", report->ToText(), error));
 }
 
-// All methods from one start.
+// All ways from one start.
 bool RunFrom(int start,
              int seed,
              const EstimationInput& input,
-             const std::vector<Method>& methods,
+             const std::vector<Way>& ways,
              const MakeLossFunction& make_loss,
              Runs* runs,
              std::string* error) {
@@ -208,40 +207,40 @@ bool RunFrom(int start,
   costs[1].x_label = "seconds";
   costs[0].y_label = costs[1].y_label = "cost";
   costs[0].log_y = costs[1].log_y = true;
-  for (const Method& method : methods) {
+  for (const Way& way : ways) {
     if (Interrupt::IsRequested()) break;
     SetStart(start, seed, estimation);
     EstimationRow& row = runs->rows.emplace_back();
     row.start = name;
-    row.method = method.label;
+    row.method = way.label;
     RunReport report;
     report.start = name;
-    report.method = method.label;
+    report.method = way.label;
     const std::unique_ptr<ceres::Problem> problem =
         estimation->MakeProblem(make_loss);
     std::string why;
     if (!Minimize(
-            name, method, estimation, problem.get(), &report.minimizer, &why)) {
+            name, way, estimation, problem.get(), &report.minimizer, &why)) {
       row.status = "not run: " + why;
       continue;
     }
-    SetResults(method, report.minimizer, *estimation, &row);
+    SetResults(way.method, report.minimizer, *estimation, &row);
     if (FLAGS_covariance && !row.has_failed) {
       SetCovariance(*problem, *estimation, &row, &report);
     }
-    if (!WriteRun(folder + "/" + FileName(method.label),
+    if (!WriteRun(folder + "/" + FileName(way.label),
                   *estimation,
                   &row,
                   &report,
                   error)) {
       return false;
     }
-    estimation->Draw(method.label, &panels);
+    estimation->Draw(way.label, &panels);
     if (report.covariance) {
       estimation->DrawCovariance(
-          method.label, *report.covariance, &covariance_panels);
+          way.label, *report.covariance, &covariance_panels);
     }
-    AddCosts(method.label, report.minimizer, &costs);
+    AddCosts(way.label, report.minimizer, &costs);
   }
   runs->pictures.push_back({folder + "/result.png", std::move(panels)});
   if (!covariance_panels.empty()) {
@@ -263,7 +262,8 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
                         std::string* error) {
   std::vector<int> seeds;
   MakeLossFunction make_loss;
-  if (!CheckFlag("start", {"1", "2", "both"}, error) ||
+  if (!CheckFlag("separable", {"off", "on", "both"}, error) ||
+      !CheckFlag("start", {"1", "2", "both"}, error) ||
       !CheckFlags({{"perturb", {0.0}},
                    {"max_iterations", {0.0}},
                    {"seconds", {0.0}},
@@ -296,7 +296,13 @@ bool CompareEstimations(const std::vector<EstimationInput>& inputs,
       }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) break;
-        if (!RunFrom(start, seed, input, methods, make_loss, &runs, error)) {
+        if (!RunFrom(start,
+                     seed,
+                     input,
+                     Ways(methods, FLAGS_separable),
+                     make_loss,
+                     &runs,
+                     error)) {
           return false;
         }
       }

@@ -29,6 +29,7 @@
 #include "problems/estimation/estimation.h"
 
 // Defined in estimate.cc, because compare has flags of the same names.
+DECLARE_string(separable);
 DECLARE_string(start);
 DECLARE_string(loss);
 DECLARE_bool(covariance);

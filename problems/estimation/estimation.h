@@ -21,6 +21,7 @@
 #include "invgrad/covariance/covariance.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/minimize/minimizer.h"
+#include "invgrad/separable/separable_problem.h"
 #include "problems/estimation/pose_graph.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/plot.h"
@@ -57,6 +58,9 @@ class Estimation {
   virtual std::shared_ptr<ceres::ParameterBlockOrdering> MakeOrdering() {
     return nullptr;
   }
+
+  // The parameters in which the residuals are proved to be affine.
+  virtual std::vector<LinearBlock> LinearParameters() { return {}; }
 
   // For each parameter, the digits that agree with the certified value, if the
   // file has certified values.

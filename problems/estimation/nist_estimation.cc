@@ -49,6 +49,11 @@ class NistEstimation final : public Estimation {
     return problem;
   }
 
+  std::vector<LinearBlock> LinearParameters() override {
+    if (model_.linear.empty()) return {};
+    return {{b_.data(), model_.linear}};
+  }
+
   std::optional<Eigen::VectorXd> Digits() const override {
     return LogRelativeErrors(b_, data_.certified);
   }

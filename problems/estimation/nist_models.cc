@@ -8,6 +8,7 @@
 #include "fmt/format.h"
 #include "glog/logging.h"
 #include "invgrad/core/option_set.h"
+#include "invgrad/separable/linear_parameters.h"
 
 namespace invgrad {
 namespace {
@@ -63,6 +64,13 @@ std::vector<NistModel> Models(const std::vector<std::string>& names,
     std::copy_n(x, kNumPredictors, residual->x.begin());
     return new ceres::AutoDiffCostFunction<Cost, 1, kNumParameters>(residual);
   };
+  // The proof depends on numbers only where a model compares them.
+  Residual<Function, kNumPredictors> any{f, {}, 1.0};
+  any.x.fill(1.0);
+  std::array<double, kNumParameters> b;
+  b.fill(1.0);
+  const std::vector<int> linear =
+      LinearParameters<kNumParameters>(any, 1, b.data());
   std::vector<NistModel> models;
   models.reserve(names.size());
   for (const std::string& name : names) {
@@ -71,6 +79,7 @@ std::vector<NistModel> Models(const std::vector<std::string>& names,
                       kNumParameters,
                       kNumPredictors,
                       log_response,
+                      linear,
                       value,
                       make_cost});
   }

@@ -32,6 +32,9 @@ struct NistModel {
   int num_parameters;   // n, one parameter block
   int num_predictors;
   bool log_response;  // f is log y
+  // The parameters in which f is affine, by LinearParameters
+  // (separable/linear_parameters.h); for all data.
+  std::vector<int> linear;
   // f(x; b), with num_predictors and num_parameters entries.
   std::function<double(const double* x, const double* b)> value;
   // The residual of one observation; the caller owns it.

@@ -164,6 +164,9 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "fit_speed") {
     return {"--fits=10", "--rows=1000", "--repetitions=1"};
   }
+  if (program == "separable_fits") {
+    return {"--starts=2", "--sides=4", "--samples=6", "--repetitions=1"};
+  }
   if (program == "rank_speedup") {
     return {"--problem=" + SmallProblem("oscillator_chain"),
             "--samples=4",
@@ -174,7 +177,7 @@ inline Words SmallBudget(const std::string& program) {
   // These have no flags, and take less than a second.
   if (program == "03_rank_report" || program == "06_own_rule" ||
       program == "07_training" || program == "12_degenerate_registration" ||
-      program == "13_covariance") {
+      program == "13_covariance" || program == "14_separable_fit") {
     return {};
   }
   if (program == "04_ceres_solve") return {"--starts=2"};

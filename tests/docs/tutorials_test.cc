@@ -269,6 +269,10 @@ TEST(CovarianceTutorial, PrintsWhatThePageShows) {
   ExpectOnPage("13_covariance", {"{"}, 26);
 }
 
+TEST(SeparableFitTutorial, PrintsWhatThePageShows) {
+  ExpectOnPage("14_separable_fit", {}, 10);
+}
+
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -66,6 +67,80 @@ TEST(NistModels, HaveTheRightDerivatives) {
     ceres::GradientChecker::ProbeResults results;
     // Ridders' differences are good to some 1e-9 here.
     EXPECT_TRUE(checker.Probe(parameters, 1e-7, &results)) << results.error_log;
+  }
+}
+
+// The proof, as read off the formulas: all but Chwirut are separable.
+TEST(NistModels, KnowTheirLinearParameters) {
+  const std::map<std::string, std::vector<int>> expected = {
+      {"Misra1a", {0}},
+      {"Misra1b", {0}},
+      {"Misra1c", {0}},
+      {"Misra1d", {0}},
+      {"BoxBOD", {0}},
+      {"DanWood", {0}},
+      {"Chwirut1", {}},
+      {"Chwirut2", {}},
+      {"Lanczos1", {0, 2, 4}},
+      {"Lanczos2", {0, 2, 4}},
+      {"Lanczos3", {0, 2, 4}},
+      {"Gauss1", {0, 2, 5}},
+      {"Gauss2", {0, 2, 5}},
+      {"Gauss3", {0, 2, 5}},
+      {"Kirby2", {0, 1, 2}},
+      {"Hahn1", {0, 1, 2, 3}},
+      {"Thurber", {0, 1, 2, 3}},
+      {"Nelson", {0, 1}},
+      {"MGH17", {0, 1, 2}},
+      {"Roszman1", {0, 1}},
+      {"MGH09", {0}},
+      {"ENSO", {0, 1, 2, 4, 5, 7, 8}},
+      {"Rat42", {0}},
+      {"MGH10", {0}},
+      {"Eckerle4", {0}},
+      {"Rat43", {0}},
+      {"Bennett5", {0}}};
+  for (const NistModel& model : NistModels()) {
+    EXPECT_EQ(model.linear, expected.at(model.name)) << model.name;
+  }
+}
+
+// The derivatives by the proved parameters do not change with these, and those
+// by any other parameter change with it.
+TEST(NistModels, AreAffineInTheirLinearParametersAndInNoOthers) {
+  for (const NistModel& model : NistModels()) {
+    SCOPED_TRACE(model.name + ": " + model.formula);
+    const std::vector<double> x = {0.7, 1.1};
+    const std::unique_ptr<ceres::CostFunction> cost(
+        model.make_cost(x.data(), 2.0));
+    const int n = model.num_parameters;
+    const auto jacobian_at = [&](const Eigen::VectorXd& b) {
+      Eigen::VectorXd J(n);
+      const double* parameters[] = {b.data()};
+      double* jacobians[] = {J.data()};
+      double residual;
+      EXPECT_TRUE(cost->Evaluate(parameters, &residual, jacobians));
+      return J;
+    };
+    Eigen::VectorXd b(n);
+    for (int i = 0; i < n; ++i) b[i] = 0.6 + 0.15 * i;
+    Eigen::VectorXd moved = b;
+    for (const int i : model.linear) moved[i] += 1.0 + i;
+    const Eigen::VectorXd J = jacobian_at(b);
+    const Eigen::VectorXd J_moved = jacobian_at(moved);
+    for (int i = 0; i < n; ++i) {
+      if (std::count(model.linear.begin(), model.linear.end(), i) > 0) {
+        EXPECT_NEAR(J_moved[i], J[i], 1e-14 * std::abs(J[i])) << i;
+        continue;
+      }
+      moved = b;
+      moved[i] += 0.1;
+      const bool is_linear_alone =  // but not with b1
+          model.name == "MGH09" && i == 1;
+      EXPECT_EQ(std::abs(jacobian_at(moved)[i] - J[i]) <= 1e-14,
+                is_linear_alone)
+          << i;
+    }
   }
 }
 

@@ -92,6 +92,46 @@ TEST_F(EstimateProgram, ReportsTheSameCostsAsTheMethodsThemselves) {
             std::stoi(rows[0][5]) + std::stoi(rows[0][6]));
 }
 
+TEST_F(EstimateProgram, MinimizesOverTheNonlinearParameters) {
+  const Output output = RunQuietly(
+      WriteMisra1a(),
+      "run",
+      {"--separable=both", "--methods=ceres_lm,ceres_lm+half_inverse"});
+  ExpectSays(output, {"ceres_lm separable", "ceres_lm+half_inverse separable"});
+  const auto rows = Results("run");
+  ASSERT_EQ(rows.size(), 8);
+  for (std::size_t i = 0; i < rows.size(); i += 2) {
+    // b1 is at its best, and the start's b1 has no influence.
+    EXPECT_EQ(rows[i + 1][1], rows[i][1] + " separable");
+    EXPECT_LT(std::stod(rows[i + 1][2]), std::stod(rows[i][2]));
+    EXPECT_LT(std::stod(rows[i + 1][3]), 1e-20);
+    EXPECT_GT(std::stod(rows[i + 1][8]), 9.0);
+  }
+  NistData result;
+  std::string error;
+  ASSERT_TRUE(ReadNistFile(
+      Path("run") + "/Misra1a-start1/ceres_lm-separable.dat", &result, &error))
+      << error;
+  EXPECT_NEAR(result.starts(0, 0), 2.0, 1e-9);
+  EXPECT_NEAR(result.starts(1, 0), 0.5, 1e-9);
+}
+
+TEST_F(EstimateProgram, RefusesAnUnknownWayToSeparate) {
+  const Output output =
+      RunQuietly(WriteMisra1a(), "run", {"--separable=yes"}, /*exit_code=*/1);
+  ExpectSays(output, {"--separable=yes", "off", "on", "both"});
+}
+
+// Nothing is proved to be linear in a pose graph.
+TEST_F(EstimateProgram, SaysWhereNothingIsLinear) {
+  const Output output = RunQuietly(WriteG2o2d(),
+                                   "run",
+                                   {"--separable=both", "--methods=ceres_lm"},
+                                   /*exit_code=*/2);
+  ExpectSays(output, {"not run: no parameter is proved to be linear"});
+  EXPECT_EQ(Results("run").size(), 2);
+}
+
 TEST_F(EstimateProgram, AdjustsBundlesPlainAndCompressed) {
   for (const std::string name : {"small.txt", "small.txt.bz2"}) {
     SCOPED_TRACE(name);

@@ -19,6 +19,24 @@ ceres::Problem::Options CopyOptions(ceres::Ownership ownership,
 
 // The getters of a problem return pointers to const; the setters take pointers
 // to non-const.
+void CopyParameterBlock(const ceres::Problem& problem,
+                        double* values,
+                        const ceres::Manifold* manifold,
+                        ceres::Problem* copy) {
+  const int size = problem.ParameterBlockSize(values);
+  copy->AddParameterBlock(values, size, const_cast<ceres::Manifold*>(manifold));
+  if (problem.IsParameterBlockConstant(values)) {
+    copy->SetParameterBlockConstant(values);
+  }
+  for (int i = 0; i < size; ++i) {
+    // These have no effect without a bound.
+    copy->SetParameterLowerBound(
+        values, i, problem.GetParameterLowerBound(values, i));
+    copy->SetParameterUpperBound(
+        values, i, problem.GetParameterUpperBound(values, i));
+  }
+}
+
 void CopyProblem(
     const ceres::Problem& problem,
     const std::function<ceres::CostFunction*(const ceres::CostFunction*)>&
@@ -38,19 +56,7 @@ void CopyProblem(
   }
   problem.GetParameterBlocks(&blocks);
   for (double* values : blocks) {
-    const int size = problem.ParameterBlockSize(values);
-    copy->AddParameterBlock(
-        values, size, const_cast<ceres::Manifold*>(manifold(values)));
-    if (problem.IsParameterBlockConstant(values)) {
-      copy->SetParameterBlockConstant(values);
-    }
-    for (int i = 0; i < size; ++i) {
-      // These have no effect without a bound.
-      copy->SetParameterLowerBound(
-          values, i, problem.GetParameterLowerBound(values, i));
-      copy->SetParameterUpperBound(
-          values, i, problem.GetParameterUpperBound(values, i));
-    }
+    CopyParameterBlock(problem, values, manifold(values), copy);
   }
 }
 

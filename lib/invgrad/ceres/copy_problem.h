@@ -16,6 +16,13 @@ namespace invgrad {
 ceres::Problem::Options CopyOptions(ceres::Ownership ownership,
                                     ceres::EvaluationCallback* callback);
 
+// Adds a parameter block, with its constness and bounds, and this manifold
+// (null: Euclidean).
+void CopyParameterBlock(const ceres::Problem& problem,
+                        double* values,
+                        const ceres::Manifold* manifold,
+                        ceres::Problem* copy);
+
 // Adds the residual blocks of `problem`, in their order, and its parameter
 // blocks to the empty problem `copy`, with the cost functions and manifolds
 // (null: Euclidean) that the functions return.
