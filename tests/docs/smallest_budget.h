@@ -177,7 +177,8 @@ inline Words SmallBudget(const std::string& program) {
   // These have no flags, and take less than a second.
   if (program == "03_rank_report" || program == "06_own_rule" ||
       program == "07_training" || program == "12_degenerate_registration" ||
-      program == "13_covariance" || program == "14_separable_fit") {
+      program == "13_covariance" || program == "14_separable_fit" ||
+      program == "15_exact_output_layer") {
     return {};
   }
   if (program == "04_ceres_solve") return {"--starts=2"};

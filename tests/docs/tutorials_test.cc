@@ -273,6 +273,11 @@ TEST(SeparableFitTutorial, PrintsWhatThePageShows) {
   ExpectOnPage("14_separable_fit", {}, 10);
 }
 
+// But for the losses, whose digits depend on the processor.
+TEST(ExactOutputLayerTutorial, PrintsWhatThePageShows) {
+  ExpectOnPage("15_exact_output_layer", {"  adam", "  levenberg"}, 3);
+}
+
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
