@@ -34,7 +34,8 @@ struct OutputLayerProblem {
 bool IsSolvedInX(const Model& model);
 
 // The problem in x, for the changes d_x = x~ - x (|x| x B) of the outputs of a
-// pass with derivatives, with the factor `scales` (B) for each sample's squares; empty: one.
+// pass with derivatives, with the factor `scales` (B) for each sample's squares;
+// empty: one.
 void SetProblemInX(const Network& network,
                    const Eigen::VectorXd& weights,
                    const Network::Pass& pass,

@@ -1,7 +1,5 @@
 #include "invgrad/output_layer/reduced_objective.h"
 
-#include <lapacke.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,6 +9,8 @@
 #include "Eigen/QR"
 #include "glog/logging.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
+#include "invgrad/output_layer/share.h"
+#include "invgrad/output_layer/tall_svd.h"
 
 namespace invgrad {
 namespace {
@@ -20,16 +20,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Equations of a block for each unknown: the loss of fresh samples is then about
-// 1/16 above that of the best layer.
-constexpr double kEquationsPerUnknown = 16.0;
 // The root of the ridge of a layer that is solved after each step, over the
 // largest singular value. A smaller one lets directions that the features barely
 // have grow to where rounding errors decide; a truncation in its place makes the
 // loss jump as singular values cross it.
 constexpr double kRidge = 1e-9;
-// The cost of the solutions, over that of the steps.
-constexpr double kCostOfSolutions = 0.5;
 // The largest share of a promised decrease that a change of a nonlinear loss may
 // miss and need no further one.
 constexpr double kMissed = 1e-3;
@@ -46,87 +41,11 @@ std::vector<int> WeightsOutside(const LayerColumns& layer, int num_weights) {
   return others;
 }
 
-// J = U diag(s) V^T, thin, by way of J = Q R: m x p, and U is only formed on
-// request.
-class TallSvd {
- public:
-  // Returns false if J is not finite.
-  bool Compute(MatrixXd J) {
-    if (!J.allFinite()) return false;
-    qr_ = std::move(J);
-    const Index k = std::min(qr_.rows(), qr_.cols());
-    const auto [m, p] = Sizes();
-    tau_.resize(k);
-    LAPACKE_dgeqrf(LAPACK_COL_MAJOR, m, p, qr_.data(), m, tau_.data());
-    MatrixXd R = qr_.topRows(k).triangularView<Eigen::Upper>();
-    const auto rows = static_cast<lapack_int>(k);
-    U_of_R_.resize(k, k);
-    s.resize(k);
-    Vt.resize(k, p);
-    return LAPACKE_dgesdd(LAPACK_COL_MAJOR,
-                          'S',
-                          rows,
-                          p,
-                          R.data(),
-                          rows,
-                          s.data(),
-                          U_of_R_.data(),
-                          rows,
-                          Vt.data(),
-                          rows) == 0;
-  }
-
-  MatrixXd U() const {
-    MatrixXd U = MatrixXd::Zero(qr_.rows(), s.size());
-    U.topRows(s.size()) = U_of_R_;
-    ApplyQ('N', &U);
-    return U;
-  }
-  // U^T d.
-  MatrixXd Coefficients(MatrixXd d) const {
-    ApplyQ('T', &d);
-    return U_of_R_.transpose() * d.topRows(s.size());
-  }
-  // The shares s^2 / (s^2 + lambda) of the directions that a solution takes.
-  ArrayXd Shares() const {
-    const ArrayXd squares = s.array().square();
-    return (squares > 0.0)
-        .select(squares / (squares + std::pow(kRidge * s[0], 2)), 0.0);
-  }
-
-  VectorXd s;
-  MatrixXd Vt;
-
- private:
-  std::pair<lapack_int, lapack_int> Sizes() const {
-    return {static_cast<lapack_int>(qr_.rows()),
-            static_cast<lapack_int>(qr_.cols())};
-  }
-  void ApplyQ(char op, MatrixXd* columns) const {
-    const auto m = Sizes().first;
-    LAPACKE_dormqr(LAPACK_COL_MAJOR,
-                   'L',
-                   op,
-                   m,
-                   static_cast<lapack_int>(columns->cols()),
-                   static_cast<lapack_int>(tau_.size()),
-                   qr_.data(),
-                   m,
-                   tau_.data(),
-                   columns->data(),
-                   m);
-  }
-
-  MatrixXd qr_;
-  VectorXd tau_;
-  MatrixXd U_of_R_;
-};
-
 // W with J - W W^T J the part of J that a solution of the layer leaves.
 MatrixXd SolvedDirections(const MatrixXd& J_C) {
   TallSvd svd;
   if (!svd.Compute(J_C)) return {};
-  return svd.U() * svd.Shares().sqrt().matrix().asDiagonal();
+  return svd.U() * svd.Shares(kRidge).sqrt().matrix().asDiagonal();
 }
 
 bool SolveWithSmallRidge(const OutputLayerProblem& problem,
@@ -137,11 +56,11 @@ bool SolveWithSmallRidge(const OutputLayerProblem& problem,
       !svd.Compute(problem.H.transpose())) {
     return false;
   }
-  const ArrayXd shares = svd.Shares();
+  const ArrayXd shares = svd.Shares(kRidge);
   const MatrixXd coefficients = svd.Coefficients(problem.D.transpose());
   const VectorXd factors =
-      (svd.s.array() > 0.0).select(shares / svd.s.array(), 0.0);
-  solution->Z = svd.Vt.transpose() * (factors.asDiagonal() * coefficients);
+      (svd.s().array() > 0.0).select(shares / svd.s().array(), 0.0);
+  solution->Z = svd.V() * (factors.asDiagonal() * coefficients);
   const ArrayXd left = 1.0 - (1.0 - shares).square();
   solution->squared_residual =
       solution->squared_norm -
@@ -149,51 +68,7 @@ bool SolveWithSmallRidge(const OutputLayerProblem& problem,
   return true;
 }
 
-// The sizes of the least-squares problem.
-struct ProblemSizes {
-  ProblemSizes(const Model& model, bool is_proxy) {
-    const LayerColumns layer = model.network().OutputLayer();
-    const bool in_x = is_proxy || IsSolvedInX(model);
-    p = static_cast<double>(in_x ? layer.rows() : layer.size());
-    q = in_x ? static_cast<double>(layer.cols()) : 1.0;
-    equations_of_sample =
-        in_x ? model.num_columns() * model.network().num_outputs() / q
-             : model.loss().size();
-  }
-  // Of a block.
-  double samples_of_block() const {
-    return std::max(1.0, kEquationsPerUnknown * p / equations_of_sample);
-  }
-  double p;
-  double q;
-  double equations_of_sample;
-};
-
 }  // namespace
-
-int OutputLayerPeriod(const Model& model,
-                      bool is_proxy,
-                      int batch_size,
-                      int num_samples) {
-  const ProblemSizes sizes(model, is_proxy);
-  const double pass = 2.0 * model.num_weights() * model.num_columns();
-  const double solution =
-      (is_proxy ? 3.0 * pass : pass) +
-      4.0 * sizes.equations_of_sample * sizes.p * (sizes.p + sizes.q);
-  const double period =
-      solution * std::min<double>(num_samples, sizes.samples_of_block()) /
-      (kCostOfSolutions * 3.0 * pass * batch_size);
-  return static_cast<int>(std::clamp(std::ceil(period), 1.0, 1e9));
-}
-
-double OutputLayerBytes(const Model& model, bool is_proxy) {
-  const ProblemSizes sizes(model, is_proxy);
-  const double equations = sizes.samples_of_block() * sizes.equations_of_sample;
-  return sizeof(double) * (sizes.p + sizes.q) *
-             (3.0 * equations + 4.0 * sizes.p) +
-         sizes.samples_of_block() * model.num_columns() *
-             model.network().BytesPerColumn();
-}
 
 ReducedObjective::ReducedObjective(std::unique_ptr<BatchObjective> whole,
                                    const Model* model,
@@ -273,11 +148,10 @@ bool ReducedObjective::SetBlocks(const DataSet& batch, std::string* error) {
   if (!of_batch() && !blocks_.empty()) return true;
   const DataSet& samples = of_batch() ? batch : *train_;
   const long N = samples.num_samples();
-  const ProblemSizes sizes(model_, whole_->is_proxy());
+  const double share = SamplesOfShare(model_, whole_->is_proxy());
   const long count =
       of_batch() ? 1
-                 : static_cast<long>(std::ceil(static_cast<double>(N) /
-                                               sizes.samples_of_block()));
+                 : static_cast<long>(std::ceil(static_cast<double>(N) / share));
   blocks_.clear();
   for (long k = 0; k < count; ++k) {
     const long first = N * k / count;
@@ -332,8 +206,7 @@ bool ReducedObjective::FindChange(const VectorXd& weights,
   if (is_solved && change->Z.allFinite()) return true;
   *error =
       "output_layer=exact: the features of the last hidden layer or the "
-      "targets "
-      "of the output layer are not finite";
+      "targets of the output layer are not finite";
   return false;
 }
 

@@ -3,29 +3,30 @@
 //
 //   theta = (u, C),   C*(u) = argmin_C L(u, C),   L*(u) = L(u, C*(u))
 //   gradient L*(u) = dL/du at C*(u)
-//   J* = (I - Q Q^T) J_u,   Q: an orthonormal basis of the range of J_C
+//   J* = (I - Q Q^T) J_u,   J_C = U diag(s) V^T,   Q = U diag(s^2/(s^2+l))^(1/2)
 //
 // The gradient needs no derivative of C*, because dL/dC = 0 there. J*, the
 // Jacobian of the residuals that the best layer leaves, is Kaufman's: that of
 // Golub and Pereyra without a term that is orthogonal to the residuals, and so
 // with the same gradient J*^T g [1, 2]. docs/variable_projection.md derives both.
 //
-// C is solved on a whole data set (SolveOutputLayer), not on the batch of a
-// step: a batch of fewer samples than features determines no layer. The change
-// of C that a problem in x (inverse/output_layer_problem.h) or, for simulators that
-// are not linear, a Gauss-Newton step in C gives is exact for linear residuals;
-// otherwise the steps are halved until the loss falls.
+// A batch of fewer samples than features determines no layer. So there are two
+// ways to solve C:
 //
-//   of_batch   The data set is the batch of each step. C is solved after each
-//              change of u, without a ridge, and J is projected: with
+//   of_batch   on the batch of each step, after each change of u. The ridge l is
+//              (1e-9 s_max)^2, towards the last C. J is projected: with
 //              Gauss-Newton and Levenberg-Marquardt rules this is variable
-//              projection.
-//   otherwise  C is solved every few steps on a share of the samples, the next
-//              one each time, with the larger of two ridges: of cross-validation
-//              (normal_equations.h), and of the drift of the features from one
-//              solution to the next (drift_ridge.h). J_u is not projected: of the range
-//              of J_C over all N samples, a batch has the share B / N. A run
-//              reports its weights with the C of all samples.
+//              projection. For batches of all samples.
+//   otherwise  every few steps on a share of the training samples (share.h), the
+//              next one each time, with the larger of two ridges: of
+//              cross-validation (normal_equations.h), and of the drift of the
+//              features from one solution to the next (drift_ridge.h). J_u is not
+//              projected: of the range of J_C over all N samples, a batch has the
+//              share B / N. A run reports its weights with the C of all samples.
+//
+// The change of C is exact for problems in x (inverse/output_layer_problem.h) and
+// for residuals in y that are linear in C; otherwise it is a Gauss-Newton step,
+// which is halved until the loss of its samples falls.
 //
 // Shapes:  theta: n;  u: n - fan_in fan_out, in the order of theta; a rule sees
 //          gradient, J and Hessian in u alone.
@@ -146,18 +147,6 @@ class ReducedObjective final : public BatchObjective {
   Blocks blocks_;
   DriftRidge drift_;
 };
-
-// The number of steps on batches that cost about twice as much as a solution on
-// a share of the samples, by the operations of the network: a solution takes 2 n
-// + 4 p (p + q), and a step 6 n, a sample. Pull-backs count as the network does,
-// because a solution pulls back each sample once, as a step does.
-int OutputLayerPeriod(const Model& model,
-                      bool is_proxy,
-                      int batch_size,
-                      int num_samples);
-
-// The memory of a solution in bytes, in addition to that of a batch.
-double OutputLayerBytes(const Model& model, bool is_proxy);
 
 }  // namespace invgrad
 

@@ -9,6 +9,7 @@
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/output_layer/reduced_objective.h"
+#include "invgrad/output_layer/share.h"
 #include "invgrad/train/training_memory.h"
 
 namespace invgrad {
@@ -109,6 +110,14 @@ bool CanSolveOutputLayer(const Phase& phase,
     return true;
   }
   return false;
+}
+
+// Whether the best output layer of all samples is solved after each step. A rule
+// of gradients alone has no say in how far the layer moves.
+bool SolvesAfterEachStep(const UpdateRule& rule, const Model& model) {
+  const LinearizationParts needs = rule.Needs();
+  return model.dense_network() != nullptr &&
+         (needs.jacobian || needs.hessian || needs.after || rule.JudgesSteps());
 }
 
 // Whether the parts and the data fit; if not, *error lists them.
@@ -235,16 +244,15 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   }
   int output_layer_period = 0;
   if (phase.solves_output_layer) {
-    // A rule of gradients alone has no say in how far the layer moves.
-    const bool of_batch = batch_size == num_samples &&
-                          (rule->Needs().jacobian || rule->Needs().hessian ||
-                           rule->Needs().after || rule->JudgesSteps());
-    output_layer_period =
-        of_batch ? 1
-        : phase.output_layer_period > 0
-            ? phase.output_layer_period
-            : OutputLayerPeriod(
-                  model, objective->is_proxy(), batch_size, num_samples);
+    const bool of_batch =
+        batch_size == num_samples && SolvesAfterEachStep(*rule, model);
+    output_layer_period = phase.output_layer_period;
+    if (output_layer_period == 0 || of_batch) {
+      output_layer_period =
+          of_batch ? 1
+                   : OutputLayerPeriod(
+                         model, objective->is_proxy(), batch_size, num_samples);
+    }
     objective = std::make_unique<ReducedObjective>(
         std::move(objective), &model, of_batch ? nullptr : &data.train);
   }

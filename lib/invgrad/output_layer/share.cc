@@ -1,0 +1,62 @@
+#include "invgrad/output_layer/share.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "invgrad/inverse/output_layer_problem.h"
+
+namespace invgrad {
+namespace {
+
+constexpr double kEquationsPerUnknown = 16.0;
+// The cost of the solutions, over that of the steps.
+constexpr double kCostOfSolutions = 0.5;
+
+struct ProblemSizes {
+  ProblemSizes(const Model& model, bool is_proxy) {
+    const LayerColumns layer = model.network().OutputLayer();
+    const bool in_x = is_proxy || IsSolvedInX(model);
+    p = static_cast<double>(in_x ? layer.rows() : layer.size());
+    q = in_x ? static_cast<double>(layer.cols()) : 1.0;
+    equations_of_sample =
+        in_x ? model.num_columns() * model.network().num_outputs() / q
+             : model.loss().size();
+  }
+  double p;
+  double q;
+  double equations_of_sample;
+};
+
+}  // namespace
+
+double SamplesOfShare(const Model& model, bool is_proxy) {
+  const ProblemSizes sizes(model, is_proxy);
+  return std::max(1.0,
+                  kEquationsPerUnknown * sizes.p / sizes.equations_of_sample);
+}
+
+int OutputLayerPeriod(const Model& model,
+                      bool is_proxy,
+                      int batch_size,
+                      int num_samples) {
+  const ProblemSizes sizes(model, is_proxy);
+  const double pass = 2.0 * model.num_weights() * model.num_columns();
+  const double solution =
+      (is_proxy ? 3.0 * pass : pass) +
+      4.0 * sizes.equations_of_sample * sizes.p * (sizes.p + sizes.q);
+  const double share =
+      std::min<double>(num_samples, SamplesOfShare(model, is_proxy));
+  const double period =
+      solution * share / (kCostOfSolutions * 3.0 * pass * batch_size);
+  return static_cast<int>(std::clamp(std::ceil(period), 1.0, 1e9));
+}
+
+double OutputLayerBytes(const Model& model, bool is_proxy) {
+  const ProblemSizes sizes(model, is_proxy);
+  const double share = SamplesOfShare(model, is_proxy);
+  return sizeof(double) * (sizes.p + sizes.q) *
+             (3.0 * share * sizes.equations_of_sample + 4.0 * sizes.p) +
+         share * model.num_columns() * model.network().BytesPerColumn();
+}
+
+}  // namespace invgrad
