@@ -1,8 +1,8 @@
 // The least ridge of an output layer that is solved every few steps, from what
 // the steps between two solutions did to it.
 //
-//   rho <- min(1, 8 rho)   if the mean squared residual of fresh samples, before a
-//                          solution, is above 4 times that after the last one
+//   rho <- min(1, 8 rho)   if the mean squared residual of fresh samples, before
+//                          a solution, is above 4 times that after the last one
 //   rho <- rho / 2         otherwise
 //   ridge = rho l_max
 //
@@ -27,7 +27,8 @@ namespace invgrad {
 
 class DriftRidge {
  public:
-  // Before a solution, with the mean squared residual of its samples; returns rho.
+  // Before a solution, with the mean squared residual of its samples. Returns
+  // rho.
   double RidgeFor(double mean_square) {
     double& rho = state_[0];
     const double last = state_[1];

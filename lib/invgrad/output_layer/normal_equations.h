@@ -7,15 +7,15 @@
 //   GCV(lambda) = |Z^T H - D|^2 / (m - sum_j l_j / (l_j + lambda))^2        [1]
 //
 // GCV is the mean of the squared leave-one-out errors, with the leverage of each
-// equation replaced by their mean; it needs l, V^T R, |D|^2 and m alone. The ridge is
-// the best of a grid with the factor 2, from the resolution of the arithmetic to
-// 4 l_max. The rows of D share it.
+// equation replaced by their mean; it needs l, V^T R, |D|^2 and m alone. The
+// ridge is the best of a grid with the factor 2, from the resolution of the
+// arithmetic to 4 l_max. The rows of D share it.
 //
 // Shapes:  H: p x m;  D: q x m;  Z: p x q.
 // Units:   lambda: those of H^2. Z depends on the relative scales of H's rows
 //          where lambda is not small.
-// Cost:    m p (p + 2 q) for the equations; Solve: 9 p^3 + 4 p^2 q. Memory: p (p + q)
-//          numbers.
+// Cost:    m p (p + 2 q) for the equations; Solve: 9 p^3 + 4 p^2 q. Memory:
+//          p (p + q) numbers.
 // Fails:   Solve returns false if H or D is not finite.
 // Edges:   l <= p eps l_max count as zero: directions of H below 1e-8 of the
 //          largest one. Without equations, Z = 0.

@@ -1,5 +1,5 @@
-// The thin singular value decomposition of a tall matrix, by way of its triangular
-// factor.
+// The thin singular value decomposition of a tall matrix, by way of its
+// triangular factor.
 //
 //   J = Q R,   R = W diag(s) V^T,   U = Q W
 //
