@@ -59,4 +59,9 @@ double OutputLayerBytes(const Model& model, bool is_proxy) {
          share * model.num_columns() * model.network().BytesPerColumn();
 }
 
+double ProjectionBytes(const Model& model, double num_outputs, int batch_size) {
+  const auto p = static_cast<double>(model.network().OutputLayer().size());
+  return 4.0 * sizeof(double) * p * (num_outputs * batch_size + p);
+}
+
 }  // namespace invgrad

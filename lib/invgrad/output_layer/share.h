@@ -22,8 +22,12 @@ int OutputLayerPeriod(const Model& model,
                       int batch_size,
                       int num_samples);
 
-// The memory of a solution in bytes, without that of the samples.
+// The memory of a solution on a share in bytes, without that of the samples.
 double OutputLayerBytes(const Model& model, bool is_proxy);
+
+// The memory of a solution and a projection on a batch: copies of J_C, which has
+// `num_outputs` rows a sample.
+double ProjectionBytes(const Model& model, double num_outputs, int batch_size);
 
 }  // namespace invgrad
 

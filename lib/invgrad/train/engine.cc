@@ -78,6 +78,11 @@ bool CanSolveOutputLayer(const Phase& phase,
   const bool in_x = phase.pull_back.has_value() && !phase.pull_back->is_joint();
   const Network& network = model.network();
   const auto layer_size = network.OutputLayer().size();
+  // A step in y turns the loss into one without a squared norm.
+  const std::shared_ptr<const Loss> loss =
+      phase.pull_back.has_value() && !in_x
+          ? phase.pull_back->MakeLoss(model.shared_loss())
+          : model.shared_loss();
   if (layer_size == 0) {
     *error = fmt::format(
         "output_layer=exact: the network {} does not end in a layer that is "
@@ -92,7 +97,7 @@ bool CanSolveOutputLayer(const Phase& phase,
   } else if (in_x && !phase.pull_back->has_least_squares_proxy()) {
     *error =
         "output_layer=exact: proxy=l1 is no sum of squares: choose proxy=l2";
-  } else if (!in_x && !model.loss().SquaredNormFactor().has_value()) {
+  } else if (!in_x && !loss->SquaredNormFactor().has_value()) {
     *error =
         "output_layer=exact: the loss is no sum of squares: train towards "
         "targets in x, for example newton/inverse_gradient/adam, or leave the "
@@ -112,12 +117,63 @@ bool CanSolveOutputLayer(const Phase& phase,
   return false;
 }
 
-// Whether the best output layer of all samples is solved after each step. A rule
-// of gradients alone has no say in how far the layer moves.
-bool SolvesAfterEachStep(const UpdateRule& rule, const Model& model) {
+struct OutputLayerPlan {
+  bool after_each_step = false;  // on the batch, of all samples
+  int period = 0;                // 0: the layer is trained
+  MemoryPart memory;
+};
+
+OutputLayerPlan PlanOutputLayer(const Phase& phase,
+                                const UpdateRule& rule,
+                                const Model& model,
+                                const TrainingData& data,
+                                bool is_proxy,
+                                int batch_size) {
+  OutputLayerPlan plan;
+  if (!phase.solves_output_layer) return plan;
+  const int num_samples = data.train.num_samples();
   const LinearizationParts needs = rule.Needs();
-  return model.dense_network() != nullptr &&
-         (needs.jacobian || needs.hessian || needs.after || rule.JudgesSteps());
+  // A rule of gradients alone has no say in how far the layer moves.
+  plan.after_each_step =
+      batch_size == num_samples && model.dense_network() != nullptr &&
+      (needs.jacobian || needs.hessian || needs.after || rule.JudgesSteps());
+  if (plan.after_each_step) {
+    plan.period = 1;
+    const double num_outputs =
+        is_proxy ? model.simulator().num_inputs() : model.loss().size();
+    plan.memory = {"projection without the output layer",
+                   ProjectionBytes(model, num_outputs, batch_size)};
+    return plan;
+  }
+  plan.period =
+      phase.output_layer_period > 0
+          ? phase.output_layer_period
+          : OutputLayerPeriod(model, is_proxy, batch_size, num_samples);
+  plan.memory = {"output layer",
+                 DataBytes(data.train) + OutputLayerBytes(model, is_proxy)};
+  return plan;
+}
+
+// The objective of all weights; null, with *error, if the pull-back cannot train
+// this model.
+std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
+                                              const UpdateRule& rule,
+                                              const Model& model,
+                                              const TrainingData& data,
+                                              const TrainOptions& options,
+                                              std::string* error) {
+  if (!phase.pull_back.has_value()) {
+    return std::make_unique<ModelObjective>(model);
+  }
+  const PullBackMethod& pull_back = *phase.pull_back;
+  if (!CheckPullBack(pull_back, rule, model, data.train, error)) return nullptr;
+  if (pull_back.is_joint()) {
+    return std::make_unique<ModelObjective>(model.WithLoss(
+        pull_back.MakeLoss(model.shared_loss()), model.reduction()));
+  }
+  ChainPullBack::Options chain = pull_back.ChainOptions();
+  chain.communicator = options.communicator.get();
+  return std::make_unique<ChainPullBack>(&model, options.inverse, chain);
 }
 
 // Whether the parts and the data fit; if not, *error lists them.
@@ -172,24 +228,9 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     }
     return MakeCeresEngine(phase, &model, &data.train);
   }
-  std::unique_ptr<BatchObjective> objective;
-  if (!phase.pull_back.has_value()) {
-    objective = std::make_unique<ModelObjective>(model);
-  } else {
-    const PullBackMethod& pull_back = *phase.pull_back;
-    if (!CheckPullBack(pull_back, *rule, model, data.train, error)) {
-      return nullptr;
-    }
-    if (pull_back.is_joint()) {
-      objective = std::make_unique<ModelObjective>(model.WithLoss(
-          pull_back.MakeLoss(model.shared_loss()), model.reduction()));
-    } else {
-      ChainPullBack::Options chain = pull_back.ChainOptions();
-      chain.communicator = options.communicator.get();
-      objective =
-          std::make_unique<ChainPullBack>(&model, options.inverse, chain);
-    }
-  }
+  std::unique_ptr<BatchObjective> objective =
+      MakeObjective(phase, *rule, model, data, options, error);
+  if (objective == nullptr) return nullptr;
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
     return nullptr;
   }
@@ -221,11 +262,9 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   std::vector<MemoryPart> parts = TrainingMemory(
       model, *rule, objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
-  if (phase.solves_output_layer) {
-    parts.push_back({"output layer",
-                     DataBytes(data.train) +
-                         OutputLayerBytes(model, objective->is_proxy())});
-  }
+  const OutputLayerPlan output_layer = PlanOutputLayer(
+      phase, *rule, model, data, objective->is_proxy(), batch_size);
+  if (phase.solves_output_layer) parts.push_back(output_layer.memory);
   if (options.averages_weights) {
     // One more while it is updated or evaluated.
     const double bytes = sizeof(double) * 1.0 * model.num_weights();
@@ -242,22 +281,14 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     objective = std::make_unique<DistributedObjective>(std::move(objective),
                                                        options.communicator);
   }
-  int output_layer_period = 0;
   if (phase.solves_output_layer) {
-    const bool of_batch =
-        batch_size == num_samples && SolvesAfterEachStep(*rule, model);
-    output_layer_period = phase.output_layer_period;
-    if (output_layer_period == 0 || of_batch) {
-      output_layer_period =
-          of_batch ? 1
-                   : OutputLayerPeriod(
-                         model, objective->is_proxy(), batch_size, num_samples);
-    }
     objective = std::make_unique<ReducedObjective>(
-        std::move(objective), &model, of_batch ? nullptr : &data.train);
+        std::move(objective),
+        &model,
+        output_layer.after_each_step ? nullptr : &data.train);
   }
   return MakeRuleEngine(batch_size,
-                        output_layer_period,
+                        output_layer.period,
                         options,
                         std::move(objective),
                         std::move(rule),
