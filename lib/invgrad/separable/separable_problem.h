@@ -63,7 +63,7 @@ class SeparableProblem {
     // Of Phi, relative to the largest pivot (linear_projection.h).
     double rank_threshold = kLinearRankThreshold;
     // The Jacobian of Golub and Pereyra in place of Kaufman's; not with robust
-    // losses. It costs 2 p evaluations more.
+    // losses. It costs p + 1 evaluations more.
     bool is_golub_pereyra = false;
     // The name of a block; "" or no function: "block i", as in a RankReport.
     std::function<std::string(const double* values)> block_name;
