@@ -18,7 +18,8 @@
 //
 //   c <- argmin_c sum_b rho_b'(|r_b|^2) |r_b(alpha, c)|^2,
 //
-// until r no longer changes; the change of c is halved while the cost rises. f_b is then that of root_loss.h, and Phi and A are its derivatives; as
+// until r no longer changes; the change of c is halved while the cost rises.
+// f_b is then that of root_loss.h, and Phi and A are its derivatives; as
 // Phi^T f = 0, Kaufman's Jacobian gives the exact gradient here, too.
 // Reweighting starts from the c of the last state with a Jacobian, which an
 // accepted step leads to.
