@@ -169,11 +169,14 @@ void CompareSums(RunCounts* counts, Table* table) {
 
 bool CompareExponentials(RunCounts* counts, std::string* error) {
   const std::vector<std::string> all_terms = SplitList(FLAGS_terms);
+  bool is_valid = !all_terms.empty();
   for (const std::string& terms : all_terms) {
-    if (terms != "2" && terms != "3" && terms != "4" && terms != "5") {
-      *error = "--terms=" + FLAGS_terms + ": allowed are 2, 3, 4 and 5";
-      return false;
-    }
+    is_valid =
+        is_valid && terms.size() == 1 && terms[0] >= '2' && terms[0] <= '5';
+  }
+  if (!is_valid) {
+    *error = "--terms=" + FLAGS_terms + ": allowed are 2, 3, 4 and 5";
+    return false;
   }
   Table table;
   for (const std::string& terms : all_terms) {

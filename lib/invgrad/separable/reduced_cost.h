@@ -18,15 +18,15 @@
 //
 //   c <- argmin_c sum_b rho_b'(|r_b|^2) |r_b(alpha, c)|^2,
 //
-// until r no longer changes, and is halved toward the last c while the cost
-// rises. f_b is then that of root_loss.h, and Phi and A are its derivatives; as
+// until r no longer changes; the change of c is halved while the cost rises.
+// f_b is then that of root_loss.h, and Phi and A are its derivatives; as
 // Phi^T f = 0, Kaufman's Jacobian gives the exact gradient here, too.
 // Reweighting starts from the c of the last state with a Jacobian, which an
 // accepted step leads to.
 //
 // Cost:    an evaluation without Jacobian is one of r and Phi and a
-//          decomposition; with Jacobian, one of r, A and Phi more, and 2 p more
-//          for the Jacobian of Golub and Pereyra.
+//          decomposition; with Jacobian, one of r, A and Phi more, and p + 1
+//          more for the Jacobian of Golub and Pereyra.
 // Fails:   Evaluate returns false if a cost function does, a value is not
 //          finite or a loss has rho < 0 or rho' < 0.
 //

@@ -14,10 +14,10 @@
 // Residual blocks that share linear parameters c form a component, which
 // becomes one residual block of the reduced problem (reduced_cost.h). The
 // reduced problem has the blocks of the user's problem that are not linear,
-// with their values, manifolds, bounds and constness, and residual blocks without
-// linear parameters as they are. Where the linear parameters of each component
-// are a few (a point seen by affine cameras), the reduced problem is as sparse
-// in the others as a Schur complement.
+// with their values, manifolds, bounds and constness, and the residual blocks
+// without linear parameters as they are. Where the linear parameters of each
+// component are a few (a point seen by affine cameras), the reduced problem is
+// as sparse in the others as a Schur complement.
 //
 // L has the same minima as the problem, at the same cost. LM needs no start for
 // c, and mostly fewer iterations (docs/results/separable_fits.md).
@@ -63,7 +63,7 @@ class SeparableProblem {
     // Of Phi, relative to the largest pivot (linear_projection.h).
     double rank_threshold = kLinearRankThreshold;
     // The Jacobian of Golub and Pereyra in place of Kaufman's; not with robust
-    // losses. It costs 2 p evaluations more.
+    // losses. It costs p + 1 evaluations more.
     bool is_golub_pereyra = false;
     // The name of a block; "" or no function: "block i", as in a RankReport.
     std::function<std::string(const double* values)> block_name;
