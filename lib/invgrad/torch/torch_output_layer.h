@@ -3,15 +3,17 @@
 //
 //   x_p = W h_p + b   at each position p of a sample
 //
-// It is a layer (torch_layers.h) that only views follow, and whose parameters the
-// module uses nowhere else. b belongs to it if it is a parameter; otherwise it is
-// what does not depend on C = W^T. For convolutions, h_p is the patch under the
-// kernel.
+// It is a layer (torch_layers.h) that only views follow, and whose parameters
+// the module uses nowhere else. b belongs to it if it is a parameter; otherwise
+// it is what does not depend on C = W^T. For convolutions, h_p is the patch
+// under the kernel.
 //
-// Shapes:  output: (B, ..). A linear layer is the last one if it has one
-//          position a sample, or one output: otherwise the positions precede the
-//          outputs.
+// Shapes:  output: (B, ..). A linear layer of several outputs has one position
+//          a sample: the outputs of several would lie side by side, and not in
+//          blocks.
 // Cost:    a walk over the graph, and for the features a copy.
+// Fails:   TorchFeatures throws if there is no such layer. A weight that the
+//          module also uses without its graph (detach) is not seen.
 #ifndef INVGRAD_TORCH_TORCH_OUTPUT_LAYER_H_
 #define INVGRAD_TORCH_TORCH_OUTPUT_LAYER_H_
 
@@ -27,8 +29,8 @@ namespace invgrad {
 LayerColumns TorchOutputLayer(const torch::Tensor& output,
                               const std::vector<torch::Tensor>& parameters);
 
-// h, with a last 1 if b belongs to the layer: fan_in x positions of all samples.
-// Throws if there is no such layer.
+// h, with a last 1 if b belongs to the layer: fan_in x positions of all
+// samples.
 Eigen::MatrixXd TorchFeatures(const torch::Tensor& output,
                               const std::vector<torch::Tensor>& parameters);
 
