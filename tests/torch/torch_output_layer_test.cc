@@ -196,7 +196,9 @@ TEST(TorchOutputLayer, ModulesWithoutOne) {
   EXPECT_FALSE(has_one(
       Sequential(linear, nn::LayerNorm(nn::LayerNormOptions({3}))), {3}));
   // The outputs of a position side by side are no blocks.
-  EXPECT_FALSE(has_one(Sequential(linear), {2, 3}));
+  const nn::Linear without_bias(nn::LinearOptions(3, 3).bias(false));
+  EXPECT_TRUE(has_one(Sequential(without_bias), {3}));
+  EXPECT_FALSE(has_one(Sequential(without_bias), {2, 3}));
   EXPECT_FALSE(has_one(
       Sequential(nn::Conv2d(nn::Conv2dOptions(2, 2, 1).groups(2))), {2, 4, 5}));
   EXPECT_FALSE(has_one(Sequential(nn::ConvTranspose2d(2, 3, 1)), {2, 4, 5}));
