@@ -18,6 +18,7 @@
 #include "invgrad/torch/torch_network.h"
 #include "invgrad/torch/u_net.h"
 #include "tests/support/random_matrix.h"
+#include "tests/torch/sequential_network.h"
 
 namespace invgrad {
 namespace torch_factors_test {
@@ -26,24 +27,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using torch::Tensor;
 namespace nn = torch::nn;
-
-std::shared_ptr<const Network> Make(const nn::Sequential& module,
-                                    std::vector<int64_t> input_shape) {
-  TorchNetworkOptions options;
-  options.name = "test";
-  options.input_shape = std::move(input_shape);
-  options.double_precision = true;
-  std::string error;
-  auto network = MakeTorchNetwork(
-      [module] {
-        return FunctionOfModule(
-            std::dynamic_pointer_cast<nn::SequentialImpl>(module->clone()));
-      },
-      options,
-      &error);
-  EXPECT_NE(network, nullptr) << error;
-  return network;
-}
 
 // A pass at random weights.
 struct Pass {
@@ -103,9 +86,10 @@ TEST(TorchFactors, AreSumsOverThePatches) {
     options.padding(1);
     if (periodic) options.padding_mode(torch::kCircular);
     const MatrixXd inputs = RandomMatrix(2 * kCells, kSamples, 2);
-    const Pass pass(Make(nn::Sequential(nn::Conv2d(options), nn::Tanh()),
-                         {2, kRows, kCols}),
-                    inputs);
+    const Pass pass(
+        MakeSequential(nn::Sequential(nn::Conv2d(options), nn::Tanh()),
+                       {2, kRows, kCols}),
+        inputs);
     const MatrixXd w = RandomMatrix(3 * kCells, kSamples, 3);
     MatrixXd a = MatrixXd::Zero(19, kCells * kSamples);
     a.row(18).setOnes();
@@ -145,9 +129,9 @@ TEST(TorchFactors, AreSumsOverThePatches) {
 
 TEST(TorchFactors, SamplesAreTakenInParts) {
   // 9 MB of patches a sample.
-  const auto network =
-      Make(nn::Sequential(nn::Conv2d(nn::Conv2dOptions(8, 1, 3).stride(2))),
-           {8, 257, 257});
+  const auto network = MakeSequential(
+      nn::Sequential(nn::Conv2d(nn::Conv2dOptions(8, 1, 3).stride(2))),
+      {8, 257, 257});
   const MatrixXd inputs = RandomMatrix(network->num_inputs(), 3, 2);
   const MatrixXd w = RandomMatrix(network->num_outputs(), 3, 3);
   MatrixXd A = MatrixXd::Zero(73, 73);
@@ -168,7 +152,8 @@ TEST(TorchFactors, SamplesAreTakenInParts) {
 TEST(TorchFactors, AgreeWithADenseNetwork) {
   const MatrixXd inputs = RandomMatrix(3, 6, 2);
   Pass pass(
-      Make(nn::Sequential(nn::Linear(3, 4), nn::Tanh(), nn::Linear(4, 2)), {3}),
+      MakeSequential(
+          nn::Sequential(nn::Linear(3, 4), nn::Tanh(), nn::Linear(4, 2)), {3}),
       inputs);
   const auto dense = std::make_shared<DenseNetwork>(std::vector<int>{3, 4, 2},
                                                     Activation::kTanh);
@@ -215,7 +200,8 @@ TEST(TorchFactors, AgreeWithADenseNetwork) {
 // gradient, and K-FAC's step that of the Gauss-Newton matrix along w.
 TEST(TorchFactors, OfOneCellAreTheGaussNewtonMatrix) {
   const Pass pass(
-      Make(nn::Sequential(nn::Conv2d(2, 3, 1), nn::Tanh()), {2, 1, 1}),
+      MakeSequential(nn::Sequential(nn::Conv2d(2, 3, 1), nn::Tanh()),
+                     {2, 1, 1}),
       RandomMatrix(2, 1, 2));
   const MatrixXd w = RandomMatrix(3, 1, 3);
   const SampledFactors::Layer layer = pass.Factors(w).layers[0];
@@ -259,12 +245,13 @@ TEST(TorchFactors, SumOverTheCallsOfALayer) {
 
 // Batch normalization and a convolution in groups belong to no layer.
 TEST(TorchFactors, OtherWeightsHaveTheDampedDiagonal) {
-  Pass pass(Make(nn::Sequential(
-                     nn::Conv2d(2, 4, 3),
-                     nn::BatchNorm2d(
-                         nn::BatchNorm2dOptions(4).track_running_stats(false)),
-                     nn::Conv2d(nn::Conv2dOptions(4, 4, 1).groups(2))),
-                 {2, 5, 5}),
+  Pass pass(MakeSequential(
+                nn::Sequential(
+                    nn::Conv2d(2, 4, 3),
+                    nn::BatchNorm2d(
+                        nn::BatchNorm2dOptions(4).track_running_stats(false)),
+                    nn::Conv2d(nn::Conv2dOptions(4, 4, 1).groups(2))),
+                {2, 5, 5}),
             RandomMatrix(50, 6, 2));
   const std::vector<LayerColumns> columns = pass.network->FactorLayers();
   ASSERT_EQ(columns.size(), 1u);

@@ -69,6 +69,39 @@ TEST_F(TorchScriptTest, ComputesTheFunctionAndItsDerivatives) {
   ExpectNetworkTangentIsDifference(*network, weights, inputs, 1e-5, 1e-8);
 }
 
+// W and b are the output layer of tanh(a), if no sum comes after the product.
+TEST_F(TorchScriptTest, HasAnOutputLayer) {
+  std::string error;
+  const auto network = LoadTorchScript(
+      Save("def forward(self, x):\n"
+           "  return torch.addmm(self.b, torch.tanh(x), self.W.t())\n"),
+      {3},
+      true,
+      &error);
+  ASSERT_NE(network, nullptr) << error;
+  const LayerColumns layer = network->OutputLayer();
+  ASSERT_EQ(layer.rows(), 4);
+  ASSERT_EQ(layer.cols(), 2);
+  const VectorXd weights = RandomMatrix(8, 1, 1);
+  const MatrixXd inputs = RandomMatrix(3, 4, 2);
+  for (int k = 0; k < 3; ++k) {  // as the interpreter warms up
+    const auto pass = network->NewPass();
+    ASSERT_TRUE(network->Forward(
+        weights, inputs, Network::Derivatives::kFirst, pass.get(), &error))
+        << error;
+    const MatrixXd h = network->Features(weights, *pass);
+    ASSERT_EQ(h.rows(), 4);
+    EXPECT_LT((h.topRows(3) - inputs.array().tanh().matrix()).norm(), 1e-14);
+    EXPECT_LT((weights(layer.reshaped()).reshaped(4, 2).transpose() * h -
+               pass->outputs)
+                  .norm(),
+              1e-14);
+  }
+  EXPECT_EQ(
+      LoadTorchScript(Save(kForward), {3}, true, &error)->OutputLayer().size(),
+      0);
+}
+
 TEST_F(TorchScriptTest, InitialWeightsAreThoseOfTheFile) {
   std::string error;
   const auto network = LoadTorchScript(Save(kForward), {3}, false, &error);

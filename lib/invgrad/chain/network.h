@@ -110,14 +110,15 @@ class Network {
                        const Eigen::VectorXd& weight_tangent,
                        Eigen::MatrixXd* output_tangents) const = 0;
 
-  // The last layer, if the outputs are affine in its weights: at each position p
-  // of a column, such as a cell of an image,
+  // The last layer, if the outputs are affine in its weights: at each position
+  // p of a column, such as a cell of an image,
   //
-  //   x_p = C^T h_p,   h: the features, with a last 1 for the bias
+  //   x_p = C^T h_p + what does not depend on C
   //
-  // fan_in x fan_out: the number of the weight of each entry of C. Empty, by
-  // default: there is no such layer. The outputs of a column are fan_out blocks
-  // with an entry for each position.
+  // h: the features, with a last 1 if the layer has biases. fan_in x fan_out:
+  // the number of the weight of each entry of C. Empty, by default: there is no
+  // such layer. The outputs of a column are fan_out blocks with an entry for
+  // each position.
   virtual LayerColumns OutputLayer() const { return {}; }
   // h: fan_in x positions of all columns, those of a column side by side, of a
   // pass with derivatives. A network with an OutputLayer defines it.

@@ -1,8 +1,5 @@
-// The layers of a graph of libtorch, and the factors of their weights
-// (core/sampled_factors.h).
-//
-// Layers are 2D convolutions of one group, and linear layers, whose weights are
-// parameters as they are: no function of parameters.
+// The Kronecker factors (core/sampled_factors.h) of the layers in a graph of
+// libtorch (torch_layers.h).
 #ifndef INVGRAD_TORCH_TORCH_FACTORS_H_
 #define INVGRAD_TORCH_TORCH_FACTORS_H_
 
@@ -13,7 +10,7 @@
 
 namespace invgrad {
 
-struct TorchLayers {
+struct FactoredLayers {
   std::vector<LayerColumns> columns;  // in the order of the layers' weights
   // Memory of Factors: for each sample, and of the patches at a time.
   double bytes_per_column = 0.0;
@@ -22,8 +19,8 @@ struct TorchLayers {
 
 // The layers in the graph of `output`, which has a sample for each entry of its
 // first dimension.
-TorchLayers FindTorchLayers(const torch::Tensor& output,
-                            const std::vector<torch::Tensor>& parameters);
+FactoredLayers FindFactoredLayers(const torch::Tensor& output,
+                                  const std::vector<torch::Tensor>& parameters);
 
 // The factors for covectors of the output, of its shape. Keeps the graph.
 SampledFactors TorchFactors(const torch::Tensor& output,

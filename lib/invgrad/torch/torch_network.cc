@@ -10,6 +10,7 @@
 #include "invgrad/torch/peak_memory.h"
 #include "invgrad/torch/torch_factors.h"
 #include "invgrad/torch/torch_message.h"
+#include "invgrad/torch/torch_output_layer.h"
 #include "invgrad/torch/torch_tensors.h"
 #include "invgrad/torch/torch_trial.h"
 #include "torch/csrc/autograd/forward_grad.h"
@@ -66,6 +67,8 @@ class TorchNetwork final : public Network {
   std::vector<int> WeightBlocks() const override;
   double BytesPerColumn() const override { return bytes_per_column_; }
   bool couples_samples() const override { return true; }
+  LayerColumns OutputLayer() const override { return output_layer_; }
+  MatrixXd Features(const VectorXd& weights, const Pass& pass) const override;
   std::vector<LayerColumns> FactorLayers() const override {
     return layers_.columns;
   }
@@ -139,7 +142,8 @@ class TorchNetwork final : public Network {
   std::vector<int64_t> output_shape_;
   VectorXd initial_weights_;
   double bytes_per_column_ = 0.0;
-  TorchLayers layers_;
+  LayerColumns output_layer_;
+  FactoredLayers layers_;
 
   mutable std::mutex mutex_;  // of the following
   mutable TorchFunction function_;
@@ -199,10 +203,13 @@ void TorchNetwork::Measure() {
     const double bytes = memory.bytes();
     try {
       if (pass.output.defined()) {
-        layers_ = FindTorchLayers(pass.output, parameters_);
+        layers_ = FindFactoredLayers(pass.output, parameters_);
+        output_layer_ = TorchOutputLayer(pass.output, parameters_);
       }
     } catch (const std::exception& exception) {
-      layers_ = {};  // for example inputs that the module overwrites
+      // For example inputs that the module overwrites.
+      layers_ = {};
+      output_layer_ = {};
     }
     return bytes;
   };
@@ -366,6 +373,20 @@ void TorchNetwork::Tangent(const VectorXd& weights,
   } catch (const std::exception& exception) {
     LOG(ERROR) << "the network's tangent fails: " << TorchMessage(exception);
     output_tangents->setConstant(num_outputs(), pass.num_columns(), NAN);
+  }
+}
+
+MatrixXd TorchNetwork::Features(const VectorXd& weights,
+                                const Pass& pass) const {
+  const auto& torch_pass = dynamic_cast<const TorchPass&>(pass);
+  CHECK_GT(output_layer_.size(), 0) << "the network has no output layer";
+  const std::lock_guard<std::mutex> lock(mutex_);
+  try {
+    return TorchFeatures(Differentiable(weights, torch_pass), parameters_);
+  } catch (const std::exception& exception) {
+    LOG(ERROR) << "the network's features fail: " << TorchMessage(exception);
+    return MatrixXd::Constant(
+        output_layer_.rows(), pass.outputs.size() / output_layer_.cols(), NAN);
   }
 }
 

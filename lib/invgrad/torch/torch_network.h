@@ -13,8 +13,9 @@
 // Cost:    Backward: the module's backward pass. Tangent: a forward pass with
 //          dual numbers (forward-mode differentiation), 3 times a forward pass.
 //          The alternative, two backward passes, costs 4 times as much.
-//          Factors: of 2D convolutions and linear layers (torch_factors.h), a
+//          Factors: of 2D convolutions and linear layers (torch_layers.h), a
 //          backward pass, and a product of all patches with themselves.
+//          OutputLayer: see torch_output_layer.h.
 //          glibc returns the memory of large tensors to the system at every
 //          step: mallopt(M_MMAP_MAX, 0) and mallopt(M_TRIM_THRESHOLD, INT_MAX)
 //          at the start of a program halved the time of a U-net's step.
