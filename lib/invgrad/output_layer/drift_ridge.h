@@ -2,7 +2,7 @@
 // the steps between two solutions did to it.
 //
 //   rho <- min(1, 8 rho)   if the mean squared residual of fresh samples, before
-//                          a solution, is above 4 times that after the last one
+//                          a solution, is above 16 times that after the last one
 //   rho <- rho / 2         otherwise
 //   ridge = rho l_max
 //
@@ -47,7 +47,7 @@ class DriftRidge {
  private:
   static constexpr double kFirst = 1e-4;
   static constexpr double kSmallest = 1e-16;
-  static constexpr double kRise = 4.0;
+  static constexpr double kRise = 16.0;
   static constexpr double kRaise = 8.0;
   static constexpr double kFall = 2.0;
 
