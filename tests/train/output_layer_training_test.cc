@@ -90,10 +90,11 @@ double BestOverFound(const Regression& problem, const TrainResult& result) {
          result.history.back().train_loss;
 }
 
+// After a few steps, while the loss is far from rounding errors.
 TEST(OutputLayerTraining, TheResultHasTheBestLayer) {
   const Regression problem;
   const TrainResult on_all =
-      TrainBy(problem, std::string("geodesic") + kExact, Epochs(50, 0));
+      TrainBy(problem, std::string("geodesic") + kExact, Epochs(3, 0));
   EXPECT_GT(BestOverFound(problem, on_all), 1.0 - 1e-6);
   const TrainResult on_batches =
       TrainBy(problem, std::string("adam") + kExact, Epochs(50, 8));
