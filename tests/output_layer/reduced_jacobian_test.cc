@@ -78,6 +78,9 @@ TEST(ReducedJacobian, OfANetworkHasTheOtherLayers) {
   J->ToDense(&whole);
   reduced.ToDense(&dense);
   EXPECT_EQ(dense, whole.leftCols(network.offset(2)));
+  EXPECT_EQ(
+      ReducedJacobian(J, others, RandomMatrix(18, 1, 9)).ColumnBlocks().size(),
+      2u);
   reduced.Gram(&gram);
   EXPECT_LT(
       MatrixXd(

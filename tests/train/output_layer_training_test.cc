@@ -49,6 +49,8 @@ TEST_P(EveryRuleWithAnExactLayer, ResumesBitForBit) {
     options.averages_weights = true;
     const std::string method = GetParam() + kExact;
     const TrainResult whole = TrainBy(problem, method, options);
+    EXPECT_NE(whole.summary.termination_type, ceres::FAILURE)
+        << "batches of " << batch_size << ": " << whole.summary.message;
     options.checkpoint_path = folder / "checkpoint";
     options.checkpoint_interval_in_seconds = 0.0;
     options.max_num_epochs = 3;

@@ -41,7 +41,7 @@ void SetProblemInX(const Network& network,
                    const Network::Pass& pass,
                    const Eigen::MatrixXd& d_x,
                    const Eigen::VectorXd& scales,
-                   OutputLayerProblem* rows);
+                   OutputLayerProblem* problem);
 
 // Replaces the solutions x* of the samples by P^+ (y* - b). Only if IsSolvedInX
 // (CHECKed). Returns false, with *error, if P has no finite value.
@@ -55,7 +55,7 @@ bool SetLeastSquaresSolutions(const Model& model,
 bool LinearizeLossInOutputLayer(const Model& model,
                                 const Eigen::VectorXd& weights,
                                 const DataSet& samples,
-                                OutputLayerProblem* rows,
+                                OutputLayerProblem* problem,
                                 std::string* error);
 
 }  // namespace invgrad

@@ -92,7 +92,8 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   set.Add("output_layer_period",
           &phase->output_layer_period,
           {0, kMax},
-          "steps between two solutions; 0: as many as cost one solution");
+          "steps between two solutions; 0: so that these take half as long as "
+          "the steps");
   if (!set.SetAll(settings, error)) return false;
   phase->solves_output_layer = output_layer == "exact";
   if (phase->output_layer_period > 0 && !phase->solves_output_layer) {

@@ -13,10 +13,11 @@
 //
 // If a phase has several parts, a setting applies to the rule if the rule has
 // this option, otherwise to the other parts. The settings batch_size, epochs,
-// steps, output_layer and output_layer_period belong to the phase itself. Each phase but the last has a share of
-// the run, epochs= or steps=, whichever ends first; the last phase has the rest
-// of the budget. A minimizer of Ceres can only be the last phase. train/train.h
-// says how phases follow each other in a run.
+// steps, output_layer and output_layer_period belong to the phase itself. Each
+// phase but the last has a share of the run, epochs= or steps=, whichever ends
+// first; the last phase has the rest of the budget. A minimizer of Ceres can
+// only be the last phase. train/train.h says how phases follow each other in a
+// run.
 #ifndef INVGRAD_METHODS_METHOD_H_
 #define INVGRAD_METHODS_METHOD_H_
 

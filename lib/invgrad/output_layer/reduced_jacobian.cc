@@ -46,7 +46,7 @@ void ReducedJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
 
 void ReducedJacobian::Gram(MatrixXd* JJt) const {
   const auto blocks = ColumnBlocks();
-  if (blocks.empty()) {
+  if (blocks.empty() || projects()) {
     JacobianOperator::Gram(JJt);
     return;
   }
@@ -70,7 +70,6 @@ void ReducedJacobian::ToDense(MatrixXd* J) const {
 
 std::vector<std::unique_ptr<const JacobianOperator>>
 ReducedJacobian::ColumnBlocks() const {
-  if (projects()) return {};
   auto blocks = J_->ColumnBlocks();
   if (!blocks.empty()) {
     CHECK_EQ(J_->cols() - blocks.back()->cols(), cols());
@@ -89,7 +88,6 @@ std::vector<int> ReducedJacobian::LayersOfOthers() const {
 }
 
 std::vector<LayerColumns> ReducedJacobian::FactorLayers() const {
-  if (projects()) return {};
   const std::vector<LayerColumns> all = J_->FactorLayers();
   std::vector<LayerColumns> layers;
   for (const int l : LayersOfOthers()) {
@@ -101,7 +99,6 @@ std::vector<LayerColumns> ReducedJacobian::FactorLayers() const {
 
 void ReducedJacobian::FactorsAlong(const VectorXd& w,
                                    SampledFactors* factors) const {
-  CHECK(!projects());
   SampledFactors all;
   J_->FactorsAlong(w, &all);
   factors->layers.clear();

@@ -37,7 +37,8 @@ class ReducedJacobian final : public JacobianOperator {
   void Gram(Eigen::MatrixXd* JJt) const override;
   void ToDense(Eigen::MatrixXd* J) const override;
   std::string RowName(int row) const override { return J_->RowName(row); }
-  // Without a projection, which has no factors.
+  // The layers, without the projection: it is of all layers together, and rules
+  // of single layers ignore that already.
   std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
       const override;
   std::vector<LayerColumns> FactorLayers() const override;

@@ -116,8 +116,11 @@ bool ReducedObjective::Reduce(bool ok,
   if (linearization->jacobian == nullptr) return true;
   MatrixXd Q;
   if (of_batch()) {
+    const auto layers = linearization->jacobian->ColumnBlocks();
+    CHECK(!layers.empty())
+        << "the projection needs the layers of a DenseNetwork";
     MatrixXd J_C;
-    linearization->jacobian->ColumnBlocks().back()->ToDense(&J_C);
+    layers.back()->ToDense(&J_C);
     Q = SolvedDirections(J_C);
   }
   linearization->jacobian = std::make_shared<ReducedJacobian>(
