@@ -179,7 +179,9 @@ std::string RulesMarkdown() {
          "[measured](results/exact_output_layer.md)). In batches a share of "
          "the training samples is solved every `output_layer_period` steps "
          "(0, the default: so that the solutions take about half as long as "
-         "the steps); with all samples in each step, after each step.\n";
+         "the steps). With all samples in each step, rules that need a "
+         "Jacobian have the layer solved after each step, and the reduced "
+         "Jacobian.\n";
 }
 
 std::string ProblemsMarkdown() {
