@@ -74,7 +74,7 @@ class CommandsTest : public ::testing::TestWithParam<std::string> {
       command[0] = fs::path(command[0]).filename();
     }
     const fs::path script = SourceRoot() / "bin" / command[0];
-    if (fs::exists(script)) {
+    if (fs::is_regular_file(script)) {
       EXPECT_NE(fs::status(script).permissions() & fs::perms::owner_exec,
                 fs::perms::none)
           << script;

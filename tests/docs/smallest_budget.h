@@ -165,7 +165,11 @@ inline Words SmallBudget(const std::string& program) {
     return {"--fits=10", "--rows=1000", "--repetitions=1"};
   }
   if (program == "separable_fits") {
-    return {"--starts=2", "--sides=4", "--samples=6", "--repetitions=1"};
+    return {"--starts=2",
+            "--terms=2",
+            "--sides=4",
+            "--samples=6",
+            "--repetitions=1"};
   }
   if (program == "rank_speedup") {
     return {"--problem=" + SmallProblem("oscillator_chain"),
@@ -208,6 +212,7 @@ inline Words Small(const Words& command, const SmallFiles& files) {
   Words small = {program};
   bool has_problem = false;
   bool has_rules = program != "compare";
+  bool has_input = program != "estimate";
   for (size_t i = 1; i < command.size(); ++i) {
     const std::string& word = command[i];
     const std::string value = word.substr(word.find('=') + 1);
@@ -219,6 +224,7 @@ inline Words Small(const Words& command, const SmallFiles& files) {
       small.push_back(WithSmallBatches("--grid=" + OneCell(value)));
     } else if (StartsWith(word, "--input=")) {
       small.push_back("--input=" + files.For(value));
+      has_input = true;
     } else if (word == "--memory") {
       continue;  // would run each case
     } else if (StartsWith(word, "--list")) {
@@ -232,6 +238,7 @@ inline Words Small(const Words& command, const SmallFiles& files) {
     small.push_back("--problem=" + SmallProblem("oscillator_chain"));
   }
   if (trains && !has_rules) small.push_back("--rules=adam,half_inverse");
+  if (!has_input) small.push_back("--input=" + files.For("any.dat"));
   for (const std::string& flag : SmallBudget(program)) small.push_back(flag);
   return small;
 }
