@@ -37,6 +37,16 @@ bool NeedsTorch(const Words& command) {
   });
 }
 
+// The program whose flags a command has; empty for a script or a tool without
+// one, and for an example, which ExamplesTest runs.
+std::string ProgramOf(const Words& command) {
+  const std::string& name = command[0];
+  // The comparison hands its flags on.
+  if (name == "run_comparison.sh" && command.size() > 1) return "compare";
+  const bool runs = Programs().count(name) > 0 && !StartsWith(name, "example_");
+  return runs ? name : "";
+}
+
 class CommandsTest : public ::testing::TestWithParam<std::string> {
  protected:
   CommandsTest() : files_(folder_ / "") {
@@ -78,13 +88,9 @@ class CommandsTest : public ::testing::TestWithParam<std::string> {
       EXPECT_NE(fs::status(script).permissions() & fs::perms::owner_exec,
                 fs::perms::none)
           << script;
-      // The comparison hands its flags on.
-      if (command[0] != "run_comparison.sh" || command.size() == 1) return;
-      command[0] = "compare";
-    } else if (Programs().count(command[0]) == 0 ||
-               StartsWith(command[0], "example_")) {
-      return;  // a tool; ExamplesTest runs the examples
     }
+    command[0] = ProgramOf(command);
+    if (command[0].empty()) return;
     command = Small(command, files_);
     if (may_overwrite && HasOutput(command[0]))
       command.push_back("--overwrite");
@@ -137,7 +143,17 @@ INSTANTIATE_TEST_SUITE_P(Docs,
                                info.param, std::regex("[^A-Za-z0-9]"), "_");
                          });
 
-// Extraction cannot lose them in silence.
+// Neither the choice of what runs nor the extraction can lose them in silence.
+TEST(Commands, OfAllProgramsRun) {
+  for (const std::string& program : Programs()) {
+    const bool is_example = StartsWith(program, "example_");
+    EXPECT_EQ(ProgramOf({program}), is_example ? "" : program);
+  }
+  EXPECT_EQ(ProgramOf({"run_comparison.sh", "--seeds=1"}), "compare");
+  EXPECT_EQ(ProgramOf({"run_comparison.sh"}), "");
+  EXPECT_EQ(ProgramOf({"cmake"}), "");
+}
+
 TEST(Commands, AreFound) {
   int num_snippets = 0;
   for (const std::string& source : Sources()) {
