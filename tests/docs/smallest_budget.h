@@ -1,6 +1,6 @@
-// A command with the smallest budget: one step, eight samples, one cell of a
-// grid, small files in place of published ones. Names and flags stay, so that
-// the program checks them.
+// A command with the smallest budget: one step, ten samples, one seed, one cell
+// of a grid, small files in place of published ones. Names and flags stay, so
+// that the program checks them.
 #ifndef INVGRAD_TESTS_DOCS_SMALLEST_BUDGET_H_
 #define INVGRAD_TESTS_DOCS_SMALLEST_BUDGET_H_
 
@@ -24,7 +24,7 @@ namespace invgrad {
 
 constexpr int kNumSamples = 10;
 
-// "oscillator_chain" -> "oscillator_chain:num_samples=8". A point problem
+// "oscillator_chain" -> "oscillator_chain:num_samples=10". A point problem
 // stays.
 inline std::string SmallProblem(std::string problem) {
   // Tutorial 1 lets the reader add this one.
@@ -222,6 +222,8 @@ inline Words Small(const Words& command, const SmallFiles& files) {
       has_problem = true;
     } else if (StartsWith(word, "--grid=") && program == "sweep") {
       small.push_back(WithSmallBatches("--grid=" + OneCell(value)));
+    } else if (StartsWith(word, "--seeds=")) {
+      small.push_back(word.substr(0, word.find(',')));
     } else if (StartsWith(word, "--input=")) {
       small.push_back("--input=" + files.For(value));
       has_input = true;
