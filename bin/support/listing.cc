@@ -94,7 +94,8 @@ std::string Listing() {
          "the last has\n  epochs= or steps=, its share of the run\n"
          "\nRULE:output_layer=exact, in front of any physics: the network's "
          "last layer is solved by least\n  squares, and the rule trains the "
-         "others; output_layer_period=N: every N steps\n"
+         "others; output_layer_period=N: every N steps; output_layer=auto: "
+         "while that pays\n"
          "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
          "ceres_dogleg+RULE let a rule propose steps\n" +
          RowTexts(Format::kText, CeresMethods());
@@ -181,7 +182,10 @@ std::string RulesMarkdown() {
          "(0, the default: so that the solutions take about half as long as "
          "the steps). With all samples in each step, rules that need a "
          "Jacobian have the layer solved after each step, and the reduced "
-         "Jacobian.\n";
+         "Jacobian.\n\n`output_layer=auto` judges this after a tenth of the "
+         "phase: if the loss that the solutions leave has stalled, the phase "
+         "goes back to its first weights and trains all layers. It ends with "
+         "the better of both.\n";
 }
 
 std::string ProblemsMarkdown() {

@@ -8,6 +8,7 @@
 #include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/output_layer/reduced_objective.h"
+#include "invgrad/output_layer/share.h"
 #include "invgrad/train/train.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
@@ -129,12 +130,13 @@ TEST(TorchOutputLayerTraining, AModuleThatEndsInAnActivation) {
 
 class UNetWithAnExactLayer : public testing::TestWithParam<std::string> {};
 
-TEST_P(UNetWithAnExactLayer, LowersTheLossAndResumesBitForBit) {
-  const LearningProblem problem = CreateLearningProblem(
-      "poisson_inverse:resolution=8:network=u_net:levels=2:filters=4:"
-      "num_samples=160");
-  const std::string method =
-      GetParam() + ":output_layer=exact:output_layer_period=4";
+constexpr char kUNet[] =
+    "poisson_inverse:resolution=8:network=u_net:levels=2:filters=4:"
+    "num_samples=160";
+
+void LowersTheLossAndResumes(const LearningProblem& problem,
+                             const std::string& rule) {
+  const std::string method = rule + ":output_layer=exact:output_layer_period=4";
   const TemporaryFolder folder;
   TrainOptions options = Epochs(1, 8);
   options.max_num_steps = 12;
@@ -148,6 +150,25 @@ TEST_P(UNetWithAnExactLayer, LowersTheLossAndResumesBitForBit) {
   options.max_num_steps = 12;
   const TrainResult resumed = TrainProblem(problem, method, options);
   EXPECT_EQ(resumed.weights, whole.weights);
+}
+
+TEST_P(UNetWithAnExactLayer, LowersTheLossAndResumesBitForBit) {
+  LowersTheLossAndResumes(CreateLearningProblem(kUNet), GetParam());
+}
+
+// The layer is solved on fresh samples, too.
+TEST(TorchOutputLayerTraining, OnFreshSamples) {
+  LowersTheLossAndResumes(
+      CreateLearningProblem(std::string(kUNet) + ":fresh_data=true"),
+      "sip:step_size=1e-3");
+}
+
+// 8 x 8 equations of a sample are as alike as one.
+TEST(TorchOutputLayerTraining, AShareHasSixteenSamplesForEachUnknown) {
+  const LearningProblem problem = CreateLearningProblem(kUNet);
+  const LayerColumns layer = problem.model->network().OutputLayer();
+  EXPECT_EQ(SamplesOfShare(*problem.model, true), 16 * layer.rows());
+  EXPECT_EQ(SamplesOfBlock(*problem.model, true), 32);
 }
 
 INSTANTIATE_TEST_SUITE_P(Poisson,

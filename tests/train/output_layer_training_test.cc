@@ -178,9 +178,9 @@ TEST(OutputLayerTraining, TowardsTheTargetsOfPullBacks) {
 TEST(OutputLayerTraining, SettingsThatDoNotFit) {
   const Regression problem;
   EXPECT_EQ(Refusal(problem, Epochs(1), "adam:output_layer_period=3"),
-            "adam: output_layer_period needs output_layer=exact");
+            "adam: output_layer_period needs output_layer=exact or auto");
   EXPECT_NE(Refusal(problem, Epochs(1), "adam:output_layer=solved")
-                .find("trained, exact"),
+                .find("trained, exact, auto"),
             std::string::npos);
   EXPECT_NE(Refusal(problem, Epochs(1), "ceres_lm:output_layer=exact")
                 .find("choose an update rule"),

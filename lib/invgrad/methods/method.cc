@@ -87,23 +87,28 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
   std::string output_layer = "trained";
   set.Add("output_layer",
           &output_layer,
-          {"trained", "exact"},
-          "exact: the network's last layer is solved by least squares");
+          {"trained", "exact", "auto"},
+          "exact: the network's last layer is solved by least squares; auto: "
+          "while that pays");
   set.Add("output_layer_period",
           &phase->output_layer_period,
           {0, kMax},
           "steps between two solutions; 0: so that these take half as long as "
           "the steps");
   if (!set.SetAll(settings, error)) return false;
-  phase->solves_output_layer = output_layer == "exact";
-  if (phase->output_layer_period > 0 && !phase->solves_output_layer) {
-    *error = "output_layer_period needs output_layer=exact";
+  using OutputLayer = Phase::OutputLayer;
+  phase->output_layer = output_layer == "exact"  ? OutputLayer::kExact
+                        : output_layer == "auto" ? OutputLayer::kAuto
+                                                 : OutputLayer::kTrained;
+  if (phase->output_layer_period > 0 && !phase->solves_output_layer()) {
+    *error = "output_layer_period needs output_layer=exact or auto";
     return false;
   }
-  if (phase->solves_output_layer && phase->ceres != nullptr) {
-    *error =
-        "output_layer=exact: Ceres would train the layer with all others: "
-        "choose an update rule, such as geodesic or levenberg_marquardt";
+  if (phase->solves_output_layer() && phase->ceres != nullptr) {
+    *error = fmt::format(
+        "output_layer={}: Ceres would train the layer with all others: choose "
+        "an update rule, such as geodesic or levenberg_marquardt",
+        output_layer);
     return false;
   }
   for (const auto& [name, ignored] : settings) {
@@ -233,7 +238,8 @@ int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
 bool Method::ReadsProgress() const {
   return std::any_of(phases.begin(), phases.end(), [](const Phase& phase) {
     const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-    return rule != nullptr && rule->ReadsProgress();
+    return (rule != nullptr && rule->ReadsProgress()) ||
+           phase.output_layer == Phase::OutputLayer::kAuto;
   });
 }
 

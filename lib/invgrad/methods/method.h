@@ -10,6 +10,7 @@
 //   adam:epochs=5>half_inverse              two phases
 //
 //   adam:output_layer=exact                 rule for all layers but the last
+//   adam:output_layer=auto                  the same, while it pays
 //
 // If a phase has several parts, a setting applies to the rule if the rule has
 // this option, otherwise to the other parts. The settings batch_size, epochs,
@@ -43,12 +44,18 @@ struct Phase {
   // The share of the run; 0: not set.
   int num_epochs = 0;
   int num_steps = 0;
-  // Whether the network's output layer is solved and not trained
-  // (output_layer/reduced_objective.h), and the steps from one solution to the
-  // next; 0: chosen by the cost.
-  bool solves_output_layer = false;
+  // Whether the network's output layer is trained, or solved
+  // (output_layer/reduced_objective.h). kAuto: the phase begins with a solved
+  // one; if that does not pay (output_layer/loss_trend.h), it begins again with
+  // a trained one.
+  enum class OutputLayer { kTrained, kExact, kAuto };
+  OutputLayer output_layer = OutputLayer::kTrained;
+  // The steps from one solution to the next; 0: chosen by the cost.
   int output_layer_period = 0;
 
+  bool solves_output_layer() const {
+    return output_layer != OutputLayer::kTrained;
+  }
   // A new rule object; null if the phase has no rule.
   std::unique_ptr<UpdateRule> MakeRule() const;
   // The phase's own batch size, or the given one; all samples if that is 0, and
@@ -65,7 +72,8 @@ struct Method {
 
   const Phase& last_phase() const { return phases.back(); }
 
-  // Whether a rule reads the progress of the run (UpdateRule::ReadsProgress).
+  // Whether the steps depend on the progress of the run: by a rule
+  // (UpdateRule::ReadsProgress) or by output_layer=auto.
   bool ReadsProgress() const;
 
   // Defaults for settings of Ceres; those that the minimizer does not have are

@@ -221,8 +221,8 @@ bool NeedsNetwork(const Method& method, std::string* error) {
     *error = "a method in phases needs a network to train";
   } else if (method.last_phase().batch_size >= 0) {
     *error = "batch_size needs a network to train";
-  } else if (method.last_phase().solves_output_layer) {
-    *error = "output_layer=exact needs a network to train";
+  } else if (method.last_phase().solves_output_layer()) {
+    *error = "output_layer needs a network to train";
   } else {
     return false;
   }

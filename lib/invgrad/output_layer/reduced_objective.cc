@@ -147,26 +147,27 @@ void ReducedObjective::AddStep(const VectorXd& step, VectorXd* weights) const {
   (*weights)(others_) += step;
 }
 
-bool ReducedObjective::SetBlocks(const DataSet& batch, std::string* error) {
-  if (!of_batch() && !blocks_.empty()) return true;
-  const DataSet& samples = of_batch() ? batch : *train_;
+bool ReducedObjective::Split(const DataSet& samples,
+                             Blocks* blocks,
+                             std::string* error) const {
   const long N = samples.num_samples();
-  const double share = SamplesOfShare(model_, whole_->is_proxy());
-  const long count =
-      of_batch() ? 1
-                 : static_cast<long>(std::ceil(static_cast<double>(N) / share));
-  blocks_.clear();
+  const long size = of_batch() ? N : SamplesOfBlock(model_, whole_->is_proxy());
+  const long count = (N + size - 1) / size;
   for (long k = 0; k < count; ++k) {
     const long first = N * k / count;
-    blocks_.push_back(
+    blocks->push_back(
         samples.Range(static_cast<int>(first),
                       static_cast<int>(N * (k + 1) / count - first)));
     if (!whole_->is_proxy() && IsSolvedInX(model_) &&
-        !SetLeastSquaresSolutions(model_, &blocks_.back(), error)) {
+        !SetLeastSquaresSolutions(model_, &blocks->back(), error)) {
       return false;
     }
   }
   return true;
+}
+
+bool ReducedObjective::SetTrainingBlocks(std::string* error) {
+  return !blocks_.empty() || Split(*train_, &blocks_, error);
 }
 
 double ReducedObjective::SquaredNorm(const VectorXd& weights,
@@ -208,7 +209,7 @@ bool ReducedObjective::FindChange(const VectorXd& weights,
                  : SolveTowardsZero(weights, drift, &*equations, change);
   if (is_solved && change->Z.allFinite()) return true;
   *error =
-      "output_layer=exact: the features of the last hidden layer or the "
+      "output_layer: the features of the last hidden layer or the "
       "targets of the output layer are not finite";
   return false;
 }
@@ -235,15 +236,35 @@ bool ReducedObjective::SolveTowardsZero(const VectorXd& weights,
 bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
                                         VectorXd* weights,
                                         std::string* error) {
-  return SetBlocks(batch, error) && Solve(blocks_, nullptr, weights, error);
+  if (!of_batch()) {
+    return SetTrainingBlocks(error) && Solve(blocks_, nullptr, weights, error);
+  }
+  Blocks blocks;
+  return Split(batch, &blocks, error) && Solve(blocks, nullptr, weights, error);
 }
 
 bool ReducedObjective::SolveOnShare(long k,
                                     VectorXd* weights,
                                     std::string* error) {
   CHECK(!of_batch());
-  if (!SetBlocks(DataSet(), error)) return false;
-  return Solve({blocks_[k % blocks_.size()]}, &drift_, weights, error);
+  if (!SetTrainingBlocks(error)) return false;
+  const bool is_proxy = whole_->is_proxy();
+  const int block = SamplesOfBlock(model_, is_proxy);
+  const size_t count = std::min<size_t>(
+      (SamplesOfShare(model_, is_proxy) + block - 1) / block, blocks_.size());
+  Blocks share;
+  for (size_t j = 0; j < count; ++j) {
+    share.push_back(blocks_[(k * count + j) % blocks_.size()]);
+  }
+  return Solve(share, &drift_, weights, error);
+}
+
+bool ReducedObjective::SolveOnFresh(const DataSet& samples,
+                                    VectorXd* weights,
+                                    std::string* error) {
+  CHECK(!of_batch());
+  Blocks share;
+  return Split(samples, &share, error) && Solve(share, &drift_, weights, error);
 }
 
 bool ReducedObjective::Solve(const Blocks& blocks,

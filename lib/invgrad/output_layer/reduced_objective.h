@@ -18,11 +18,12 @@
 //              Gauss-Newton and Levenberg-Marquardt rules this is variable
 //              projection. For batches of all samples.
 //   otherwise  every few steps on a share of the training samples (share.h), the
-//              next one each time, with the larger of two ridges: of
-//              cross-validation (normal_equations.h), and of the drift of the
-//              features from one solution to the next (drift_ridge.h). J_u is not
-//              projected: of the range of J_C over all N samples, a batch has the
-//              share B / N. A run reports its weights with the C of all samples.
+//              next one each time, or on as many fresh ones, with the larger of
+//              two ridges: of cross-validation (normal_equations.h), and of the
+//              drift of the features from one solution to the next
+//              (drift_ridge.h). J_u is not projected: of the range of J_C over
+//              all N samples, a batch has the share B / N. A run without fresh
+//              samples reports its weights with the C of all samples.
 //
 // The change of C is exact for problems in x (inverse/output_layer_problem.h) and
 // for residuals in y that are linear in C; otherwise it is a Gauss-Newton step,
@@ -95,8 +96,15 @@ class ReducedObjective final : public BatchObjective {
                         Eigen::VectorXd* weights,
                         std::string* error);
   // The same for the k-th share of the training samples, k = 0, 1, .. modulo the
-  // number of shares, with 16 equations for each unknown.
+  // number of shares.
   bool SolveOnShare(long k, Eigen::VectorXd* weights, std::string* error);
+  // The same for fresh samples.
+  bool SolveOnFresh(const DataSet& samples,
+                    Eigen::VectorXd* weights,
+                    std::string* error);
+  // The mean squared residual after the last solution on a share; negative: none
+  // yet.
+  double mean_square() const { return drift_.residual(); }
   // For a checkpoint.
   Eigen::VectorXd* mutable_state() { return drift_.mutable_state(); }
 
@@ -110,8 +118,10 @@ class ReducedObjective final : public BatchObjective {
   Eigen::MatrixXd ReducedHessian(const Eigen::MatrixXd& H) const;
 
   bool IsInX() const { return whole_->is_proxy() || IsSolvedInX(model_); }
-  // Sets blocks_, unless they are set for the training samples.
-  bool SetBlocks(const DataSet& batch, std::string* error);
+  // Cuts samples into blocks, of all samples or as in share.h.
+  bool Split(const DataSet& samples, Blocks* blocks, std::string* error) const;
+  // Sets blocks_, unless they are set.
+  bool SetTrainingBlocks(std::string* error);
   // |y - y*|^2 over the samples; infinity if it is not finite.
   double SquaredNorm(const Eigen::VectorXd& weights, const Blocks& blocks);
   // drift: null for samples that no steps follow.
@@ -143,8 +153,7 @@ class ReducedObjective final : public BatchObjective {
   const DataSet* const train_;  // may be null
   const LayerColumns layer_;
   const std::vector<int> others_;  // the numbers of u in theta
-  // The samples that C is solved on, in shares.
-  Blocks blocks_;
+  Blocks blocks_;                  // the training samples
   DriftRidge drift_;
 };
 

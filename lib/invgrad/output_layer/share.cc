@@ -9,6 +9,8 @@ namespace invgrad {
 namespace {
 
 constexpr double kEquationsPerUnknown = 16.0;
+// A network takes less time for a sample if it has some at a time.
+constexpr int kLeastSamplesOfBlock = 32;
 // The cost of the solutions, over that of the steps.
 constexpr double kCostOfSolutions = 0.5;
 
@@ -21,18 +23,32 @@ struct ProblemSizes {
     equations_of_sample =
         in_x ? model.num_columns() * model.network().num_outputs() / q
              : model.loss().size();
+    unlike_equations =
+        in_x ? static_cast<double>(model.num_columns()) : equations_of_sample;
   }
   double p;
   double q;
   double equations_of_sample;
+  double unlike_equations;  // those of a convolution's positions are one
 };
+
+int SamplesFor(double p, double equations_of_sample) {
+  return static_cast<int>(std::clamp(
+      std::ceil(kEquationsPerUnknown * p / equations_of_sample), 1.0, 1e9));
+}
 
 }  // namespace
 
-double SamplesOfShare(const Model& model, bool is_proxy) {
+int SamplesOfShare(const Model& model, bool is_proxy) {
   const ProblemSizes sizes(model, is_proxy);
-  return std::max(1.0,
-                  kEquationsPerUnknown * sizes.p / sizes.equations_of_sample);
+  return SamplesFor(sizes.p, sizes.unlike_equations);
+}
+
+int SamplesOfBlock(const Model& model, bool is_proxy) {
+  const ProblemSizes sizes(model, is_proxy);
+  return std::min(SamplesOfShare(model, is_proxy),
+                  std::max(SamplesFor(sizes.p, sizes.equations_of_sample),
+                           kLeastSamplesOfBlock));
 }
 
 int OutputLayerPeriod(const Model& model,
@@ -44,8 +60,7 @@ int OutputLayerPeriod(const Model& model,
   const double solution =
       (is_proxy ? 3.0 * pass : pass) +
       4.0 * sizes.equations_of_sample * sizes.p * (sizes.p + sizes.q);
-  const double share =
-      std::min<double>(num_samples, SamplesOfShare(model, is_proxy));
+  const int share = std::min(num_samples, SamplesOfShare(model, is_proxy));
   const double period =
       solution * share / (kCostOfSolutions * 3.0 * pass * batch_size);
   return static_cast<int>(std::clamp(std::ceil(period), 1.0, 1e9));
@@ -53,10 +68,10 @@ int OutputLayerPeriod(const Model& model,
 
 double OutputLayerBytes(const Model& model, bool is_proxy) {
   const ProblemSizes sizes(model, is_proxy);
-  const double share = SamplesOfShare(model, is_proxy);
+  const double block = SamplesOfBlock(model, is_proxy);
   return sizeof(double) * (sizes.p + sizes.q) *
-             (3.0 * share * sizes.equations_of_sample + 4.0 * sizes.p) +
-         share * model.num_columns() * model.network().BytesPerColumn();
+             (3.0 * block * sizes.equations_of_sample + 4.0 * sizes.p) +
+         block * model.num_columns() * model.network().BytesPerColumn();
 }
 
 double ProjectionBytes(const Model& model, double num_outputs, int batch_size) {

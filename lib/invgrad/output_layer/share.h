@@ -2,6 +2,8 @@
 //
 //   p unknowns (and q right-hand sides):  a share has 16 p equations
 //
+// of which the positions of a convolution are one: neighbours are alike, and one
+// sample, which has thousands, does not determine a layer.
 // The loss of fresh samples is then about 1/16 above that of the best layer. A
 // solution takes 2 n + 4 p (p + q) operations a sample, a step 6 n. Pull-backs
 // count as the network does, because a solution pulls back each of its samples
@@ -14,7 +16,10 @@
 namespace invgrad {
 
 // `is_proxy`: of the targets of a pull-back, which are a problem in x.
-double SamplesOfShare(const Model& model, bool is_proxy);
+int SamplesOfShare(const Model& model, bool is_proxy);
+
+// The samples of a share that are linearized at a time.
+int SamplesOfBlock(const Model& model, bool is_proxy);
 
 // The number of steps that take about twice as long as a solution.
 int OutputLayerPeriod(const Model& model,
@@ -22,7 +27,7 @@ int OutputLayerPeriod(const Model& model,
                       int batch_size,
                       int num_samples);
 
-// The memory of a solution on a share in bytes, without that of the samples.
+// The memory of a solution in bytes, without that of the samples.
 double OutputLayerBytes(const Model& model, bool is_proxy);
 
 // The memory of a solution and a projection on a batch: copies of J_C, which has

@@ -1,5 +1,6 @@
 #include "invgrad/train/engine.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -85,32 +86,32 @@ bool CanSolveOutputLayer(const Phase& phase,
           : model.shared_loss();
   if (layer_size == 0) {
     *error = fmt::format(
-        "output_layer=exact: the network {} does not end in a layer that is "
+        "output_layer: the network {} does not end in a layer that is "
         "affine in its weights: let it end in a linear layer or a 1 x 1 "
         "convolution without an activation, or leave the option off",
         network.Name());
   } else if (layer_size == network.num_weights()) {
     *error = fmt::format(
-        "output_layer=exact: the network {} has no other layer to train: one "
+        "output_layer: the network {} has no other layer to train: one "
         "least-squares solution is all, so add a hidden layer",
         network.Name());
   } else if (in_x && !phase.pull_back->has_least_squares_proxy()) {
-    *error =
-        "output_layer=exact: proxy=l1 is no sum of squares: choose proxy=l2";
+    *error = "output_layer: proxy=l1 is no sum of squares: choose proxy=l2";
   } else if (!in_x && !loss->SquaredNormFactor().has_value()) {
     *error =
-        "output_layer=exact: the loss is no sum of squares: train towards "
+        "output_layer: the loss is no sum of squares: train towards "
         "targets in x, for example newton/inverse_gradient/adam, or leave the "
         "option off";
   } else if (!in_x && !IsSolvedInX(model) && !model.has_factors()) {
     *error =
-        "output_layer=exact: the simulator is not linear, and the Gauss-Newton "
+        "output_layer: the simulator is not linear, and the Gauss-Newton "
         "step of the layer needs a DenseNetwork and a simulator that forms its "
         "Jacobian: train towards targets in x, for example by sip or "
         "supervised";
   } else if (options.communicator != nullptr) {
     *error =
-        "output_layer=exact works in one process: start the run without ranks";
+        "output_layer: a solved one works in one process: start the run "
+        "without ranks";
   } else {
     return true;
   }
@@ -130,7 +131,7 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
                                 bool is_proxy,
                                 int batch_size) {
   OutputLayerPlan plan;
-  if (!phase.solves_output_layer) return plan;
+  if (!phase.solves_output_layer()) return plan;
   const int num_samples = data.train.num_samples();
   const LinearizationParts needs = rule.Needs();
   // A rule of gradients alone has no say in how far the layer moves.
@@ -145,12 +146,18 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
                    ProjectionBytes(model, num_outputs, batch_size)};
     return plan;
   }
+  const bool is_fresh =
+      data.source != nullptr && !data.source->needs_whole_batches();
+  const int num_solved =
+      is_fresh ? std::max(SamplesOfShare(model, is_proxy), batch_size)
+               : num_samples;
   plan.period =
       phase.output_layer_period > 0
           ? phase.output_layer_period
-          : OutputLayerPeriod(model, is_proxy, batch_size, num_samples);
+          : OutputLayerPeriod(model, is_proxy, batch_size, num_solved);
   plan.memory = {"output layer",
-                 DataBytes(data.train) + OutputLayerBytes(model, is_proxy)};
+                 DataBytes(data.train) / num_samples * num_solved +
+                     OutputLayerBytes(model, is_proxy)};
   return plan;
 }
 
@@ -234,7 +241,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
     return nullptr;
   }
-  if (phase.solves_output_layer &&
+  if (phase.solves_output_layer() &&
       !CanSolveOutputLayer(phase, model, options, error)) {
     return nullptr;
   }
@@ -264,7 +271,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
   const OutputLayerPlan output_layer = PlanOutputLayer(
       phase, *rule, model, data, objective->is_proxy(), batch_size);
-  if (phase.solves_output_layer) parts.push_back(output_layer.memory);
+  if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
   if (options.averages_weights) {
     // One more while it is updated or evaluated.
     const double bytes = sizeof(double) * 1.0 * model.num_weights();
@@ -281,7 +288,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     objective = std::make_unique<DistributedObjective>(std::move(objective),
                                                        options.communicator);
   }
-  if (phase.solves_output_layer) {
+  if (phase.solves_output_layer()) {
     objective = std::make_unique<ReducedObjective>(
         std::move(objective),
         &model,

@@ -59,6 +59,10 @@ class Engine {
     return weights;
   }
 
+  // Whether the output layer is solved and training does not lower what that
+  // leaves (output_layer/loss_trend.h).
+  virtual bool HasStalled() const { return false; }
+
   // The weights that the last step started from, after the one before it was
   // kept or reverted; null for an engine whose weights are not averaged.
   virtual const Eigen::VectorXd* start_of_step() const { return nullptr; }

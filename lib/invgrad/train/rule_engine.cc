@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -7,7 +8,9 @@
 #include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/io/numpy_random.h"
+#include "invgrad/output_layer/loss_trend.h"
 #include "invgrad/output_layer/reduced_objective.h"
+#include "invgrad/output_layer/share.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -56,10 +59,13 @@ class RuleEngine final : public Engine {
   Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
     Eigen::VectorXd finished = weights;
     std::string ignored;
-    if (reduced_ != nullptr) {
+    if (reduced_ != nullptr && source_ == nullptr) {
       reduced_->SolveOutputLayer(train_, &finished, &ignored);
     }
     return finished;
+  }
+  bool HasStalled() const override {
+    return reduced_ != nullptr && trend_.HasStalled(progress_);
   }
   const Eigen::VectorXd* start_of_step() const override {
     return &last_good_weights_;
@@ -82,6 +88,10 @@ class RuleEngine final : public Engine {
   DataSet NextBatch(const Eigen::VectorXd& weights);
   DataSet NextBatchOfSource(const Eigen::VectorXd& weights);
   void DrawOrder();
+  // Samples of the source for a solution of the output layer before a step on the
+  // batch.
+  DataSet FreshShare(const DataSet& batch,
+                     const Eigen::VectorXd& weights) const;
   // Sets the best output layer of the weights, if it is due before a step on the
   // batch.
   bool SolveIfDue(const DataSet& batch,
@@ -127,6 +137,8 @@ class RuleEngine final : public Engine {
   const long steps_per_epoch_;
 
   long step_ = 0;
+  double progress_ = 0.0;  // before the last step
+  LossTrend trend_;        // of a solved output layer
   long num_taken_back_ = 0;
   NumpyRandom random_;
   // Of the current epoch, if shuffled, and the random numbers before it.
@@ -172,13 +184,29 @@ void RuleEngine::DrawOrder() {
   order_ = random_.Permutation(train_.num_samples());
 }
 
+DataSet RuleEngine::FreshShare(const DataSet& batch,
+                               const Eigen::VectorXd& weights) const {
+  if (source_->needs_whole_batches()) return batch;
+  const int size = SamplesOfShare(model_, objective_->is_proxy());
+  return source_->Batch(step_, std::max(size, batch_size_), model_, weights);
+}
+
 bool RuleEngine::SolveIfDue(const DataSet& batch,
                             Eigen::VectorXd* weights,
                             std::string* error) {
   if (reduced_ == nullptr) return true;
   if (!reduced_->of_batch()) {
-    return step_ % output_layer_period_ != 0 ||
-           reduced_->SolveOnShare(step_ / output_layer_period_, weights, error);
+    if (step_ % output_layer_period_ != 0) return true;
+    const bool is_solved =
+        source_ == nullptr ? reduced_->SolveOnShare(
+                                 step_ / output_layer_period_, weights, error)
+                           : reduced_->SolveOnFresh(
+                                 FreshShare(batch, *weights), weights, error);
+    if (!is_solved) return false;
+    if (reduced_->mean_square() >= 0.0) {
+      trend_.Add(progress_, reduced_->mean_square());
+    }
+    return true;
   }
   // After each step the layer is the best one of the step's samples.
   const bool is_new_set =
@@ -202,6 +230,7 @@ bool RuleEngine::After(const DataSet& batch,
 
 Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   StepResult result;
+  progress_ = progress;
   const DataSet batch = NextBatch(*weights);
   Linearization at_weights;
   at_weights.progress = progress;
@@ -212,6 +241,9 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   if (is_finite) {
     last_good_weights_ = *weights;
     result.batch_loss = at_weights.cost;
+    if (reduced_ != nullptr && reduced_->of_batch()) {
+      trend_.Add(progress, at_weights.cost);
+    }
   }
   const long num_taken_back = num_taken_back_;
   if (left_out) {
@@ -416,6 +448,9 @@ void RuleEngine::VisitState(StateArchive* archive) {
     Eigen::VectorXd* const drift = reduced_->mutable_state();
     archive->Visit("output_layer", drift, drift->size());
     archive->Require(drift->allFinite(), "output_layer");
+    Eigen::VectorXd* const trend = trend_.mutable_state();
+    archive->Visit("output_layer_trend", trend, trend->size());
+    archive->Require(trend->allFinite(), "output_layer_trend");
   }
   if (judges_weights_) {
     archive->Visit("copied_weights", &copied_weights_);

@@ -96,7 +96,7 @@ bool TrainingRun::IsRunning() {
     } else if (!BudgetSpent().empty()) {
       End(ceres::NO_CONVERGENCE, BudgetSpent());
     } else if (steps_of_phase() < max_num_steps_ ||
-               state_.phase + 1 == static_cast<int>(phases_.size())) {
+               next_phase() == static_cast<int>(phases_.size())) {
       return true;
     } else {
       BeginNextPhase();
@@ -107,15 +107,43 @@ bool TrainingRun::IsRunning() {
 
 void TrainingRun::BeginNextPhase() {
   if (last_evaluation() != state_.step && !EvaluateOrEnd()) return;
-  if (!phases_[state_.phase + 1].engine->has_state()) {
-    SaveCheckpoint(Checkpoint());
-  }
+  const int next = next_phase();
+  if (!phases_[next].engine->has_state()) SaveCheckpoint(Checkpoint());
+  TakeSetAside();
   state_.first_epoch = epoch();
   state_.first_step = state_.step;
   state_.first_second = state_.seconds;
-  ++state_.phase;
+  state_.phase = next;
   LimitPhase();
   state_.best_loss = WatchedLoss();
+  state_.rows_since_best = 0;
+  state_.average = AveragedWeights();
+  if (CanFallBack()) state_.first_weights = weights();
+}
+
+int TrainingRun::next_phase() const {
+  int next = state_.phase + 1;
+  while (next < static_cast<int>(phases_.size()) && phases_[next].is_fallback) {
+    ++next;
+  }
+  return next;
+}
+
+bool TrainingRun::CanFallBack() const {
+  return next_phase() > state_.phase + 1;
+}
+
+void TrainingRun::FallBack() {
+  if (last_evaluation() != state_.step) Evaluate();
+  const double loss = history().back().train_loss;
+  if (std::isfinite(loss)) {
+    state_.set_aside = engine().Finished(weights());
+    state_.loss_set_aside = loss;
+  }
+  state_.weights = state_.first_weights;
+  ++state_.phase;
+  LimitPhase();
+  state_.best_loss = std::numeric_limits<double>::infinity();
   state_.rows_since_best = 0;
   state_.average = AveragedWeights();
 }
@@ -160,6 +188,10 @@ bool TrainingRun::TakeStep() {
   }
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
+  if (result.outcome == Outcome::kFailed && CanFallBack()) {
+    FallBack();
+    return IsRunning() && TakeStep();
+  }
   if (result.outcome == Outcome::kFailed) {
     End(ceres::FAILURE,
         AtStep("diverged", steps_of_phase() + 1) + ": " + result.message);
@@ -171,7 +203,9 @@ bool TrainingRun::TakeStep() {
   }
   ++state_.step;
   state_.step_norm = result.iteration.step_norm;
-  if (CallBack(result.iteration)) EvaluateIfDue();
+  if (!CallBack(result.iteration)) return true;
+  if (CanFallBack() && engine().HasStalled()) FallBack();
+  EvaluateIfDue();
   return true;
 }
 
@@ -206,7 +240,13 @@ void TrainingRun::EvaluateIfDue() {
   const bool is_due = steps_of_phase() % steps_per_epoch == 0 &&
                       IsEvaluationEpoch(steps_of_phase() / steps_per_epoch) &&
                       last_evaluation() != state_.step;
-  if (!is_due || EvaluateOrEnd()) SaveIfDue();
+  if (is_due && CanFallBack()) {
+    Evaluate();
+    if (!std::isfinite(history().back().train_loss)) FallBack();
+  } else if (is_due && !EvaluateOrEnd()) {
+    return;
+  }
+  SaveIfDue();
 }
 
 void TrainingRun::SaveIfDue() {
@@ -233,6 +273,7 @@ bool TrainingRun::EvaluateOrEnd() {
                              ": the train loss is not finite: ";
   engine().RestoreLastGood(&state_.weights);
   Summarize(ceres::FAILURE, where + why);
+  summary_.message += TakeSetAside();
   return false;
 }
 
@@ -283,9 +324,37 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
-  if (type == ceres::FAILURE) return;
-  if (HasAverage()) summary_.message += ChooseFinalWeights();
-  state_.weights = engine().Finished(weights());
+  if (type != ceres::FAILURE) {
+    if (HasAverage()) summary_.message += ChooseFinalWeights();
+    state_.weights = engine().Finished(weights());
+  }
+  summary_.message += TakeSetAside();
+}
+
+std::string TrainingRun::TakeSetAside() {
+  if (state_.set_aside.size() == 0) return "";
+  HistoryRow row = history().back();
+  const double loss = row.train_loss;
+  const bool is_lower = !(loss <= state_.loss_set_aside);
+  if (is_lower) {
+    state_.weights = state_.set_aside;
+    row.train_loss = state_.loss_set_aside;
+    if (data_.test.num_samples() > 0) {
+      row.test_loss = MeanLoss(model_, weights(), data_.test);
+    }
+    if (options_.metric) row.metric = options_.metric(weights());
+    state_.history.push_back(row);
+    if (options_.on_evaluation) options_.on_evaluation(weights(), history());
+  }
+  const double losses[] = {loss, state_.loss_set_aside};
+  state_.set_aside.resize(0);
+  return fmt::format(
+      "; solving the output layer stalled: final weights by {} (train loss {}; "
+      "by {} {})",
+      is_lower ? "it" : "training",
+      FormatNumber(losses[is_lower]),
+      is_lower ? "training" : "it",
+      FormatNumber(losses[!is_lower]));
 }
 
 bool TrainingRun::HasAverage() const {
@@ -320,8 +389,16 @@ void TrainingRun::Summarize(ceres::TerminationType type,
   TrainSummary& summary = summary_;
   summary.termination_type = type;
   summary.message = message;
-  if (phases_.size() > 1 && message != BudgetSpent()) {
-    summary.message = fmt::format("phase {}: {}", state_.phase + 1, message);
+  const auto count_phases = [this](int end) {
+    return std::count_if(
+        phases_.begin(), phases_.begin() + end, [](const RunPhase& phase) {
+          return !phase.is_fallback;
+        });
+  };
+  if (count_phases(static_cast<int>(phases_.size())) > 1 &&
+      message != BudgetSpent()) {
+    summary.message =
+        fmt::format("phase {}: {}", count_phases(state_.phase + 1), message);
   }
   std::string reports;
   for (int k = 0; k <= state_.phase; ++k)

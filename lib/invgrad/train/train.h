@@ -24,6 +24,12 @@
 // message then names the phase and counts from the start of the phase. An epoch
 // budget ends a run at the first step that reaches it.
 //
+// A phase with output_layer=auto solves the output layer. If that diverges or has
+// stalled after a tenth of the phase (output_layer/loss_trend.h), the phase goes
+// back to its first weights and trains all layers, with the rest of its budget.
+// It ends with the weights of the lower train loss: the last ones, or those that
+// the solutions had led to.
+//
 // With averages_weights the run also keeps w_bar, the average of the weights of
 // the phase (averaged_weights.h). It never changes a step. A step that is taken
 // back counts as the weights that it leaves. Evaluations also have the losses
@@ -233,7 +239,8 @@ class TrainingRun {
   using Clock = std::chrono::steady_clock;
   struct RunPhase {
     std::unique_ptr<Engine> engine;
-    long max_num_steps;  // its share of the run
+    long max_num_steps;        // its share of the run
+    bool is_fallback = false;  // of the one before, in the same share
   };
   // What a checkpoint holds, with the states of the engines.
   struct State {
@@ -250,6 +257,11 @@ class TrainingRun {
     double seconds = 0.0;
     double batch_loss = HistoryRow::kNone;
     double step_norm = HistoryRow::kNone;
+    // Where the phase began, if it has a fallback; and, in the fallback, the
+    // weights that it is to surpass, or none.
+    Eigen::VectorXd first_weights;
+    Eigen::VectorXd set_aside;
+    double loss_set_aside = HistoryRow::kNone;
     // Of the phase, without the last weights: the next step or an evaluation
     // may still take them back.
     AveragedWeights average;
@@ -257,6 +269,8 @@ class TrainingRun {
 
   TrainingRun(const Model& model, TrainingData data, TrainOptions options);
   void AddPhases(const Method& method);
+  // Also the fallback of the phase, if it has one.
+  bool AddPhase(const Phase& phase, bool is_last, bool is_fallback);
   // The last part of the constructors: resumes from a checkpoint. `rule`: of
   // the caller, or null.
   void Start(const Method& method, const UpdateRule* rule);
@@ -275,6 +289,10 @@ class TrainingRun {
   // run has ended.
   bool IsRunning();
   void BeginNextPhase();
+  // The phase after this one, or the number of phases.
+  int next_phase() const;
+  bool CanFallBack() const;
+  void FallBack();
   // Sets max_num_steps_ by the share of the phase and the run's budget.
   void LimitPhase();
   bool TakeStep();
@@ -290,6 +308,9 @@ class TrainingRun {
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
   void SaveIfDue();
+  // Takes the weights that are set aside if their train loss is lower. Returns a
+  // text for the message.
+  std::string TakeSetAside();
   // Evaluates and saves the final state. `message` counts steps from the start
   // of the phase.
   void End(ceres::TerminationType type, const std::string& message);

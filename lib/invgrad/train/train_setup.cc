@@ -167,18 +167,26 @@ TrainingRun::~TrainingRun() = default;
 void TrainingRun::AddPhases(const Method& method) {
   if (!error().empty()) return;
   for (const Phase& phase : method.phases) {
-    std::unique_ptr<Engine> engine =
-        MakeEngine(phase, phase.MakeRule(), model_, data_, options_, &error_);
-    if (engine == nullptr) {
+    const bool is_last = &phase == &method.last_phase();
+    if (!AddPhase(phase, is_last, false)) {
       if (method.phases.size() > 1) error_ = phase.label + ": " + error_;
       return;
     }
-    const long share = &phase == &method.last_phase()
-                           ? kNoSteps
-                           : StepsOfShare(phase, engine->steps_per_epoch());
-    phases_.push_back({std::move(engine), share});
   }
   Start(method, nullptr);
+}
+
+bool TrainingRun::AddPhase(const Phase& phase, bool is_last, bool is_fallback) {
+  std::unique_ptr<Engine> engine =
+      MakeEngine(phase, phase.MakeRule(), model_, data_, options_, &error_);
+  if (engine == nullptr) return false;
+  const long share =
+      is_last ? kNoSteps : StepsOfShare(phase, engine->steps_per_epoch());
+  phases_.push_back({std::move(engine), share, is_fallback});
+  if (phase.output_layer != Phase::OutputLayer::kAuto) return true;
+  Phase fallback = phase;
+  fallback.output_layer = Phase::OutputLayer::kTrained;
+  return AddPhase(fallback, is_last, true);
 }
 
 void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
@@ -203,7 +211,11 @@ void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
     if (std::filesystem::exists(options_.checkpoint_path, failure)) Restore();
     if (failure) error_ = options_.checkpoint_path + ": " + failure.message();
   }
-  if (error().empty()) LimitPhase();
+  if (!error().empty()) return;
+  LimitPhase();
+  if (CanFallBack() && state_.first_weights.size() == 0) {
+    state_.first_weights = weights();
+  }
 }
 
 void TrainingRun::AgreeWithRanks() {
@@ -281,6 +293,22 @@ void TrainingRun::VisitState(StateArchive* archive, State* state) {
   archive->Visit("best_loss", &state->best_loss);
   archive->Visit("rows_since_best", &state->rows_since_best);
   VisitHistory(archive, state->step, &state->history);
+  const bool has_fallback =
+      std::any_of(phases_.begin(), phases_.end(), [](const RunPhase& phase) {
+        return phase.is_fallback;
+      });
+  if (has_fallback) {
+    archive->Visit("first_weights", &state->first_weights);
+    archive->Visit("set_aside", &state->set_aside);
+    archive->Visit("loss_set_aside", &state->loss_set_aside);
+    for (const Eigen::VectorXd* weights :
+         {&state->first_weights, &state->set_aside}) {
+      archive->Require(
+          weights->size() == 0 ||
+              (weights->size() == model_.num_weights() && weights->allFinite()),
+          "first_weights");
+    }
+  }
   if (options_.averages_weights) {
     state->average.VisitState(
         archive, model_.num_weights(), state->step - state->first_step);

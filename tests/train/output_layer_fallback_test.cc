@@ -1,0 +1,147 @@
+// output_layer=auto: a solved layer where it pays, and otherwise a trained one.
+
+#include <string>
+
+#include "gtest/gtest.h"
+#include "invgrad/train/train.h"
+#include "tests/support/create_problem.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/train_options.h"
+#include "tests/support/train_problem.h"
+#include "tests/train/regression.h"
+
+namespace invgrad {
+namespace output_layer_fallback_test {
+
+constexpr char kAuto[] = ":output_layer=auto";
+
+TrainOptions Steps(long num_steps, int batch_size) {
+  TrainOptions options;
+  options.max_num_steps = num_steps;
+  options.batch_size = batch_size;
+  return options;
+}
+
+TrainResult TrainBy(const std::string& method, TrainOptions options) {
+  const Regression problem;
+  options.initial_weights = problem.weights;
+  TrainResult result =
+      Train(problem.model, {problem.train, problem.test}, method, options);
+  EXPECT_EQ(result.error, "") << method;
+  return result;
+}
+
+// One input and three hidden layers: the features are nearly dependent.
+const LearningProblem& OfOneInput() {
+  static const auto* const problem = new LearningProblem(
+      CreateLearningProblem("regression_1d:num_samples=320"));
+  return *problem;
+}
+
+constexpr long kNumSteps = 2000;
+// The first step of all: before it a tenth of the budget is spent.
+constexpr long kFirstOfFallback = kNumSteps / 10 + 1;
+
+TEST(OutputLayerFallback, ALayerThatPaysIsSolvedToTheEnd) {
+  for (const int batch_size : {0, 8}) {
+    const std::string method = "adam:step_size=3e-3";
+    const TrainOptions options = Steps(800, batch_size);
+    const TrainResult exact = TrainBy(method + ":output_layer=exact", options);
+    const TrainResult result = TrainBy(method + kAuto, options);
+    EXPECT_EQ(result.weights, exact.weights);
+    EXPECT_EQ(result.history.size(), exact.history.size());
+    EXPECT_EQ(result.summary.message, exact.summary.message);
+  }
+}
+
+TEST(OutputLayerFallback, AStalledPhaseTrainsAllLayersFromItsFirstWeights) {
+  const std::string method = "adam:step_size=1e-3";
+  const TrainResult result =
+      TrainProblem(OfOneInput(), method + kAuto, Steps(kNumSteps, 32));
+  const TrainResult trained = TrainProblem(
+      OfOneInput(), method, Steps(kNumSteps - kFirstOfFallback, 32));
+  EXPECT_EQ(result.weights, trained.weights);
+  EXPECT_EQ(result.summary.num_steps, kNumSteps);
+  EXPECT_NE(result.summary.message.find("stalled: final weights by training"),
+            std::string::npos)
+      << result.summary.message;
+
+  const TrainResult exact = TrainProblem(
+      OfOneInput(), method + ":output_layer=exact", Steps(kNumSteps, 32));
+  EXPECT_LT(result.history.back().train_loss,
+            0.1 * exact.history.back().train_loss)
+      << "the problem does not show why there is a fallback";
+}
+
+// Steps of 1e-12 change no loss, but the first solution of the layer does.
+TEST(OutputLayerFallback, KeepsTheWeightsOfTheSolutionsIfTheyAreBetter) {
+  const std::string method = "adam:step_size=1e-12:output_layer_period=1";
+  for (const bool averages_weights : {false, true}) {
+    TrainOptions options = Steps(800, 8);
+    options.averages_weights = averages_weights;
+    const TrainResult exact = TrainBy(method + ":output_layer=exact", options);
+    const TrainResult trained = TrainBy("adam:step_size=1e-12", options);
+    const TrainResult result = TrainBy(method + kAuto, options);
+    const double loss = result.history.back().train_loss;
+    EXPECT_NEAR(loss, exact.history.back().train_loss, 1e-6 * loss);
+    EXPECT_LT(loss, 0.9 * trained.history.back().train_loss);
+    const Regression problem;
+    EXPECT_EQ(MeanLoss(problem.model, result.weights, problem.train), loss);
+    EXPECT_EQ(MeanLoss(problem.model, result.weights, problem.test),
+              result.history.back().test_loss);
+    EXPECT_NE(result.summary.message.find("stalled: final weights by it"),
+              std::string::npos)
+        << result.summary.message;
+  }
+}
+
+TEST(OutputLayerFallback, TheNextPhaseBeginsWithTheBetterWeights) {
+  const std::string still =
+      "adam:step_size=1e-12:output_layer_period=1:steps=800";
+  const std::string last = ">gradient_descent:step_size=0.1";
+  const TrainOptions options = Steps(900, 8);
+  const TrainResult exact =
+      TrainBy(still + ":output_layer=exact" + last, options);
+  const TrainResult result = TrainBy(still + kAuto + last, options);
+  EXPECT_NEAR(result.history.back().train_loss,
+              exact.history.back().train_loss,
+              0.01 * exact.history.back().train_loss);
+  EXPECT_EQ(result.summary.num_steps, 900);
+}
+
+TEST(OutputLayerFallback, ResumesBitForBit) {
+  const std::string method = std::string("adam:step_size=1e-3") + kAuto;
+  const TrainResult whole =
+      TrainProblem(OfOneInput(), method, Steps(kNumSteps, 32));
+  for (const int stop : {120, 1000}) {
+    const TemporaryFolder folder;
+    TrainOptions options = Steps(kNumSteps, 32);
+    options.checkpoint_path = folder / "checkpoint";
+    StopAt callback(stop);
+    options.callbacks = {&callback};
+    TrainProblem(OfOneInput(), method, options);
+    options.callbacks.clear();
+    const TrainResult resumed = TrainProblem(OfOneInput(), method, options);
+    EXPECT_EQ(resumed.weights, whole.weights) << "stopped at " << stop;
+    EXPECT_EQ(resumed.summary.message, whole.summary.message);
+  }
+}
+
+// Outputs of large layers overflow behind the exponential.
+TEST(OutputLayerFallback, ALayerThatDivergesIsTrained) {
+  const LearningProblem problem =
+      CreateLearningProblem("exponential:num_samples=128");
+  const std::string method = "supervised:step_size=1e-3";
+  const TrainOptions options = Steps(kNumSteps, 32);
+  const TrainResult exact =
+      TrainProblem(problem, method + ":output_layer=exact", options);
+  ASSERT_EQ(exact.summary.termination_type, ceres::FAILURE)
+      << "the problem does not show why there is a fallback";
+  const TrainResult result = TrainProblem(problem, method + kAuto, options);
+  EXPECT_NE(result.summary.termination_type, ceres::FAILURE);
+  EXPECT_EQ(result.summary.num_steps, kNumSteps);
+  EXPECT_LT(result.history.back().train_loss, exact.history.front().train_loss);
+}
+
+}  // namespace output_layer_fallback_test
+}  // namespace invgrad
