@@ -1,18 +1,18 @@
 // Whether training still lowers the loss that the best output layer leaves.
 //
-//   a_1, a_2:  the mean log loss while the spent share of the budget is in
-//              [1/40, 1/20) and in [1/20, 1/10)
-//   stalled:   from 1/10 on, if a_2 >= a_1 + log 0.85
+//   a_1, a_2, a_3:  the mean log loss while the spent share of the budget is in
+//                   [1/80, 1/40), [1/40, 1/20) and [1/20, 1/10)
+//   stalled:        from 1/10 on, unless a_2 < a_1 + log 0.85
+//                                    and a_3 < a_2 + log 0.85
 //
 // Where features are nearly dependent the best layer is large. The gradients of
 // single samples by the other weights are as large, and cancel in their sum, so
 // that a batch has mostly noise: such a run has a low loss after its first
-// solution, and never a much lower one. docs/results/exact_output_layer.md has
-// both kinds of runs.
+// solution, and then jumps, but does not fall steadily.
+// docs/results/exact_output_layer.md has both kinds of runs.
 //
-// Edges:   with fewer than 4 losses in one of the shares it has not stalled. A
-//          loss of 0 counts as the smallest number, one that is not finite as the
-//          largest.
+// Edges:   a mean of fewer than 4 losses is compared with none. A loss of 0
+//          counts as the smallest number, one that is not finite as the largest.
 #ifndef INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
 #define INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
 
@@ -28,31 +28,41 @@ class LossTrend {
  public:
   // spent: the share of the budget before the step that has this loss.
   void Add(double spent, double loss) {
-    if (spent < kStart || spent >= 4.0 * kStart) return;
+    if (spent < kStart || spent >= kEnd) return;
     constexpr double kLargest = std::numeric_limits<double>::max();
     const double limited =
         loss <= kLargest ? std::max(loss, std::numeric_limits<double>::min())
                          : kLargest;
-    const int share = spent < 2.0 * kStart ? 0 : 1;
+    int share = 0;
+    while (spent >= 2.0 * kStart * (1 << share)) ++share;
     state_[2 * share] += std::log(limited);
     state_[2 * share + 1] += 1.0;
   }
 
   bool HasStalled(double spent) const {
-    if (spent < 4.0 * kStart) return false;
-    if (state_[1] < kLeastCount || state_[3] < kLeastCount) return false;
-    return state_[2] / state_[3] >= state_[0] / state_[1] + std::log(kFall);
+    return spent >= kEnd && (!HasFallen(1) || !HasFallen(2));
   }
 
   // For each share the sum of the log losses and their number.
   Eigen::VectorXd* mutable_state() { return &state_; }
 
  private:
-  static constexpr double kStart = 1.0 / 40.0;
+  static constexpr int kNumShares = 3;
+  static constexpr double kStart = 1.0 / 80.0;
+  static constexpr double kEnd = kStart * (1 << kNumShares);
   static constexpr double kLeastCount = 4.0;
   static constexpr double kFall = 0.85;
 
-  Eigen::VectorXd state_ = Eigen::Vector4d::Zero();
+  // From the share before to this one.
+  bool HasFallen(int share) const {
+    const double count = state_[2 * share + 1];
+    const double count_before = state_[2 * share - 1];
+    if (std::min(count, count_before) < kLeastCount) return true;
+    return state_[2 * share] / count <
+           state_[2 * share - 2] / count_before + std::log(kFall);
+  }
+
+  Eigen::VectorXd state_ = Eigen::VectorXd::Zero(2 * kNumShares);
 };
 
 }  // namespace invgrad
