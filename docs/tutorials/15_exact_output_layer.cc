@@ -15,6 +15,7 @@
 #include "Eigen/Core"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
+#include "invgrad/chain/simulator.h"
 #include "invgrad/train/train.h"
 
 namespace {
@@ -110,6 +111,29 @@ int main() {
     Report(method, invgrad::Train(pendulum, {angles, angles}, method, options));
   }
   // [/nonlinear]
+
+  // [auto]
+  const invgrad::Model curve(
+      DenseNetwork({1, 16, 16, 16, 1}, invgrad::Activation::kGelu),
+      std::make_shared<invgrad::IdentitySimulator>(1),
+      std::make_shared<invgrad::SquaredNormLoss>(1, 0.5),
+      invgrad::Reduction::kMean);
+  const Eigen::MatrixXd inputs = Eigen::RowVectorXd::LinSpaced(1024, -1.0, 1.0);
+  const Eigen::MatrixXd values = inputs.unaryExpr(
+      [](double a) { return std::exp(-10.0 * a * a) * std::sin(2.0 * a); });
+  options.max_num_steps = 5000;
+  options.batch_size = 32;
+  std::printf("curve\n");
+  for (const std::string method :
+       {"adam", "adam:output_layer=exact", "adam:output_layer=auto"}) {
+    const invgrad::TrainResult result =
+        invgrad::Train(curve, {inputs, values}, method, options);
+    Report(method, result);
+    if (method == "adam:output_layer=auto") {
+      std::printf("  %s\n", result.summary.message.c_str());
+    }
+  }
+  // [/auto]
 
   // [refused]
   const invgrad::TrainResult refused = invgrad::Train(

@@ -38,13 +38,13 @@ TEST(LossTrend, StallsUnlessTheLossFallsByFifteenPercentTwice) {
 
 TEST(LossTrend, FewLossesAreNotJudged) {
   for (const double share : {0.02, 0.06}) {
-    for (const int count : {3, 4}) {
+    for (const int count : {7, 8}) {
       LossTrend trend;
       for (int k = 0; k < count; ++k) {
         trend.Add(share, 1.0);
         trend.Add(0.03, 1.0);
       }
-      EXPECT_EQ(trend.HasStalled(0.1), count == 4);
+      EXPECT_EQ(trend.HasStalled(0.1), count == 8);
     }
   }
   EXPECT_FALSE(LossTrend().HasStalled(0.1));

@@ -38,7 +38,7 @@ const LearningProblem& OfOneInput() {
   return *problem;
 }
 
-constexpr long kNumSteps = 2000;
+constexpr long kNumSteps = 4000;
 // The first step of all: before it a tenth of the budget is spent.
 constexpr long kFirstOfFallback = kNumSteps / 10 + 1;
 
@@ -113,7 +113,7 @@ TEST(OutputLayerFallback, ResumesBitForBit) {
   const std::string method = std::string("adam:step_size=1e-3") + kAuto;
   const TrainResult whole =
       TrainProblem(OfOneInput(), method, Steps(kNumSteps, 32));
-  for (const int stop : {120, 1000}) {
+  for (const int stop : {300, 2000}) {
     const TemporaryFolder folder;
     TrainOptions options = Steps(kNumSteps, 32);
     options.checkpoint_path = folder / "checkpoint";

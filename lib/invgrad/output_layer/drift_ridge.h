@@ -40,7 +40,6 @@ class DriftRidge {
   }
   // After it.
   void SetResidual(double mean_square) { state_[1] = mean_square; }
-  double residual() const { return state_[1]; }
 
   // rho, and the residual after the last solution; negative: none yet.
   Eigen::VectorXd* mutable_state() { return &state_; }

@@ -1,4 +1,5 @@
 // Whether training still lowers the loss that the best output layer leaves.
+// The losses are those of single batches, after solutions.
 //
 //   a_1, a_2, a_3:  the mean log loss while the spent share of the budget is in
 //                   [1/80, 1/40), [1/40, 1/20) and [1/20, 1/10)
@@ -11,7 +12,7 @@
 // solution, and then jumps, but does not fall steadily.
 // docs/results/exact_output_layer.md has both kinds of runs.
 //
-// Edges:   a mean of fewer than 4 losses is compared with none. A loss of 0
+// Edges:   a mean of fewer than 8 losses is compared with none. A loss of 0
 //          counts as the smallest number, one that is not finite as the largest.
 #ifndef INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
 #define INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
@@ -27,8 +28,9 @@ namespace invgrad {
 class LossTrend {
  public:
   // spent: the share of the budget before the step that has this loss.
+  static bool Reads(double spent) { return spent >= kStart && spent < kEnd; }
   void Add(double spent, double loss) {
-    if (spent < kStart || spent >= kEnd) return;
+    if (!Reads(spent)) return;
     constexpr double kLargest = std::numeric_limits<double>::max();
     const double limited =
         loss <= kLargest ? std::max(loss, std::numeric_limits<double>::min())
@@ -50,7 +52,7 @@ class LossTrend {
   static constexpr int kNumShares = 3;
   static constexpr double kStart = 1.0 / 80.0;
   static constexpr double kEnd = kStart * (1 << kNumShares);
-  static constexpr double kLeastCount = 4.0;
+  static constexpr double kLeastCount = 8.0;
   static constexpr double kFall = 0.85;
 
   // From the share before to this one.

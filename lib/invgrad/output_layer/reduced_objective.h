@@ -102,9 +102,6 @@ class ReducedObjective final : public BatchObjective {
   bool SolveOnFresh(const DataSet& samples,
                     Eigen::VectorXd* weights,
                     std::string* error);
-  // The mean squared residual after the last solution on a share; negative: none
-  // yet.
-  double mean_square() const { return drift_.residual(); }
   // For a checkpoint.
   Eigen::VectorXd* mutable_state() { return drift_.mutable_state(); }
 

@@ -195,24 +195,27 @@ bool RuleEngine::SolveIfDue(const DataSet& batch,
                             Eigen::VectorXd* weights,
                             std::string* error) {
   if (reduced_ == nullptr) return true;
-  if (!reduced_->of_batch()) {
-    if (step_ % output_layer_period_ != 0) return true;
-    const bool is_solved =
-        source_ == nullptr ? reduced_->SolveOnShare(
-                                 step_ / output_layer_period_, weights, error)
-                           : reduced_->SolveOnFresh(
-                                 FreshShare(batch, *weights), weights, error);
-    if (!is_solved) return false;
-    if (reduced_->mean_square() >= 0.0) {
-      trend_.Add(progress_, reduced_->mean_square());
+  bool is_solved = true;
+  if (reduced_->of_batch()) {
+    // After each step the layer is the best one of the step's samples.
+    const bool is_new_set =
+        source_ != nullptr && step_ % source_->steps_per_set() == 0;
+    if (step_ == 0 || is_new_set) {
+      is_solved = reduced_->SolveOutputLayer(batch, weights, error);
     }
+  } else if (step_ % output_layer_period_ != 0) {
     return true;
+  } else if (source_ == nullptr) {
+    is_solved =
+        reduced_->SolveOnShare(step_ / output_layer_period_, weights, error);
+  } else {
+    is_solved =
+        reduced_->SolveOnFresh(FreshShare(batch, *weights), weights, error);
   }
-  // After each step the layer is the best one of the step's samples.
-  const bool is_new_set =
-      source_ != nullptr && step_ % source_->steps_per_set() == 0;
-  return (step_ > 0 && !is_new_set) ||
-         reduced_->SolveOutputLayer(batch, weights, error);
+  if (is_solved && LossTrend::Reads(progress_)) {
+    trend_.Add(progress_, MeanLoss(model_, *weights, batch));
+  }
+  return is_solved;
 }
 
 bool RuleEngine::After(const DataSet& batch,
@@ -241,9 +244,6 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
   if (is_finite) {
     last_good_weights_ = *weights;
     result.batch_loss = at_weights.cost;
-    if (reduced_ != nullptr && reduced_->of_batch()) {
-      trend_.Add(progress, at_weights.cost);
-    }
   }
   const long num_taken_back = num_taken_back_;
   if (left_out) {
