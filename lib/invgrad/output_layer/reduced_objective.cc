@@ -244,6 +244,7 @@ bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
 }
 
 bool ReducedObjective::SolveOnShare(long k,
+                                    bool steps_follow,
                                     VectorXd* weights,
                                     std::string* error) {
   CHECK(!of_batch());
@@ -256,15 +257,17 @@ bool ReducedObjective::SolveOnShare(long k,
   for (size_t j = 0; j < count; ++j) {
     share.push_back(blocks_[(k * count + j) % blocks_.size()]);
   }
-  return Solve(share, &drift_, weights, error);
+  return Solve(share, steps_follow ? &drift_ : nullptr, weights, error);
 }
 
 bool ReducedObjective::SolveOnFresh(const DataSet& samples,
+                                    bool steps_follow,
                                     VectorXd* weights,
                                     std::string* error) {
   CHECK(!of_batch());
   Blocks share;
-  return Split(samples, &share, error) && Solve(share, &drift_, weights, error);
+  return Split(samples, &share, error) &&
+         Solve(share, steps_follow ? &drift_ : nullptr, weights, error);
 }
 
 bool ReducedObjective::Solve(const Blocks& blocks,

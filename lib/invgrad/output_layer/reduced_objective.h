@@ -96,10 +96,14 @@ class ReducedObjective final : public BatchObjective {
                         Eigen::VectorXd* weights,
                         std::string* error);
   // The same for the k-th share of the training samples, k = 0, 1, .. modulo the
-  // number of shares.
-  bool SolveOnShare(long k, Eigen::VectorXd* weights, std::string* error);
+  // number of shares. steps_follow: with the ridge of the drift, too.
+  bool SolveOnShare(long k,
+                    bool steps_follow,
+                    Eigen::VectorXd* weights,
+                    std::string* error);
   // The same for fresh samples.
   bool SolveOnFresh(const DataSet& samples,
+                    bool steps_follow,
                     Eigen::VectorXd* weights,
                     std::string* error);
   // For a checkpoint.

@@ -296,6 +296,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   }
   return MakeRuleEngine(batch_size,
                         output_layer.period,
+                        phase.output_layer == Phase::OutputLayer::kAuto,
                         options,
                         std::move(objective),
                         std::move(rule),

@@ -23,6 +23,7 @@ class RuleEngine final : public Engine {
  public:
   RuleEngine(int batch_size,
              int output_layer_period,
+             bool watches_trend,
              const TrainOptions& options,
              std::unique_ptr<BatchObjective> objective,
              std::shared_ptr<UpdateRule> rule,
@@ -35,6 +36,7 @@ class RuleEngine final : public Engine {
                          batch_size < data->train.num_samples())),
         num_weights_(options.initial_weights.size()),
         output_layer_period_(output_layer_period),
+        watches_trend_(watches_trend),
         objective_(std::move(objective)),
         reduced_(output_layer_period > 0
                      ? dynamic_cast<ReducedObjective*>(objective_.get())
@@ -65,7 +67,7 @@ class RuleEngine final : public Engine {
     return finished;
   }
   bool HasStalled() const override {
-    return reduced_ != nullptr && trend_.HasStalled(progress_);
+    return watches_trend_ && trend_.HasStalled(progress_);
   }
   const Eigen::VectorXd* start_of_step() const override {
     return &last_good_weights_;
@@ -97,6 +99,10 @@ class RuleEngine final : public Engine {
   bool SolveIfDue(const DataSet& batch,
                   Eigen::VectorXd* weights,
                   std::string* error);
+  bool ReadsTrend() const {
+    return watches_trend_ && LossTrend::Reads(progress_);
+  }
+  void AddToTrend(const DataSet& batch, const Eigen::VectorXd& weights);
   // The weights after a step of the rule. Where each step has its best output
   // layer, these have it; `error` as SolveOutputLayer.
   bool After(const DataSet& batch,
@@ -128,6 +134,7 @@ class RuleEngine final : public Engine {
   const bool judges_weights_;
   const Eigen::Index num_weights_;
   const int output_layer_period_;
+  const bool watches_trend_;
   const std::unique_ptr<BatchObjective> objective_;
   ReducedObjective* const reduced_;  // the objective; may be null
   const std::shared_ptr<UpdateRule> rule_;
@@ -195,27 +202,37 @@ bool RuleEngine::SolveIfDue(const DataSet& batch,
                             Eigen::VectorXd* weights,
                             std::string* error) {
   if (reduced_ == nullptr) return true;
-  bool is_solved = true;
   if (reduced_->of_batch()) {
     // After each step the layer is the best one of the step's samples.
     const bool is_new_set =
         source_ != nullptr && step_ % source_->steps_per_set() == 0;
-    if (step_ == 0 || is_new_set) {
-      is_solved = reduced_->SolveOutputLayer(batch, weights, error);
+    if ((step_ == 0 || is_new_set) &&
+        !reduced_->SolveOutputLayer(batch, weights, error)) {
+      return false;
     }
-  } else if (step_ % output_layer_period_ != 0) {
+    if (ReadsTrend()) AddToTrend(batch, *weights);
     return true;
-  } else if (source_ == nullptr) {
-    is_solved =
-        reduced_->SolveOnShare(step_ / output_layer_period_, weights, error);
-  } else {
-    is_solved =
-        reduced_->SolveOnFresh(FreshShare(batch, *weights), weights, error);
   }
-  if (is_solved && LossTrend::Reads(progress_)) {
-    trend_.Add(progress_, MeanLoss(model_, *weights, batch));
+  if (step_ % output_layer_period_ != 0) return true;
+  const long k = step_ / output_layer_period_;
+  DataSet fresh;
+  if (source_ != nullptr) fresh = FreshShare(batch, *weights);
+  const auto solve = [&](bool steps_follow, Eigen::VectorXd* at) {
+    return source_ == nullptr
+               ? reduced_->SolveOnShare(k, steps_follow, at, error)
+               : reduced_->SolveOnFresh(fresh, steps_follow, at, error);
+  };
+  if (ReadsTrend()) {
+    Eigen::VectorXd best = *weights;
+    if (!solve(false, &best)) return false;
+    AddToTrend(batch, best);
   }
-  return is_solved;
+  return solve(true, weights);
+}
+
+void RuleEngine::AddToTrend(const DataSet& batch,
+                            const Eigen::VectorXd& weights) {
+  trend_.Add(progress_, MeanLoss(model_, weights, batch));
 }
 
 bool RuleEngine::After(const DataSet& batch,
@@ -448,6 +465,8 @@ void RuleEngine::VisitState(StateArchive* archive) {
     Eigen::VectorXd* const drift = reduced_->mutable_state();
     archive->Visit("output_layer", drift, drift->size());
     archive->Require(drift->allFinite(), "output_layer");
+  }
+  if (watches_trend_) {
     Eigen::VectorXd* const trend = trend_.mutable_state();
     archive->Visit("output_layer_trend", trend, trend->size());
     archive->Require(trend->allFinite(), "output_layer_trend");
@@ -480,6 +499,7 @@ void RuleEngine::VisitState(StateArchive* archive) {
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
     int output_layer_period,
+    bool watches_trend,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
@@ -487,6 +507,7 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainingData* data) {
   return std::make_unique<RuleEngine>(batch_size,
                                       output_layer_period,
+                                      watches_trend,
                                       options,
                                       std::move(objective),
                                       std::move(rule),
