@@ -62,7 +62,7 @@ TEST(OutputLayerFallback, AStalledPhaseTrainsAllLayersFromItsFirstWeights) {
       OfOneInput(), method, Steps(kNumSteps - kFirstOfFallback, 32));
   EXPECT_EQ(result.weights, trained.weights);
   EXPECT_EQ(result.summary.num_steps, kNumSteps);
-  EXPECT_NE(result.summary.message.find("stalled: final weights by training"),
+  EXPECT_NE(result.summary.message.find("final weights of the latter"),
             std::string::npos)
       << result.summary.message;
 
@@ -89,7 +89,7 @@ TEST(OutputLayerFallback, KeepsTheWeightsOfTheSolutionsIfTheyAreBetter) {
     EXPECT_EQ(MeanLoss(problem.model, result.weights, problem.train), loss);
     EXPECT_EQ(MeanLoss(problem.model, result.weights, problem.test),
               result.history.back().test_loss);
-    EXPECT_NE(result.summary.message.find("stalled: final weights by it"),
+    EXPECT_NE(result.summary.message.find("final weights of the former"),
               std::string::npos)
         << result.summary.message;
   }
@@ -125,6 +125,15 @@ TEST(OutputLayerFallback, ResumesBitForBit) {
     EXPECT_EQ(resumed.weights, whole.weights) << "stopped at " << stop;
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
   }
+}
+
+TEST(OutputLayerFallback, PatienceEndsTheSolvedLayerFirst) {
+  TrainOptions options = Steps(100 * 40, 32);
+  options.patience = 5;
+  const std::string method = std::string("adam:step_size=1e-3") + kAuto;
+  const TrainResult result = TrainProblem(OfOneInput(), method, options);
+  EXPECT_NE(result.summary.message.find("then trained"), std::string::npos)
+      << result.summary.message;
 }
 
 // Outputs of large layers overflow behind the exponential.

@@ -41,8 +41,9 @@ class LossTrend {
     state_[2 * share + 1] += 1.0;
   }
 
+  static bool IsJudged(double spent) { return spent >= kEnd; }
   bool HasStalled(double spent) const {
-    return spent >= kEnd && (!HasFallen(1) || !HasFallen(2));
+    return IsJudged(spent) && (!HasFallen(1) || !HasFallen(2));
   }
 
   // For each share the sum of the log losses and their number.

@@ -10,6 +10,7 @@
 #include "fmt/core.h"
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/io/format.h"
+#include "invgrad/output_layer/loss_trend.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -91,6 +92,10 @@ bool TrainingRun::IsRunning() {
       End(ceres::CONVERGENCE, AtStep("target loss reached", steps_of_phase()));
     } else if (options_.patience > 0 &&
                state_.rows_since_best >= options_.patience) {
+      if (CanFallBack() && !LossTrend::IsJudged(SpentOfPhase())) {
+        FallBack();
+        continue;
+      }
       End(ceres::CONVERGENCE,
           fmt::format("no improvement in {} evaluations", options_.patience));
     } else if (!BudgetSpent().empty()) {
@@ -109,7 +114,7 @@ void TrainingRun::BeginNextPhase() {
   if (last_evaluation() != state_.step && !EvaluateOrEnd()) return;
   const int next = next_phase();
   if (!phases_[next].engine->has_state()) SaveCheckpoint(Checkpoint());
-  TakeSetAside();
+  EndFallback();
   state_.first_epoch = epoch();
   state_.first_step = state_.step;
   state_.first_second = state_.seconds;
@@ -135,10 +140,10 @@ bool TrainingRun::CanFallBack() const {
 
 void TrainingRun::FallBack() {
   if (last_evaluation() != state_.step) Evaluate();
-  const double loss = history().back().train_loss;
-  if (std::isfinite(loss)) {
+  state_.loss_set_aside = history().back().train_loss;
+  state_.set_aside.resize(0);
+  if (std::isfinite(state_.loss_set_aside)) {
     state_.set_aside = engine().Finished(weights());
-    state_.loss_set_aside = loss;
   }
   state_.weights = state_.first_weights;
   ++state_.phase;
@@ -172,14 +177,8 @@ double TrainingRun::Now() const {
 
 bool TrainingRun::TakeStep() {
   const double start = Now();
-  const double budget_in_seconds =
-      options_.max_time_in_seconds - state_.first_second;
-  const double spent =
-      std::max(static_cast<double>(steps_of_phase()) /
-                   static_cast<double>(max_num_steps_),
-               (state_.seconds - state_.first_second) / budget_in_seconds);
   const Engine::StepResult result =
-      engine().Step(std::min(1.0, spent), &state_.weights);
+      engine().Step(SpentOfPhase(), &state_.weights);
   using Outcome = Engine::StepResult::Outcome;
   // (They are empty if not even the first batch had a loss.)
   if (HasAverage() && result.outcome == Outcome::kStepped &&
@@ -273,7 +272,7 @@ bool TrainingRun::EvaluateOrEnd() {
                              ": the train loss is not finite: ";
   engine().RestoreLastGood(&state_.weights);
   Summarize(ceres::FAILURE, where + why);
-  summary_.message += TakeSetAside();
+  summary_.message += EndFallback();
   return false;
 }
 
@@ -328,17 +327,18 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
     if (HasAverage()) summary_.message += ChooseFinalWeights();
     state_.weights = engine().Finished(weights());
   }
-  summary_.message += TakeSetAside();
+  summary_.message += EndFallback();
 }
 
-std::string TrainingRun::TakeSetAside() {
-  if (state_.set_aside.size() == 0) return "";
+std::string TrainingRun::EndFallback() {
+  if (!phases_[state_.phase].is_fallback) return "";
   HistoryRow row = history().back();
-  const double loss = row.train_loss;
-  const bool is_lower = !(loss <= state_.loss_set_aside);
-  if (is_lower) {
+  const double trained = row.train_loss;
+  const double solved = state_.loss_set_aside;
+  const bool takes_solved = state_.set_aside.size() > 0 && !(trained <= solved);
+  if (takes_solved) {
     state_.weights = state_.set_aside;
-    row.train_loss = state_.loss_set_aside;
+    row.train_loss = solved;
     if (data_.test.num_samples() > 0) {
       row.test_loss = MeanLoss(model_, weights(), data_.test);
     }
@@ -346,15 +346,13 @@ std::string TrainingRun::TakeSetAside() {
     state_.history.push_back(row);
     if (options_.on_evaluation) options_.on_evaluation(weights(), history());
   }
-  const double losses[] = {loss, state_.loss_set_aside};
   state_.set_aside.resize(0);
   return fmt::format(
-      "; solving the output layer stalled: final weights by {} (train loss {}; "
-      "by {} {})",
-      is_lower ? "it" : "training",
-      FormatNumber(losses[is_lower]),
-      is_lower ? "training" : "it",
-      FormatNumber(losses[!is_lower]));
+      "; output layer solved first (train loss {}), then trained ({}): final "
+      "weights of the {}",
+      FormatNumber(solved),
+      FormatNumber(trained),
+      takes_solved ? "former" : "latter");
 }
 
 bool TrainingRun::HasAverage() const {
@@ -431,6 +429,16 @@ double TrainingRun::progress() const {
                             static_cast<double>(state_.step) /
                                 static_cast<double>(options_.max_num_steps),
                             state_.seconds / options_.max_time_in_seconds}));
+}
+
+double TrainingRun::SpentOfPhase() const {
+  const double budget_in_seconds =
+      options_.max_time_in_seconds - state_.first_second;
+  return std::min(
+      1.0,
+      std::max(static_cast<double>(steps_of_phase()) /
+                   static_cast<double>(max_num_steps_),
+               (state_.seconds - state_.first_second) / budget_in_seconds));
 }
 
 // Epochs of different phases differ in length, so sums of epochs have rounding

@@ -24,11 +24,11 @@
 // message then names the phase and counts from the start of the phase. An epoch
 // budget ends a run at the first step that reaches it.
 //
-// A phase with output_layer=auto solves the output layer. If that diverges or has
-// stalled after a tenth of the phase (output_layer/loss_trend.h), the phase goes
-// back to its first weights and trains all layers, with the rest of its budget.
-// It ends with the weights of the lower train loss: the last ones, or those that
-// the solutions had led to.
+// A phase with output_layer=auto solves the output layer. If that diverges, has
+// stalled after a tenth of the phase (output_layer/loss_trend.h), or exhausts the
+// patience before that, the phase goes back to its first weights and trains all
+// layers, with the rest of its budget. It ends with the weights of the lower
+// train loss: the last ones, or those that the solutions had led to.
 //
 // With averages_weights the run also keeps w_bar, the average of the weights of
 // the phase (averaged_weights.h). It never changes a step. A step that is taken
@@ -144,7 +144,8 @@ struct TrainOptions {
 
   // Called before the first step and after every step; IterationSummary::cost
   // is the batch loss that the step started from, and with a minimizer of Ceres
-  // its cost after the step. Not owned. SOLVER_TERMINATE_SUCCESSFULLY ends the run, results kept.
+  // its cost after the step. Not owned. SOLVER_TERMINATE_SUCCESSFULLY ends the
+  // run, results kept.
   std::vector<ceres::IterationCallback*> callbacks;
 
   // Called after each new row of the history.
@@ -308,9 +309,9 @@ class TrainingRun {
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
   void SaveIfDue();
-  // Takes the weights that are set aside if their train loss is lower. Returns a
-  // text for the message.
-  std::string TakeSetAside();
+  // In a fallback, takes the weights that are set aside if their train loss is
+  // lower. Returns a text for the message.
+  std::string EndFallback();
   // Evaluates and saves the final state. `message` counts steps from the start
   // of the phase.
   void End(ceres::TerminationType type, const std::string& message);
@@ -322,6 +323,8 @@ class TrainingRun {
   // Empty while some budget is left; then a reason such as "epochs done".
   std::string BudgetSpent() const;
   double EpochsLeft(double epoch) const;
+  // The share of the phase's budget, in [0, 1].
+  double SpentOfPhase() const;
   // The last test loss, or train loss if there are no test data.
   double WatchedLoss() const;
   Engine& engine() const { return *phases_[state_.phase].engine; }
