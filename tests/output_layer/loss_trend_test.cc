@@ -12,7 +12,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // A run of 1,000 steps with these losses in the three shares, judged at `spent`.
 bool Stalls(double first, double second, double third, double spent = 0.1) {
-  LossTrend trend;
+  LossTrend trend(LossTrend::kLeastCountOfAll);
   for (int step = 0; step < 1000; ++step) {
     const double share = step / 1000.0;
     // Losses outside of the shares do not count.
@@ -39,7 +39,7 @@ TEST(LossTrend, StallsUnlessTheLossFallsByFifteenPercentTwice) {
 TEST(LossTrend, FewLossesAreNotJudged) {
   for (const double share : {0.02, 0.06}) {
     for (const int count : {7, 8}) {
-      LossTrend trend;
+      LossTrend trend(8);
       for (int k = 0; k < count; ++k) {
         trend.Add(share, 1.0);
         trend.Add(0.03, 1.0);
@@ -47,7 +47,7 @@ TEST(LossTrend, FewLossesAreNotJudged) {
       EXPECT_EQ(trend.HasStalled(0.1), count == 8);
     }
   }
-  EXPECT_FALSE(LossTrend().HasStalled(0.1));
+  EXPECT_FALSE(LossTrend(1).HasStalled(0.1));
 }
 
 TEST(LossTrend, LossesOfZeroAndInfinity) {

@@ -1,5 +1,5 @@
 // Whether training still lowers the loss that the best output layer leaves.
-// The losses are those of single batches, after solutions.
+// The losses are those of single batches, after solutions, or of all samples.
 //
 //   a_1, a_2, a_3:  the mean log loss while the spent share of the budget is in
 //                   [1/80, 1/40), [1/40, 1/20) and [1/20, 1/10)
@@ -12,8 +12,9 @@
 // solution, and then jumps, but does not fall steadily.
 // docs/results/exact_output_layer.md has both kinds of runs.
 //
-// Edges:   a mean of fewer than 8 losses is compared with none. A loss of 0
-//          counts as the smallest number, one that is not finite as the largest.
+// Edges:   a mean of fewer losses than least_count is compared with none. A loss
+//          of 0 counts as the smallest number, one that is not finite as the
+//          largest.
 #ifndef INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
 #define INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
 
@@ -27,6 +28,12 @@ namespace invgrad {
 
 class LossTrend {
  public:
+  // For losses of batches, which differ, and of all samples.
+  static constexpr int kLeastCountOfBatches = 8;
+  static constexpr int kLeastCountOfAll = 1;
+
+  explicit LossTrend(int least_count) : least_count_(least_count) {}
+
   // spent: the share of the budget before the step that has this loss.
   static bool Reads(double spent) { return spent >= kStart && spent < kEnd; }
   void Add(double spent, double loss) {
@@ -53,18 +60,18 @@ class LossTrend {
   static constexpr int kNumShares = 3;
   static constexpr double kStart = 1.0 / 80.0;
   static constexpr double kEnd = kStart * (1 << kNumShares);
-  static constexpr double kLeastCount = 8.0;
   static constexpr double kFall = 0.85;
 
   // From the share before to this one.
   bool HasFallen(int share) const {
     const double count = state_[2 * share + 1];
     const double count_before = state_[2 * share - 1];
-    if (std::min(count, count_before) < kLeastCount) return true;
+    if (std::min(count, count_before) < least_count_) return true;
     return state_[2 * share] / count <
            state_[2 * share - 2] / count_before + std::log(kFall);
   }
 
+  double least_count_;
   Eigen::VectorXd state_ = Eigen::VectorXd::Zero(2 * kNumShares);
 };
 

@@ -46,6 +46,9 @@ class RuleEngine final : public Engine {
         train_(data->train),
         source_(data->source),
         steps_per_epoch_(train_.num_samples() / batch_size),
+        trend_(reduced_ != nullptr && reduced_->of_batch()
+                   ? LossTrend::kLeastCountOfAll
+                   : LossTrend::kLeastCountOfBatches),
         random_(options.seed),
         before_order_(random_) {
     CHECK_GT(steps_per_epoch_, 0);
