@@ -264,7 +264,9 @@ TEST(ReducedObjective, SharesAreSolvedInTurn) {
     ReducedObjective reduced = Reduced(model, &data);
     VectorXd weights = start;
     std::string error;
-    EXPECT_TRUE(reduced.SolveOnShare(k, true, &weights, &error)) << error;
+    ReducedObjective::Blocks share;
+    EXPECT_TRUE(reduced.TrainingShare(k, &share, &error)) << error;
+    EXPECT_TRUE(reduced.SolveOnShare(share, true, &weights, &error)) << error;
     return weights;
   };
   EXPECT_EQ(on_share(0), on_share(5));

@@ -1,5 +1,6 @@
 // Whether training still lowers the loss that the best output layer leaves.
-// The losses are those of single batches, after solutions, or of all samples.
+// The losses are those of the shares that it is solved on (share.h), or of all
+// samples.
 //
 //   a_1, a_2, a_3:  the mean log loss while the spent share of the budget is in
 //                   [1/80, 1/40), [1/40, 1/20) and [1/20, 1/10)
@@ -28,8 +29,8 @@ namespace invgrad {
 
 class LossTrend {
  public:
-  // For losses of batches, which differ, and of all samples.
-  static constexpr int kLeastCountOfBatches = 8;
+  // For losses of shares, which differ, and of all samples.
+  static constexpr int kLeastCountOfShares = 3;
   static constexpr int kLeastCountOfAll = 1;
 
   explicit LossTrend(int least_count) : least_count_(least_count) {}

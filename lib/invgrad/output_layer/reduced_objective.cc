@@ -150,6 +150,7 @@ void ReducedObjective::AddStep(const VectorXd& step, VectorXd* weights) const {
 bool ReducedObjective::Split(const DataSet& samples,
                              Blocks* blocks,
                              std::string* error) const {
+  blocks->clear();
   const long N = samples.num_samples();
   const long size = of_batch() ? N : SamplesOfBlock(model_, whole_->is_proxy());
   const long count = (N + size - 1) / size;
@@ -243,31 +244,20 @@ bool ReducedObjective::SolveOutputLayer(const DataSet& batch,
   return Split(batch, &blocks, error) && Solve(blocks, nullptr, weights, error);
 }
 
-bool ReducedObjective::SolveOnShare(long k,
-                                    bool steps_follow,
-                                    VectorXd* weights,
-                                    std::string* error) {
+bool ReducedObjective::TrainingShare(long k,
+                                     Blocks* share,
+                                     std::string* error) {
   CHECK(!of_batch());
   if (!SetTrainingBlocks(error)) return false;
   const bool is_proxy = whole_->is_proxy();
   const int block = SamplesOfBlock(model_, is_proxy);
   const size_t count = std::min<size_t>(
       (SamplesOfShare(model_, is_proxy) + block - 1) / block, blocks_.size());
-  Blocks share;
+  share->clear();
   for (size_t j = 0; j < count; ++j) {
-    share.push_back(blocks_[(k * count + j) % blocks_.size()]);
+    share->push_back(blocks_[(k * count + j) % blocks_.size()]);
   }
-  return Solve(share, steps_follow ? &drift_ : nullptr, weights, error);
-}
-
-bool ReducedObjective::SolveOnFresh(const DataSet& samples,
-                                    bool steps_follow,
-                                    VectorXd* weights,
-                                    std::string* error) {
-  CHECK(!of_batch());
-  Blocks share;
-  return Split(samples, &share, error) &&
-         Solve(share, steps_follow ? &drift_ : nullptr, weights, error);
+  return true;
 }
 
 bool ReducedObjective::Solve(const Blocks& blocks,

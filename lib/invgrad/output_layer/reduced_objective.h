@@ -90,28 +90,30 @@ class ReducedObjective final : public BatchObjective {
   Eigen::VectorXd OtherWeights(const Eigen::VectorXd& weights) const;
   void AddStep(const Eigen::VectorXd& step, Eigen::VectorXd* weights) const;
 
+  // Samples that C is solved on, some at a time.
+  using Blocks = std::vector<DataSet>;
+
   // Sets C*(u), of the training samples or of the batch. If it fails, the weights
   // do not change.
   bool SolveOutputLayer(const DataSet& batch,
                         Eigen::VectorXd* weights,
                         std::string* error);
-  // The same for the k-th share of the training samples, k = 0, 1, .. modulo the
-  // number of shares. steps_follow: with the ridge of the drift, too.
-  bool SolveOnShare(long k,
+  // The k-th share of the training samples, k = 0, 1, .. modulo the number of
+  // shares.
+  bool TrainingShare(long k, Blocks* share, std::string* error);
+  // The blocks of fresh samples.
+  bool Split(const DataSet& samples, Blocks* blocks, std::string* error) const;
+  // Sets C*(u) of a share. steps_follow: with the ridge of the drift, too.
+  bool SolveOnShare(const Blocks& share,
                     bool steps_follow,
                     Eigen::VectorXd* weights,
-                    std::string* error);
-  // The same for fresh samples.
-  bool SolveOnFresh(const DataSet& samples,
-                    bool steps_follow,
-                    Eigen::VectorXd* weights,
-                    std::string* error);
+                    std::string* error) {
+    return Solve(share, steps_follow ? &drift_ : nullptr, weights, error);
+  }
   // For a checkpoint.
   Eigen::VectorXd* mutable_state() { return drift_.mutable_state(); }
 
  private:
-  using Blocks = std::vector<DataSet>;
-
   bool Reduce(bool ok,
               const LinearizationParts& parts,
               Linearization* linearization) const;
@@ -119,8 +121,6 @@ class ReducedObjective final : public BatchObjective {
   Eigen::MatrixXd ReducedHessian(const Eigen::MatrixXd& H) const;
 
   bool IsInX() const { return whole_->is_proxy() || IsSolvedInX(model_); }
-  // Cuts samples into blocks, of all samples or as in share.h.
-  bool Split(const DataSet& samples, Blocks* blocks, std::string* error) const;
   // Sets blocks_, unless they are set.
   bool SetTrainingBlocks(std::string* error);
   // |y - y*|^2 over the samples; infinity if it is not finite.

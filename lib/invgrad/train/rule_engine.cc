@@ -48,7 +48,7 @@ class RuleEngine final : public Engine {
         steps_per_epoch_(train_.num_samples() / batch_size),
         trend_(reduced_ != nullptr && reduced_->of_batch()
                    ? LossTrend::kLeastCountOfAll
-                   : LossTrend::kLeastCountOfBatches),
+                   : LossTrend::kLeastCountOfShares),
         random_(options.seed),
         before_order_(random_) {
     CHECK_GT(steps_per_epoch_, 0);
@@ -95,17 +95,20 @@ class RuleEngine final : public Engine {
   void DrawOrder();
   // Samples of the source for a solution of the output layer before a step on the
   // batch.
-  DataSet FreshShare(const DataSet& batch,
-                     const Eigen::VectorXd& weights) const;
+  DataSet FreshSamples(const DataSet& batch,
+                       const Eigen::VectorXd& weights) const;
   // Sets the best output layer of the weights, if it is due before a step on the
   // batch.
   bool SolveIfDue(const DataSet& batch,
                   Eigen::VectorXd* weights,
                   std::string* error);
+  // The loss with the best output layer of the share, whatever steps follow; NaN
+  // if there is none.
+  double LossOnShare(const ReducedObjective::Blocks& share,
+                     const Eigen::VectorXd& weights);
   bool ReadsTrend() const {
     return watches_trend_ && LossTrend::Reads(progress_);
   }
-  void AddToTrend(const DataSet& batch, const Eigen::VectorXd& weights);
   // The weights after a step of the rule. Where each step has its best output
   // layer, these have it; `error` as SolveOutputLayer.
   bool After(const DataSet& batch,
@@ -194,8 +197,8 @@ void RuleEngine::DrawOrder() {
   order_ = random_.Permutation(train_.num_samples());
 }
 
-DataSet RuleEngine::FreshShare(const DataSet& batch,
-                               const Eigen::VectorXd& weights) const {
+DataSet RuleEngine::FreshSamples(const DataSet& batch,
+                                 const Eigen::VectorXd& weights) const {
   if (source_->needs_whole_batches()) return batch;
   const int size = SamplesOfShare(model_, objective_->is_proxy());
   return source_->Batch(step_, std::max(size, batch_size_), model_, weights);
@@ -213,29 +216,38 @@ bool RuleEngine::SolveIfDue(const DataSet& batch,
         !reduced_->SolveOutputLayer(batch, weights, error)) {
       return false;
     }
-    if (ReadsTrend()) AddToTrend(batch, *weights);
+    if (ReadsTrend()) {
+      trend_.Add(progress_, MeanLoss(model_, *weights, batch));
+    }
     return true;
   }
   if (step_ % output_layer_period_ != 0) return true;
-  const long k = step_ / output_layer_period_;
-  DataSet fresh;
-  if (source_ != nullptr) fresh = FreshShare(batch, *weights);
-  const auto solve = [&](bool steps_follow, Eigen::VectorXd* at) {
-    return source_ == nullptr
-               ? reduced_->SolveOnShare(k, steps_follow, at, error)
-               : reduced_->SolveOnFresh(fresh, steps_follow, at, error);
-  };
+  ReducedObjective::Blocks share;
+  const bool has_share =
+      source_ == nullptr
+          ? reduced_->TrainingShare(step_ / output_layer_period_, &share, error)
+          : reduced_->Split(FreshSamples(batch, *weights), &share, error);
+  if (!has_share) return false;
   if (ReadsTrend()) {
-    Eigen::VectorXd best = *weights;
-    if (!solve(false, &best)) return false;
-    AddToTrend(batch, best);
+    trend_.Add(progress_, LossOnShare(share, *weights));
   }
-  return solve(true, weights);
+  return reduced_->SolveOnShare(share, /*steps_follow=*/true, weights, error);
 }
 
-void RuleEngine::AddToTrend(const DataSet& batch,
-                            const Eigen::VectorXd& weights) {
-  trend_.Add(progress_, MeanLoss(model_, weights, batch));
+double RuleEngine::LossOnShare(const ReducedObjective::Blocks& share,
+                               const Eigen::VectorXd& weights) {
+  Eigen::VectorXd best = weights;
+  std::string ignored;
+  if (!reduced_->SolveOnShare(share, /*steps_follow=*/false, &best, &ignored)) {
+    return std::numeric_limits<double>::quiet_NaN();
+  }
+  double sum = 0.0;
+  int num_samples = 0;
+  for (const DataSet& block : share) {
+    sum += MeanLoss(model_, best, block) * block.num_samples();
+    num_samples += block.num_samples();
+  }
+  return sum / num_samples;
 }
 
 bool RuleEngine::After(const DataSet& batch,
