@@ -275,7 +275,8 @@ TEST(SeparableFitTutorial, PrintsWhatThePageShows) {
 
 // But for the losses, whose digits depend on the processor.
 TEST(ExactOutputLayerTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("15_exact_output_layer", {"  adam", "  levenberg"}, 3);
+  ExpectOnPage(
+      "15_exact_output_layer", {"  adam", "  levenberg", "  steps done"}, 4);
 }
 
 TEST(NewProblemTutorial, RefusesUnknownRules) {
