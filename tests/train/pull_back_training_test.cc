@@ -115,7 +115,7 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
     const std::unique_ptr<Engine> engine =
         MakeRuleEngine(100,
                        /*output_layer_period=*/0,
-                       /*watches_trend=*/false,
+                       /*watches_fall=*/false,
                        TrainOptions(),
                        std::make_unique<ChainPullBack>(
                            problem.model.get(), problem.inverse, options),

@@ -46,7 +46,7 @@ struct Phase {
   int num_steps = 0;
   // Whether the network's output layer is trained, or solved
   // (output_layer/reduced_objective.h). kAuto: the phase begins with a solved
-  // one; if that does not pay (output_layer/loss_trend.h), it begins again with
+  // one; if that does not pay (output_layer/steady_fall.h), it begins again with
   // a trained one.
   enum class OutputLayer { kTrained, kExact, kAuto };
   OutputLayer output_layer = OutputLayer::kTrained;

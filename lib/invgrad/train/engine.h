@@ -60,7 +60,7 @@ class Engine {
   }
 
   // Whether the output layer is solved and training does not lower what that
-  // leaves (output_layer/loss_trend.h).
+  // leaves (output_layer/steady_fall.h).
   virtual bool HasStalled() const { return false; }
 
   // The weights that the last step started from, after the one before it was
@@ -114,13 +114,13 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 //
 // With an output layer that is solved (output_layer/reduced_objective.h), the
 // rule moves the other weights. `output_layer_period`: the steps from one
-// solution to the next; 0: the layer is trained. watches_trend: HasStalled needs
+// solution to the next; 0: the layer is trained. watches_fall: HasStalled needs
 // a second solution each time, without the ridge of the drift, in the first tenth
 // of the phase.
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
     int output_layer_period,
-    bool watches_trend,
+    bool watches_fall,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,

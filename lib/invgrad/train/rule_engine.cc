@@ -8,9 +8,9 @@
 #include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/output_layer/loss_trend.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
+#include "invgrad/output_layer/steady_fall.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -23,7 +23,7 @@ class RuleEngine final : public Engine {
  public:
   RuleEngine(int batch_size,
              int output_layer_period,
-             bool watches_trend,
+             bool watches_fall,
              const TrainOptions& options,
              std::unique_ptr<BatchObjective> objective,
              std::shared_ptr<UpdateRule> rule,
@@ -36,7 +36,7 @@ class RuleEngine final : public Engine {
                          batch_size < data->train.num_samples())),
         num_weights_(options.initial_weights.size()),
         output_layer_period_(output_layer_period),
-        watches_trend_(watches_trend),
+        watches_fall_(watches_fall),
         objective_(std::move(objective)),
         reduced_(output_layer_period > 0
                      ? dynamic_cast<ReducedObjective*>(objective_.get())
@@ -46,9 +46,9 @@ class RuleEngine final : public Engine {
         train_(data->train),
         source_(data->source),
         steps_per_epoch_(train_.num_samples() / batch_size),
-        trend_(reduced_ != nullptr && reduced_->of_batch()
-                   ? LossTrend::kLeastCountOfAll
-                   : LossTrend::kLeastCountOfShares),
+        fall_(reduced_ != nullptr && reduced_->of_batch()
+                  ? SteadyFall::kLeastCountOfAll
+                  : SteadyFall::kLeastCountOfShares),
         random_(options.seed),
         before_order_(random_) {
     CHECK_GT(steps_per_epoch_, 0);
@@ -70,7 +70,7 @@ class RuleEngine final : public Engine {
     return finished;
   }
   bool HasStalled() const override {
-    return watches_trend_ && trend_.HasStalled(progress_);
+    return watches_fall_ && fall_.HasStalled(progress_);
   }
   const Eigen::VectorXd* start_of_step() const override {
     return &last_good_weights_;
@@ -106,8 +106,8 @@ class RuleEngine final : public Engine {
   // if there is none.
   double LossOnShare(const ReducedObjective::Blocks& share,
                      const Eigen::VectorXd& weights);
-  bool ReadsTrend() const {
-    return watches_trend_ && LossTrend::Reads(progress_);
+  bool ReadsLoss() const {
+    return watches_fall_ && SteadyFall::Reads(progress_);
   }
   // The weights after a step of the rule. Where each step has its best output
   // layer, these have it; `error` as SolveOutputLayer.
@@ -140,7 +140,7 @@ class RuleEngine final : public Engine {
   const bool judges_weights_;
   const Eigen::Index num_weights_;
   const int output_layer_period_;
-  const bool watches_trend_;
+  const bool watches_fall_;
   const std::unique_ptr<BatchObjective> objective_;
   ReducedObjective* const reduced_;  // the objective; may be null
   const std::shared_ptr<UpdateRule> rule_;
@@ -151,7 +151,7 @@ class RuleEngine final : public Engine {
 
   long step_ = 0;
   double progress_ = 0.0;  // before the last step
-  LossTrend trend_;        // of a solved output layer
+  SteadyFall fall_;        // of a solved output layer
   long num_taken_back_ = 0;
   NumpyRandom random_;
   // Of the current epoch, if shuffled, and the random numbers before it.
@@ -216,8 +216,8 @@ bool RuleEngine::SolveIfDue(const DataSet& batch,
         !reduced_->SolveOutputLayer(batch, weights, error)) {
       return false;
     }
-    if (ReadsTrend()) {
-      trend_.Add(progress_, MeanLoss(model_, *weights, batch));
+    if (ReadsLoss()) {
+      fall_.Add(progress_, MeanLoss(model_, *weights, batch));
     }
     return true;
   }
@@ -228,8 +228,8 @@ bool RuleEngine::SolveIfDue(const DataSet& batch,
           ? reduced_->TrainingShare(step_ / output_layer_period_, &share, error)
           : reduced_->Split(FreshSamples(batch, *weights), &share, error);
   if (!has_share) return false;
-  if (ReadsTrend()) {
-    trend_.Add(progress_, LossOnShare(share, *weights));
+  if (ReadsLoss()) {
+    fall_.Add(progress_, LossOnShare(share, *weights));
   }
   return reduced_->SolveOnShare(share, /*steps_follow=*/true, weights, error);
 }
@@ -481,10 +481,10 @@ void RuleEngine::VisitState(StateArchive* archive) {
     archive->Visit("output_layer", drift, drift->size());
     archive->Require(drift->allFinite(), "output_layer");
   }
-  if (watches_trend_) {
-    Eigen::VectorXd* const trend = trend_.mutable_state();
-    archive->Visit("output_layer_trend", trend, trend->size());
-    archive->Require(trend->allFinite(), "output_layer_trend");
+  if (watches_fall_) {
+    Eigen::VectorXd* const fall = fall_.mutable_state();
+    archive->Visit("output_layer_fall", fall, fall->size());
+    archive->Require(fall->allFinite(), "output_layer_fall");
   }
   if (judges_weights_) {
     archive->Visit("copied_weights", &copied_weights_);
@@ -514,7 +514,7 @@ void RuleEngine::VisitState(StateArchive* archive) {
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
     int output_layer_period,
-    bool watches_trend,
+    bool watches_fall,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,
@@ -522,7 +522,7 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainingData* data) {
   return std::make_unique<RuleEngine>(batch_size,
                                       output_layer_period,
-                                      watches_trend,
+                                      watches_fall,
                                       options,
                                       std::move(objective),
                                       std::move(rule),

@@ -10,7 +10,7 @@
 #include "fmt/core.h"
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/io/format.h"
-#include "invgrad/output_layer/loss_trend.h"
+#include "invgrad/output_layer/steady_fall.h"
 #include "invgrad/train/engine.h"
 
 namespace invgrad {
@@ -92,7 +92,7 @@ bool TrainingRun::IsRunning() {
       End(ceres::CONVERGENCE, AtStep("target loss reached", steps_of_phase()));
     } else if (options_.patience > 0 &&
                state_.rows_since_best >= options_.patience) {
-      if (CanFallBack() && !LossTrend::IsJudged(SpentOfPhase())) {
+      if (CanFallBack() && !SteadyFall::IsJudged(SpentOfPhase())) {
         FallBack();
         continue;
       }

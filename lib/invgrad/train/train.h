@@ -25,7 +25,7 @@
 // budget ends a run at the first step that reaches it.
 //
 // A phase with output_layer=auto solves the output layer. If that diverges, has
-// stalled after a tenth of the phase (output_layer/loss_trend.h), or exhausts the
+// stalled after a tenth of the phase (output_layer/steady_fall.h), or exhausts the
 // patience before that, the phase goes back to its first weights and trains all
 // layers, with the rest of its budget. It ends with the weights of the lower
 // train loss: the last ones, or those that the solutions had led to.

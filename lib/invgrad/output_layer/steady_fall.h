@@ -16,8 +16,8 @@
 // Edges:   a mean of fewer losses than least_count is compared with none. A loss
 //          of 0 counts as the smallest number, one that is not finite as the
 //          largest.
-#ifndef INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
-#define INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
+#ifndef INVGRAD_OUTPUT_LAYER_STEADY_FALL_H_
+#define INVGRAD_OUTPUT_LAYER_STEADY_FALL_H_
 
 #include <algorithm>
 #include <cmath>
@@ -27,13 +27,13 @@
 
 namespace invgrad {
 
-class LossTrend {
+class SteadyFall {
  public:
   // For losses of shares, which differ, and of all samples.
   static constexpr int kLeastCountOfShares = 3;
   static constexpr int kLeastCountOfAll = 1;
 
-  explicit LossTrend(int least_count) : least_count_(least_count) {}
+  explicit SteadyFall(int least_count) : least_count_(least_count) {}
 
   // spent: the share of the budget before the step that has this loss.
   static bool Reads(double spent) { return spent >= kStart && spent < kEnd; }
@@ -78,4 +78,4 @@ class LossTrend {
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_OUTPUT_LAYER_LOSS_TREND_H_
+#endif  // INVGRAD_OUTPUT_LAYER_STEADY_FALL_H_
