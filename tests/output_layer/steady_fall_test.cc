@@ -18,10 +18,10 @@ bool Stalls(double first, double second, double third, double spent = 0.1) {
     // Losses outside of the shares do not count.
     const bool is_outside = share < 0.0125 || share >= 0.1;
     fall.Add(share,
-              is_outside      ? 1e9
-              : share < 0.025 ? first
-              : share < 0.05  ? second
-                              : third);
+             is_outside      ? 1e9
+             : share < 0.025 ? first
+             : share < 0.05  ? second
+                             : third);
   }
   return fall.HasStalled(spent);
 }
