@@ -187,11 +187,11 @@ bool TrainingRun::TakeStep() {
   }
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
-  if (result.outcome == Outcome::kFailed && CanFallBack()) {
-    FallBack();
-    return IsRunning() && TakeStep();
-  }
   if (result.outcome == Outcome::kFailed) {
+    if (CanFallBack()) {
+      FallBack();
+      return IsRunning() && TakeStep();
+    }
     End(ceres::FAILURE,
         AtStep("diverged", steps_of_phase() + 1) + ": " + result.message);
     return false;
@@ -337,14 +337,11 @@ std::string TrainingRun::EndFallback() {
   const double solved = state_.loss_set_aside;
   const bool takes_solved = state_.set_aside.size() > 0 && !(trained <= solved);
   if (takes_solved) {
-    state_.weights = state_.set_aside;
     row.train_loss = solved;
     if (data_.test.num_samples() > 0) {
-      row.test_loss = MeanLoss(model_, weights(), data_.test);
+      row.test_loss = MeanLoss(model_, state_.set_aside, data_.test);
     }
-    if (options_.metric) row.metric = options_.metric(weights());
-    state_.history.push_back(row);
-    if (options_.on_evaluation) options_.on_evaluation(weights(), history());
+    ReplaceWeights(state_.set_aside, row);
   }
   state_.set_aside.resize(0);
   return fmt::format(
@@ -372,13 +369,18 @@ std::string TrainingRun::ChooseFinalWeights() {
                   names[!takes_average],
                   FormatNumber(losses[!takes_average]));
   if (!takes_average) return of_both;
-  state_.weights = state_.average.With(weights());
   row.train_loss = row.average_train_loss;
   row.test_loss = row.average_test_loss;
-  if (options_.metric) row.metric = options_.metric(weights());
-  state_.history.push_back(row);
-  if (options_.on_evaluation) options_.on_evaluation(weights(), history());
+  ReplaceWeights(state_.average.With(weights()), row);
   return of_both;
+}
+
+void TrainingRun::ReplaceWeights(const Eigen::VectorXd& weights,
+                                 HistoryRow row) {
+  state_.weights = weights;
+  if (options_.metric) row.metric = options_.metric(weights);
+  state_.history.push_back(row);
+  if (options_.on_evaluation) options_.on_evaluation(weights, history());
 }
 
 void TrainingRun::Summarize(ceres::TerminationType type,

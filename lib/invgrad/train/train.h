@@ -320,6 +320,9 @@ class TrainingRun {
   // message.
   std::string ChooseFinalWeights();
 
+  // Takes better weights than the last ones, whose losses are in the row.
+  void ReplaceWeights(const Eigen::VectorXd& weights, HistoryRow row);
+
   // Empty while some budget is left; then a reason such as "epochs done".
   std::string BudgetSpent() const;
   double EpochsLeft(double epoch) const;
