@@ -39,10 +39,6 @@ DEFINE_int32(
     "threads over the samples of a batch; the results do not depend on "
     "it");
 DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
-DEFINE_bool(average_weights,
-            false,
-            "average the weights, the last ones most, and end with the average "
-            "if its train loss is lower");
 DEFINE_double(checkpoint_seconds,
               invgrad::TrainOptions().checkpoint_interval_in_seconds,
               "at least so long between two checkpoints of a run; 0: one after "
@@ -232,7 +228,6 @@ TrainOptions TrainOptionsOfFlags(int batch_size, int seed) {
   options.seed = static_cast<std::uint32_t>(seed);
   options.num_threads = FLAGS_threads;
   options.shuffle = FLAGS_shuffle;
-  options.averages_weights = FLAGS_average_weights;
   if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
   if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
   if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;

@@ -60,7 +60,7 @@ bool CheckTrainingFlags(std::string* error);
 // Sets --epochs to the problem's budget if the flags have none.
 void SetDefaultBudget(const LearningProblem& problem);
 
-// With budget, shuffle, average_weights and checkpoint_seconds of the flags.
+// With budget, shuffle and checkpoint_seconds of the flags.
 TrainOptions TrainOptionsOfFlags(int batch_size, int seed);
 
 }  // namespace invgrad

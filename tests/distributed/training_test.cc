@@ -26,7 +26,6 @@ struct Case {
   std::string problem;
   std::string method;
   int batch_size = 13;  // divides by no number of ranks but one
-  bool averages_weights = false;
 };
 
 constexpr int kNumSteps = 10;
@@ -52,7 +51,6 @@ Losses Train(const LearningProblem& problem,
   TrainOptions options;
   options.batch_size = of.batch_size;
   options.max_num_steps = kNumSteps;
-  options.averages_weights = of.averages_weights;
   options.seed = 1;
   options.inverse = problem.inverse;
   options.communicator = ranks;
@@ -256,16 +254,6 @@ TEST(DistributedTraining, KfacSendsSumsOverTheSamples) {
 TEST(DistributedTraining, PhasesFollowEachOther) {
   ExpectSameTraining({"oscillator_chain:num_samples=80",
                       "adam:steps=4>half_inverse:truncation=1e-3"});
-}
-
-// The message has the losses that decide, and says how.
-TEST(DistributedTraining, AveragesWeightsAsInOneProcess) {
-  for (const char* step_size : {"1e-3", "1"}) {
-    ExpectSameTraining({"regression_1d:num_samples=40",
-                        std::string("adam:step_size=") + step_size,
-                        13,
-                        /*averages_weights=*/true});
-  }
 }
 
 TEST(DistributedTraining, RefusesMoreRanksThanSamples) {

@@ -256,32 +256,10 @@ TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
   const std::string problem = "--problem=squared_component";
   ExpectRefused({problem, "--rules=adam", "--epochs=5"}, {"--epochs=5"});
   ExpectRefused({problem, "--rules=adam", "--shuffle"}, {"--shuffle"});
-  ExpectRefused({problem, "--rules=adam", "--average_weights"},
-                {"--average_weights"});
   ExpectRefused({problem, "--rules=adam", "--hidden=5"}, {"--hidden=5"});
   ExpectRefused({problem, "--rules=adam", "--dump_step=x"}, {"--dump_step=x"});
   ExpectRefused({problem, "--rules=adam", "--steps=3000000000"},
                 {"--steps=3000000000", "2147483647"});
-}
-
-TEST_F(CompareProgram, AveragesWeightsAndSaysWhichAreFinal) {
-  const Output output = Run({"--problem=random_polynomial:noise=0.3",
-                             "--rules=gradient_descent:step_size=0.1,ceres_lm",
-                             "--steps=20",
-                             "--batch_size=1",
-                             "--average_weights",
-                             "--plots=false",
-                             "--output=" + Path("run")});
-  EXPECT_EQ(output.exit_code, 2) << output.text;
-  ExpectSays(
-      output,
-      {"steps done; final: ",
-       "not run: averages_weights: the weights of a minimizer of Ceres"});
-  // It also belongs to the files of the run.
-  EXPECT_NE(ReadAll(Path("run") + "/gradient_descent-step_size-0.1-seed1/"
-                                  "result.txt")
-                .find("weights: averaged\n"),
-            std::string::npos);
 }
 
 TEST_F(CompareProgram, PointProblemsHaveATableToo) {

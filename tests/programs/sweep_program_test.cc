@@ -88,17 +88,6 @@ TEST_F(SweepProgram, HasARowForEveryRunAndTheBestIsMarked) {
   EXPECT_TRUE(fs::exists(Path("run") + "/table.md"));
 }
 
-TEST_F(SweepProgram, AveragesWeights) {
-  std::vector<std::string> arguments = SmallSweep("run");
-  arguments[1] = "--grid=rule=adam:step_size=1e-2";
-  arguments.push_back("--average_weights");
-  ASSERT_EQ(Run(arguments).exit_code, 0);
-  const CsvLines rows = Results("run");
-  ASSERT_EQ(rows.size(), 1u);
-  EXPECT_EQ(rows[0].at("status").rfind("steps done; final: ", 0), 0u)
-      << rows[0].at("status");
-}
-
 TEST_F(SweepProgram, TheEdgeOfAGridIsReported) {
   std::vector<std::string> arguments = SmallSweep("run");
   arguments[1] = "--grid=rule=adam:step_size=1e-3|1e-2|3e-2";

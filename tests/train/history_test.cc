@@ -47,7 +47,7 @@ class HistoryTest : public testing::Test {
   const std::string header_ =
       "step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,"
       "by_inverse,by_numerical_inverse,by_inverse_gradient,by_gradient,"
-      "not_moved,average_train_loss,average_test_loss\n";
+      "not_moved\n";
 };
 
 TEST_F(HistoryTest, WritesTheDocumentedText) {
@@ -61,16 +61,14 @@ TEST_F(HistoryTest, WritesTheDocumentedText) {
   history[1].step_norm = std::numeric_limits<double>::infinity();
   history[1].metric = 0.5;
   history[1].by_numerical_inverse = 3;
-  history[1].average_train_loss = 0.125;
-  history[1].average_test_loss = 0.25;
   std::string error;
   std::string text;
   ASSERT_TRUE(WriteHistory(path_, history, &error)) << error;
   ASSERT_TRUE(ReadFile(path_, &text, &error)) << error;
   EXPECT_EQ(text,
             header_ +
-                "0,0,0,,0.25,0.26,,,,,,,,,\n"
-                "16,0.5,0.1,0.0015,,,inf,0.5,,3,,,,0.125,0.25\n");
+                "0,0,0,,0.25,0.26,,,,,,,\n"
+                "16,0.5,0.1,0.0015,,,inf,0.5,,3,,,\n");
 }
 
 TEST_F(HistoryTest, RoundTripIsExact) {

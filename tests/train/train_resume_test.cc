@@ -134,11 +134,6 @@ TEST_F(ACheckpoint, OfAnotherClockIsRefused) {
   ExpectRefused("none, now seconds: of the processor");
 }
 
-TEST_F(ACheckpoint, WithoutTheAverageOfTheWeightsIsRefused) {
-  options_.averages_weights = true;
-  ExpectRefused("none, now weights: averaged");
-}
-
 TEST_F(ACheckpoint, OfOtherTrainingDataIsRefused) {
   problem_.train.targets(1, 7) += 1e-12;
   ExpectRefused("training data: ");

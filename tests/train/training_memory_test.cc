@@ -95,19 +95,6 @@ TEST(TrainingMemory, HoldsForAnySize) {
             8e12);
 }
 
-// The average and a second one, n = 40 * 21 + 10 * 41 = 1250 doubles each.
-TEST(TrainingFits, CountsTheAverageOfTheWeights) {
-  const Model model = MakeModel({20, 40, 10});
-  const DataSet train = MakeData(model, 10);
-  TrainOptions options;
-  options.memory_limit = 1.0;
-  EXPECT_EQ(Train(model, train, "adam", options).error.find("averaged"),
-            std::string::npos);
-  options.averages_weights = true;
-  const std::string error = Train(model, train, "adam", options).error;
-  EXPECT_NE(error.find("averaged weights 20 kB"), std::string::npos) << error;
-}
-
 // A run of the first batch size of `batch_size` or none.
 std::string TrainError(const std::string& method,
                        int batch_size,

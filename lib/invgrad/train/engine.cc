@@ -272,11 +272,6 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   const OutputLayerPlan output_layer = PlanOutputLayer(
       phase, *rule, model, data, objective->is_proxy(), batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
-  if (options.averages_weights) {
-    // One more while it is updated or evaluated.
-    const double bytes = sizeof(double) * 1.0 * model.num_weights();
-    parts.push_back({"averaged weights", 2.0 * bytes});
-  }
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
             data,

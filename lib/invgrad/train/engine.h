@@ -63,10 +63,6 @@ class Engine {
   // leaves (output_layer/steady_fall.h).
   virtual bool HasStalled() const { return false; }
 
-  // The weights that the last step started from, after the one before it was
-  // kept or reverted; null for an engine whose weights are not averaged.
-  virtual const Eigen::VectorXd* start_of_step() const { return nullptr; }
-
   // The number of updates by the rule, one or more per step, and the number of
   // reverted ones.
   virtual long num_updates() const { return 0; }

@@ -1,17 +1,13 @@
 // The history of a run: one row per evaluation.
 //
 //   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
-//   0,0,0,,0.25,0.26,,,,,,,,,
-//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,,,
+//   0,0,0,,0.25,0.26,,,,,,,
+//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
 //
 // The next columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
 // by_gradient and not_moved: for methods that invert the simulator, the number
 // of samples since the first step by the source of their d_x
-// (simulator_pull_back.h). The last ones are average_train_loss and
-// average_test_loss, the losses of the averaged weights; all others are of the
-// last weights. If the averaged weights are the final ones
-// (TrainOptions::averages_weights), one more row of the last step has their
-// losses in the columns of the last weights too.
+// (simulator_pull_back.h).
 //
 // CSV with this header line; numbers with the fewest digits that read back as
 // the same value. An unknown value is an empty field (NaN in memory); an
@@ -43,8 +39,6 @@ struct HistoryRow {
   double by_inverse_gradient = kNone;
   double by_gradient = kNone;
   double not_moved = kNone;
-  double average_train_loss = kNone;
-  double average_test_loss = kNone;
 };
 
 // All columns but the step, in the order of the file.
@@ -64,9 +58,7 @@ inline constexpr HistoryColumn kHistoryColumns[] = {
     {"by_numerical_inverse", &HistoryRow::by_numerical_inverse},
     {"by_inverse_gradient", &HistoryRow::by_inverse_gradient},
     {"by_gradient", &HistoryRow::by_gradient},
-    {"not_moved", &HistoryRow::not_moved},
-    {"average_train_loss", &HistoryRow::average_train_loss},
-    {"average_test_loss", &HistoryRow::average_test_loss}};
+    {"not_moved", &HistoryRow::not_moved}};
 
 using History = std::vector<HistoryRow>;
 

@@ -72,9 +72,6 @@ class RuleEngine final : public Engine {
   bool HasStalled() const override {
     return watches_fall_ && fall_.HasStalled(progress_);
   }
-  const Eigen::VectorXd* start_of_step() const override {
-    return &last_good_weights_;
-  }
   long num_updates() const override {
     return step_ * objective_->updates_per_step();
   }

@@ -119,7 +119,6 @@ RunIdentity IdentityOfRun(const Model& model,
   identity.Add("simulator and loss",
                DigestOfSimulator(model, train, options.initial_weights));
   if (options.cpu_time) identity.Add("seconds", "of the processor");
-  if (options.averages_weights) identity.Add("weights", "averaged");
   return identity;
 }
 

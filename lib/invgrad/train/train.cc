@@ -122,7 +122,6 @@ void TrainingRun::BeginNextPhase() {
   LimitPhase();
   state_.best_loss = WatchedLoss();
   state_.rows_since_best = 0;
-  state_.average = AveragedWeights();
   if (CanFallBack()) state_.first_weights = weights();
 }
 
@@ -150,7 +149,6 @@ void TrainingRun::FallBack() {
   LimitPhase();
   state_.best_loss = std::numeric_limits<double>::infinity();
   state_.rows_since_best = 0;
-  state_.average = AveragedWeights();
 }
 
 void TrainingRun::LimitPhase() {
@@ -180,11 +178,6 @@ bool TrainingRun::TakeStep() {
   const Engine::StepResult result =
       engine().Step(SpentOfPhase(), &state_.weights);
   using Outcome = Engine::StepResult::Outcome;
-  // (They are empty if not even the first batch had a loss.)
-  if (HasAverage() && result.outcome == Outcome::kStepped &&
-      engine().start_of_step()->size() > 0) {
-    state_.average.Add(*engine().start_of_step());
-  }
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
   if (result.outcome == Outcome::kFailed) {
@@ -294,12 +287,6 @@ void TrainingRun::Evaluate() {
     row.train_loss = mean_loss(finished, data_.train);
   }
   if (has_test_data) row.test_loss = mean_loss(finished, data_.test);
-  if (HasAverage() && std::isfinite(row.train_loss)) {
-    const Eigen::VectorXd average =
-        engine().Finished(state_.average.With(weights()));
-    row.average_train_loss = mean_loss(average, data_.train);
-    if (has_test_data) row.average_test_loss = mean_loss(average, data_.test);
-  }
   if (options_.metric) row.metric = options_.metric(finished);
   if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
   state_.history.push_back(row);
@@ -323,10 +310,7 @@ void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
-  if (type != ceres::FAILURE) {
-    if (HasAverage()) summary_.message += ChooseFinalWeights();
-    state_.weights = engine().Finished(weights());
-  }
+  if (type != ceres::FAILURE) state_.weights = engine().Finished(weights());
   summary_.message += EndFallback();
 }
 
@@ -341,7 +325,10 @@ std::string TrainingRun::EndFallback() {
     if (data_.test.num_samples() > 0) {
       row.test_loss = MeanLoss(model_, state_.set_aside, data_.test);
     }
-    ReplaceWeights(state_.set_aside, row);
+    state_.weights = state_.set_aside;
+    if (options_.metric) row.metric = options_.metric(weights());
+    state_.history.push_back(row);
+    if (options_.on_evaluation) options_.on_evaluation(weights(), history());
   }
   state_.set_aside.resize(0);
   return fmt::format(
@@ -350,37 +337,6 @@ std::string TrainingRun::EndFallback() {
       FormatNumber(solved),
       FormatNumber(trained),
       takes_solved ? "former" : "latter");
-}
-
-bool TrainingRun::HasAverage() const {
-  return options_.averages_weights && engine().start_of_step() != nullptr &&
-         steps_of_phase() > 0;
-}
-
-std::string TrainingRun::ChooseFinalWeights() {
-  HistoryRow row = history().back();
-  const bool takes_average = row.average_train_loss < row.train_loss;
-  constexpr const char* names[] = {"last", "averaged"};
-  const double losses[] = {row.train_loss, row.average_train_loss};
-  std::string of_both =
-      fmt::format("; final: {} weights (train loss {}; {} weights {})",
-                  names[takes_average],
-                  FormatNumber(losses[takes_average]),
-                  names[!takes_average],
-                  FormatNumber(losses[!takes_average]));
-  if (!takes_average) return of_both;
-  row.train_loss = row.average_train_loss;
-  row.test_loss = row.average_test_loss;
-  ReplaceWeights(state_.average.With(weights()), row);
-  return of_both;
-}
-
-void TrainingRun::ReplaceWeights(const Eigen::VectorXd& weights,
-                                 HistoryRow row) {
-  state_.weights = weights;
-  if (options_.metric) row.metric = options_.metric(weights);
-  state_.history.push_back(row);
-  if (options_.on_evaluation) options_.on_evaluation(weights, history());
 }
 
 void TrainingRun::Summarize(ceres::TerminationType type,

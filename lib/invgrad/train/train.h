@@ -30,16 +30,6 @@
 // layers, with the rest of its budget. It ends with the weights of the lower
 // train loss: the last ones, or those that the solutions had led to.
 //
-// With averages_weights the run also keeps w_bar, the average of the weights of
-// the phase (averaged_weights.h). It never changes a step. A step that is taken
-// back counts as the weights that it leaves. Evaluations also have the losses
-// of w_bar; target loss and patience watch the last weights. At the end the
-// final weights, those of weights() and the result, are w_bar if its train loss
-// is lower, and else the last weights; the message has both losses. Test data
-// do not enter. A run that diverges ends with the last good weights, and one
-// that ends before the first step of a phase, or in a phase by a minimizer of
-// Ceres, which has no average, with the last weights.
-//
 // Determinism: the same inputs give the same bits, and a resumed run ends like
 // an uninterrupted one (except for times, and thus for a budget in seconds).
 // Fails:   bad input (an unknown method, a wrong batch size, data that are not
@@ -69,7 +59,6 @@
 #include "invgrad/core/update_rule.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/train/averaged_weights.h"
 #include "invgrad/train/history.h"
 #include "invgrad/train/run_identity.h"
 
@@ -119,11 +108,6 @@ struct TrainOptions {
   // off.
   double target_loss = 0.0;
   int patience = 0;
-
-  // Averages the weights, and ends with the average if its train loss is lower;
-  // an evaluation then takes twice as long. A method of minimizers of Ceres
-  // alone is refused.
-  bool averages_weights = false;
 
   // Computes the metric of the history from the weights. Null: none.
   std::function<double(const Eigen::VectorXd& weights)> metric;
@@ -263,9 +247,6 @@ class TrainingRun {
     Eigen::VectorXd first_weights;
     Eigen::VectorXd set_aside;
     double loss_set_aside = HistoryRow::kNone;
-    // Of the phase, without the last weights: the next step or an evaluation
-    // may still take them back.
-    AveragedWeights average;
   };
 
   TrainingRun(const Model& model, TrainingData data, TrainOptions options);
@@ -301,8 +282,6 @@ class TrainingRun {
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
-  // Whether there is an average of weights of this phase.
-  bool HasAverage() const;
   // Evaluates the losses. If the train loss is not finite, ends the run as
   // diverged, with the last good weights, and returns false.
   bool EvaluateOrEnd();
@@ -316,12 +295,6 @@ class TrainingRun {
   // of the phase.
   void End(ceres::TerminationType type, const std::string& message);
   void Summarize(ceres::TerminationType type, const std::string& message);
-  // Takes the average if its train loss is lower. Returns a text for the
-  // message.
-  std::string ChooseFinalWeights();
-
-  // Takes better weights than the last ones, whose losses are in the row.
-  void ReplaceWeights(const Eigen::VectorXd& weights, HistoryRow row);
 
   // Empty while some budget is left; then a reason such as "epochs done".
   std::string BudgetSpent() const;

@@ -191,16 +191,6 @@ bool TrainingRun::AddPhase(const Phase& phase, bool is_last, bool is_fallback) {
 
 void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
   if (!error().empty()) return;
-  const auto is_averaged = [](const RunPhase& phase) {
-    return phase.engine->start_of_step() != nullptr;
-  };
-  if (options_.averages_weights &&
-      std::none_of(phases_.begin(), phases_.end(), is_averaged)) {
-    error_ =
-        "averages_weights: the weights of a minimizer of Ceres are not "
-        "averaged: choose an update rule, or leave the option off";
-    return;
-  }
   if (!options_.checkpoint_path.empty() || options_.communicator != nullptr) {
     identity_ = IdentityOfRun(
         model_, data_.train, data_.test, data_.source.get(), method, options_);
@@ -308,10 +298,6 @@ void TrainingRun::VisitState(StateArchive* archive, State* state) {
               (weights->size() == model_.num_weights() && weights->allFinite()),
           "first_weights");
     }
-  }
-  if (options_.averages_weights) {
-    state->average.VisitState(
-        archive, model_.num_weights(), state->step - state->first_step);
   }
   if (!archive->error().empty()) return;
   for (int k = 0; k <= state->phase; ++k) {
