@@ -16,8 +16,6 @@
 // SVD, from the dense J) to d:
 //
 //   gram, svd        the routes of spectral_step.h, with a rule's tolerances
-//   loo, loo_32      leave_one_out.h for one filter: all samples, and 32
-//   loo_32x18        32 samples for 18 filters
 //   parameter_gram   J^T J alone, from the factors
 //   golub_kahan      golub_kahan.h, with --truncation=1e-3 or more
 //   dgesdd, sgesdd   LAPACK's SVD of J in double and single precision
@@ -46,7 +44,6 @@
 #include "bin/support/benchmarks.h"
 #include "bin/support/lapack_svd.h"
 #include "bin/support/learning_run.h"
-#include "bin/support/leave_one_out_step.h"
 #include "bin/support/program.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
@@ -183,14 +180,6 @@ Step RouteStep(SpectralRoute route, bool is_whole = false) {
   };
 }
 
-// leave_one_out_step.h; 0: all samples.
-Step LeaveOneOutStep(int max_num_samples, bool is_choice) {
-  auto step = std::make_shared<LeftOutStep>(max_num_samples, is_choice);
-  return [step](const Case& at) {
-    return step->Run(at.J(), at.g(), at.batch.num_samples(), at.filter);
-  };
-}
-
 Step ParameterGramStep() {
   auto gram = std::make_shared<Eigen::MatrixXd>();
   return [gram](const Case& at) {
@@ -252,9 +241,6 @@ const std::vector<RouteRow>& RouteRows() {
   static const auto& rows = *new std::vector<RouteRow>{
       {"gram", false, [] { return RouteStep(SpectralRoute::kGram); }},
       {"step", false, [] { return RouteStep(SpectralRoute::kGram, true); }},
-      {"loo", false, [] { return LeaveOneOutStep(0, false); }},
-      {"loo_32", false, [] { return LeaveOneOutStep(32, false); }},
-      {"loo_32x18", false, [] { return LeaveOneOutStep(32, true); }},
       {"parameter_gram", false, ParameterGramStep},
       {"golub_kahan", false, KrylovStep},
       {"svd", true, [] { return RouteStep(SpectralRoute::kSvd); }},

@@ -146,9 +146,6 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "compare" || program == "sweep") {
     return {"--steps=1", "--epochs=0", "--seconds=0", quiet[0], quiet[1]};
   }
-  if (program == "fresh_samples") {
-    return {"--steps=2", "--batch_size=2", quiet[0], quiet[1]};
-  }
   if (program == "estimate") return {"--max_iterations=1", quiet[0], quiet[1]};
   if (program == "time_windows") {
     return {"--steps=1", "--seconds=0", quiet[0]};
@@ -200,15 +197,14 @@ inline Words SmallBudget(const std::string& program) {
 // Programs that take care of the folder of an earlier run.
 inline bool HasOutput(const std::string& program) {
   return program == "compare" || program == "estimate" || program == "sweep" ||
-         program == "trajectories" || program == "fresh_samples" ||
-         program == "time_windows" || program == "registration";
+         program == "trajectories" || program == "time_windows" ||
+         program == "registration";
 }
 
 // The command with the smallest budget.
 inline Words Small(const Words& command, const SmallFiles& files) {
   const std::string& program = command[0];
-  const bool trains =
-      program == "compare" || program == "sweep" || program == "fresh_samples";
+  const bool trains = program == "compare" || program == "sweep";
   Words small = {program};
   bool has_problem = false;
   bool has_rules = program != "compare";

@@ -52,8 +52,6 @@ bool JointRule::ComputeStep(const Linearization& at_x,
   if (!ComputeDirection(at_x, filter, &d_, &how, error)) return false;
   double eta = 0.0;
   if (!FindStepSize(at_x, &eta, error)) return false;
-  last_filter_ = filter;
-  last_step_size_ = eta;
   *step = -eta * d_;
   if (!CheckFinite("the step", *step, error)) return false;
   report_ = how;

@@ -58,10 +58,6 @@ class JointRule : public UpdateRule {
   std::vector<Eigen::VectorXd*> MutableState() override;
   std::string LastStepReport() const final { return report_; }
 
-  // What the control has made of the settings: phi and eta of the last step.
-  const SpectralFilter& last_filter() const { return last_filter_; }
-  double last_step_size() const { return last_step_size_; }
-
  protected:
   explicit JointRule(const Options& options);
 
@@ -86,8 +82,6 @@ class JointRule : public UpdateRule {
   const Options options_;
   GainControl control_;
   FreshControl fresh_;
-  SpectralFilter last_filter_;
-  double last_step_size_ = 0.0;
   Eigen::VectorXd d_;
   std::string report_;
 };

@@ -140,6 +140,19 @@ bool AutoStep(const SpectralProblem& problem,
   return true;
 }
 
+bool CheckCovectorFinite(const JacobianOperator& J,
+                         const VectorXd& g,
+                         std::string* message) {
+  for (int row = 0; row < g.size(); ++row) {
+    if (!std::isfinite(g[row])) {
+      *message =
+          fmt::format("g is not finite: {} is {}", J.RowName(row), g[row]);
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 double JumpOf(const SpectralFilter& filter) {
@@ -191,19 +204,6 @@ bool CheckJacobianFinite(const JacobianOperator& J, std::string* message) {
   for (int row = 0; row < product.size(); ++row) {
     if (!std::isfinite(product[row])) {
       *message = "J is not finite: " + J.RowName(row);
-      return false;
-    }
-  }
-  return true;
-}
-
-bool CheckCovectorFinite(const JacobianOperator& J,
-                         const VectorXd& g,
-                         std::string* message) {
-  for (int row = 0; row < g.size(); ++row) {
-    if (!std::isfinite(g[row])) {
-      *message =
-          fmt::format("g is not finite: {} is {}", J.RowName(row), g[row]);
       return false;
     }
   }

@@ -96,11 +96,6 @@ void SetSpectrum(const SpectralProblem& problem,
 // row with an infinite or NaN entry.
 bool CheckJacobianFinite(const JacobianOperator& J, std::string* message);
 
-// The same for g.
-bool CheckCovectorFinite(const JacobianOperator& J,
-                         const Eigen::VectorXd& g,
-                         std::string* message);
-
 }  // namespace invgrad
 
 #endif  // INVGRAD_SPECTRAL_ROUTES_SPECTRAL_ROUTES_H_

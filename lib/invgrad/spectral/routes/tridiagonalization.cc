@@ -1,7 +1,5 @@
 #include "invgrad/spectral/routes/tridiagonalization.h"
 
-#include <lapacke.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -239,25 +237,6 @@ void Tridiagonalization::ApplyReflectors(bool transpose, VectorXd* x) const {
 void Tridiagonalization::ApplyQTranspose(VectorXd* x) const {
   ApplyReflectors(true, x);
   if (method_ == Method::kTwoStage) bulge_chase_.ApplyQ(true, x);
-}
-
-void Tridiagonalization::ApplyQTranspose(MatrixXd* X) const {
-  CHECK(method_ == Method::kOneStage);
-  const auto m = static_cast<int>(K_->rows());
-  CHECK_EQ(X->rows(), m);
-  if (m == 1 || X->cols() == 0) return;  // Q = 1
-  CHECK_EQ(LAPACKE_dormtr(LAPACK_COL_MAJOR,
-                          'L',
-                          'L',
-                          'T',
-                          m,
-                          static_cast<int>(X->cols()),
-                          K_->data(),
-                          m,
-                          tau_.data(),
-                          X->data(),
-                          m),
-           0);
 }
 
 void Tridiagonalization::ApplyQ(VectorXd* x) const {

@@ -56,9 +56,6 @@ class Tridiagonalization {
   // x = Q^T x and x = Q x.
   void ApplyQTranspose(Eigen::VectorXd* x) const;  // m
   void ApplyQ(Eigen::VectorXd* x) const;           // m
-  // X = Q^T X for many vectors by LAPACK, after one stage (CHECKed): 2 m^2 each,
-  // at the speed of a product of matrices.
-  void ApplyQTranspose(Eigen::MatrixXd* X) const;  // m x any
 
   // The approximate memory kept for a matrix of size m, in addition to K.
   static double Bytes(double m, Method method = Method::kAuto);
