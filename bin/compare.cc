@@ -80,8 +80,7 @@ bool ComparePointByFlags(const PointProblem& problem,
                            "checkpoint_seconds",
                            "target_loss",
                            "patience",
-                           "init_weights",
-                           "dump_step"}) {
+                           "init_weights"}) {
     const gflags::CommandLineFlagInfo flag =
         gflags::GetCommandLineFlagInfoOrDie(name);
     if (flag.current_value == flag.default_value) continue;

@@ -1,7 +1,6 @@
 #include "bin/compare/learning_comparison.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <set>
@@ -17,8 +16,6 @@
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/core/hessian_times.h"
-#include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
@@ -42,10 +39,6 @@ DEFINE_int32(track_sample,
              "training sample whose path in y space is kept; -1: none");
 DEFINE_bool(resume, false, "go on with the run in the directory");
 DEFINE_string(init_weights, "", "initial weights (.npy) for every seed");
-DEFINE_string(dump_step,
-              "",
-              "write J, g and every rule's first step (.npy) to this "
-              "directory, and stop");
 
 namespace invgrad {
 namespace {
@@ -172,80 +165,6 @@ bool RunOrLoad(const LearningProblem& problem,
   return RunLearning(problem, method, run, result, error);
 }
 
-// Writes the first step of every rule, on the first batch, as numpy arrays, to
-// check another implementation against this one. Fails for Ceres' minimizers,
-// which have no step from one linearization.
-//
-//   DIR/METHOD/weights.npy    theta (n)
-//   DIR/METHOD/outputs.npy    y of the batch, one row a sample (B, |y|)
-//   DIR/METHOD/J.npy          dy/dtheta (m, n), the samples stacked
-//   DIR/METHOD/g.npy          dL/dy (m)
-//   DIR/METHOD/gradient.npy   J^T g (n)
-//   DIR/METHOD/step.npy       the step (n)
-bool DumpStep(const LearningProblem& problem,
-              const std::vector<Method>& methods,
-              int batch_size,
-              const Eigen::VectorXd& weights,
-              std::string* error) {
-  for (const Method& method : methods) {
-    if (method.phases[0].ceres == nullptr) continue;
-    *error = fmt::format(
-        "--dump_step: '{}' is a minimizer of Ceres and has no step to dump",
-        method.label);
-    return false;
-  }
-  std::error_code failure;
-  if (std::filesystem::exists(FLAGS_dump_step, failure)) {
-    *error = fmt::format("--dump_step={} exists; give another directory",
-                         FLAGS_dump_step);
-    return false;
-  }
-  if (failure) {
-    *error = FLAGS_dump_step + ": " + failure.message();
-    return NameFlag("dump_step", false, error);
-  }
-  const Model& model = *problem.model;
-  for (const Method& method : methods) {
-    const Phase& phase = method.phases[0];
-    const DataSet batch = problem.train.Range(
-        0, phase.BatchSize(batch_size, problem.train.num_samples()));
-    const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-    LinearizationParts parts = rule->Needs();
-    parts.gradient = true;
-    parts.jacobian = true;
-    Linearization at_weights;
-    Eigen::MatrixXd y, J;
-    Eigen::VectorXd step;
-    const auto after = [&](const auto& shift, auto... at) {
-      return model.Linearize(weights + shift, batch, at...);
-    };
-    if (!model.Linearize(weights, batch, parts, &at_weights, error) ||
-        !model.Predict(weights, batch, &y, error)) {
-      *error = method.label + ": " + *error;
-      return false;
-    }
-    AddProductsAndTrials(parts, weights, after, &at_weights);
-    if (!rule->ComputeStep(at_weights, &step, error)) {
-      *error = method.label + ": " + *error;
-      return false;
-    }
-    at_weights.jacobian->ToDense(&J);
-    y.transposeInPlace();
-    const std::string folder = FLAGS_dump_step + "/" + FileName(method.label);
-    const bool is_written =
-        MakeDirectories(folder, error) &&
-        WriteNpy(folder + "/weights.npy", weights, error) &&
-        WriteNpy(folder + "/outputs.npy", y, error) &&
-        WriteNpy(folder + "/J.npy", J, error) &&
-        WriteNpy(folder + "/g.npy", at_weights.loss_gradient, error) &&
-        WriteNpy(folder + "/gradient.npy", at_weights.gradient, error) &&
-        WriteNpy(folder + "/step.npy", step, error);
-    if (!NameFlag("dump_step", is_written, error)) return false;
-    std::cout << "wrote " << folder << "\n";
-  }
-  return true;
-}
-
 }  // namespace
 
 bool CompareLearning(LearningProblem problem,
@@ -289,14 +208,6 @@ bool CompareLearning(LearningProblem problem,
                                     : InitialWeights(problem, seed);
   };
   const int batch_size = BatchSize(problem, FLAGS_batch_size);
-  if (!FLAGS_dump_step.empty()) {
-    if (NumRanks() > 1) {
-      *error = "--dump_step works in one process: start it without mpirun";
-      return false;
-    }
-    return DumpStep(
-        problem, methods, batch_size, initial_weights(seeds[0]), error);
-  }
   SetDefaultBudget(problem);
   RunIdentity identity;
   identity.AddData(problem.train, problem.test, problem.source.get());

@@ -58,7 +58,6 @@ std::vector<CommandLineRow> MakeRows() {
        3,
        "result.txt"},
       // Files.
-      {"", "$C " + Argument("dump_step", LongName()), 1, "--dump_step"},
       {"", "$C " + Argument("data", LongName()), 1, "nnn"},
       {"", "$C " + Argument("init_weights", LongName()), 1, "nnn"},
       {"", "$E " + Argument("input", LongName()), 1, "nnn"},

@@ -222,42 +222,11 @@ TEST_F(CompareProgram, NeuronsOfOneEpochAreDrawnAsPoints) {
   EXPECT_NE(script.find("title \"layer 3\""), std::string::npos);
 }
 
-TEST_F(CompareProgram, DumpedStepIsTheOneOfItsJacobian) {
-  const Output output = Run({"--problem=oscillator_chain:num_samples=64",
-                             "--rules=gauss_newton:truncation=1e-6",
-                             "--batch_size=8",
-                             "--dump_step=" + Path("dump")});
-  ASSERT_EQ(output.exit_code, 0) << output.text;
-  const std::string at = Path("dump") + "/gauss_newton-truncation-1e-6/";
-  Eigen::MatrixXd J;
-  Eigen::VectorXd g, gradient, step;
-  std::string error;
-  ASSERT_TRUE(ReadNpy(at + "J.npy", 32, 1444, &J, &error)) << error;
-  ASSERT_TRUE(ReadNpy(at + "g.npy", 32, &g, &error)) << error;
-  ASSERT_TRUE(ReadNpy(at + "gradient.npy", 1444, &gradient, &error)) << error;
-  ASSERT_TRUE(ReadNpy(at + "step.npy", 1444, &step, &error)) << error;
-  EXPECT_LT((J.transpose() * g - gradient).norm(), 1e-12 * gradient.norm());
-  // J has full row rank, so the Gauss-Newton step with eta = 1 undoes g.
-  EXPECT_LT((J * step + g).norm(), 1e-6 * g.norm());
-
-  // Of a method in phases it is the first one's.
-  const Output phases =
-      Run({"--problem=oscillator_chain:num_samples=64",
-           "--rules=gauss_newton:truncation=1e-6:batch_size=8:steps=1>adam",
-           "--dump_step=" + Path("phases")});
-  ASSERT_EQ(phases.exit_code, 0) << phases.text;
-  EXPECT_EQ(ReadAll(Path("phases") +
-                    "/gauss_newton-truncation-1e-6-batch_size-8-steps-1-adam/"
-                    "step.npy"),
-            ReadAll(at + "step.npy"));
-}
-
 TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {
   const std::string problem = "--problem=squared_component";
   ExpectRefused({problem, "--rules=adam", "--epochs=5"}, {"--epochs=5"});
   ExpectRefused({problem, "--rules=adam", "--shuffle"}, {"--shuffle"});
   ExpectRefused({problem, "--rules=adam", "--hidden=5"}, {"--hidden=5"});
-  ExpectRefused({problem, "--rules=adam", "--dump_step=x"}, {"--dump_step=x"});
   ExpectRefused({problem, "--rules=adam", "--steps=3000000000"},
                 {"--steps=3000000000", "2147483647"});
 }

@@ -87,8 +87,7 @@ TEST_F(OutputProgram, PathsThatTheSystemRefusesAreMessages) {
        {std::string(300, 'x'), Path("loop"), Path("loop") + "/x"}) {
     const std::string reason =
         path[0] == 'x' ? "File name too long" : "Too many levels";
-    for (const char* flag :
-         {"--dump_step=", "--output=", "--data=", "--init_weights="}) {
+    for (const char* flag : {"--output=", "--data=", "--init_weights="}) {
       SCOPED_TRACE(flag + path);
       const Output output = Run(SmallRun(flag + path));
       EXPECT_EQ(output.exit_code, 1) << output.text;
@@ -131,7 +130,6 @@ TEST_F(OutputProgram, WhatIsEchoedIsShortAndPrintable) {
       {"--output=" + large, "File name too long"},
       {"--init_weights=" + large, "File name too long"},
       {"--flagfile=" + large, "File name too long"},
-      {"--dump_step=" + large, "File name too long"},
       {"--hidden=" + large, "hidden=xxx"},
       {"--seeds=" + large, "seed=xxx"},
       {"--" + large, "too long for a flag without text"},
