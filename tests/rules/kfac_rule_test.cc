@@ -117,6 +117,15 @@ TEST(KfacHalfInverse, IsExactForALinearLayerAndALinearSimulator) {
             0.01 * joint.norm());
 }
 
+// One rule with two sets of defaults.
+TEST(KfacHalfInverse, IsKfacWithOtherSettings) {
+  const Linearization at_x = AtNetwork(kWidths, kBatchSize, kOutputs);
+  EXPECT_EQ(StepOf("kfac:step_size=1:kappa=0.5:truncation=1e-3:clamp=true:"
+                   "damping=0:metric=identity:decay=0",
+                   at_x),
+            StepOf("kfac_half_inverse", at_x));
+}
+
 // [1] of kfac_rule.cc, section 10: an affine change of a layer's inputs, which
 // its weights undo, does not change what a step of kappa = 1 does to the
 // network's outputs. That of another kappa it does.

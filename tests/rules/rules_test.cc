@@ -122,6 +122,11 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
   Values kfac = filter;
   kfac[0].second = "0.001";
   kfac[1].second = "true";
+  kfac.insert(kfac.end(),
+              {{"metric", "identity"},
+               {"decay", "0"},
+               {"interval", "1"},
+               {"seed", "0"}});
   EXPECT_EQ(defaults("kfac_half_inverse"),
             join({step_size, {{"kappa", "0.5"}}, kfac}));
   Values adaptive_power = join({step_size, {{"kappa", "0.5"}}, filter});

@@ -85,9 +85,11 @@ bool JointRule::FindStepSize(const Linearization& at_x,
       d_.setZero();
       model = AlongDirection();
     }
-    if (!d_.isZero(0.0) && options.is_auto() &&
-        !AutoStepSize(model, options.rho, eta, error)) {
-      return false;
+    if (!d_.isZero(0.0) && options.is_auto()) {
+      AlongDirection damped = model;
+      const double length = d_.norm() / model.unit;
+      damped.damping = CurvatureDamping() * length * length;
+      if (!AutoStepSize(damped, options.rho, eta, error)) return false;
     }
   }
   *eta *= options.ScheduleFactor(at_x.progress);

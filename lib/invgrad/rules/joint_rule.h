@@ -75,6 +75,10 @@ class JointRule : public UpdateRule {
                                 std::string* report,
                                 std::string* error) = 0;
 
+  // lambda of the automatic step size, which then minimizes the model of the loss
+  // with |eta d|^2 lambda / 2 added.
+  virtual double CurvatureDamping() const { return 0.0; }
+
  private:
   // The step size along -d_.
   bool FindStepSize(const Linearization& at_x, double* eta, std::string* error);

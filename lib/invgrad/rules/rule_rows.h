@@ -12,7 +12,6 @@ std::vector<RuleRow> FirstOrderRuleRows();   // first_order_rules.cc
 std::vector<RuleRow> NewtonRuleRows();       // newton.cc
 std::vector<RuleRow> SpectralRuleRows();     // spectral_rule.cc
 std::vector<RuleRow> KfacRuleRows();         // kfac_rule.cc
-std::vector<RuleRow> DampedKfacRuleRows();   // damped_kfac_rule.cc
 std::vector<RuleRow> KrylovRuleRows();       // krylov_rule.cc
 std::vector<RuleRow> HessianFreeRuleRows();  // hessian_free_rule.cc
 std::vector<RuleRow> AdaHessianRuleRows();   // adahessian_rule.cc

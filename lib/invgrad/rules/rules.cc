@@ -16,7 +16,6 @@ std::deque<RuleRow>& Table() {
                                      NewtonRuleRows(),
                                      SpectralRuleRows(),
                                      KfacRuleRows(),
-                                     DampedKfacRuleRows(),
                                      KrylovRuleRows(),
                                      HessianFreeRuleRows(),
                                      AdaHessianRuleRows(),

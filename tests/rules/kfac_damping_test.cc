@@ -1,4 +1,4 @@
-// The rule kfac: exact for one linear layer, damping, averages.
+// The rule kfac: exact for one linear layer, damping, averages, sampled factors.
 
 #include <cmath>
 #include <memory>
@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "Eigen/Eigenvalues"
 #include "Eigen/LU"
+#include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/dense_network.h"
@@ -17,7 +19,7 @@
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
-namespace damped_kfac_rule_test {
+namespace kfac_damping_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -68,8 +70,8 @@ TEST(Kfac, IsTheGaussNewtonStepOfALinearNetwork) {
   ExpectNear(StepOf("kfac:damping=0:rho=0.5", at_x), 0.5 * expected, 1e-9);
 }
 
-// -(A + pi sqrt(lambda))^-1 G (D + sqrt(lambda) / pi)^-1 by the Kronecker
-// product itself.
+// -(A + pi sqrt(lambda))^-p G (D + sqrt(lambda) / pi)^-p by the Kronecker product
+// itself.
 TEST(Kfac, DampsBothFactors) {
   const Linearization at_x = LinearChain().At();
   VectorXd gradient;
@@ -89,6 +91,13 @@ TEST(Kfac, DampsBothFactors) {
   }
   const VectorXd expected = -product.lu().solve(gradient);
   ExpectNear(StepOf("kfac:step_size=1:damping=0.3", at_x), expected, 1e-11);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(product);
+  const VectorXd powers = eigen.eigenvalues().array().pow(-0.75);
+  ExpectNear(
+      StepOf("kfac:step_size=1:damping=0.3:kappa=0.5", at_x),
+      -eigen.eigenvectors() *
+          powers.cwiseProduct(eigen.eigenvectors().transpose() * gradient),
+      1e-11);
   // step_size=auto minimizes the damped model along this direction.
   const MatrixXd B =
       GaussNewton(at_x, &gradient) + lambda * MatrixXd::Identity(15, 15);
@@ -120,10 +129,12 @@ TEST(Kfac, AveragesItsFactors) {
       -A.lu().solve(gradient.reshaped(5, 3)) * D.inverse();
   ExpectNear(averaged, expected.reshaped(), 1e-9);
   // Without memory it is the step of the batch alone.
-  const auto forgetful = MakeRule("kfac:step_size=1:damping=0:decay=0");
+  const std::string text = "kfac:step_size=1:damping=0:decay=0";
+  const auto forgetful = MakeRule(text);
   StepOf(forgetful.get(), first.At());
-  EXPECT_EQ(StepOf(forgetful.get(), second.At()),
-            StepOf("kfac:step_size=1:damping=0", second.At()));
+  const VectorXd alone = StepOf(forgetful.get(), second.At());
+  EXPECT_EQ(alone, StepOf(text, second.At()));
+  ExpectNear(alone, StepOf("kfac:step_size=1:damping=0", second.At()), 1e-12);
 }
 
 // The factors of the first step, with the gradient of the second.
@@ -168,13 +179,17 @@ Linearization ByProducts(const LinearChain& chain) {
 // The mean over random covectors, here 7 samples in 2000 steps, is the exact D.
 TEST(Kfac, SampledFactorsTendToTheExactOnes) {
   const LinearChain chain;
-  const auto rule = MakeRule("kfac:step_size=1:damping=0.3:decay=0.99999");
   const Linearization at_x = ByProducts(chain);
-  VectorXd step;
-  for (int k = 0; k < 2000; ++k) step = StepOf(rule.get(), at_x);
-  const VectorXd exact = StepOf("kfac:step_size=1:damping=0.3", chain.At());
-  ExpectNear(step, exact, 0.03);
-  EXPECT_GT((step - exact).norm(), 1e-6 * exact.norm());
+  for (const std::string text :
+       {"kfac:step_size=1:damping=0.3",
+        "kfac_half_inverse:damping=0.3:clamp=false:truncation=0"}) {
+    const auto rule = MakeRule(text + ":decay=0.99999");
+    VectorXd step;
+    for (int k = 0; k < 2000; ++k) step = StepOf(rule.get(), at_x);
+    const VectorXd exact = StepOf(text, chain.At());
+    ExpectNear(step, exact, 0.03);
+    EXPECT_GT((step - exact).norm(), 1e-6 * exact.norm());
+  }
 }
 
 TEST(Kfac, SampledFactorsResumeBitForBit) {
@@ -277,7 +292,9 @@ TEST(Kfac, IsADescentDirectionOfEveryNetwork) {
   const auto rule = MakeRule("kfac");
   at_x.jacobian->Times(StepOf(rule.get(), at_x), &Jd);
   EXPECT_LT(at_x.loss_gradient.dot(Jd), 0.0);
-  EXPECT_EQ(rule->LastStepReport().find("3 layers, step size "), 0u);
+  EXPECT_EQ(rule->LastStepReport().find("3 layers, rank 47 of 47, step size "),
+            0u)
+      << rule->LastStepReport();
 }
 
 TEST(Kfac, SaysWhatItNeeds) {
@@ -288,11 +305,29 @@ TEST(Kfac, SaysWhatItNeeds) {
             "K-FAC needs the Jacobian of a network's layers, which this "
             "problem does not have; half_inverse and layer_half_inverse work "
             "with any Jacobian");
-  // Fewer samples than inputs: A is singular.
-  EXPECT_EQ(ErrorOf("kfac:damping=0", AtNetwork({4, 3}, 2, 2)),
-            "layer 0: a damped factor is not positive definite; a larger "
-            "damping may help");
 }
 
-}  // namespace damped_kfac_rule_test
+// With fewer samples than inputs A is singular.
+TEST(Kfac, WithoutDampingLeavesOutWhatHasNoCurvature) {
+  constexpr int kSamples = 2;
+  MatrixXd with_bias = MatrixXd::Ones(5, kSamples);
+  with_bias.topRows(4) = RandomMatrix(4, kSamples, 2);
+  const Linearization at_x = AtNetwork({4, 3},
+                                       with_bias.topRows(4),
+                                       RandomMatrix(3, 4 * kSamples, 3),
+                                       RandomMatrix(4 * kSamples, 1, 4));
+  VectorXd gradient;
+  at_x.jacobian->TransposeTimes(at_x.loss_gradient, &gradient);
+  const auto blocks = at_x.jacobian->ColumnBlocks();
+  const auto& layer = dynamic_cast<const LayerJacobian&>(*blocks[0]);
+  const MatrixXd D = layer.deltas() * layer.deltas().transpose();
+  const MatrixXd A = with_bias * with_bias.transpose() / kSamples;
+  const MatrixXd expected =
+      -A.completeOrthogonalDecomposition().pseudoInverse() *
+      gradient.reshaped(5, 3) * D.inverse();
+  ExpectNear(
+      StepOf("kfac:step_size=1:damping=0", at_x), expected.reshaped(), 1e-9);
+}
+
+}  // namespace kfac_damping_test
 }  // namespace invgrad
