@@ -8,9 +8,9 @@
 
 #include "Eigen/QR"
 #include "glog/logging.h"
+#include "invgrad/core/dense_svd.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
 #include "invgrad/output_layer/share.h"
-#include "invgrad/output_layer/tall_svd.h"
 
 namespace invgrad {
 namespace {
@@ -41,26 +41,33 @@ std::vector<int> WeightsOutside(const LayerColumns& layer, int num_weights) {
   return others;
 }
 
+// s^2 / (s^2 + (kRidge s_max)^2): the parts of U^T d that a solution with this
+// ridge takes.
+ArrayXd Shares(const VectorXd& s) {
+  const ArrayXd squares = s.array().square();
+  return (squares > 0.0)
+      .select(squares / (squares + std::pow(kRidge * s[0], 2)), 0.0);
+}
+
 // W with J - W W^T J the part of J that a solution of the layer leaves.
-MatrixXd SolvedDirections(const MatrixXd& J_C) {
-  TallSvd svd;
-  if (!svd.Compute(J_C)) return {};
-  return svd.U() * svd.Shares(kRidge).sqrt().matrix().asDiagonal();
+MatrixXd SolvedDirections(MatrixXd J_C) {
+  DenseSvd svd;
+  *svd.mutable_matrix() = std::move(J_C);
+  if (!svd.Compute()) return {};
+  return svd.U() * Shares(svd.s()).sqrt().matrix().asDiagonal();
 }
 
 bool SolveWithSmallRidge(const OutputLayerProblem& problem,
                          NormalEquations::Solution* solution) {
-  TallSvd svd;
+  DenseSvd svd;
+  *svd.mutable_matrix() = problem.H.transpose();
   solution->squared_norm = problem.D.squaredNorm();
-  if (!std::isfinite(solution->squared_norm) ||
-      !svd.Compute(problem.H.transpose())) {
-    return false;
-  }
-  const ArrayXd shares = svd.Shares(kRidge);
-  const MatrixXd coefficients = svd.Coefficients(problem.D.transpose());
+  if (!std::isfinite(solution->squared_norm) || !svd.Compute()) return false;
+  const ArrayXd shares = Shares(svd.s());
+  const MatrixXd coefficients = svd.UTransposeTimes(problem.D.transpose());
   const VectorXd factors =
       (svd.s().array() > 0.0).select(shares / svd.s().array(), 0.0);
-  solution->Z = svd.V() * (factors.asDiagonal() * coefficients);
+  solution->Z = svd.Vt().transpose() * (factors.asDiagonal() * coefficients);
   const ArrayXd left = 1.0 - (1.0 - shares).square();
   solution->squared_residual =
       solution->squared_norm -
@@ -121,7 +128,7 @@ bool ReducedObjective::Reduce(bool ok,
         << "the projection needs the layers of a DenseNetwork";
     MatrixXd J_C;
     layers.back()->ToDense(&J_C);
-    Q = SolvedDirections(J_C);
+    Q = SolvedDirections(std::move(J_C));
   }
   linearization->jacobian = std::make_shared<ReducedJacobian>(
       linearization->jacobian, others_, std::move(Q));

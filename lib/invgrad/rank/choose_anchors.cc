@@ -4,6 +4,7 @@
 #include <numeric>
 #include <utility>
 
+#include "invgrad/core/dense_svd.h"
 #include "invgrad/rank/decompositions.h"
 
 namespace invgrad {

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/core/dense_svd.h"
 
 namespace invgrad {
 namespace {
@@ -35,61 +37,20 @@ VectorXd QrInPlace(MatrixXd* A) {
   return tau;
 }
 
-// Replaces A by its R if A is much taller than wide: s and V are the same.
-void ReduceTall(MatrixXd* A) {
-  const Index n = A->cols();
-  if (A->rows() < n + n / 4) return;
-  QrInPlace(A);
-  A->conservativeResize(n, n);
-  A->triangularView<Eigen::StrictlyLower>().setZero();
-}
-
-// Overwrites A. VT is null or n x n, and then m >= n.
-VectorXd Svd(MatrixXd* A, MatrixXd* VT) {
-  VectorXd s(std::min(A->rows(), A->cols()));
-  double unused = 0.0;
-  const lapack_int info =
-      LAPACKE_dgesdd(LAPACK_COL_MAJOR,
-                     VT != nullptr ? 'O' : 'N',  // U overwrites A
-                     Int(A->rows()),
-                     Int(A->cols()),
-                     A->data(),
-                     LeadingDimension(*A),
-                     s.data(),
-                     &unused,
-                     VT != nullptr ? LeadingDimension(*A) : 1,
-                     VT != nullptr ? VT->data() : &unused,
-                     VT != nullptr ? LeadingDimension(*VT) : 1);
-  if (info != 0) {
-    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-    s.setConstant(kNan);
-    if (VT != nullptr) VT->setConstant(kNan);
-  }
-  return s;
-}
-
 }  // namespace
 
 RightSvd ComputeRightSvd(MatrixXd A) {
   const Index m = A.rows();
   const Index n = A.cols();
-  const SingleBlasThread single_thread(n < kThreads);
   if (m < n) {
     A.conservativeResize(n, n);
     A.bottomRows(n - m).setZero();
   }
-  ReduceTall(&A);
-  RightSvd result;
-  MatrixXd VT(n, n);
-  result.s = Svd(&A, &VT);
-  result.V = VT.transpose();
-  return result;
-}
-
-VectorXd SingularValues(MatrixXd A) {
-  const SingleBlasThread single_thread(A.cols() < kThreads);
-  ReduceTall(&A);
-  return Svd(&A, nullptr);
+  DenseSvd svd;
+  *svd.mutable_matrix() = std::move(A);
+  if (svd.Compute()) return {svd.s(), svd.Vt().transpose()};
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  return {VectorXd::Constant(n, kNan), MatrixXd::Constant(n, n, kNan)};
 }
 
 MatrixXd Orthonormalized(MatrixXd X) {

@@ -1,9 +1,9 @@
-// Decompositions of dense matrices by LAPACK.
+// Orthonormal bases of dense matrices: right singular vectors, and QR by LAPACK.
 //
 //   A = U diag(s) V^T,   X = Q R,   A P = Q R
 //
-// O(m n min(m, n)) for m x n. s and V are NaN if the SVD does not converge, or if
-// A is not finite.
+// O(m n min(m, n)) for m x n. s and V are NaN if the SVD (core/dense_svd.h) does
+// not converge, or if A is not finite.
 #ifndef INVGRAD_RANK_DECOMPOSITIONS_H_
 #define INVGRAD_RANK_DECOMPOSITIONS_H_
 
@@ -18,9 +18,6 @@ struct RightSvd {
   Eigen::MatrixXd V;  // n x n: null vectors included
 };
 RightSvd ComputeRightSvd(Eigen::MatrixXd A);
-
-// The min(m, n) singular values, descending.
-Eigen::VectorXd SingularValues(Eigen::MatrixXd A);
 
 // Q, m x n, of the m x n matrix X, m >= n.
 Eigen::MatrixXd Orthonormalized(Eigen::MatrixXd X);

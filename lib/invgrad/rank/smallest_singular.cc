@@ -12,6 +12,7 @@
 #include "Eigen/CholmodSupport"
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/core/dense_svd.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/rank/decompositions.h"
 

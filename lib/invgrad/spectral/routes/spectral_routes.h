@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "invgrad/core/dense_svd.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/spectral/routes/contour_quadrature.h"
 #include "invgrad/spectral/routes/tridiagonal.h"
@@ -21,17 +22,6 @@
 namespace invgrad {
 
 // The arrays that the routes keep from one step to the next.
-struct SvdBuffers {
-  Eigen::MatrixXd J;
-  Eigen::MatrixXd A;
-  Eigen::VectorXd tau;  // of Q's reflectors
-  Eigen::MatrixXd R;
-  Eigen::MatrixXd copy;     // of what dgesdd overwrites
-  Eigen::MatrixXd left;     // W', or W
-  Eigen::MatrixXd right_t;  // Z^T
-  Eigen::VectorXd s;        // descending
-};
-
 struct SpectralBuffers {
   // Route gram: J J^T or J^T J, divided by `unit`, in the columns of `strips`;
   // later the reflectors of the reduction, or the eigenvectors.
@@ -52,7 +42,9 @@ struct SpectralBuffers {
   std::vector<std::complex<double>> shifts;
   std::vector<std::complex<double>> coefficients;
 
-  SvdBuffers svd;
+  // Route svd.
+  Eigen::MatrixXd dense;
+  DenseSvd svd;
 };
 
 // The arguments of a route.
