@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "tests/support/real_infidelity.h"
 

@@ -18,10 +18,11 @@
 #include "Eigen/Core"
 #include "invgrad/chain/network.h"
 #include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/layered_jacobian.h"
 
 namespace invgrad {
 
-class ChainJacobian final : public JacobianOperator {
+class ChainJacobian final : public JacobianOperator, public LayeredJacobian {
  public:
   // `pass` of a forward pass with `weights`; simulators: dy_s/dx_s of each
   // sample, or none for y = x. The columns of the pass are the samples

@@ -8,6 +8,7 @@
 
 #include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/core/layered_jacobian.h"
 
 namespace invgrad {
 namespace {
@@ -117,7 +118,7 @@ bool LinearizeLossInOutputLayer(const Model& model,
     return false;
   }
   MatrixXd J_c;
-  at_weights.jacobian->ColumnBlocks().back()->ToDense(&J_c);
+  ColumnBlocksOf(*at_weights.jacobian).back()->ToDense(&J_c);
   problem->H = J_c.transpose();
   // g = 2 factor scale (y - y*).
   problem->D = at_weights.loss_gradient.transpose() /

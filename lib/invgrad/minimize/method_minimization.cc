@@ -8,7 +8,7 @@
 
 #include "ceres/types.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"

@@ -8,6 +8,7 @@
 
 #include "Eigen/QR"
 #include "glog/logging.h"
+#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
 #include "invgrad/output_layer/share.h"
 #include "invgrad/output_layer/tall_svd.h"
@@ -116,7 +117,7 @@ bool ReducedObjective::Reduce(bool ok,
   if (linearization->jacobian == nullptr) return true;
   MatrixXd Q;
   if (of_batch()) {
-    const auto layers = linearization->jacobian->ColumnBlocks();
+    const auto layers = ColumnBlocksOf(*linearization->jacobian);
     CHECK(!layers.empty())
         << "the projection needs the layers of a DenseNetwork";
     MatrixXd J_C;

@@ -69,6 +69,8 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/rules/kfac_layers.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
@@ -157,9 +159,9 @@ class DampedKfacRule final : public UpdateRule {
     report_.clear();
     const JacobianOperator& J = *at_x.jacobian;
     const Linearization& own = OwnPart(at_x);
-    const auto blocks = own.jacobian->ColumnBlocks();
+    const auto blocks = ColumnBlocksOf(*own.jacobian);
     std::vector<const LayerJacobian*> layers;
-    std::vector<LayerColumns> columns = J.FactorLayers();
+    std::vector<LayerColumns> columns = FactorLayersOf(J);
     const bool is_sampled = !columns.empty();
     if (!is_sampled) {
       if (!FindLayers(blocks, &layers, error)) return false;
@@ -276,7 +278,7 @@ class DampedKfacRule final : public UpdateRule {
                double memory,
                const JacobianOperator& J,
                std::vector<Factors> factors) {
-    const Communicator* const ranks = J.communicator();
+    const Communicator* const ranks = RanksOf(J);
     const double own_memory =
         ranks == nullptr || ranks->rank() == 0 ? memory : 0.0;
     for (std::size_t l = 0; l < layers.size(); ++l) {
@@ -313,7 +315,7 @@ class DampedKfacRule final : public UpdateRule {
                  &w);
     if (!CheckFinite("a random covector", w, error)) return false;
     SampledFactors sampled;
-    at_x.jacobian->FactorsAlong(w, &sampled);
+    LayersOf(*at_x.jacobian)->FactorsAlong(w, &sampled);
     if (!CheckFinite("J^T w", sampled.others, error)) return false;
     CHECK_EQ(sampled.layers.size(), factors.size());
     auto others = factors_.head(sampled.others.size());

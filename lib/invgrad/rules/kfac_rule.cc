@@ -50,6 +50,8 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/kfac_layers.h"
 #include "invgrad/rules/rule_rows.h"
@@ -217,7 +219,7 @@ class KfacRule final : public JointRule {
                         std::string* report,
                         std::string* error) override {
     const JacobianOperator& J = *at_x.jacobian;
-    const auto blocks = OwnPart(at_x).jacobian->ColumnBlocks();
+    const auto blocks = ColumnBlocksOf(*OwnPart(at_x).jacobian);
     std::vector<const LayerJacobian*> layers;
     if (!FindLayers(blocks, &layers, error)) return false;
     if (!CheckFinite("g", at_x.loss_gradient, error)) return false;
@@ -226,7 +228,7 @@ class KfacRule final : public JointRule {
     *report = fmt::format("{} layers", layers.size());
     if (!filter.IsGradientDescent()) {
       std::vector<Factor> factors;
-      if (!Factorize(layers, J.communicator(), &factors, error)) return false;
+      if (!Factorize(layers, RanksOf(J), &factors, error)) return false;
       int rank = 0;
       Index column = 0;
       for (std::size_t l = 0; l < layers.size(); ++l) {
