@@ -8,6 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
+#include "invgrad/chain/network_layers.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -93,7 +94,7 @@ MatrixXd LayerJacobianOf(const Model& model,
   ModelObjective whole(model);
   MatrixXd J;
   At(&whole, weights, data).jacobian->ToDense(&J);
-  return J.rightCols(model.network().OutputLayer().size());
+  return J.rightCols(OutputLayerOf(model.network()).size());
 }
 
 class ReducedLoss
@@ -127,7 +128,7 @@ TEST_P(ReducedLoss, TheLayerIsTheBest) {
   ModelObjective whole(model_);
   const VectorXd gradient = At(&whole, weights_, data_).gradient;
   const VectorXd in_layer =
-      gradient.tail(model_.network().OutputLayer().size());
+      gradient.tail(OutputLayerOf(model_.network()).size());
   EXPECT_LT(in_layer.norm(), 1e-7 * (1.0 + gradient.norm()));
 }
 

@@ -7,6 +7,7 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
 #include "invgrad/train/train.h"
@@ -166,7 +167,7 @@ TEST(TorchOutputLayerTraining, OnFreshSamples) {
 // 8 x 8 equations of a sample are as alike as one.
 TEST(TorchOutputLayerTraining, AShareHasSixteenSamplesForEachUnknown) {
   const LearningProblem problem = CreateLearningProblem(kUNet);
-  const LayerColumns layer = problem.model->network().OutputLayer();
+  const LayerColumns layer = OutputLayerOf(problem.model->network());
   EXPECT_EQ(SamplesOfShare(*problem.model, true), 16 * layer.rows());
   EXPECT_EQ(SamplesOfBlock(*problem.model, true), 32);
 }

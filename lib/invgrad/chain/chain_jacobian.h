@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/network.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layered_jacobian.h"
 
@@ -40,7 +40,7 @@ class ChainJacobian final : public JacobianOperator, public LayeredJacobian {
                       Eigen::VectorXd* Jtw) const override;
   std::string RowName(int row) const override;  // "row 12 (sample 3, output 0)"
   std::vector<LayerColumns> FactorLayers() const override {
-    return network_->FactorLayers();
+    return FactorLayersOf(*network_);
   }
   void FactorsAlong(const Eigen::VectorXd& w,
                     SampledFactors* factors) const override;

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "glog/logging.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/core/layered_jacobian.h"
 
@@ -71,10 +72,10 @@ void SetProblemInX(const Network& network,
                    const MatrixXd& d_x,
                    const VectorXd& scales,
                    OutputLayerProblem* problem) {
-  const Index fan_out = network.OutputLayer().cols();
+  const Index fan_out = OutputLayerOf(network).cols();
   CHECK_GT(fan_out, 0);
   const Index num_positions = network.num_outputs() / fan_out;
-  problem->H = network.Features(weights, pass);
+  problem->H = FeaturesOf(network, weights, pass);
   problem->D.resize(fan_out, d_x.size() / fan_out);
   CHECK_EQ(problem->H.cols(), problem->D.cols());
   if (num_positions == 1) {

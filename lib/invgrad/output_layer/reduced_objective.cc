@@ -8,6 +8,7 @@
 
 #include "Eigen/QR"
 #include "glog/logging.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/core/layered_jacobian.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
 #include "invgrad/output_layer/share.h"
@@ -77,7 +78,7 @@ ReducedObjective::ReducedObjective(std::unique_ptr<BatchObjective> whole,
     : whole_(std::move(whole)),
       model_(*model),
       train_(train),
-      layer_(model->network().OutputLayer()),
+      layer_(OutputLayerOf(model->network())),
       others_(WeightsOutside(layer_, model->num_weights())) {
   CHECK_GT(layer_.size(), 0) << "the network has no affine output layer";
   CHECK(!others_.empty()) << "all weights are in the output layer";

@@ -6,6 +6,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/model_cost.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
@@ -78,7 +79,7 @@ bool CanSolveOutputLayer(const Phase& phase,
                          std::string* error) {
   const bool in_x = phase.pull_back.has_value() && !phase.pull_back->is_joint();
   const Network& network = model.network();
-  const auto layer_size = network.OutputLayer().size();
+  const auto layer_size = OutputLayerOf(network).size();
   // A step in y turns the loss into one without a squared norm.
   const std::shared_ptr<const Loss> loss =
       phase.pull_back.has_value() && !in_x
