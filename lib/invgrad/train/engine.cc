@@ -19,7 +19,7 @@ namespace {
 
 // Returns false if the pull-back cannot train this model on these data.
 bool CheckPullBack(const PullBackMethod& pull_back,
-                   const UpdateRule& rule,
+                   bool judges_steps,
                    const Model& model,
                    const DataSet& train,
                    std::string* error) {
@@ -28,7 +28,7 @@ bool CheckPullBack(const PullBackMethod& pull_back,
     *error =
         "updates > 1: in a closed loop an update moves the inputs of the next "
         "one";
-  } else if (is_closed_loop && !pull_back.is_joint() && rule.JudgesSteps()) {
+  } else if (is_closed_loop && !pull_back.is_joint() && judges_steps) {
     *error =
         "control=gain: in a closed loop an update moves the inputs of what is "
         "pulled back";
@@ -126,7 +126,7 @@ struct OutputLayerPlan {
 };
 
 OutputLayerPlan PlanOutputLayer(const Phase& phase,
-                                const UpdateRule& rule,
+                                UpdateRule* rule,
                                 const Model& model,
                                 const TrainingData& data,
                                 bool is_proxy,
@@ -134,11 +134,12 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
   OutputLayerPlan plan;
   if (!phase.solves_output_layer()) return plan;
   const int num_samples = data.train.num_samples();
-  const LinearizationParts needs = rule.Needs();
+  const LinearizationParts needs = rule->Needs();
   // A rule of gradients alone has no say in how far the layer moves.
-  plan.after_each_step =
-      batch_size == num_samples && model.dense_network() != nullptr &&
-      (needs.jacobian || needs.hessian || needs.after || rule.JudgesSteps());
+  plan.after_each_step = batch_size == num_samples &&
+                         model.dense_network() != nullptr &&
+                         (needs.jacobian || needs.hessian || needs.after ||
+                          rule->judge() != nullptr);
   if (plan.after_each_step) {
     plan.period = 1;
     const double num_outputs =
@@ -165,7 +166,7 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
 // The objective of all weights; null, with *error, if the pull-back cannot train
 // this model.
 std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
-                                              const UpdateRule& rule,
+                                              UpdateRule* rule,
                                               const Model& model,
                                               const TrainingData& data,
                                               const TrainOptions& options,
@@ -174,7 +175,10 @@ std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
     return std::make_unique<ModelObjective>(model);
   }
   const PullBackMethod& pull_back = *phase.pull_back;
-  if (!CheckPullBack(pull_back, rule, model, data.train, error)) return nullptr;
+  if (!CheckPullBack(
+          pull_back, rule->judge() != nullptr, model, data.train, error)) {
+    return nullptr;
+  }
   if (pull_back.is_joint()) {
     return std::make_unique<ModelObjective>(model.WithLoss(
         pull_back.MakeLoss(model.shared_loss()), model.reduction()));
@@ -237,7 +241,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     return MakeCeresEngine(phase, &model, &data.train);
   }
   std::unique_ptr<BatchObjective> objective =
-      MakeObjective(phase, *rule, model, data, options, error);
+      MakeObjective(phase, rule.get(), model, data, options, error);
   if (objective == nullptr) return nullptr;
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
     return nullptr;
@@ -271,7 +275,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
       model, *rule, objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
   const OutputLayerPlan output_layer = PlanOutputLayer(
-      phase, *rule, model, data, objective->is_proxy(), batch_size);
+      phase, rule.get(), model, data, objective->is_proxy(), batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),

@@ -15,6 +15,7 @@
 #include "invgrad/inverse/pull_back_counts.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/train.h"
+#include "invgrad/train/weight_ledger.h"
 
 namespace invgrad {
 
@@ -45,13 +46,15 @@ class Engine {
   // all steps.
   virtual StepResult Step(double progress, Eigen::VectorXd* weights) = 0;
 
-  // Reverts the last step, after which the train loss is not finite, or goes
-  // back to a rule's copy of the weights. Returns false, and does nothing, if
-  // the engine does not judge its steps or has nothing to go back to.
-  virtual bool TakeBack(Eigen::VectorXd* /*weights*/) { return false; }
-
-  // Resets the weights to the last ones with a finite batch loss.
-  virtual void RestoreLastGood(Eigen::VectorXd* /*weights*/) {}
+  // Goes back to weights of the ledger.
+  //   kNoLoss  the train loss is not finite: undoes the last step, or returns to
+  //            the copy. Returns false, and does nothing, if the rule has no judge
+  //            or there is nothing to go back to.
+  //   kEnd     the run has diverged, and ends with the last weights with a finite
+  //            batch loss.
+  virtual bool Undo(UndoReason /*reason*/, Eigen::VectorXd* /*weights*/) {
+    return false;
+  }
 
   // The weights that a run reports for `weights`: the same, or with the best
   // output layer for them.
@@ -64,9 +67,9 @@ class Engine {
   virtual bool HasStalled() const { return false; }
 
   // The number of updates by the rule, one or more per step, and the number of
-  // reverted ones.
+  // those that were undone.
   virtual long num_updates() const { return 0; }
-  virtual long num_taken_back() const { return 0; }
+  virtual long num_undone() const { return 0; }
   // How the samples were pulled back; null without a pull-back.
   virtual const PullBackCounts* counts() const { return nullptr; }
 
@@ -101,11 +104,11 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 // A batch is `batch_size` samples of the data source, or else consecutive
 // samples of an epoch's order (shuffle and seed of the options); an incomplete
 // last batch is left out. A rule that judges its steps (control=gain) receives
-// the cost before and after each step; the engine reverts a step that the rule
-// rejects, or after which the next batch has no finite loss. A rule that judges
-// weights (control=fresh) receives the loss of each batch before its step, if
-// batches differ; the engine copies the weights, and goes back to the copy, as
-// the rule decides. Fails if a batch has no finite loss or the rule has no
+// the cost before and after each step; the engine undoes a step that the judge
+// rejects, or after which the next batch has no finite loss. A judge of weights
+// (control=fresh) receives the loss of each batch before its step, if batches
+// differ; the engine copies the weights, and goes back to the copy, as the judge
+// decides. Fails if a batch has no finite loss or the rule has no
 // finite step.
 //
 // With an output layer that is solved (output_layer/reduced_objective.h), the

@@ -7,11 +7,13 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
 #include "invgrad/output_layer/steady_fall.h"
 #include "invgrad/train/engine.h"
+#include "invgrad/train/weight_ledger.h"
 
 namespace invgrad {
 namespace {
@@ -31,7 +33,8 @@ class RuleEngine final : public Engine {
              const TrainingData* data)
       : batch_size_(batch_size),
         shuffles_(options.shuffle),
-        judges_weights_(rule->JudgesWeights() &&
+        judge_(rule->judge()),
+        judges_weights_(judge_ != nullptr && judge_->JudgesWeights() &&
                         (data->source != nullptr ||
                          batch_size < data->train.num_samples())),
         num_weights_(options.initial_weights.size()),
@@ -57,10 +60,7 @@ class RuleEngine final : public Engine {
 
   long steps_per_epoch() const override { return steps_per_epoch_; }
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
-  bool TakeBack(Eigen::VectorXd* weights) override;
-  void RestoreLastGood(Eigen::VectorXd* weights) override {
-    if (last_good_weights_.size() > 0) *weights = last_good_weights_;
-  }
+  bool Undo(UndoReason reason, Eigen::VectorXd* weights) override;
   Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
     Eigen::VectorXd finished = weights;
     std::string ignored;
@@ -75,7 +75,7 @@ class RuleEngine final : public Engine {
   long num_updates() const override {
     return step_ * objective_->updates_per_step();
   }
-  long num_taken_back() const override { return num_taken_back_; }
+  long num_undone() const override { return ledger_.num_undone(); }
   const PullBackCounts* counts() const override {
     return objective_->mutable_counts();
   }
@@ -113,7 +113,7 @@ class RuleEngine final : public Engine {
              Eigen::VectorXd* weights,
              std::string* error);
 
-  // Linearizes at the weights, after those returns that the rule decides.
+  // Linearizes at the weights, after the steps that the judge undoes.
   // *left_out: the loss of the batch is finite nowhere, and the rule judges
   // weights.
   bool Begin(const DataSet& batch,
@@ -134,6 +134,7 @@ class RuleEngine final : public Engine {
 
   const int batch_size_;
   const bool shuffles_;
+  StepJudge* const judge_;  // of the rule; may be null
   const bool judges_weights_;
   const Eigen::Index num_weights_;
   const int output_layer_period_;
@@ -149,7 +150,6 @@ class RuleEngine final : public Engine {
   long step_ = 0;
   double progress_ = 0.0;  // before the last step
   SteadyFall fall_;        // of a solved output layer
-  long num_taken_back_ = 0;
   NumpyRandom random_;
   // Of the current epoch, if shuffled, and the random numbers before it.
   std::vector<int> order_;
@@ -159,10 +159,7 @@ class RuleEngine final : public Engine {
   Eigen::VectorXd set_weights_;
   long set_ = -1;
   DataSet set_samples_;
-  // The weights of the last finite batch loss.
-  Eigen::VectorXd last_good_weights_;
-  // The copy of a rule that judges weights; may be empty.
-  Eigen::VectorXd copied_weights_;
+  WeightLedger ledger_;
   long num_left_out_ = 0;  // in a row
 };
 
@@ -271,34 +268,33 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
       SolveIfDue(batch, weights, &result.message) &&
       Begin(batch, &at_weights, weights, &left_out, &result.message);
   if (is_finite) {
-    last_good_weights_ = *weights;
+    ledger_.SetBefore(*weights);
     result.batch_loss = at_weights.cost;
   }
-  const long num_taken_back = num_taken_back_;
+  const long num_undone = ledger_.num_undone();
   if (left_out) {
-    ++num_taken_back_;
-    RestoreLastGood(weights);
+    ledger_.Undo(UndoReason::kNoLoss, ledger_.before(), weights);
   } else if (!is_finite ||
              !Update(batch, &at_weights, weights, &result.message)) {
-    RestoreLastGood(weights);
+    ledger_.Undo(UndoReason::kEnd, ledger_.before(), weights);
     return result;
   }
   ++step_;
   result.outcome = StepResult::Outcome::kStepped;
   result.iteration.step_is_valid = true;
-  result.iteration.step_is_successful = num_taken_back_ == num_taken_back;
+  result.iteration.step_is_successful = ledger_.num_undone() == num_undone;
   result.iteration.cost = result.batch_loss;
   if (at_weights.gradient.size() > 0) {
     result.iteration.gradient_max_norm =
         at_weights.gradient.lpNorm<Eigen::Infinity>();
   }
-  result.iteration.step_norm = (*weights - last_good_weights_).norm();
+  result.iteration.step_norm = (*weights - ledger_.before()).norm();
   return result;
 }
 
 // The cost of a proxy says nothing about the loss of the batch, only whether it
 // is finite: it is before each step.
-class RuleEngine::Others final : public UpdateRule::OtherWeights {
+class RuleEngine::Others final : public StepJudge::OtherWeights {
  public:
   Others(RuleEngine* engine,
          const DataSet& batch,
@@ -310,7 +306,7 @@ class RuleEngine::Others final : public UpdateRule::OtherWeights {
         is_finite_(is_finite) {}
 
   double CostBeforeLastStep() override {
-    const Eigen::VectorXd& before = engine_.last_good_weights_;
+    const Eigen::VectorXd& before = engine_.ledger_.before();
     if (!engine_.objective_->is_proxy()) return CostAt(before);
     const bool is_known =
         !is_finite_ && before.size() > 0 && before != weights_;
@@ -318,7 +314,7 @@ class RuleEngine::Others final : public UpdateRule::OtherWeights {
   }
   double CostAtCopy() override {
     if (engine_.objective_->is_proxy()) return kNaN;
-    return CostAt(engine_.copied_weights_);
+    return CostAt(engine_.ledger_.copy());
   }
 
  private:
@@ -339,34 +335,32 @@ bool RuleEngine::Begin(const DataSet& batch,
                        Eigen::VectorXd* weights,
                        bool* left_out,
                        std::string* error) {
-  using Verdict = UpdateRule::Verdict;
+  using Verdict = StepJudge::Verdict;
   const auto linearize = [&] {
     return objective_->Linearize(
         *weights, batch, rule_->Needs(), at_weights, error);
   };
   bool is_finite = linearize();
   if (!judges_weights_) {
-    return is_finite || (TakeBack(weights) && linearize());
+    return is_finite || (Undo(UndoReason::kNoLoss, weights) && linearize());
   }
   Others others(this, batch, *weights, is_finite);
-  const Verdict verdict = rule_->JudgeWeights(
+  const Verdict verdict = judge_->JudgeWeights(
       is_finite ? at_weights->cost : std::numeric_limits<double>::quiet_NaN(),
       &others);
   switch (verdict) {
     case Verdict::kCopy:
-      copied_weights_ = *weights;
+      ledger_.SetCopy(*weights);
       break;
-    case Verdict::kCopyBeforeLastStep:
-      copied_weights_ = last_good_weights_;
+    case Verdict::kCopyBefore:
+      ledger_.SetCopy(ledger_.before());
       break;
-    case Verdict::kRevertStep:
-    case Verdict::kReturn: {
-      const bool is_step = verdict == Verdict::kRevertStep;
+    case Verdict::kUndoStep:
+    case Verdict::kUndoToCopy: {
       const Eigen::VectorXd& back =
-          is_step ? last_good_weights_ : copied_weights_;
+          verdict == Verdict::kUndoStep ? ledger_.before() : ledger_.copy();
       CHECK_GT(back.size(), 0) << "There are no weights to go back to.";
-      *weights = back;
-      ++num_taken_back_;
+      ledger_.Undo(UndoReason::kJudged, back, weights);
       is_finite = linearize();
       break;
     }
@@ -384,14 +378,13 @@ bool RuleEngine::Update(const DataSet& batch,
                         Linearization* at_weights,
                         Eigen::VectorXd* weights,
                         std::string* error) {
-  const bool judges = rule_->JudgesSteps();
   Eigen::VectorXd step;
   for (int k = 0; k < objective_->updates_per_step(); ++k) {
     if (k > 0 && !objective_->LinearizeAgain(
                      *weights, batch, rule_->Needs(), at_weights, error)) {
       return false;
     }
-    if (judges && objective_->is_proxy()) {
+    if (judge_ != nullptr && objective_->is_proxy()) {
       at_weights->cost = JudgedCost(batch, *weights);
     }
     // Of the loss, or of a proxy with constant x~.
@@ -411,14 +404,14 @@ bool RuleEngine::Update(const DataSet& batch,
     if (!rule_->ComputeStep(*at_weights, &step, error)) return false;
     const Eigen::VectorXd before = *weights;
     const bool is_solved = After(batch, step, weights, error);
-    if (!is_solved && !judges) return false;
-    const double cost = !judges || !is_solved
-                            ? std::numeric_limits<double>::quiet_NaN()
-                            : JudgedCost(batch, *weights);
-    if (judges && !rule_->KeepsStep(cost, 1.0)) {
-      // Not weights - step, which has rounding errors.
-      *weights = before;
-      ++num_taken_back_;
+    if (judge_ == nullptr) {
+      if (!is_solved) return false;
+      continue;
+    }
+    const double cost = is_solved ? JudgedCost(batch, *weights)
+                                  : std::numeric_limits<double>::quiet_NaN();
+    if (!judge_->KeepsStep(cost, 1.0)) {
+      ledger_.Undo(UndoReason::kJudged, before, weights);
     }
   }
   return true;
@@ -434,28 +427,24 @@ double RuleEngine::JudgedCost(const DataSet& batch,
              : std::numeric_limits<double>::quiet_NaN();
 }
 
-bool RuleEngine::TakeBack(Eigen::VectorXd* weights) {
-  if (!rule_->JudgesSteps()) return false;
-  if (*weights == last_good_weights_ && copied_weights_.size() > 0) {
-    last_good_weights_ = copied_weights_;
+bool RuleEngine::Undo(UndoReason reason, Eigen::VectorXd* weights) {
+  if (reason == UndoReason::kNoLoss) {
+    if (judge_ == nullptr) return false;
+    if (*weights == ledger_.before() && ledger_.copy().size() > 0) {
+      ledger_.SetBefore(ledger_.copy());
+    }
+    if (ledger_.before().size() == 0 || *weights == ledger_.before()) {
+      return false;
+    }
+    judge_->KeepsStep(std::numeric_limits<double>::quiet_NaN(), 1.0);
   }
-  if (last_good_weights_.size() == 0 || *weights == last_good_weights_) {
-    return false;
-  }
-  *weights = last_good_weights_;
-  rule_->KeepsStep(std::numeric_limits<double>::quiet_NaN(), 1.0);
-  ++num_taken_back_;
+  ledger_.Undo(reason, ledger_.before(), weights);
   return true;
 }
 
 void RuleEngine::VisitState(StateArchive* archive) {
   archive->Visit("steps_of_phase", &step_);
-  archive->Visit("num_taken_back", &num_taken_back_);
-  archive->Visit("last_good_weights", &last_good_weights_);
-  archive->Require(last_good_weights_.size() == 0 ||
-                       (last_good_weights_.size() == num_weights_ &&
-                        last_good_weights_.allFinite()),
-                   "last_good_weights");
+  ledger_.VisitState(num_weights_, /*has_copy=*/judges_weights_, archive);
   if (shuffles_) {
     const bool is_within_epoch = step_ % steps_per_epoch_ != 0;
     Eigen::VectorXd random =
@@ -483,14 +472,7 @@ void RuleEngine::VisitState(StateArchive* archive) {
     archive->Visit("output_layer_fall", fall, fall->size());
     archive->Require(fall->allFinite(), "output_layer_fall");
   }
-  if (judges_weights_) {
-    archive->Visit("copied_weights", &copied_weights_);
-    archive->Require(copied_weights_.size() == 0 ||
-                         (copied_weights_.size() == num_weights_ &&
-                          copied_weights_.allFinite()),
-                     "copied_weights");
-    archive->Visit("num_left_out", &num_left_out_);
-  }
+  if (judges_weights_) archive->Visit("num_left_out", &num_left_out_);
   const std::vector<Eigen::VectorXd*> rule_state = rule_->MutableState();
   for (size_t i = 0; i < rule_state.size(); ++i) {
     // An array that is not empty before the first step keeps its size.

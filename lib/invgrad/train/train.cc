@@ -263,7 +263,7 @@ bool TrainingRun::EvaluateOrEnd() {
       state_.step == 0 ? "the loss is not finite at the initial weights: "
                        : AtStep("diverged", steps_of_phase()) +
                              ": the train loss is not finite: ";
-  engine().RestoreLastGood(&state_.weights);
+  engine().Undo(UndoReason::kEnd, &state_.weights);
   Summarize(ceres::FAILURE, where + why);
   summary_.message += EndFallback();
   return false;
@@ -282,7 +282,8 @@ void TrainingRun::Evaluate() {
   };
   Eigen::VectorXd finished = engine().Finished(weights());
   row.train_loss = mean_loss(finished, data_.train);
-  while (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
+  while (!std::isfinite(row.train_loss) &&
+         engine().Undo(UndoReason::kNoLoss, &state_.weights)) {
     finished = engine().Finished(weights());
     row.train_loss = mean_loss(finished, data_.train);
   }
@@ -363,7 +364,7 @@ void TrainingRun::Summarize(ceres::TerminationType type,
   summary.train_time_in_seconds = state_.seconds;
   for (int k = 0; k <= state_.phase; ++k) {
     summary.num_updates += phases_[k].engine->num_updates();
-    summary.num_taken_back += phases_[k].engine->num_taken_back();
+    summary.num_taken_back += phases_[k].engine->num_undone();
   }
   if (summary.num_taken_back > 0) {
     summary.message += fmt::format("; {} of {} steps taken back",
