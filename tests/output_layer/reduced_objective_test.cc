@@ -134,7 +134,7 @@ TEST_P(ReducedLoss, TheLayerIsTheBest) {
 
 TEST_P(ReducedLoss, TheGradientIsThatOfDifferences) {
   const Linearization at = At(&reduced_, weights_, data_);
-  const VectorXd u = reduced_.OtherWeights(weights_);
+  const VectorXd u = reduced_.Unknowns(weights_);
   ASSERT_EQ(at.gradient.size(), u.size());
   constexpr double kStep = 1e-4;
   for (int i = 0; i < u.size(); ++i) {
@@ -200,7 +200,7 @@ TEST(ReducedObjective, TheCostIsThatOfADenseMinimization) {
     const double cost = At(&whole, weights, data).cost;
     EXPECT_GE(cost, best * (1.0 - 1e-12));
     EXPECT_LT(cost, of_batch ? best * (1.0 + 1e-10) : at.cost);
-    EXPECT_EQ(reduced.OtherWeights(weights), reduced.OtherWeights(start));
+    EXPECT_EQ(reduced.Unknowns(weights), reduced.Unknowns(start));
   }
 }
 
@@ -309,7 +309,7 @@ TEST(ReducedObjective, TheHessianIsThatOfDifferences) {
     if (hessian != nullptr) *hessian = at.hessian;
     return at.gradient;
   };
-  const auto n = reduced.OtherWeights(weights).size();
+  const auto n = reduced.Unknowns(weights).size();
   MatrixXd hessian;
   gradient_after(VectorXd::Zero(n), &hessian);
   constexpr double kStep = 1e-4;

@@ -89,8 +89,8 @@ TEST(TorchOutputLayerTraining, TheSolvedLayerIsTheBest) {
   std::string error;
   ASSERT_TRUE(reduced.SolveOutputLayer(problem.train, &weights, &error))
       << error;
-  EXPECT_EQ(reduced.OtherWeights(weights),
-            reduced.OtherWeights(Weights(model)));
+  EXPECT_EQ(reduced.Unknowns(weights),
+            reduced.Unknowns(Weights(model)));
   const BestLayer best(weights, problem.train);
   EXPECT_NEAR(
       MeanLoss(model, weights, problem.train), best.loss, best.tolerance);

@@ -115,8 +115,6 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
     const auto rule = std::make_shared<NotingRule>();
     const std::unique_ptr<Engine> engine =
         MakeRuleEngine(100,
-                       /*output_layer_period=*/0,
-                       /*watches_fall=*/false,
                        TrainOptions(),
                        std::make_unique<ChainPullBack>(
                            problem.model.get(), problem.inverse, options),

@@ -141,12 +141,20 @@ MatrixXd ReducedObjective::ReducedHessian(const MatrixXd& H) const {
   return reduced;
 }
 
-VectorXd ReducedObjective::OtherWeights(const VectorXd& weights) const {
+VectorXd ReducedObjective::Unknowns(const VectorXd& weights) const {
   return weights(others_);
 }
 
 void ReducedObjective::AddStep(const VectorXd& step, VectorXd* weights) const {
   (*weights)(others_) += step;
+}
+
+bool ReducedObjective::Plus(const VectorXd& step,
+                            const DataSet& batch,
+                            VectorXd* weights,
+                            std::string* error) {
+  AddStep(step, weights);
+  return !of_batch() || SolveOutputLayer(batch, weights, error);
 }
 
 bool ReducedObjective::Split(const DataSet& samples,

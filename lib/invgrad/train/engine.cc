@@ -10,8 +10,8 @@
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
+#include "invgrad/train/scheduled_output_layer.h"
 #include "invgrad/train/training_memory.h"
 
 namespace invgrad {
@@ -120,8 +120,7 @@ bool CanSolveOutputLayer(const Phase& phase,
 }
 
 struct OutputLayerPlan {
-  bool after_each_step = false;  // on the batch, of all samples
-  int period = 0;                // 0: the layer is trained
+  OutputLayerSchedule schedule;
   MemoryPart memory;
 };
 
@@ -133,15 +132,17 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
                                 int batch_size) {
   OutputLayerPlan plan;
   if (!phase.solves_output_layer()) return plan;
+  OutputLayerSchedule& schedule = plan.schedule;
+  schedule.batch_size = batch_size;
+  schedule.watches_fall = phase.output_layer == Phase::OutputLayer::kAuto;
   const int num_samples = data.train.num_samples();
   const LinearizationParts needs = rule->Needs();
   // A rule of gradients alone has no say in how far the layer moves.
-  plan.after_each_step = batch_size == num_samples &&
-                         model.dense_network() != nullptr &&
-                         (needs.jacobian || needs.hessian || needs.after ||
-                          rule->judge() != nullptr);
-  if (plan.after_each_step) {
-    plan.period = 1;
+  schedule.after_each_step = batch_size == num_samples &&
+                             model.dense_network() != nullptr &&
+                             (needs.jacobian || needs.hessian || needs.after ||
+                              rule->judge() != nullptr);
+  if (schedule.after_each_step) {
     const double num_outputs =
         is_proxy ? model.simulator().num_inputs() : model.loss().size();
     plan.memory = {"projection without the output layer",
@@ -153,7 +154,7 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
   const int num_solved =
       is_fresh ? std::max(SamplesOfShare(model, is_proxy), batch_size)
                : num_samples;
-  plan.period =
+  schedule.period =
       phase.output_layer_period > 0
           ? phase.output_layer_period
           : OutputLayerPeriod(model, is_proxy, batch_size, num_solved);
@@ -289,14 +290,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                                        options.communicator);
   }
   if (phase.solves_output_layer()) {
-    objective = std::make_unique<ReducedObjective>(
-        std::move(objective),
-        &model,
-        output_layer.after_each_step ? nullptr : &data.train);
+    objective = std::make_unique<ScheduledOutputLayer>(
+        std::move(objective), output_layer.schedule, &model, &data);
   }
   return MakeRuleEngine(batch_size,
-                        output_layer.period,
-                        phase.output_layer == Phase::OutputLayer::kAuto,
                         options,
                         std::move(objective),
                         std::move(rule),
