@@ -13,6 +13,7 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "tests/ceres/mixed_problem.h"
 
 namespace invgrad {
@@ -125,7 +126,7 @@ TEST(ProblemLinearizer, ColumnBlocksAreTheParameterBlocks) {
   ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
   Eigen::MatrixXd J;
   at_x.jacobian->ToDense(&J);
-  const auto column_blocks = at_x.jacobian->ColumnBlocks();
+  const auto column_blocks = ColumnBlocksOf(*at_x.jacobian);
   ASSERT_EQ(column_blocks.size(), BlocksOf(linearizer).size());
   for (size_t b = 0; b < column_blocks.size(); ++b) {
     Eigen::MatrixXd J_b;

@@ -13,6 +13,7 @@
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/update_callback.h"
+#include "invgrad/core/step_judge.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/function_rule.h"
 #include "tests/support/rosenbrock.h"
@@ -99,7 +100,7 @@ TEST(UpdateCallback, TheScaleRecovers) {
 }
 
 // Steps of `first`, and then of -4, that remembers what became of them.
-class JudgingRule final : public UpdateRule {
+class JudgingRule final : public UpdateRule, public StepJudge {
  public:
   explicit JudgingRule(double first) : first_(first) {}
   LinearizationParts Needs() const override {
@@ -111,7 +112,7 @@ class JudgingRule final : public UpdateRule {
     *step = Eigen::VectorXd::Constant(1, num_asked_ == 0 ? first_ : -4.0);
     return ++num_asked_ <= 2;
   }
-  bool JudgesSteps() const override { return true; }
+  StepJudge* judge() override { return this; }
   bool KeepsStep(double cost, double fraction) override {
     judged.emplace_back(cost, fraction);
     return false;  // has no effect

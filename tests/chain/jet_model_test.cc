@@ -146,7 +146,7 @@ TEST_P(JetModelTest, ProductsAreThoseOfTheDenseJacobian) {
 }
 
 TEST_P(JetModelTest, LayersAreTheColumnsOfTheJacobian) {
-  const auto blocks = linearization_.jacobian->ColumnBlocks();
+  const auto blocks = ColumnBlocksOf(*linearization_.jacobian);
   ASSERT_EQ(blocks.size(), 3u);
   for (std::size_t l = 0; l < blocks.size(); ++l) {
     MatrixXd block;

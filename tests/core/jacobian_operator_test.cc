@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 namespace jacobian_operator_test {
@@ -120,16 +121,16 @@ TEST(JacobianOperator, ColumnBlocksAreTheColumns) {
   for (const JacobianOperator* J :
        {static_cast<const JacobianOperator*>(&dense),
         static_cast<const JacobianOperator*>(&sparse)}) {
-    const auto blocks = J->ColumnBlocks();
+    const auto blocks = ColumnBlocksOf(*J);
     ASSERT_EQ(blocks.size(), sizes.size());
     int column = 0;
     for (size_t i = 0; i < sizes.size(); ++i) {
       ExpectActsLike(*blocks[i], matrix.middleCols(column, sizes[i]));
-      EXPECT_TRUE(blocks[i]->ColumnBlocks().empty());
+      EXPECT_TRUE(ColumnBlocksOf(*blocks[i]).empty());
       column += sizes[i];
     }
   }
-  EXPECT_TRUE(FunctionJacobian(6, 11, nullptr, nullptr).ColumnBlocks().empty());
+  EXPECT_TRUE(ColumnBlocksOf(FunctionJacobian(6, 11, nullptr, nullptr)).empty());
   EXPECT_DEATH(DenseJacobian(matrix, {4, 6}), "Blocks of columns");
   EXPECT_DEATH(SparseJacobian(matrix.sparseView(), {12}), "Blocks of columns");
 }

@@ -5,6 +5,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/core/layered_jacobian.h"
 #include "tests/support/one_rank.h"
 #include "tests/support/random_matrix.h"
 
@@ -60,7 +61,7 @@ TEST_P(LayerJacobianTest, IsItsDefinition) {
   EXPECT_LE((J - dense_).norm(),
             layer_.num_calls() == 1 ? 0.0 : 1e-15 * dense_.norm());
   EXPECT_EQ(layer_.outputs_per_sample(), std::get<3>(GetParam()));
-  EXPECT_TRUE(layer_.ColumnBlocks().empty());
+  EXPECT_TRUE(ColumnBlocksOf(layer_).empty());
 }
 
 TEST_P(LayerJacobianTest, ProductsAreTheDenseOnes) {

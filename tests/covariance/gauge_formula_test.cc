@@ -15,6 +15,7 @@
 #include "ceres/crs_matrix.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/covariance/covariance.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/estimation/bundle_adjustment.h"

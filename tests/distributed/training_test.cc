@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/distributed/distributed_jacobian.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/rules/rules.h"

@@ -8,7 +8,7 @@
 #include "Eigen/Core"
 #include "fmt/core.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/spectral/spectral_filter.h"
 #include "invgrad/spectral/spectral_step.h"

@@ -15,6 +15,7 @@
 #include "ceres/sized_cost_function.h"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/autodiff_second_order_cost_function.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/rules/rules.h"
 #include "tests/minimize/parabola.h"
 #include "tests/support/function_rule.h"
@@ -165,7 +166,7 @@ class CountingLine final : public ceres::SizedCostFunction<1, 1> {
 };
 
 // Gradient descent that refuses its first two steps.
-class RefusingRule final : public UpdateRule {
+class RefusingRule final : public UpdateRule, public StepJudge {
  public:
   LinearizationParts Needs() const override {
     return LinearizationParts::Gradient();
@@ -176,7 +177,7 @@ class RefusingRule final : public UpdateRule {
     *step = -0.5 * at_x.gradient;
     return true;
   }
-  bool JudgesSteps() const override { return true; }
+  StepJudge* judge() override { return this; }
   bool KeepsStep(double cost, double fraction) override {
     EXPECT_EQ(fraction, 1.0);
     costs.push_back(cost);

@@ -7,6 +7,7 @@
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

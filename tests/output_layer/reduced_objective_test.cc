@@ -8,6 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
+#include "invgrad/chain/network_layers.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -93,7 +94,7 @@ MatrixXd LayerJacobianOf(const Model& model,
   ModelObjective whole(model);
   MatrixXd J;
   At(&whole, weights, data).jacobian->ToDense(&J);
-  return J.rightCols(model.network().OutputLayer().size());
+  return J.rightCols(OutputLayerOf(model.network()).size());
 }
 
 class ReducedLoss
@@ -127,13 +128,13 @@ TEST_P(ReducedLoss, TheLayerIsTheBest) {
   ModelObjective whole(model_);
   const VectorXd gradient = At(&whole, weights_, data_).gradient;
   const VectorXd in_layer =
-      gradient.tail(model_.network().OutputLayer().size());
+      gradient.tail(OutputLayerOf(model_.network()).size());
   EXPECT_LT(in_layer.norm(), 1e-7 * (1.0 + gradient.norm()));
 }
 
 TEST_P(ReducedLoss, TheGradientIsThatOfDifferences) {
   const Linearization at = At(&reduced_, weights_, data_);
-  const VectorXd u = reduced_.OtherWeights(weights_);
+  const VectorXd u = reduced_.Unknowns(weights_);
   ASSERT_EQ(at.gradient.size(), u.size());
   constexpr double kStep = 1e-4;
   for (int i = 0; i < u.size(); ++i) {
@@ -199,7 +200,7 @@ TEST(ReducedObjective, TheCostIsThatOfADenseMinimization) {
     const double cost = At(&whole, weights, data).cost;
     EXPECT_GE(cost, best * (1.0 - 1e-12));
     EXPECT_LT(cost, of_batch ? best * (1.0 + 1e-10) : at.cost);
-    EXPECT_EQ(reduced.OtherWeights(weights), reduced.OtherWeights(start));
+    EXPECT_EQ(reduced.Unknowns(weights), reduced.Unknowns(start));
   }
 }
 
@@ -308,7 +309,7 @@ TEST(ReducedObjective, TheHessianIsThatOfDifferences) {
     if (hessian != nullptr) *hessian = at.hessian;
     return at.gradient;
   };
-  const auto n = reduced.OtherWeights(weights).size();
+  const auto n = reduced.Unknowns(weights).size();
   MatrixXd hessian;
   gradient_after(VectorXd::Zero(n), &hessian);
   constexpr double kStep = 1e-4;

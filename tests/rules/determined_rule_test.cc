@@ -4,8 +4,8 @@
 
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/degeneracy/determined_step.h"
 #include "invgrad/rules/rules.h"
 #include "tests/rules/step_of.h"

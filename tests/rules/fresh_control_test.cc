@@ -138,7 +138,7 @@ TEST(FreshControl, ReturnsAfterAWorseBlock) {
     verdict = Judge(&control, 1.9 * fluctuation(num_steps), {1.9, 1.0});
     ++num_steps;
   }
-  EXPECT_EQ(verdict, Verdict::kReturn);
+  EXPECT_EQ(verdict, Verdict::kUndoToCopy);
   EXPECT_EQ(num_steps, 10);
   // Halved, after the trend had changed it.
   EXPECT_LE(control.caution(), 0.5 * caution);
@@ -150,18 +150,18 @@ TEST(FreshControl, AFactorBelowTheLimitIsNoReturn) {
   for (int k = 0; k < 60; ++k) {
     const Verdict verdict =
         Judge(&control, 1.5 * std::exp(k % 2 == 0 ? 0.1 : -0.1), {1.0, 1.0});
-    EXPECT_NE(verdict, Verdict::kReturn);
+    EXPECT_NE(verdict, Verdict::kUndoToCopy);
   }
 }
 
 TEST(FreshControl, ALossThatIsNotFiniteGoesBackToWhereItIsLowest) {
   for (const double not_finite : {kNaN, kInf}) {
     FreshControl control{{}};
-    EXPECT_EQ(Judge(&control, not_finite, {1.0, 2.0}), Verdict::kRevertStep);
+    EXPECT_EQ(Judge(&control, not_finite, {1.0, 2.0}), Verdict::kUndoStep);
     EXPECT_EQ(control.caution(), 0.5);
-    EXPECT_EQ(Judge(&control, not_finite, {2.0, 1.0}), Verdict::kReturn);
-    EXPECT_EQ(Judge(&control, not_finite, {1.0, kNaN}), Verdict::kRevertStep);
-    EXPECT_EQ(Judge(&control, not_finite, {kNaN, 1.0}), Verdict::kReturn);
+    EXPECT_EQ(Judge(&control, not_finite, {2.0, 1.0}), Verdict::kUndoToCopy);
+    EXPECT_EQ(Judge(&control, not_finite, {1.0, kNaN}), Verdict::kUndoStep);
+    EXPECT_EQ(Judge(&control, not_finite, {kNaN, 1.0}), Verdict::kUndoToCopy);
     EXPECT_EQ(control.caution(), 0.0625);
     EXPECT_EQ(Judge(&control, not_finite, {kNaN, kNaN}), Verdict::kLeaveOut);
     EXPECT_EQ(control.caution(), 0.03125);
@@ -175,7 +175,7 @@ TEST(FreshControl, AnOutlierThatIsNoBetterElsewhereStartsNoTrial) {
   EXPECT_EQ(Judge(&control, 3.0, {1.51, 1.51}), Verdict::kGoOn);
   EXPECT_EQ(Judge(&control, 3.0), Verdict::kGoOn) << "there is no copy";
   for (int k = 0; k < 10; ++k) {
-    EXPECT_NE(Judge(&control, 1.0, {1e-9, 1e-9}), Verdict::kReturn);
+    EXPECT_NE(Judge(&control, 1.0, {1e-9, 1e-9}), Verdict::kUndoToCopy);
   }
 }
 
@@ -187,13 +187,13 @@ TEST(FreshControl, AnOutlierStartsATrialAgainstTheBetterWeights) {
       Fall(&control, 0.0, 0, 30);
       EXPECT_EQ(
           Judge(&control, 3.0, is_before ? Others(1.4, 1.5) : Others(1.5, 1.4)),
-          is_before ? Verdict::kCopyBeforeLastStep : Verdict::kGoOn);
+          is_before ? Verdict::kCopyBefore : Verdict::kGoOn);
       for (int k = 1; k <= 9; ++k) {
         EXPECT_EQ(Judge(&control, 1.0, {1.0, k <= 5 ? 1e-9 : at_copy}),
                   Verdict::kGoOn);
       }
       EXPECT_EQ(Judge(&control, 1.0, {1.0, at_copy}),
-                at_copy < 0.5 ? Verdict::kReturn : Verdict::kGoOn);
+                at_copy < 0.5 ? Verdict::kUndoToCopy : Verdict::kGoOn);
       EXPECT_EQ(control.caution(), at_copy < 0.5 ? 0.5 : 1.0);
     }
   }
@@ -204,9 +204,9 @@ TEST(FreshControl, ATrialEndsWithALossThatIsNotFinite) {
   FreshControl control{{}};
   Fall(&control, 0.0, 0, 30);
   Judge(&control, 3.0, {1.4, 1.5});
-  EXPECT_EQ(Judge(&control, kNaN, {kNaN, 1.0}), Verdict::kReturn);
+  EXPECT_EQ(Judge(&control, kNaN, {kNaN, 1.0}), Verdict::kUndoToCopy);
   for (int k = 0; k < 20; ++k) {
-    EXPECT_NE(Judge(&control, 1.0, {1.0, 1e-9}), Verdict::kReturn);
+    EXPECT_NE(Judge(&control, 1.0, {1.0, 1e-9}), Verdict::kUndoToCopy);
   }
 }
 
@@ -268,7 +268,7 @@ TEST(FreshControl, EachPartCanBeOff) {
     EXPECT_EQ(Judge(&no_returns, k < 30 ? 1.0 : 1e3, {0.1, 0.1}),
               Verdict::kGoOn);
   }
-  EXPECT_EQ(Judge(&no_returns, kNaN, {1.0, kNaN}), Verdict::kRevertStep);
+  EXPECT_EQ(Judge(&no_returns, kNaN, {1.0, kNaN}), Verdict::kUndoStep);
 }
 
 }  // namespace fresh_control_test

@@ -8,6 +8,7 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 namespace gain_control_test {

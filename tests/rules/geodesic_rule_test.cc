@@ -6,8 +6,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "tests/support/random_matrix.h"
 

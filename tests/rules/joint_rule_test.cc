@@ -11,6 +11,8 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/core/step_judge.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "tests/support/real_infidelity.h"
 
@@ -56,7 +58,8 @@ TEST(JointRule, AutomaticStepsOnALossWithAnInvariant) {
         ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
         EXPECT_NEAR(step[0], -0.3 * x, 1e-9);
         const double cost = Infidelity(x + step[0]).cost;
-        EXPECT_TRUE(!rule->JudgesSteps() || rule->KeepsStep(cost, 1.0));
+        EXPECT_TRUE(rule->judge() == nullptr ||
+                    rule->judge()->KeepsStep(cost, 1.0));
         x += step[0];
       }
       EXPECT_NEAR(x, 1.2 * std::pow(0.7, 10.0), 1e-8);
@@ -102,13 +105,13 @@ TEST(JointRule, AtAMinimumTheStepIsZero) {
       std::string error;
       ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
       EXPECT_TRUE(step.isZero(0.0));
-      EXPECT_TRUE(rule->KeepsStep(at_x.cost, 1.0));
+      EXPECT_TRUE(rule->judge()->KeepsStep(at_x.cost, 1.0));
       at_x.jacobian = std::make_shared<DenseJacobian>(rotated);
       for (const double sign : {-1.0, 1.0}) {
         at_x.loss_gradient = sign * a.cross(b).normalized();
         ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
         EXPECT_LT(step.norm(), 1e-14);
-        EXPECT_TRUE(rule->KeepsStep(at_x.cost, 1.0));
+        EXPECT_TRUE(rule->judge()->KeepsStep(at_x.cost, 1.0));
       }
     }
   }
@@ -134,7 +137,7 @@ TEST(JointRule, StepsThatAreTooLongAreShortened) {
     std::string error;
     ASSERT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
     const double cost = 0.5 * (A * (x + step) - b).squaredNorm();
-    if (rule->KeepsStep(cost, 1.0)) {
+    if (rule->judge()->KeepsStep(cost, 1.0)) {
       EXPECT_LE(cost, at_x.cost * (1.0 + 1e-13));
       x += step;
     } else {

@@ -14,6 +14,7 @@
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "tests/rules/layers.h"
 #include "tests/rules/step_of.h"
 #include "tests/support/random_matrix.h"
@@ -76,7 +77,7 @@ TEST(Kfac, DampsBothFactors) {
   const Linearization at_x = LinearChain().At();
   VectorXd gradient;
   GaussNewton(at_x, &gradient);
-  const auto blocks = at_x.jacobian->ColumnBlocks();
+  const auto blocks = ColumnBlocksOf(*at_x.jacobian);
   const auto& layer = dynamic_cast<const LayerJacobian&>(*blocks[0]);
   const LinearChain chain;
   const double lambda = 0.3;
@@ -226,7 +227,7 @@ TEST(Kfac, TheUnitOfTheLossIsThatOfTheDamping) {
 }
 
 // A layer with T calls a sample, as in a closed loop.
-class LoopJacobian final : public JacobianOperator {
+class LoopJacobian final : public JacobianOperator, public LayeredJacobian {
  public:
   LoopJacobian(MatrixXd inputs, MatrixXd deltas, int num_calls)
       : inputs_(std::move(inputs)),

@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/core/layer_jacobian.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/spectral_filter.h"
 #include "tests/rules/layers.h"
 #include "tests/rules/step_of.h"
@@ -32,7 +33,7 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 // f[i, i] = f'(lambda_i), which is at most 3/4 f_i / lambda_i.
 TEST(KfacHalfInverse, IsTheFilterOfTheKroneckerProduct) {
   const Linearization at_x = AtNetwork(kWidths, kBatchSize, kOutputs);
-  const auto blocks = at_x.jacobian->ColumnBlocks();
+  const auto blocks = ColumnBlocksOf(*at_x.jacobian);
   ASSERT_EQ(blocks.size(), kWidths.size() - 1);
   for (const bool clamp : {false, true}) {
     const SpectralFilter filter = [clamp] {

@@ -8,6 +8,7 @@
 
 #include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "tests/rules/step_of.h"
 

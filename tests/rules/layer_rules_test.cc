@@ -12,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/core/layer_jacobian.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "tests/rules/layers.h"
 #include "tests/rules/step_of.h"

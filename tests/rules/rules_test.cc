@@ -10,6 +10,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/step_judge.h"
 #include "tests/rules/quadratic.h"
 #include "tests/rules/step_of.h"
 
@@ -277,7 +278,8 @@ TEST(Rules, StateIsComplete) {
       Linearization at_x = problem.At(*at);
       at_x.progress = k / (2.0 * kNumSteps);
       const VectorXd next = *at + StepOf(rule, at_x);
-      if (!rule->JudgesSteps() || rule->KeepsStep(problem.Cost(next), 1.0)) {
+      if (rule->judge() == nullptr ||
+          rule->judge()->KeepsStep(problem.Cost(next), 1.0)) {
         *at = next;
       }
     };

@@ -7,6 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {

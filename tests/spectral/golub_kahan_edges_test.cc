@@ -8,6 +8,7 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/golub_kahan.h"
 #include "tests/spectral/golub_kahan_step_of.h"
 

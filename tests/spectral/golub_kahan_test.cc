@@ -9,6 +9,7 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/oscillator_chain.h"

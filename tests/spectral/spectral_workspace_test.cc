@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "tests/spectral/graded_jacobians.h"

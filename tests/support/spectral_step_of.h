@@ -6,6 +6,7 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {

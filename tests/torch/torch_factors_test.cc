@@ -12,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/dense_network.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/torch/peak_memory.h"
@@ -41,7 +42,7 @@ struct Pass {
   }
   SampledFactors Factors(const MatrixXd& w) const {
     SampledFactors factors;
-    network->Factors(weights, *pass, w, &factors);
+    FactorsOf(*network, weights, *pass, w, &factors);
     return factors;
   }
   VectorXd Gradient(const MatrixXd& w) const {
@@ -115,7 +116,7 @@ TEST(TorchFactors, AreSumsOverThePatches) {
       }
     }
     const SampledFactors factors = pass.Factors(w);
-    const std::vector<LayerColumns> columns = pass.network->FactorLayers();
+    const std::vector<LayerColumns> columns = FactorLayersOf(*pass.network);
     ASSERT_EQ(factors.layers.size(), 1u);
     ExpectNear(factors.layers[0].A, a * a.transpose() / (kCells * kSamples));
     ExpectNear(factors.layers[0].D, delta * delta.transpose());
@@ -158,8 +159,8 @@ TEST(TorchFactors, AgreeWithADenseNetwork) {
   const auto dense = std::make_shared<DenseNetwork>(std::vector<int>{3, 4, 2},
                                                     Activation::kTanh);
   Pass dense_pass(dense, inputs);
-  std::vector<LayerColumns> columns = pass.network->FactorLayers();
-  std::vector<LayerColumns> dense_columns = dense->FactorLayers();
+  std::vector<LayerColumns> columns = FactorLayersOf(*pass.network);
+  std::vector<LayerColumns> dense_columns = FactorLayersOf(*dense);
   ASSERT_EQ(columns.size(), 2u);
   for (int l = 0; l < 2; ++l) {
     dense_pass.weights(dense_columns[l].reshaped()) =
@@ -206,7 +207,7 @@ TEST(TorchFactors, OfOneCellAreTheGaussNewtonMatrix) {
   const MatrixXd w = RandomMatrix(3, 1, 3);
   const SampledFactors::Layer layer = pass.Factors(w).layers[0];
   const VectorXd gradient =
-      pass.Gradient(w)(pass.network->FactorLayers()[0].reshaped());
+      pass.Gradient(w)(FactorLayersOf(*pass.network)[0].reshaped());
   MatrixXd product(9, 9);
   for (int i = 0; i < 3; ++i) {
     for (int k = 0; k < 3; ++k) {
@@ -253,7 +254,7 @@ TEST(TorchFactors, OtherWeightsHaveTheDampedDiagonal) {
                     nn::Conv2d(nn::Conv2dOptions(4, 4, 1).groups(2))),
                 {2, 5, 5}),
             RandomMatrix(50, 6, 2));
-  const std::vector<LayerColumns> columns = pass.network->FactorLayers();
+  const std::vector<LayerColumns> columns = FactorLayersOf(*pass.network);
   ASSERT_EQ(columns.size(), 1u);
   EXPECT_EQ(columns[0].size(), 76);
   // The 76 weights of the first convolution come first.
@@ -285,11 +286,11 @@ TEST(TorchFactors, OfAUNetAreThoseOfItsConvolutions) {
   ASSERT_NE(network, nullptr) << error;
   std::set<int> weights;
   Eigen::Index size = 0;
-  for (const LayerColumns& layer : network->FactorLayers()) {
+  for (const LayerColumns& layer : FactorLayersOf(*network)) {
     size += layer.size();
     weights.insert(layer.reshaped().begin(), layer.reshaped().end());
   }
-  EXPECT_EQ(network->FactorLayers().size(), 15u);
+  EXPECT_EQ(FactorLayersOf(*network).size(), 15u);
   // All but scale and shift of 14 batch normalizations of 16 channels.
   EXPECT_EQ(size, 37697 - 14 * 32);
   EXPECT_EQ(weights.size(), static_cast<std::size_t>(size));

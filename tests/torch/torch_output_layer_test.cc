@@ -10,6 +10,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/torch/torch_network.h"
 #include "invgrad/torch/u_net.h"
 #include "tests/support/random_matrix.h"
@@ -42,7 +43,7 @@ MatrixXd OutputsOfLayer(const Network& network,
 }
 
 MatrixXd LayerOf(const Network& network, const VectorXd& weights) {
-  const LayerColumns layer = network.OutputLayer();
+  const LayerColumns layer = OutputLayerOf(network);
   return weights(layer.reshaped()).reshaped(layer.rows(), layer.cols());
 }
 
@@ -64,16 +65,16 @@ std::unique_ptr<Network::Pass> PassOf(
 
 // A change of the layer changes the outputs by C^T h, and no feature.
 void ExpectOutputsAreAffine(const Network& network) {
-  const LayerColumns layer = network.OutputLayer();
+  const LayerColumns layer = OutputLayerOf(network);
   const VectorXd weights = RandomMatrix(network.num_weights(), 1, 1);
   const auto pass = PassOf(network, weights);
-  const MatrixXd h = network.Features(weights, *pass);
+  const MatrixXd h = FeaturesOf(network, weights, *pass);
   ASSERT_EQ(h.rows(), layer.rows());
   ASSERT_EQ(h.cols() * layer.cols(), pass->outputs.size());
   VectorXd change = VectorXd::Zero(weights.size());
   change(layer.reshaped()) = RandomMatrix(layer.size(), 1, 3);
   const auto changed = PassOf(network, weights + change);
-  EXPECT_EQ(network.Features(weights + change, *changed), h);
+  EXPECT_EQ(FeaturesOf(network, weights + change, *changed), h);
   const MatrixXd difference = changed->outputs - pass->outputs;
   // Double precision, sums of at most 30 terms.
   EXPECT_LT((difference - OutputsOfLayer(network, LayerOf(network, change), h))
@@ -154,15 +155,16 @@ class EveryOutputLayer : public testing::TestWithParam<Case> {};
 TEST_P(EveryOutputLayer, GivesTheOutputs) {
   const Case& of = GetParam();
   const auto network = MakeSequential(of.module, of.input_shape);
-  const LayerColumns layer = network->OutputLayer();
+  const LayerColumns layer = OutputLayerOf(*network);
   ASSERT_EQ(layer.rows(), of.layer_size.first);
   ASSERT_EQ(layer.cols(), of.layer_size.second);
   EXPECT_EQ(layer.maxCoeff(), network->num_weights() - 1);
   ExpectOutputsAreAffine(*network);
   const VectorXd weights = RandomMatrix(network->num_weights(), 1, 1);
   const auto pass = PassOf(*network, weights);
-  const MatrixXd x = OutputsOfLayer(
-      *network, LayerOf(*network, weights), network->Features(weights, *pass));
+  const MatrixXd x = OutputsOfLayer(*network,
+                                    LayerOf(*network, weights),
+                                    FeaturesOf(*network, weights, *pass));
   EXPECT_LT((x - pass->outputs).norm(), 1e-13 * x.norm());
 }
 
@@ -177,17 +179,17 @@ TEST(TorchOutputLayer, OfAPassWithoutAGraphOrOfOtherWeights) {
   const VectorXd weights = RandomMatrix(network->num_weights(), 1, 1);
   const auto pass = PassOf(*network, weights);
   const auto without = PassOf(*network, weights, Derivatives::kNone);
-  const MatrixXd h = network->Features(weights, *pass);
-  EXPECT_EQ(network->Features(weights, *without), h);
+  const MatrixXd h = FeaturesOf(*network, weights, *pass);
+  EXPECT_EQ(FeaturesOf(*network, weights, *without), h);
   PassOf(*network, 2.0 * weights);
-  EXPECT_EQ(network->Features(weights, *pass), h);
+  EXPECT_EQ(FeaturesOf(*network, weights, *pass), h);
 }
 
 TEST(TorchOutputLayer, ModulesWithoutOne) {
   using nn::Sequential;
   const auto has_one = [](const Sequential& module,
                           const std::vector<int64_t>& shape) {
-    return MakeSequential(module, shape)->OutputLayer().size() > 0;
+    return OutputLayerOf(*MakeSequential(module, shape)).size() > 0;
   };
   const nn::Linear linear(3, 3);
   EXPECT_TRUE(has_one(Sequential(linear), {3}));
@@ -237,7 +239,7 @@ std::shared_ptr<const Network> MakeEnd(const EndsInLinear::End& end,
 
 TEST(TorchOutputLayer, WeightsThatAreUsedAgain) {
   const auto has_one = [](const EndsInLinear::End& end) {
-    return MakeEnd(end)->OutputLayer().size() > 0;
+    return OutputLayerOf(*MakeEnd(end)).size() > 0;
   };
   EXPECT_TRUE(has_one([](EndsInLinear* m, const Tensor& a) {
     return m->last(torch::tanh(m->hidden(a)));
@@ -279,7 +281,7 @@ TEST(TorchOutputLayer, BiasesThatAreNoParameters) {
                            h, m->last->weight, m->hidden->weight.sum(0));
         },
         /*trains_bias=*/false);
-    ASSERT_EQ(network->OutputLayer().rows(), 3);
+    ASSERT_EQ(OutputLayerOf(*network).rows(), 3);
     ExpectOutputsAreAffine(*network);
   }
 }
@@ -294,11 +296,11 @@ TEST(TorchOutputLayer, OfAUNetIsItsLastConvolution) {
   std::string error;
   const auto network = MakeUNet(options, &error);
   ASSERT_NE(network, nullptr) << error;
-  ASSERT_EQ(network->OutputLayer().rows(), 5);
-  ASSERT_EQ(network->OutputLayer().cols(), 2);
+  ASSERT_EQ(OutputLayerOf(*network).rows(), 5);
+  ASSERT_EQ(OutputLayerOf(*network).cols(), 2);
   ExpectOutputsAreAffine(*network);
   options.keeps_mean = true;  // which subtracts the mean of the layer's outputs
-  EXPECT_EQ(MakeUNet(options, &error)->OutputLayer().size(), 0);
+  EXPECT_EQ(OutputLayerOf(*MakeUNet(options, &error)).size(), 0);
 }
 
 }  // namespace torch_output_layer_test

@@ -7,6 +7,7 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
 #include "invgrad/train/train.h"
@@ -88,8 +89,8 @@ TEST(TorchOutputLayerTraining, TheSolvedLayerIsTheBest) {
   std::string error;
   ASSERT_TRUE(reduced.SolveOutputLayer(problem.train, &weights, &error))
       << error;
-  EXPECT_EQ(reduced.OtherWeights(weights),
-            reduced.OtherWeights(Weights(model)));
+  EXPECT_EQ(reduced.Unknowns(weights),
+            reduced.Unknowns(Weights(model)));
   const BestLayer best(weights, problem.train);
   EXPECT_NEAR(
       MeanLoss(model, weights, problem.train), best.loss, best.tolerance);
@@ -166,7 +167,7 @@ TEST(TorchOutputLayerTraining, OnFreshSamples) {
 // 8 x 8 equations of a sample are as alike as one.
 TEST(TorchOutputLayerTraining, AShareHasSixteenSamplesForEachUnknown) {
   const LearningProblem problem = CreateLearningProblem(kUNet);
-  const LayerColumns layer = problem.model->network().OutputLayer();
+  const LayerColumns layer = OutputLayerOf(problem.model->network());
   EXPECT_EQ(SamplesOfShare(*problem.model, true), 16 * layer.rows());
   EXPECT_EQ(SamplesOfBlock(*problem.model, true), 32);
 }

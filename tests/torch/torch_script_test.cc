@@ -5,6 +5,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/io/numpy_random.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/temporary_folder.h"
@@ -55,8 +56,8 @@ TEST_F(TorchScriptTest, ComputesTheFunctionAndItsDerivatives) {
   EXPECT_EQ(network->num_outputs(), 2);
   ASSERT_EQ(network->num_weights(), 8);
   // K-FAC finds the product with W; b is a weight of no layer.
-  ASSERT_EQ(network->FactorLayers().size(), 1u);
-  EXPECT_EQ(network->FactorLayers()[0],
+  ASSERT_EQ(FactorLayersOf(*network).size(), 1u);
+  EXPECT_EQ(FactorLayersOf(*network)[0],
             Eigen::VectorXi::LinSpaced(6, 0, 5).reshaped(3, 2));
   const VectorXd weights = RandomMatrix(8, 1, 1);
   const MatrixXd inputs = RandomMatrix(3, 4, 2);
@@ -79,7 +80,7 @@ TEST_F(TorchScriptTest, HasAnOutputLayer) {
       true,
       &error);
   ASSERT_NE(network, nullptr) << error;
-  const LayerColumns layer = network->OutputLayer();
+  const LayerColumns layer = OutputLayerOf(*network);
   ASSERT_EQ(layer.rows(), 4);
   ASSERT_EQ(layer.cols(), 2);
   const VectorXd weights = RandomMatrix(8, 1, 1);
@@ -89,7 +90,7 @@ TEST_F(TorchScriptTest, HasAnOutputLayer) {
     ASSERT_TRUE(network->Forward(
         weights, inputs, Network::Derivatives::kFirst, pass.get(), &error))
         << error;
-    const MatrixXd h = network->Features(weights, *pass);
+    const MatrixXd h = FeaturesOf(*network, weights, *pass);
     ASSERT_EQ(h.rows(), 4);
     EXPECT_LT((h.topRows(3) - inputs.array().tanh().matrix()).norm(), 1e-14);
     EXPECT_LT((weights(layer.reshaped()).reshaped(4, 2).transpose() * h -
@@ -98,7 +99,7 @@ TEST_F(TorchScriptTest, HasAnOutputLayer) {
               1e-14);
   }
   EXPECT_EQ(
-      LoadTorchScript(Save(kForward), {3}, true, &error)->OutputLayer().size(),
+      OutputLayerOf(*LoadTorchScript(Save(kForward), {3}, true, &error)).size(),
       0);
 }
 

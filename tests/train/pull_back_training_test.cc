@@ -10,6 +10,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/train/engine.h"
 #include "problems/problems.h"
@@ -78,7 +79,7 @@ TEST(PullBackTraining, HalfInverseGradientsAreTheRuleAlone) {
 }
 
 // Gradient descent on the proxy that notes the costs that it is told.
-class NotingRule final : public UpdateRule {
+class NotingRule final : public UpdateRule, public StepJudge {
  public:
   LinearizationParts Needs() const override {
     LinearizationParts parts;
@@ -92,7 +93,7 @@ class NotingRule final : public UpdateRule {
     *step = -1e-3 * at_x.gradient;
     return true;
   }
-  bool JudgesSteps() const override { return true; }
+  StepJudge* judge() override { return this; }
   bool KeepsStep(double cost, double) override {
     after.push_back(cost);
     return true;
@@ -114,8 +115,6 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
     const auto rule = std::make_shared<NotingRule>();
     const std::unique_ptr<Engine> engine =
         MakeRuleEngine(100,
-                       /*output_layer_period=*/0,
-                       /*watches_fall=*/false,
                        TrainOptions(),
                        std::make_unique<ChainPullBack>(
                            problem.model.get(), problem.inverse, options),

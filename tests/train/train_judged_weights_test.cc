@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/core/update_rule.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
@@ -39,7 +40,7 @@ class LimitedLoss final : public Loss {
 
 // Steps along -gradient by which y_0 grows by `length(k)` in step k, with a
 // given verdict before it.
-class ScriptedRule final : public UpdateRule {
+class ScriptedRule final : public UpdateRule, public StepJudge {
  public:
   using Script =
       std::function<Verdict(int k, double cost, OtherWeights* others)>;
@@ -54,7 +55,8 @@ class ScriptedRule final : public UpdateRule {
     *step = -length * at_x.gradient;
     return true;
   }
-  bool JudgesSteps() const override { return true; }
+  StepJudge* judge() override { return this; }
+  bool KeepsStep(double /*cost*/, double /*fraction*/) override { return true; }
   bool JudgesWeights() const override { return true; }
   Verdict JudgeWeights(double cost, OtherWeights* others) override {
     costs.push_back(cost);
@@ -71,8 +73,8 @@ class ScriptedRule final : public UpdateRule {
   Script script_;
 };
 
-using Verdict = UpdateRule::Verdict;
-using OtherWeights = UpdateRule::OtherWeights;
+using Verdict = StepJudge::Verdict;
+using OtherWeights = StepJudge::OtherWeights;
 
 // y = b for inputs zero: 24 samples in 6 batches, of which the fifth is limited.
 TrainResult TrainScripted(ScriptedRule* rule, int num_steps) {
@@ -98,7 +100,7 @@ TEST(JudgedWeights, ReturnToTheirCopy) {
     if (k != 3) return Verdict::kGoOn;
     EXPECT_DOUBLE_EQ(others->CostBeforeLastStep(), 9.2);
     EXPECT_DOUBLE_EQ(others->CostAtCopy(), 9.6);
-    return Verdict::kReturn;
+    return Verdict::kUndoToCopy;
   });
   const TrainResult result = TrainScripted(&rule, 4);
   // y_0 = 0, 0.4 (copied), 0.8, 1.2 -> 0.4, and after the fourth step 0.8.
@@ -110,7 +112,7 @@ TEST(JudgedWeights, ReturnToTheirCopy) {
 
 TEST(JudgedWeights, ReturnToBeforeTheLastStep) {
   ScriptedRule rule([](int k, double, OtherWeights*) {
-    return k == 2 ? Verdict::kRevertStep : Verdict::kGoOn;
+    return k == 2 ? Verdict::kUndoStep : Verdict::kGoOn;
   });
   // y_0 = 0, 0.4, 0.8 -> 0.4, 0.8.
   const TrainResult result = TrainScripted(&rule, 3);
@@ -122,8 +124,8 @@ TEST(JudgedWeights, TheCopyCanBeOfBeforeTheLastStep) {
   ScriptedRule rule([](int k, double, OtherWeights* others) {
     EXPECT_EQ(std::isnan(others->CostBeforeLastStep()), k == 0);
     EXPECT_EQ(std::isnan(others->CostAtCopy()), k <= 2);
-    if (k == 2) return Verdict::kCopyBeforeLastStep;
-    return k == 3 ? Verdict::kReturn : Verdict::kGoOn;
+    if (k == 2) return Verdict::kCopyBefore;
+    return k == 3 ? Verdict::kUndoToCopy : Verdict::kGoOn;
   });
   // y_0 = 0, 0.4 (copied later), 0.8, 1.2 -> 0.4, 0.8.
   const TrainResult result = TrainScripted(&rule, 4);
@@ -151,7 +153,7 @@ TEST(JudgedWeights, ABatchWithoutALossReturnsToWhereItHasOne) {
   ScriptedRule rule([](int k, double cost, OtherWeights* others) {
     if (std::isfinite(cost)) return k == 2 ? Verdict::kCopy : Verdict::kGoOn;
     EXPECT_DOUBLE_EQ(others->CostAtCopy(), 9.2);
-    return Verdict::kReturn;
+    return Verdict::kUndoToCopy;
   });
   const TrainResult result = TrainScripted(&rule, 5);
   // The last step leads to 1.2, where the train loss has no value: the run ends

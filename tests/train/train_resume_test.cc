@@ -237,8 +237,8 @@ TEST_F(ACheckpoint, WithValuesThatCannotBeIsRefused) {
            {"history", -1.0},
            {"phase1.steps_of_phase", huge},
            {"phase1.steps_of_phase", nan},
-           {"phase1.num_taken_back", -1.0},
-           {"phase1.last_good_weights", nan},
+           {"phase1.num_undone", -1.0},
+           {"phase1.weights_before", nan},
            {"phase1.random", -1.0},
            {"phase1.random", huge}}) {
     SCOPED_TRACE(name + " " + std::to_string(value));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/core/update_rule.h"
 #include "invgrad/train/train.h"
 #include "tests/support/temporary_folder.h"
@@ -99,7 +100,7 @@ TEST(Trainer, DivergenceAtTheEndOfAPhaseIsOfThatPhase) {
 
 // Gradient descent that judges its steps as it is told to, and remembers what
 // it was asked.
-class JudgingRule final : public UpdateRule {
+class JudgingRule final : public UpdateRule, public StepJudge {
  public:
   using Judgement = std::function<bool(double before, double after)>;
   using Step = std::function<void(int k, Eigen::VectorXd* step)>;
@@ -116,7 +117,7 @@ class JudgingRule final : public UpdateRule {
     step_(static_cast<int>(++num_steps_[0]), step);
     return true;
   }
-  bool JudgesSteps() const override { return true; }
+  StepJudge* judge() override { return this; }
   bool KeepsStep(double cost, double fraction) override {
     EXPECT_EQ(fraction, 1.0);
     after.push_back(cost);

@@ -9,6 +9,7 @@
 #include "glog/logging.h"
 #include "invgrad/ceres/residual_evaluation.h"
 #include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 namespace {

@@ -40,6 +40,7 @@
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/core/linearization.h"
 #include "invgrad/core/objective.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -16,7 +16,7 @@
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 

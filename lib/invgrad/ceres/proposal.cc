@@ -26,6 +26,7 @@ Proposal::Proposal(double min_relative_model_decrease,
                    WorkLimit* work)
     : min_relative_model_decrease_(min_relative_model_decrease),
       rule_(*rule),
+      judge_(rule->judge()),
       linearizer_(*linearizer),
       work_(*work),
       parts_(rule->Needs()),
@@ -105,8 +106,8 @@ bool Proposal::FindCandidate(std::string* message) {
     if (!is_in_domain && num_outside_domain_++ == 0) step_outside_ = step_;
     linearizer_.SetState(state_);
     if (cost <= cost_) return true;
-    if (rule_.JudgesSteps()) {
-      rule_.KeepsStep(cost, fraction_);
+    if (judge_ != nullptr) {
+      judge_->KeepsStep(cost, fraction_);
     } else {
       scale_ *= 0.5;
     }
@@ -133,8 +134,8 @@ bool Proposal::CanContinueFromCandidate() const {
 
 void Proposal::Decided(bool is_accepted, double cost) {
   // The result of KeepsStep is not used.
-  if (rule_.JudgesSteps()) {
-    rule_.KeepsStep(cost, fraction_);
+  if (judge_ != nullptr) {
+    judge_->KeepsStep(cost, fraction_);
   } else if (!is_accepted) {
     scale_ *= 0.5;
   }

@@ -5,7 +5,7 @@
 //
 // After two halvings there is no proposal. The next proposal keeps the scale; it
 // doubles, up to 1, with every proposal that Ceres accepts, or whose predicted
-// decrease is too small. A rule that judges its steps (JudgesSteps) adapts its
+// decrease is too small. A rule that judges its steps (step_judge.h) adapts its
 // own step size instead.
 //
 // A candidate from which Ceres cannot continue counts as higher: J^T J is not
@@ -20,6 +20,7 @@
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/work_limit.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/core/update_rule.h"
 
 namespace invgrad {
@@ -60,6 +61,7 @@ class Proposal {
 
   const double min_relative_model_decrease_;
   UpdateRule& rule_;
+  StepJudge* const judge_;  // of the rule; may be null
   ProblemLinearizer& linearizer_;
   WorkLimit& work_;
   LinearizationParts parts_;  // that the rule needs, and J for the linear model

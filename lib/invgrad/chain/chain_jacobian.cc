@@ -72,7 +72,7 @@ void ChainJacobian::TransposeTimes(const VectorXd& w, VectorXd* Jtw) const {
 
 void ChainJacobian::FactorsAlong(const VectorXd& w,
                                  SampledFactors* factors) const {
-  network_->Factors(weights_, *pass_, OutputCovectors(w), factors);
+  FactorsOf(*network_, weights_, *pass_, OutputCovectors(w), factors);
 }
 
 std::string ChainJacobian::RowName(int row) const {

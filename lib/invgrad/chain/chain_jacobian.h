@@ -16,12 +16,13 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/network.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/layered_jacobian.h"
 
 namespace invgrad {
 
-class ChainJacobian final : public JacobianOperator {
+class ChainJacobian final : public JacobianOperator, public LayeredJacobian {
  public:
   // `pass` of a forward pass with `weights`; simulators: dy_s/dx_s of each
   // sample, or none for y = x. The columns of the pass are the samples
@@ -39,7 +40,7 @@ class ChainJacobian final : public JacobianOperator {
                       Eigen::VectorXd* Jtw) const override;
   std::string RowName(int row) const override;  // "row 12 (sample 3, output 0)"
   std::vector<LayerColumns> FactorLayers() const override {
-    return network_->FactorLayers();
+    return FactorLayersOf(*network_);
   }
   void FactorsAlong(const Eigen::VectorXd& w,
                     SampledFactors* factors) const override;

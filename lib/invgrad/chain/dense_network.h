@@ -34,10 +34,13 @@
 #include "invgrad/chain/activation.h"
 #include "invgrad/chain/derivative_set.h"
 #include "invgrad/chain/network.h"
+#include "invgrad/chain/network_layers.h"
 
 namespace invgrad {
 
-class DenseNetwork final : public Network {
+class DenseNetwork final : public Network,
+                           public LinearOutputNetwork,
+                           public FactoredNetwork {
  public:
   // At least two widths, all positive, and no more weights than an int can
   // number (CHECKed). `hidden` is the activation of all layers but the last,

@@ -4,7 +4,8 @@
 //   x = f(a; theta),   J = dx/dtheta
 //
 // The chain, the pull-backs and all rules that need only products with J work
-// with any network; K-FAC needs its FactorLayers. DenseNetwork (dense_network.h)
+// with any network. Exact output layers and K-FAC need interfaces that a network
+// may also implement (network_layers.h). DenseNetwork (dense_network.h) does, and
 // also has the factors of J, from which the exact joint rules and Newton's
 // method are computed, the derivatives with respect to its input, and loops over
 // time. Networks of libtorch: invgrad/torch/torch_network.h.
@@ -22,7 +23,6 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/sampled_factors.h"
 
 namespace invgrad {
 
@@ -110,33 +110,6 @@ class Network {
                        const Eigen::VectorXd& weight_tangent,
                        Eigen::MatrixXd* output_tangents) const = 0;
 
-  // The last layer, if the outputs are affine in its weights: at each position
-  // p of a column, such as a cell of an image,
-  //
-  //   x_p = C^T h_p + what does not depend on C
-  //
-  // h: the features, with a last 1 if the layer has biases. fan_in x fan_out:
-  // the number of the weight of each entry of C. Empty, by default: there is no
-  // such layer. The outputs of a column are fan_out blocks with an entry for
-  // each position.
-  virtual LayerColumns OutputLayer() const { return {}; }
-  // h: fan_in x positions of all columns, those of a column side by side, of a
-  // pass with derivatives. A network with an OutputLayer defines it.
-  virtual Eigen::MatrixXd Features(const Eigen::VectorXd& /*weights*/,
-                                   const Pass& /*pass*/) const {
-    return {};
-  }
-
-  // The layers of Factors; by default none.
-  virtual std::vector<LayerColumns> FactorLayers() const { return {}; }
-
-  // The factors of the layers (sampled_factors.h) for output covectors w:
-  // num_outputs x columns. NaN if it fails. A network with FactorLayers defines
-  // it.
-  virtual void Factors(const Eigen::VectorXd& /*weights*/,
-                       const Pass& /*pass*/,
-                       const Eigen::MatrixXd& /*output_covectors*/,
-                       SampledFactors* /*factors*/) const {}
   // Estimated memory of Factors, in addition to BytesPerColumn.
   virtual double FactorBytes(int /*num_columns*/) const { return 0.0; }
 };

@@ -36,10 +36,11 @@
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/layered_jacobian.h"
 
 namespace invgrad {
 
-class NetworkJacobian final : public JacobianOperator {
+class NetworkJacobian final : public JacobianOperator, public LayeredJacobian {
  public:
   // `activations` of a forward pass with `weights`. simulator_jacobians: |x| x
   // m, column s |y| + j is row j of J_s: the row-major Jacobians of the samples

@@ -6,6 +6,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -103,7 +103,7 @@ struct Linearization {
   LinearizeAfter after;  // empty: not known
 
   // g, J, H_L and the curve of this rank's samples, if ranks share J
-  // (JacobianOperator::communicator); null: those above.
+  // (shared_jacobian.h); null: those above.
   std::shared_ptr<const Linearization> own;
 
   // The share of the run's budget that is spent, in [0, 1], for step-size

@@ -22,6 +22,8 @@
 
 namespace invgrad {
 
+class StepJudge;
+
 // Sizes of the Jacobian of a network and a simulator, to estimate memory before
 // J is computed. Doubles, because products of sizes may overflow an int.
 struct JacobianSizes {
@@ -65,39 +67,9 @@ class UpdateRule {
   // the run's budget.
   virtual bool ReadsProgress() const { return false; }
 
-  // Whether the loop evaluates the cost after each step and calls KeepsStep.
-  virtual bool JudgesSteps() const { return false; }
-
-  // Receives the cost over the same samples after the last step, or after
-  // `fraction` of the step; NaN if the cost is not finite. Returns false to
-  // revert the step.
-  virtual bool KeepsStep(double /*cost*/, double /*fraction*/) { return true; }
-
-  // Whether the loop calls JudgeWeights. It does so if each batch has samples that
-  // the last step was not computed from.
-  virtual bool JudgesWeights() const { return false; }
-
-  // What to do with the weights before a step.
-  enum class Verdict {
-    kGoOn,
-    kCopy,                // go on, and copy them
-    kCopyBeforeLastStep,  // go on, and copy those before the last step
-    kRevertStep,          // go back to before the last step
-    kReturn,              // go back to the copy
-    kLeaveOut             // leave the batch out: its loss is finite nowhere
-  };
-  // The loss of the batch at other weights, by a forward pass each; NaN if it is
-  // not finite, or if there are no such weights.
-  class OtherWeights {
-   public:
-    virtual ~OtherWeights() = default;
-    virtual double CostBeforeLastStep() = 0;
-    virtual double CostAtCopy() = 0;
-  };
-  // Receives the loss of a new batch before its step; NaN if it is not finite.
-  virtual Verdict JudgeWeights(double /*cost*/, OtherWeights* /*others*/) {
-    return Verdict::kGoOn;
-  }
+  // The judge of the rule's steps (step_judge.h): this object, as a rule; null:
+  // every step counts.
+  virtual StepJudge* judge() { return nullptr; }
 
   // Estimated memory of ComputeStep in addition to the linearization. A
   // training run fails at its start if this exceeds the memory limit. Default:

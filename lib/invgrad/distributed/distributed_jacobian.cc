@@ -122,7 +122,7 @@ std::string DistributedJacobian::RowName(int row) const {
 const std::vector<DistributedJacobian::LayerFactors>&
 DistributedJacobian::Factors() const {
   std::call_once(factors_gathered_, [this] {
-    for (const auto& block : own_->ColumnBlocks()) {
+    for (const auto& block : ColumnBlocksOf(*own_)) {
       const auto* layer = dynamic_cast<const LayerJacobian*>(block.get());
       if (layer == nullptr) {
         factors_.clear();
@@ -159,7 +159,7 @@ DistributedJacobian::ColumnBlocks() const {
 
 void DistributedJacobian::FactorsAlong(const VectorXd& w,
                                        SampledFactors* factors) const {
-  own_->FactorsAlong(OwnRows(w), factors);
+  LayersOf(*own_)->FactorsAlong(OwnRows(w), factors);
   // A is a mean over positions, of which each sample has as many.
   const double share =
       static_cast<double>(communicator_->OwnShare(num_samples_).count) /

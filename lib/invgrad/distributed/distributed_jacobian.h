@@ -25,10 +25,14 @@
 #include "invgrad/core/communicator.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/core/shared_jacobian.h"
 
 namespace invgrad {
 
-class DistributedJacobian final : public JacobianOperator {
+class DistributedJacobian final : public JacobianOperator,
+                                  public SharedJacobian,
+                                  public LayeredJacobian {
  public:
   // `own`: J_r, of this rank's share of `num_samples` (Communicator::OwnShare),
   // of which each has as many rows.
@@ -42,9 +46,7 @@ class DistributedJacobian final : public JacobianOperator {
   void TransposeTimes(const Eigen::VectorXd& w,
                       Eigen::VectorXd* Jtw) const override;
   void Gram(Eigen::MatrixXd* JJt) const override;
-  const Communicator* communicator() const override {
-    return communicator_.get();
-  }
+  const Communicator& communicator() const override { return *communicator_; }
   void GramStrips(const ColumnStrips& strips,
                   Eigen::MatrixXd* JJt) const override;
   void ParameterGramStrips(const ColumnStrips& strips,
@@ -56,7 +58,7 @@ class DistributedJacobian final : public JacobianOperator {
   std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
       const override;
   std::vector<LayerColumns> FactorLayers() const override {
-    return own_->FactorLayers();
+    return FactorLayersOf(*own_);
   }
   void FactorsAlong(const Eigen::VectorXd& w,
                     SampledFactors* factors) const override;

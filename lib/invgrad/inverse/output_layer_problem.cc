@@ -7,7 +7,9 @@
 #include <optional>
 
 #include "glog/logging.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/core/layered_jacobian.h"
 
 namespace invgrad {
 namespace {
@@ -70,10 +72,10 @@ void SetProblemInX(const Network& network,
                    const MatrixXd& d_x,
                    const VectorXd& scales,
                    OutputLayerProblem* problem) {
-  const Index fan_out = network.OutputLayer().cols();
+  const Index fan_out = OutputLayerOf(network).cols();
   CHECK_GT(fan_out, 0);
   const Index num_positions = network.num_outputs() / fan_out;
-  problem->H = network.Features(weights, pass);
+  problem->H = FeaturesOf(network, weights, pass);
   problem->D.resize(fan_out, d_x.size() / fan_out);
   CHECK_EQ(problem->H.cols(), problem->D.cols());
   if (num_positions == 1) {
@@ -117,7 +119,7 @@ bool LinearizeLossInOutputLayer(const Model& model,
     return false;
   }
   MatrixXd J_c;
-  at_weights.jacobian->ColumnBlocks().back()->ToDense(&J_c);
+  ColumnBlocksOf(*at_weights.jacobian).back()->ToDense(&J_c);
   problem->H = J_c.transpose();
   // g = 2 factor scale (y - y*).
   problem->D = at_weights.loss_gradient.transpose() /

@@ -9,6 +9,7 @@
 #include "glog/logging.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -8,7 +8,7 @@
 
 #include "ceres/types.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"
@@ -205,7 +205,7 @@ bool IsForPoints(const Phase& phase,
     *error = "a point has no data to learn from";
   } else if (phase.pull_back->needs_batches()) {
     *error = "proxy, curvature_weight, updates and max_change need a network";
-  } else if (rule->JudgesSteps()) {
+  } else if (rule->judge() != nullptr) {
     *error =
         "the rule judges its steps by a cost (control=gain, hessian_free), and "
         "the change that is pulled back to a point has none";

@@ -12,6 +12,7 @@
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/step_judge.h"
 
 namespace invgrad {
 namespace {
@@ -31,6 +32,7 @@ class Run {
       MinimizerSummary* summary)
       : options_(options),
         rule_(rule),
+        judge_(rule->judge()),
         objective_(objective),
         summary_(summary),
         parts_(rule->Needs()),
@@ -165,14 +167,14 @@ class Run {
       return false;
     }
     was_taken_back_ = false;
-    if (!rule_->JudgesSteps()) {
+    if (judge_ == nullptr) {
       return Plus(step, error) && objective_->Linearize(parts_, &at_x_, error);
     }
     Linearization after;
     const bool is_finite =
         Plus(step, error) && objective_->Linearize(parts_, &after, error);
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    was_taken_back_ = !rule_->KeepsStep(is_finite ? after.cost : kNone, 1.0);
+    was_taken_back_ = !judge_->KeepsStep(is_finite ? after.cost : kNone, 1.0);
     if (was_taken_back_) {
       objective_->SetState(state_);
       ++summary_->num_taken_back;
@@ -230,6 +232,7 @@ class Run {
 
   const MinimizerOptions& options_;
   UpdateRule* rule_;
+  StepJudge* judge_;  // of the rule; may be null
   Objective* objective_;
   MinimizerSummary* summary_;
   LinearizationParts parts_;

@@ -70,7 +70,7 @@ void ReducedJacobian::ToDense(MatrixXd* J) const {
 
 std::vector<std::unique_ptr<const JacobianOperator>>
 ReducedJacobian::ColumnBlocks() const {
-  auto blocks = J_->ColumnBlocks();
+  auto blocks = ColumnBlocksOf(*J_);
   if (!blocks.empty()) {
     CHECK_EQ(J_->cols() - blocks.back()->cols(), cols());
     blocks.pop_back();
@@ -80,7 +80,7 @@ ReducedJacobian::ColumnBlocks() const {
 
 std::vector<int> ReducedJacobian::LayersOfOthers() const {
   std::vector<int> layers;
-  const std::vector<LayerColumns> all = J_->FactorLayers();
+  const std::vector<LayerColumns> all = FactorLayersOf(*J_);
   for (size_t l = 0; l < all.size(); ++l) {
     if (number_of_[all[l](0, 0)] >= 0) layers.push_back(static_cast<int>(l));
   }
@@ -88,7 +88,7 @@ std::vector<int> ReducedJacobian::LayersOfOthers() const {
 }
 
 std::vector<LayerColumns> ReducedJacobian::FactorLayers() const {
-  const std::vector<LayerColumns> all = J_->FactorLayers();
+  const std::vector<LayerColumns> all = FactorLayersOf(*J_);
   std::vector<LayerColumns> layers;
   for (const int l : LayersOfOthers()) {
     layers.push_back(
@@ -100,7 +100,7 @@ std::vector<LayerColumns> ReducedJacobian::FactorLayers() const {
 void ReducedJacobian::FactorsAlong(const VectorXd& w,
                                    SampledFactors* factors) const {
   SampledFactors all;
-  J_->FactorsAlong(w, &all);
+  LayersOf(*J_)->FactorsAlong(w, &all);
   factors->layers.clear();
   for (const int l : LayersOfOthers()) {
     factors->layers.push_back(std::move(all.layers[l]));

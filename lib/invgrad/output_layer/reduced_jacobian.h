@@ -18,10 +18,11 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/jacobian_operator.h"
+#include "invgrad/core/layered_jacobian.h"
 
 namespace invgrad {
 
-class ReducedJacobian final : public JacobianOperator {
+class ReducedJacobian final : public JacobianOperator, public LayeredJacobian {
  public:
   // `others`: ascending; the last of J's ColumnBlocks, if there are any, has the
   // columns that are left out.

@@ -8,7 +8,9 @@
 
 #include "Eigen/QR"
 #include "glog/logging.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/core/dense_svd.h"
+#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
 #include "invgrad/output_layer/share.h"
 
@@ -83,7 +85,7 @@ ReducedObjective::ReducedObjective(std::unique_ptr<BatchObjective> whole,
     : whole_(std::move(whole)),
       model_(*model),
       train_(train),
-      layer_(model->network().OutputLayer()),
+      layer_(OutputLayerOf(model->network())),
       others_(WeightsOutside(layer_, model->num_weights())) {
   CHECK_GT(layer_.size(), 0) << "the network has no affine output layer";
   CHECK(!others_.empty()) << "all weights are in the output layer";
@@ -123,7 +125,7 @@ bool ReducedObjective::Reduce(bool ok,
   if (linearization->jacobian == nullptr) return true;
   MatrixXd Q;
   if (of_batch()) {
-    const auto layers = linearization->jacobian->ColumnBlocks();
+    const auto layers = ColumnBlocksOf(*linearization->jacobian);
     CHECK(!layers.empty())
         << "the projection needs the layers of a DenseNetwork";
     MatrixXd J_C;
@@ -146,12 +148,20 @@ MatrixXd ReducedObjective::ReducedHessian(const MatrixXd& H) const {
   return reduced;
 }
 
-VectorXd ReducedObjective::OtherWeights(const VectorXd& weights) const {
+VectorXd ReducedObjective::Unknowns(const VectorXd& weights) const {
   return weights(others_);
 }
 
 void ReducedObjective::AddStep(const VectorXd& step, VectorXd* weights) const {
   (*weights)(others_) += step;
+}
+
+bool ReducedObjective::Plus(const VectorXd& step,
+                            const DataSet& batch,
+                            VectorXd* weights,
+                            std::string* error) {
+  AddStep(step, weights);
+  return !of_batch() || SolveOutputLayer(batch, weights, error);
 }
 
 bool ReducedObjective::Split(const DataSet& samples,

@@ -55,7 +55,7 @@
 
 namespace invgrad {
 
-class ReducedObjective final : public BatchObjective {
+class ReducedObjective : public BatchObjective {
  public:
   // `whole`: the objective of all weights of the model. The model has an
   // OutputLayer and other weights (CHECKed). Model and data outlive this object.
@@ -87,8 +87,13 @@ class ReducedObjective final : public BatchObjective {
 
   bool of_batch() const { return train_ == nullptr; }
   // u.
-  Eigen::VectorXd OtherWeights(const Eigen::VectorXd& weights) const;
+  Eigen::VectorXd Unknowns(const Eigen::VectorXd& weights) const override;
   void AddStep(const Eigen::VectorXd& step, Eigen::VectorXd* weights) const;
+  // AddStep, and with of_batch C*(u) of the batch.
+  bool Plus(const Eigen::VectorXd& step,
+            const DataSet& batch,
+            Eigen::VectorXd* weights,
+            std::string* error) override;
 
   // Samples that C is solved on, some at a time.
   using Blocks = std::vector<DataSet>;
@@ -110,8 +115,9 @@ class ReducedObjective final : public BatchObjective {
                     std::string* error) {
     return Solve(share, steps_follow ? &drift_ : nullptr, weights, error);
   }
-  // For a checkpoint.
-  Eigen::VectorXd* mutable_state() { return drift_.mutable_state(); }
+  std::vector<Eigen::VectorXd*> MutableState() override {
+    return {drift_.mutable_state()};
+  }
 
  private:
   bool Reduce(bool ok,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/inverse/output_layer_problem.h"
 
 namespace invgrad {
@@ -16,7 +17,7 @@ constexpr double kCostOfSolutions = 0.5;
 
 struct ProblemSizes {
   ProblemSizes(const Model& model, bool is_proxy) {
-    const LayerColumns layer = model.network().OutputLayer();
+    const LayerColumns layer = OutputLayerOf(model.network());
     const bool in_x = is_proxy || IsSolvedInX(model);
     p = static_cast<double>(in_x ? layer.rows() : layer.size());
     q = in_x ? static_cast<double>(layer.cols()) : 1.0;
@@ -75,7 +76,7 @@ double OutputLayerBytes(const Model& model, bool is_proxy) {
 }
 
 double ProjectionBytes(const Model& model, double num_outputs, int batch_size) {
-  const auto p = static_cast<double>(model.network().OutputLayer().size());
+  const auto p = static_cast<double>(OutputLayerOf(model.network()).size());
   return 4.0 * sizeof(double) * p * (num_outputs * batch_size + p);
 }
 

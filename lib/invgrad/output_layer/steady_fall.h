@@ -33,6 +33,11 @@ class SteadyFall {
   static constexpr int kLeastCountOfShares = 3;
   static constexpr int kLeastCountOfAll = 1;
 
+  static constexpr int kNumShares = 3;
+  static constexpr double kStart = 1.0 / 80.0;
+  // The share of the budget after which the fall is judged.
+  static constexpr double kEnd = kStart * (1 << kNumShares);
+
   explicit SteadyFall(int least_count) : least_count_(least_count) {}
 
   // spent: the share of the budget before the step that has this loss.
@@ -49,18 +54,14 @@ class SteadyFall {
     state_[2 * share + 1] += 1.0;
   }
 
-  static bool IsJudged(double spent) { return spent >= kEnd; }
   bool HasStalled(double spent) const {
-    return IsJudged(spent) && (!HasFallen(1) || !HasFallen(2));
+    return spent >= kEnd && (!HasFallen(1) || !HasFallen(2));
   }
 
   // For each share the sum of the log losses and their number.
   Eigen::VectorXd* mutable_state() { return &state_; }
 
  private:
-  static constexpr int kNumShares = 3;
-  static constexpr double kStart = 1.0 / 80.0;
-  static constexpr double kEnd = kStart * (1 << kNumShares);
   static constexpr double kFall = 0.85;
 
   // From the share before to this one.

@@ -10,6 +10,7 @@
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/core/stored_jacobian.h"
 
 namespace invgrad {
 namespace {

@@ -30,6 +30,7 @@
 #include "Eigen/Core"
 #include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/degeneracy/determined_step.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
@@ -128,7 +129,7 @@ class DeterminedRule final : public UpdateRule {
     options.tau = options_.truncation;
     options.tau_high = std::min(options_.truncation * options_.release, 1.0);
     if (options_.groups == "blocks") {
-      for (const auto& block : J.ColumnBlocks()) {
+      for (const auto& block : ColumnBlocksOf(J)) {
         if (block->cols() > 0) options.group_sizes.push_back(block->cols());
       }
     }

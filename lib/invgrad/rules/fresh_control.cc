@@ -67,7 +67,7 @@ FreshControl::Verdict FreshControl::Judge(double cost, OtherWeights* others) {
     Accept(cost);
     return Verdict::kGoOn;
   }
-  if (verdict == Verdict::kReturn) return Return(others->CostAtCopy());
+  if (verdict == Verdict::kUndoToCopy) return Return(others->CostAtCopy());
   if (is_outlier) return JudgeOutlier(cost, others);
   Accept(cost);
   return verdict;
@@ -83,7 +83,7 @@ FreshControl::Verdict FreshControl::JudgeOutlier(double cost,
   }
   state_[kTrialSteps] = 1.0;
   state_[kTrialSum] = 0.0;
-  return before < at_copy ? Verdict::kCopyBeforeLastStep : Verdict::kGoOn;
+  return before < at_copy ? Verdict::kCopyBefore : Verdict::kGoOn;
 }
 
 FreshControl::Verdict FreshControl::JudgeTrial(double cost,
@@ -109,7 +109,7 @@ FreshControl::Verdict FreshControl::GoBack(OtherWeights* others) {
   ReduceCaution();
   if (!std::isfinite(before)) return Verdict::kLeaveOut;
   Accept(before);
-  return Verdict::kRevertStep;
+  return Verdict::kUndoStep;
 }
 
 FreshControl::Verdict FreshControl::Return(double cost) {
@@ -117,7 +117,7 @@ FreshControl::Verdict FreshControl::Return(double cost) {
   ReduceCaution();
   trend_.Restart();
   if (std::isfinite(cost)) Accept(cost);
-  return Verdict::kReturn;
+  return Verdict::kUndoToCopy;
 }
 
 FreshControl::Verdict FreshControl::JudgeBlock(bool may_copy) {
@@ -133,7 +133,7 @@ FreshControl::Verdict FreshControl::JudgeBlock(bool may_copy) {
   if (mean > lowest + kWorseErrors * std::sqrt(variance + lowest_variance) +
                  std::log(kWorseFactor)) {
     lowest += kLuck * std::sqrt(lowest_variance);
-    return Verdict::kReturn;
+    return Verdict::kUndoToCopy;
   }
   if (!may_copy || mean > lowest + std::sqrt(lowest_variance)) {
     return Verdict::kGoOn;

@@ -42,7 +42,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/option_set.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/rules/evidence.h"
 #include "invgrad/rules/loss_trend.h"
 #include "invgrad/spectral/spectral_filter.h"
@@ -57,13 +57,13 @@ struct FreshControlOptions {
 
 class FreshControl {
  public:
-  using Verdict = UpdateRule::Verdict;
-  using OtherWeights = UpdateRule::OtherWeights;
+  using Verdict = StepJudge::Verdict;
+  using OtherWeights = StepJudge::OtherWeights;
 
   explicit FreshControl(const FreshControlOptions& options)
       : options_(options) {}
 
-  // As UpdateRule::JudgeWeights.
+  // As StepJudge::JudgeWeights.
   Verdict Judge(double cost, OtherWeights* others);
 
   // Before the filter is applied: kappa follows the caution, noise the trend.

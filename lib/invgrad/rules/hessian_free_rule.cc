@@ -43,6 +43,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
 
@@ -58,7 +59,7 @@ constexpr double kHighestDamping = 1e100;
 // Relative changes of the cost below this are rounding.
 constexpr double kCostRounding = 1e-13;
 
-class HessianFreeRule final : public UpdateRule {
+class HessianFreeRule final : public UpdateRule, private StepJudge {
  public:
   struct Options {
     StepSizeOptions step_size{1.0};
@@ -134,7 +135,7 @@ class HessianFreeRule final : public UpdateRule {
   bool ReadsProgress() const override {
     return options_.step_size.has_schedule();
   }
-  bool JudgesSteps() const override { return true; }
+  StepJudge* judge() override { return this; }
 
   bool KeepsStep(double cost, double fraction) override {
     const double eta = fraction * eta_;

@@ -46,7 +46,7 @@ bool JointRule::ComputeStep(const Linearization& at_x,
                             std::string* error) {
   CHECK(at_x.jacobian != nullptr) << "A joint rule needs J.";
   report_.clear();
-  SpectralFilter filter = JudgesSteps() ? control_.filter() : options_.filter;
+  SpectralFilter filter = judges_steps() ? control_.filter() : options_.filter;
   if (JudgesWeights()) fresh_.Adjust(&filter);
   std::string how;
   if (!ComputeDirection(at_x, filter, &d_, &how, error)) return false;
@@ -58,7 +58,7 @@ bool JointRule::ComputeStep(const Linearization& at_x,
   if (options_.step_size.is_auto()) {
     report_ += fmt::format(", step size {:.2g}", eta);
   }
-  if (JudgesSteps()) {
+  if (judges_steps()) {
     report_ += fmt::format(", kappa {:.2g}, damping {:.2g} s_max^2",
                            filter.kappa,
                            filter.relative_damping);
@@ -78,10 +78,10 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   // A zero direction gives a zero step for any step size.
   const bool is_zero = d_.isZero(0.0);
   AlongDirection model;
-  if (!is_zero && (options.is_auto() || JudgesSteps())) {
+  if (!is_zero && (options.is_auto() || judges_steps())) {
     if (!ModelAlong(at_x, -d_, &model, error)) return false;
     // At a minimum the slope is rounding.
-    if (JudgesSteps() && model.slope >= 0.0) {
+    if (judges_steps() && model.slope >= 0.0) {
       d_.setZero();
       model = AlongDirection();
     }
@@ -93,7 +93,7 @@ bool JointRule::FindStepSize(const Linearization& at_x,
     }
   }
   *eta *= options.ScheduleFactor(at_x.progress);
-  if (JudgesSteps()) {
+  if (judges_steps()) {
     *eta *= control_.step_factor();
     if (JudgesWeights()) *eta *= fresh_.caution();
     control_.Expect(at_x.cost, model, *eta);
@@ -101,10 +101,10 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   return true;
 }
 
-JointRule::Verdict JointRule::JudgeWeights(double cost, OtherWeights* others) {
+StepJudge::Verdict JointRule::JudgeWeights(double cost, OtherWeights* others) {
   const Verdict verdict = fresh_.Judge(cost, others);
-  if (verdict == Verdict::kRevertStep) control_.Revert(/*several=*/false);
-  if (verdict == Verdict::kReturn || verdict == Verdict::kLeaveOut) {
+  if (verdict == Verdict::kUndoStep) control_.Revert(/*several=*/false);
+  if (verdict == Verdict::kUndoToCopy || verdict == Verdict::kLeaveOut) {
     control_.Revert(/*several=*/true);
   }
   return verdict;

@@ -20,6 +20,7 @@
 #include "Eigen/Core"
 #include "invgrad/core/linearization.h"
 #include "invgrad/core/option_set.h"
+#include "invgrad/core/step_judge.h"
 #include "invgrad/core/update_rule.h"
 #include "invgrad/rules/fresh_control.h"
 #include "invgrad/rules/gain_control.h"
@@ -28,7 +29,7 @@
 
 namespace invgrad {
 
-class JointRule : public UpdateRule {
+class JointRule : public UpdateRule, private StepJudge {
  public:
   struct Options {
     StepSizeOptions step_size{1.0};
@@ -47,14 +48,7 @@ class JointRule : public UpdateRule {
                    Eigen::VectorXd* step,
                    std::string* error) final;
   bool ReadsProgress() const final { return options_.step_size.has_schedule(); }
-  bool JudgesSteps() const final { return options_.control.is_on(); }
-  bool KeepsStep(double cost, double fraction) final {
-    return control_.Judge(cost, fraction);
-  }
-  bool JudgesWeights() const final {
-    return options_.control.uses_new_batches();
-  }
-  Verdict JudgeWeights(double cost, OtherWeights* others) final;
+  StepJudge* judge() final { return judges_steps() ? this : nullptr; }
   std::vector<Eigen::VectorXd*> MutableState() override;
   std::string LastStepReport() const final { return report_; }
 
@@ -62,6 +56,12 @@ class JointRule : public UpdateRule {
   explicit JointRule(const Options& options);
 
   const Options& joint_options() const { return options_; }
+
+  // With control.
+  bool judges_steps() const { return options_.control.is_on(); }
+  bool JudgesWeights() const final {
+    return options_.control.uses_new_batches();
+  }
 
   // Of control=fresh: a derived rule that knows the spectrum of J and g gives it
   // after a step for which `wants_spectrum`.
@@ -80,6 +80,11 @@ class JointRule : public UpdateRule {
   virtual double CurvatureDamping() const { return 0.0; }
 
  private:
+  bool KeepsStep(double cost, double fraction) final {
+    return control_.Judge(cost, fraction);
+  }
+  Verdict JudgeWeights(double cost, OtherWeights* others) final;
+
   // The step size along -d_.
   bool FindStepSize(const Linearization& at_x, double* eta, std::string* error);
 

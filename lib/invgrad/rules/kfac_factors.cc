@@ -9,6 +9,8 @@
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {
@@ -169,14 +171,14 @@ void SumFactors(const Linearization& at_x,
   for (std::size_t l = 0; l < layers.size(); ++l) {
     const LayerJacobian& layer = *layers[l];
     KfacFactor* const of_layer = &curvature->factors[2 * l];
-    SetGram(layer.inputs(), nullptr, J.communicator(), &of_layer[0]);
+    SetGram(layer.inputs(), nullptr, RanksOf(J), &of_layer[0]);
     of_layer[0].count =
         static_cast<double>(layer.inputs().cols()) * J.rows() / layer.rows();
     if (of_loss && own.loss_hessian_times) {
       const MatrixXd curved = CurvedDeltas(layer, own);
-      SetGram(layer.deltas(), &curved, J.communicator(), &of_layer[1]);
+      SetGram(layer.deltas(), &curved, RanksOf(J), &of_layer[1]);
     } else {
-      SetGram(layer.deltas(), nullptr, J.communicator(), &of_layer[1]);
+      SetGram(layer.deltas(), nullptr, RanksOf(J), &of_layer[1]);
     }
   }
 }
@@ -190,7 +192,7 @@ bool SampleFactors(const Linearization& at_x,
   if (of_loss && at_x.loss_hessian_times) w = RootOfHessianTimes(at_x, w);
   if (!CheckFinite("a random covector", w, error)) return false;
   SampledFactors sampled;
-  at_x.jacobian->FactorsAlong(w, &sampled);
+  LayersOf(*at_x.jacobian)->FactorsAlong(w, &sampled);
   if (!CheckFinite("J^T w", sampled.others, error)) return false;
   CHECK_EQ(2 * sampled.layers.size(), curvature->factors.size());
   curvature->others = sampled.others.cwiseAbs2();

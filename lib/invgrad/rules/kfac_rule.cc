@@ -71,6 +71,9 @@
 #include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/core/layer_jacobian.h"
+#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/kfac_factors.h"
 #include "invgrad/rules/rule_rows.h"
@@ -182,9 +185,9 @@ class KfacRule final : public JointRule {
                         std::string* report,
                         std::string* error) override {
     const JacobianOperator& J = *at_x.jacobian;
-    const auto blocks = OwnPart(at_x).jacobian->ColumnBlocks();
+    const auto blocks = ColumnBlocksOf(*OwnPart(at_x).jacobian);
     std::vector<const LayerJacobian*> layers;
-    std::vector<LayerColumns> columns = J.FactorLayers();
+    std::vector<LayerColumns> columns = FactorLayersOf(J);
     if (columns.empty()) {
       if (!FindLayers(blocks, &layers, error)) return false;
       columns = ColumnsOf(layers);
@@ -237,7 +240,7 @@ class KfacRule final : public JointRule {
         }
       }
       if (KeepsFactors()) Average(memory);
-      if (!DecomposeFactors(J.communicator(), &curvature_, error)) return false;
+      if (!DecomposeFactors(RanksOf(J), &curvature_, error)) return false;
     }
     k_[0] += 1.0;
     return true;

@@ -9,10 +9,10 @@
 // control=gain, kappa, lambda or both follow the gain (gain_control.h) and start
 // from the row's values.
 //
-// The J_l are the ColumnBlocks of J: a network's layers, or the parameter
+// The J_l are the column blocks of J (layered_jacobian.h): a network's layers, or the parameter
 // blocks of a ceres::Problem that are not constant. The rule neglects the
 // coupling between blocks: if each of L layers can correct the outputs, the sum
-// of their full steps (kappa = 1) overshoots L times. If J has no ColumnBlocks,
+// of their full steps (kappa = 1) overshoots L times. If J has no column blocks,
 // J is the only block.
 //
 // Shapes:  g: m;  J: m x n;  step: n.
@@ -38,6 +38,7 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/spectral/spectral_step.h"
@@ -183,7 +184,7 @@ class SpectralRule final : public JointRule {
                         std::string* error) override {
     const JacobianOperator& J = *at_x.jacobian;
     std::vector<std::unique_ptr<const JacobianOperator>> blocks;
-    if (layerwise_) blocks = J.ColumnBlocks();
+    if (layerwise_) blocks = ColumnBlocksOf(J);
     const std::size_t num_blocks = std::max<std::size_t>(1, blocks.size());
     constexpr Eigen::Index kHistory = SpectralWorkspace::kHistorySize;
     if (histories_.size() != kHistory * static_cast<Eigen::Index>(num_blocks)) {

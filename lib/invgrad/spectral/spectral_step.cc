@@ -9,6 +9,7 @@
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/step_error.h"
 
@@ -41,7 +42,7 @@ bool TakeRoute(const SpectralProblem& problem,
   SpectralStepSummary* summary = problem.summary;
   *summary = SpectralStepSummary();
   summary->route = route;
-  const Communicator* const communicator = problem.J.communicator();
+  const Communicator* const communicator = RanksOf(problem.J);
   const double bytes =
       SpectralStepBytes(route,
                         problem.m(),

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "glog/logging.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/torch/peak_memory.h"
 #include "invgrad/torch/torch_factors.h"
@@ -44,7 +45,9 @@ class DualLevel {
   uint64_t index_;
 };
 
-class TorchNetwork final : public Network {
+class TorchNetwork final : public Network,
+                           public LinearOutputNetwork,
+                           public FactoredNetwork {
  public:
   // Returns null, with *error set.
   static std::shared_ptr<const TorchNetwork> Make(

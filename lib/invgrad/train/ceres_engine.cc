@@ -18,12 +18,13 @@ namespace {
 class CeresEngine final : public Engine, private ceres::IterationCallback {
  public:
   CeresEngine(const Phase& phase, const Model* model, const DataSet* train)
-      : phase_(phase), model_(*model), train_(*train) {}
+      : Engine(/*steps_per_epoch=*/1, /*has_state=*/false),
+        phase_(phase),
+        model_(*model),
+        train_(*train) {}
   ~CeresEngine() override { Stop(); }
 
-  long steps_per_epoch() const override { return 1; }
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
-  bool has_state() const override { return false; }
   std::string Finish() override {
     Stop();
     return proposals_;

@@ -6,11 +6,12 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/model_cost.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
+#include "invgrad/train/scheduled_output_layer.h"
 #include "invgrad/train/training_memory.h"
 
 namespace invgrad {
@@ -18,7 +19,7 @@ namespace {
 
 // Returns false if the pull-back cannot train this model on these data.
 bool CheckPullBack(const PullBackMethod& pull_back,
-                   const UpdateRule& rule,
+                   bool judges_steps,
                    const Model& model,
                    const DataSet& train,
                    std::string* error) {
@@ -27,7 +28,7 @@ bool CheckPullBack(const PullBackMethod& pull_back,
     *error =
         "updates > 1: in a closed loop an update moves the inputs of the next "
         "one";
-  } else if (is_closed_loop && !pull_back.is_joint() && rule.JudgesSteps()) {
+  } else if (is_closed_loop && !pull_back.is_joint() && judges_steps) {
     *error =
         "control=gain: in a closed loop an update moves the inputs of what is "
         "pulled back";
@@ -78,7 +79,7 @@ bool CanSolveOutputLayer(const Phase& phase,
                          std::string* error) {
   const bool in_x = phase.pull_back.has_value() && !phase.pull_back->is_joint();
   const Network& network = model.network();
-  const auto layer_size = network.OutputLayer().size();
+  const auto layer_size = OutputLayerOf(network).size();
   // A step in y turns the loss into one without a squared norm.
   const std::shared_ptr<const Loss> loss =
       phase.pull_back.has_value() && !in_x
@@ -119,27 +120,29 @@ bool CanSolveOutputLayer(const Phase& phase,
 }
 
 struct OutputLayerPlan {
-  bool after_each_step = false;  // on the batch, of all samples
-  int period = 0;                // 0: the layer is trained
+  OutputLayerSchedule schedule;
   MemoryPart memory;
 };
 
 OutputLayerPlan PlanOutputLayer(const Phase& phase,
-                                const UpdateRule& rule,
+                                UpdateRule* rule,
                                 const Model& model,
                                 const TrainingData& data,
                                 bool is_proxy,
                                 int batch_size) {
   OutputLayerPlan plan;
   if (!phase.solves_output_layer()) return plan;
+  OutputLayerSchedule& schedule = plan.schedule;
+  schedule.batch_size = batch_size;
+  schedule.watches_fall = phase.output_layer == Phase::OutputLayer::kAuto;
   const int num_samples = data.train.num_samples();
-  const LinearizationParts needs = rule.Needs();
+  const LinearizationParts needs = rule->Needs();
   // A rule of gradients alone has no say in how far the layer moves.
-  plan.after_each_step =
-      batch_size == num_samples && model.dense_network() != nullptr &&
-      (needs.jacobian || needs.hessian || needs.after || rule.JudgesSteps());
-  if (plan.after_each_step) {
-    plan.period = 1;
+  schedule.after_each_step = batch_size == num_samples &&
+                             model.dense_network() != nullptr &&
+                             (needs.jacobian || needs.hessian || needs.after ||
+                              rule->judge() != nullptr);
+  if (schedule.after_each_step) {
     const double num_outputs =
         is_proxy ? model.simulator().num_inputs() : model.loss().size();
     plan.memory = {"projection without the output layer",
@@ -151,7 +154,7 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
   const int num_solved =
       is_fresh ? std::max(SamplesOfShare(model, is_proxy), batch_size)
                : num_samples;
-  plan.period =
+  schedule.period =
       phase.output_layer_period > 0
           ? phase.output_layer_period
           : OutputLayerPeriod(model, is_proxy, batch_size, num_solved);
@@ -164,7 +167,7 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
 // The objective of all weights; null, with *error, if the pull-back cannot train
 // this model.
 std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
-                                              const UpdateRule& rule,
+                                              UpdateRule* rule,
                                               const Model& model,
                                               const TrainingData& data,
                                               const TrainOptions& options,
@@ -173,7 +176,10 @@ std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
     return std::make_unique<ModelObjective>(model);
   }
   const PullBackMethod& pull_back = *phase.pull_back;
-  if (!CheckPullBack(pull_back, rule, model, data.train, error)) return nullptr;
+  if (!CheckPullBack(
+          pull_back, rule->judge() != nullptr, model, data.train, error)) {
+    return nullptr;
+  }
   if (pull_back.is_joint()) {
     return std::make_unique<ModelObjective>(model.WithLoss(
         pull_back.MakeLoss(model.shared_loss()), model.reduction()));
@@ -236,7 +242,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     return MakeCeresEngine(phase, &model, &data.train);
   }
   std::unique_ptr<BatchObjective> objective =
-      MakeObjective(phase, *rule, model, data, options, error);
+      MakeObjective(phase, rule.get(), model, data, options, error);
   if (objective == nullptr) return nullptr;
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
     return nullptr;
@@ -270,7 +276,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
       model, *rule, objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
   const OutputLayerPlan output_layer = PlanOutputLayer(
-      phase, *rule, model, data, objective->is_proxy(), batch_size);
+      phase, rule.get(), model, data, objective->is_proxy(), batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
   if (!Fits(fmt::format("batch_size={}", batch_size),
             std::move(parts),
@@ -284,14 +290,10 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                                        options.communicator);
   }
   if (phase.solves_output_layer()) {
-    objective = std::make_unique<ReducedObjective>(
-        std::move(objective),
-        &model,
-        output_layer.after_each_step ? nullptr : &data.train);
+    objective = std::make_unique<ScheduledOutputLayer>(
+        std::move(objective), output_layer.schedule, &model, &data);
   }
   return MakeRuleEngine(batch_size,
-                        output_layer.period,
-                        phase.output_layer == Phase::OutputLayer::kAuto,
                         options,
                         std::move(objective),
                         std::move(rule),

@@ -15,6 +15,7 @@
 #include "invgrad/inverse/pull_back_counts.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/train.h"
+#include "invgrad/train/weight_ledger.h"
 
 namespace invgrad {
 
@@ -31,27 +32,44 @@ class Engine {
     // callbacks. The run sets number and time of the iteration.
     double batch_loss = std::numeric_limits<double>::quiet_NaN();
     ceres::IterationSummary iteration;
+    // Further steps of this engine do not pay; the run may hand over to another.
+    bool has_stalled = false;
     // The reason of an end or a failure.
     ceres::TerminationType termination_type = ceres::FAILURE;
     std::string message;
   };
 
+  // What the engine has done in this phase.
+  struct Counts {
+    long num_updates = 0;  // by the rule, one or more per step
+    long num_undone = 0;   // of these
+    // How the samples were pulled back; null without a pull-back.
+    const PullBackCounts* pull_backs = nullptr;
+  };
+
+  // has_state: whether VisitState covers the whole state. If not, the run writes
+  // no checkpoint while the engine runs.
+  Engine(long steps_per_epoch, bool has_state)
+      : steps_per_epoch_(steps_per_epoch), has_state_(has_state) {}
   virtual ~Engine() = default;
 
-  virtual long steps_per_epoch() const = 0;
+  long steps_per_epoch() const { return steps_per_epoch_; }
+  bool has_state() const { return has_state_; }
 
   // Moves the weights by one step. `progress`: the share of the phase's budget
   // that is spent, in [0, 1]. The address of the weights must be the same for
   // all steps.
   virtual StepResult Step(double progress, Eigen::VectorXd* weights) = 0;
 
-  // Reverts the last step, after which the train loss is not finite, or goes
-  // back to a rule's copy of the weights. Returns false, and does nothing, if
-  // the engine does not judge its steps or has nothing to go back to.
-  virtual bool TakeBack(Eigen::VectorXd* /*weights*/) { return false; }
-
-  // Resets the weights to the last ones with a finite batch loss.
-  virtual void RestoreLastGood(Eigen::VectorXd* /*weights*/) {}
+  // Goes back to weights of the ledger.
+  //   kNoLoss  the train loss is not finite: undoes the last step, or returns to
+  //            the copy. Returns false, and does nothing, if the rule has no judge
+  //            or there is nothing to go back to.
+  //   kEnd     the run has diverged, and ends with the last weights with a finite
+  //            batch loss.
+  virtual bool Undo(UndoReason /*reason*/, Eigen::VectorXd* /*weights*/) {
+    return false;
+  }
 
   // The weights that a run reports for `weights`: the same, or with the best
   // output layer for them.
@@ -59,24 +77,16 @@ class Engine {
     return weights;
   }
 
-  // Whether the output layer is solved and training does not lower what that
-  // leaves (output_layer/steady_fall.h).
-  virtual bool HasStalled() const { return false; }
+  virtual Counts counts() const { return {}; }
 
-  // The number of updates by the rule, one or more per step, and the number of
-  // reverted ones.
-  virtual long num_updates() const { return 0; }
-  virtual long num_taken_back() const { return 0; }
-  // How the samples were pulled back; null without a pull-back.
-  virtual const PullBackCounts* counts() const { return nullptr; }
-
-  // Whether VisitState covers the whole state of the engine. If not, the run
-  // writes no checkpoint while the engine runs.
-  virtual bool has_state() const { return true; }
   virtual void VisitState(StateArchive* /*archive*/) {}
 
   // Ends the phase; returns a text for the run's message.
   virtual std::string Finish() { return ""; }
+
+ private:
+  const long steps_per_epoch_;
+  const bool has_state_;
 };
 
 // Makes the engine of a phase by `rule` (null if the phase has none): a rule
@@ -98,25 +108,15 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
 //
 //   theta_{k+1} = theta_k + rule(linearization of the objective on batch k)
 //
-// A batch is `batch_size` samples of the data source, or else consecutive
-// samples of an epoch's order (shuffle and seed of the options); an incomplete
-// last batch is left out. A rule that judges its steps (control=gain) receives
-// the cost before and after each step; the engine reverts a step that the rule
-// rejects, or after which the next batch has no finite loss. A rule that judges
+// on the batches of batch_sequence.h. A rule that judges its steps (control=gain)
+// receives the cost before and after each step; the engine undoes a step that the
+// judge rejects, or after which the next batch has no finite loss. A judge of
 // weights (control=fresh) receives the loss of each batch before its step, if
-// batches differ; the engine copies the weights, and goes back to the copy, as
-// the rule decides. Fails if a batch has no finite loss or the rule has no
-// finite step.
-//
-// With an output layer that is solved (output_layer/reduced_objective.h), the
-// rule moves the other weights. `output_layer_period`: the steps from one
-// solution to the next; 0: the layer is trained. watches_fall: HasStalled needs
-// a second solution each time, without the ridge of the drift, in the first tenth
-// of the phase.
+// batches differ; the engine copies the weights, and goes back to the copy, as the
+// judge decides. Fails if a batch has no finite loss or the rule has no finite
+// step. The options: shuffle and seed.
 std::unique_ptr<Engine> MakeRuleEngine(
     int batch_size,
-    int output_layer_period,
-    bool watches_fall,
     const TrainOptions& options,
     std::unique_ptr<BatchObjective> objective,
     std::shared_ptr<UpdateRule> rule,

@@ -1,39 +1,27 @@
 #include "invgrad/train/train.h"
 
-#include <algorithm>
-#include <cmath>
-#include <ctime>
-#include <iterator>
-#include <limits>
 #include <utility>
 
-#include "fmt/core.h"
+#include "glog/logging.h"
 #include "invgrad/distributed/distributed_objective.h"
-#include "invgrad/io/format.h"
-#include "invgrad/output_layer/steady_fall.h"
-#include "invgrad/train/engine.h"
+#include "invgrad/train/training_run.h"
 
 namespace invgrad {
-namespace {
 
-std::string AtStep(const std::string& what, long step) {
-  return fmt::format("{} at step {}", what, step);
+TrainingData::TrainingData(Eigen::MatrixXd inputs, Eigen::MatrixXd targets) {
+  CHECK_EQ(inputs.cols(), targets.cols()) << "one column a sample";
+  train.contexts.resize(0, inputs.cols());
+  train.solutions.resize(0, inputs.cols());
+  train.inputs = std::move(inputs);
+  train.targets = std::move(targets);
 }
 
-// Unknown if no sample was inverted.
-void FillCounts(const PullBackCounts& counts, HistoryRow* row) {
-  if (counts.of(PullBackSource::kDerivative) > 0) return;
-  const auto count = [&](PullBackSource source) {
-    return static_cast<double>(counts.of(source));
-  };
-  row->by_inverse = count(PullBackSource::kInverse);
-  row->by_numerical_inverse = count(PullBackSource::kNumericalInverse);
-  row->by_inverse_gradient = count(PullBackSource::kInverseGradient);
-  row->by_gradient = count(PullBackSource::kGradient);
-  row->not_moved = count(PullBackSource::kNone);
-}
-
-}  // namespace
+TrainingData::TrainingData(DataSet train,
+                           DataSet test,
+                           std::shared_ptr<const DataSource> source)
+    : train(std::move(train)),
+      test(std::move(test)),
+      source(std::move(source)) {}
 
 double MeanLoss(const Model& model,
                 const Eigen::VectorXd& weights,
@@ -55,371 +43,50 @@ bool IsEvaluationEpoch(long epoch) {
   return epoch % spacing == 0;
 }
 
-bool TrainingRun::Step() {
-  if (!error().empty() || has_ended_) return false;
-  if (!has_begun_) Begin();
-  return IsRunning() && TakeStep();
+TrainingRun::TrainingRun(const Model& model,
+                         TrainingData data,
+                         const std::string& method,
+                         TrainOptions options)
+    : impl_(
+          std::make_unique<Impl>(model, std::move(data), std::move(options))) {
+  impl_->Add(method);
 }
 
-void TrainingRun::Stop() {
-  if (!error().empty() || has_ended_) return;
-  if (!has_begun_) Begin();
-  if (!has_ended_)
-    End(ceres::USER_SUCCESS, AtStep("stopped", steps_of_phase()));
+TrainingRun::TrainingRun(const Model& model,
+                         TrainingData data,
+                         const Method& method,
+                         TrainOptions options)
+    : impl_(
+          std::make_unique<Impl>(model, std::move(data), std::move(options))) {
+  impl_->Add(method);
 }
 
-void TrainingRun::Begin() {
-  has_begun_ = true;
-  // A resumed run already has the evaluation before its first step; another
-  // evaluation may be due.
-  if (!history().empty()) {
-    EvaluateIfDue();
-    return;
-  }
-  if (!EvaluateOrEnd()) return;
-  ceres::IterationSummary start;
-  start.step_is_valid = true;
-  start.step_is_successful = true;
-  start.cost = history().back().train_loss;
-  if (CallBack(start)) SaveIfDue();
+TrainingRun::TrainingRun(const Model& model,
+                         TrainingData data,
+                         std::shared_ptr<UpdateRule> rule,
+                         TrainOptions options)
+    : impl_(
+          std::make_unique<Impl>(model, std::move(data), std::move(options))) {
+  impl_->Add(std::move(rule));
 }
 
-bool TrainingRun::IsRunning() {
-  while (!has_ended_) {
-    const HistoryRow& last = history().back();
-    if (options_.target_loss > 0.0 && last.step == state_.step &&
-        last.train_loss <= options_.target_loss) {
-      End(ceres::CONVERGENCE, AtStep("target loss reached", steps_of_phase()));
-    } else if (options_.patience > 0 &&
-               state_.rows_since_best >= options_.patience) {
-      if (CanFallBack() && !SteadyFall::IsJudged(SpentOfPhase())) {
-        FallBack();
-        continue;
-      }
-      End(ceres::CONVERGENCE,
-          fmt::format("no improvement in {} evaluations", options_.patience));
-    } else if (!BudgetSpent().empty()) {
-      End(ceres::NO_CONVERGENCE, BudgetSpent());
-    } else if (steps_of_phase() < max_num_steps_ ||
-               next_phase() == static_cast<int>(phases_.size())) {
-      return true;
-    } else {
-      BeginNextPhase();
-    }
-  }
-  return false;
-}
+TrainingRun::~TrainingRun() = default;
 
-void TrainingRun::BeginNextPhase() {
-  if (last_evaluation() != state_.step && !EvaluateOrEnd()) return;
-  const int next = next_phase();
-  if (!phases_[next].engine->has_state()) SaveCheckpoint(Checkpoint());
-  EndFallback();
-  state_.first_epoch = epoch();
-  state_.first_step = state_.step;
-  state_.first_second = state_.seconds;
-  state_.phase = next;
-  LimitPhase();
-  state_.best_loss = WatchedLoss();
-  state_.rows_since_best = 0;
-  if (CanFallBack()) state_.first_weights = weights();
-}
+bool TrainingRun::Step() { return impl_->Step(); }
+void TrainingRun::Stop() { impl_->Stop(); }
 
-int TrainingRun::next_phase() const {
-  int next = state_.phase + 1;
-  while (next < static_cast<int>(phases_.size()) && phases_[next].is_fallback) {
-    ++next;
-  }
-  return next;
-}
-
-bool TrainingRun::CanFallBack() const {
-  return next_phase() > state_.phase + 1;
-}
-
-void TrainingRun::FallBack() {
-  if (last_evaluation() != state_.step) Evaluate();
-  state_.loss_set_aside = history().back().train_loss;
-  state_.set_aside.resize(0);
-  if (std::isfinite(state_.loss_set_aside)) {
-    state_.set_aside = engine().Finished(weights());
-  }
-  state_.weights = state_.first_weights;
-  ++state_.phase;
-  LimitPhase();
-  state_.best_loss = std::numeric_limits<double>::infinity();
-  state_.rows_since_best = 0;
-}
-
-void TrainingRun::LimitPhase() {
-  max_num_steps_ = phases_[state_.phase].max_num_steps;
-  if (options_.max_num_steps < std::numeric_limits<long>::max()) {
-    max_num_steps_ =
-        std::min(max_num_steps_, options_.max_num_steps - state_.first_step);
-  }
-  if (options_.max_num_epochs < TrainOptions().max_num_epochs) {
-    // A step within an epoch may reach the budget.
-    const double steps = EpochsLeft(state_.first_epoch) *
-                         static_cast<double>(engine().steps_per_epoch());
-    max_num_steps_ =
-        std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
-  }
-}
-
-double TrainingRun::Now() const {
-  if (options_.cpu_time) {
-    return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-  }
-  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
-}
-
-bool TrainingRun::TakeStep() {
-  const double start = Now();
-  const Engine::StepResult result =
-      engine().Step(SpentOfPhase(), &state_.weights);
-  using Outcome = Engine::StepResult::Outcome;
-  state_.seconds += Now() - start;
-  if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
-  if (result.outcome == Outcome::kFailed) {
-    if (CanFallBack()) {
-      FallBack();
-      return IsRunning() && TakeStep();
-    }
-    End(ceres::FAILURE,
-        AtStep("diverged", steps_of_phase() + 1) + ": " + result.message);
-    return false;
-  }
-  if (result.outcome == Outcome::kEnded) {
-    End(result.termination_type, result.message);
-    return false;
-  }
-  ++state_.step;
-  state_.step_norm = result.iteration.step_norm;
-  if (!CallBack(result.iteration)) return true;
-  if (CanFallBack() && engine().HasStalled()) FallBack();
-  EvaluateIfDue();
-  return true;
-}
-
-bool TrainingRun::CallBack(ceres::IterationSummary iteration) {
-  iteration.iteration = static_cast<int>(state_.step);
-  iteration.cumulative_time_in_seconds = state_.seconds;
-  ceres::CallbackReturnType answer = ceres::SOLVER_CONTINUE;
-  for (ceres::IterationCallback* callback : options_.callbacks) {
-    answer = (*callback)(iteration);
-    if (answer != ceres::SOLVER_CONTINUE) break;
-  }
-  double num_aborts = answer == ceres::SOLVER_ABORT ? 1.0 : 0.0;
-  double num_stops = answer == ceres::SOLVER_TERMINATE_SUCCESSFULLY ? 1.0 : 0.0;
-  if (options_.communicator != nullptr) {
-    double sums[] = {
-        is_first_rank() ? state_.seconds : 0.0, num_aborts, num_stops};
-    options_.communicator->Sum(sums, std::size(sums));
-    state_.seconds = sums[0];
-    num_aborts = sums[1];
-    num_stops = sums[2];
-  }
-  if (num_aborts > 0.0) {
-    End(ceres::USER_FAILURE, AtStep("aborted by a callback", steps_of_phase()));
-  } else if (num_stops > 0.0) {
-    End(ceres::USER_SUCCESS, AtStep("stopped by a callback", steps_of_phase()));
-  }
-  return num_aborts == 0.0 && num_stops == 0.0;
-}
-
-void TrainingRun::EvaluateIfDue() {
-  const long steps_per_epoch = engine().steps_per_epoch();
-  const bool is_due = steps_of_phase() % steps_per_epoch == 0 &&
-                      IsEvaluationEpoch(steps_of_phase() / steps_per_epoch) &&
-                      last_evaluation() != state_.step;
-  if (is_due && CanFallBack()) {
-    Evaluate();
-    if (!std::isfinite(history().back().train_loss)) FallBack();
-  } else if (is_due && !EvaluateOrEnd()) {
-    return;
-  }
-  SaveIfDue();
-}
-
-void TrainingRun::SaveIfDue() {
-  const std::chrono::duration<double> since = Clock::now() - last_checkpoint_;
-  if (since.count() >= options_.checkpoint_interval_in_seconds) {
-    SaveCheckpoint(Checkpoint());
-  }
-}
-
-bool TrainingRun::EvaluateOrEnd() {
-  Evaluate();
-  if (std::isfinite(history().back().train_loss)) return true;
-  double ignored = 0.0;
-  std::string why;
-  DistributedCost(model_,
-                  weights(),
-                  data_.train,
-                  options_.communicator.get(),
-                  &ignored,
-                  &why);
-  const std::string where =
-      state_.step == 0 ? "the loss is not finite at the initial weights: "
-                       : AtStep("diverged", steps_of_phase()) +
-                             ": the train loss is not finite: ";
-  engine().RestoreLastGood(&state_.weights);
-  Summarize(ceres::FAILURE, where + why);
-  summary_.message += EndFallback();
-  return false;
-}
-
-void TrainingRun::Evaluate() {
-  HistoryRow row;
-  row.step = state_.step;
-  row.epoch = epoch();
-  row.seconds = state_.seconds;
-  row.batch_loss = state_.batch_loss;
-  row.step_norm = state_.step_norm;
-  const bool has_test_data = data_.test.num_samples() > 0;
-  const auto mean_loss = [this](const Eigen::VectorXd& w, const DataSet& data) {
-    return MeanLoss(model_, w, data, options_.communicator.get());
-  };
-  Eigen::VectorXd finished = engine().Finished(weights());
-  row.train_loss = mean_loss(finished, data_.train);
-  while (!std::isfinite(row.train_loss) && engine().TakeBack(&state_.weights)) {
-    finished = engine().Finished(weights());
-    row.train_loss = mean_loss(finished, data_.train);
-  }
-  if (has_test_data) row.test_loss = mean_loss(finished, data_.test);
-  if (options_.metric) row.metric = options_.metric(finished);
-  if (engine().counts() != nullptr) FillCounts(*engine().counts(), &row);
-  state_.history.push_back(row);
-  ++state_.rows_since_best;
-  if (WatchedLoss() < state_.best_loss) {
-    state_.best_loss = WatchedLoss();
-    state_.rows_since_best = 0;
-  }
-  if (options_.on_evaluation) options_.on_evaluation(finished, history());
-}
-
-void TrainingRun::End(ceres::TerminationType type, const std::string& message) {
-  engine().Finish();  // sets the final weights of a minimizer of Ceres
-  // Made before the evaluation below, which a longer run would not make.
-  const bool can_go_on = type != ceres::FAILURE && type != ceres::CONVERGENCE;
-  const StateArchive checkpoint = can_go_on ? Checkpoint() : StateArchive();
-  if (type == ceres::FAILURE) {
-    if (last_evaluation() != state_.step) Evaluate();
-  } else if (last_evaluation() != state_.step && !EvaluateOrEnd()) {
-    return;
-  }
-  if (can_go_on) SaveCheckpoint(checkpoint);
-  Summarize(type, message);
-  if (type != ceres::FAILURE) state_.weights = engine().Finished(weights());
-  summary_.message += EndFallback();
-}
-
-std::string TrainingRun::EndFallback() {
-  if (!phases_[state_.phase].is_fallback) return "";
-  HistoryRow row = history().back();
-  const double trained = row.train_loss;
-  const double solved = state_.loss_set_aside;
-  const bool takes_solved = state_.set_aside.size() > 0 && !(trained <= solved);
-  if (takes_solved) {
-    row.train_loss = solved;
-    if (data_.test.num_samples() > 0) {
-      row.test_loss = MeanLoss(model_, state_.set_aside, data_.test);
-    }
-    state_.weights = state_.set_aside;
-    if (options_.metric) row.metric = options_.metric(weights());
-    state_.history.push_back(row);
-    if (options_.on_evaluation) options_.on_evaluation(weights(), history());
-  }
-  state_.set_aside.resize(0);
-  return fmt::format(
-      "; output layer solved first (train loss {}), then trained ({}): final "
-      "weights of the {}",
-      FormatNumber(solved),
-      FormatNumber(trained),
-      takes_solved ? "former" : "latter");
-}
-
-void TrainingRun::Summarize(ceres::TerminationType type,
-                            const std::string& message) {
-  has_ended_ = true;
-  TrainSummary& summary = summary_;
-  summary.termination_type = type;
-  summary.message = message;
-  const auto count_phases = [this](int end) {
-    return std::count_if(
-        phases_.begin(), phases_.begin() + end, [](const RunPhase& phase) {
-          return !phase.is_fallback;
-        });
-  };
-  if (count_phases(static_cast<int>(phases_.size())) > 1 &&
-      message != BudgetSpent()) {
-    summary.message =
-        fmt::format("phase {}: {}", count_phases(state_.phase + 1), message);
-  }
-  std::string reports;
-  for (int k = 0; k <= state_.phase; ++k)
-    reports += phases_[k].engine->Finish();
-  summary.num_steps = state_.step;
-  summary.train_time_in_seconds = state_.seconds;
-  for (int k = 0; k <= state_.phase; ++k) {
-    summary.num_updates += phases_[k].engine->num_updates();
-    summary.num_taken_back += phases_[k].engine->num_taken_back();
-  }
-  if (summary.num_taken_back > 0) {
-    summary.message += fmt::format("; {} of {} steps taken back",
-                                   summary.num_taken_back,
-                                   summary.num_updates);
-  }
-  summary.message += reports;
-}
-
-// --- Position and budget ---
-
-double TrainingRun::epoch() const {
-  if (!error().empty()) return 0.0;
-  return state_.first_epoch +
-         static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
-}
-
-double TrainingRun::progress() const {
-  return std::min(1.0,
-                  std::max({epoch() / options_.max_num_epochs,
-                            static_cast<double>(state_.step) /
-                                static_cast<double>(options_.max_num_steps),
-                            state_.seconds / options_.max_time_in_seconds}));
-}
-
-double TrainingRun::SpentOfPhase() const {
-  const double budget_in_seconds =
-      options_.max_time_in_seconds - state_.first_second;
-  return std::min(
-      1.0,
-      std::max(static_cast<double>(steps_of_phase()) /
-                   static_cast<double>(max_num_steps_),
-               (state_.seconds - state_.first_second) / budget_in_seconds));
-}
-
-// Epochs of different phases differ in length, so sums of epochs have rounding
-// errors.
-double TrainingRun::EpochsLeft(double epoch) const {
-  constexpr double kRounding = 1e-12;
-  return options_.max_num_epochs * (1.0 - kRounding) - epoch;
-}
-
-std::string TrainingRun::BudgetSpent() const {
-  if (EpochsLeft(epoch()) <= 0.0) return "epochs done";
-  if (state_.step >= options_.max_num_steps) return "steps done";
-  if (state_.seconds >= options_.max_time_in_seconds) return "time used up";
-  return "";
-}
-
-double TrainingRun::WatchedLoss() const {
-  const HistoryRow& last = state_.history.back();
-  return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
-}
+const std::string& TrainingRun::error() const { return impl_->error(); }
+const Eigen::VectorXd& TrainingRun::weights() const { return impl_->weights(); }
+const History& TrainingRun::history() const { return impl_->history(); }
+double TrainingRun::loss() const { return impl_->loss(); }
+long TrainingRun::step() const { return impl_->step(); }
+double TrainingRun::epoch() const { return impl_->epoch(); }
+double TrainingRun::progress() const { return impl_->progress(); }
+const RunIdentity& TrainingRun::identity() const { return impl_->identity(); }
+const TrainSummary& TrainingRun::summary() const { return impl_->summary(); }
 
 TrainResult TrainingRun::result() const {
-  return {error(), weights(), history(), summary_};
+  return {error(), weights(), history(), summary()};
 }
 
 }  // namespace invgrad

@@ -41,7 +41,6 @@
 #ifndef INVGRAD_TRAIN_TRAIN_H_
 #define INVGRAD_TRAIN_TRAIN_H_
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -55,17 +54,15 @@
 #include "ceres/types.h"
 #include "invgrad/chain/data_source.h"
 #include "invgrad/chain/model.h"
-#include "invgrad/core/communicator.h"
-#include "invgrad/core/update_rule.h"
-#include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/train/history.h"
-#include "invgrad/train/run_identity.h"
 
 namespace invgrad {
 
-class Engine;
-class StateArchive;
+class Communicator;
+class InverseSimulator;
+class RunIdentity;
+class UpdateRule;
 
 struct TrainingData {
   // Without contexts and without test data. inputs: |a| x N; targets: |y| x N.
@@ -204,129 +201,25 @@ class TrainingRun {
   void Stop();
 
   // Not empty for bad input: the run does nothing.
-  const std::string& error() const { return error_; }
-  const Eigen::VectorXd& weights() const { return state_.weights; }
-  const History& history() const { return state_.history; }
+  const std::string& error() const;
+  const Eigen::VectorXd& weights() const;
+  const History& history() const;
   // The loss of the last step's batch, before the step; with a minimizer of
   // Ceres its lowest cost. NaN before the first step.
-  double loss() const { return state_.batch_loss; }
-  long step() const { return state_.step; }
+  double loss() const;
+  long step() const;
   double epoch() const;
   // The share of the run's budget that is spent, in [0, 1].
   double progress() const;
   // What determines the run; only with a checkpoint_path.
-  const RunIdentity& identity() const { return identity_; }
+  const RunIdentity& identity() const;
   // The reason of the end, after Step() has returned false.
-  const TrainSummary& summary() const { return summary_; }
+  const TrainSummary& summary() const;
   TrainResult result() const;
 
  private:
-  using Clock = std::chrono::steady_clock;
-  struct RunPhase {
-    std::unique_ptr<Engine> engine;
-    long max_num_steps;        // its share of the run
-    bool is_fallback = false;  // of the one before, in the same share
-  };
-  // What a checkpoint holds, with the states of the engines.
-  struct State {
-    Eigen::VectorXd weights;
-    History history;
-    double best_loss = std::numeric_limits<double>::infinity();  // watched
-    int rows_since_best = 0;
-    int phase = 0;
-    // The start of the phase.
-    long first_step = 0;
-    double first_epoch = 0.0;
-    double first_second = 0.0;
-    long step = 0;
-    double seconds = 0.0;
-    double batch_loss = HistoryRow::kNone;
-    double step_norm = HistoryRow::kNone;
-    // Where the phase began, if it has a fallback; and, in the fallback, the
-    // weights that it is to surpass, or none.
-    Eigen::VectorXd first_weights;
-    Eigen::VectorXd set_aside;
-    double loss_set_aside = HistoryRow::kNone;
-  };
-
-  TrainingRun(const Model& model, TrainingData data, TrainOptions options);
-  void AddPhases(const Method& method);
-  // Also the fallback of the phase, if it has one.
-  bool AddPhase(const Phase& phase, bool is_last, bool is_fallback);
-  // The last part of the constructors: resumes from a checkpoint. `rule`: of
-  // the caller, or null.
-  void Start(const Method& method, const UpdateRule* rule);
-
-  // The end of every constructor: fails on all ranks if one of them has failed,
-  // or is of another run.
-  void AgreeWithRanks();
-  bool is_first_rank() const {
-    return options_.communicator == nullptr ||
-           options_.communicator->rank() == 0;
-  }
-
-  // The first call of Step: evaluates the initial weights.
-  void Begin();
-  // Ends the run, or begins the next phase, if it is due. Returns false if the
-  // run has ended.
-  bool IsRunning();
-  void BeginNextPhase();
-  // The phase after this one, or the number of phases.
-  int next_phase() const;
-  bool CanFallBack() const;
-  void FallBack();
-  // Sets max_num_steps_ by the share of the phase and the run's budget.
-  void LimitPhase();
-  bool TakeStep();
-  double Now() const;  // in seconds
-  // False if a callback has ended the run.
-  bool CallBack(ceres::IterationSummary iteration);
-  void Evaluate();
-  // Evaluates the losses. If the train loss is not finite, ends the run as
-  // diverged, with the last good weights, and returns false.
-  bool EvaluateOrEnd();
-  // Evaluates the losses and writes a checkpoint if they are due.
-  void EvaluateIfDue();
-  void SaveIfDue();
-  // In a fallback, takes the weights that are set aside if their train loss is
-  // lower. Returns a text for the message.
-  std::string EndFallback();
-  // Evaluates and saves the final state. `message` counts steps from the start
-  // of the phase.
-  void End(ceres::TerminationType type, const std::string& message);
-  void Summarize(ceres::TerminationType type, const std::string& message);
-
-  // Empty while some budget is left; then a reason such as "epochs done".
-  std::string BudgetSpent() const;
-  double EpochsLeft(double epoch) const;
-  // The share of the phase's budget, in [0, 1].
-  double SpentOfPhase() const;
-  // The last test loss, or train loss if there are no test data.
-  double WatchedLoss() const;
-  Engine& engine() const { return *phases_[state_.phase].engine; }
-  long steps_of_phase() const { return state_.step - state_.first_step; }
-  long last_evaluation() const { return history().back().step; }
-
-  StateArchive Checkpoint();
-  void SaveCheckpoint(const StateArchive& archive);
-  void Restore();
-  void VisitState(StateArchive* archive, State* state);
-
-  const Model model_;
-  const TrainingData data_;
-  TrainOptions options_;
-  std::string error_;
-  TrainSummary summary_;
-  bool has_begun_ = false;
-  bool has_ended_ = false;
-
-  RunIdentity identity_;
-  State state_;
-  // Destroyed before the weights, because an unfinished solve may write to
-  // them.
-  std::vector<RunPhase> phases_;
-  long max_num_steps_ = 0;  // of the phase
-  Clock::time_point last_checkpoint_ = Clock::now();
+  class Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 // Trains until the run ends. `method`: a specification, a Method, or a rule, as

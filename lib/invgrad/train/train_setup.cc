@@ -1,4 +1,4 @@
-// Construction and checkpoint of a training run; train.cc has the loop.
+// Construction and checkpoint of a training run; training_run.cc has the loop.
 
 #include <algorithm>
 #include <cmath>
@@ -11,9 +11,8 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/train/checkpoint.h"
-#include "invgrad/train/engine.h"
-#include "invgrad/train/train.h"
+#include "invgrad/output_layer/steady_fall.h"
+#include "invgrad/train/training_run.h"
 
 namespace invgrad {
 namespace {
@@ -61,24 +60,9 @@ void VisitHistory(StateArchive* archive, long last_step, History* history) {
 
 }  // namespace
 
-TrainingData::TrainingData(Eigen::MatrixXd inputs, Eigen::MatrixXd targets) {
-  CHECK_EQ(inputs.cols(), targets.cols()) << "one column a sample";
-  train.contexts.resize(0, inputs.cols());
-  train.solutions.resize(0, inputs.cols());
-  train.inputs = std::move(inputs);
-  train.targets = std::move(targets);
-}
-
-TrainingData::TrainingData(DataSet train,
-                           DataSet test,
-                           std::shared_ptr<const DataSource> source)
-    : train(std::move(train)),
-      test(std::move(test)),
-      source(std::move(source)) {}
-
-TrainingRun::TrainingRun(const Model& model,
-                         TrainingData data,
-                         TrainOptions options)
+TrainingRun::Impl::Impl(const Model& model,
+                        TrainingData data,
+                        TrainOptions options)
     : model_(model.WithThreads(options.num_threads)),
       data_(std::move(data)),
       options_(std::move(options)) {
@@ -118,20 +102,12 @@ TrainingRun::TrainingRun(const Model& model,
   }
 }
 
-TrainingRun::TrainingRun(const Model& model,
-                         TrainingData data,
-                         const Method& method,
-                         TrainOptions options)
-    : TrainingRun(model, std::move(data), std::move(options)) {
+void TrainingRun::Impl::Add(const Method& method) {
   AddPhases(method);
   AgreeWithRanks();
 }
 
-TrainingRun::TrainingRun(const Model& model,
-                         TrainingData data,
-                         const std::string& method,
-                         TrainOptions options)
-    : TrainingRun(model, std::move(data), std::move(options)) {
+void TrainingRun::Impl::Add(const std::string& method) {
   Method parsed;
   if (error().empty() && ParseMethod(method, &parsed, &error_)) {
     AddPhases(parsed);
@@ -139,11 +115,7 @@ TrainingRun::TrainingRun(const Model& model,
   AgreeWithRanks();
 }
 
-TrainingRun::TrainingRun(const Model& model,
-                         TrainingData data,
-                         std::shared_ptr<UpdateRule> rule,
-                         TrainOptions options)
-    : TrainingRun(model, std::move(data), std::move(options)) {
+void TrainingRun::Impl::Add(std::shared_ptr<UpdateRule> rule) {
   CHECK(rule != nullptr);
   if (error().empty()) {
     const UpdateRule& object = *rule;
@@ -162,13 +134,10 @@ TrainingRun::TrainingRun(const Model& model,
   AgreeWithRanks();
 }
 
-TrainingRun::~TrainingRun() = default;
-
-void TrainingRun::AddPhases(const Method& method) {
+void TrainingRun::Impl::AddPhases(const Method& method) {
   if (!error().empty()) return;
   for (const Phase& phase : method.phases) {
-    const bool is_last = &phase == &method.last_phase();
-    if (!AddPhase(phase, is_last, false)) {
+    if (!AddPhase(phase, &phase == &method.last_phase())) {
       if (method.phases.size() > 1) error_ = phase.label + ": " + error_;
       return;
     }
@@ -176,20 +145,21 @@ void TrainingRun::AddPhases(const Method& method) {
   Start(method, nullptr);
 }
 
-bool TrainingRun::AddPhase(const Phase& phase, bool is_last, bool is_fallback) {
+bool TrainingRun::Impl::AddPhase(const Phase& phase, bool is_last) {
   std::unique_ptr<Engine> engine =
       MakeEngine(phase, phase.MakeRule(), model_, data_, options_, &error_);
   if (engine == nullptr) return false;
   const long share =
       is_last ? kNoSteps : StepsOfShare(phase, engine->steps_per_epoch());
-  phases_.push_back({std::move(engine), share, is_fallback});
+  phases_.push_back({std::move(engine), share});
   if (phase.output_layer != Phase::OutputLayer::kAuto) return true;
-  Phase fallback = phase;
-  fallback.output_layer = Phase::OutputLayer::kTrained;
-  return AddPhase(fallback, is_last, true);
+  phases_.back().early_share = SteadyFall::kEnd;
+  Phase next = phase;
+  next.output_layer = Phase::OutputLayer::kTrained;
+  return AddPhase(next, is_last);
 }
 
-void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
+void TrainingRun::Impl::Start(const Method& method, const UpdateRule* rule) {
   if (!error().empty()) return;
   if (!options_.checkpoint_path.empty() || options_.communicator != nullptr) {
     identity_ = IdentityOfRun(
@@ -203,12 +173,12 @@ void TrainingRun::Start(const Method& method, const UpdateRule* rule) {
   }
   if (!error().empty()) return;
   LimitPhase();
-  if (CanFallBack() && state_.first_weights.size() == 0) {
+  if (phase().is_trial() && state_.first_weights.size() == 0) {
     state_.first_weights = weights();
   }
 }
 
-void TrainingRun::AgreeWithRanks() {
+void TrainingRun::Impl::AgreeWithRanks() {
   if (options_.communicator == nullptr) return;
   const Communicator& communicator = *options_.communicator;
   if (!communicator.Agree(error_.empty(), &error_)) return;
@@ -223,7 +193,7 @@ void TrainingRun::AgreeWithRanks() {
 
 // --- Checkpoint ---
 
-StateArchive TrainingRun::Checkpoint() {
+StateArchive TrainingRun::Impl::Checkpoint() {
   StateArchive archive;
   if (!options_.checkpoint_path.empty() && engine().has_state()) {
     VisitState(&archive, &state_);
@@ -231,7 +201,7 @@ StateArchive TrainingRun::Checkpoint() {
   return archive;
 }
 
-void TrainingRun::SaveCheckpoint(const StateArchive& archive) {
+void TrainingRun::Impl::SaveCheckpoint(const StateArchive& archive) {
   if (options_.checkpoint_path.empty() || !engine().has_state() ||
       !is_first_rank()) {
     return;
@@ -244,7 +214,7 @@ void TrainingRun::SaveCheckpoint(const StateArchive& archive) {
   last_checkpoint_ = Clock::now();
 }
 
-void TrainingRun::Restore() {
+void TrainingRun::Impl::Restore() {
   StateArchive archive =
       StateArchive::Read(options_.checkpoint_path, identity_);
   State state = state_;
@@ -263,7 +233,7 @@ void TrainingRun::Restore() {
   error_ = archive.error();
 }
 
-void TrainingRun::VisitState(StateArchive* archive, State* state) {
+void TrainingRun::Impl::VisitState(StateArchive* archive, State* state) {
   archive->Visit("weights", &state->weights, model_.num_weights());
   archive->Require(state->weights.allFinite(), "weights");
   archive->Visit("phase", &state->phase);
@@ -283,11 +253,11 @@ void TrainingRun::VisitState(StateArchive* archive, State* state) {
   archive->Visit("best_loss", &state->best_loss);
   archive->Visit("rows_since_best", &state->rows_since_best);
   VisitHistory(archive, state->step, &state->history);
-  const bool has_fallback =
+  const bool has_trial =
       std::any_of(phases_.begin(), phases_.end(), [](const RunPhase& phase) {
-        return phase.is_fallback;
+        return phase.is_trial();
       });
-  if (has_fallback) {
+  if (has_trial) {
     archive->Visit("first_weights", &state->first_weights);
     archive->Visit("set_aside", &state->set_aside);
     archive->Visit("loss_set_aside", &state->loss_set_aside);

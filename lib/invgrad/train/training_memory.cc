@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "ceres/solver.h"
+#include "invgrad/chain/network_layers.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 
 namespace invgrad {
@@ -32,7 +33,7 @@ JacobianSizes SizesOfJacobian(const Model& model,
   J.rows = num_outputs * batch_size;
   J.cols = model.num_weights();
   if (!model.has_factors()) {
-    for (const LayerColumns& layer : model.network().FactorLayers()) {
+    for (const LayerColumns& layer : FactorLayersOf(model.network())) {
       J.sampled_layers.push_back({1.0 * layer.rows(), 1.0 * layer.cols()});
     }
     J.sampled_factor_bytes =

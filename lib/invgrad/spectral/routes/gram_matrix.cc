@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <limits>
 
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 
 namespace invgrad {
@@ -26,15 +27,16 @@ bool SmallerGram(const JacobianOperator& J,
                  VectorXd* diagonal,
                  double* unit,
                  std::string* message) {
-  const bool is_shared = strips.communicator() != nullptr;
-  if (J.cols() < J.rows()) {
-    if (is_shared) {
-      J.ParameterGramStrips(strips, K);
+  const bool is_parameter_side = J.cols() < J.rows();
+  if (strips.communicator() != nullptr) {
+    const SharedJacobian& shared = *SharedRowsOf(J);
+    if (is_parameter_side) {
+      shared.ParameterGramStrips(strips, K);
     } else {
-      J.ParameterGram(K);
+      shared.GramStrips(strips, K);
     }
-  } else if (is_shared) {
-    J.GramStrips(strips, K);
+  } else if (is_parameter_side) {
+    J.ParameterGram(K);
   } else {
     J.Gram(K);
   }

@@ -15,6 +15,7 @@
 
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/core/shared_jacobian.h"
 #include "invgrad/spectral/routes/gram_matrix.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/routes/spectrum_cut.h"
@@ -318,10 +319,9 @@ bool GramRoute(const SpectralProblem& problem) {
   MatrixXd& K = buffers->gram;
   const Index size = std::min(problem.m(), problem.n());
   // Each rank has the whole of a matrix that is not worth sharing.
-  const bool is_shared = problem.J.communicator() != nullptr &&
-                         !problem.filter.clamp && size >= kSmallestShared;
+  const bool is_shared = !problem.filter.clamp && size >= kSmallestShared;
   buffers->strips =
-      ColumnStrips(size, is_shared ? problem.J.communicator() : nullptr);
+      ColumnStrips(size, is_shared ? RanksOf(problem.J) : nullptr);
   if (problem.parameter_side()) {
     problem.J.TransposeTimes(problem.g, &buffers->b);
   } else {
