@@ -21,6 +21,8 @@
 #include "invgrad/io/digest.h"
 #include "report/interrupt.h"
 #ifdef INVGRAD_MPI
+#include <mpi.h>
+
 #include "invgrad/mpi/mpi_communicator.h"
 #endif
 
@@ -143,6 +145,19 @@ bool IsTrueOnAnyRank(bool is_true) {
   double num_true = is_true ? 1.0 : 0.0;
   if (NumRanks() > 1) ranks->Sum(&num_true, 1);
   return num_true > 0.0;
+}
+
+void WaitForRanks() {
+#ifdef INVGRAD_MPI
+  if (NumRanks() == 1) return;
+  MPI_Request request;
+  MPI_Ibarrier(MPI_COMM_WORLD, &request);
+  for (int has_come = 0; has_come == 0;) {
+    MPI_Test(&request, &has_come, MPI_STATUS_IGNORE);
+    constexpr std::chrono::milliseconds kPause(1);
+    if (has_come == 0) std::this_thread::sleep_for(kPause);
+  }
+#endif
 }
 
 bool IsSameOnRanks(const std::string& what,

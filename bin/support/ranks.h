@@ -55,6 +55,9 @@ bool IsSameOnRanks(const std::string& what,
                    const std::string& text,
                    std::string* error);
 
+// Waits until all ranks are here, without using the processor.
+void WaitForRanks();
+
 // PrepareRunDirectory by rank 0, in a directory that all ranks see; otherwise
 // false on all ranks, with *error, and the directory is as it was.
 bool PrepareRunDirectoryOnRanks(ExistingDirectory existing,

@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace gain_control_test {

@@ -7,9 +7,9 @@
 #include <numeric>
 #include <vector>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/leave_one_out.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 

@@ -7,13 +7,13 @@
 #include <string>
 #include <utility>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/linearization.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "tests/spectral/graded_jacobians.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

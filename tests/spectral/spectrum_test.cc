@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "Eigen/SVD"
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

@@ -4,9 +4,9 @@
 
 #include <limits>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/spectral_step.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 

@@ -1,8 +1,8 @@
 // The filtered step in long double, straight from the definition, and spectra
 // to test against it. Eigen's decompositions take long to compile: they are
 // compiled once, here.
-#ifndef BIN_SUPPORT_SPECTRAL_REFERENCE_H_
-#define BIN_SUPPORT_SPECTRAL_REFERENCE_H_
+#ifndef INVGRAD_TESTS_SUPPORT_SPECTRAL_REFERENCE_H_
+#define INVGRAD_TESTS_SUPPORT_SPECTRAL_REFERENCE_H_
 
 #include <memory>
 #include <random>
@@ -73,4 +73,4 @@ class SpectralReference {
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_SPECTRAL_REFERENCE_H_
+#endif  // INVGRAD_TESTS_SUPPORT_SPECTRAL_REFERENCE_H_

@@ -1,4 +1,4 @@
-#include "bin/support/spectral_reference.h"
+#include "tests/support/spectral_reference.h"
 
 #include <algorithm>
 #include <cmath>

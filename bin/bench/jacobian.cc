@@ -1,31 +1,22 @@
-// Compares the time of the Jacobian of network and simulator with automatic
-// differentiation of both.
+// jacobian/CASE/METHOD: the Jacobian of network and simulator. Methods:
 //
-// Sample runs:
+//   factors      the network's Jacobian factors, and physics
+//   autodiff_S   Ceres' DynamicAutoDiffCostFunction, stride S, of the same
+//                model: B = 32, m = 128, n = 1,444
 //
-//   bench_jacobian
-//   bench_jacobian --benchmark_repetitions=5
-//
-// Uses one thread. After the usual lines it prints the ratio within this run:
-//
-//   linear_chain/jacobian     the network's Jacobian factors, and physics
-//   linear_chain/autodiff/S   Ceres' DynamicAutoDiffCostFunction, stride S, of
-//                             the same model: B = 32, m = 128, n = 1,444
-//   cubic_chain/jacobian      the nonlinear oscillators, B = 128
+// of the linear chain of oscillators; of the nonlinear one, B = 128, factors.
 
-#include <algorithm>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "benchmark/benchmark.h"
-#include "bin/support/benchmarks.h"
+#include "bin/bench/bench.h"
 #include "bin/support/learning_run.h"
 #include "ceres/dynamic_autodiff_cost_function.h"
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/blas.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {
@@ -113,45 +104,27 @@ void AutoDiff(benchmark::State& state) {
 }
 
 template <int kStride>
-std::string RegisterAutoDiff() {
-  std::string name = fmt::format("linear_chain/autodiff/{}", kStride);
-  RegisterBenchmark(name, AutoDiff<kStride>);
-  return name;
-}
-
-bool Run(RunCounts* counts, std::string* /*error*/) {
-  SetBlasThreads(1);
-  for (const std::string coupling : {"linear", "cubic"}) {
-    RegisterBenchmark(coupling + "_chain/jacobian",
-                      [coupling](benchmark::State& state) {
-                        JacobianFactors(state, coupling);
-                      });
-  }
-  const std::string strides[] = {RegisterAutoDiff<4>(),
-                                 RegisterAutoDiff<8>(),
-                                 RegisterAutoDiff<16>(),
-                                 RegisterAutoDiff<32>()};
-  RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
-  *counts = reporter.counts();
-  fmt::print("\nRatio of this run (medians of the repetitions)\n");
-  reporter.PrintRatio(
-      *std::min_element(std::begin(strides),
-                        std::end(strides),
-                        [&reporter](const auto& a, const auto& b) {
-                          return reporter.Median(a) < reporter.Median(b);
-                        }),
-      "linear_chain/jacobian");
-  return true;
+void AddAutoDiff() {
+  AddBenchmark(fmt::format("jacobian/linear_chain/autodiff_{}", kStride),
+               "jacobian/linear_chain/factors",
+               AutoDiff<kStride>);
 }
 
 }  // namespace
-}  // namespace invgrad
 
-int main(int argc, char** argv) {
-  return invgrad::RunBenchmarks(
-      argc,
-      argv,
-      "times the Jacobian of network and simulator by each method",
-      invgrad::Run);
+bool AddJacobianBenchmarks(std::string* /*error*/) {
+  for (const std::string coupling : {"linear", "cubic"}) {
+    AddBenchmark("jacobian/" + coupling + "_chain/factors",
+                 "",
+                 [coupling](benchmark::State& state) {
+                   JacobianFactors(state, coupling);
+                 });
+  }
+  AddAutoDiff<4>();
+  AddAutoDiff<8>();
+  AddAutoDiff<16>();
+  AddAutoDiff<32>();
+  return true;
 }
+
+}  // namespace invgrad

@@ -1,7 +1,7 @@
 // LAPACK's thin singular value decomposition gesdd, in double or single
 // precision, to compare the routes of spectral_step.h with.
-#ifndef BIN_SUPPORT_LAPACK_SVD_H_
-#define BIN_SUPPORT_LAPACK_SVD_H_
+#ifndef BIN_BENCH_LAPACK_SVD_H_
+#define BIN_BENCH_LAPACK_SVD_H_
 
 #include <lapacke.h>
 
@@ -67,4 +67,4 @@ struct LapackSvd {
 
 }  // namespace invgrad
 
-#endif  // BIN_SUPPORT_LAPACK_SVD_H_
+#endif  // BIN_BENCH_LAPACK_SVD_H_

@@ -1,10 +1,6 @@
-// Times the step for 6 unknowns that leaves undetermined directions alone
-// beside Eigen's decompositions of the same 6 x 6 matrix
+// determined/METHOD: the step for 6 unknowns that leaves undetermined
+// directions alone, beside Eigen's decompositions of the same 6 x 6 matrix
 // (docs/results/registration.md).
-//
-// Sample runs:
-//
-//   bench_determined_step --benchmark_repetitions=9
 //
 //   determined     invgrad::DeterminedStep, groups {3, 3}, all determined
 //   corridor       the same, with one direction left alone by the hysteresis
@@ -13,8 +9,6 @@
 //   jacobi_svd     Eigen::JacobiSVD of H with both factors, and the solution
 //   dynamic_svd    the same of a matrix whose size the compiler does not know
 //   gram           H = J^T J of 1,000 rows, which comes before each step
-//
-// Then follow ratios within this run.
 
 #include <string>
 
@@ -23,7 +17,7 @@
 #include "Eigen/Eigenvalues"
 #include "Eigen/SVD"
 #include "benchmark/benchmark.h"
-#include "bin/support/benchmarks.h"
+#include "bin/bench/bench.h"
 #include "glog/logging.h"
 #include "invgrad/degeneracy/determined_step.h"
 #include "invgrad/io/numpy_generator.h"
@@ -48,18 +42,22 @@ Matrix6d GramOf(double along) {
 }
 
 template <typename Step>
-void Register(const char* name, const Matrix6d& H, Step step) {
-  RegisterBenchmark(name, [H, step](benchmark::State& state) mutable {
-    Matrix6d matrix = H;
-    Vector6d gradient = Vector6d::LinSpaced(1.0, 2.0);
-    for (auto _ : state) {
-      benchmark::DoNotOptimize(matrix.data());
-      benchmark::DoNotOptimize(gradient.data());
-      benchmark::ClobberMemory();
-      Vector6d x = step(matrix, gradient);
-      benchmark::DoNotOptimize(x.data());
-    }
-  })->Unit(benchmark::kMicrosecond);
+void Add(const std::string& name, const Matrix6d& H, Step step) {
+  const std::string reference = "determined/determined";
+  AddBenchmark("determined/" + name,
+               name == "determined" ? "" : reference,
+               [H, step](benchmark::State& state) mutable {
+                 Matrix6d matrix = H;
+                 Vector6d gradient = Vector6d::LinSpaced(1.0, 2.0);
+                 for (auto _ : state) {
+                   benchmark::DoNotOptimize(matrix.data());
+                   benchmark::DoNotOptimize(gradient.data());
+                   benchmark::ClobberMemory();
+                   Vector6d x = step(matrix, gradient);
+                   benchmark::DoNotOptimize(x.data());
+                 }
+               })
+      ->Unit(benchmark::kMicrosecond);
 }
 
 DeterminedStep MakeStep() {
@@ -77,66 +75,48 @@ Vector6d StepOf(DeterminedStep* determined,
   return step;
 }
 
-bool RunAll(RunCounts* counts, std::string* /*error*/) {
+}  // namespace
+
+bool AddDeterminedStepBenchmarks(std::string* /*error*/) {
   const Matrix6d full = GramOf(1.0);
   const auto determined = [step = MakeStep()](const auto& H,
                                               const auto& g) mutable {
     return StepOf(&step, H, g);
   };
-  Register("determined", full, determined);
+  Add("determined", full, determined);
   DeterminedStep in_corridor = MakeStep();
   StepOf(&in_corridor, GramOf(0.01), Vector6d::Zero());
-  Register("corridor",
-           GramOf(0.12),
-           [in_corridor](const auto& H, const auto& g) mutable {
-             Vector6d step = StepOf(&in_corridor, H, g);
-             CHECK_EQ(in_corridor.num_left_alone(), 1);
-             return step;
-           });
-  Register("ldlt", full, [](const auto& H, const auto& g) -> Vector6d {
+  Add("corridor",
+      GramOf(0.12),
+      [in_corridor](const auto& H, const auto& g) mutable {
+        Vector6d step = StepOf(&in_corridor, H, g);
+        CHECK_EQ(in_corridor.num_left_alone(), 1);
+        return step;
+      });
+  Add("ldlt", full, [](const auto& H, const auto& g) -> Vector6d {
     return -H.ldlt().solve(g);
   });
-  Register("eigen", full, [](const auto& H, const auto& g) -> Vector6d {
+  Add("eigen", full, [](const auto& H, const auto& g) -> Vector6d {
     const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(H);
     const Vector6d c = eigen.eigenvectors().transpose() * g;
     return -eigen.eigenvectors() * c.cwiseQuotient(eigen.eigenvalues());
   });
-  Register("jacobi_svd", full, [](const auto& H, const auto& g) -> Vector6d {
+  Add("jacobi_svd", full, [](const auto& H, const auto& g) -> Vector6d {
     return -H.jacobiSvd(Eigen::ComputeFullU | Eigen::ComputeFullV).solve(g);
   });
-  Register("dynamic_svd", full, [](const auto& H, const auto& g) -> Vector6d {
+  Add("dynamic_svd", full, [](const auto& H, const auto& g) -> Vector6d {
     const Eigen::MatrixXd matrix = H;
     return -matrix.jacobiSvd(Eigen::ComputeFullU | Eigen::ComputeFullV)
                 .solve(g);
   });
-  Register("gram",
-           full,
-           [J = Rows(1000)](const auto&, const auto&) mutable -> Vector6d {
-             benchmark::DoNotOptimize(J.data());
-             const Matrix6d H = J.transpose() * J;
-             return H.col(0);
-           });
-  RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
-  *counts = reporter.counts();
-  for (const char* name : {"ldlt", "eigen"}) {
-    reporter.PrintRatio("determined", name);
-  }
-  reporter.PrintRatio("corridor", "determined");
-  for (const char* name : {"jacobi_svd", "dynamic_svd"}) {
-    reporter.PrintRatio(name, "determined");
-  }
-  reporter.PrintRatio("gram", "determined");
+  Add("gram",
+      full,
+      [J = Rows(1000)](const auto&, const auto&) mutable -> Vector6d {
+        benchmark::DoNotOptimize(J.data());
+        const Matrix6d H = J.transpose() * J;
+        return H.col(0);
+      });
   return true;
 }
 
-}  // namespace
 }  // namespace invgrad
-
-int main(int argc, char** argv) {
-  return invgrad::RunBenchmarks(
-      argc,
-      argv,
-      "times the step that leaves undetermined directions alone",
-      invgrad::RunAll);
-}
