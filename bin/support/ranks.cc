@@ -232,12 +232,4 @@ bool WaitForFile(const std::string& path, double max_seconds) {
   return true;
 }
 
-bool IsLauncherOnTerminal() {
-  const int file = open(fmt::format("/proc/{}/fd/2", getppid()).c_str(),
-                        O_WRONLY | O_NOCTTY | O_CLOEXEC);
-  const bool is_terminal = file >= 0 && isatty(file) == 1;
-  if (file >= 0) close(file);
-  return is_terminal;
-}
-
 }  // namespace invgrad

@@ -68,9 +68,6 @@ bool PrepareRunDirectoryOnRanks(ExistingDirectory existing,
 // it late. Returns whether it is there.
 bool WaitForFile(const std::string& path, double max_seconds);
 
-// Whether stderr of the launcher, which prints what rank 0 prints, is a terminal.
-bool IsLauncherOnTerminal();
-
 }  // namespace invgrad
 
 #endif  // BIN_SUPPORT_RANKS_H_

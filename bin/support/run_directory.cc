@@ -44,7 +44,6 @@ constexpr std::string_view kFlagsThatMayChange[] = {"output",
                                                     "levels",
                                                     "value",
                                                     "tail",
-                                                    "jobs",
                                                     "threads",
                                                     "progress",
                                                     "plots"};
@@ -291,6 +290,18 @@ bool MakeRoom(const std::string& path,
   return Remove(contents.temporary, error);
 }
 
+// Except those that say what to do with the directory.
+std::string FlagsOfRun() {
+  constexpr std::string_view kNotOfRun[] = {
+      "overwrite", "resume", "list_jobs", "job", "collect"};
+  std::string flags;
+  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+    if (Contains(kNotOfRun, flag.name)) continue;
+    flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
+  }
+  return flags;
+}
+
 std::string CpuName() {
   std::ifstream info("/proc/cpuinfo");
   for (std::string line; std::getline(info, line);) {
@@ -343,13 +354,24 @@ bool PrepareRunDirectory(ExistingDirectory existing,
                          std::string* error) {
   SetDefaultOutput();
   if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
-  std::string flags;  // except those about an existing directory
-  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
-    if (flag.name != "overwrite" && flag.name != "resume") {
-      flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
-    }
+  return PrepareRunDirectory(
+      FLAGS_output, existing, identity, FlagsOfRun(), error);
+}
+
+bool JoinRunDirectory(const RunIdentity& identity, std::string* error) {
+  SetDefaultOutput();
+  Contents contents;
+  if (!NameFlag("output",
+                FindContents(FLAGS_output, &contents, error) &&
+                    IsSameRun(FLAGS_output + '/' + kFlagFile,
+                              identity,
+                              FlagsOfRun(),
+                              error),
+                error)) {
+    return false;
   }
-  return PrepareRunDirectory(FLAGS_output, existing, identity, flags, error);
+  ThisRun() = {FLAGS_output, contents.listed};
+  return true;
 }
 
 void SetDefaultOutput() {

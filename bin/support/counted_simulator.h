@@ -9,8 +9,8 @@
 //
 // Cost:    one function call more for each.
 // Several threads may share it: the count is atomic.
-#ifndef BIN_COMPARE_COUNTED_SIMULATOR_H_
-#define BIN_COMPARE_COUNTED_SIMULATOR_H_
+#ifndef BIN_SUPPORT_COUNTED_SIMULATOR_H_
+#define BIN_SUPPORT_COUNTED_SIMULATOR_H_
 
 #include <atomic>
 #include <memory>
@@ -67,4 +67,4 @@ class CountedSimulator final : public Simulator {
 
 }  // namespace invgrad
 
-#endif  // BIN_COMPARE_COUNTED_SIMULATOR_H_
+#endif  // BIN_SUPPORT_COUNTED_SIMULATOR_H_

@@ -1,4 +1,4 @@
-#include "bin/compare/field_plots.h"
+#include "bin/support/field_plots.h"
 
 #include <algorithm>
 #include <cmath>
@@ -13,15 +13,9 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr size_t kMaxNumRuns = 6;
-constexpr size_t kMaxTitle = 50;  // characters; a longer one leaves its panel
 
 Index NumCells(const LearningProblem& problem) {
   return problem.input_shape[1] * problem.input_shape[2];
-}
-
-std::string ShortTitle(const std::string& label) {
-  return label.size() <= kMaxTitle ? label
-                                   : label.substr(0, kMaxTitle - 3) + "...";
 }
 
 // At most kMaxNumRuns, from the lowest metric or, without one, the lowest loss;
@@ -74,13 +68,12 @@ class FieldPanels {
       return;
     }
     const VectorXd x = pass->outputs.col(0);
-    const std::string who = ShortTitle(label);
     if (!model.simulator().Evaluate(
             x.data(), samples_.Context(0).data(), y.data(), nullptr)) {
       return;
     }
-    Add(who + ", y", y, y_);
-    Add(who + ", x", x, x_);
+    Add(label + ", y", y, y_);
+    Add(label + ", x", x, x_);
   }
 
   Picture Take(const std::string& path_png) {
@@ -148,7 +141,7 @@ Picture FieldsPicture(const LearningProblem& problem,
   FieldPanels panels(problem);
   panels.AddNetwork("initial weights", initial_weights);
   for (const LearningRunResult* run : BestRuns(problem, runs)) {
-    panels.AddNetwork(run->label, run->weights);
+    panels.AddNetwork(ShortNames({run->label})[0], run->weights);
   }
   return panels.Take(path_png);
 }
@@ -159,8 +152,8 @@ void AddFunctionPanels(const std::string& title,
                        const VectorXd* truth,
                        Picture* picture) {
   const VectorXd& reference = truth == nullptr ? function : *truth;
-  Plot& panel = picture->panels.emplace_back(
-      FieldPlot(ShortTitle(title), rows, function, reference));
+  Plot& panel =
+      picture->panels.emplace_back(FieldPlot(title, rows, function, reference));
   const auto label = [](Plot* plot) {
     plot->equal_aspect = false;
     plot->x_label = "second coordinate, point";
@@ -195,7 +188,7 @@ Picture FunctionPicture(const LearningProblem& problem,
       continue;
     }
     AddFunctionPanels(
-        run->label,
+        ShortNames({run->label})[0],
         function.rows,
         function.values(problem.model->SimulatorInputs(*pass), problem.test),
         &function.truth,

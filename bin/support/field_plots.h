@@ -1,6 +1,6 @@
 // Pictures of fields on a grid.
-#ifndef BIN_COMPARE_FIELD_PLOTS_H_
-#define BIN_COMPARE_FIELD_PLOTS_H_
+#ifndef BIN_SUPPORT_FIELD_PLOTS_H_
+#define BIN_SUPPORT_FIELD_PLOTS_H_
 
 #include <string>
 #include <vector>
@@ -49,4 +49,4 @@ Picture FunctionPicture(const LearningProblem& problem,
 
 }  // namespace invgrad
 
-#endif  // BIN_COMPARE_FIELD_PLOTS_H_
+#endif  // BIN_SUPPORT_FIELD_PLOTS_H_

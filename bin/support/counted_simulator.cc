@@ -1,4 +1,4 @@
-#include "bin/compare/counted_simulator.h"
+#include "bin/support/counted_simulator.h"
 
 #include <algorithm>
 #include <utility>
