@@ -310,7 +310,9 @@ bool Run(RunCounts* counts, std::string* error) {
     identity.AddBudget(OptionsOf(plan.jobs[0]).train);
   }
   const bool is_part = FLAGS_job >= 0 || FLAGS_collect;
-  if (is_part ? !JoinRunDirectory(identity, error)
+  if (is_part ? !NameFlag(FLAGS_collect ? "collect" : "job",
+                          JoinRunDirectory(identity, error),
+                          error)
               : !PrepareRunDirectoryOnRanks(
                     ExistingDirectory::kResume, identity, error)) {
     return false;

@@ -1,6 +1,6 @@
 /*
-Draws the paths of methods through a two-dimensional problem, over the
-contours of its loss, in x space and in y space.
+Draws the paths of methods through a two-dimensional problem, over a map of its
+loss, in x space and in y space.
 
 Sample runs:
 
@@ -13,8 +13,8 @@ Sample runs:
   trajectories --problem=linear_scale --steps=5 --output=runs/linear \
     --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
 
-The directory holds trajectories.png (left x, right y), trajectories.gp to
-restyle it, and one CSV a rule.
+The directory holds trajectories.png (left x, right y), trajectories.gp and
+trajectories.csv to restyle it, and one CSV a rule.
 */
 
 #include <functional>
@@ -112,7 +112,7 @@ Plot MakePlot(const std::string& name,
       FLAGS_grid, FLAGS_grid, [&](Eigen::Index i, Eigen::Index j) {
         return loss(Eigen::Vector2d(at_x[j], at_y[i]));
       });
-  map.log_z = map.z.minCoeff() > 0.0;
+  map.log_z = !(map.z.array() <= 0.0).any();
   return plot;
 }
 

@@ -14,13 +14,10 @@
 #include <system_error>
 #include <vector>
 
-#include "Eigen/Core"
 #include "bin/support/program.h"
-#include "ceres/version.h"
+#include "bin/support/versions.h"
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/version.h"
 
 DEFINE_string(output,
               "",
@@ -300,31 +297,6 @@ std::string FlagsOfRun() {
     flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
   }
   return flags;
-}
-
-std::string CpuName() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    if (line.rfind("model name", 0) == 0) {
-      return line.substr(line.find(':') + 2);
-    }
-  }
-  return "unknown";
-}
-
-std::string VersionsText() {
-  return fmt::format(
-      "invgrad {}\nceres {}\neigen {}.{}.{}\nblas {}\nblas threads {}\n"
-      "compiler {}\ncpu {}\n",
-      INVGRAD_VERSION,
-      CERES_VERSION_STRING,
-      EIGEN_WORLD_VERSION,
-      EIGEN_MAJOR_VERSION,
-      EIGEN_MINOR_VERSION,
-      BlasName(),
-      BlasThreads(),
-      __VERSION__,
-      CpuName());
 }
 
 }  // namespace

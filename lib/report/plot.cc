@@ -48,6 +48,7 @@ struct Axis {
   AxisRange range;
   Ticks ticks;
   bool is_tight = false;  // ends with the data, not at the next tick
+  bool is_short;          // with ticks at powers of two, if it is logarithmic
 
   // `values`: what is drawn along it.
   Axis(const char* axis_name,
@@ -57,11 +58,11 @@ struct Axis {
        const std::vector<double>& values,
        const Ticks& labels = {})
       : name(axis_name), label(text), range(given), ticks(labels) {
-    constexpr double kMinRatio = 5.0;
     const AxisRange all = RangeOf(values, may_be_log);
     const double low = given.low.value_or(*all.low);
-    is_log = may_be_log && low > 0.0 &&
-             given.high.value_or(*all.high) >= kMinRatio * low;
+    const double ratio = given.high.value_or(*all.high) / low;
+    is_log = may_be_log && low > 0.0 && ratio >= 5.0;
+    is_short = ratio < 100.0;
   }
 
   std::string Commands() const {
@@ -76,8 +77,8 @@ struct Axis {
         is_log ? "set" : "unset",
         end(range.low),
         end(range.high),
-        is_log && ticks.empty() ? "10^{%T}" : "%h",
-        TicksText(ticks),
+        is_log && !is_short && ticks.empty() ? "10^{%T}" : "%h",
+        is_log && is_short && ticks.empty() ? "2" : TicksText(ticks),
         is_tight ? " noextend" : "");
   }
 };
@@ -166,9 +167,14 @@ struct Drawing {
     CHECK(series.y_low.empty() || series.y_low.size() == series.x.size())
         << series.title;
     ++num_lines;
-    const bool has_points = series.style != Series::Style::kLines;
+    int num_drawn = 0;  // a line of one point is drawn as a point, too
+    for (size_t i = 0; i < series.x.size(); ++i) {
+      num_drawn += CanDraw(series.x[i], log_x) && CanDraw(series.y[i], log_y);
+    }
+    const bool has_points =
+        series.style != Series::Style::kLines || num_drawn == 1;
     const int style = series.style == Series::Style::kPoints ? 2
-                      : has_points || series.x.size() == 1   ? 3
+                      : has_points                           ? 3
                                                              : 1;
     const char* comma = num_lines > 1 ? "," : "";
     titles += comma + QuoteForGnuplot(series.title);
