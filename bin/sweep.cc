@@ -1,20 +1,21 @@
 /*
-Trains by every rule at every point of a grid of settings, in parallel runs: on
-the ranks of MPI (mpirun, srun), or on those that --jobs starts by mpirun.
+Trains by every rule at every point of a grid of settings.
 
 Sample runs:
 
-  sweep --problem=toy_network --steps=200 --jobs=2 \
+  sweep --problem=toy_network --steps=200 \
     --grid="lambda=1,0.1,0.01; rule=half_inverse,adam:step_size=1e-2|3e-3"
-  sweep --problem=sine --seconds=10 --tail=0.1 --jobs=2 --output=runs/sine \
+  sweep --problem=sine --seconds=10 --tail=0.1 --output=runs/sine \
     --grid="xi=1,8,32,64; phi=0,45; rule=sip:step_size=1e-2|3e-3|1e-3,
       adam:step_size=1e-2|3e-3|1e-3"
-  sweep --problem=oscillator_chain --seconds=5 --output=runs/chains \
-    --grid="num_oscillators=2,4; seed=1..3;
-      rule=half_inverse,adam:step_size=1e-3|3e-4"
   sweep --problem=oscillator_chain --epochs=25 --output=runs/networks \
     --grid="initialization=glorot,he; hidden=20,20-20; batch_size=32,0;
       rule=half_inverse,adam:step_size=1e-3:epochs=1|5>half_inverse"
+
+One run follows the other; a second call goes on with what is missing. With
+--list_jobs it prints a command for each run instead, which GNU parallel runs,
+on one machine or many; then --collect makes tables and pictures. On the ranks
+of mpirun each takes the next run of the list in turn. docs/clusters.md.
 
 Tables and pictures show the best alternative at each point of the grid, with a
 remark if it is the smallest or largest one.
@@ -24,16 +25,13 @@ remark if it is the smallest or largest one.
   DIR/sweep.csv                      one line a run
   DIR/table.txt, DIR/table.md        the best alternatives
   DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
-
-A second call, with any number of ranks, resumes a sweep and skips finished
-runs. Ctrl-C ends the sweep and keeps the results so far. docs/clusters.md has
-more.
 */
 
 #include <algorithm>
 #include <iostream>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,12 +44,9 @@ more.
 #include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
 #include "bin/support/training_flags.h"
-#include "bin/sweep/dispatch.h"
-#include "bin/sweep/mpirun.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
 #include "bin/sweep/results.h"
-#include "bin/sweep/schedule.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/core/blas.h"
@@ -75,11 +70,11 @@ DEFINE_double(tail,
               0.0,
               "share of the training time at its end over which the value is "
               "averaged; 0: the last value alone");
-DEFINE_int32(
-    jobs,
-    1,
-    "how many runs at a time, each with --threads; under mpirun or srun: "
-    "one a rank");
+DEFINE_bool(list_jobs,
+            false,
+            "print a command for each run, for GNU parallel, and run nothing");
+DEFINE_int32(job, -1, "only the run with this number, as --list_jobs says");
+DEFINE_bool(collect, false, "only tables and pictures, of the runs so far");
 DEFINE_int32(blas_threads, 1, "threads of the linear algebra of a run");
 
 namespace invgrad {
@@ -102,7 +97,6 @@ bool LoadRun(const SweepJob& job, SweepRun* run) {
       *job.problem, job.method, OptionsOf(job), &result, &error);
   if (!error.empty()) {
     run->status = "damaged: " + error;
-    Warn(job.name + ": " + run->status);
     return false;
   }
   if (!result.summary.message.empty()) run->status = result.summary.message;
@@ -110,85 +104,116 @@ bool LoadRun(const SweepJob& job, SweepRun* run) {
   return !is_complete;
 }
 
-bool RunJob(const SweepJob& job, std::string* error) {
+// Runs a job, or goes on with it. Returns false, with *error, if it cannot.
+bool RunJob(const SweepPlan& plan, int number, std::string* error) {
+  const SweepJob& job = plan.jobs[number];
   LearningRunOptions options = OptionsOf(job);
-  options.on_step = [](const TrainingRun& /*run*/) {
-    return !Interrupt::IsRequested();
+  Progress progress;
+  ProgressState state;
+  state.label = fmt::format("{}/{} {}", number + 1, plan.jobs.size(), job.name);
+  options.on_step = [&](const TrainingRun& run) {
+    state.step = run.step();
+    state.loss = run.history().back().train_loss;
+    state.epoch = run.epoch();
+    state.fraction = run.progress();
+    return ShowProgress(state, &progress);
   };
   LearningRunResult result;
   return RunLearning(*job.problem, job.method, options, &result, error);
 }
 
-ProgressState StateOf(const Schedule& schedule,
-                      const std::vector<JobStatus>& statuses,
-                      int num_skipped) {
-  int num_ended = num_skipped, num_running = 0;
-  std::vector<double> seconds;
-  for (const JobStatus& status : statuses) {
-    num_ended += status.state == JobStatus::State::kEnded ? 1 : 0;
-    num_running += status.state == JobStatus::State::kRunning ? 1 : 0;
-    seconds.push_back(status.seconds);
+// "'sweep' '--steps=200' '--job=3'": for a shell.
+std::string JobCommand(int number) {
+  std::string command;
+  std::vector<std::string> words = gflags::GetArgvs();
+  words.push_back(fmt::format("--job={}", number));
+  for (const std::string& word : words) {
+    if (word.find("-list_jobs") <= 1) continue;
+    command += command.empty() ? "'" : " '";
+    for (const char c : word) {
+      command += c == '\'' ? "'\\''" : c == '\n' ? " " : std::string(1, c);
+    }
+    command += "'";
   }
-  ProgressState state;
-  state.label = fmt::format(
-      "{}/{} done, {} running", num_ended, statuses.size(), num_running);
-  state.step = ProgressState::kNoStep;
-  state.fraction = schedule.FractionDone(seconds);
-  return state;
+  return command;
 }
 
-// Runs the jobs that are not done yet, and reads all results, one a job.
-std::vector<SweepRun> RunJobs(const SweepPlan& plan, Dispatcher* dispatcher) {
-  std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, "interrupted"});
-  std::vector<Schedule::Job> scheduled;
-  for (const SweepJob& job : plan.jobs) {
-    scheduled.push_back(ScheduledJob(job, OptionsOf(job).train));
+// The files of all runs, before other processes write some of them.
+bool ListFiles(const SweepPlan& plan, std::string* error) {
+  return std::all_of(
+      plan.jobs.begin(), plan.jobs.end(), [error](const SweepJob& job) {
+        return ListRunFiles(OptionsOf(job).directory, error);
+      });
+}
+
+// Runs what is not done yet of this rank's jobs, each rank every NumRanks()th.
+// Returns a line a job, "NUMBER why" if it could not run, otherwise "NUMBER ".
+std::string RunJobs(const SweepPlan& plan) {
+  const int num_jobs = static_cast<int>(plan.jobs.size());
+  const int first = ProgramRanks() == nullptr ? 0 : ProgramRanks()->rank();
+  std::string ended;
+  for (int i = first; i < num_jobs; i += NumRanks()) {
+    SweepRun run;
+    if (Interrupt::IsRequested() || !LoadRun(plan.jobs[i], &run)) continue;
+    std::string error;
+    if (RunJob(plan, i, &error)) error.clear();
+    std::replace(error.begin(), error.end(), '\n', ' ');
+    ended += fmt::format("{} {}\n", i, error);
   }
-  Schedule schedule(std::move(scheduled));
-  int num_skipped = 0, num_done = 0;
-  for (size_t i = 0; i < plan.jobs.size(); ++i) {
-    if (LoadRun(plan.jobs[i], &runs[i])) continue;
-    const bool is_done = runs[i].result.has_value();
-    schedule.Finish(
-        static_cast<int>(i),
-        is_done ? runs[i].result->summary.train_time_in_seconds : 0.0);
-    num_done += is_done ? 1 : 0;
-    ++num_skipped;
-  }
-  if (num_done > 0) {
-    std::cout << num_done << " of " << plan.jobs.size()
-              << " runs were done before" << std::endl;
-  }
-  std::vector<JobStatus> statuses;
-  {
-    Progress::Options options;
-    if (ProgramRanks() != nullptr) options.is_terminal = IsLauncherOnTerminal();
-    Progress progress(options);
-    statuses = dispatcher->Run(
-        &schedule,
-        [&](int i, std::string* why) {
-          // Only this process, of all ranks, writes the list.
-          return ListRunFiles(OptionsOf(plan.jobs[i]).directory, why);
-        },
-        [&](const std::vector<JobStatus>& now) {
-          if (FLAGS_progress) {
-            progress.Update(StateOf(schedule, now, num_skipped));
-          }
-        });
-  }
-  for (size_t i = 0; i < plan.jobs.size(); ++i) {
-    const SweepJob& job = plan.jobs[i];
-    if (statuses[i].state != JobStatus::State::kEnded) continue;
-    if (statuses[i].error.empty()) {
-      constexpr double kMaxSeconds = 60.0;  // until NFS shows a file
-      if (NumRanks() > 1 && !Interrupt::IsRequested()) {
-        WaitForFile(OptionsOf(job).directory + "/result.txt", kMaxSeconds);
-      }
-      LoadRun(job, &runs[i]);
-    } else {
-      runs[i].status = "not run: " + statuses[i].error;
-      Warn(job.name + ": " + statuses[i].error);
+  return ended;
+}
+
+// The runs that are there, one a job; `missing`: what the others are.
+std::vector<SweepRun> LoadRuns(const SweepPlan& plan,
+                               const std::string& missing) {
+  std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, missing});
+  for (size_t i = 0; i < plan.jobs.size(); ++i) LoadRun(plan.jobs[i], &runs[i]);
+  return runs;
+}
+
+// Runs all jobs on all ranks. Returns their results, on rank 0.
+std::vector<SweepRun> RunAll(const SweepPlan& plan) {
+  if (IsFirstRank()) {
+    std::set<std::string> warned;
+    for (const SweepJob& job : plan.jobs) {
+      const int num_samples = job.problem->train.num_samples();
+      WarnOfLeftOutSamples(job.method, job.batch_size, num_samples, &warned);
     }
+    const std::vector<SweepRun> before = LoadRuns(plan, "");
+    const auto num_done =
+        std::count_if(before.begin(), before.end(), [](const SweepRun& run) {
+          return run.result.has_value();
+        });
+    if (num_done > 0) {
+      std::cout << num_done << " of " << before.size()
+                << " runs were done before" << std::endl;
+    }
+  }
+  std::vector<std::string> ended = {RunJobs(plan)};
+  if (NumRanks() > 1) {
+    WaitForRanks();
+    ended = ProgramRanks()->GatherTexts(ended[0]);
+  }
+  if (!IsFirstRank()) return {};
+  std::vector<std::string> failures(plan.jobs.size());
+  for (const std::string& of_rank : ended) {
+    std::istringstream lines(of_rank);
+    int i = 0;
+    for (std::string why; lines >> i && std::getline(lines, why);) {
+      failures[i] = why.substr(1);
+      constexpr double kMaxSeconds = 60.0;  // until NFS shows a file
+      if (failures[i].empty() && NumRanks() > 1 && !Interrupt::IsRequested()) {
+        WaitForFile(OptionsOf(plan.jobs[i]).directory + "/result.txt",
+                    kMaxSeconds);
+      }
+    }
+  }
+  if (Interrupt::IsRequested()) {
+    Warn("the same command goes on with what is missing");
+  }
+  std::vector<SweepRun> runs = LoadRuns(plan, "interrupted");
+  for (size_t i = 0; i < runs.size(); ++i) {
+    if (!failures[i].empty()) runs[i].status = "not run: " + failures[i];
   }
   return runs;
 }
@@ -198,6 +223,13 @@ bool WriteResults(const SweepPlan& plan,
                   const SweepValue& value,
                   RunCounts* counts,
                   std::string* error) {
+  for (size_t i = 0; i < runs.size(); ++i) {
+    const bool is_there = runs[i].result.has_value();
+    counts->Add(is_there && !runs[i].result->has_failed());
+    if (!is_there && !Interrupt::IsRequested()) {
+      Warn(plan.jobs[i].name + ": " + runs[i].status);
+    }
+  }
   const SweepResults results = FindBest(plan, runs, value);
   const Table table = SweepTable(results);
   std::cout << table.ToText();
@@ -209,9 +241,6 @@ bool WriteResults(const SweepPlan& plan,
   DrawPictures({{FLAGS_output + "/lines.png", SweepLines(results)},
                 {FLAGS_output + "/heat_map.png", SweepHeatMaps(results)},
                 {FLAGS_output + "/curves.png", SweepCurves(results)}});
-  for (const SweepRun& run : runs) {
-    counts->Add(run.result.has_value() && !run.result->has_failed());
-  }
   return true;
 }
 
@@ -224,16 +253,44 @@ bool MakePlan(SweepPlan* plan, SweepValue* value, std::string* error) {
         "--grid=\"rule=half_inverse,adam:step_size=1e-2|1e-3;seed=1..3\"";
     return false;
   }
+  const int num_chosen = (FLAGS_list_jobs ? 1 : 0) + (FLAGS_collect ? 1 : 0) +
+                         (FLAGS_job >= 0 ? 1 : 0);
+  if (num_chosen > (NumRanks() > 1 ? 0 : 1)) {
+    *error =
+        "--list_jobs, --job and --collect: one of them, and without mpirun";
+    return false;
+  }
   Grid grid;
   const SweepBase base{FLAGS_problem, NetworkOfFlags(), FLAGS_batch_size};
-  return CheckTrainingFlags(error) &&
-         CheckFlags({{"tail", {0.0, 1.0, false, true}},
-                     {"jobs", {1.0, 1024.0}},
-                     {"blas_threads", {1.0, 256.0}}},
-                    error) &&
-         ParseGrid(FLAGS_grid, &grid, error) &&
-         MakeSweepPlan(base, grid, plan, error) &&
+  if (!CheckTrainingFlags(error) ||
+      !CheckFlags(
+          {{"tail", {0.0, 1.0, false, true}}, {"blas_threads", {1.0, 256.0}}},
+          error) ||
+      !ParseGrid(FLAGS_grid, &grid, error) ||
+      !MakeSweepPlan(base, grid, plan, error)) {
+    return false;
+  }
+  const double last_job = static_cast<double>(plan->jobs.size()) - 1.0;
+  return CheckFlags({{"job", {-1.0, last_job}}}, error) &&
          FindSweepValue(*plan, FLAGS_value, FLAGS_tail, value, error);
+}
+
+// One run, in a directory that --list_jobs has prepared.
+void RunOne(const SweepPlan& plan, RunCounts* counts) {
+  SweepRun run;
+  const SweepJob& job = plan.jobs[FLAGS_job];
+  std::string why;
+  if (LoadRun(job, &run)) {
+    if (!RunJob(plan, FLAGS_job, &why)) run.status = "not run: " + why;
+    if (why.empty()) LoadRun(job, &run);
+  }
+  if (!run.result.has_value()) {
+    Warn(job.name + ": " + run.status);
+    counts->Add(false);
+    return;
+  }
+  counts->Add(!run.result->has_failed());
+  std::cout << job.name << ": " << run.status << "\n";
 }
 
 bool Run(RunCounts* counts, std::string* error) {
@@ -244,16 +301,6 @@ bool Run(RunCounts* counts, std::string* error) {
   SweepPlan plan;
   SweepValue value;
   if (!AgreeOnRanks(MakePlan(&plan, &value, error), error)) return false;
-  const int num_ranks =
-      std::min(FLAGS_jobs, static_cast<int>(plan.jobs.size()));
-  if (ProgramRanks() == nullptr && num_ranks > 1) {
-    plan = SweepPlan();  // the ranks have their own
-    RunByMpirun(num_ranks);
-    Warn(fmt::format("--jobs={} needs {}: runs follow one another",
-                     FLAGS_jobs,
-                     kHasMpi ? "mpirun" : "a build with MPI"));
-    if (!MakePlan(&plan, &value, error)) return false;
-  }
   SetBlasThreads(FLAGS_blas_threads);
   SetDefaultBudget(*plan.jobs[0].problem);
   RunIdentity identity;
@@ -262,36 +309,43 @@ bool Run(RunCounts* counts, std::string* error) {
       })) {
     identity.AddBudget(OptionsOf(plan.jobs[0]).train);
   }
-  if (!PrepareRunDirectoryOnRanks(
-          ExistingDirectory::kResume, identity, error)) {
+  const bool is_part = FLAGS_job >= 0 || FLAGS_collect;
+  if (is_part ? !NameFlag(FLAGS_collect ? "collect" : "job",
+                          JoinRunDirectory(identity, error),
+                          error)
+              : !PrepareRunDirectoryOnRanks(
+                    ExistingDirectory::kResume, identity, error)) {
     return false;
   }
   const Interrupt interrupt(/*is_silent=*/!IsFirstRank());
-  const auto run = [&plan](int job, std::string* why) {
-    return RunJob(plan.jobs[job], why);
-  };
-  if (!IsFirstRank()) {
-    ServeJobs(run);
+  if (FLAGS_job >= 0) {
+    RunOne(plan, counts);
     return true;
   }
-  std::set<std::string> warned;
-  for (const SweepJob& job : plan.jobs) {
-    WarnOfLeftOutSamples(
-        job.method, job.batch_size, job.problem->train.num_samples(), &warned);
+  if (!is_part &&
+      !AgreeOnRanks(!IsFirstRank() || ListFiles(plan, error), error)) {
+    return false;
   }
-  Dispatcher dispatcher(run);
-  return WriteResults(plan, RunJobs(plan, &dispatcher), value, counts, error);
+  if (FLAGS_list_jobs) {
+    for (size_t i = 0; i < plan.jobs.size(); ++i) {
+      std::cout << JobCommand(static_cast<int>(i)) << "\n";
+    }
+    return true;
+  }
+  const std::vector<SweepRun> runs =
+      FLAGS_collect ? LoadRuns(plan, "not run") : RunAll(plan);
+  return !IsFirstRank() || WriteResults(plan, runs, value, counts, error);
 }
 
 }  // namespace
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
-  return invgrad::HandOverExitCode(invgrad::RunProgramOnRanks(
+  return invgrad::RunProgramOnRanks(
       argc,
       argv,
       "trains by every rule at every point of a grid of settings\n\n"
-      "  sweep --problem=toy_network --steps=200 --jobs=2 \\\n"
+      "  sweep --problem=toy_network --steps=200 \\\n"
       "    --grid=\"lambda=1,0.1; rule=half_inverse,adam:step_size=1e-2|1e-3\"",
-      invgrad::Run));
+      invgrad::Run);
 }

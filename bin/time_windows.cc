@@ -24,7 +24,7 @@ others.
 #include <string>
 #include <vector>
 
-#include "bin/compare/field_plots.h"
+#include "bin/support/field_plots.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"

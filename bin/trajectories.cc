@@ -1,6 +1,6 @@
 /*
-Draws the paths of methods through a two-dimensional problem, over the
-contours of its loss, in x space and in y space.
+Draws the paths of methods through a two-dimensional problem, over a map of its
+loss, in x space and in y space.
 
 Sample runs:
 
@@ -13,8 +13,8 @@ Sample runs:
   trajectories --problem=linear_scale --steps=5 --output=runs/linear \
     --rules=gradient_descent:step_size=1e-4,half_inverse:step_size=1e-2
 
-The directory holds trajectories.png (left x, right y), trajectories.gp to
-restyle it, and one CSV a rule.
+The directory holds trajectories.png (left x, right y), trajectories.gp and
+trajectories.csv to restyle it, and one CSV a rule.
 */
 
 #include <functional>
@@ -22,14 +22,13 @@ restyle it, and one CSV a rule.
 #include <string>
 #include <vector>
 
-#include "bin/compare/point_comparison.h"
+#include "bin/support/point_path.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/minimize/chain_objective.h"
 #include "problems/problems.h"
-#include "report/gnuplot.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
 
@@ -43,7 +42,7 @@ DEFINE_string(rules,
               "rules or minimizers of Ceres, name[:key=value...],...; "
               "`compare --list` shows all");
 DEFINE_int32(steps, 10, "iterations of every rule");
-DEFINE_int32(grid, 101, "points of the contours' grid along each axis");
+DEFINE_int32(grid, 101, "cells of the map of the loss along each axis");
 DEFINE_double(margin,
               0.1,
               "margin on each side, as a share of the paths' extent");
@@ -52,6 +51,16 @@ namespace invgrad {
 namespace {
 
 using Points = std::vector<Eigen::VectorXd>;
+
+// Centers of FLAGS_grid cells along an axis, which reach over the values and a
+// margin.
+Eigen::VectorXd Grid(const std::vector<double>& values) {
+  const AxisRange range = RangeOf(values, false);
+  const double extent = *range.high - *range.low;
+  const double margin = extent > 0.0 ? FLAGS_margin * extent : 0.5;
+  return Eigen::VectorXd::LinSpaced(
+      FLAGS_grid, *range.low - margin, *range.high + margin);
+}
 
 // A panel with the points of all paths in x or in y, as `name` says. `goal` is
 // empty if there is none. `loss` maps a point of the panel to L, NaN if L has
@@ -81,27 +90,29 @@ Plot MakePlot(const std::string& name,
         }
         plot.series.push_back(series);
       };
-  for (const PointPath& path : paths) {
-    add(path.label, Series::Style::kLinesAndPoints, path.*points);
+  std::vector<std::string> labels;
+  labels.reserve(paths.size());
+  for (const PointPath& path : paths) labels.push_back(path.label);
+  const std::vector<std::string> names = ShortNames(labels);
+  for (size_t i = 0; i < paths.size(); ++i) {
+    add(names[i], Series::Style::kLinesAndPoints, paths[i].*points);
   }
   if (!goal.empty()) add("optimum", Series::Style::kPoints, goal);
-  const auto grid = [](const std::vector<double>& values, AxisRange* range) {
-    const Axis axis = FitAxis(false, {}, FLAGS_margin, values);
-    *range = {axis.low, axis.high};
-    std::vector<double> at;
-    for (int i = 0; i < FLAGS_grid; ++i) {
-      const double share = static_cast<double>(i) / (FLAGS_grid - 1);
-      at.push_back(axis.low + (axis.high - axis.low) * share);
-    }
-    return at;
-  };
-  ContourField& field = plot.contours.emplace();
-  field.x = grid(xs, &plot.x_range);
-  field.y = grid(ys, &plot.y_range);
-  field.z = Eigen::MatrixXd::NullaryExpr(
+  const Eigen::VectorXd at_x = Grid(xs), at_y = Grid(ys);
+  plot.x_range = {at_x[0], at_x[FLAGS_grid - 1]};
+  plot.y_range = {at_y[0], at_y[FLAGS_grid - 1]};
+  HeatMap& map = plot.heat_map.emplace();
+  map.is_grey = true;
+  map.z_label = "L";
+  map.x_first = at_x[0];
+  map.x_step = at_x[1] - at_x[0];
+  map.y_first = at_y[0];
+  map.y_step = at_y[1] - at_y[0];
+  map.z = Eigen::MatrixXd::NullaryExpr(
       FLAGS_grid, FLAGS_grid, [&](Eigen::Index i, Eigen::Index j) {
-        return loss(Eigen::Vector2d(field.x[j], field.y[i]));
+        return loss(Eigen::Vector2d(at_x[j], at_y[i]));
       });
+  map.log_z = !(map.z.array() <= 0.0).any();
   return plot;
 }
 

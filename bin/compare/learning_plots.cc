@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "bin/compare/field_plots.h"
+#include "bin/support/field_plots.h"
 #include "fmt/core.h"
 #include "report/plot.h"
 
@@ -12,6 +12,13 @@ namespace invgrad {
 namespace {
 
 using Runs = std::vector<const LearningRunResult*>;
+
+std::vector<std::string> Names(const Runs& runs) {
+  std::vector<std::string> labels;
+  labels.reserve(runs.size());
+  for (const LearningRunResult* run : runs) labels.push_back(run->label);
+  return ShortNames(labels);
+}
 
 Plot CurvePlot(const Runs& runs,
                const std::string& title,
@@ -21,9 +28,10 @@ Plot CurvePlot(const Runs& runs,
   plot.title = plot.y_label = title;
   plot.x_label = against_seconds ? "seconds of training" : "step";
   plot.log_x = plot.log_y = true;
-  for (const LearningRunResult* run : runs) {
+  const std::vector<std::string> names = Names(runs);
+  for (size_t i = 0; i < runs.size(); ++i) {
     plot.series.push_back(
-        HistoryCurve(run->label, run->history, field, against_seconds));
+        HistoryCurve(names[i], runs[i]->history, field, against_seconds));
   }
   return plot;
 }
@@ -56,7 +64,6 @@ std::vector<Plot> LossPlots(const LearningProblem& problem, const Runs& runs) {
     plots.push_back(
         CurvePlot(runs, problem.metric->name, &HistoryRow::metric, true));
   }
-  MuteAllButTheLowest(&plots);
   if (problem.metric.has_value() && problem.metric->floor.has_value()) {
     plots.back().series.push_back(Floor(plots.back(), *problem.metric->floor));
   }
@@ -65,10 +72,12 @@ std::vector<Plot> LossPlots(const LearningProblem& problem, const Runs& runs) {
 
 std::vector<Plot> NeuronPlots(const Runs& runs) {
   std::vector<Plot> plots;
-  for (const LearningRunResult* run : runs) {
+  const std::vector<std::string> names = Names(runs);
+  for (size_t k = 0; k < runs.size(); ++k) {
+    const LearningRunResult* run = runs[k];
     if (run->neurons.empty()) continue;
     Plot& plot = plots.emplace_back();
-    plot.title = run->label;
+    plot.title = names[k];
     plot.x_label = "step";
     plot.y_label = "mean activation";
     plot.log_x = true;
@@ -106,7 +115,8 @@ Plot SamplePathPlot(const LearningProblem& problem,
       series.y.push_back(y[1]);
     }
   };
-  for (const LearningRunResult* run : runs) add(run->label, run->sample_path);
+  const std::vector<std::string> names = Names(runs);
+  for (size_t i = 0; i < runs.size(); ++i) add(names[i], runs[i]->sample_path);
   const std::vector<Eigen::VectorXd> target = {
       problem.train.targets.col(tracked_sample)};
   add("target", target);
@@ -140,10 +150,11 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
       solutions.y.push_back(sorted.solutions(0, s));
     }
   }
-  for (const LearningRunResult* run : runs) {
+  const std::vector<std::string> names = Names(runs);
+  for (size_t i = 0; i < runs.size(); ++i) {
     const auto pass = problem.model->network().NewPass();
     std::string ignored;
-    if (!problem.model->Forward(run->weights,
+    if (!problem.model->Forward(runs[i]->weights,
                                 sorted,
                                 Network::Derivatives::kNone,
                                 pass.get(),
@@ -151,7 +162,7 @@ Plot MapPlot(const LearningProblem& problem, const Runs& runs) {
       continue;
     }
     Series& series = plot.series.emplace_back();
-    series.title = run->label;
+    series.title = names[i];
     series.x.assign(sorted.inputs.data(),
                     sorted.inputs.data() + sorted.num_samples());
     series.y.assign(pass->outputs.data(),

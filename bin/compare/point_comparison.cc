@@ -3,17 +3,12 @@
 #include <algorithm>
 #include <iostream>
 #include <limits>
-#include <memory>
-#include <optional>
 #include <utility>
 
-#include "bin/compare/counted_simulator.h"
-#include "bin/compare/field_plots.h"
-#include "bin/support/live_run.h"
+#include "bin/support/field_plots.h"
+#include "bin/support/point_path.h"
 #include "bin/support/run_output.h"
 #include "fmt/format.h"
-#include "invgrad/core/memory_limit.h"
-#include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "report/interrupt.h"
@@ -24,20 +19,6 @@ namespace invgrad {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-std::string Status(const MinimizerSummary& summary) {
-  switch (summary.termination_type) {
-    case ceres::CONVERGENCE:
-      return "converged";
-    case ceres::FAILURE:
-    case ceres::USER_FAILURE:
-      return "failed: " + summary.message;
-    case ceres::USER_SUCCESS:
-      return "interrupted";
-    default:
-      return "steps done";
-  }
-}
 
 // A method that could not run has no points.
 Table PointTable(const PointProblem& problem,
@@ -77,23 +58,6 @@ Table PointTable(const PointProblem& problem,
   return table;
 }
 
-// Records the calls before each step.
-class CallRecorder final : public ceres::IterationCallback {
- public:
-  CallRecorder(const CountedSimulator* simulator, std::vector<double>* calls)
-      : simulator_(simulator), calls_(calls) {}
-
-  ceres::CallbackReturnType operator()(
-      const ceres::IterationSummary& /*iteration*/) override {
-    calls_->push_back(static_cast<double>(simulator_->num_calls()));
-    return ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const CountedSimulator* simulator_;
-  std::vector<double>* calls_;
-};
-
 // The results of the runs if x is too large to print; fields for `panels`.
 bool WriteFinalStates(const PointProblem& problem,
                       const std::vector<PointPath>& paths,
@@ -123,106 +87,30 @@ bool WriteFinalStates(const PointProblem& problem,
   return true;
 }
 
+Plot LossPlot(const std::vector<PointPath>& paths) {
+  Plot plot;
+  plot.title = "loss";
+  plot.x_label = "step";
+  plot.y_label = "L";
+  plot.log_y = true;
+  std::vector<std::string> labels;
+  labels.reserve(paths.size());
+  for (const PointPath& path : paths) labels.push_back(path.label);
+  const std::vector<std::string> names = ShortNames(labels);
+  for (size_t i = 0; i < paths.size(); ++i) {
+    if (paths[i].x.empty()) continue;
+    Series& series = plot.series.emplace_back();
+    series.title = names[i];
+    series.color = static_cast<int>(i);
+    series.y = paths[i].loss;
+    for (size_t k = 0; k < series.y.size(); ++k) {
+      series.x.push_back(static_cast<double>(k));
+    }
+  }
+  return plot;
+}
+
 }  // namespace
-
-bool PathsFitInMemory(const PointProblem& problem,
-                      double num_steps,
-                      size_t num_methods,
-                      std::string* error) {
-  // x and y, each with what its vector needs; loss, distance, time and curve.
-  const double numbers =
-      static_cast<double>(problem.start.size() + problem.target.size()) + 17.0;
-  const double bytes =
-      sizeof(ceres::IterationSummary) + sizeof(double) * numbers;
-  return FitsInMemory(
-      fmt::format("--steps={:.0f}", num_steps),
-      {{"the paths", bytes * num_steps * static_cast<double>(num_methods)}},
-      /*limit=*/0.0,
-      error);
-}
-
-bool TracePath(const PointProblem& problem,
-               const Method& method,
-               MinimizerOptions options,
-               PointPath* path,
-               std::string* error) {
-  *path = PointPath();
-  path->label = method.label;
-  options.function_tolerance = 0.0;
-  options.parameter_tolerance = 0.0;
-  LiveCallback live(method.label);
-  options.callbacks.push_back(&live);
-  PointProblem counted = problem;
-  std::optional<CallRecorder> recorder;
-  if (!problem.simulator->forms_jacobian()) {
-    const auto simulator =
-        std::make_shared<CountedSimulator>(problem.simulator);
-    counted.simulator = simulator;
-    options.callbacks.push_back(
-        &recorder.emplace(simulator.get(), &path->calls));
-  }
-  ChainObjective objective = counted.MakeObjective();
-  if (!MinimizeByMethod(method,
-                        options,
-                        problem.inverse,
-                        &objective,
-                        &path->x,
-                        &path->summary,
-                        error)) {
-    return false;
-  }
-  // An iteration that failed has no point.
-  if (recorder.has_value()) path->calls.resize(path->x.size(), kNan);
-  const auto& iterations = path->summary.iterations;
-  // A failed step is not in the path: the last point is the last good one.
-  for (size_t k = 0; k < path->x.size(); ++k) {
-    const Eigen::VectorXd& x = path->x[k];
-    objective.SetState(x);
-    path->y.push_back(objective.Outputs());
-    double loss = 0.0;
-    std::string ignored;
-    path->loss.push_back(objective.Cost(&loss, &ignored) ? loss : kNan);
-    path->distance.push_back(
-        problem.minimizer.has_value() ? (x - *problem.minimizer).norm() : kNan);
-    path->seconds.push_back(k < iterations.size()
-                                ? iterations[k].cumulative_time_in_seconds
-                                : kNan);
-  }
-  path->status = Status(path->summary);
-  return true;
-}
-
-bool WritePathCsv(const std::string& prefix,
-                  const PointPath& path,
-                  std::string* error) {
-  const bool is_printed = path.x[0].size() <= kMaxPrintedSize;
-  std::string csv = "iteration,loss";
-  if (is_printed) {
-    for (Eigen::Index i = 0; i < path.x[0].size(); ++i) {
-      csv += fmt::format(",x{}", i);
-    }
-    for (Eigen::Index i = 0; i < path.y[0].size(); ++i) {
-      csv += fmt::format(",y{}", i);
-    }
-  } else {
-    csv += ",x_norm,distance,seconds";
-    if (!path.calls.empty()) csv += ",calls";
-  }
-  for (size_t k = 0; k < path.x.size(); ++k) {
-    std::vector<double> row = {path.loss[k]};
-    if (is_printed) {
-      row.insert(row.end(), path.x[k].begin(), path.x[k].end());
-      row.insert(row.end(), path.y[k].begin(), path.y[k].end());
-    } else {
-      row.insert(row.end(),
-                 {path.x[k].norm(), path.distance[k], path.seconds[k]});
-      if (!path.calls.empty()) row.push_back(path.calls[k]);
-    }
-    csv += fmt::format("\n{},{:.17g}", k, fmt::join(row, ","));
-  }
-  return WriteRunFile(
-      prefix + FileName(path.label) + ".csv", csv + '\n', error);
-}
 
 bool ComparePoint(const PointProblem& problem,
                   const std::vector<Method>& methods,
@@ -232,11 +120,6 @@ bool ComparePoint(const PointProblem& problem,
   const Interrupt interrupt;
   std::vector<PointPath> paths;
   std::vector<Plot> fields;
-  std::vector<Plot> plots(1);
-  plots[0].title = "loss";
-  plots[0].x_label = "step";
-  plots[0].y_label = "L";
-  plots[0].log_y = true;
   for (const Method& method : methods) {
     PointPath path;
     path.label = method.label;
@@ -244,13 +127,6 @@ bool ComparePoint(const PointProblem& problem,
     if (!Interrupt::IsRequested() &&
         TracePath(problem, method, options, &path, &why)) {
       if (!WritePathCsv(FLAGS_output + "/path-", path, error)) return false;
-      Series series;
-      series.title = method.label;
-      series.y = path.loss;
-      for (size_t k = 0; k < path.loss.size(); ++k) {
-        series.x.push_back(static_cast<double>(k));
-      }
-      plots[0].series.push_back(series);
     } else {
       path.x.clear();
       path.status = why;
@@ -266,9 +142,8 @@ bool ComparePoint(const PointProblem& problem,
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  MuteAllButTheLowest(&plots);
   DrawPictures({{FLAGS_output + "/fields.png", fields},
-                {FLAGS_output + "/loss.png", plots}});
+                {FLAGS_output + "/loss.png", {LossPlot(paths)}}});
   return true;
 }
 

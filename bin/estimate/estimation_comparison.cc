@@ -248,7 +248,16 @@ bool RunFrom(int start,
         {folder + "/covariance.png", std::move(covariance_panels)});
   }
   if (!costs[0].series.empty()) {
-    MuteAllButTheLowest(&costs);
+    std::vector<std::string> labels;
+    for (const Series& series : costs[0].series) {
+      labels.push_back(series.title);
+    }
+    labels = ShortNames(labels);
+    for (Plot& panel : costs) {
+      for (size_t i = 0; i < labels.size(); ++i) {
+        panel.series[i].title = labels[i];
+      }
+    }
     runs->pictures.push_back({folder + "/cost.png", std::move(costs)});
   }
   return true;

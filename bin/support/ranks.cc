@@ -21,6 +21,8 @@
 #include "invgrad/io/digest.h"
 #include "report/interrupt.h"
 #ifdef INVGRAD_MPI
+#include <mpi.h>
+
 #include "invgrad/mpi/mpi_communicator.h"
 #endif
 
@@ -145,6 +147,19 @@ bool IsTrueOnAnyRank(bool is_true) {
   return num_true > 0.0;
 }
 
+void WaitForRanks() {
+#ifdef INVGRAD_MPI
+  if (NumRanks() == 1) return;
+  MPI_Request request;
+  MPI_Ibarrier(MPI_COMM_WORLD, &request);
+  for (int has_come = 0; has_come == 0;) {
+    MPI_Test(&request, &has_come, MPI_STATUS_IGNORE);
+    constexpr std::chrono::milliseconds kPause(1);
+    if (has_come == 0) std::this_thread::sleep_for(kPause);
+  }
+#endif
+}
+
 bool IsSameOnRanks(const std::string& what,
                    const std::string& text,
                    std::string* error) {
@@ -215,14 +230,6 @@ bool WaitForFile(const std::string& path, double max_seconds) {
     std::this_thread::sleep_for(kPause);
   }
   return true;
-}
-
-bool IsLauncherOnTerminal() {
-  const int file = open(fmt::format("/proc/{}/fd/2", getppid()).c_str(),
-                        O_WRONLY | O_NOCTTY | O_CLOEXEC);
-  const bool is_terminal = file >= 0 && isatty(file) == 1;
-  if (file >= 0) close(file);
-  return is_terminal;
 }
 
 }  // namespace invgrad

@@ -55,6 +55,9 @@ bool IsSameOnRanks(const std::string& what,
                    const std::string& text,
                    std::string* error);
 
+// Waits until all ranks are here, without using the processor.
+void WaitForRanks();
+
 // PrepareRunDirectory by rank 0, in a directory that all ranks see; otherwise
 // false on all ranks, with *error, and the directory is as it was.
 bool PrepareRunDirectoryOnRanks(ExistingDirectory existing,
@@ -64,9 +67,6 @@ bool PrepareRunDirectoryOnRanks(ExistingDirectory existing,
 // Waits for a file that another rank has written: a shared file system may show
 // it late. Returns whether it is there.
 bool WaitForFile(const std::string& path, double max_seconds);
-
-// Whether stderr of the launcher, which prints what rank 0 prints, is a terminal.
-bool IsLauncherOnTerminal();
 
 }  // namespace invgrad
 

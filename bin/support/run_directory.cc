@@ -14,13 +14,10 @@
 #include <system_error>
 #include <vector>
 
-#include "Eigen/Core"
 #include "bin/support/program.h"
-#include "ceres/version.h"
+#include "bin/support/versions.h"
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/version.h"
 
 DEFINE_string(output,
               "",
@@ -44,7 +41,6 @@ constexpr std::string_view kFlagsThatMayChange[] = {"output",
                                                     "levels",
                                                     "value",
                                                     "tail",
-                                                    "jobs",
                                                     "threads",
                                                     "progress",
                                                     "plots"};
@@ -291,29 +287,16 @@ bool MakeRoom(const std::string& path,
   return Remove(contents.temporary, error);
 }
 
-std::string CpuName() {
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);) {
-    if (line.rfind("model name", 0) == 0) {
-      return line.substr(line.find(':') + 2);
-    }
+// Except those that say what to do with the directory.
+std::string FlagsOfRun() {
+  constexpr std::string_view kNotOfRun[] = {
+      "overwrite", "resume", "list_jobs", "job", "collect"};
+  std::string flags;
+  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
+    if (Contains(kNotOfRun, flag.name)) continue;
+    flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
   }
-  return "unknown";
-}
-
-std::string VersionsText() {
-  return fmt::format(
-      "invgrad {}\nceres {}\neigen {}.{}.{}\nblas {}\nblas threads {}\n"
-      "compiler {}\ncpu {}\n",
-      INVGRAD_VERSION,
-      CERES_VERSION_STRING,
-      EIGEN_WORLD_VERSION,
-      EIGEN_MAJOR_VERSION,
-      EIGEN_MINOR_VERSION,
-      BlasName(),
-      BlasThreads(),
-      __VERSION__,
-      CpuName());
+  return flags;
 }
 
 }  // namespace
@@ -343,13 +326,24 @@ bool PrepareRunDirectory(ExistingDirectory existing,
                          std::string* error) {
   SetDefaultOutput();
   if (FLAGS_overwrite) existing = ExistingDirectory::kOverwrite;
-  std::string flags;  // except those about an existing directory
-  for (const gflags::CommandLineFlagInfo& flag : ProgramFlags()) {
-    if (flag.name != "overwrite" && flag.name != "resume") {
-      flags += fmt::format("--{}={}\n", flag.name, flag.current_value);
-    }
+  return PrepareRunDirectory(
+      FLAGS_output, existing, identity, FlagsOfRun(), error);
+}
+
+bool JoinRunDirectory(const RunIdentity& identity, std::string* error) {
+  SetDefaultOutput();
+  Contents contents;
+  if (!NameFlag("output",
+                FindContents(FLAGS_output, &contents, error) &&
+                    IsSameRun(FLAGS_output + '/' + kFlagFile,
+                              identity,
+                              FlagsOfRun(),
+                              error),
+                error)) {
+    return false;
   }
-  return PrepareRunDirectory(FLAGS_output, existing, identity, flags, error);
+  ThisRun() = {FLAGS_output, contents.listed};
+  return true;
 }
 
 void SetDefaultOutput() {

@@ -45,6 +45,11 @@ inline bool PrepareRunDirectory(ExistingDirectory existing,
   return PrepareRunDirectory(existing, RunIdentity(), error);
 }
 
+// For a process beside others that write parts of the same run: checks that
+// --output is the directory of a run with these flags and this identity, as
+// kResume does, and changes nothing.
+bool JoinRunDirectory(const RunIdentity& identity, std::string* error);
+
 // Sets --output if it is empty.
 void SetDefaultOutput();
 

@@ -45,13 +45,14 @@ void DrawPictures(const std::vector<Picture>& pictures) {
   const int signal_before = Interrupt::Signal();
   double max_seconds = 60.0;
   for (const Picture& picture : pictures) {
-    std::filesystem::path script = picture.path_png;
+    std::filesystem::path script = picture.path_png, data = picture.path_png;
     script.replace_extension(".gp");
+    data.replace_extension(".csv");
     std::error_code ignored;
     std::filesystem::remove(picture.path_png, ignored);
     std::string error;
     if (!ListRunFile(picture.path_png, &error) ||
-        !ListRunFile(script, &error)) {
+        !ListRunFile(script, &error) || !ListRunFile(data, &error)) {
       Warn(error);
       return;
     }

@@ -365,14 +365,6 @@ std::vector<RuleAlternative> ExpandRule(const std::string& rule) {
   return all;
 }
 
-std::string WithoutAlternatives(const std::string& rule) {
-  std::string text;
-  for (const Piece& piece : Pieces(rule)) {
-    if (piece.values.size() < 2) text += piece.mark + piece.Text(0);
-  }
-  return text;
-}
-
 bool ParseFinite(const std::string& text, double* number) {
   const char* const end = text.data() + text.size();
   const std::from_chars_result result =

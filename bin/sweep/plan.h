@@ -57,9 +57,6 @@ struct RuleAlternative {
 // changing fastest. Does not check the settings.
 std::vector<RuleAlternative> ExpandRule(const std::string& rule);
 
-// "adam:beta=0.9" of "adam:step_size=1e-3|3e-4:beta=0.9".
-std::string WithoutAlternatives(const std::string& rule);
-
 // True if all of the text is a finite number.
 bool ParseFinite(const std::string& text, double* number);
 

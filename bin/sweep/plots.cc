@@ -1,6 +1,7 @@
 #include "bin/sweep/plots.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <map>
 #include <set>
@@ -8,7 +9,6 @@
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
-#include "report/gnuplot.h"
 
 namespace invgrad {
 namespace {
@@ -68,18 +68,23 @@ std::vector<ShownAxis> ShownAxes(const SweepPlan& plan) {
   return shown;
 }
 
-AxisRange RangeOf(const std::vector<double>& values,
-                  bool is_log,
-                  double margin) {
-  const Axis axis = FitAxis(is_log, {}, margin, values);
-  return {axis.low, axis.high};
+// A margin on both sides keeps points off the frame.
+AxisRange WithMargin(const std::vector<double>& values, bool is_log) {
+  constexpr double kMargin = 0.04;
+  AxisRange range = RangeOf(values, is_log);
+  const double low = *range.low, high = *range.high;
+  if (low == high) return {};
+  if (is_log) {
+    const double factor = std::pow(high / low, kMargin);
+    return {low / factor, high * factor};
+  }
+  const double margin = kMargin * (high - low);
+  return {low - margin, high + margin};
 }
-// Keeps points off the frame.
-constexpr double kMargin = 0.04;
 
 // More than a decade, and all positive.
 bool NeedsLogScale(const std::vector<double>& values) {
-  const AxisRange range = RangeOf(values, false, 0.0);
+  const AxisRange range = RangeOf(values, false);
   return *range.low > 0.0 && *range.high > 10.0 * *range.low;
 }
 
@@ -101,20 +106,8 @@ std::vector<double> Medians(const std::vector<SweepBest>& best) {
   return medians;
 }
 
-// Labels of the rules, without the alternatives if the labels are still
-// different.
 std::vector<std::string> RuleTitles(const SweepPlan& plan) {
-  std::vector<std::string> titles;
-  for (const std::string& rule : plan.grid.axes[plan.rule_axis].values) {
-    titles.push_back(WithoutAlternatives(rule));
-  }
-  std::vector<std::string> unique = titles;
-  for (size_t i = 0; i < titles.size(); ++i) {
-    if (std::count(titles.begin(), titles.end(), titles[i]) > 1) {
-      unique[i] = plan.grid.axes[plan.rule_axis].values[i];
-    }
-  }
-  return unique;
+  return ShortNames(plan.grid.axes[plan.rule_axis].values);
 }
 
 // The points that agree in all axes but those that a panel shows.
@@ -174,7 +167,7 @@ std::vector<Plot> SweepLines(const SweepResults& results) {
   all.log_x = x.is_numeric && NeedsLogScale(x.positions);
   all.x_range =
       x.is_numeric
-          ? RangeOf(x.positions, all.log_x, kMargin)
+          ? WithMargin(x.positions, all.log_x)
           : AxisRange{-0.5, static_cast<double>(x.labels.size()) - 0.5};
   all.x_ticks.assign(x.labels.begin(), x.labels.end());
   all.log_y = NeedsLogScale(Medians(results.best));
@@ -182,7 +175,7 @@ std::vector<Plot> SweepLines(const SweepResults& results) {
   for (const SweepBest& one : results.best) {
     ys.insert(ys.end(), {one.spread.low, one.spread.high});
   }
-  all.y_range = RangeOf(ys, all.log_y, kMargin);
+  all.y_range = WithMargin(ys, all.log_y);
   std::vector<Plot> plots;
   const std::vector<std::string> titles = RuleTitles(plan);
   const std::set<int> shown = {x.number, plan.rule_axis, plan.seed_axis};
@@ -208,7 +201,6 @@ std::vector<Plot> SweepLines(const SweepResults& results) {
       }
     }
   }
-  MuteAllButTheLowest(&plots);
   return plots;
 }
 
@@ -221,12 +213,9 @@ std::vector<Plot> SweepHeatMaps(const SweepResults& results) {
   HeatMap map;
   map.z_label = results.value.name;
   map.log_z = NeedsLogScale(Medians(results.best));
-  map.z_range = RangeOf(Medians(results.best), false, 0.0);
-  for (auto [axis, names] :
-       {std::make_pair(&x, &map.x_labels), std::make_pair(&y, &map.y_labels)}) {
-    axis->PutSideBySide();
-    for (const auto& [position, label] : axis->labels) names->push_back(label);
-  }
+  map.z_range = RangeOf(Medians(results.best), map.log_z);
+  x.PutSideBySide();
+  y.PutSideBySide();
   std::vector<Plot> plots;
   const std::vector<std::string> titles = RuleTitles(plan);
   const std::set<int> shown = {x.number, y.number, plan.seed_axis};
@@ -237,8 +226,9 @@ std::vector<Plot> SweepHeatMaps(const SweepResults& results) {
     if (!title.empty()) plot.title += ", " + title;
     plot.x_label = plan.grid.axes[x.number].name;
     plot.y_label = plan.grid.axes[y.number].name;
-    map.z.setConstant(
-        map.y_labels.size(), map.x_labels.size(), HistoryRow::kNone);
+    plot.x_ticks.assign(x.labels.begin(), x.labels.end());
+    plot.y_ticks.assign(y.labels.begin(), y.labels.end());
+    map.z.setConstant(y.labels.size(), x.labels.size(), HistoryRow::kNone);
     for (const SweepBest* point : points) {
       map.z(static_cast<Eigen::Index>(y.positions[point->at[y.number]]),
             static_cast<Eigen::Index>(x.positions[point->at[x.number]])) =
@@ -253,13 +243,13 @@ std::vector<Plot> SweepCurves(const SweepResults& results) {
   const SweepPlan& plan = results.plan;
   std::vector<Plot> plots;
   std::vector<double> values;  // of all panels, so that they compare
+  const std::vector<std::string> titles = RuleTitles(plan);
   for (const auto& [title, points] :
        GroupByPanel("curves.png",
                     plan,
                     results.best,
                     {plan.rule_axis, plan.seed_axis})) {
-    std::vector<Plot> panel(1);
-    Plot& plot = panel[0];
+    Plot& plot = plots.emplace_back();
     plot.title = title;
     plot.x_label = "seconds of training";
     plot.y_label = results.value.name;
@@ -267,7 +257,7 @@ std::vector<Plot> SweepCurves(const SweepResults& results) {
     for (const SweepBest* point : points) {
       const SweepRun& run =
           results.runs[plan.points[point->median_point()].job];
-      Series curve = HistoryCurve(point->alternative->specification,
+      Series curve = HistoryCurve(titles[point->at[plan.rule_axis]],
                                   run.result ? run.result->history : History(),
                                   results.value.field,
                                   /*against_seconds=*/true);
@@ -275,12 +265,10 @@ std::vector<Plot> SweepCurves(const SweepResults& results) {
       values.insert(values.end(), curve.y.begin(), curve.y.end());
       plot.series.push_back(curve);
     }
-    MuteAllButTheLowest(&panel);
-    plots.push_back(plot);
   }
   for (Plot& plot : plots) {
     plot.log_y = NeedsLogScale(values);
-    plot.y_range = RangeOf(values, plot.log_y, kMargin);
+    plot.y_range = WithMargin(values, plot.log_y);
   }
   return plots;
 }

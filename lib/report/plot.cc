@@ -3,329 +3,295 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <iterator>
 #include <limits>
-#include <numeric>
-#include <set>
+#include <map>
 
-#include "fmt/format.h"
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "report/gnuplot.h"
+#include "report/plot_script.h"
 
 namespace invgrad {
 namespace {
 
-constexpr size_t kMaxLegible = 8;
-
-// Successive colours differ in lightness, so that most colour-blind readers can
-// distinguish them on white; after the last colour the dash pattern changes.
-constexpr const char* kColors[] = {"#1f77b4",
-                                   "#e67e00",
-                                   "#2a9d3a",
-                                   "#d62728",
-                                   "#7b4fb5",
-                                   "#17b3c4",
-                                   "#e05fb0",
-                                   "#8c564b",
-                                   "#a3a010",
-                                   "#4d4d4d"};
-constexpr const char* kDashes[] = {"solid", "(9,4)", "(2,3)"};
-constexpr int kPointTypes[] = {7, 5, 9, 11, 13};  // filled
-
-// Viridis: perceptually uniform, also in grey.
-constexpr char kPalette[] =
-    "set palette defined (0 '#440154', 1 '#472d7b', 2 '#3b528b', "
-    "3 '#2c728e', 4 '#21918c', 5 '#28ae80', 6 '#5ec962', 7 '#addc30', "
-    "8 '#fde725')\n";
-
-std::string SeriesStyle(const Series& series, int look, int num_points) {
-  const bool has_points =
-      series.style != Series::Style::kLines || num_points == 1;
-  const bool has_lines = series.style != Series::Style::kPoints;
-  std::string style = fmt::format(" with {}",
-                                  !has_points ? "lines"
-                                  : has_lines ? "linespoints"
-                                              : "points");
-  if (has_lines) {
-    style +=
-        fmt::format(" lw {} dt {}",
-                    series.is_muted ? 0.7 : 1.6,
-                    kDashes[look / std::size(kColors) % std::size(kDashes)]);
-  }
-  if (has_points) {
-    style += fmt::format(" pt {} ps 0.9",
-                         kPointTypes[look % std::size(kPointTypes)]);
-  }
-  return style + fmt::format(" lc rgb '{}'",
-                             series.is_muted
-                                 ? "#c4c4c4"
-                                 : kColors[look % std::size(kColors)]);
+// gnuplot treats values above 8.99e307 as undefined; this limit leaves space
+// for margins.
+bool CanDraw(double value, bool is_log) {
+  return std::abs(value) <= 1e306 && (!is_log || value >= 1e-306);
 }
 
-std::vector<std::string> Legend(const Plot& plot) {
-  std::vector<std::string> titles;
-  for (const Series& series : plot.series) {
-    if (!series.title.empty()) titles.push_back(series.title);
-  }
-  return titles;
+std::string Number(double value, bool is_log) {
+  return CanDraw(value, is_log) ? fmt::format("{:.10g}", value) : "NaN";
 }
 
-// In pixels.
-int LegendWidth(const Plot& plot) {
-  int width = 0;
-  for (const std::string& title : Legend(plot)) {
-    width = std::max(width, 75 + 9 * static_cast<int>(title.size()));
+std::string TicksText(const Ticks& ticks) {
+  if (ticks.empty()) return "auto";
+  // Shows only some of many labels.
+  constexpr size_t kMaxLabels = 16;
+  const size_t stride = (ticks.size() + kMaxLabels - 1) / kMaxLabels;
+  std::string text;
+  for (size_t i = 0; i < ticks.size(); i += stride) {
+    text += fmt::format("{}{} {:.10g}",
+                        text.empty() ? "(" : ", ",
+                        QuoteForGnuplot(ticks[i].second),
+                        ticks[i].first);
   }
-  return width;
+  return text + ")";
 }
 
-void CheckSizes(const Plot& plot) {
-  for (const Series& series : plot.series) {
-    CHECK_EQ(series.x.size(), series.y.size()) << series.title;
-    CHECK_EQ(series.y_low.size(), series.y_high.size()) << series.title;
-    CHECK(series.y_low.empty() || series.y_low.size() == series.x.size())
-        << series.title;
-  }
-  if (plot.contours) {
-    CHECK_EQ(plot.contours->z.rows(), plot.contours->y.size());
-    CHECK_EQ(plot.contours->z.cols(), plot.contours->x.size());
-  }
-  if (plot.heat_map) CHECK(!plot.log_x && !plot.log_y) << plot.title;
-}
-
-Ticks NumberedTicks(const std::vector<std::string>& labels) {
+// An axis of a panel: x, y or cb.
+struct Axis {
+  const char* name;
+  std::string label;
+  bool is_log;
+  AxisRange range;
   Ticks ticks;
-  for (const std::string& label : labels) {
-    ticks.emplace_back(static_cast<double>(ticks.size()), label);
+  bool is_tight = false;  // ends with the data, not at the next tick
+  bool is_short;          // with ticks at powers of two, if it is logarithmic
+
+  // `values`: what is drawn along it.
+  Axis(const char* axis_name,
+       const std::string& text,
+       bool may_be_log,
+       const AxisRange& given,
+       const std::vector<double>& values,
+       const Ticks& labels = {})
+      : name(axis_name), label(text), range(given), ticks(labels) {
+    const AxisRange all = RangeOf(values, may_be_log);
+    const double low = given.low.value_or(*all.low);
+    const double ratio = given.high.value_or(*all.high) / low;
+    is_log = may_be_log && low > 0.0 && ratio >= 5.0;
+    is_short = ratio < 100.0;
   }
-  return ticks;
+
+  std::string Commands() const {
+    const auto end = [](const std::optional<double>& value) {
+      return value.has_value() ? fmt::format("{:.10g}", *value) : "*";
+    };
+    return fmt::format(
+        "set {0}label {1} noenhanced\n{2} logscale {0}\n"
+        "set {0}range [{3}:{4}]{7}\nset format {0} '{5}'\nset {0}tics {6}\n",
+        name,
+        QuoteForGnuplot(label),
+        is_log ? "set" : "unset",
+        end(range.low),
+        end(range.high),
+        is_log && !is_short && ticks.empty() ? "10^{%T}" : "%h",
+        is_log && is_short && ticks.empty() ? "2" : TicksText(ticks),
+        is_tight ? " noextend" : "");
+  }
+};
+
+std::string CsvCell(const std::string& text) {
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? '\'' : c == '\n' ? ' ' : c;
+  return quoted + "\"";
 }
 
-// The ranges of x and y: without margin for curves, with a margin for paths,
-// the grid for a field.
-std::pair<Axis, Axis> FitAxes(const Plot& plot) {
-  std::vector<double> xs, ys;
-  constexpr double kMargin = 0.04;
-  double x_margin = 0.0, y_margin = 0.0;
-  if (plot.heat_map) {
-    xs = {-0.5, static_cast<double>(plot.heat_map->z.cols()) - 0.5};
-    ys = {-0.5, static_cast<double>(plot.heat_map->z.rows()) - 0.5};
-  } else if (plot.contours) {
-    xs = plot.contours->x;
-    ys = plot.contours->y;
-  } else {
-    y_margin = kMargin;
+// Data and script of a picture, panel by panel.
+struct Drawing {
+  std::string csv = "panel,line,title,x,y,low,high,z\n";
+  std::string panels;
+  int num_panels = 0;
+  // Of all lines.
+  int num_lines = 0;
+  std::string titles, colors, styles, bands;
+  // Of the panel with most titles.
+  std::string key_lines, key_points;
+  size_t num_keys = 0;
+  size_t key_width = 0;
+  bool has_map = false;
+
+  void Add(const Plot& plot, bool is_last) {
+    ++num_panels;
+    if (plot.title.empty() && plot.series.empty() && !plot.heat_map) {
+      panels += "\nset multiplot next\n";
+      return;
+    }
+    std::vector<double> xs, ys;
     for (const Series& series : plot.series) {
       xs.insert(xs.end(), series.x.begin(), series.x.end());
       for (const auto* values : {&series.y, &series.y_low, &series.y_high}) {
         ys.insert(ys.end(), values->begin(), values->end());
       }
-      if (series.style == Series::Style::kPoints ||
-          !std::is_sorted(series.x.begin(), series.x.end())) {
-        x_margin = kMargin;
+    }
+    Axis x("x", plot.x_label, plot.log_x, plot.x_range, xs, plot.x_ticks);
+    Axis y("y", plot.y_label, plot.log_y, plot.y_range, ys, plot.y_ticks);
+    x.is_tight = std::all_of(
+        plot.series.begin(), plot.series.end(), [](const Series& series) {
+          return series.style == Series::Style::kLines;
+        });
+    y.is_tight = plot.heat_map.has_value();
+    panels += fmt::format("\nset title {} noenhanced font ',15'\nset size {}\n",
+                          QuoteForGnuplot(plot.title),
+                          plot.equal_aspect ? "ratio -1" : "noratio") +
+              x.Commands() + y.Commands();
+    if (plot.heat_map) AddMap(*plot.heat_map);
+    const int first = num_lines + 1;
+    for (const Series& series : plot.series) {
+      AddLine(series, num_lines + 1 - first, x.is_log, y.is_log);
+    }
+    SetKey(plot, first);
+    panels += fmt::format("p = {}; first = {}; last = {}\n{}\n",
+                          num_panels,
+                          first,
+                          num_lines,
+                          is_last && num_keys > 0 ? "@draw@key" : "@draw");
+  }
+
+  void AddMap(const HeatMap& map) {
+    has_map = true;
+    const std::vector<double> z(map.z.data(), map.z.data() + map.z.size());
+    const Axis bar("cb", map.z_label, map.log_z, map.z_range, z);
+    panels += bar.Commands() +
+              fmt::format("set palette @{}\nw = {:.10g}; h = {:.10g}\n",
+                          map.is_grey ? "greys" : "viridis",
+                          0.5 * map.x_step,
+                          0.5 * map.y_step);
+    for (Eigen::Index i = 0; i < map.z.rows(); ++i) {
+      for (Eigen::Index j = 0; j < map.z.cols(); ++j) {
+        if (!CanDraw(map.z(i, j), bar.is_log)) continue;
+        csv += fmt::format("{},0,,{:.10g},{:.10g},,,{:.10g}\n",
+                           num_panels,
+                           map.x_first + static_cast<double>(j) * map.x_step,
+                           map.y_first + static_cast<double>(i) * map.y_step,
+                           map.z(i, j));
       }
     }
   }
-  return {FitAxis(plot.log_x, plot.x_range, x_margin, xs),
-          FitAxis(plot.log_y, plot.y_range, y_margin, ys)};
-}
 
-bool IsEmpty(const Plot& plot) {
-  return plot.title.empty() && plot.series.empty() && !plot.heat_map &&
-         !plot.contours;
-}
+  void AddLine(const Series& series, int position, bool log_x, bool log_y) {
+    CHECK_EQ(series.x.size(), series.y.size()) << series.title;
+    CHECK_EQ(series.y_low.size(), series.y_high.size()) << series.title;
+    CHECK(series.y_low.empty() || series.y_low.size() == series.x.size())
+        << series.title;
+    ++num_lines;
+    int num_drawn = 0;  // a line of one point is drawn as a point, too
+    for (size_t i = 0; i < series.x.size(); ++i) {
+      num_drawn += CanDraw(series.x[i], log_x) && CanDraw(series.y[i], log_y);
+    }
+    const bool has_points =
+        series.style != Series::Style::kLines || num_drawn == 1;
+    const int style = series.style == Series::Style::kPoints ? 2
+                      : has_points                           ? 3
+                                                             : 1;
+    const char* comma = num_lines > 1 ? "," : "";
+    titles += comma + QuoteForGnuplot(series.title);
+    colors +=
+        comma + std::to_string(series.color < 0 ? position : series.color);
+    styles += comma + std::to_string(style);
+    bands += comma + std::string(series.y_low.empty() ? "0" : "1");
+    for (size_t i = 0; i < series.x.size(); ++i) {
+      const std::string y = Number(series.y[i], log_y);
+      const auto end = [&](const std::vector<double>& ends) {
+        if (ends.empty()) return std::string();
+        return CanDraw(ends[i], log_y) ? Number(ends[i], log_y) : y;
+      };
+      csv += fmt::format("{},{},{},{},{},{},{},\n",
+                         num_panels,
+                         num_lines,
+                         CsvCell(series.title),
+                         Number(series.x[i], log_x),
+                         y,
+                         end(series.y_low),
+                         end(series.y_high));
+    }
+  }
 
-// Appends data blocks and tables to *data, settings and `plot` to *commands:
-// multiplot allows no tables. `legend_left`: in widths of the axes.
-void AppendPanel(const Plot& plot,
-                 const std::string& prefix,
-                 std::optional<double> legend_left,
-                 std::string* data,
-                 std::string* commands) {
-  CheckSizes(plot);
-  if (IsEmpty(plot)) {
-    *commands += "set multiplot next\n";
-    return;
-  }
-  const auto [x_axis, y_axis] = FitAxes(plot);
-  *commands += fmt::format(
-      "\nset title {} noenhanced font ',15'\n"
-      "set xlabel {} noenhanced\nset ylabel {} noenhanced\nset size {}\n",
-      QuoteForGnuplot(plot.title),
-      QuoteForGnuplot(plot.x_label),
-      QuoteForGnuplot(plot.y_label),
-      plot.equal_aspect ? "ratio -1" : "noratio");
-  std::vector<std::string> elements;
-  if (plot.heat_map) {
-    const HeatMap& map = *plot.heat_map;
-    const std::vector<double> z(map.z.data(), map.z.data() + map.z.size());
-    *commands += kPalette +
-                 AxisCommands("cb", FitAxis(map.log_z, map.z_range, 0.0, z)) +
-                 fmt::format("set cblabel {} noenhanced\n",
-                             QuoteForGnuplot(map.z_label)) +
-                 AxisCommands("x", x_axis, NumberedTicks(map.x_labels)) +
-                 AxisCommands("y", y_axis, NumberedTicks(map.y_labels));
-    if (AppendCells(prefix + "_cells", map, data)) {
-      // The border closes the gaps between neighbours of one colour.
-      elements.push_back(
-          prefix +
-          "_cells using 1:2:($1-.5):($1+.5):($2-.5):($2+.5):3 with boxxyerror "
-          "lc palette fs solid 1.0 border notitle");
+  void SetKey(const Plot& plot, int first) {
+    const auto num_titles = static_cast<size_t>(std::count_if(
+        plot.series.begin(), plot.series.end(), [](const Series& series) {
+          return !series.title.empty();
+        }));
+    if (num_titles <= num_keys) return;
+    num_keys = num_titles;
+    key_lines = key_points = "";
+    key_width = 0;
+    for (size_t i = 0; i < plot.series.size(); ++i) {
+      const Series& series = plot.series[i];
+      if (series.title.empty()) continue;
+      key_width = std::max(key_width, series.title.size());
+      (series.style == Series::Style::kPoints ? key_points : key_lines) +=
+          std::to_string(first + static_cast<int>(i)) + " ";
     }
-  } else {
-    *commands +=
-        AxisCommands("x", x_axis, plot.x_ticks) + AxisCommands("y", y_axis);
   }
-  if (plot.contours &&
-      AppendContours(prefix + "_contours", *plot.contours, data)) {
-    elements.push_back(
-        prefix +
-        "_contours using 1:2 with lines lw 1 lc rgb '#b4bcc8' notitle");
-  }
-  std::vector<std::string> bands, muted, lines;
-  for (size_t i = 0; i < plot.series.size(); ++i) {
-    const Series& series = plot.series[i];
-    const std::string name = fmt::format("{}_series{}", prefix, i);
-    const int num_points = AppendSeries(name, series, x_axis, y_axis, data);
-    const int look = series.color < 0 ? static_cast<int>(i) : series.color;
-    if (num_points > 0 && !series.y_low.empty()) {
-      bands.push_back(fmt::format(
-          "{} using 1:3:4 with filledcurves fs transparent solid 0.18 noborder "
-          "lc rgb '{}' notitle",
-          name,
-          kColors[look % std::size(kColors)]));
-    }
-    // A series without points is still in the legend.
-    (series.is_muted && num_points > 0 ? muted : lines)
-        .push_back((num_points > 0 ? name + " using 1:2" : "NaN") +
-                   SeriesStyle(series, look, num_points) +
-                   (series.title.empty()
-                        ? " notitle"
-                        : " title " + QuoteForGnuplot(series.title)));
-  }
-  for (const auto* group : {&muted, &bands, &lines}) {
-    elements.insert(elements.end(), group->begin(), group->end());
-  }
-  if (elements.empty()) elements.emplace_back("NaN notitle");  // the axes alone
-  *commands += legend_left.has_value()
-                   ? fmt::format(
-                         "set key at graph {:.10g}, graph 1 left top Left "
-                         "reverse noenhanced samplen 2.5 spacing 1.15\n",
-                         *legend_left)
-                   : "unset key\n";
-  *commands += fmt::format("plot {}\n", fmt::join(elements, ", \\\n     "));
-}
 
-// In pixels. Each panel has room for what stands beside it; the last legend is
-// beside the last column.
-std::string MakeScript(const std::string& name_png,
-                       const std::string& name_gp,
-                       const std::vector<Plot>& plots,
-                       int num_columns) {
-  const auto num_panels = static_cast<int>(plots.size());
-  if (num_columns == 0) {
-    num_columns =
-        num_panels <= 3
-            ? num_panels
-            : std::min(4, static_cast<int>(std::ceil(std::sqrt(num_panels))));
-  }
-  const int num_rows = (num_panels + num_columns - 1) / num_columns;
-  constexpr int kLeft = 115, kRight = 35, kTop = 55, kBottom = 75;
-  int panel_width = num_rows > 1 ? 480 : num_panels > 1 ? 640 : 1050;
-  const int panel_height = (num_rows > 1     ? 540
-                            : num_panels > 1 ? 700
-                                             : 800) -
-                           kTop - kBottom;
-  int color_bar = 0, legend = 0;
-  std::vector<bool> has_legend;
-  for (int i = 0; i < num_panels; ++i) {
-    if (plots[i].heat_map) color_bar = 122;  // with its gap and numbers
-    has_legend.push_back(i + 1 == num_panels ||
-                         Legend(plots[i + 1]) != Legend(plots[i]));
-    if (i + 1 < num_panels && has_legend[i]) {
-      legend = std::max(legend, LegendWidth(plots[i]));
+  std::string Script(const std::string& name, int num_columns) const {
+    std::string script = fmt::format(
+        "# To restyle the picture, edit and run: gnuplot {0}\n"
+        "png = {1}\ncsv = {2}\npanels = {3}\ncolumns = {4}\nlegend = {5}\n"
+        "key_lines = \"{6}\"\nkey_points = \"{7}\"\nmaps = {8}\n",
+        QuoteForGnuplot(name + ".gp"),
+        QuoteForGnuplot(name + ".png"),
+        QuoteForGnuplot(name + ".csv"),
+        num_panels,
+        num_columns,
+        key_width,
+        key_lines,
+        key_points,
+        has_map ? 1 : 0);
+    for (const auto& [array, values] : {std::pair("title", titles),
+                                        std::pair("color", colors),
+                                        std::pair("style", styles),
+                                        std::pair("band", bands)}) {
+      script += fmt::format("array {}[{}] = [{}]\n",
+                            array,
+                            std::max(num_lines, 1),
+                            num_lines == 0 ? "0" : values);
     }
+    return script + kPlotScript + panels + "\nunset multiplot\nunset output\n";
   }
-  const int last_legend = std::max(LegendWidth(plots.back()) - legend, 0);
-  if (num_panels == 1) {
-    panel_width = std::max(panel_width - last_legend - color_bar, 700);
-  }
-  const int gap = kLeft + kRight + color_bar + legend;
-  const int width = num_columns * (panel_width + gap) + last_legend;
-  const int height = num_rows * (panel_height + kTop + kBottom);
-  std::string data;
-  std::string commands;
-  for (int i = 0; i < num_panels; ++i) {
-    std::optional<double> legend_left;
-    if (has_legend[i] && LegendWidth(plots[i]) > 0) {
-      legend_left = 1.01 + static_cast<double>(color_bar) / panel_width;
-    }
-    AppendPanel(
-        plots[i], fmt::format("$panel{}", i), legend_left, &data, &commands);
-  }
-  // The output is set after the tables, which gnuplot would otherwise write to
-  // it.
-  const double w = width, h = height;
-  return fmt::format(
-      "# To restyle the picture, edit and run: gnuplot {}\n"
-      "set encoding utf8\n"
-      "set terminal pngcairo size {},{} enhanced font 'DejaVu Sans,12' "
-      "background '#ffffff'\n"
-      "set border lw 1 lc rgb '#404040'\n"
-      "set grid xtics ytics lt 1 lw 1 lc rgb '#e2e2e2'\n"
-      "set tics nomirror\n"
-      "{}set output {}\n"
-      "set multiplot layout {},{} margins {:.10g},{:.10g},{:.10g},{:.10g} "
-      "spacing {:.10g},{:.10g}\n{}\nunset multiplot\nunset output\n",
-      QuoteForGnuplot(name_gp),
-      width,
-      height,
-      data,
-      QuoteForGnuplot(name_png),
-      num_rows,
-      num_columns,
-      kLeft / w,
-      1.0 - (gap - kLeft + last_legend) / w,
-      kBottom / h,
-      1.0 - kTop / h,
-      gap / w,
-      (kTop + kBottom) / h,
-      commands);
-}
+};
 
 }  // namespace
 
-void MuteAllButTheLowest(std::vector<Plot>* panels) {
-  CHECK(!panels->empty());
-  std::vector<std::pair<double, std::string>> ranked;
-  for (const Series& series : panels->front().series) {
-    double last = std::numeric_limits<double>::infinity();
-    for (const double y : series.y) last = std::isfinite(y) ? y : last;
-    ranked.emplace_back(last, series.title);
+AxisRange RangeOf(const std::vector<double>& values, bool is_log) {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -low;
+  for (const double value : values) {
+    if (!CanDraw(value, is_log)) continue;
+    low = std::min(low, value);
+    high = std::max(high, value);
   }
-  if (ranked.size() <= kMaxLegible) return;
-  std::stable_sort(
-      ranked.begin(), ranked.end(), [](const auto& a, const auto& b) {
-        return a.first < b.first;
-      });
-  std::set<std::string> kept;
-  for (size_t i = 0; i < kMaxLegible; ++i) kept.insert(ranked[i].second);
-  for (Plot& panel : *panels) {
-    int color = 0;
-    for (Series& series : panel.series) {
-      series.is_muted = kept.count(series.title) == 0;
-      if (series.is_muted) {
-        series.title.clear();
+  if (low > high) low = high = 0.0;  // nothing to draw
+  return {low, high};
+}
+
+std::vector<std::string> ShortNames(const std::vector<std::string>& labels) {
+  // "adam:epochs=5>newton" is the name "adam>newton" with the setting
+  // ":epochs=5".
+  struct Parts {
+    std::string name;
+    std::vector<std::string> settings;
+  };
+  std::vector<Parts> all;
+  std::map<std::string, std::map<std::string, int>> counts;  // of settings
+  for (const std::string& label : labels) {
+    Parts& parts = all.emplace_back();
+    for (size_t begin = 0, end = 0; begin < label.size(); begin = end) {
+      end = std::min(label.find_first_of(":>", begin + 1), label.size());
+      const std::string part = label.substr(begin, end - begin);
+      if (part[0] == ':') {
+        parts.settings.push_back(part);
+        ++counts[parts.name][part];
       } else {
-        series.color = color++;
+        parts.name += part;
       }
     }
-    Series others;
-    others.title = fmt::format("{} others", ranked.size() - kMaxLegible);
-    others.is_muted = true;
-    panel.series.push_back(others);
+    ++counts[parts.name][""];
   }
+  std::vector<std::string> names;
+  for (const Parts& parts : all) {
+    std::string name = parts.name;
+    for (const std::string& setting : parts.settings) {
+      const auto& of_name = counts[parts.name];
+      const auto it = of_name.find(setting);
+      if (it == of_name.end() || it->second < of_name.at("")) name += setting;
+    }
+    names.push_back(name);
+  }
+  return names;
 }
 
 bool WritePlots(const std::string& path_png,
@@ -340,17 +306,21 @@ bool WritePlots(const std::string& path_png,
   CHECK_EQ(path.extension(), ".png") << path_png;
   const std::string folder =
       path.has_parent_path() ? path.parent_path().string() : ".";
-  const std::string name_gp = path.stem().string() + ".gp";
-  const std::string path_gp = folder + "/" + name_gp;
-  const std::string name_png = path.filename().string();
-  if (!WriteFile(
-          path_gp, MakeScript(name_png, name_gp, panels, num_columns), error)) {
+  const std::string name = path.stem().string();
+  const std::string path_gp = folder + "/" + name + ".gp";
+  if (num_columns == 0) {
+    num_columns = panels.size() <= 3 ? static_cast<int>(panels.size()) : 4;
+  }
+  Drawing drawing;
+  for (const Plot& plot : panels) drawing.Add(plot, &plot == &panels.back());
+  if (!WriteFile(folder + "/" + name + ".csv", drawing.csv, error) ||
+      !WriteFile(path_gp, drawing.Script(name, num_columns), error)) {
     return false;
   }
   std::error_code ignored;
   std::filesystem::remove(path, ignored);  // so that an old picture is not
                                            // mistaken for a new one
-  std::string problem = RunGnuplot(folder, name_gp, max_seconds);
+  std::string problem = RunGnuplot(folder, name + ".gp", max_seconds);
   if (problem.empty() && !std::filesystem::exists(path, ignored)) {
     problem = "gnuplot wrote nothing (is the folder writable?)";
   }

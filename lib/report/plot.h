@@ -1,11 +1,19 @@
-// Pictures of curves, paths, contours and heat maps as PNG, drawn by gnuplot.
+// Pictures of curves, paths and heat maps as PNG, drawn by gnuplot.
 //
-// NAME.gp beside NAME.png is the script with all data: to restyle the picture,
-// edit it and run `gnuplot NAME.gp` in its folder.
+// NAME.csv beside NAME.png has the data, and NAME.gp the script: to restyle the
+// picture, edit it and run `gnuplot NAME.gp` in its folder. All scripts end in
+// the same drawing part (plot_script.h), behind what is particular to each.
 //
-// Values that are not finite, and values <= 0 on a logarithmic axis, give gaps
-// in their line. A line of one point is drawn as a point. A logarithmic axis
-// over less than a factor of five is drawn linear.
+// The columns of NAME.csv:
+//
+//   panel, line   numbers from 1; line 0: cells of the panel's heat map
+//   title         of the line
+//   x, y          NaN: a gap in the line
+//   low, high     the band behind it
+//   z             of a cell
+//
+// Values that are not finite, and values <= 0 on a logarithmic axis, are gaps. A
+// logarithmic axis over less than a factor of five is drawn linear.
 //
 // Cost:    about 0.2 s for a picture.
 // Fails:   returns false if gnuplot is missing (*error names the apt package),
@@ -35,19 +43,9 @@ struct Series {
   // seeds: both empty or as many as x.
   std::vector<double> y_low;
   std::vector<double> y_high;
-  // Series with the same number share colour and line type, also across panels;
-  // -1: the position in Plot::series. There are 30 of them.
+  // Series with the same number look the same, also across panels; -1: the
+  // position in Plot::series.
   int color = -1;
-  bool is_muted = false;  // thin and grey, behind the others
-};
-
-// A scalar field on a grid, drawn as contour lines under the series. The levels
-// are quantiles of z, so that the lines spread evenly over the picture for any
-// scale of z.
-struct ContourField {
-  std::vector<double> x;  // ascending
-  std::vector<double> y;  // ascending
-  Eigen::MatrixXd z;      // y.size() x x.size(): z(i, j) is at (x[j], y[i])
 };
 
 // Missing ends follow from the data.
@@ -56,44 +54,55 @@ struct AxisRange {
   std::optional<double> high;
 };
 
-// A matrix in colours, with a colour bar: the cell z(i, j) is the unit square
-// around x = j, y = i. Values that are not finite, and values <= 0 on a
-// logarithmic scale, are blank.
+// A matrix in colours, with a colour bar, under the series. Values that are not
+// finite, and values <= 0 on a logarithmic scale, are blank.
 struct HeatMap {
   Eigen::MatrixXd z;
-  std::vector<std::string> x_labels;  // of the columns; empty: their numbers
-  std::vector<std::string> y_labels;  // of the rows
+  // z(i, j) is the rectangle around x = x_first + j x_step, y = ...
+  double x_first = 0.0;
+  double x_step = 1.0;
+  double y_first = 0.0;
+  double y_step = 1.0;
   bool log_z = false;
-  std::string z_label;  // of the colour bar
-  AxisRange z_range;    // panels with the same range share their colours
+  std::string z_label;   // of the colour bar
+  AxisRange z_range;     // panels with the same range share their colours
+  bool is_grey = false;  // a background for paths, in steps
 };
 
-// Of several panels with the same series only the last one has a legend.
+using Ticks = std::vector<std::pair<double, std::string>>;
+
 struct Plot {
   std::string title;
   std::string x_label;
   std::string y_label;
   bool log_x = false;
   bool log_y = false;
-  // Labelled places on the x axis; empty: round numbers.
-  std::vector<std::pair<double, std::string>> x_ticks;
+  // Labelled places on an axis; empty: round numbers.
+  Ticks x_ticks;
+  Ticks y_ticks;
   AxisRange x_range;
   AxisRange y_range;
-  bool equal_aspect = false;        // one unit is as long on both axes
-  std::optional<HeatMap> heat_map;  // its panel has linear axes
-  std::optional<ContourField> contours;
+  bool equal_aspect = false;  // one unit is as long on both axes
+  std::optional<HeatMap> heat_map;
   std::vector<Series> series;
 };
 
-// Keeps at most eight curves legible: the curves with the lowest last values in
-// the first panel keep colour and name; the others are muted in all panels and
-// share one entry of the legend. Curves with the same title belong together.
-void MuteAllButTheLowest(std::vector<Plot>* panels);
+// Names that tell the labels apart: without settings, or without those that all
+// labels of the same methods have.
+//
+//   adam:step_size=1e-3:batch_size=8, adam:step_size=1e-4:batch_size=8, adaptive
+//   adam:step_size=1e-3, adam:step_size=1e-4, adaptive
+std::vector<std::string> ShortNames(const std::vector<std::string>& labels);
 
-// Writes path_png, which must end in ".png", and the script beside it. The panels
-// form rows of `num_columns`; 0: up to three stand side by side, more form rows
-// of at most four. The place of a panel with nothing in it stays empty. gnuplot
-// is ended after `max_seconds`, and by an Interrupt (interrupt.h).
+// The range of the values that an axis can show, with a margin on both sides.
+AxisRange RangeOf(const std::vector<double>& values, bool is_log);
+
+// Writes path_png, which must end in ".png", and the two files beside it. The
+// panels form rows of `num_columns`; 0: up to three stand side by side, more
+// form rows of four. All have the same size, and the picture at most 2,000
+// pixels of width. The place of a panel with nothing in it stays empty. The
+// legend is that of the panel with most titles. gnuplot is ended after
+// `max_seconds`, and by an Interrupt (interrupt.h).
 bool WritePlots(const std::string& path_png,
                 const std::vector<Plot>& panels,
                 std::string* error,

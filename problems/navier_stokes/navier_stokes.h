@@ -43,7 +43,7 @@ struct NavierStokesSettings {
 };
 
 // Cost: y: 8 steps; Linearize: some 2.5 y; J v, J^T w: some y / 2 each; Adjoint,
-//       which is Linearize and J^T w: some 3 y (bench_field measures it).
+//       which is Linearize and J^T w: some 3 y (bin/bench/field.cc).
 //       Linearize keeps 360 bytes a cell and step: 12 MB at n = 64.
 // Fails if y is not finite.
 class NavierStokesSimulator final : public FieldSimulator {

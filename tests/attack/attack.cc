@@ -11,7 +11,7 @@
 #include "gflags/gflags.h"
 #include "gtest/gtest.h"
 
-DEFINE_double(seconds, 12.0, "how long each attack looks for findings");
+DEFINE_double(seconds, 4.0, "how long each attack looks for findings");
 DEFINE_uint64(seed, 1, "of the first case; the next ones count on");
 
 namespace invgrad {

@@ -117,7 +117,6 @@ std::vector<CommandLineRow> MakeRows() {
        "$C --output=o --resume",
        0,
        "steps done"},
-      {"", "accuracy --problems=toy_network --train_steps=1", 0, "J 512 x 30"},
       // Methods that fail.
       {"", "$E --input=in.dat --methods=adam:step_size=1e300", 3, "failed"},
       {"", "$C --rules=adam,supervised --output=o", 2, "supervised"},
@@ -131,7 +130,7 @@ std::vector<CommandLineRow> MakeRows() {
       {"", "trajectories --steps=2147483647 --plots=false", 1, "--steps"},
       {"", "trajectories --grid=2147483647 --plots=false", 1, "--grid"},
       {"", "sweep --grid=rule=adam;seed=1..20000", 1, "--grid"},
-      {"", "scaling --rules=nothing", 1, "nothing"},
+      {"", "proposals --rules=nothing", 1, "nothing"},
       // Names.
       {"", "compare --rule=adam", 1, "rule"},
       {"", "compare adam", 1, "adam"},
@@ -150,7 +149,7 @@ std::vector<CommandLineRow> MakeRows() {
        "cannot write the output",
        "/dev/full"},
       {"", "estimate --list", 1, "cannot write the output", "/dev/full"},
-      {"", "scaling", 1, "cannot write the output", "/dev/full"},
+      {"", "proposals --help", 1, "cannot write the output", "/dev/full"},
   };
 }
 
@@ -256,10 +255,6 @@ const std::vector<SmallRun>& SmallRuns() {
        "in.dat"},
       {"trajectories",
        {"--steps=2", "--grid=5", "--plots=false", "--output=run"},
-       ""},
-      {"scaling", {}, ""},
-      {"accuracy",
-       {"--problems=toy_network", "--train_steps=1", "--batch_size=8"},
        ""},
       {"proposals", {"--rules=half_inverse"}, ""},
   };

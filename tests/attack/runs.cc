@@ -79,8 +79,7 @@ Command AnySweep(Dice* dice) {
   command.arguments = {
       "--problem=" + AnyProblem(dice),
       fmt::format("--grid=rule={},adam:step_size=1e-2|1e-3;seed=1,2",
-                  AnyRule(dice)),
-      fmt::format("--jobs={}", 1 + dice->Below(3))};
+                  AnyRule(dice))};
   AddTraining(dice, &command.arguments);
   return command;
 }

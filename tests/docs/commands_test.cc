@@ -51,7 +51,6 @@ class CommandsTest : public ::testing::TestWithParam<std::string> {
  protected:
   CommandsTest() : files_(folder_ / "") {
     fs::create_directories(folder_ / "docs/tutorials");
-    fs::create_directories(folder_ / "runs/step_cost");
   }
 
   // In a folder of its own, in which the flag file of an earlier command of the

@@ -46,6 +46,7 @@ class Recorder {
                              "git",
                              "mkdir",
                              "mpirun",
+                             "parallel",
                              "pkg-config",
                              "sudo"}) {
       Add(std::string("tools/") + tool);

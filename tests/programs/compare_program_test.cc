@@ -217,9 +217,8 @@ TEST_F(CompareProgram, NeuronsOfOneEpochAreDrawnAsPoints) {
   arguments[4] = "--plots";
   ASSERT_EQ(Run(arguments).exit_code, 0);
   const std::string script = ReadAll(Path("run") + "/neurons.gp");
-  EXPECT_NE(script.find("$panel1_series59 using 1:2 with linespoints"),
-            std::string::npos);
-  EXPECT_NE(script.find("title \"layer 3\""), std::string::npos);
+  EXPECT_NE(script.find("array style[120] = [3,3"), std::string::npos);
+  EXPECT_NE(script.find("\"layer 3\""), std::string::npos);
 }
 
 TEST_F(CompareProgram, FlagsOfTrainingAreRefusedWithoutANetwork) {

@@ -55,7 +55,7 @@ TEST_F(HeatProgram, NetworksLeaveTheirFields) {
                              "--output=" + Path("run")});
   ASSERT_EQ(output.exit_code, 0) << output.text;
   const std::string script = ReadAll(Path("run") + "/fields.gp");
-  EXPECT_NE(script.find("layout 4,2"), std::string::npos);
+  EXPECT_NE(script.find("panels = 8\ncolumns = 2\n"), std::string::npos);
   size_t end = 0;
   for (const char* title : {"y*",
                             "x*",

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -50,7 +51,10 @@ TEST_F(SweepProgram, RefusesOtherFlagsOutOfRange) {
   const std::string problem = "--problem=toy_network";
   ExpectRefused({"--problem=toy_net", grid}, {"toy_net"});
   ExpectRefused({"--problem=squared_component", grid}, {"no network"});
-  ExpectRefused({problem, grid, "--jobs=0"}, {"--jobs=0", "1024"});
+  ExpectRefused({problem, grid, "--job=1"}, {"--job=1", "[-1, 0]"});
+  ExpectRefused({problem, grid, "--job=0", "--collect"}, {"one of them"});
+  ExpectRefused({problem, grid, "--collect", "--output=" + Path("none")},
+                {"--output", "none"});
   ExpectRefused({problem, grid, "--tail=1"}, {"--tail=1", "[0, 1)"});
   ExpectRefused({problem, grid, "--seconds=-1"}, {"--seconds=-1"});
   ExpectRefused({problem, grid, "--value=test_loss"},
@@ -119,12 +123,45 @@ TEST_F(SweepProgram, RunsAreThoseOfCompare) {
   }
 }
 
-TEST_F(SweepProgram, TheNumberOfProcessesDoesNotMatter) {
-  ASSERT_EQ(Run(SmallSweep("one")).exit_code, kSomeFailed);
-  std::vector<std::string> arguments = SmallSweep("three");
-  arguments.push_back("--jobs=3");
-  ASSERT_EQ(Run(arguments).exit_code, kSomeFailed);
-  EXPECT_EQ(Losses("one"), Losses("three"));
+// As a shell, xargs or GNU parallel runs the lines.
+TEST_F(SweepProgram, AListOfJobsInAnyOrderGivesTheSameResults) {
+  ASSERT_EQ(Run(SmallSweep("row")).exit_code, kSomeFailed);
+  std::vector<std::string> arguments = SmallSweep("list");
+  arguments.push_back("--list_jobs");
+  const Output list = Run(arguments);
+  ASSERT_EQ(list.exit_code, 0) << list.text;
+  EXPECT_FALSE(fs::exists(Path("list") + "/jobs"));
+  std::istringstream text(list.text);
+  std::vector<std::string> jobs;
+  for (std::string job; std::getline(text, job);) jobs.push_back(job);
+  ASSERT_EQ(jobs.size(), 8u);
+  arguments.back() = "--collect";
+  const Output none = Run(arguments);
+  EXPECT_EQ(none.exit_code, 3) << none.text;
+  EXPECT_EQ(Results("list")[0].at("status"), "not run");
+  std::ofstream(Path("jobs"))
+      << jobs[7] << '\n'
+      << jobs[1] << " & " << jobs[2] << " & " << jobs[0] << " & wait\n"
+      << jobs[3] << "\nfalse || " << jobs[1];
+  const Output some = Wait(StartCommand({"sh", Path("jobs")}));
+  EXPECT_EQ(some.exit_code, 0) << some.text;
+  ExpectSays(some, {"7-lambda-0.1-adam-step_size-1e200", "diverged"});
+  // What the others did is there, and is not done again.
+  const Output rest = Run(SmallSweep("list"));
+  EXPECT_EQ(rest.exit_code, kSomeFailed) << rest.text;
+  ExpectSays(rest, {"5 of 8 runs were done before"});
+  EXPECT_EQ(Losses("list"), Losses("row"));
+  arguments.back() = "--collect";
+  EXPECT_EQ(Run(arguments).exit_code, kSomeFailed);
+  EXPECT_EQ(Losses("list"), Losses("row"));
+  EXPECT_EQ(ReadAll(Path("list") + "/files.txt").size(),
+            ReadAll(Path("row") + "/files.txt").size());
+  // A job of another sweep is refused.
+  arguments[2] = "--steps=5";
+  arguments.back() = "--job=0";
+  const Output other = Run(arguments);
+  EXPECT_EQ(other.exit_code, 1);
+  ExpectSays(other, {"now it is --steps=5, a smaller budget"});
 }
 
 TEST_F(SweepProgram, GoesOnWithWhatIsMissing) {
@@ -203,7 +240,6 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   arguments[1] =
       "--grid=rule=gradient_descent:step_size=1e200,adam,rmsprop;seed=1";
   arguments[2] = "--steps=1000000000";
-  arguments.push_back("--jobs=1");
   const pid_t child = Start(arguments);
   const std::string endless = Path("run") + "/jobs/1-adam-batch32-seed1";
   for (int i = 0; i < 500 && !fs::exists(endless); ++i) {
@@ -228,30 +264,6 @@ TEST_F(SweepProgram, InterruptKeepsWhatIsComplete) {
   const Output refused = Run(arguments);
   EXPECT_EQ(refused.exit_code, 1);
   ExpectSays(refused, {"now it is --steps=1, a smaller budget"});
-}
-
-TEST_F(SweepProgram, KilledJobsAreFailedRuns) {
-  std::vector<std::string> arguments = SmallSweep("run");
-  arguments[1] = "--grid=rule=adam,rmsprop;seed=1";
-  arguments[2] = "--steps=1000000000";
-  const pid_t sweep = Start(arguments);
-  const std::string pid = std::to_string(sweep);
-  pid_t killed = 0;
-  for (int i = 0; i < 2; ++i) {  // one job after the other
-    pid_t job = killed;
-    for (int k = 0; k < 3000 && job == killed; ++k) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-      std::ifstream children("/proc/" + pid + "/task/" + pid + "/children");
-      if (!(children >> job)) job = killed;
-    }
-    ASSERT_NE(job, killed);
-    ::kill(job, SIGKILL);
-    killed = job;
-  }
-  const Output output = Wait(sweep);
-  EXPECT_EQ(output.exit_code, 3) << output.text;
-  ExpectSays(output, {"ended by signal 9 (Killed)", "sweep: no run worked"});
-  EXPECT_EQ(Results("run").size(), 2u);
 }
 
 TEST_F(SweepProgram, ARuleThatCannotTakeTheProblemIsARow) {

@@ -126,44 +126,6 @@ TEST_F(SweepRanks, AnyNumberGivesTheSameResults) {
   ExpectSays(again, {"8 of 8 runs were done before"});
 }
 
-TEST_F(SweepRanks, JobsStartsMpirun) {
-  Words arguments = EndlessSweep("run");
-  arguments.emplace_back("--jobs=2");
-  const pid_t sweep = Start(arguments);
-  WaitForJobs("run", 3);
-  const std::vector<pid_t> mpirun = Children(sweep);
-  ASSERT_EQ(mpirun.size(), 1u);
-  EXPECT_EQ(Children(mpirun[0]).size(), 2u);
-  ::kill(sweep, SIGINT);
-  const Output output = Wait(sweep);
-  EXPECT_EQ(output.exit_code, 128 + SIGINT) << output.text;
-  EXPECT_EQ(NumTimes("ending after the current step", output.text), 1);
-  EXPECT_EQ(NumTimes("the same command goes on", output.text), 1);
-  EXPECT_EQ(output.text.find("non-zero"), std::string::npos) << output.text;
-  EXPECT_EQ(NumProcesses(), 0);
-  const CsvLines rows = Results("run");
-  ASSERT_EQ(rows.size(), 3u);
-  EXPECT_EQ(rows[0].at("status").substr(0, 8), "diverged");
-  EXPECT_EQ(rows[1].at("status"), "interrupted");
-  EXPECT_EQ(rows[2].at("status"), "interrupted");
-  for (const char* job :
-       {"/1-adam-batch32-seed1", "/2-rmsprop-batch32-seed1"}) {
-    EXPECT_TRUE(fs::exists(Path("run") + "/jobs" + job + "/checkpoint"));
-  }
-}
-
-TEST_F(SweepRanks, JobsWithoutMpirunRunsOneAfterTheOther) {
-  const std::string path = std::getenv("PATH");
-  ::setenv("PATH", Path("").c_str(), 1);
-  Words arguments = SmallSweep("run");
-  arguments.emplace_back("--jobs=2");
-  const Output output = Run(arguments);
-  ::setenv("PATH", path.c_str(), 1);
-  EXPECT_EQ(output.exit_code, kSomeFailed) << output.text;
-  EXPECT_EQ(NumTimes("--jobs=2 needs mpirun", output.text), 1) << output.text;
-  EXPECT_EQ(Results("run").size(), 8u);
-}
-
 TEST_F(SweepRanks, ASignalToMpirunKeepsWhatIsComplete) {
   const pid_t mpirun = StartRanks(2, EndlessSweep("run"));
   WaitForJobs("run", 3);
@@ -174,34 +136,6 @@ TEST_F(SweepRanks, ASignalToMpirunKeepsWhatIsComplete) {
   EXPECT_EQ(NumTimes("sweep: the same command goes on", output.text), 1);
   EXPECT_EQ(Results("run")[0].at("status").substr(0, 8), "diverged");
   EXPECT_EQ(Results("run")[1].at("status"), "interrupted");
-}
-
-TEST_F(SweepRanks, KilledJobsAreRows) {
-  Words arguments = EndlessSweep("run");
-  const pid_t mpirun = StartRanks(2, arguments);
-  WaitForJobs("run", 3);
-  std::vector<pid_t> jobs;
-  for (int i = 0; i < 3000 && jobs.size() < 2; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    jobs.clear();
-    for (const pid_t rank : Children(mpirun)) {
-      for (const pid_t job : Children(rank)) jobs.push_back(job);
-    }
-  }
-  ASSERT_EQ(jobs.size(), 2u);
-  for (const pid_t job : jobs) {
-    const std::string threads = "/proc/" + std::to_string(job) + "/task";
-    EXPECT_EQ(std::distance(fs::directory_iterator(threads), {}), 1);
-    ::kill(job, SIGKILL);
-  }
-  const Output output = Wait(mpirun);
-  EXPECT_EQ(output.exit_code, 3) << output.text;
-  EXPECT_EQ(NumTimes("sweep: 1-adam-batch32-seed1: ended by signal 9 (Killed)",
-                     output.text),
-            1)
-      << output.text;
-  EXPECT_EQ(Results("run")[2].at("status"),
-            "not run: ended by signal 9 (Killed)");
 }
 
 TEST_F(SweepRanks, OneRankSaysWhatIsWrong) {

@@ -204,9 +204,9 @@ TEST(SweepPlots, LinesAndHeatMapsShowTheMedians) {
   ASSERT_EQ(maps.size(), 2u);  // one a rule
   EXPECT_EQ(maps[1].title, "half_inverse");
   const HeatMap& map = *maps[1].heat_map;
-  EXPECT_EQ(map.x_labels, (std::vector<std::string>{"0.01", "1"}));
+  EXPECT_EQ(maps[1].x_ticks, (Ticks{{0.0, "0.01"}, {1.0, "1"}}));
   // A batch of 0 is one of all 256 samples.
-  EXPECT_EQ(map.y_labels, (std::vector<std::string>{"4", "8", "0"}));
+  EXPECT_EQ(maps[1].y_ticks, (Ticks{{0.0, "4"}, {1.0, "8"}, {2.0, "0"}}));
   EXPECT_EQ(map.z(2, 0), 12.0);
   EXPECT_TRUE(std::isnan(map.z(0, 0)));
   EXPECT_EQ(map.z(1, 1), 4.0);

@@ -1,9 +1,9 @@
 #include <cmath>
 #include <limits>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/rank/smallest_singular.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace largest_singular_value_test {

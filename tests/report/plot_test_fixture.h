@@ -6,7 +6,6 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -85,7 +84,7 @@ class PlotTest : public testing::Test {
     return {number(16), number(20)};
   }
 
-  // The script that would draw, without drawing.
+  // The script that would draw, without drawing, and its data.
   std::string Script(const std::vector<Plot>& plots) {
     const Path path(FakeGnuplot("exit 1"));
     std::string error;
@@ -93,19 +92,9 @@ class PlotTest : public testing::Test {
     return Read(folder_ / "script.gp");
   }
   std::string Script(const Plot& plot) { return Script(std::vector{plot}); }
-
-  // The lines of a data block.
-  static std::vector<std::string> Data(const std::string& script,
-                                       const std::string& name) {
-    std::istringstream text(script);
-    std::string line;
-    while (std::getline(text, line) && line != name + " << EOD") {
-    }
-    std::vector<std::string> lines;
-    while (std::getline(text, line) && line != "EOD") {
-      lines.push_back(line);
-    }
-    return lines;
+  std::string Data(const std::vector<Plot>& plots) {
+    Script(plots);
+    return Read(folder_ / "script.csv");
   }
 
   static bool Has(const std::string& text, const std::string& part) {

@@ -6,9 +6,9 @@
 #include <memory>
 #include <string>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace gain_control_test {

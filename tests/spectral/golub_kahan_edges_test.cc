@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/golub_kahan.h"
 #include "tests/spectral/golub_kahan_step_of.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace golub_kahan_edges_test {

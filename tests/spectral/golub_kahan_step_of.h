@@ -3,10 +3,10 @@
 #define INVGRAD_TESTS_SPECTRAL_GOLUB_KAHAN_STEP_OF_H_
 
 #include "Eigen/Core"
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/golub_kahan.h"
 #include "invgrad/spectral/spectral_filter.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 

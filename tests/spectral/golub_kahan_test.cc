@@ -7,13 +7,13 @@
 #include <utility>
 #include <vector>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/oscillator_chain.h"
 #include "tests/spectral/golub_kahan_step_of.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace golub_kahan_test {

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "bin/support/spectral_reference.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/spectral_step.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

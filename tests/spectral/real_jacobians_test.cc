@@ -3,10 +3,10 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "problems/problems.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

@@ -5,9 +5,9 @@
 #include <limits>
 #include <utility>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/spectral_step.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

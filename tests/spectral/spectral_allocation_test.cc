@@ -2,13 +2,13 @@
 // nothing.
 #include <utility>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/routes/tridiagonalization.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "tests/support/count_allocations.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace {

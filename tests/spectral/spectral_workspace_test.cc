@@ -7,7 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/linearization.h"
@@ -15,6 +14,7 @@
 #include "invgrad/rules/rules.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "tests/spectral/graded_jacobians.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

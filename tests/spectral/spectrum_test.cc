@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "Eigen/SVD"
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

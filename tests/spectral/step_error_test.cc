@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace step_error_test {

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 
 namespace invgrad {

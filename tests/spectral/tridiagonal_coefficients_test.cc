@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace tridiagonal_coefficients_test {

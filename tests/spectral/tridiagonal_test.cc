@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace tridiagonal_test {

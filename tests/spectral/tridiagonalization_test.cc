@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/spectral/routes/two_stage.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 namespace tridiagonalization_test {

@@ -4,10 +4,10 @@
 
 #include <limits>
 
-#include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/spectral/spectral_step.h"
+#include "tests/support/spectral_reference.h"
 
 namespace invgrad {
 

@@ -90,8 +90,7 @@ struct SpectralStepOptions {
   double memory_limit = 0.0;
 
   // The tolerances of the rules: 1e-2 and 0.25. The error estimate is at least
-  // 20 times the error for the Jacobians of the problems
-  // (docs/results/accuracy.md), and training does not depend on it
+  // the error (tests/spectral), and training does not depend on it
   // (docs/results/speed.md). A value within a quarter of the threshold may be
   // kept or dropped; tau is rarely known more precisely.
   static SpectralStepOptions ForTraining();
