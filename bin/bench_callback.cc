@@ -35,7 +35,6 @@ from samples, each a roll-out of up to --steps time steps.
 #include "invgrad/ceres/cached_problem.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/update_callback.h"
-#include "invgrad/core/blas.h"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/bundle_adjustment.h"
 
@@ -157,7 +156,6 @@ bool RunAll(RunCounts* counts, std::string* error) {
       (!FLAGS_input.empty() && !ReadBalFile(FLAGS_input, &data, error))) {
     return false;
   }
-  const SingleBlasThread single(true);
   const auto add = [&data](const char* name, auto solve) {
     RegisterBenchmark(name, [&data, solve](benchmark::State& state) {
       Run(state, data, solve);

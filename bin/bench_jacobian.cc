@@ -25,7 +25,6 @@
 #include "glog/logging.h"
 #include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/blas.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {
@@ -120,7 +119,6 @@ std::string RegisterAutoDiff() {
 }
 
 bool Run(RunCounts* counts, std::string* /*error*/) {
-  SetBlasThreads(1);
   for (const std::string coupling : {"linear", "cubic"}) {
     RegisterBenchmark(coupling + "_chain/jacobian",
                       [coupling](benchmark::State& state) {

@@ -51,7 +51,6 @@
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/spectral/golub_kahan.h"
@@ -392,7 +391,6 @@ bool Run(RunCounts* counts, std::string* error) {
       !FindRows("cases", CaseRows(), &rows, error)) {
     return false;
   }
-  SetBlasThreads(1);
   if (FLAGS_memory) {
     PrintMemory(rows);
     return true;

@@ -25,7 +25,6 @@ method also runs with one sample at a time in place of four in lanes, with
 #include "bin/support/benchmarks.h"
 #include "bin/support/learning_run.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 
 DEFINE_string(problem, "sine:xi=32:phi=45", "a problem with a network");
 DEFINE_string(rules,
@@ -106,7 +105,6 @@ bool Run(RunCounts* counts, std::string* error) {
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }
-  SetBlasThreads(1);
   const Model& model = *problem.model;
   const std::shared_ptr<const Feedback> feedback(problem.model,
                                                  model.feedback());

@@ -29,7 +29,6 @@ ratios, and the largest relative difference of a standard deviation.
 #include "ceres/problem.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/covariance/covariance.h"
 #include "invgrad/io/format.h"
 #include "invgrad/methods/method.h"
@@ -157,7 +156,6 @@ bool Run(RunCounts* counts, std::string* error) {
     *error = "--input is missing: files, such as M3500.g2o";
     return false;
   }
-  SetBlasThreads(1);
   Table table;
   for (const std::string& file : SplitList(FLAGS_input)) {
     if (!AddRow(file, &table, error)) return NameFlag("input", false, error);

@@ -40,7 +40,6 @@ Sample runs:
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/spectral/gradient_noise.h"
@@ -244,7 +243,6 @@ bool Run(RunCounts* counts, std::string* error) {
   FreshProbe probe(
       problem, batch_size, FLAGS_fresh_batches, options.shuffle, FLAGS_seed);
   if (!NameFlag("fresh_batches", probe.IsValid(error), error)) return false;
-  SetBlasThreads(1);
   options.initial_weights = InitialWeights(problem, FLAGS_seed);
   options.inverse = problem.inverse;
   TrainingRun run(*problem.model,

@@ -30,7 +30,6 @@ sent for a step.
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/train/train.h"
 #include "problems/problem.h"
 
@@ -115,7 +114,6 @@ bool Run(RunCounts* counts, std::string* error) {
     *error = "start it on several ranks: mpirun -n 2 rank_speedup";
     return false;
   }
-  SetBlasThreads(1);
   std::vector<double> alone, together, ratios;
   double num_sent = 0.0;
   for (int turn = 0; turn < FLAGS_turns; ++turn) {

@@ -25,7 +25,6 @@ global        --sides right-hand sides, sums of three decays with common rates:
 #include "bin/separable_fits/parts.h"
 #include "bin/support/program.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 
 DEFINE_string(part, "all", "all, exponentials or global");
 DEFINE_int32(starts, 1000, "of each number of exponentials");
@@ -52,7 +51,6 @@ bool Run(RunCounts* counts, std::string* error) {
                   error)) {
     return false;
   }
-  SetBlasThreads(1);
   if (FLAGS_part != "global" && !CompareExponentials(counts, error)) {
     return false;
   }

@@ -27,7 +27,6 @@
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/spectral/spectral_step.h"
@@ -166,7 +165,6 @@ bool Run(RunCounts* counts, std::string* error) {
                   error)) {
     return false;
   }
-  SetBlasThreads(1);
   std::vector<Size> by_weights;
   for (double width = 30.0; width <= FLAGS_largest_width; width *= 1.4) {
     by_weights.emplace_back(static_cast<int>(width), 16);

@@ -54,7 +54,7 @@ more.
 #include "bin/sweep/schedule.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "report/interrupt.h"
 #include "report/progress.h"
 

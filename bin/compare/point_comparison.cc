@@ -11,7 +11,7 @@
 #include "bin/compare/field_plots.h"
 #include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/format.h"

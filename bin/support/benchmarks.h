@@ -20,6 +20,19 @@
 
 namespace invgrad {
 
+// Whether a run of Google Benchmark ended by SkipWithError, which versions name
+// differently: error_occurred up to 1.7, skipped from 1.8 on.
+template <typename Run>
+auto HasFailed(const Run& run, int /*first choice*/)
+    -> decltype(bool(run.error_occurred)) {
+  return run.error_occurred;
+}
+template <typename Run>
+auto HasFailed(const Run& run, long /*second choice*/)
+    -> decltype(run.skipped != 0) {
+  return run.skipped != 0;
+}
+
 // Prints Google Benchmark's lines, and keeps the times.
 class RatioReporter final : public benchmark::ConsoleReporter {
  public:
@@ -27,8 +40,9 @@ class RatioReporter final : public benchmark::ConsoleReporter {
     benchmark::ConsoleReporter::ReportRuns(runs);
     for (const Run& run : runs) {
       if (run.run_type != Run::RT_Iteration) continue;
-      counts_.Add(!run.error_occurred);
-      if (run.error_occurred) continue;
+      const bool has_failed = HasFailed(run, 0);
+      counts_.Add(!has_failed);
+      if (has_failed) continue;
       // In seconds, for any printed unit.
       times_[run.run_name.function_name].push_back(
           run.GetAdjustedRealTime() /

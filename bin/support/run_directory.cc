@@ -19,6 +19,7 @@
 #include "ceres/version.h"
 #include "fmt/core.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/version.h"
 

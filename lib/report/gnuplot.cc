@@ -16,7 +16,7 @@
 #include <set>
 #include <system_error>
 
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "report/interrupt.h"
 
 namespace invgrad {

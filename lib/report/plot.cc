@@ -8,7 +8,7 @@
 #include <numeric>
 #include <set>
 
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "report/gnuplot.h"

@@ -4,7 +4,6 @@
 
 #include "bin/support/spectral_reference.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/spectral/routes/tridiagonalization.h"
 #include "invgrad/spectral/spectral_step.h"
 #include "tests/support/count_allocations.h"
@@ -65,7 +64,6 @@ TEST(SpectralAllocation, AWarmStepByTheGramRouteHasNone) {
 
 TEST(SpectralAllocation, ASecondTridiagonalizationHasNone) {
   if (!CountsAllocations()) GTEST_SKIP() << "the sanitizer owns malloc";
-  const SingleBlasThread single(true);  // threads are given work by malloc
   RandomMatrices random(1);
   const MatrixXd A = random.WithSpectrum(260, 260, LogUniform(260, 1e-3));
   const MatrixXd K = A * A.transpose();

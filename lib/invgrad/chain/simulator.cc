@@ -4,8 +4,8 @@
 #include <functional>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

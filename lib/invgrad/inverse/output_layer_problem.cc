@@ -6,8 +6,8 @@
 #include <memory>
 #include <optional>
 
-#include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "Eigen/QR"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
 #include "invgrad/output_layer/share.h"
 #include "invgrad/output_layer/tall_svd.h"

@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

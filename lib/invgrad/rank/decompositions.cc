@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "glog/logging.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {
@@ -14,9 +13,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// For fewer columns one thread is faster (blas.h).
-constexpr Index kThreads = 1000;
 
 lapack_int Int(Index size) { return static_cast<lapack_int>(size); }
 lapack_int LeadingDimension(const MatrixXd& A) {
@@ -73,7 +69,6 @@ VectorXd Svd(MatrixXd* A, MatrixXd* VT) {
 RightSvd ComputeRightSvd(MatrixXd A) {
   const Index m = A.rows();
   const Index n = A.cols();
-  const SingleBlasThread single_thread(n < kThreads);
   if (m < n) {
     A.conservativeResize(n, n);
     A.bottomRows(n - m).setZero();
@@ -87,14 +82,12 @@ RightSvd ComputeRightSvd(MatrixXd A) {
 }
 
 VectorXd SingularValues(MatrixXd A) {
-  const SingleBlasThread single_thread(A.cols() < kThreads);
   ReduceTall(&A);
   return Svd(&A, nullptr);
 }
 
 MatrixXd Orthonormalized(MatrixXd X) {
   CHECK_GE(X.rows(), X.cols());
-  const SingleBlasThread single_thread(X.cols() < kThreads);
   const VectorXd tau = QrInPlace(&X);
   CHECK_EQ(LAPACKE_dorgqr(LAPACK_COL_MAJOR,
                           Int(X.rows()),
@@ -120,7 +113,6 @@ bool Extend(const VectorXd& v, MatrixXd* Q) {
 }
 
 std::vector<int> PivotOrder(MatrixXd A) {
-  const SingleBlasThread single_thread(A.cols() < kThreads);
   std::vector<lapack_int> order(static_cast<std::size_t>(A.cols()), 0);
   VectorXd tau(std::min(A.rows(), A.cols()));
   CHECK_EQ(LAPACKE_dgeqp3(LAPACK_COL_MAJOR,

@@ -11,8 +11,8 @@
 
 #include "Eigen/CholmodSupport"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rank/decompositions.h"
 
 namespace invgrad {

@@ -65,10 +65,10 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layer_jacobian.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rules/kfac_layers.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"

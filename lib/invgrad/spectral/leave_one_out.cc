@@ -5,10 +5,9 @@
 #include <memory>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/gram_matrix.h"
 #include "invgrad/spectral/routes/left_out_changes.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
@@ -20,9 +19,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// A second BLAS thread slows down smaller problems.
-constexpr Index kSmallestThreadedJacobian = 1000;
 
 // The middles of `count` equal parts of 0 .. size - 1.
 std::vector<int> EvenlySpaced(int count, int size) {
@@ -109,7 +105,6 @@ bool LeaveOneOut::Factorize(const JacobianOperator& J,
           message)) {
     return false;
   }
-  const SingleBlasThread single(size < kSmallestThreadedJacobian);
   VectorXd diagonal;
   if (!SmallerGram(
           J, ColumnStrips(size, nullptr), &K_, &diagonal, &unit_, message)) {

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <optional>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/torch/peak_memory.h"
 #include "invgrad/torch/torch_factors.h"

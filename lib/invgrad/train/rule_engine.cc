@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/engine.h"

@@ -14,9 +14,9 @@
 #include <cmath>
 #include <limits>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/step_error.h"
 
