@@ -15,7 +15,11 @@ macro(invgrad_note_if_missing name debian_package found)
   endif()
 endmacro()
 
-find_package(Eigen3 3.4 QUIET NO_MODULE)
+# Versions 3.4 and 5 serve, which its package does not take for compatible.
+find_package(Eigen3 QUIET NO_MODULE)
+if(Eigen3_FOUND AND Eigen3_VERSION VERSION_LESS 3.4)
+  set(Eigen3_FOUND FALSE)
+endif()
 invgrad_note_if_missing("Eigen 3.4" libeigen3-dev Eigen3_FOUND)
 
 find_package(glog QUIET)

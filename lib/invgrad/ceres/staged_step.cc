@@ -204,7 +204,7 @@ struct StagedStep::Block {
   const ceres::Manifold* manifold;  // null: Euclidean
   StagingManifold* staging;
 #ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
-  const ceres::LocalParameterization* parameterization;
+  const ceres::LocalParameterization* parameterization = nullptr;
 #endif
 };
 
