@@ -207,6 +207,40 @@ TEST_F(InstallProgram, FindPackageServesAnApplication) {
   RunConsumer(Path("consumer") + "/consumer");
 }
 
+// A plugin, a ROS 2 component, a Python module.
+TEST_F(InstallProgram, ASharedObjectOfAnApplicationIsLoaded) {
+  Install();
+  ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + prefix_);
+  Shell(cmake_ + " --build " + Path("consumer") +
+        " --target plugin load_plugin");
+  RunConsumer(Path("consumer") + "/load_plugin " + Path("consumer") +
+              "/libplugin.so");
+}
+
+TEST_F(InstallProgram, AComponentThatIsWantedMustBeThere) {
+  for (const char* component : {"TORCH", "MPI"}) {
+    const std::string package =
+        component == std::string("MPI") ? "MPI" : "Torch";
+    const auto configure = [&](const std::string& wanted) {
+      return std::system(
+          (cmake_ + " -S " + Quoted(SourceDir()) + " -B " + Path(package) +
+           " -DINVGRAD_BUILD_TESTS=OFF -DINVGRAD_BUILD_PROGRAMS=OFF" +
+           " -DCMAKE_DISABLE_FIND_PACKAGE_" + package + "=ON -DINVGRAD_WITH_" +
+           component + "=" + wanted + " > " + Path("out") + " 2> " +
+           Path("err"))
+              .c_str());
+    };
+    EXPECT_NE(configure("ON"), 0);
+    const std::string message = ReadAll(Path("err"));
+    EXPECT_NE(message.find("Missing: "), std::string::npos) << message;
+    EXPECT_NE(message.find(std::string("INVGRAD_WITH_") + component),
+              std::string::npos)
+        << message;
+    EXPECT_EQ(configure("AUTO"), 0) << ReadAll(Path("err"));
+    EXPECT_EQ(configure("OFF"), 0) << ReadAll(Path("err"));
+  }
+}
+
 TEST_F(InstallProgram, PkgConfigServesAnApplication) {
   Install();
   EXPECT_EQ(Shell(PkgConfig() + " --modversion invgrad"), INVGRAD_VERSION "\n");
