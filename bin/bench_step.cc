@@ -10,8 +10,9 @@
 //   bench_step --cases=poisson --truncation=1e-2
 //   bench_step --cases=equation_1341,equation_3021 --routes=gram,parameter_gram
 //   bench_step --memory --cases=poisson --routes=gram,dgesdd
+//   bench_step --cases=cubic_chain,poisson --routes=gram,step --blas_threads=2
 //
-// One BLAS thread, warm: the workspace is kept between steps. CASE/ROUTE is the
+// Warm: the workspace is kept between steps. CASE/ROUTE is the
 // whole linear algebra of a step, from the Jacobian's factors (or, for a full
 // SVD, from the dense J) to d:
 //
@@ -51,6 +52,7 @@
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/spectral/golub_kahan.h"
@@ -66,6 +68,7 @@ DEFINE_string(routes,
               "minute");
 DEFINE_double(truncation, 0.0, "tau; 0: each problem's published one");
 DEFINE_bool(memory, false, "print peak memory instead of times");
+DEFINE_int32(blas_threads, 1, "threads of the linear algebra");
 
 namespace invgrad {
 namespace {
@@ -386,11 +389,14 @@ void PrintRatios(const std::vector<std::shared_ptr<const Case>>& cases,
 bool Run(RunCounts* counts, std::string* error) {
   std::vector<const CaseRow*> rows;
   std::vector<const RouteRow*> routes;
-  if (!CheckFlags({{"truncation", {0.0, 1.0, false, true}}}, error) ||
+  if (!CheckFlags({{"truncation", {0.0, 1.0, false, true}},
+                   {"blas_threads", {1.0, 256.0}}},
+                  error) ||
       !FindRows("routes", RouteRows(), &routes, error) ||
       !FindRows("cases", CaseRows(), &rows, error)) {
     return false;
   }
+  SetBlasThreads(FLAGS_blas_threads);
   if (FLAGS_memory) {
     PrintMemory(rows);
     return true;
