@@ -42,7 +42,6 @@ memory that the process had.
 #include "bin/support/ranks.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
 
 DEFINE_string(input,
               "",
@@ -110,7 +109,6 @@ bool AddBenchmarks(std::string* error) {
 }
 
 bool Run(RunCounts* counts, std::string* error) {
-  SetBlasThreads(1);
   if (!AddBenchmarks(error)) return false;
   RatioReporter reporter;
   if (benchmark::RunSpecifiedBenchmarks(&reporter) == 0) {

@@ -40,7 +40,7 @@ keeps the results so far.
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/io/npy.h"
 #include "problems/problems.h"

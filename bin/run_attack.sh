@@ -12,7 +12,8 @@ set -euo pipefail
 # shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
-install_missing "${required_packages[@]}"
+install_missing "${program_packages[@]}" "${test_packages[@]}"
+with_tests=true
 build_release attack_test
 "$build_dir/attack_test" --gtest_list_tests |
   awk '/^ / {print suite $1} /^[^ ]/ {suite = $1}' |

@@ -12,7 +12,7 @@ set -euo pipefail
 # shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
-install_missing "${required_packages[@]}"
+install_missing "${program_packages[@]}"
 build_release compare
 # --- The comparison itself ---
 # The best step sizes of small grids for the first-order rules, the published one

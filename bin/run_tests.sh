@@ -10,10 +10,11 @@ set -euo pipefail
 # shellcheck source=bin/setup.sh
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
-install_missing "${required_packages[@]}"
+install_missing "${program_packages[@]}" "${test_packages[@]}"
 # In a subshell, because a failure ends it.
 (install_missing "${optional_packages[@]}") ||
   echo "Without ${optional_packages[*]}: their components are not tested"
+with_tests=true
 build_release all
 ctest --test-dir "$build_dir" --output-on-failure --no-tests=error \
   --parallel "$(nproc)" "$@"

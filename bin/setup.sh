@@ -2,7 +2,8 @@
 # Common functions of the commands in this folder; sourced, not run.
 #
 #   install_missing PACKAGE...   installs those that are missing, by apt-get
-#   build_release TARGET...      configures and builds into build/release
+#   build_release TARGET...      configures and builds into build/release; with
+#                                the tests if with_tests=true
 #
 # Both end the command with status 1 and one message if they fail.
 
@@ -10,17 +11,19 @@ root="$(CDPATH='' cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)"
 build_dir="$root/build/release"
 readonly root build_dir
 
-# The packages that lib/cmake/dependencies.cmake needs, and the build tools.
+# The packages that lib/cmake/dependencies.cmake needs for the library and the
+# programs, and the build tools; and those that the tests need, too.
 # shellcheck disable=SC2034  # the sourcing commands read it
-readonly required_packages=(
+readonly program_packages=(
   cmake ninja-build g++
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev libfmt-dev
   nlohmann-json3-dev
   libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
-  libnanoflann-dev
-  libgtest-dev libbenchmark-dev pkg-config
+  libnanoflann-dev libbenchmark-dev
   gnuplot-nox
 )
+# shellcheck disable=SC2034
+readonly test_packages=(libgtest-dev pkg-config)
 
 # Prints those of its arguments that are not installed, one a line.
 missing_packages() {
@@ -84,7 +87,10 @@ build_release() {
   local options=()
   # Only for a new folder; an existing configuration is kept.
   if [[ ! -f "$build_dir/CMakeCache.txt" ]]; then
-    options+=(-DCMAKE_UNITY_BUILD=ON)
+    options+=(-DCMAKE_UNITY_BUILD=ON -DINVGRAD_BUILD_TESTS=OFF)
+  fi
+  if [[ "${with_tests:-}" == true ]]; then
+    options+=(-DINVGRAD_BUILD_TESTS=ON)
   fi
   # Only switched on here, never off: a run without CI in the same folder must
   # not rebuild everything.

@@ -8,7 +8,7 @@
 #include "bin/support/field_plots.h"
 #include "bin/support/point_path.h"
 #include "bin/support/run_output.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/npy.h"
 #include "report/interrupt.h"

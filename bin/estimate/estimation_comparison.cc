@@ -13,7 +13,7 @@
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "problems/estimation/robust_loss.h"

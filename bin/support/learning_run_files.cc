@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "bin/support/run_directory.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/chain/network_file.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"

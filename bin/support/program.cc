@@ -19,6 +19,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/blas_kernels.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/version.h"
@@ -173,6 +174,7 @@ int RunProgram(int argc,
                const std::string& usage,
                bool (*run)(RunCounts* counts, std::string* error)) {
   UseProcessorsKernels(argv);
+  SetBlasThreads(1);
   // By default glibc returns the memory of large arrays to the system, and
   // clears it again, at every step: a fifth of the time of a physics-informed
   // network, half of that of a U-net.

@@ -6,6 +6,7 @@
 #include "ceres/version.h"
 #include "fmt/core.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/version.h"
 
 namespace invgrad {

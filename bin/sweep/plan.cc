@@ -8,7 +8,7 @@
 #include "bin/support/learning_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "problems/problems.h"
 
 namespace invgrad {

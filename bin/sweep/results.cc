@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 
 namespace invgrad {
 namespace {

@@ -45,7 +45,7 @@
 #include "ceres/solver.h"
 #include "glog/logging.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/train/train.h"
 

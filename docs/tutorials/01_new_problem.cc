@@ -23,7 +23,7 @@
 #include "ceres/gradient_checker.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/train/train.h"
 

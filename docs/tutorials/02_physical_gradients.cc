@@ -20,7 +20,7 @@
 #include "Eigen/Core"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/io/format.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/train/train.h"

@@ -27,7 +27,7 @@
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/chain/time_stepping_simulator.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/io/numpy_generator.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/train/train.h"

@@ -27,6 +27,7 @@
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/minimize/minimizer.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
@@ -201,6 +202,7 @@ void TrainBy(const std::string& method) {
 }  // namespace
 
 int main(int /*argc*/, char** argv) {
+  invgrad::SetBlasThreads(1);
   google::InitGoogleLogging(argv[0]);
   // [register]
   invgrad::RegisterRule<ShiftedInverse>(

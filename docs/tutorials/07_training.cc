@@ -13,6 +13,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/train/train.h"
 
 namespace {
@@ -40,6 +41,7 @@ struct Pendulum {
 }  // namespace
 
 int main() {
+  invgrad::SetBlasThreads(1);
   // [model]
   using invgrad::DenseNetwork;
   const invgrad::Model model(

@@ -17,6 +17,7 @@
 #include "Eigen/Core"
 #include "glog/logging.h"
 #include "invgrad/chain/field_simulator.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/torch/torch_network.h"
 #include "invgrad/train/train.h"
 
@@ -117,6 +118,7 @@ MatrixXd RandomFields(int num_samples, unsigned seed) {
 }  // namespace
 
 int main() {
+  invgrad::SetBlasThreads(1);
   const auto camera = std::make_shared<Camera>();
   const MatrixXd truth = RandomFields(256, 1);
   MatrixXd seen(kNumCells, truth.cols());

@@ -21,6 +21,7 @@
 #include "glog/logging.h"
 #include "invgrad/chain/field_simulator.h"
 #include "invgrad/chain/loss.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
@@ -187,6 +188,7 @@ VectorXd Truth() {
 }  // namespace
 
 int main(int argc, char** argv) {
+  invgrad::SetBlasThreads(1);
   gflags::SetUsageMessage("finds what the water in a channel was like before");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   google::InitGoogleLogging(argv[0]);

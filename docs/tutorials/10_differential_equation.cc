@@ -19,6 +19,7 @@
 #include "Eigen/Core"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/equations/equation.h"
 #include "invgrad/equations/value_residual.h"
 #include "invgrad/train/train.h"
@@ -52,6 +53,7 @@ T Wave(const T& t, const T& x) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  invgrad::SetBlasThreads(1);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   using namespace invgrad;  // NOLINT
   // [trial]

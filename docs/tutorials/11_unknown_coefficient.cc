@@ -20,6 +20,7 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/equations/equation.h"
 #include "invgrad/equations/equation_cost.h"
 #include "invgrad/equations/value_residual.h"
@@ -83,6 +84,7 @@ struct DistanceToTruth {
 }  // namespace
 
 int main(int argc, char** argv) {
+  invgrad::SetBlasThreads(1);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   using namespace invgrad;  // NOLINT
 

@@ -16,6 +16,7 @@
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/linear_simulator.h"
 #include "invgrad/chain/simulator.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/train/train.h"
 
 namespace {
@@ -76,6 +77,7 @@ void Report(const std::string& method, const invgrad::TrainResult& result) {
 }  // namespace
 
 int main() {
+  invgrad::SetBlasThreads(1);
   // [linear]
   using invgrad::DenseNetwork;
   const invgrad::Model strings(

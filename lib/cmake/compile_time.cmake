@@ -31,7 +31,7 @@ function(invgrad_precompile target)
       <algorithm> <cmath> <functional> <limits> <map> <memory> <optional>
       <sstream> <string> <utility> <vector>
       <Eigen/Core> <Eigen/SparseCore> <ceres/autodiff_cost_function.h>
-      <ceres/problem.h> <fmt/core.h> <glog/logging.h>)
+      <ceres/problem.h> <fmt/core.h> "${PROJECT_SOURCE_DIR}/lib/invgrad/internal/logging.h")
   endif()
 endfunction()
 

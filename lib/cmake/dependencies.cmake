@@ -2,7 +2,8 @@
 # and the command that installs them.
 #
 # Included, not called: the imported targets and what find_package sets belong
-# to the including file. Reads INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS.
+# to the including file. Reads INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS;
+# sets invgrad_has_torch and invgrad_has_mpi.
 
 set(missing_names "")
 set(missing_packages "")
@@ -14,7 +15,11 @@ macro(invgrad_note_if_missing name debian_package found)
   endif()
 endmacro()
 
-find_package(Eigen3 3.4 QUIET NO_MODULE)
+# Versions 3.4 and 5 serve, which its package does not take for compatible.
+find_package(Eigen3 QUIET NO_MODULE)
+if(Eigen3_FOUND AND Eigen3_VERSION VERSION_LESS 3.4)
+  set(Eigen3_FOUND FALSE)
+endif()
 invgrad_note_if_missing("Eigen 3.4" libeigen3-dev Eigen3_FOUND)
 
 find_package(glog QUIET)
@@ -33,13 +38,39 @@ find_package(nlohmann_json 3.11 QUIET)
 invgrad_note_if_missing("nlohmann-json" nlohmann-json3-dev nlohmann_json_FOUND)
 
 include(${CMAKE_CURRENT_LIST_DIR}/invgradLapack.cmake)
-invgrad_note_if_missing("OpenBLAS" libopenblas-dev OpenBLAS_FOUND)
-invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_FOUND)
-invgrad_note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_FOUND)
+invgrad_note_if_missing("OpenBLAS" libopenblas-dev invgrad_blas_libraries)
+invgrad_note_if_missing("cblas.h" libopenblas-dev CBLAS_INCLUDE_DIR)
+invgrad_note_if_missing("LAPACKE" liblapacke-dev LAPACKE_LIBRARY)
+invgrad_note_if_missing("lapacke.h" liblapacke-dev LAPACKE_INCLUDE_DIR)
+invgrad_note_if_missing("CHOLMOD" libsuitesparse-dev CHOLMOD_LIBRARY)
+invgrad_note_if_missing("cholmod.h" libsuitesparse-dev CHOLMOD_INCLUDE_DIR)
 
-# Optional: the components invgrad::torch and invgrad::mpi.
-find_package(Torch QUIET)
-find_package(MPI QUIET COMPONENTS CXX)
+# Optional: the components invgrad::torch and invgrad::mpi. AUTO builds one if
+# what it needs is found, ON requires that, OFF does not look for it.
+set(INVGRAD_WITH_TORCH AUTO CACHE STRING
+  "The component invgrad::torch, which needs libtorch: AUTO, ON or OFF")
+set(INVGRAD_WITH_MPI AUTO CACHE STRING
+  "The component invgrad::mpi, which needs MPI: AUTO, ON or OFF")
+set_property(CACHE INVGRAD_WITH_TORCH INVGRAD_WITH_MPI
+  PROPERTY STRINGS AUTO ON OFF)
+set(invgrad_has_torch FALSE)
+if(INVGRAD_WITH_TORCH)
+  find_package(Torch QUIET)
+  set(invgrad_has_torch ${Torch_FOUND})
+  if(NOT INVGRAD_WITH_TORCH STREQUAL "AUTO")
+    invgrad_note_if_missing("libtorch (for INVGRAD_WITH_TORCH)" libtorch-dev
+      invgrad_has_torch)
+  endif()
+endif()
+set(invgrad_has_mpi FALSE)
+if(INVGRAD_WITH_MPI)
+  find_package(MPI QUIET COMPONENTS CXX)
+  set(invgrad_has_mpi ${MPI_CXX_FOUND})
+  if(NOT INVGRAD_WITH_MPI STREQUAL "AUTO")
+    invgrad_note_if_missing("MPI (for INVGRAD_WITH_MPI)"
+      "libopenmpi-dev openmpi-bin" invgrad_has_mpi)
+  endif()
+endif()
 
 if(INVGRAD_BUILD_PROGRAMS)
   # Command-line flags of the programs.
@@ -85,6 +116,7 @@ if(INVGRAD_BUILD_TESTS)
 endif()
 
 if(missing_names)
+  list(REMOVE_DUPLICATES missing_packages)
   list(JOIN missing_names ", " missing_names)
   list(JOIN missing_packages " " missing_packages)
   message(FATAL_ERROR "Missing: ${missing_names}.\nOn Debian, install with\n"

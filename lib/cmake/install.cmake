@@ -2,7 +2,7 @@
 #
 #   include/invgrad/              the headers, and no header elsewhere
 #   lib/libinvgrad.a              and libinvgrad_torch.a, libinvgrad_mpi.a, if
-#                                 libtorch or MPI is found
+#                                 they are built; .so with BUILD_SHARED_LIBS
 #   lib/cmake/invgrad/            find_package(invgrad)
 #   lib/pkgconfig/invgrad.pc
 #   share/doc/libinvgrad-dev/     copyright
@@ -16,13 +16,11 @@ set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/invgrad)
 set(pkgconfig_dir ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
 install(TARGETS invgrad EXPORT invgradTargets
-  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY lib/invgrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
   FILES_MATCHING PATTERN "*.h" PATTERN torch EXCLUDE PATTERN mpi EXCLUDE)
 if(TARGET invgrad_torch)
   install(TARGETS invgrad_torch EXPORT invgradTorchTargets
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   install(DIRECTORY lib/invgrad/torch
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad
@@ -33,7 +31,6 @@ endif()
 
 if(TARGET invgrad_mpi)
   install(TARGETS invgrad_mpi EXPORT invgradMpiTargets
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   install(DIRECTORY lib/invgrad/mpi
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad
@@ -62,6 +59,12 @@ install(FILES
 
 file(RELATIVE_PATH to_prefix /${pkgconfig_dir} /)
 string(REGEX REPLACE "/$" "" to_prefix ${to_prefix})
+set(pkgconfig_blas "")  # "-lopenblas"
+foreach(library ${invgrad_blas_libraries})
+  get_filename_component(library ${library} NAME_WE)
+  string(REGEX REPLACE "^(lib|-l)" "" library ${library})
+  string(APPEND pkgconfig_blas " -l${library}")
+endforeach()
 configure_file(lib/cmake/invgrad.pc.in
   ${PROJECT_BINARY_DIR}/install/invgrad.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/install/invgrad.pc

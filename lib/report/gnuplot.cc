@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "fmt/core.h"
+#include "fmt/ranges.h"
 #include "report/interrupt.h"
 
 namespace invgrad {

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "fmt/core.h"
+#include "fmt/ranges.h"
 #include "glog/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "report/gnuplot.h"

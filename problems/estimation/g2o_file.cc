@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "Eigen/Cholesky"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/io/atomic_file.h"
 #include "problems/estimation/text_cursor.h"
 

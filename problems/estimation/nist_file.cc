@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/io/atomic_file.h"
 #include "problems/estimation/text_cursor.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "ceres/autodiff_cost_function.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "glog/logging.h"
 #include "invgrad/core/option_set.h"
 #include "invgrad/separable/linear_parameters.h"

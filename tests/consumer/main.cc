@@ -3,6 +3,9 @@
 //
 //   consumer --network=runs/compare/adam-seed1/network.txt --input=0.1,0.2
 //
+// Also built as a shared object, which load_plugin.cc loads, as a plugin or a
+// Python module is loaded.
+//
 // Ends with status 0 if all is as it should be, and prints the network's
 // outputs, one a line.
 #include <dlfcn.h>
@@ -24,6 +27,7 @@
 #include "glog/logging.h"
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/chain/network_file.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/version.h"
 
@@ -89,8 +93,9 @@ Eigen::VectorXd ParseNumbers(const std::string& text) {
   return Eigen::Map<Eigen::VectorXd>(numbers.data(), numbers.size());
 }
 
-// Flags, logging and signals are the application's, BLAS is OpenBLAS.
-void CheckProcess(bool is_logging_initialized) {
+// Flags, logging, signals and threads of BLAS are the application's. BLAS is
+// OpenBLAS in `scope`, where dlsym looks for it.
+void CheckProcess(bool is_logging_initialized, void* scope) {
   std::vector<gflags::CommandLineFlagInfo> flags;
   gflags::GetAllFlags(&flags);
   for (const gflags::CommandLineFlagInfo& flag : flags) {
@@ -107,24 +112,30 @@ void CheckProcess(bool is_logging_initialized) {
   }
   for (const char* symbol : {"dgemm_", "dsyevd_"}) {
     Dl_info info;
-    CHECK_NE(dladdr(dlsym(RTLD_DEFAULT, symbol), &info), 0) << symbol;
+    CHECK_NE(dladdr(dlsym(scope, symbol), &info), 0) << symbol;
     CHECK(std::strstr(info.dli_fname, "libopenblas") != nullptr)
         << symbol << " is in " << info.dli_fname;
   }
+  CHECK_EQ(invgrad::BlasThreads(), 2);
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
+extern "C" int RunConsumer(int argc, char** argv, void* scope) {
   static_assert(INVGRAD_VERSION_MAJOR == 0, "what CMakeLists.txt asks for");
-  CheckProcess(false);
+  invgrad::SetBlasThreads(2);
+  CheckProcess(false, scope);
   Minimize();
-  CheckProcess(false);
+  CheckProcess(false, scope);
   // The library works before and after.
   google::InitGoogleLogging(argv[0]);
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   Minimize();
   EvaluateNetwork(FLAGS_network, ParseNumbers(FLAGS_input));
-  CheckProcess(true);
+  CheckProcess(true, scope);
   return 0;
+}
+
+int main(int argc, char** argv) {
+  return RunConsumer(argc, argv, RTLD_DEFAULT);
 }

@@ -118,13 +118,5 @@ TEST(SyrkTest, WritesTheLowerTriangleOnly) {
   }
 }
 
-TEST(BlasThreadsTest, IsWhatWasSet) {
-  const int before = BlasThreads();
-  SetBlasThreads(1);
-  EXPECT_EQ(BlasThreads(), 1);
-  SetBlasThreads(before);
-  EXPECT_EQ(BlasThreads(), before);
-}
-
 }  // namespace blas_test
 }  // namespace invgrad

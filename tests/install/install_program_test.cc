@@ -207,6 +207,36 @@ TEST_F(InstallProgram, FindPackageServesAnApplication) {
   RunConsumer(Path("consumer") + "/consumer");
 }
 
+// A plugin, a ROS 2 component, a Python module.
+TEST_F(InstallProgram, ASharedObjectOfAnApplicationIsLoaded) {
+  Install();
+  ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + prefix_);
+  Shell(cmake_ + " --build " + Path("consumer") +
+        " --target plugin load_plugin");
+  RunConsumer(Path("consumer") + "/load_plugin " + Path("consumer") +
+              "/libplugin.so");
+}
+
+TEST_F(InstallProgram, AComponentThatIsWantedMustBeThere) {
+  const auto configure = [&](const std::string& options) {
+    return std::system((cmake_ + " -S " + Quoted(SourceDir()) + " -B " +
+                        Path("library") + " -DINVGRAD_BUILD_TESTS=OFF" +
+                        " -DINVGRAD_BUILD_PROGRAMS=OFF " +
+                        " -DCMAKE_DISABLE_FIND_PACKAGE_Torch=ON" +
+                        " -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON " + options +
+                        " > " + Path("out") + " 2> " + Path("err"))
+                           .c_str());
+  };
+  EXPECT_NE(configure("-DINVGRAD_WITH_TORCH=ON -DINVGRAD_WITH_MPI=ON"), 0);
+  const std::string message = ReadAll(Path("err"));
+  for (const char* part : {"Missing: libtorch (for INVGRAD_WITH_TORCH), MPI",
+                           "libtorch-dev libopenmpi-dev"}) {
+    EXPECT_NE(message.find(part), std::string::npos) << message;
+  }
+  EXPECT_EQ(configure("-DINVGRAD_WITH_TORCH=AUTO -DINVGRAD_WITH_MPI=OFF"), 0)
+      << ReadAll(Path("err"));
+}
+
 TEST_F(InstallProgram, PkgConfigServesAnApplication) {
   Install();
   EXPECT_EQ(Shell(PkgConfig() + " --modversion invgrad"), INVGRAD_VERSION "\n");

@@ -66,7 +66,6 @@ TEST(SpectralAllocation, AWarmStepByTheGramRouteHasNone) {
 
 TEST(SpectralAllocation, ASecondTridiagonalizationHasNone) {
   if (!CountsAllocations()) GTEST_SKIP() << "the sanitizer owns malloc";
-  const SingleBlasThread single(true);  // threads are given work by malloc
   RandomMatrices random(1);
   const MatrixXd A = random.WithSpectrum(260, 260, LogUniform(260, 1e-3));
   const MatrixXd K = A * A.transpose();

@@ -153,6 +153,16 @@ TEST(TorchNetwork, InitialWeightsDependOnTheSeedAlone) {
   EXPECT_LE(weights(3).head(16).cwiseAbs().maxCoeff(), 1.0 / std::sqrt(3.0));
 }
 
+TEST(TorchNetwork, InitialWeightsLeaveTheProgramsRandomNumbersAlone) {
+  const auto network = MakeDense(false);
+  torch::manual_seed(7);
+  const torch::Tensor undisturbed = torch::randn(5);
+  torch::manual_seed(7);
+  NumpyRandom random(1);
+  network->InitialWeights(Initialization::kGlorotUniform, &random);
+  EXPECT_TRUE(torch::equal(torch::randn(5), undisturbed));
+}
+
 TEST(TorchNetwork, WeightBlocksAreTheTensors) {
   EXPECT_EQ(MakeDense(false)->WeightBlocks(), (std::vector<int>{12, 4, 8, 2}));
 }

@@ -9,9 +9,9 @@
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
 #include "ceres/types.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/copy_problem.h"
 #include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -10,8 +10,8 @@
 
 #include "ceres/manifold.h"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/copy_problem.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

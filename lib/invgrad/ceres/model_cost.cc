@@ -4,7 +4,7 @@
 #include <cmath>
 #include <memory>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

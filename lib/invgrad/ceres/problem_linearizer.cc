@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/residual_evaluation.h"
 #include "invgrad/ceres/second_order_cost_function.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

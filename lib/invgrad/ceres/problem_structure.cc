@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

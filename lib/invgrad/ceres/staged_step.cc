@@ -6,10 +6,15 @@
 #include <mutex>
 #include <unordered_map>
 
-#include "ceres/local_parameterization.h"
 #include "ceres/manifold.h"
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
+
+// Ceres 2.1 still has local parameterizations, and user code may set them.
+#if __has_include("ceres/local_parameterization.h")
+#define INVGRAD_LOCAL_PARAMETERIZATIONS
+#include "ceres/local_parameterization.h"
+#endif
 
 namespace invgrad {
 
@@ -188,7 +193,6 @@ bool StagedStep::IsSupported(int max_block_size,
   return true;
 }
 
-// Ceres 2.1 still has local parameterizations, and user code may set them.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
 
@@ -198,8 +202,10 @@ struct StagedStep::Block {
   int column;
   int offset;                       // in the state
   const ceres::Manifold* manifold;  // null: Euclidean
-  const ceres::LocalParameterization* parameterization;
   StagingManifold* staging;
+#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
+  const ceres::LocalParameterization* parameterization = nullptr;
+#endif
 };
 
 StagedStep::StagedStep(const ProblemStructure& structure,
@@ -217,10 +223,12 @@ StagedStep::StagedStep(const ProblemStructure& structure,
                        block.column,
                        block.offset,
                        block.manifold,
-                       block.manifold == nullptr
-                           ? nullptr
-                           : problem->GetParameterization(block.values),
                        manifolds[i]});
+#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
+    blocks_.back().parameterization =
+        block.manifold == nullptr ? nullptr
+                                  : problem->GetParameterization(block.values);
+#endif
     const int size = block.ambient_size;
     manifolds[i]->Init(block.manifold != nullptr
                            ? block.manifold
@@ -237,11 +245,14 @@ StagedStep::~StagedStep() {
   for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
     // The getters return pointers to const; the setters take pointers to
     // non-const.
+#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
     if (block->parameterization != nullptr) {
       problem_->SetParameterization(
           block->values,
           const_cast<ceres::LocalParameterization*>(block->parameterization));
-    } else if (block->manifold != nullptr || is_wrapped_) {
+    } else
+#endif
+        if (block->manifold != nullptr || is_wrapped_) {
       problem_->SetManifold(block->values,
                             const_cast<ceres::Manifold*>(block->manifold));
     }

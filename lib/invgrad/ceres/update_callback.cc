@@ -8,13 +8,13 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/proposal.h"
 #include "invgrad/ceres/safeguard.h"
 #include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/turn_taking.h"
 #include "invgrad/ceres/work_limit.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 class UpdateCallback::State final : public ceres::IterationCallback {

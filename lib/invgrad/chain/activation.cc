@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "glog/logging.h"
 #include "invgrad/chain/tanh.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

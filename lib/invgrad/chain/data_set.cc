@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

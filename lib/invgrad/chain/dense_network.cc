@@ -6,9 +6,9 @@
 #include <numeric>
 #include <utility>
 
-#include "fmt/format.h"
-#include "glog/logging.h"
+#include "fmt/ranges.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {

@@ -1,8 +1,8 @@
 // DenseNetwork::Hessian.
 
-#include "glog/logging.h"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -3,9 +3,9 @@
 #include <mutex>
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 #include "invgrad/core/small_svd.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

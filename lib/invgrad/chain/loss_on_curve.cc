@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -4,11 +4,11 @@
 #include <utility>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
 #include "invgrad/core/parallel.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/model.h"
@@ -14,6 +13,7 @@
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
 #include "invgrad/core/parallel.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "fmt/format.h"
-#include "glog/logging.h"
+#include "fmt/ranges.h"
 #include "invgrad/core/specification.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/atomic_file.h"
 
 namespace invgrad {

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/chain/chain_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -1,6 +1,6 @@
 #include "invgrad/chain/network_layers.h"
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

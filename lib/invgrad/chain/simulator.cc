@@ -4,9 +4,9 @@
 #include <functional>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/scratch.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

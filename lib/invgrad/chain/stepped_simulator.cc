@@ -5,10 +5,10 @@
 #include <type_traits>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/chain/lanes.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

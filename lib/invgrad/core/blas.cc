@@ -4,8 +4,9 @@
 
 #include <algorithm>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas_kernels.h"
+#include "invgrad/core/openblas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {
@@ -109,14 +110,8 @@ void Gemv(Op op_A,
               1);
 }
 
-void SetBlasThreads(int num_threads) {
-  CHECK_GT(num_threads, 0);
-  WarnOnceOfOldBlasKernels();
-  openblas_set_num_threads(num_threads);
+std::string BlasName() {
+  return openblas_get_config ? openblas_get_config() : "BLAS";
 }
-
-int BlasThreads() { return openblas_get_num_threads(); }
-
-std::string BlasName() { return openblas_get_config(); }
 
 }  // namespace invgrad

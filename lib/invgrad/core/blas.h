@@ -45,30 +45,8 @@ void Gemv(Op op_A,
           double beta,
           Eigen::Ref<Eigen::VectorXd> y);
 
-// The number of threads of BLAS and LAPACK in this process. Below m ~ 1000 one
-// thread is fastest.
-void SetBlasThreads(int num_threads);
-int BlasThreads();
-
-// Limits BLAS to one thread during its lifetime if `only_one`: several threads
-// slow down small products.
-class SingleBlasThread {
- public:
-  explicit SingleBlasThread(bool only_one)
-      : before_(only_one ? BlasThreads() : 1) {
-    if (before_ > 1) SetBlasThreads(1);
-  }
-  ~SingleBlasThread() {
-    if (before_ > 1) SetBlasThreads(before_);
-  }
-  SingleBlasThread(const SingleBlasThread&) = delete;
-  SingleBlasThread& operator=(const SingleBlasThread&) = delete;
-
- private:
-  const int before_;
-};
-
-// The name and version of the loaded BLAS, and the kernels that it chose.
+// The name and version of the loaded BLAS, and the kernels that it chose; "BLAS"
+// if it is not OpenBLAS.
 std::string BlasName();
 
 }  // namespace invgrad

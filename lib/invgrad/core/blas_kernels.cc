@@ -1,13 +1,12 @@
 #include "invgrad/core/blas_kernels.h"
 
-#include <cblas.h>
-
 #include <algorithm>
 #include <array>
 #include <string_view>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/core/openblas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {
@@ -39,7 +38,9 @@ VectorUnits ProcessorVectorUnits() {
   return VectorUnits::kBelowAvx2;
 }
 
-std::string BlasKernels() { return openblas_get_corename(); }
+std::string BlasKernels() {
+  return openblas_get_corename ? openblas_get_corename() : "";
+}
 
 std::string BetterBlasKernels(VectorUnits units, const std::string& kernels) {
   const bool is_old =

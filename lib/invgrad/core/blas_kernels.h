@@ -18,7 +18,8 @@ enum class VectorUnits { kBelowAvx2, kAvx2, kAvx512 };
 
 VectorUnits ProcessorVectorUnits();
 
-// The name of the kernels that OpenBLAS runs in this process, e.g. "Haswell".
+// The name of the kernels that OpenBLAS runs in this process, e.g. "Haswell";
+// empty if BLAS is another one.
 std::string BlasKernels();
 
 // The value of OPENBLAS_CORETYPE for a processor with these units. Empty if

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

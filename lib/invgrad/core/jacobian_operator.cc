@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

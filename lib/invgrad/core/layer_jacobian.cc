@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "fmt/core.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 
 namespace invgrad {
 

@@ -4,7 +4,7 @@
 //
 // ceres::Jet<ceres::Jet<double, M>, N> itself does not compile in functors that
 // write T(2.0) or 2.0 * x, because the inner Jet has no implicit constructor
-// from double (Ceres 2.1). InnerJet adds that constructor, and the operators
+// from double. InnerJet adds that constructor, and the operators
 // below combine plain numbers with nested Jets.
 //
 // For y = f(x) evaluated on x[i] = MakeHessianJet<N>(x_i, i):
@@ -88,14 +88,15 @@ INVGRAD_NESTED_JET_COMPARISON(!=)
 #undef INVGRAD_NESTED_JET_COMPARISON
 
 // For fmin, fmax and fdim.
-template <int M>
-bool isless(const InnerJet<M>& x, const InnerJet<M>& y) {
-  return std::isless(x.a, y.a);
-}
-template <int M>
-bool isgreater(const InnerJet<M>& x, const InnerJet<M>& y) {
-  return std::isgreater(x.a, y.a);
-}
+#define INVGRAD_INNER_JET_QUIET_COMPARISON(compare)          \
+  template <int M>                                           \
+  bool compare(const InnerJet<M>& x, const InnerJet<M>& y) { \
+    return std::compare(x.a, y.a);                           \
+  }
+INVGRAD_INNER_JET_QUIET_COMPARISON(isless)
+INVGRAD_INNER_JET_QUIET_COMPARISON(isgreater)
+INVGRAD_INNER_JET_QUIET_COMPARISON(islessgreater)
+#undef INVGRAD_INNER_JET_QUIET_COMPARISON
 
 // A plain base: pow(2.0, x).
 template <int M, int N>

@@ -1,6 +1,6 @@
 #include "invgrad/core/objective.h"
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

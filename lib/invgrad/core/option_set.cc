@@ -6,8 +6,8 @@
 #include <type_traits>
 
 #include "fmt/core.h"
-#include "fmt/format.h"
-#include "glog/logging.h"
+#include "fmt/ranges.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,7 +6,6 @@
 #include <thread>
 #include <vector>
 
-#include "invgrad/core/blas.h"
 #include "invgrad/core/pack.h"
 
 namespace invgrad {
@@ -14,8 +13,8 @@ namespace invgrad {
 // Splits the samples 0 .. count - 1 into contiguous shares of a multiple of
 // `grain`, one a thread; the calling thread has the first. function(begin, end) computes a
 // share and returns the first sample that fails, or `end`. Returns the first
-// sample of all shares that fails, or `count`. BLAS has one thread in each
-// share, so that its threads do not multiply.
+// sample of all shares that fails, or `count`. Shares that call BLAS wait for
+// each other if it has several threads (blas_threads.h).
 template <typename Function>
 int ForShares(int count,
               int num_threads,
@@ -24,7 +23,6 @@ int ForShares(int count,
   const int num_grains = (count + grain - 1) / grain;
   const int num_shares = std::max(1, std::min(num_threads, num_grains));
   if (num_shares == 1) return function(0, count);
-  const SingleBlasThread single(true);
   const auto bound = [&](int k) {
     const long first = static_cast<long>(num_grains) * k / num_shares;
     return static_cast<int>(std::min<long>(count, first * grain));

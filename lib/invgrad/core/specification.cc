@@ -6,7 +6,7 @@
 #include <numeric>
 
 #include "fmt/core.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 
 namespace invgrad {
 namespace {

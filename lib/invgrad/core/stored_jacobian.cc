@@ -3,8 +3,8 @@
 #include <numeric>
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

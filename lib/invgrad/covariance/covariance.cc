@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/covariance/pseudo_inverse.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rank/block_groups.h"
 #include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/gauge_match.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -5,8 +5,8 @@
 
 #include "cholmod.h"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -7,7 +7,7 @@
 #include "Eigen/Cholesky"
 #include "Eigen/Eigenvalues"
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

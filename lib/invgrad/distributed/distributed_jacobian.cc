@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/chain/chain_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

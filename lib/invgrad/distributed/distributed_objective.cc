@@ -3,9 +3,9 @@
 #include <functional>
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/distributed/distributed_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

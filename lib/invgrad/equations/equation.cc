@@ -3,11 +3,11 @@
 #include <cmath>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/chain/dense_network.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/equations/equation_simulator.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

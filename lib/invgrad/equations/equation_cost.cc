@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/ceres/model_cost.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "fmt/format.h"
-#include "glog/logging.h"
+#include "fmt/ranges.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

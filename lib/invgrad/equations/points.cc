@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {

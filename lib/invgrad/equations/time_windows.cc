@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/chain/dense_network.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <vector>
 
-#include "fmt/format.h"
-#include "glog/logging.h"
+#include "fmt/ranges.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -48,11 +48,11 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "ceres/jet.h"
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/fit/fit.h"
 #include "invgrad/fit/levenberg_marquardt.h"
 #include "invgrad/fit/streaming_gram.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/separable/linear_projection.h"
 
 namespace invgrad {

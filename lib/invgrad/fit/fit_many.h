@@ -37,11 +37,11 @@
 #include <string>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/core/parallel.h"
 #include "invgrad/fit/fit.h"
 #include "invgrad/fit/jet_rows.h"
 #include "invgrad/fit/levenberg_marquardt.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

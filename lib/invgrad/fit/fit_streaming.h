@@ -33,12 +33,12 @@
 #include <string>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/core/parallel.h"
 #include "invgrad/fit/fit.h"
 #include "invgrad/fit/jet_rows.h"
 #include "invgrad/fit/levenberg_marquardt.h"
 #include "invgrad/fit/streaming_gram.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -31,10 +31,10 @@
 #include <limits>
 
 #include "Eigen/Core"
-#include "glog/logging.h"
 #include "invgrad/fit/fit.h"
 #include "invgrad/fit/small_covariance.h"
 #include "invgrad/fit/streaming_gram.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/core/parallel.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -7,7 +7,7 @@
 #include "ceres/gradient_problem.h"
 #include "ceres/gradient_problem_solver.h"
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -4,10 +4,10 @@
 
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
-#include "glog/logging.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/simulator.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

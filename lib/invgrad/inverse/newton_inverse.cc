@@ -6,8 +6,8 @@
 
 #include "Eigen/Eigenvalues"
 #include "Eigen/Jacobi"
-#include "glog/logging.h"
 #include "invgrad/core/scratch.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

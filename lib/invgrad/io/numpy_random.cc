@@ -5,7 +5,7 @@
 #include <sstream>
 #include <utility>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -1,7 +1,7 @@
 #include "invgrad/methods/ceres_methods.h"
 
 #include "ceres/types.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

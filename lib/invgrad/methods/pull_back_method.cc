@@ -5,8 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "fmt/format.h"
-#include "glog/logging.h"
+#include "fmt/ranges.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

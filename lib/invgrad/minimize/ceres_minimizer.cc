@@ -5,9 +5,9 @@
 
 #include "ceres/gradient_problem.h"
 #include "ceres/gradient_problem_solver.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/domain_failure.h"
 #include "invgrad/ceres/problem_structure.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

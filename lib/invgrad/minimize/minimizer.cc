@@ -8,11 +8,11 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/linearization.h"
 #include "invgrad/core/step_judge.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

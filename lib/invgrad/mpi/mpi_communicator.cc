@@ -9,7 +9,7 @@
 #include <numeric>
 #include <vector>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

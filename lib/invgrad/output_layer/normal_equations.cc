@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/dense_svd.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {
@@ -16,9 +16,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// For fewer columns one thread is faster (blas.h).
-constexpr Index kThreads = 1000;
 
 lapack_int Int(Index size) { return static_cast<lapack_int>(size); }
 lapack_int LeadingDimension(const MatrixXd& A) {
@@ -55,7 +52,6 @@ RightSvd ComputeRightSvd(MatrixXd A) {
 
 MatrixXd Orthonormalized(MatrixXd X) {
   CHECK_GE(X.rows(), X.cols());
-  const SingleBlasThread single_thread(X.cols() < kThreads);
   const VectorXd tau = QrInPlace(&X);
   CHECK_EQ(LAPACKE_dorgqr(LAPACK_COL_MAJOR,
                           Int(X.rows()),
@@ -81,7 +77,6 @@ bool Extend(const VectorXd& v, MatrixXd* Q) {
 }
 
 std::vector<int> PivotOrder(MatrixXd A) {
-  const SingleBlasThread single_thread(A.cols() < kThreads);
   std::vector<lapack_int> order(static_cast<std::size_t>(A.cols()), 0);
   VectorXd tau(std::min(A.rows(), A.cols()));
   CHECK_EQ(LAPACKE_dgeqp3(LAPACK_COL_MAJOR,

@@ -4,7 +4,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/localized_basis.h"
 

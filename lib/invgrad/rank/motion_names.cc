@@ -7,7 +7,7 @@
 #include "Eigen/Geometry"
 #include "Eigen/QR"
 #include "fmt/core.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/io/format.h"
 #include "invgrad/rank/decompositions.h"
 #include "invgrad/rank/localized_basis.h"

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rank/block_groups.h"
 #include "invgrad/rank/describe_group.h"
 #include "invgrad/rank/smallest_singular.h"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/io/format.h"
 #include "invgrad/rank/rank_report.h"
 

@@ -11,9 +11,9 @@
 
 #include "Eigen/CholmodSupport"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/dense_svd.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rank/decompositions.h"
 
 namespace invgrad {

@@ -29,8 +29,8 @@
 #include <string>
 #include <vector>
 
-#include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"

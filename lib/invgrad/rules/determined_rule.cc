@@ -28,10 +28,10 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "glog/logging.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layered_jacobian.h"
 #include "invgrad/degeneracy/determined_step.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
 

@@ -40,8 +40,8 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 
 namespace invgrad {

@@ -3,8 +3,8 @@
 #include <limits>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -6,11 +6,11 @@
 
 #include "Eigen/Eigenvalues"
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layered_jacobian.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 
 namespace invgrad {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

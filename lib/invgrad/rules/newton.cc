@@ -30,8 +30,8 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
 

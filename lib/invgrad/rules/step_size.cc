@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/ceres/copy_problem.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/ceres/residual_evaluation.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/separable/affine_check.h"
 
 namespace invgrad {

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/ritz_error.h"
 
 namespace invgrad {

@@ -5,11 +5,10 @@
 #include <limits>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/step_error.h"
 
@@ -18,9 +17,6 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
-
-// A second BLAS thread slows down smaller problems.
-constexpr Index kSmallestThreaded = 1000;
 
 // After a Gram matrix that was not accurate enough, this many steps take svd.
 constexpr int kSvdSteps = 20;
@@ -277,8 +273,6 @@ bool SpectralStep(const JacobianOperator& J,
                                 options.measures_spectrum,
                                 d,
                                 summary};
-  const SingleBlasThread single(std::min(J.rows(), J.cols()) <
-                                kSmallestThreaded);
   if (options.route == SpectralRoute::kAuto && !filter.IsGradientDescent()) {
     return AutoStep(problem, options, &workspace->history);
   }

@@ -13,6 +13,13 @@
 namespace invgrad {
 
 class PeakMemory {
+  // Of all memory in use: int64_t, and size_t in later versions of libtorch.
+  template <typename Total>
+  static Total TotalOf(void (c10::MemoryReportingInfoBase::*)(
+      void*, int64_t, Total, Total, c10::Device));
+  using Total =
+      decltype(TotalOf(&c10::MemoryReportingInfoBase::reportMemoryUsage));
+
  public:
   PeakMemory()
       : counter_(std::make_shared<Counter>()),
@@ -24,8 +31,8 @@ class PeakMemory {
   struct Counter final : c10::MemoryReportingInfoBase {
     void reportMemoryUsage(void* /*pointer*/,
                            int64_t size,
-                           int64_t /*total_allocated*/,
-                           int64_t /*total_reserved*/,
+                           Total /*allocated*/,
+                           Total /*reserved*/,
                            c10::Device /*device*/) override {
       current += size;
       peak = std::max(peak, current);

@@ -5,8 +5,9 @@
 #include <numeric>
 #include <optional>
 
-#include "glog/logging.h"
+#include "ATen/CPUGeneratorImpl.h"
 #include "invgrad/chain/network_layers.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/torch/peak_memory.h"
 #include "invgrad/torch/torch_factors.h"
@@ -255,10 +256,33 @@ std::shared_ptr<const TorchNetwork> TorchNetwork::Make(
   return network;
 }
 
+// Seeds the random numbers that a module's constructor draws, and gives the
+// program its generator back as it was.
+class SeededGenerator {
+ public:
+  explicit SeededGenerator(uint64_t seed)
+      : generator_(at::detail::getDefaultCPUGenerator()) {
+    const std::lock_guard<std::mutex> lock(generator_.mutex());
+    before_ = generator_.get_state();
+    generator_.set_current_seed(seed);
+  }
+  ~SeededGenerator() {
+    const std::lock_guard<std::mutex> lock(generator_.mutex());
+    generator_.set_state(before_);
+  }
+  SeededGenerator(const SeededGenerator&) = delete;
+  SeededGenerator& operator=(const SeededGenerator&) = delete;
+
+ private:
+  at::Generator generator_;
+  Tensor before_;
+};
+
 VectorXd TorchNetwork::InitialWeights(Initialization /*initialization*/,
                                       NumpyRandom* random) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  torch::manual_seed(static_cast<uint64_t>(random->Rand() * 4294967296.0));
+  const SeededGenerator seeded(
+      static_cast<uint64_t>(random->Rand() * 4294967296.0));
   return Flatten(TrainableParameters(make_()));
 }
 

@@ -57,7 +57,7 @@ struct TorchNetworkOptions {
 };
 
 // `make` returns the function with its initial weights; it is called once, and
-// again for each seed, after torch::manual_seed.
+// again for each seed, with libtorch's default generator seeded.
 std::shared_ptr<const Network> MakeTorchNetwork(
     const std::function<TorchFunction()>& make,
     const TorchNetworkOptions& options,

@@ -1,6 +1,6 @@
 #include "invgrad/train/batch_sequence.h"
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

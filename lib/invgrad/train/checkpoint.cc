@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
 

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/step_judge.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/train/batch_sequence.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/train/weight_ledger.h"

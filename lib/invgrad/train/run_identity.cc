@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <sstream>
 
-#include "fmt/format.h"
-#include "invgrad/core/blas.h"
+#include "fmt/ranges.h"
 #include "invgrad/core/blas_kernels.h"
+#include "invgrad/core/blas_threads.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/train/train.h"

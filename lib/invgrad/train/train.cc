@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "glog/logging.h"
 #include "invgrad/distributed/distributed_objective.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/train/training_run.h"
 
 namespace invgrad {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/output_layer/steady_fall.h"
 #include "invgrad/train/training_run.h"

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/householder.h"
 #include "invgrad/spectral/routes/two_stage.h"
 

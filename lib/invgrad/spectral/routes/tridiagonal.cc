@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {

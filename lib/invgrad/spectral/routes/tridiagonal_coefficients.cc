@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 

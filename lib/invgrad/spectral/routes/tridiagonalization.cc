@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "glog/logging.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/householder.h"
 
 namespace invgrad {
