@@ -51,6 +51,19 @@ DEFINE_string(input,
 namespace invgrad {
 namespace {
 
+// Whether a run of Google Benchmark ended by SkipWithError, which versions name
+// differently: error_occurred up to 1.7, skipped from 1.8 on.
+template <typename Run>
+auto HasFailed(const Run& run, int /*first choice*/)
+    -> decltype(bool(run.error_occurred)) {
+  return run.error_occurred;
+}
+template <typename Run>
+auto HasFailed(const Run& run, long /*second choice*/)
+    -> decltype(run.skipped != 0) {
+  return run.skipped != 0;
+}
+
 // Names of a benchmark and of its reference.
 std::vector<std::pair<std::string, std::string>>& Ratios() {
   static auto& ratios = *new std::vector<std::pair<std::string, std::string>>;
@@ -64,8 +77,8 @@ class RatioReporter final : public benchmark::ConsoleReporter {
     benchmark::ConsoleReporter::ReportRuns(runs);
     for (const Run& run : runs) {
       if (run.run_type != Run::RT_Iteration) continue;
-      counts_.Add(!run.error_occurred);
-      if (run.error_occurred) continue;
+      counts_.Add(!HasFailed(run, 0));
+      if (HasFailed(run, 0)) continue;
       times_[run.run_name.function_name].push_back(run.GetAdjustedRealTime());
     }
   }
