@@ -49,7 +49,7 @@ struct Axis {
   AxisRange range;
   Ticks ticks;
   bool is_tight = false;  // ends with the data, not at the next tick
-  bool is_short;          // with ticks at powers of two, if it is logarithmic
+  std::string octaves;    // ticks at powers of two, of a short logarithmic axis
 
   // `values`: what is drawn along it.
   Axis(const char* axis_name,
