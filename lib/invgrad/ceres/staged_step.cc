@@ -135,9 +135,6 @@ struct StagedStep::Block {
   int offset;                       // in the state
   const ceres::Manifold* manifold;  // null: Euclidean
   StagingManifold* staging;
-#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
-  const ceres::LocalParameterization* parameterization = nullptr;
-#endif
 };
 
 StagedStep::StagedStep(const ProblemStructure& structure,
