@@ -50,7 +50,9 @@ class ShiftedInverse final : public invgrad::UpdateRule {
   explicit ShiftedInverse(const Options& options) : options_(options) {}
 
   invgrad::LinearizationParts Needs() const override {
-    return invgrad::LinearizationParts::Jacobian();
+    invgrad::LinearizationParts parts = invgrad::LinearizationParts::Jacobian();
+    parts.factorization = true;
+    return parts;
   }
 
   bool ComputeStep(const invgrad::Linearization& at_x,

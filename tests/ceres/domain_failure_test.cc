@@ -227,7 +227,8 @@ TEST_F(DomainFailureTest, CostFunctionsWithoutResidualsAlone) {
   double x = 0.5;
   problem_.AddResidualBlock(new NeedsJacobians, nullptr, &x);
   ceres::Solver::Options solver = SolverOptions(nullptr);
-  ASSERT_TRUE(FindDomainFailure(solver, {}, problem_, &failure_));
+  ASSERT_TRUE(ExplainNextStep(
+      solver, {}, ReadStructure(problem_, {}), problem_, &failure_));
   EXPECT_TRUE(failure_.fails_at_good_state);
   EXPECT_TRUE(failure_.only_without_jacobians);
   EXPECT_EQ(failure_.ToText(),
@@ -240,8 +241,9 @@ TEST_F(DomainFailureTest, CostFunctionsWithoutResidualsAlone) {
 TEST_F(DomainFailureTest, TheStart) {
   double a[2] = {-1.0, 0.0};
   problem_.AddResidualBlock(NewLog(1.0, 0.0, true), nullptr, a);
-  ASSERT_TRUE(
-      FindDomainFailure(SolverOptions(nullptr), {}, problem_, &failure_));
+  const ProblemStructure structure = ReadStructure(problem_, {});
+  ASSERT_TRUE(ExplainDomainFailure(
+      {}, structure, structure.State(), structure.State(), &failure_));
   EXPECT_TRUE(failure_.fails_at_good_state);
   EXPECT_FALSE(failure_.only_without_jacobians);
   EXPECT_TRUE(failure_.parameters.empty());
@@ -258,7 +260,8 @@ TEST_F(DomainFailureTest, FirstStepOfCeres) {
       problem.SetManifold(a, new ceres::SubsetManifold(2, {1}));
       ceres::Solver::Options solver = SolverOptions(nullptr);
       solver.trust_region_strategy_type = strategy;
-      ASSERT_TRUE(FindDomainFailure(solver, {}, problem, &failure_));
+      ASSERT_TRUE(ExplainNextStep(
+          solver, {}, ReadStructure(problem, {}), problem, &failure_));
       EXPECT_EQ(failure_.reason,
                 returns_false ? Reason::kReturned : Reason::kResidual);
       ASSERT_EQ(failure_.parameters.size(), 1u);
@@ -273,15 +276,19 @@ TEST_F(DomainFailureTest, FirstStepOfCeres) {
   }
   ceres::Solver::Options solver = SolverOptions(nullptr);
   solver.minimizer_type = ceres::LINE_SEARCH;
-  EXPECT_FALSE(FindDomainFailure(solver, {}, problem_, &failure_));
+  EXPECT_FALSE(ExplainNextStep(
+      solver, {}, ReadStructure(problem_, {}), problem_, &failure_));
 }
 
 TEST_F(DomainFailureTest, NoFailure) {
   double x = 0.5;
   problem_.AddResidualBlock(
       new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &x);
-  EXPECT_FALSE(
-      FindDomainFailure(SolverOptions(nullptr), {}, problem_, &failure_));
+  EXPECT_FALSE(ExplainNextStep(SolverOptions(nullptr),
+                               {},
+                               ReadStructure(problem_, {}),
+                               problem_,
+                               &failure_));
   EXPECT_EQ(x, 0.5);
 }
 
@@ -325,8 +332,11 @@ TEST_F(DomainFailureTest, FailingPlus) {
   EXPECT_EQ(failure_.ToText(), kText);
   EXPECT_FALSE(ExplainFailingStep(
       {}, ReadStructure(problem_, {}), Eigen::Vector2d(0.1, 1.4), &failure_));
-  ASSERT_TRUE(
-      FindDomainFailure(SolverOptions(nullptr), {}, problem_, &failure_));
+  ASSERT_TRUE(ExplainNextStep(SolverOptions(nullptr),
+                              {},
+                              ReadStructure(problem_, {}),
+                              problem_,
+                              &failure_));
   EXPECT_EQ(failure_.ToText(), kText);
 }
 

@@ -16,8 +16,6 @@
 #include "invgrad/ceres/update_callback.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/rosenbrock.h"
-
-// Deprecated, but in the code that exists: Ceres 2.1 adapts them to manifolds.
 #if __has_include("ceres/local_parameterization.h")
 #include "ceres/local_parameterization.h"
 #endif
@@ -95,7 +93,9 @@ TEST(UpdateCallback, RestoresManifolds) {
     // Twice: a second callback after the first.
     for (int i = 0; i < 2; ++i) {
       PowerRule rule(0.5);
-      UpdateCallback callback(&rule, &p.problem);
+      UpdateCallback::Options options;
+      options.manifold_ownership = ownership;
+      UpdateCallback callback(&rule, &p.problem, options);
       EXPECT_NE(p.problem.GetManifold(p.q), manifold);
       EXPECT_TRUE(p.problem.HasManifold(p.t));
       ceres::Solver::Summary summary;
@@ -113,17 +113,19 @@ TEST(UpdateCallback, RestoresManifolds) {
 // or at the address of an earlier one. Freed memory that is used or freed again
 // is found by the sanitizers.
 TEST(UpdateCallback, ManifoldsAreDeletedOnce) {
-  const auto solve = [](double* x, ceres::Problem* problem) {
-    *x = 0.0;
-    PowerRule rule(0.5);
-    UpdateCallback::Options options;
-    options.compare_with_plain = false;
-    UpdateCallback callback(&rule, problem, options);
-    ceres::Solver::Summary summary;
-    ceres::Solve(SolverOptions(&callback), problem, &summary);
-    EXPECT_NEAR(*x, 10.0, 1e-6);
-    EXPECT_GT(callback.summary().num_accepted, 0);
-  };
+  const auto solve =
+      [](ceres::Ownership ownership, double* x, ceres::Problem* problem) {
+        *x = 0.0;
+        PowerRule rule(0.5);
+        UpdateCallback::Options options;
+        options.compare_with_plain = false;
+        options.manifold_ownership = ownership;
+        UpdateCallback callback(&rule, problem, options);
+        ceres::Solver::Summary summary;
+        ceres::Solve(SolverOptions(&callback), problem, &summary);
+        EXPECT_NEAR(*x, 10.0, 1e-6);
+        EXPECT_GT(callback.summary().num_accepted, 0);
+      };
   for (int round = 0; round < 3; ++round) {
     for (const ceres::Ownership ownership :
          {ceres::TAKE_OWNERSHIP, ceres::DO_NOT_TAKE_OWNERSHIP}) {
@@ -140,58 +142,75 @@ TEST(UpdateCallback, ManifoldsAreDeletedOnce) {
       double x = 0.0;
       double y = 0.0;
       std::unique_ptr<ceres::Problem> first = new_problem(&x);
-      solve(&x, first.get());
+      solve(ownership, &x, first.get());
       // The second object has the first one's manifolds, and the first object
       // becomes another problem.
       ceres::Problem second(std::move(*first));
       *first = std::move(*new_problem(&y));
-      solve(&y, first.get());
-      solve(&x, &second);
-      solve(&y, first.get());
+      solve(ownership, &y, first.get());
+      solve(ownership, &x, &second);
+      solve(ownership, &y, first.get());
     }
   }
 }
 
-// However many callbacks a problem has, one after the other, they use as many
-// manifolds as one.
-TEST(UpdateCallback, AProblemKeepsItsWrappers) {
-  TwoBlockRosenbrock p;
-  PowerRule rule(0.5);
-  std::vector<const ceres::Manifold*> first;
-  for (int i = 0; i < 3; ++i) {
+// A callback with the same options has the same effect in a second solve.
+TEST(UpdateCallback, TakesPartInSeveralSolves) {
+  for (const bool same_options : {true, false}) {
+    PoseProblem p;
+    const double start[4] = {p.q[0], p.q[1], p.q[2], p.q[3]};
+    PowerRule rule(0.5);
     UpdateCallback callback(&rule, &p.problem);
-    const std::vector<const ceres::Manifold*> now = {
-        p.problem.GetManifold(&p.x), p.problem.GetManifold(&p.y)};
-    if (i == 0) first = now;
-    EXPECT_EQ(now, first);
-    TwoBlockRosenbrock other;
-    UpdateCallback of_other(&rule, &other.problem);
-    EXPECT_EQ(
-        std::count(
-            first.begin(), first.end(), other.problem.GetManifold(&other.x)),
-        0);
+    ceres::Solver::Options options = SolverOptions(&callback);
+    std::string first_report;
+    std::vector<double> first_costs;
+    for (int i = 0; i < 3; ++i) {
+      if (i > 0) {
+        if (!same_options) options = SolverOptions(nullptr);
+        callback.AddTo(&options);
+      }
+      EXPECT_EQ(options.callbacks.size(), 1u);
+      std::copy_n(start, 4, p.q);
+      std::fill_n(p.t, 3, 0.0);
+      ceres::Solver::Summary summary;
+      ceres::Solve(options, &p.problem, &summary);
+      EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+      EXPECT_GT(callback.summary().num_accepted, 0);
+      std::vector<double> costs;
+      for (const auto& iteration : summary.iterations) {
+        costs.push_back(iteration.cost);
+      }
+      if (i == 0) {
+        first_report = callback.summary().BriefReport();
+        first_costs = costs;
+      }
+      EXPECT_EQ(callback.summary().BriefReport(), first_report);
+      EXPECT_EQ(costs, first_costs);
+    }
   }
 }
 
+// Ceres 2.1 has local parameterizations, which it wraps in manifolds.
 #if __has_include("ceres/local_parameterization.h")
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wdeprecated-declarations"
-TEST(UpdateCallback, RestoresLocalParameterizations) {
+TEST(UpdateCallback, KeepsLocalParameterizations) {
   for (const ceres::Ownership ownership :
        {ceres::TAKE_OWNERSHIP, ceres::DO_NOT_TAKE_OWNERSHIP}) {
     ceres::QuaternionParameterization owned_here;
     ceres::Problem::Options problem_options;
     problem_options.manifold_ownership = ownership;
     problem_options.local_parameterization_ownership = ownership;
-    ceres::LocalParameterization* parameterization =
-        ownership == ceres::TAKE_OWNERSHIP
-            ? new ceres::QuaternionParameterization
-            : &owned_here;
     PoseProblem p(problem_options, nullptr);
-    p.problem.SetParameterization(p.q, parameterization);
+    p.problem.SetParameterization(p.q,
+                                  ownership == ceres::TAKE_OWNERSHIP
+                                      ? new ceres::QuaternionParameterization
+                                      : &owned_here);
     {
       PowerRule rule(0.5);
-      UpdateCallback callback(&rule, &p.problem);
+      UpdateCallback::Options options;
+      options.manifold_ownership = ownership;
+      UpdateCallback callback(&rule, &p.problem, options);
       ceres::Solver::Options solver_options = SolverOptions(nullptr);
       solver_options.function_tolerance = 1e-16;
       callback.AddTo(&solver_options);
@@ -200,9 +219,12 @@ TEST(UpdateCallback, RestoresLocalParameterizations) {
       for (int i = 0; i < 4; ++i) EXPECT_NEAR(p.q[i], p.kTruth[i], 1e-6);
       EXPECT_GT(callback.summary().num_accepted, 0);
     }
-    EXPECT_EQ(p.problem.GetParameterization(p.q), parameterization);
     EXPECT_FALSE(p.problem.HasManifold(p.t));
     EXPECT_EQ(p.problem.ParameterBlockTangentSize(p.q), 3);
+    p.q[0] += 0.1;
+    ceres::Solver::Summary summary;
+    ceres::Solve(SolverOptions(nullptr), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   }
 }
 #pragma GCC diagnostic pop

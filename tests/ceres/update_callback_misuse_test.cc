@@ -17,7 +17,7 @@ namespace update_callback_misuse_test {
 
 using Options = UpdateCallback::Options;
 
-TEST(UpdateCallback, IsForOneSolve) {
+TEST(UpdateCallback, NeedsAddToBeforeEachSolve) {
   TwoBlockRosenbrock p;
   PowerRule rule(0.5);
   {
@@ -29,10 +29,16 @@ TEST(UpdateCallback, IsForOneSolve) {
     p.y = 1.0;
     ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
     EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
-    EXPECT_NE(callback.summary().message.find("for one solve"),
+    EXPECT_NE(callback.summary().message.find(
+                  "call UpdateCallback::AddTo before each"),
               std::string::npos);
     EXPECT_EQ(p.x, -1.2);
     EXPECT_EQ(p.y, 1.0);
+    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+    EXPECT_EQ(callback.summary().message, "");
+    p.x = -1.2;
+    p.y = 1.0;
   }
   UpdateCallback callback(&rule, &p.problem);
   ceres::Solver::Summary summary;

@@ -2,6 +2,7 @@
 
 #include "invgrad/ceres/work_limit.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -12,8 +13,9 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/problem_structure.h"
 #include "invgrad/ceres/update_callback.h"
+#include "invgrad/core/linearization.h"
 #include "invgrad/rules/rules.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/function_rule.h"
@@ -50,29 +52,37 @@ struct Chain {
   ceres::Problem problem;
 };
 
-// Gradient descent whose step takes a number of operations.
-FunctionRule RuleOfWork(double work) {
-  FunctionRule rule([](const auto& at_x, auto* step, std::string*) {
-    *step = -1e-3 * at_x.gradient;
-    return true;
-  });
-  rule.step_work = [work](const JacobianSizes&) { return work; };
-  return rule;
+// Of a chain of 100: an iteration of Ceres, the two linearizations of a proposal
+// and a product with J, in operations.
+constexpr double kIteration = 2e5 + 500.0 * 199.0;
+constexpr double kLinearizations = 2.0 * 0.4 * kIteration;
+constexpr double kProduct = 12.0 * 199.0 + 25.0 * 100.0;
+
+LinearizationParts Products(int num_products) {
+  LinearizationParts parts = LinearizationParts::Gradient();
+  parts.num_products = num_products;
+  return parts;
 }
 
-// The iterations that a run can make, P = 100, if every one is a proposal of
-// `relative_step` iterations' work.
-int NumProposals(double relative_step, double max_relative_work) {
+// Gradient descent whose step takes that many products.
+FunctionRule RuleOfProducts(int num_products) {
+  return FunctionRule(Products(num_products),
+                      [](const auto& at_x, auto* step, std::string*) {
+                        *step = -1e-3 * at_x.gradient;
+                        return true;
+                      });
+}
+
+// The iterations that a run can make, P = 100, if every one is a proposal.
+int NumProposals(int num_products, double max_relative_work) {
   Chain chain(100);
-  const JacobianSizes sizes = ProblemLinearizer(&chain.problem, {}).Sizes();
-  constexpr double kIteration = 2e5 + 500.0 * 199.0;
-  constexpr double kLinearizations = 2.0 * 0.4 * kIteration;
-  const FunctionRule rule =
-      RuleOfWork(relative_step * kIteration - kLinearizations);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  WorkLimit work(
-      max_relative_work, /*has_comparison=*/true, rule, options, sizes);
+  WorkLimit work(max_relative_work,
+                 /*has_comparison=*/true,
+                 Products(num_products),
+                 options,
+                 ReadStructure(chain.problem, {}));
   work.SetComparison(100);
   int num_proposals = 0;
   while (num_proposals < 1000 && work.AllowsStep()) {
@@ -87,25 +97,35 @@ int NumProposals(double relative_step, double max_relative_work) {
 
 // (iterations + 2) W + w <= (max_relative_work - 1) P W.
 TEST(WorkLimit, IsTheFormula) {
-  EXPECT_EQ(NumProposals(1.0, 2.0), 49);  // 2 k + 2 <= 100
-  EXPECT_EQ(NumProposals(3.0, 2.0), 24);  // 4 k + 2 <= 100
-  EXPECT_EQ(NumProposals(3.0, 3.0), 49);  // 4 k + 2 <= 200
-  EXPECT_EQ(NumProposals(97.0, 2.0), 1);
-  EXPECT_EQ(NumProposals(97.5, 2.0), 0);
-  EXPECT_EQ(NumProposals(1.0, std::numeric_limits<double>::infinity()), 1000);
+  for (const int num_products : {0, 1, 12, 100, 5900, 6000}) {
+    for (const double max_relative_work : {1.0, 1.5, 2.0, 3.0}) {
+      const double limit =
+          ((max_relative_work - 1.0) * 100.0 - 2.0) * kIteration;
+      const double proposal =
+          kIteration + num_products * kProduct + kLinearizations;
+      EXPECT_EQ(NumProposals(num_products, max_relative_work),
+                std::max(0.0, std::floor(limit / proposal)))
+          << num_products << ", " << max_relative_work;
+    }
+  }
+  EXPECT_EQ(NumProposals(5900, 2.0), 1);
+  EXPECT_EQ(NumProposals(6000, 2.0), 0);
+  EXPECT_EQ(NumProposals(12, std::numeric_limits<double>::infinity()), 1000);
 }
 
 // With dynamic sparsity the zeros of J cost Ceres next to nothing, and the rule
 // as much as ever.
 TEST(WorkLimit, DynamicSparsityLeavesLessForTheRule) {
   Chain chain(100);
-  const JacobianSizes sizes = ProblemLinearizer(&chain.problem, {}).Sizes();
-  const FunctionRule rule = RuleOfWork(1e6);
   ceres::Solver::Options options;
   int num_steps[2];
   for (const bool is_dynamic : {false, true}) {
     options.dynamic_sparsity = is_dynamic;
-    WorkLimit work(2.0, /*has_comparison=*/true, rule, options, sizes);
+    WorkLimit work(2.0,
+                   /*has_comparison=*/true,
+                   Products(200),
+                   options,
+                   ReadStructure(chain.problem, {}));
     work.SetComparison(100);
     num_steps[is_dynamic] = 0;
     for (; work.AllowsStep(); ++num_steps[is_dynamic]) work.CountStep();
@@ -139,7 +159,9 @@ TEST(WorkLimit, ARuleThatTakesTooLongMakesNoProposals) {
 // The iterations of Ceres, of the comparison and of the run, and the work of
 // the rule, are at most twice those of Ceres alone.
 TEST(WorkLimit, HoldsForTheSolve) {
-  for (const double relative_step : {0.5, 2.0, 8.0}) {
+  constexpr double kSmallProduct = 12.0 * 4.0 + 25.0 * 2.0;
+  for (const int num_products : {1000, 4000, 16000}) {
+    const double relative_step = num_products * kSmallProduct / 2e5;
     TwoBlockRosenbrock plain;
     ceres::Solver::Options options = SolverOptions(nullptr);
     ceres::Solver::Summary plain_summary;
@@ -147,7 +169,7 @@ TEST(WorkLimit, HoldsForTheSolve) {
     const double num_plain = plain_summary.iterations.size() - 1.0;
 
     TwoBlockRosenbrock p;
-    FunctionRule rule = RuleOfWork(relative_step * 2e5);
+    FunctionRule rule = RuleOfProducts(num_products);
     UpdateCallback::Options callback_options;
     callback_options.min_relative_model_decrease = 1e-12;
     UpdateCallback callback(&rule, &p.problem, callback_options);

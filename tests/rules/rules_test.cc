@@ -313,7 +313,7 @@ TEST(Rules, SayWhetherTheirStepsDependOnTheBudget) {
         at_x.progress = progress;
         return StepOf(MakeRule(text).get(), at_x);
       };
-      EXPECT_EQ(MakeRule(text)->ReadsProgress(), step_at(0.1) != step_at(0.9));
+      EXPECT_EQ(MakeRule(text)->Needs().progress, step_at(0.1) != step_at(0.9));
     }
   }
 }

@@ -26,11 +26,6 @@ class FunctionRule final : public UpdateRule {
                    std::string* error) override {
     return function_(at_x, step, error);
   }
-  double StepWork(const JacobianSizes& J) const override {
-    return step_work ? step_work(J) : UpdateRule::StepWork(J);
-  }
-
-  std::function<double(const JacobianSizes& J)> step_work;  // null: the default
 
  private:
   LinearizationParts needs_;

@@ -9,7 +9,6 @@
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
-#include "invgrad/train/training_memory.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"
@@ -69,20 +68,6 @@ TEST(UNetTraining, RulesWithoutFactorsAreTooLarge) {
   const TrainResult result =
       Train(*problem.model, problem.train, "half_inverse", options);
   EXPECT_NE(result.error.find("needs"), std::string::npos) << result.error;
-}
-
-// The proxy of a pull-back has no Jacobian of its own.
-TEST(UNetTraining, KfacBehindAnInverseNeedsLittleMoreThanAdam) {
-  const LearningProblem problem =
-      CreateLearningProblem("heat:resolution=64:network=u_net:num_samples=128");
-  const auto bytes = [&](const std::string& rule) {
-    return TotalBytes(TrainingMemory(*problem.model,
-                                     *MakeRule(rule),
-                                     /*through_pull_back=*/true,
-                                     /*batch_size=*/128));
-  };
-  EXPECT_GT(bytes("kfac"), bytes("adam"));
-  EXPECT_LT(bytes("kfac"), 1.5 * bytes("adam"));
 }
 
 TEST(UNetTraining, ACeresMinimizerTrainsIt) {

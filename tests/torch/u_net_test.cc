@@ -113,7 +113,7 @@ TEST(UNet, AnyGridThatHasACellOnEachLevelIsAllowed) {
             "a U-net of 4 levels needs at least 8 cells a side, found 7 x 13");
 }
 
-// The statement before a run is kept: BytesPerColumn is measured with other
+// The statement before a run is kept: bytes_per_column is measured with other
 // batches than this one.
 TEST(UNet, ItsMemoryIsTheStatedOne) {
   UNetOptions options;
@@ -129,7 +129,7 @@ TEST(UNet, ItsMemoryIsTheStatedOne) {
   ASSERT_TRUE(network->Forward(
       weights, inputs, Network::Derivatives::kFirst, pass.get(), &error));
   network->Backward(weights, *pass, inputs, &gradient);
-  const double stated = kBatchSize * network->BytesPerColumn();
+  const double stated = kBatchSize * network->bytes_per_column();
   // The statement allows for memory that tensors do not count.
   EXPECT_LT(memory.bytes(), 0.8 * stated);
   EXPECT_GT(memory.bytes(), 0.5 * stated);

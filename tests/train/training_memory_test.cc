@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <limits>
 #include <memory>
+#include <new>
 #include <string>
 #include <vector>
 
 #include "gtest/gtest.h"
 #include "invgrad/methods/method.h"
 #include "invgrad/rules/rules.h"
-#include "invgrad/spectral/spectral_step.h"
 #include "invgrad/train/train.h"
+#include "tests/support/function_rule.h"
 
 namespace invgrad {
 namespace training_memory_test {
@@ -40,37 +41,38 @@ double BytesOf(const std::vector<MemoryPart>& parts, const std::string& name) {
   return bytes;
 }
 
-// 2-5-3: 3 * 5 + 6 * 3 = 33 weights, m = 3 B.
+// 2-5-3: n = 3 * 5 + 6 * 3 = 33 weights, m = 3 B.
 TEST(TrainingMemory, CountsTheMatricesOfAStep) {
   const Model model = MakeModel({2, 5, 3});
-  const int batch_size = 10;
-  const auto parts = [&](const std::string& rule) {
-    return TrainingMemory(model, *MakeRule(rule), false, batch_size);
-  };
-  EXPECT_EQ(BytesOf(parts("newton"), "Hessian"), 8.0 * 33 * 33);
-  EXPECT_EQ(BytesOf(parts("newton"), "factorization of the Hessian"),
-            3.0 * 8.0 * 33 * 33);
-  EXPECT_EQ(BytesOf(parts("half_inverse"), "factors of J"), 8.0 * 30 * 5);
-  EXPECT_EQ(BytesOf(parts("half_inverse"), "at least route gram"),
-            SpectralStepBytes(SpectralRoute::kGram, 30, 33));
-  EXPECT_EQ(BytesOf(TrainingMemory(model, *MakeRule("half_inverse"), false, 12),
-                    "at least route gram"),
-            SpectralStepBytes(SpectralRoute::kGram, 36, 33));
-  // Of the layer with 18 weights the Gram matrix is larger.
-  EXPECT_EQ(BytesOf(parts("layer_half_inverse"), "at least route gram"),
-            SpectralStepBytes(SpectralRoute::kGram, 30, 18));
-  for (const char* rule : {"adam", "gradient_descent"}) {
-    EXPECT_EQ(BytesOf(parts(rule), "Jacobians of the simulator"), 0.0) << rule;
-    EXPECT_EQ(BytesOf(parts(rule), "factors of J"), 0.0) << rule;
+  constexpr char kGram[] = "Gram matrix and its factorization";
+  constexpr char kHessian[] = "Hessian and its factorization";
+  const auto bytes =
+      [&](const std::string& rule, const std::string& part, int batch_size) {
+        return BytesOf(
+            TrainingMemory(model, MakeRule(rule)->Needs(), false, batch_size),
+            part);
+      };
+  EXPECT_EQ(bytes("newton", kHessian, 10), 4.0 * 8.0 * 33 * 33);
+  for (const char* rule : {"half_inverse", "geodesic", "determined"}) {
+    EXPECT_EQ(bytes(rule, "factors of J", 10), 8.0 * 30 * 5) << rule;
+    EXPECT_EQ(bytes(rule, kGram, 10), 2.0 * 8.0 * 30 * 30) << rule;
+    EXPECT_EQ(bytes(rule, "J", 10), 0.0) << rule;
+    EXPECT_EQ(bytes(rule, kGram, 12), 2.0 * 8.0 * 33 * 33) << rule;
+    EXPECT_EQ(bytes(rule, "J", 12), 8.0 * 36 * 33) << rule;
   }
-  EXPECT_EQ(BytesOf(parts("krylov"), "factors of J"), 0.0);
+  for (const char* rule : {"adam", "gradient_descent"}) {
+    EXPECT_EQ(bytes(rule, "derivatives of the samples", 10), 0.0) << rule;
+    EXPECT_EQ(bytes(rule, "factors of J", 10), 0.0) << rule;
+  }
+  EXPECT_EQ(bytes("krylov", "factors of J", 10), 0.0);
+  EXPECT_EQ(bytes("krylov", kGram, 10), 0.0);
 }
 
 TEST(TrainingMemory, GrowsWithTheSquareOfTheRowsForAGramMatrixAlone) {
   const Model model = MakeModel({100, 300, 10});
   const auto total = [&](const std::string& rule, int batch_size) {
     return TotalBytes(
-        TrainingMemory(model, *MakeRule(rule), false, batch_size));
+        TrainingMemory(model, MakeRule(rule)->Needs(), false, batch_size));
   };
   EXPECT_NEAR(
       total("half_inverse", 2000) / total("half_inverse", 1000), 4.0, 0.6);
@@ -84,14 +86,16 @@ TEST(TrainingMemory, HoldsForAnySize) {
   const int largest = std::numeric_limits<int>::max();
   for (const RuleRow& row : Rules()) {
     for (const bool through_pull_back : {false, true}) {
-      for (const MemoryPart& part : TrainingMemory(
-               model, *MakeRule(row.name), through_pull_back, largest)) {
+      for (const MemoryPart& part : TrainingMemory(model,
+                                                   MakeRule(row.name)->Needs(),
+                                                   through_pull_back,
+                                                   largest)) {
         EXPECT_GE(part.bytes, 0.0) << row.name << ": " << part.name;
       }
     }
   }
   EXPECT_GT(TotalBytes(TrainingMemory(
-                model, *MakeRule("half_inverse"), false, largest)),
+                model, MakeRule("half_inverse")->Needs(), false, largest)),
             8e12);
 }
 
@@ -117,7 +121,9 @@ TEST(TrainingFits, RefusesABatchBeforeTheFirstStep) {
   EXPECT_EQ(TrainError("half_inverse", 400, 200e6), "");
   const std::string error = TrainError("half_inverse:route=gram", 400, 20e6);
   EXPECT_EQ(error.rfind("batch_size=400 needs ", 0), 0u) << error;
-  EXPECT_NE(error.find("(route gram "), std::string::npos) << error;
+  EXPECT_NE(error.find("(Gram matrix and its factorization 25 MB, "),
+            std::string::npos)
+      << error;
   EXPECT_NE(error.find("; the limit is 20 MB"), std::string::npos) << error;
   // All samples are the same batch.
   EXPECT_EQ(TrainError("half_inverse:route=gram", 0, 20e6), error);
@@ -139,6 +145,34 @@ TEST(TrainingFits, HoldsForPullBacksAndCeresToo) {
   EXPECT_NE(TrainError("ceres_lbfgs", 400, 1e5).find("; the limit is 100 kB"),
             std::string::npos);
   EXPECT_EQ(TrainError("ceres_lbfgs", 400, 20e6), "");
+}
+
+// What no estimate foresees ends the run, and the message says what a step needs.
+TEST(TrainingFits, AFailingAllocationEndsTheRun) {
+  const Model model = MakeModel({20, 40, 10});
+  const DataSet train = MakeData(model, 400);
+  TrainOptions options;
+  options.batch_size = 100;
+  options.max_num_steps = 3;
+  options.initial_weights =
+      Eigen::VectorXd::Constant(model.num_weights(), 0.01);
+  int num_steps = 0;
+  const auto rule = std::make_shared<FunctionRule>(
+      [&num_steps](const auto& at_x, auto* step, std::string*) {
+        if (++num_steps == 2) throw std::bad_alloc();
+        *step = -1e-3 * at_x.gradient;
+        return true;
+      });
+  TrainingRun run(model, {train, DataSet()}, rule, options);
+  ASSERT_EQ(run.error(), "");
+  while (run.Step()) {
+  }
+  EXPECT_EQ(run.summary().termination_type, ceres::FAILURE);
+  EXPECT_EQ(run.summary().message.rfind(
+                "out of memory at step 2: batch_size=100 needs ", 0),
+            0u)
+      << run.summary().message;
+  EXPECT_EQ(run.step(), 1);
 }
 
 }  // namespace training_memory_test

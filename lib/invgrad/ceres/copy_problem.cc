@@ -1,15 +1,16 @@
 #include "invgrad/ceres/copy_problem.h"
 
+#include <unordered_map>
 #include <vector>
 
+#include "ceres/cost_function.h"
 #include "ceres/loss_function.h"
 
 namespace invgrad {
 
-ceres::Problem::Options CopyOptions(ceres::Ownership ownership,
-                                    ceres::EvaluationCallback* callback) {
+ceres::Problem::Options CopyOptions(ceres::EvaluationCallback* callback) {
   ceres::Problem::Options options;
-  options.cost_function_ownership = ownership;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.disable_all_safety_checks = true;
@@ -37,27 +38,40 @@ void CopyParameterBlock(const ceres::Problem& problem,
   }
 }
 
-void CopyProblem(
-    const ceres::Problem& problem,
-    const std::function<ceres::CostFunction*(const ceres::CostFunction*)>&
-        cost_function,
-    const std::function<const ceres::Manifold*(const double* values)>& manifold,
-    ceres::Problem* copy) {
+ceres::Problem CopyProblem(const ceres::Problem& problem,
+                           const ProblemStructure& structure,
+                           ceres::EvaluationCallback* callback) {
+  ceres::Problem copy(CopyOptions(callback));
   std::vector<ceres::ResidualBlockId> ids;
   problem.GetResidualBlocks(&ids);
   std::vector<double*> blocks;
   for (const ceres::ResidualBlockId id : ids) {
     problem.GetParameterBlocksForResidualBlock(id, &blocks);
-    copy->AddResidualBlock(
-        cost_function(problem.GetCostFunctionForResidualBlock(id)),
-        const_cast<ceres::LossFunction*>(
-            problem.GetLossFunctionForResidualBlock(id)),
-        blocks);
+    copy.AddResidualBlock(const_cast<ceres::CostFunction*>(
+                              problem.GetCostFunctionForResidualBlock(id)),
+                          const_cast<ceres::LossFunction*>(
+                              problem.GetLossFunctionForResidualBlock(id)),
+                          blocks);
+  }
+  // Blocks that are constant need none.
+  std::unordered_map<const double*, const ceres::Manifold*> manifolds;
+  for (const auto& block : structure.parameter_blocks) {
+    manifolds[block.values] = block.manifold;
   }
   problem.GetParameterBlocks(&blocks);
   for (double* values : blocks) {
-    CopyParameterBlock(problem, values, manifold(values), copy);
+    CopyParameterBlock(problem, values, manifolds[values], &copy);
   }
+  return copy;
+}
+
+ceres::Solver::Options UnwatchedOptions(ceres::Solver::Options options) {
+  options.callbacks.clear();
+  options.minimizer_progress_to_stdout = false;
+  options.logging_type = ceres::SILENT;
+  options.update_state_every_iteration = false;
+  options.trust_region_minimizer_iterations_to_dump.clear();
+  return options;
 }
 
 }  // namespace invgrad

@@ -1,20 +1,18 @@
-// Copies a ceres::Problem over the same parameter values.
+// Copies a ceres::Problem over the same parameter values, to solve it again.
 #ifndef INVGRAD_CERES_COPY_PROBLEM_H_
 #define INVGRAD_CERES_COPY_PROBLEM_H_
 
-#include <functional>
-
-#include "ceres/cost_function.h"
 #include "ceres/evaluation_callback.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
+#include "ceres/solver.h"
+#include "invgrad/ceres/problem_structure.h"
 
 namespace invgrad {
 
-// The options of a copy that owns no object of the original; `ownership`: of
-// its cost functions. The original is already checked.
-ceres::Problem::Options CopyOptions(ceres::Ownership ownership,
-                                    ceres::EvaluationCallback* callback);
+// The options of a copy that owns no object of the original. The original is
+// already checked.
+ceres::Problem::Options CopyOptions(ceres::EvaluationCallback* callback);
 
 // Adds a parameter block, with its constness and bounds, and this manifold
 // (null: Euclidean).
@@ -23,15 +21,14 @@ void CopyParameterBlock(const ceres::Problem& problem,
                         const ceres::Manifold* manifold,
                         ceres::Problem* copy);
 
-// Adds the residual blocks of `problem`, in their order, and its parameter
-// blocks to the empty problem `copy`, with the cost functions and manifolds
-// (null: Euclidean) that the functions return.
-void CopyProblem(
-    const ceres::Problem& problem,
-    const std::function<ceres::CostFunction*(const ceres::CostFunction*)>&
-        cost_function,
-    const std::function<const ceres::Manifold*(const double* values)>& manifold,
-    ceres::Problem* copy);
+// A copy with the residual blocks of `problem`, in their order, and the
+// manifolds of `structure`, which the problem had before they were wrapped.
+ceres::Problem CopyProblem(const ceres::Problem& problem,
+                           const ProblemStructure& structure,
+                           ceres::EvaluationCallback* callback);
+
+// The options for a solve that nobody watches: no callbacks, no output.
+ceres::Solver::Options UnwatchedOptions(ceres::Solver::Options options);
 
 }  // namespace invgrad
 

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 
 #include "ceres/manifold.h"
 #include "fmt/core.h"
 #include "invgrad/ceres/copy_problem.h"
+#include "invgrad/ceres/staged_step.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
@@ -248,86 +247,21 @@ DomainFailure FailureOfPlus(const DomainFailure::Options& options,
   return failure;
 }
 
-// Forwards to a block's manifold, and notes that its Plus failed.
-class PlusWatch final : public ceres::Manifold {
+// Records the first step of a solve.
+class FirstStep final : public ceres::IterationCallback {
  public:
-  explicit PlusWatch(const ceres::Manifold* own) : own_(*own) {}
-
-  int AmbientSize() const override { return own_.AmbientSize(); }
-  int TangentSize() const override { return own_.TangentSize(); }
-  bool Plus(const double* x,
-            const double* delta,
-            double* x_plus_delta) const override {
-    if (own_.Plus(x, delta, x_plus_delta)) return true;
-    has_failed_ = true;
-    return false;
-  }
-  bool PlusJacobian(const double* x, double* jacobian) const override {
-    return own_.PlusJacobian(x, jacobian);
-  }
-  bool RightMultiplyByPlusJacobian(const double* x,
-                                   const int num_rows,
-                                   const double* ambient_matrix,
-                                   double* tangent_matrix) const override {
-    return own_.RightMultiplyByPlusJacobian(
-        x, num_rows, ambient_matrix, tangent_matrix);
-  }
-  bool Minus(const double* y,
-             const double* x,
-             double* y_minus_x) const override {
-    return own_.Minus(y, x, y_minus_x);
-  }
-  bool MinusJacobian(const double* x, double* jacobian) const override {
-    return own_.MinusJacobian(x, jacobian);
-  }
-
-  bool has_failed() const { return has_failed_; }
-
- private:
-  const ceres::Manifold& own_;
-  // Ceres forms its candidate by one thread.
-  mutable bool has_failed_ = false;
-};
-
-// Notes the states at which Ceres evaluates, and ends the solve after a
-// candidate outside the domain.
-class CandidateWatch final : public ceres::EvaluationCallback,
-                             public ceres::IterationCallback {
- public:
-  CandidateWatch(const ProblemStructure& structure,
-                 ceres::EvaluationCallback* users)
-      : structure_(structure), users_(users) {}
-
-  void PrepareForEvaluation(bool evaluate_jacobians,
-                            bool new_evaluation_point) override {
-    if (users_ != nullptr) {
-      users_->PrepareForEvaluation(evaluate_jacobians, new_evaluation_point);
-    }
-    candidate_ = structure_.State();
-    if (!evaluate_jacobians) return;
-    last_ = std::move(linearized_);
-    linearized_ = candidate_;
-  }
-
+  FirstStep(StagedStep* staged, Eigen::VectorXd* step)
+      : staged_(*staged), step_(*step) {}
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override {
-    if (!IsOutsideDomain(iteration)) return ceres::SOLVER_CONTINUE;
-    last_ = linearized_;
-    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    // Ceres has called Plus for the gradient.
+    if (iteration.iteration == 0) staged_.Record(step_.data());
+    return ceres::SOLVER_CONTINUE;
   }
-
-  // After the solve. If that failed at its start, the good state is the bad one.
-  const Eigen::VectorXd& good() const {
-    return last_.size() > 0 ? last_ : candidate_;
-  }
-  const Eigen::VectorXd& bad() const { return candidate_; }
 
  private:
-  const ProblemStructure& structure_;
-  ceres::EvaluationCallback* const users_;
-  Eigen::VectorXd candidate_;   // of the last evaluation
-  Eigen::VectorXd linearized_;  // of the last one with Jacobians
-  Eigen::VectorXd last_;        // of the one before that, or of a failure
+  StagedStep& staged_;
+  Eigen::VectorXd& step_;
 };
 
 }  // namespace
@@ -379,65 +313,43 @@ bool ExplainFailingStep(const DomainFailure::Options& options,
   return ExplainDomainFailure(options, structure, good, bad, failure);
 }
 
-bool FindDomainFailure(const ceres::Solver::Options& solver_options,
-                       const DomainFailure::Options& options,
-                       const ceres::Problem& problem,
-                       DomainFailure* failure) {
-  return FindDomainFailure(
-      solver_options, options, ReadStructure(problem, {}), problem, failure);
-}
-
-bool FindDomainFailure(const ceres::Solver::Options& solver_options,
-                       const DomainFailure::Options& options,
-                       const ProblemStructure& structure,
-                       const ceres::Problem& problem,
-                       DomainFailure* failure) {
+bool ExplainNextStep(const ceres::Solver::Options& solver_options,
+                     const DomainFailure::Options& options,
+                     const ProblemStructure& structure,
+                     const ceres::Problem& problem,
+                     DomainFailure* failure) {
   CHECK(failure != nullptr);
-  if (solver_options.minimizer_type != ceres::TRUST_REGION) return false;
-  std::unordered_map<const double*, int> index_of;
-  std::vector<std::unique_ptr<PlusWatch>> plus_watches;
-  for (const auto& block : structure.parameter_blocks) {
-    index_of[block.values] = static_cast<int>(plus_watches.size());
-    plus_watches.push_back(block.manifold == nullptr
-                               ? nullptr
-                               : std::make_unique<PlusWatch>(block.manifold));
+  // Ceres multiplies J by a square matrix of the size of each wrapped block.
+  constexpr int kMaxBlockSize = 512;
+  const bool has_large_block =
+      std::any_of(structure.tangent_sizes.begin(),
+                  structure.tangent_sizes.end(),
+                  [](int size) { return size > kMaxBlockSize; });
+  if (solver_options.minimizer_type != ceres::TRUST_REGION || has_large_block) {
+    return false;
   }
-  CandidateWatch watch(structure, options.evaluation_callback);
   const Eigen::VectorXd start = structure.State();
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(structure.num_parameters);
+  ceres::Problem copy =
+      CopyProblem(problem, structure, options.evaluation_callback);
   {
-    ceres::Problem copy(CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, &watch));
-    CopyProblem(
-        problem,
-        [](const ceres::CostFunction* function) {
-          return const_cast<ceres::CostFunction*>(function);
-        },
-        [&](const double* values) -> const ceres::Manifold* {
-          const auto found = index_of.find(values);
-          return found == index_of.end() ? nullptr
-                                         : plus_watches[found->second].get();
-        },
-        &copy);
-    ceres::Solver::Options repeated = solver_options;
-    repeated.callbacks = {&watch};
-    repeated.minimizer_progress_to_stdout = false;
-    repeated.logging_type = ceres::SILENT;
-    repeated.update_state_every_iteration = false;
-    repeated.use_inner_iterations = false;
-    repeated.trust_region_minimizer_iterations_to_dump.clear();
+    StagedStep staged(structure, ceres::DO_NOT_TAKE_OWNERSHIP, &copy);
+    FirstStep first_step(&staged, &step);
+    ceres::Solver::Options one_step = UnwatchedOptions(solver_options);
+    one_step.callbacks = {&first_step};
+    one_step.use_inner_iterations = false;
+    one_step.max_num_iterations = 1;
     ceres::Solver::Summary summary;
-    ceres::Solve(repeated, &copy, &summary);
+    ceres::Solve(one_step, &copy, &summary);
   }
   structure.SetState(start);
-  for (std::size_t b = 0; b < plus_watches.size(); ++b) {
-    if (plus_watches[b] != nullptr && plus_watches[b]->has_failed()) {
-      *failure = FailureOfPlus(options, structure, static_cast<int>(b));
-      failure->num_failing_blocks = 1;
+  // Within a solve Ceres scales J as at its start, and the step may be longer.
+  for (const double factor : {1.0, 2.0}) {
+    if (ExplainFailingStep(options, structure, factor * step, failure)) {
       return true;
     }
   }
-  return watch.bad().size() > 0 &&
-         ExplainDomainFailure(
-             options, structure, watch.good(), watch.bad(), failure);
+  return false;
 }
 
 std::string DomainFailure::ToText() const {

@@ -18,12 +18,13 @@
 //
 // Shapes:  states as of ProblemLinearizer::State, steps in its tangent columns.
 // Cost:    all residual blocks at the bad state; then, for k components, at most
-//          3 k + 1 evaluations of one. FindDomainFailure: a ceres::Solve until
-//          the failure.
+//          3 k + 1 evaluations of one. ExplainNextStep: one iteration of
+//          ceres::Solve in addition.
 // Fails:   returns false if there is no failure.
 // Limits:  the set is the smallest one only if returning more components never
-//          leads outside again. A solve with inner iterations is repeated
-//          without them, and a line search is not repeated.
+//          leads outside again. ExplainNextStep explains no steps of inner
+//          iterations and of line searches, and none of blocks with more than
+//          512 parameters.
 #ifndef INVGRAD_CERES_DOMAIN_FAILURE_H_
 #define INVGRAD_CERES_DOMAIN_FAILURE_H_
 
@@ -97,20 +98,15 @@ bool ExplainFailingStep(const DomainFailure::Options& options,
                         const Eigen::VectorXd& step,
                         DomainFailure* failure);
 
-// Repeats ceres::Solve from the current values of the blocks, on a copy of the
-// problem, until a candidate lies outside the domain; restores the values.
-// Callbacks of the solver options are not called.
-bool FindDomainFailure(const ceres::Solver::Options& solver_options,
-                       const DomainFailure::Options& options,
-                       const ceres::Problem& problem,
-                       DomainFailure* failure);
-
-// The same where the problem's manifolds are wrapped; `structure` has its own.
-bool FindDomainFailure(const ceres::Solver::Options& solver_options,
-                       const DomainFailure::Options& options,
-                       const ProblemStructure& structure,
-                       const ceres::Problem& problem,
-                       DomainFailure* failure);
+// Explains why the first step of ceres::Solve from the current values leads
+// outside: makes it again, on a copy of the problem. `structure` has the
+// problem's own manifolds, if they are wrapped. Callbacks of the solver options
+// are not called.
+bool ExplainNextStep(const ceres::Solver::Options& solver_options,
+                     const DomainFailure::Options& options,
+                     const ProblemStructure& structure,
+                     const ceres::Problem& problem,
+                     DomainFailure* failure);
 
 }  // namespace invgrad
 

@@ -44,19 +44,6 @@ ProblemLinearizer::ProblemLinearizer(const ceres::Problem* problem,
   structure_ = ReadStructure(*problem, options_.residual_blocks);
 }
 
-JacobianSizes ProblemLinearizer::Sizes() const {
-  JacobianSizes sizes;
-  sizes.rows = structure_.num_residuals;
-  sizes.cols = structure_.num_parameters;
-  for (const ResidualBlock& block : structure_.residual_blocks) {
-    sizes.nonzeros += 1.0 * block.size * block.row_length;
-  }
-  for (const int size : structure_.tangent_sizes) {
-    sizes.layers.push_back({1.0 * size, 1.0});
-  }
-  return sizes;
-}
-
 bool ProblemLinearizer::PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
                                       std::string* error) const {
   const std::vector<ParameterBlock>& blocks = structure_.parameter_blocks;

@@ -64,7 +64,6 @@ class ProblemLinearizer final : public Objective {
   // n, tangent space
   int num_parameters() const override { return structure_.num_parameters; }
 
-  JacobianSizes Sizes() const override;
   bool Linearize(const LinearizationParts& parts,
                  Linearization* linearization,
                  std::string* error) const override;

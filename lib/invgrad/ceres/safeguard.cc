@@ -3,11 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
 #include <vector>
 
-#include "ceres/cost_function.h"
-#include "ceres/manifold.h"
 #include "invgrad/ceres/copy_problem.h"
 
 namespace invgrad {
@@ -140,29 +137,9 @@ bool Safeguard::IsPlainBetter() const {
 void Safeguard::Compare() {
   if (!compares_ || is_compared_) return;
   is_compared_ = true;
-  ceres::Problem copy(
-      CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, evaluation_callback_));
-  // The manifolds before they were wrapped.
-  std::unordered_map<const double*, const ceres::Manifold*> manifolds;
-  for (const auto& block : linearizer_.structure().parameter_blocks) {
-    manifolds[block.values] = block.manifold;
-  }
-  CopyProblem(
-      problem_,
-      [](const ceres::CostFunction* function) {
-        return const_cast<ceres::CostFunction*>(function);
-      },
-      [&manifolds](const double* values) {
-        const auto found = manifolds.find(values);
-        return found == manifolds.end() ? nullptr : found->second;
-      },
-      &copy);
-  ceres::Solver::Options options = options_;
-  options.callbacks.clear();
-  options.minimizer_progress_to_stdout = false;
-  options.logging_type = ceres::SILENT;
-  options.update_state_every_iteration = false;
-  options.trust_region_minimizer_iterations_to_dump.clear();
+  ceres::Problem copy =
+      CopyProblem(problem_, linearizer_.structure(), evaluation_callback_);
+  ceres::Solver::Options options = UnwatchedOptions(options_);
   options.max_solver_time_in_seconds =
       0.5 * std::max(0.0, options_.max_solver_time_in_seconds - seconds_);
   const Eigen::VectorXd state = linearizer_.State();

@@ -1,41 +1,28 @@
 #include "invgrad/ceres/staged_step.h"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
-#include <mutex>
-#include <unordered_map>
+#include <memory>
+#include <utility>
 
-#include "ceres/manifold.h"
 #include "fmt/core.h"
 #include "invgrad/internal/logging.h"
-
-// Ceres 2.1 still has local parameterizations, and user code may set them.
-#if __has_include("ceres/local_parameterization.h")
-#define INVGRAD_LOCAL_PARAMETERIZATIONS
-#include "ceres/local_parameterization.h"
-#endif
 
 namespace invgrad {
 
 // Wraps a block's own manifold, or the Euclidean one; its next Plus uses the
 // staged step.
-class StagingManifold final : public ceres::Manifold {
+class StagedStep::StagingManifold final : public ceres::Manifold {
  public:
-  // Returns `num` manifolds for `problem`; call Init on each. Call GiveBack
-  // when the blocks of the problem no longer use them; the next Take reuses
-  // them.
-  static std::vector<StagingManifold*> Take(const ceres::Problem& problem,
-                                            std::size_t num);
-  static void GiveBack(StagingManifold* manifold);
-
-  ~StagingManifold() override;
-
-  // `own` is not owned.
-  void Init(const ceres::Manifold* own) {
-    own_ = own;
-    staged_ = nullptr;
+  // Does not own `own`.
+  explicit StagingManifold(const ceres::Manifold* own) : own_(own) {}
+  ~StagingManifold() override {
+    CHECK(own_ == nullptr)
+        << "A ceres::Problem was destroyed before its UpdateCallback.";
   }
+
+  // The block has its own manifold again.
+  void Release() { own_ = nullptr; }
 
   void Stage(const double* step) {
     staged_ = step;
@@ -46,6 +33,7 @@ class StagingManifold final : public ceres::Manifold {
     is_state_ = true;
   }
   bool is_staged() const { return staged_ != nullptr; }
+  void Record(double* step) { recorded_ = step; }
 
   int AmbientSize() const override { return own_->AmbientSize(); }
   int TangentSize() const override { return own_->TangentSize(); }
@@ -53,8 +41,13 @@ class StagingManifold final : public ceres::Manifold {
   bool Plus(const double* x,
             const double* delta,
             double* x_plus_delta) const override {
-    // Written only if a step is staged: Ceres then forms its candidate and
-    // calls Plus once. Inner iterations call Plus from several threads.
+    // Written only between an iteration's callbacks and its candidate, for
+    // which Ceres calls Plus once. Inner iterations call Plus from several
+    // threads.
+    if (recorded_ != nullptr) {
+      std::copy_n(delta, TangentSize(), recorded_);
+      recorded_ = nullptr;
+    }
     if (staged_ != nullptr) {
       delta = staged_;
       staged_ = nullptr;
@@ -85,69 +78,11 @@ class StagingManifold final : public ceres::Manifold {
   }
 
  private:
-  explicit StagingManifold(const void* problem) : problem_(problem) {}
-
-  const ceres::Manifold* own_ = nullptr;
+  const ceres::Manifold* own_;
   mutable const double* staged_ = nullptr;
-  bool is_state_ = false;      // staged_ is the block's next value, not a step
-  const void* const problem_;  // its identity
-  bool is_in_use_ = true;      // between Take and GiveBack
+  bool is_state_ = false;  // staged_ is the block's next value, not a step
+  mutable double* recorded_ = nullptr;
 };
-
-namespace {
-
-// The address of the implementation of the problem, which does not change when
-// the Problem is moved.
-const void* IdentityOf(const ceres::Problem& problem) {
-  static_assert(sizeof(ceres::Problem) == sizeof(void*),
-                "A ceres::Problem is one pointer to its implementation.");
-  const void* identity = nullptr;
-  std::memcpy(&identity, static_cast<const void*>(&problem), sizeof(identity));
-  return identity;
-}
-
-// The unused manifolds of each problem.
-struct KeptManifolds {
-  std::mutex mutex;
-  std::unordered_map<const void*, std::vector<StagingManifold*>> by_problem;
-};
-
-// Never destroyed, because a static problem may be destroyed later.
-KeptManifolds& Kept() {
-  static KeptManifolds& kept = *new KeptManifolds;
-  return kept;
-}
-
-}  // namespace
-
-std::vector<StagingManifold*> StagingManifold::Take(
-    const ceres::Problem& problem, std::size_t num) {
-  const void* const identity = IdentityOf(problem);
-  const std::lock_guard<std::mutex> lock(Kept().mutex);
-  std::vector<StagingManifold*>& kept = Kept().by_problem[identity];
-  std::vector<StagingManifold*> manifolds;
-  while (manifolds.size() < num) {
-    if (kept.empty()) kept.push_back(new StagingManifold(identity));
-    manifolds.push_back(kept.back());
-    manifolds.back()->is_in_use_ = true;
-    kept.pop_back();
-  }
-  return manifolds;
-}
-
-void StagingManifold::GiveBack(StagingManifold* manifold) {
-  const std::lock_guard<std::mutex> lock(Kept().mutex);
-  manifold->is_in_use_ = false;
-  Kept().by_problem[manifold->problem_].push_back(manifold);
-}
-
-// Only a problem that owns its manifolds deletes one, and then it deletes all.
-StagingManifold::~StagingManifold() {
-  CHECK(!is_in_use_)
-      << "A ceres::Problem was destroyed before its UpdateCallback.";
-  const std::lock_guard<std::mutex> lock(Kept().mutex);
-  Kept().by_problem.erase(problem_);
-}
 
 namespace {
 
@@ -193,9 +128,6 @@ bool StagedStep::IsSupported(int max_block_size,
   return true;
 }
 
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
-
 // A block and its manifold before wrapping.
 struct StagedStep::Block {
   double* values;
@@ -203,64 +135,45 @@ struct StagedStep::Block {
   int offset;                       // in the state
   const ceres::Manifold* manifold;  // null: Euclidean
   StagingManifold* staging;
-#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
-  const ceres::LocalParameterization* parameterization = nullptr;
-#endif
 };
 
 StagedStep::StagedStep(const ProblemStructure& structure,
+                       ceres::Ownership manifold_ownership,
                        ceres::Problem* problem)
     : problem_(problem) {
-  const std::vector<StagingManifold*> manifolds =
-      StagingManifold::Take(*problem, structure.parameter_blocks.size());
-  blocks_.reserve(manifolds.size());
-  for (std::size_t i = 0; i < manifolds.size(); ++i) {
-    const ProblemStructure::ParameterBlock& block =
-        structure.parameter_blocks[i];
+  for (const auto& block : structure.parameter_blocks) {
     CHECK(dynamic_cast<const StagingManifold*>(block.manifold) == nullptr)
         << "Another UpdateCallback of this problem still exists.";
+    const int size = block.ambient_size;
+    auto staging = std::make_unique<StagingManifold>(
+        block.manifold != nullptr
+            ? block.manifold
+            : &euclidean_.try_emplace(size, size).first->second);
     blocks_.push_back({block.values,
                        block.column,
                        block.offset,
                        block.manifold,
-                       manifolds[i]});
-#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
-    blocks_.back().parameterization =
-        block.manifold == nullptr ? nullptr
-                                  : problem->GetParameterization(block.values);
-#endif
-    const int size = block.ambient_size;
-    manifolds[i]->Init(block.manifold != nullptr
-                           ? block.manifold
-                           : &euclidean_.try_emplace(size, size).first->second);
-  }
-  for (const Block& block : blocks_) {
-    problem->SetManifold(block.values, block.staging);
+                       staging.get()});
+    problem->SetManifold(block.values, staging.get());
+    if (manifold_ownership == ceres::TAKE_OWNERSHIP) {
+      staging.release();
+    } else {
+      owned_.push_back(std::move(staging));
+    }
   }
 }
 
 StagedStep::~StagedStep() {
-  // In reverse order, so that Take returns them in the order of their
-  // construction.
-  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
-    // The getters return pointers to const; the setters take pointers to
-    // non-const.
-#ifdef INVGRAD_LOCAL_PARAMETERIZATIONS
-    if (block->parameterization != nullptr) {
-      problem_->SetParameterization(
-          block->values,
-          const_cast<ceres::LocalParameterization*>(block->parameterization));
-    } else
-#endif
-        if (block->manifold != nullptr || is_wrapped_) {
-      problem_->SetManifold(block->values,
-                            const_cast<ceres::Manifold*>(block->manifold));
+  for (const Block& block : blocks_) {
+    if (block.manifold != nullptr || is_wrapped_) {
+      // GetManifold returns a pointer to const; SetManifold takes one to
+      // non-const.
+      problem_->SetManifold(block.values,
+                            const_cast<ceres::Manifold*>(block.manifold));
     }
-    StagingManifold::GiveBack(block->staging);
+    block.staging->Release();
   }
 }
-
-#pragma GCC diagnostic pop
 
 void StagedStep::Stage(const double* step) {
   SetWrapped(true);
@@ -276,6 +189,11 @@ void StagedStep::StageState(const double* state) {
 
 void StagedStep::Clear() {
   for (const Block& block : blocks_) block.staging->Stage(nullptr);
+}
+
+void StagedStep::Record(double* step) {
+  SetWrapped(true);
+  for (const Block& block : blocks_) block.staging->Record(step + block.column);
 }
 
 bool StagedStep::IsStaged() const {

@@ -7,21 +7,22 @@
 // its candidate.
 //
 // Shapes:    step: n, in the columns of the structure.
-// Ownership: Ceres 2.1 does not expose whether a problem owns its manifolds
-//            (Problem::Options::manifold_ownership). Both settings work: unused
-//            wrappers are kept for the next StagedStep of the problem, and its
-//            destructor deletes them if it owns its manifolds. Otherwise 64
-//            bytes for each parameter block remain, and a later problem at the
-//            same address reuses them.
+// Ownership: a problem deletes the manifolds that it was given, and so the
+//            wrappers, unless its Problem::Options::manifold_ownership is
+//            DO_NOT_TAKE_OWNERSHIP; then this object deletes them. Until an
+//            owning problem is destroyed, 64 bytes for each parameter block and
+//            StagedStep remain.
 #ifndef INVGRAD_CERES_STAGED_STEP_H_
 #define INVGRAD_CERES_STAGED_STEP_H_
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
+#include "ceres/types.h"
 #include "invgrad/ceres/problem_structure.h"
 
 namespace invgrad {
@@ -38,8 +39,10 @@ class StagedStep {
   // Wraps the manifolds of the blocks; the destructor restores the manifolds.
   // The problem must outlive the object (CHECKed if it owns its manifolds).
   // CHECKs that the blocks are not wrapped. `structure`: of all its residual
-  // blocks.
-  StagedStep(const ProblemStructure& structure, ceres::Problem* problem);
+  // blocks. `manifold_ownership`: the problem's.
+  StagedStep(const ProblemStructure& structure,
+             ceres::Ownership manifold_ownership,
+             ceres::Problem* problem);
   ~StagedStep();
   StagedStep(const StagedStep&) = delete;
   StagedStep& operator=(const StagedStep&) = delete;
@@ -55,17 +58,25 @@ class StagedStep {
   // and a failing Plus ends a move.)
   bool IsStaged() const;
 
-  // Unwraps the Euclidean blocks until the next Stage, so that Ceres does not
-  // multiply by identity matrices. The blocks must be wrapped when the solve
-  // begins, because Ceres then allocates the memory for evaluations.
+  // Writes the step of the next Plus to `step` (n), which must live until then;
+  // entries of blocks that do not move are not written.
+  void Record(double* step);
+
+  // Unwraps the Euclidean blocks, so that Ceres does not multiply by identity
+  // matrices, until the next Stage or Wrap. The blocks must be wrapped when a
+  // solve begins, because Ceres then allocates the memory for evaluations.
   void Unwrap() { SetWrapped(false); }
+  void Wrap() { SetWrapped(true); }
 
  private:
+  class StagingManifold;
   struct Block;
 
   void SetWrapped(bool wrapped);
 
   ceres::Problem* problem_;
+  // Those that the problem does not own.
+  std::vector<std::unique_ptr<StagingManifold>> owned_;
   std::map<int, ceres::EuclideanManifold<ceres::DYNAMIC>>
       euclidean_;  // by size
   std::vector<Block> blocks_;

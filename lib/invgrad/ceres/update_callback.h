@@ -32,15 +32,14 @@
 //          nonmonotonic steps may be on); otherwise the callback aborts the
 //          solve, and summary().message gives the reason. No bounds on blocks
 //          that are not constant, because Ceres' projected line search calls
-//          Plus repeatedly. One callback for a problem at a time, one solve for
-//          a callback, and no other solve of the problem while the callback
-//          exists. Rules must not throw.
+//          Plus repeatedly. One callback for a problem at a time, AddTo before
+//          each solve, and no solve of the problem without AddTo while the
+//          callback exists. Rules must not throw.
 // Cost:    at each turn of the rule one step and one or two linearizations, at
-//          x and at the candidate. They evaluate all residual blocks, except for
-//          a CachedProblem (cached_problem.h). While a step is staged, Ceres
-//          multiplies J by a k x k matrix for a Euclidean block of size k. With
-//          compare_with_plain one more solve. The first step of Ceres that
-//          leaves the domain is computed again.
+//          x and at the candidate, which evaluate all residual blocks. While a
+//          step is staged, Ceres multiplies J by a k x k matrix for a Euclidean
+//          block of size k. With compare_with_plain one more solve. The first
+//          step of Ceres that leaves the domain is computed again.
 // Fails:   as Ceres does. A step that leads to where the Jacobian is not finite
 //          is not proposed. After a numerical failure of the rule Ceres has the
 //          turn.
@@ -55,6 +54,7 @@
 #include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
+#include "ceres/types.h"
 #include "invgrad/ceres/domain_failure.h"
 #include "invgrad/core/update_rule.h"
 
@@ -86,6 +86,11 @@ class UpdateCallback final {
     // that of the solve without proposals: by an estimate from the sizes of the
     // problem (work_limit.h). Infinity: none.
     double max_relative_work = 2.0;
+    // The problem's Problem::Options::manifold_ownership, which Ceres 2.1 does
+    // not expose. A problem that owns its manifolds keeps those of the callback,
+    // 64 bytes for each parameter block, until it is destroyed. If the option is
+    // wrong, they leak or are deleted twice.
+    ceres::Ownership manifold_ownership = ceres::TAKE_OWNERSHIP;
     // The evaluation callback of the problem, which Ceres 2.1 does not expose.
     // Without it, candidates are evaluated with the values that it prepared for
     // another state, and there may be no comparison. Not owned.
@@ -130,11 +135,11 @@ class UpdateCallback final {
                           const ceres::Problem& problem,
                           std::string* error);
 
-  // Wraps the manifolds of the problem's blocks; the destructor restores them.
-  // Rule and problem must outlive the callback, and the callback the solve.
-  // Blocks, manifolds and constness must not change in between. The problem may
-  // or may not own its manifolds. CHECKs IsSupported, and that the problem has
-  // no other UpdateCallback.
+  // Wraps the manifolds of the problem's blocks; the destructor restores them
+  // (a LocalParameterization of Ceres 2.1 as its manifold). Rule and problem must
+  // outlive the callback, and the callback the solve. Blocks, manifolds and
+  // constness must not change in between. CHECKs IsSupported, and that the
+  // problem has no other UpdateCallback.
   UpdateCallback(UpdateRule* rule, ceres::Problem* problem);
   UpdateCallback(UpdateRule* rule,
                  ceres::Problem* problem,
@@ -144,7 +149,8 @@ class UpdateCallback final {
   // Adds the callback, sets update_state_every_iteration, and sets the three
   // tolerances to zero, because the callback applies them to the steps of Ceres
   // only (safeguard.h). Set all other options before: a tolerance that is set
-  // later can end the run on a proposal.
+  // later can end the run on a proposal. For another solve call it again, with
+  // new options or the same; the rule keeps its memory.
   void AddTo(ceres::Solver::Options* options);
 
   Summary summary() const;

@@ -1,6 +1,7 @@
 #include "invgrad/ceres/work_limit.h"
 
 #include "fmt/core.h"
+#include "invgrad/core/step_cost.h"
 
 namespace invgrad {
 namespace {
@@ -37,21 +38,26 @@ double SolverWork(ceres::LinearSolverType type, double m, double n) {
 
 WorkLimit::WorkLimit(double max_relative_work,
                      bool has_comparison,
-                     const UpdateRule& rule,
+                     const LinearizationParts& needs,
                      const ceres::Solver::Options& options,
-                     const JacobianSizes& sizes)
+                     const ProblemStructure& structure)
     : max_relative_work_(max_relative_work),
       max_num_iterations_(options.max_num_iterations),
       has_comparison_(has_comparison) {
-  step_work_ = rule.StepWork(sizes);
-  linearization_work_ = kLinearization * (kSmallestIteration +
-                                          kIterationOfEntry * sizes.nonzeros);
-  iteration_work_ =
-      kSmallestIteration +
-      (options.dynamic_sparsity ? kIterationOfDynamicEntry
-                                : kIterationOfEntry) *
-          sizes.nonzeros +
-      SolverWork(options.linear_solver_type, sizes.rows, sizes.cols);
+  const double rows = structure.num_residuals;
+  const double cols = structure.num_parameters;
+  double num_entries = 0.0;
+  for (const auto& block : structure.residual_blocks) {
+    num_entries += 1.0 * block.size * block.row_length;
+  }
+  step_work_ = StepOperations(needs, rows, cols, num_entries);
+  linearization_work_ =
+      kLinearization * (kSmallestIteration + kIterationOfEntry * num_entries);
+  iteration_work_ = kSmallestIteration +
+                    (options.dynamic_sparsity ? kIterationOfDynamicEntry
+                                              : kIterationOfEntry) *
+                        num_entries +
+                    SolverWork(options.linear_solver_type, rows, cols);
 }
 
 bool WorkLimit::IsStepPossible() const {

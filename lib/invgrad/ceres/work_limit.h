@@ -4,14 +4,14 @@
 //
 //   P   iterations of the solve without proposals
 //   W   work of an iteration of Ceres, a lower bound by the problem's sizes
-//   w   work of the rule: steps (UpdateRule::StepWork) and linearizations
+//   w   work of the rule: steps (step_cost.h) and linearizations
 //
 // The first term is the solve without proposals, which runs for comparison
 // (safeguard.h); 2 W is the work to move to its result. Without the comparison
 //
 //   w <= (max_relative_work - 1) (iterations + 5) W
 //
-// Units:   operations, as UpdateRule::StepWork. Measured times would decide
+// Units:   operations, as in step_cost.h. Measured times would decide
 //          differently in each run.
 #ifndef INVGRAD_CERES_WORK_LIMIT_H_
 #define INVGRAD_CERES_WORK_LIMIT_H_
@@ -20,7 +20,8 @@
 #include <string>
 
 #include "ceres/solver.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/ceres/problem_structure.h"
+#include "invgrad/core/linearization.h"
 
 namespace invgrad {
 
@@ -28,9 +29,9 @@ class WorkLimit {
  public:
   WorkLimit(double max_relative_work,
             bool has_comparison,
-            const UpdateRule& rule,
+            const LinearizationParts& needs,
             const ceres::Solver::Options& options,
-            const JacobianSizes& sizes);
+            const ProblemStructure& structure);
 
   // Whether a step is possible at all, if P = options.max_num_iterations.
   bool IsStepPossible() const;

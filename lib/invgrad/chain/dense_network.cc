@@ -25,6 +25,9 @@ DenseNetwork::DenseNetwork(std::vector<int> widths, Activation hidden)
   for (std::size_t l = 0; l + 1 < widths_.size(); ++l) {
     offsets_.push_back(offsets_.back() + (widths_[l] + 1) * widths_[l + 1]);
   }
+  // Inputs, slopes and covectors of every layer.
+  set_bytes_per_column(3.0 * sizeof(double) *
+                       std::accumulate(widths_.begin(), widths_.end(), 0.0));
 }
 
 double DenseNetwork::CountWeights(const std::vector<int>& widths) {
@@ -92,12 +95,6 @@ std::vector<int> DenseNetwork::WeightBlocks() const {
     blocks.insert(blocks.end(), widths_[l + 1], widths_[l] + 1);
   }
   return blocks;
-}
-
-double DenseNetwork::BytesPerColumn() const {
-  // Inputs, slopes and covectors of every layer.
-  return 3.0 * sizeof(double) *
-         std::accumulate(widths_.begin(), widths_.end(), 0.0);
 }
 
 bool DenseNetwork::Forward(const VectorXd& weights,
@@ -240,11 +237,6 @@ LayerColumns DenseNetwork::OutputLayer() const { return FactorLayers().back(); }
 MatrixXd DenseNetwork::Features(const VectorXd& /*weights*/,
                                 const Pass& pass) const {
   return dynamic_cast<const Activations&>(pass).inputs.back();
-}
-
-double DenseNetwork::FactorBytes(int num_columns) const {
-  return 2.0 * sizeof(double) * num_columns *
-         *std::max_element(widths_.begin(), widths_.end());
 }
 
 void DenseNetwork::Factors(const VectorXd& weights,

@@ -76,7 +76,6 @@ class DenseNetwork final : public Network,
 
   // The neurons.
   std::vector<int> WeightBlocks() const override;
-  double BytesPerColumn() const override;
 
   // Values of the forward pass for the derivatives. Layer l = 0 .. L - 1. Jets
   // have B T columns in place of B, and the ones of the last row are the jets
@@ -129,7 +128,6 @@ class DenseNetwork final : public Network,
                const Eigen::MatrixXd& output_covectors,
                SampledFactors* factors) const override;
   std::vector<LayerColumns> FactorLayers() const override;
-  double FactorBytes(int num_columns) const override;
 
   // The last layer, at one position.
   LayerColumns OutputLayer() const override;

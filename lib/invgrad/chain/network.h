@@ -55,8 +55,9 @@ class Network {
   // neuron; their sum is n.
   virtual std::vector<int> WeightBlocks() const = 0;
 
-  // Estimated memory of a Pass, Backward and Tangent, for a column of inputs.
-  virtual double BytesPerColumn() const = 0;
+  // Estimated memory of a Pass, Backward and Tangent, for a column of inputs; 0:
+  // not known.
+  double bytes_per_column() const { return bytes_per_column_; }
 
   // Whether an output may depend on the other samples of a batch (batch
   // normalization).
@@ -110,8 +111,11 @@ class Network {
                        const Eigen::VectorXd& weight_tangent,
                        Eigen::MatrixXd* output_tangents) const = 0;
 
-  // Estimated memory of Factors, in addition to BytesPerColumn.
-  virtual double FactorBytes(int /*num_columns*/) const { return 0.0; }
+ protected:
+  void set_bytes_per_column(double bytes) { bytes_per_column_ = bytes; }
+
+ private:
+  double bytes_per_column_ = 0.0;
 };
 
 }  // namespace invgrad

@@ -31,8 +31,8 @@
 
 namespace invgrad {
 
-// The parts to compute. The cost is always computed; each further part costs
-// time.
+// The parts to compute, and for the loop what a rule does with them. The cost is
+// always computed; each further part costs time.
 struct LinearizationParts {
   bool gradient = false;       // J^T g
   bool jacobian = false;       // g, J and H_L
@@ -42,6 +42,15 @@ struct LinearizationParts {
   // are set by the loop that owns the objective.
   bool hessian_times = false;
   bool after = false;
+
+  // Whether the rule reads Linearization::progress: its steps then depend on the
+  // run's budget.
+  bool progress = false;
+  // What the rule does with J, for the limits on time and memory (step_cost.h):
+  // whether it factorizes J or a Gram matrix, or otherwise how many products
+  // with J and J^T it takes, at most.
+  bool factorization = false;
+  int num_products = 0;
 
   static LinearizationParts Gradient() {
     LinearizationParts parts;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
+#include <utility>
 
 #include "fmt/core.h"
 #include "fmt/ranges.h"
@@ -67,12 +68,8 @@ bool FitsInMemory(double bytes, double limit) {
   return bytes <= (limit > 0.0 ? limit : MemoryLimit());
 }
 
-bool FitsInMemory(const std::string& who,
-                  std::vector<MemoryPart> parts,
-                  double limit,
-                  std::string* error) {
+std::string MemoryText(const std::string& who, std::vector<MemoryPart> parts) {
   const double total = TotalBytes(parts);
-  if (FitsInMemory(total, limit)) return true;
   std::stable_sort(
       parts.begin(), parts.end(), [](const MemoryPart& a, const MemoryPart& b) {
         return a.bytes > b.bytes;
@@ -83,12 +80,21 @@ bool FitsInMemory(const std::string& who,
     if (part.bytes < 0.01 * total) break;
     list.push_back(fmt::format("{} {}", part.name, FormatBytes(part.bytes)));
   }
-  *error = fmt::format("{} needs {} {}; the limit is {}",
-                       who,
-                       FormatBytes(total),
-                       parts.size() == 1
-                           ? "for " + parts[0].name
-                           : fmt::format("({})", fmt::join(list, ", ")),
+  return fmt::format("{} needs {} {}",
+                     who,
+                     FormatBytes(total),
+                     parts.size() == 1
+                         ? "for " + parts[0].name
+                         : fmt::format("({})", fmt::join(list, ", ")));
+}
+
+bool FitsInMemory(const std::string& who,
+                  std::vector<MemoryPart> parts,
+                  double limit,
+                  std::string* error) {
+  if (FitsInMemory(TotalBytes(parts), limit)) return true;
+  *error = fmt::format("{}; the limit is {}",
+                       MemoryText(who, std::move(parts)),
                        LimitText(limit));
   return false;
 }

@@ -31,8 +31,11 @@ double TotalBytes(const std::vector<MemoryPart>& parts);
 // Whether `bytes` fit into `limit`; 0: MemoryLimit(). Allocates nothing.
 bool FitsInMemory(double bytes, double limit);
 
-// Whether the parts fit. If not, *error lists the parts of `who`, largest
-// first.
+// "batch_size=100000 needs 35 GB (Gram matrix 32 GB, activations 2.6 GB)": the
+// parts of `who`, largest first.
+std::string MemoryText(const std::string& who, std::vector<MemoryPart> parts);
+
+// Whether the parts fit. If not, *error is their MemoryText and the limit.
 bool FitsInMemory(const std::string& who,
                   std::vector<MemoryPart> parts,
                   double limit,

@@ -9,7 +9,6 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/linearization.h"
-#include "invgrad/core/update_rule.h"
 
 namespace invgrad {
 
@@ -19,9 +18,6 @@ class Objective {
 
   // n: the size of a step, the dimension of the tangent space.
   virtual int num_parameters() const = 0;
-
-  // The sizes of J, to estimate the time of a step. Default: zero, unknown.
-  virtual JacobianSizes Sizes() const { return {}; }
 
   // Linearizes at the current point. Returns false, with *error, if the cost or
   // a requested part cannot be computed or is not finite.

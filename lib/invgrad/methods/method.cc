@@ -238,7 +238,7 @@ int Phase::BatchSize(int batch_size_of_run, int num_samples) const {
 bool Method::ReadsProgress() const {
   return std::any_of(phases.begin(), phases.end(), [](const Phase& phase) {
     const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-    return (rule != nullptr && rule->ReadsProgress()) ||
+    return (rule != nullptr && rule->Needs().progress) ||
            phase.output_layer == Phase::OutputLayer::kAuto;
   });
 }

@@ -73,7 +73,7 @@ struct Method {
   const Phase& last_phase() const { return phases.back(); }
 
   // Whether the steps depend on the progress of the run: by a rule
-  // (UpdateRule::ReadsProgress) or by output_layer=auto.
+  // (LinearizationParts::progress) or by output_layer=auto.
   bool ReadsProgress() const;
 
   // Defaults for settings of Ceres; those that the minimizer does not have are

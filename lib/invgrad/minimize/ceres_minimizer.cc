@@ -72,24 +72,47 @@ void ConvertSummary(const CeresSummary& ceres_summary,
   }
 }
 
-// Why the solve from this start leaves the domain for the first time.
-std::optional<DomainFailure> FirstFailure(
-    const MinimizerOptions& options,
-    const ceres::Solver::Options& ceres_options,
-    const Eigen::VectorXd& start,
-    const ceres::Problem& problem) {
-  const ProblemStructure structure = ReadStructure(problem, {});
-  const Eigen::VectorXd result = structure.State();
-  structure.SetState(start);
-  DomainFailure::Options failure_options;
-  failure_options.block_name = options.block_name;
-  failure_options.evaluation_callback = options.evaluation_callback;
-  DomainFailure failure;
-  const bool is_found =
-      FindDomainFailure(ceres_options, failure_options, problem, &failure);
-  structure.SetState(result);
-  return is_found ? std::make_optional(failure) : std::nullopt;
-}
+// Notes where the first step outside the domain began.
+class DomainWatch final : public ceres::IterationCallback {
+ public:
+  explicit DomainWatch(const ProblemStructure* structure)
+      : structure_(*structure) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& iteration) override {
+    if (state_.size() == 0) {
+      if (IsOutsideDomain(iteration)) {
+        state_ = structure_.State();
+      } else {
+        radius_ = iteration.trust_region_radius;
+      }
+    }
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  // Why the step leads outside, if one did.
+  std::optional<DomainFailure> Explain(const MinimizerOptions& options,
+                                       ceres::Solver::Options ceres_options,
+                                       const ceres::Problem& problem) const {
+    if (state_.size() == 0) return std::nullopt;
+    const Eigen::VectorXd result = structure_.State();
+    structure_.SetState(state_);
+    ceres_options.initial_trust_region_radius = radius_;
+    DomainFailure failure;
+    const bool is_found =
+        ExplainNextStep(ceres_options,
+                        {options.block_name, options.evaluation_callback},
+                        structure_,
+                        problem,
+                        &failure);
+    structure_.SetState(result);
+    return is_found ? std::make_optional(failure) : std::nullopt;
+  }
+
+ private:
+  const ProblemStructure& structure_;
+  double radius_ = 0.0;    // of the last step
+  Eigen::VectorXd state_;  // empty: no step has led outside
+};
 
 }  // namespace
 
@@ -101,20 +124,20 @@ void MinimizeWithCeres(const MinimizerOptions& options,
   CHECK(problem != nullptr);
   CHECK(summary != nullptr);
   ApplyMinimizerOptions(options, &ceres_options);
-  if (proposals != nullptr) proposals->AddTo(&ceres_options);
-  const Eigen::VectorXd start = ReadStructure(*problem, {}).State();
+  const ProblemStructure structure = ReadStructure(*problem, {});
+  DomainWatch watch(&structure);
+  if (proposals != nullptr) {
+    proposals->AddTo(&ceres_options);
+  } else if (ceres_options.minimizer_type == ceres::TRUST_REGION) {
+    ceres_options.callbacks.push_back(&watch);
+    ceres_options.update_state_every_iteration = true;
+  }
   ceres::Solver::Summary ceres_summary;
   ceres::Solve(ceres_options, problem, &ceres_summary);
   ConvertSummary(ceres_summary, summary);
   if (proposals == nullptr) {
-    // Who ends a run by a callback does not wait for another solve.
-    const bool is_ended_by_callback =
-        summary->termination_type == ceres::USER_SUCCESS ||
-        summary->termination_type == ceres::USER_FAILURE;
-    if (summary->num_outside_domain > 0 && !is_ended_by_callback) {
-      summary->first_outside_domain =
-          FirstFailure(options, ceres_options, start, *problem);
-    }
+    summary->first_outside_domain =
+        watch.Explain(options, ceres_options, *problem);
     return;
   }
   summary->proposals = proposals->summary();

@@ -26,9 +26,8 @@ namespace invgrad {
 // tolerances and callbacks come from `options`, and logging is off. Callbacks
 // run in the given order, with up-to-date blocks (the best state, if steps may
 // be nonmonotonic), and after them `proposals`, if it is not null. If a
-// candidate lies outside the problem's domain, the solve is repeated up to the
-// first of them, which first_outside_domain then explains; not if a callback
-// ended the solve.
+// candidate lies outside the problem's domain, the first of them is computed
+// again, and first_outside_domain explains it.
 void MinimizeWithCeres(const MinimizerOptions& options,
                        ceres::Solver::Options ceres_options,
                        ceres::Problem* problem,

@@ -32,10 +32,13 @@ bool CeresFitsInMemory(const Phase& phase,
   const ProblemStructure structure = ReadStructure(problem, {});
   const double cols = structure.num_parameters;
   double rows = 0.0;
+  double num_entries = 0.0;
   for (const auto& block : structure.residual_blocks) {
     if (block.row_length > 0) rows += block.size;
+    num_entries += 1.0 * block.size * block.row_length;
   }
-  std::vector<MemoryPart> parts;
+  // J and its copies in the linear solver, if that stores no zeros.
+  std::vector<MemoryPart> parts = {{"J", 3.0 * sizeof(double) * num_entries}};
   if (!phase.ceres->is_trust_region) {
     if (options.line_search_direction_type != ceres::BFGS) return true;
     parts = {{"inverse Hessian", 2.0 * sizeof(double) * cols * cols}};
@@ -331,14 +334,6 @@ bool MinimizeByMethod(const Method& method,
         summary);
   } else if (!objective->model().loss().SquaredNormFactor().has_value()) {
     *error = kNeedsLeastSquares;
-    return false;
-  } else if (!FitsInMemory(
-                 "a trust region",
-                 TrustRegionMemory(ceres_options.linear_solver_type,
-                                   objective->model().simulator().num_outputs(),
-                                   objective->num_parameters()),
-                 /*limit=*/0.0,
-                 error)) {
     return false;
   } else {
     ceres::Problem problem;

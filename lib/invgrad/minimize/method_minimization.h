@@ -8,8 +8,8 @@
 //
 // Fails:   returns false, before anything runs, if the method does not apply
 //          (phases, batches; for a problem pull-backs), if its rule cannot
-//          propose steps for this problem (UpdateCallback::IsSupported), or if a
-//          dense solver or BFGS needs more than the available memory.
+//          propose steps for this problem (UpdateCallback::IsSupported), or if J,
+//          a dense solver or BFGS needs more than the available memory.
 #ifndef INVGRAD_MINIMIZE_METHOD_MINIMIZATION_H_
 #define INVGRAD_MINIMIZE_METHOD_MINIMIZATION_H_
 

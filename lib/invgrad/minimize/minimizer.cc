@@ -11,6 +11,8 @@
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/linearization.h"
+#include "invgrad/core/memory_limit.h"
+#include "invgrad/core/step_cost.h"
 #include "invgrad/core/step_judge.h"
 #include "invgrad/internal/logging.h"
 
@@ -35,9 +37,7 @@ class Run {
         judge_(rule->judge()),
         objective_(objective),
         summary_(summary),
-        parts_(rule->Needs()),
-        step_seconds_(rule->StepWork(objective->Sizes()) /
-                      UpdateRule::kOperationsPerSecond) {
+        parts_(rule->Needs()) {
     // The gradient is cheap compared with the Jacobian, which every part needs.
     parts_.gradient = true;
   }
@@ -87,15 +87,43 @@ class Run {
               seconds,
               options_.max_time_in_seconds));
     }
-    if (seconds + step_seconds_ >= options_.max_time_in_seconds) {
+    const double step_seconds = StepSeconds();
+    if (seconds + step_seconds >= options_.max_time_in_seconds) {
       return Terminate(
           ceres::NO_CONVERGENCE,
           fmt::format("Maximum solver time reached. The next step takes about "
                       "{:.2g} s, and {:.2g} s are left.",
-                      step_seconds_,
+                      step_seconds,
                       options_.max_time_in_seconds - seconds));
     }
+    std::string error;
+    if (!StepFitsInMemory(&error)) return Terminate(ceres::FAILURE, error);
     return true;
+  }
+
+  // m; n if J is not computed.
+  double NumRows() const {
+    return at_x_.jacobian != nullptr ? at_x_.jacobian->rows()
+                                     : objective_->num_parameters();
+  }
+
+  // Of a factorization; 0 for other steps.
+  double StepSeconds() const {
+    return StepOperations(parts_,
+                          NumRows(),
+                          objective_->num_parameters(),
+                          /*num_entries=*/0.0) /
+           kOperationsPerSecond;
+  }
+
+  bool StepFitsInMemory(std::string* error) const {
+    return FitsInMemory("the next step",
+                        StepMemory(parts_,
+                                   NumRows(),
+                                   objective_->num_parameters(),
+                                   /*num_ranks=*/1),
+                        /*limit=*/0.0,
+                        error);
   }
 
   // The share of the budget that is spent. Time counts only if there is a time
@@ -236,7 +264,6 @@ class Run {
   Objective* objective_;
   MinimizerSummary* summary_;
   LinearizationParts parts_;
-  double step_seconds_;  // estimated, of the rule's step
   Linearization at_x_;
   Eigen::VectorXd state_;        // the last state with a finite linearization
   bool was_taken_back_ = false;  // the last step

@@ -32,7 +32,8 @@ namespace invgrad {
 
 struct MinimizerOptions {
   int max_num_iterations = 50;
-  // No step begins that would take longer (by UpdateRule::StepWork).
+  // No step begins after it, or if its factorization would take longer
+  // (step_cost.h).
   double max_time_in_seconds = 1e9;
   //  max_i |gradient_i| <= gradient_tolerance, in the tangent space
   double gradient_tolerance = 1e-10;

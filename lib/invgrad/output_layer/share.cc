@@ -72,7 +72,7 @@ double OutputLayerBytes(const Model& model, bool is_proxy) {
   const double block = SamplesOfBlock(model, is_proxy);
   return sizeof(double) * (sizes.p + sizes.q) *
              (3.0 * block * sizes.equations_of_sample + 4.0 * sizes.p) +
-         block * model.num_columns() * model.network().BytesPerColumn();
+         block * model.num_columns() * model.network().bytes_per_column();
 }
 
 double ProjectionBytes(const Model& model, double num_outputs, int batch_size) {

@@ -75,6 +75,7 @@ class AdaHessianRule final : public UpdateRule {
   LinearizationParts Needs() const override {
     LinearizationParts parts = LinearizationParts::Gradient();
     parts.hessian_times = true;
+    parts.progress = options_.step_size.has_schedule();
     return parts;
   }
 
@@ -112,10 +113,6 @@ class AdaHessianRule final : public UpdateRule {
              options_.epsilon);
     return CheckFinite("the squared diagonal", v_, error) &&
            CheckFinite("the step", *step, error);
-  }
-
-  bool ReadsProgress() const override {
-    return options_.step_size.has_schedule();
   }
 
   std::vector<VectorXd*> MutableState() override { return {&u_, &v_, &k_}; }

@@ -68,24 +68,13 @@ class DeterminedRule final : public UpdateRule {
   explicit DeterminedRule(const Options& options) : options_(options) {}
 
   LinearizationParts Needs() const override {
-    return LinearizationParts::Jacobian();
-  }
-  bool ReadsProgress() const override {
-    return options_.step_size.has_schedule();
+    LinearizationParts parts = LinearizationParts::Jacobian();
+    parts.progress = options_.step_size.has_schedule();
+    parts.factorization = true;
+    return parts;
   }
   std::vector<Eigen::VectorXd*> MutableState() override { return {&memory_}; }
   std::string LastStepReport() const override { return report_; }
-
-  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
-    std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"factors of J", J.factor_bytes / J.num_ranks});
-    parts.push_back({"J^T J and its decomposition",
-                     6.0 * sizeof(double) * J.cols * J.cols});
-    return parts;
-  }
-  double StepWork(const JacobianSizes& J) const override {
-    return J.cols * J.cols * (J.rows + 25.0 * J.cols);
-  }
 
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,

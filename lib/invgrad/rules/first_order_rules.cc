@@ -89,7 +89,9 @@ class FirstOrderRule final : public UpdateRule {
   explicit FirstOrderRule(const Options& options) : options_(options) {}
 
   LinearizationParts Needs() const override {
-    return LinearizationParts::Gradient();
+    LinearizationParts parts = LinearizationParts::Gradient();
+    parts.progress = options_.step_size.has_schedule();
+    return parts;
   }
 
   bool ComputeStep(const Linearization& at_x,
@@ -110,10 +112,6 @@ class FirstOrderRule final : public UpdateRule {
     // An infinite square would make all further steps of its entry zero.
     return CheckFinite("the squared gradient", memory_.v, error) &&
            CheckFinite("the step", *step, error);
-  }
-
-  bool ReadsProgress() const override {
-    return options_.step_size.has_schedule();
   }
 
   std::vector<VectorXd*> MutableState() override {

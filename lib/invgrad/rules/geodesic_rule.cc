@@ -85,24 +85,11 @@ class GeodesicRule final : public UpdateRule {
   LinearizationParts Needs() const override {
     LinearizationParts parts = LinearizationParts::Jacobian();
     parts.after = true;
+    parts.factorization = true;
     return parts;
   }
   std::vector<VectorXd*> MutableState() override { return {&damping_}; }
   std::string LastStepReport() const override { return report_; }
-
-  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
-    const double k = std::min(J.rows, J.cols);
-    std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"factors of J", J.factor_bytes / J.num_ranks});
-    parts.push_back({"J", sizeof(double) * J.rows * J.cols});
-    parts.push_back(
-        {"Gram matrix and its factorization", 2.0 * sizeof(double) * k * k});
-    return parts;
-  }
-  double StepWork(const JacobianSizes& J) const override {
-    const double k = std::min(J.rows, J.cols);
-    return k * k * (std::max(J.rows, J.cols) + k);
-  }
 
   bool ComputeStep(const Linearization& at_x,
                    VectorXd* step,

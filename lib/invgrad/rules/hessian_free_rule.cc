@@ -101,7 +101,10 @@ class HessianFreeRule final : public UpdateRule, private StepJudge {
       : options_(options), damping_(VectorXd::Constant(1, options.damping)) {}
 
   LinearizationParts Needs() const override {
-    return LinearizationParts::Jacobian();
+    LinearizationParts parts = LinearizationParts::Jacobian();
+    parts.progress = options_.step_size.has_schedule();
+    parts.num_products = 2 * options_.max_num_iterations;
+    return parts;
   }
 
   bool ComputeStep(const Linearization& at_x,
@@ -132,9 +135,6 @@ class HessianFreeRule final : public UpdateRule, private StepJudge {
     return true;
   }
 
-  bool ReadsProgress() const override {
-    return options_.step_size.has_schedule();
-  }
   StepJudge* judge() override { return this; }
 
   bool KeepsStep(double cost, double fraction) override {
@@ -155,12 +155,6 @@ class HessianFreeRule final : public UpdateRule, private StepJudge {
 
   std::vector<VectorXd*> MutableState() override { return {&damping_, &last_}; }
   std::string LastStepReport() const override { return report_; }
-
-  double StepWork(const JacobianSizes& J) const override {
-    const double iterations =
-        std::min(1.0 * options_.max_num_iterations, std::min(J.rows, J.cols));
-    return iterations * (4.0 * kSparseOperation * J.nonzeros + 10.0 * J.cols);
-  }
 
  private:
   // (G + lambda) v, G = J^T H_L J.

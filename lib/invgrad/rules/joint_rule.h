@@ -41,13 +41,14 @@ class JointRule : public UpdateRule, private StepJudge {
     void Describe(OptionSet* set);
   };
 
-  LinearizationParts Needs() const final {
-    return LinearizationParts::Jacobian();
+  LinearizationParts Needs() const override {
+    LinearizationParts parts = LinearizationParts::Jacobian();
+    parts.progress = options_.step_size.has_schedule();
+    return parts;
   }
   bool ComputeStep(const Linearization& at_x,
                    Eigen::VectorXd* step,
                    std::string* error) final;
-  bool ReadsProgress() const final { return options_.step_size.has_schedule(); }
   StepJudge* judge() final { return judges_steps() ? this : nullptr; }
   std::vector<Eigen::VectorXd*> MutableState() override;
   std::string LastStepReport() const final { return report_; }

@@ -144,31 +144,6 @@ class KfacRule final : public JointRule {
     return state;
   }
 
-  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
-    // Eigenvectors, and for the largest layer dsyevd's two matrices and a copy
-    // of the deltas or random covectors.
-    double squares = 0.0;
-    double largest = 0.0;
-    const auto add = [&](const JacobianSizes::Layer& layer, double copies) {
-      const double of_layer =
-          layer.fan_in * layer.fan_in + layer.fan_out * layer.fan_out;
-      squares += of_layer;
-      largest = std::max(largest, 2.0 * of_layer + copies);
-    };
-    for (const auto& layer : J.layers) {
-      add(layer, layer.fan_out * J.rows / J.num_ranks);
-    }
-    for (const auto& layer : J.sampled_layers) add(layer, 4.0 * J.rows);
-    if (!J.sampled_layers.empty()) squares += J.cols;
-    if (KeepsFactors()) squares *= 2.0;
-    std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"factors of J",
-                     J.factor_bytes / J.num_ranks + J.sampled_factor_bytes});
-    parts.push_back(
-        {"eigenproblems of the layers", sizeof(double) * (squares + largest)});
-    return parts;
-  }
-
  private:
   bool KeepsFactors() const {
     return options_.decay > 0.0 || options_.interval > 1;

@@ -63,19 +63,10 @@ class KrylovRule final : public JointRule {
   explicit KrylovRule(const Options& options)
       : JointRule(options), options_(options.golub_kahan) {}
 
-  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
-    const double size = std::min(J.rows, J.cols);
-    std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({"Krylov basis",
-                     sizeof(double) * size *
-                         std::min(1.0 * options_.max_iterations, size)});
+  LinearizationParts Needs() const override {
+    LinearizationParts parts = JointRule::Needs();
+    parts.num_products = 2 * options_.max_iterations;
     return parts;
-  }
-
-  double StepWork(const JacobianSizes& J) const override {
-    const double size = std::min(J.rows, J.cols);
-    const double k = std::min(1.0 * options_.max_iterations, size);
-    return k * (4.0 * kSparseOperation * J.nonzeros + 2.0 * size * k);
   }
 
  private:

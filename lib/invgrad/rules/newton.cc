@@ -87,6 +87,7 @@ class Newton final : public UpdateRule {
   LinearizationParts Needs() const override {
     LinearizationParts parts = LinearizationParts::Gradient();
     parts.hessian = true;
+    parts.progress = options_.step_size.has_schedule();
     return parts;
   }
 
@@ -101,10 +102,6 @@ class Newton final : public UpdateRule {
            (options_.saddle_free ? SaddleFreeStep(at_x, step, error)
                                  : NewtonStep(at_x, step, error)) &&
            CheckFinite("the step", *step, error);
-  }
-
-  bool ReadsProgress() const override {
-    return options_.step_size.has_schedule();
   }
 
   std::string LastStepReport() const override { return report_; }

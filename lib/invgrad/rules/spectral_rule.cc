@@ -127,53 +127,10 @@ class SpectralRule final : public JointRule {
     return state;
   }
 
-  std::vector<MemoryPart> StepMemory(const JacobianSizes& J) const override {
-    // SpectralStep checks the memory again before it uses a route that needs
-    // more than the first route of auto.
-    const bool is_auto = options_.route == SpectralRoute::kAuto;
-    const SpectralRoute route = !is_auto ? options_.route
-                                : joint_options().filter.IsGradientDescent()
-                                    ? SpectralRoute::kGradient
-                                    : SpectralRoute::kGram;
-    const auto bytes = [&](double cols) {
-      return SpectralStepBytes(route,
-                               static_cast<Eigen::Index>(J.rows),
-                               static_cast<Eigen::Index>(cols),
-                               J.num_ranks);
-    };
-    double step = 0.0;
-    if (layerwise_ && !J.layers.empty()) {
-      // The layers' steps are computed one after the other, in the same memory.
-      for (const JacobianSizes::Layer& layer : J.layers) {
-        step = std::max(step, bytes(layer.fan_in * layer.fan_out));
-      }
-    } else {
-      step = bytes(J.cols);
-    }
-    std::vector<MemoryPart> parts = UpdateRule::StepMemory(J);
-    parts.push_back({fmt::format("{}route {}",
-                                 is_auto ? "at least " : "",
-                                 SpectralRouteName(route)),
-                     step});
-    parts.push_back({"factors of J", J.factor_bytes});
+  LinearizationParts Needs() const override {
+    LinearizationParts parts = JointRule::Needs();
+    parts.factorization = !joint_options().filter.IsGradientDescent();
     return parts;
-  }
-
-  // Of a dense J: of a sparse one the Gram matrix costs less, and the rest the
-  // same.
-  double StepWork(const JacobianSizes& J) const override {
-    if (joint_options().filter.IsGradientDescent()) return 0.0;
-    const auto work = [&J](double cols) {
-      const double k = std::min(J.rows, cols);
-      return k * k * (std::max(J.rows, cols) + 10.0 * k);
-    };
-    if (!layerwise_ || J.layers.empty()) return work(J.cols);
-    double sum = 0.0;
-    for (const JacobianSizes::Layer& layer : J.layers) {
-      // Each layer is copied with all rows of J.
-      sum += work(layer.fan_in * layer.fan_out) + kSparseOperation * J.rows;
-    }
-    return sum;
   }
 
  private:

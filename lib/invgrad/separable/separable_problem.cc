@@ -234,7 +234,7 @@ class SeparableProblem::Builder {
 
 SeparableProblem::SeparableProblem(const Options& options)
     : options_(options),
-      reduced_(CopyOptions(ceres::DO_NOT_TAKE_OWNERSHIP, nullptr)) {}
+      reduced_(CopyOptions(nullptr)) {}
 
 std::string SeparableProblem::BlockName(const double* values, int index) const {
   std::string name;

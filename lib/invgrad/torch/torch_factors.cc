@@ -68,29 +68,13 @@ int64_t AddInputs(const Node& call, const Tensor& weight, MatrixXd* A) {
 
 }  // namespace
 
-FactoredLayers FindFactoredLayers(const Tensor& output,
-                                  const std::vector<Tensor>& parameters) {
-  FactoredLayers result;
-  result.bytes_of_patches = kPatchBytes;
+std::vector<LayerColumns> FactorLayerColumns(
+    const Tensor& output, const std::vector<Tensor>& parameters) {
+  std::vector<LayerColumns> columns;
   for (const TorchLayer& layer : FindLayers(output, parameters)) {
-    result.columns.push_back(ColumnsOf(layer, parameters));
-    const LayerColumns& columns = result.columns.back();
-    const Tensor& weight = parameters[layer.weight];
-    for (const auto& call : layer.calls) {
-      const Tensor inputs = InputsOf(*call);
-      const int64_t num_positions =
-          inputs.dim() == 4
-              ? PatchesOf(*call, weight, inputs.narrow(0, 0, 1)).size(2)
-              : inputs.size(0) / output.size(0);
-      const auto bytes =
-          static_cast<double>(num_positions * weight.element_size());
-      result.bytes_per_column += bytes * columns.cols();
-      result.bytes_of_patches =
-          std::max(result.bytes_of_patches,
-                   static_cast<double>(BytesOfSample(*call, weight, inputs)));
-    }
+    columns.push_back(ColumnsOf(layer, parameters));
   }
-  return result;
+  return columns;
 }
 
 SampledFactors TorchFactors(const Tensor& output,

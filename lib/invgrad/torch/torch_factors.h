@@ -10,17 +10,9 @@
 
 namespace invgrad {
 
-struct FactoredLayers {
-  std::vector<LayerColumns> columns;  // in the order of the layers' weights
-  // Memory of Factors: for each sample, and of the patches at a time.
-  double bytes_per_column = 0.0;
-  double bytes_of_patches = 0.0;
-};
-
-// The layers in the graph of `output`, which has a sample for each entry of its
-// first dimension.
-FactoredLayers FindFactoredLayers(const torch::Tensor& output,
-                                  const std::vector<torch::Tensor>& parameters);
+// The layers in the graph of `output`, in the order of their weights.
+std::vector<LayerColumns> FactorLayerColumns(
+    const torch::Tensor& output, const std::vector<torch::Tensor>& parameters);
 
 // The factors for covectors of the output, of its shape. Keeps the graph.
 SampledFactors TorchFactors(const torch::Tensor& output,

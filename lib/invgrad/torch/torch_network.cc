@@ -69,16 +69,11 @@ class TorchNetwork final : public Network,
   VectorXd InitialWeights(Initialization initialization,
                           NumpyRandom* random) const override;
   std::vector<int> WeightBlocks() const override;
-  double BytesPerColumn() const override { return bytes_per_column_; }
   bool couples_samples() const override { return true; }
   LayerColumns OutputLayer() const override { return output_layer_; }
   MatrixXd Features(const VectorXd& weights, const Pass& pass) const override;
   std::vector<LayerColumns> FactorLayers() const override {
-    return layers_.columns;
-  }
-  double FactorBytes(int num_columns) const override {
-    return kMemoryOverTensors *
-           (num_columns * layers_.bytes_per_column + layers_.bytes_of_patches);
+    return factor_layers_;
   }
 
   struct TorchPass final : Pass {
@@ -145,9 +140,8 @@ class TorchNetwork final : public Network,
   std::string name_;
   std::vector<int64_t> output_shape_;
   VectorXd initial_weights_;
-  double bytes_per_column_ = 0.0;
   LayerColumns output_layer_;
-  FactoredLayers layers_;
+  std::vector<LayerColumns> factor_layers_;
 
   mutable std::mutex mutex_;  // of the following
   mutable TorchFunction function_;
@@ -207,19 +201,19 @@ void TorchNetwork::Measure() {
     const double bytes = memory.bytes();
     try {
       if (pass.output.defined()) {
-        layers_ = FindFactoredLayers(pass.output, parameters_);
+        factor_layers_ = FactorLayerColumns(pass.output, parameters_);
         output_layer_ = TorchOutputLayer(pass.output, parameters_);
       }
     } catch (const std::exception& exception) {
       // For example inputs that the module overwrites.
-      layers_ = {};
+      factor_layers_ = {};
       output_layer_ = {};
     }
     return bytes;
   };
   const double of_two = peak(2);
-  bytes_per_column_ = kMemoryOverTensors * (peak(4) - of_two) / 2.0 +
-                      2.0 * sizeof(double) * (num_inputs() + num_outputs());
+  set_bytes_per_column(kMemoryOverTensors * (peak(4) - of_two) / 2.0 +
+                       2.0 * sizeof(double) * (num_inputs() + num_outputs()));
 }
 
 std::shared_ptr<const TorchNetwork> TorchNetwork::Make(

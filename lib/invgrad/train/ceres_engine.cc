@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -35,6 +36,9 @@ class CeresEngine final : public Engine, private ceres::IterationCallback {
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& iteration) override;
   void Solve(Eigen::VectorXd* weights);
+  void Minimize(Eigen::VectorXd* weights,
+                MinimizerSummary* summary,
+                std::string* proposals);
   void Stop();
 
   const Phase phase_;
@@ -47,6 +51,7 @@ class CeresEngine final : public Engine, private ceres::IterationCallback {
   std::condition_variable changed_;
   bool is_solving_ = false;
   bool has_ended_ = false;  // the solve
+  bool is_out_of_memory_ = false;
   bool is_stopped_ = false;
   ceres::IterationSummary iteration_;
   double lowest_cost_ = std::numeric_limits<double>::infinity();
@@ -63,6 +68,7 @@ Engine::StepResult CeresEngine::Step(double /*progress*/,
   is_solving_ = !has_ended_;
   changed_.notify_all();
   changed_.wait(lock, [this] { return !is_solving_; });
+  if (is_out_of_memory_) throw std::bad_alloc();
   StepResult result;
   if (has_ended_) {
     result.outcome = StepResult::Outcome::kEnded;
@@ -107,6 +113,26 @@ ceres::CallbackReturnType CeresEngine::operator()(
 }
 
 void CeresEngine::Solve(Eigen::VectorXd* weights) {
+  MinimizerSummary summary;
+  std::string proposals;
+  bool is_out_of_memory = false;
+  try {
+    Minimize(weights, &summary, &proposals);
+  } catch (const std::bad_alloc&) {
+    is_out_of_memory = true;
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  summary_ = std::move(summary);
+  proposals_ = std::move(proposals);
+  is_out_of_memory_ = is_out_of_memory;
+  has_ended_ = true;
+  is_solving_ = false;
+  changed_.notify_all();
+}
+
+void CeresEngine::Minimize(Eigen::VectorXd* weights,
+                           MinimizerSummary* summary,
+                           std::string* proposals) {
   const ceres::Solver::Options solver_options = phase_.CeresOptions();
   // The budget ends the run; these tolerances end a solve that cannot make
   // progress in double precision.
@@ -116,29 +142,21 @@ void CeresEngine::Solve(Eigen::VectorXd* weights) {
   options.gradient_tolerance = 1e-16;
   options.parameter_tolerance = 1e-16;
   options.callbacks = {this};
-  MinimizerSummary summary;
-  std::string proposals;
   if (phase_.ceres->is_trust_region) {
     ceres::Problem problem;
     AddModelToProblem(&model_, &train_, weights, &problem);
     // A run has a budget, which a second solve would exceed.
     UpdateCallback::Options callback_options;
     callback_options.compare_with_plain = false;
-    proposals = MinimizeWithProposals(
-        phase_, options, solver_options, callback_options, &problem, &summary);
+    *proposals = MinimizeWithProposals(
+        phase_, options, solver_options, callback_options, &problem, summary);
   } else {
     MinimizeWithCeres(options,
                       solver_options,
                       new ModelFunction(&model_, &train_),
                       weights,
-                      &summary);
+                      summary);
   }
-  const std::lock_guard<std::mutex> lock(mutex_);
-  summary_ = std::move(summary);
-  proposals_ = std::move(proposals);
-  has_ended_ = true;
-  is_solving_ = false;
-  changed_.notify_all();
 }
 
 }  // namespace

@@ -189,13 +189,15 @@ std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
   return std::make_unique<ChainPullBack>(&model, options.inverse, chain);
 }
 
-// Whether the parts and the data fit; if not, *error lists them.
+// Whether the parts and the data, which *memory lists, fit.
 bool Fits(const std::string& who,
           std::vector<MemoryPart> parts,
           const TrainingData& data,
           const TrainOptions& options,
+          std::string* memory,
           std::string* error) {
   parts.push_back({"data", DataBytes(data.train) + DataBytes(data.test)});
+  *memory = MemoryText(who, parts);
   return FitsInMemory(who, std::move(parts), options.memory_limit, error);
 }
 
@@ -204,6 +206,7 @@ bool CheckCeres(const Phase& phase,
                 const Model& model,
                 const TrainingData& data,
                 const TrainOptions& options,
+                std::string* memory,
                 std::string* error) {
   if (phase.ceres->is_trust_region &&
       !model.loss().SquaredNormFactor().has_value()) {
@@ -215,6 +218,7 @@ bool CheckCeres(const Phase& phase,
             CeresMemory(phase, model, num_samples),
             data,
             options,
+            memory,
             error)) {
     return false;
   }
@@ -233,10 +237,11 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    const Model& model,
                                    const TrainingData& data,
                                    const TrainOptions& options,
+                                   std::string* memory,
                                    std::string* error) {
   if (!CheckRanks(phase, model, data, options, error)) return nullptr;
   if (phase.ceres != nullptr) {
-    if (!CheckCeres(phase, rule.get(), model, data, options, error)) {
+    if (!CheckCeres(phase, rule.get(), model, data, options, memory, error)) {
       return nullptr;
     }
     return MakeCeresEngine(phase, &model, &data.train);
@@ -273,7 +278,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   const int num_ranks =
       options.communicator == nullptr ? 1 : options.communicator->size();
   std::vector<MemoryPart> parts = TrainingMemory(
-      model, *rule, objective->is_proxy(), batch_size, num_ranks);
+      model, rule->Needs(), objective->is_proxy(), batch_size, num_ranks);
   parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
   const OutputLayerPlan output_layer = PlanOutputLayer(
       phase, rule.get(), model, data, objective->is_proxy(), batch_size);
@@ -282,6 +287,7 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
             std::move(parts),
             data,
             options,
+            memory,
             error)) {
     return nullptr;
   }

@@ -96,12 +96,13 @@ class Engine {
 // Returns null, with *error set, for bad input: a batch size out of range, a
 // method that does not fit the model or the data (a trust region without a
 // least-squares loss, supervised training without solutions, ...), or too
-// little memory.
+// little memory. *memory: what a step needs, "batch_size=100 needs 41 MB (...)".
 std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    std::shared_ptr<UpdateRule> rule,
                                    const Model& model,
                                    const TrainingData& data,
                                    const TrainOptions& options,
+                                   std::string* memory,
                                    std::string* error);
 
 // The engine of an update rule on mini-batches:

@@ -122,13 +122,15 @@ void TrainingRun::Impl::Add(std::shared_ptr<UpdateRule> rule) {
     Method method;
     method.label = std::string("rule object of ") + typeid(object).name();
     method.phases.resize(1);
-    phases_.push_back({MakeEngine(method.phases[0],
-                                  std::move(rule),
-                                  model_,
-                                  data_,
-                                  options_,
-                                  &error_),
-                       kNoSteps});
+    std::string memory;
+    std::unique_ptr<Engine> engine = MakeEngine(method.phases[0],
+                                                std::move(rule),
+                                                model_,
+                                                data_,
+                                                options_,
+                                                &memory,
+                                                &error_);
+    phases_.push_back({std::move(engine), kNoSteps, memory});
     Start(method, &object);
   }
   AgreeWithRanks();
@@ -146,12 +148,13 @@ void TrainingRun::Impl::AddPhases(const Method& method) {
 }
 
 bool TrainingRun::Impl::AddPhase(const Phase& phase, bool is_last) {
-  std::unique_ptr<Engine> engine =
-      MakeEngine(phase, phase.MakeRule(), model_, data_, options_, &error_);
+  std::string memory;
+  std::unique_ptr<Engine> engine = MakeEngine(
+      phase, phase.MakeRule(), model_, data_, options_, &memory, &error_);
   if (engine == nullptr) return false;
   const long share =
       is_last ? kNoSteps : StepsOfShare(phase, engine->steps_per_epoch());
-  phases_.push_back({std::move(engine), share});
+  phases_.push_back({std::move(engine), share, memory});
   if (phase.output_layer != Phase::OutputLayer::kAuto) return true;
   phases_.back().early_share = SteadyFall::kEnd;
   Phase next = phase;
@@ -164,7 +167,8 @@ void TrainingRun::Impl::Start(const Method& method, const UpdateRule* rule) {
   if (!options_.checkpoint_path.empty() || options_.communicator != nullptr) {
     identity_ = IdentityOfRun(
         model_, data_.train, data_.test, data_.source.get(), method, options_);
-    if (rule != nullptr && rule->ReadsProgress()) identity_.AddBudget(options_);
+    if (rule != nullptr && rule->Needs().progress)
+      identity_.AddBudget(options_);
   }
   if (!options_.checkpoint_path.empty()) {
     std::error_code failure;

@@ -5,6 +5,7 @@
 #include <ctime>
 #include <iterator>
 #include <limits>
+#include <new>
 #include <utility>
 
 #include "fmt/core.h"
@@ -148,8 +149,17 @@ double TrainingRun::Impl::Now() const {
 
 bool TrainingRun::Impl::TakeStep() {
   const double start = Now();
-  const Engine::StepResult result =
-      engine().Step(SpentOfPhase(), &state_.weights);
+  Engine::StepResult result;
+  try {
+    result = engine().Step(SpentOfPhase(), &state_.weights);
+  } catch (const std::bad_alloc&) {
+    // Other ranks would wait for this one.
+    if (options_.communicator != nullptr) throw;
+    End(ceres::FAILURE,
+        AtStep("out of memory", steps_of_phase() + 1) + ": " +
+            phases_[state_.phase].memory);
+    return false;
+  }
   using Outcome = Engine::StepResult::Outcome;
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;

@@ -54,6 +54,7 @@ class TrainingRun::Impl {
   struct RunPhase {
     std::unique_ptr<Engine> engine;
     long max_num_steps = 0;  // its share of the run
+    std::string memory;      // of a step, estimated
     // Of a trial, the share of its budget in which the patience is early; else 0.
     double early_share = 0.0;
 

@@ -1,0 +1,45 @@
+#include "invgrad/core/step_cost.h"
+
+#include <algorithm>
+
+namespace invgrad {
+
+double StepOperations(const LinearizationParts& needs,
+                      double rows,
+                      double cols,
+                      double num_entries) {
+  if (needs.hessian) return 10.0 * cols * cols * cols;
+  if (needs.factorization) {
+    const double k = std::min(rows, cols);
+    return k * k * (std::max(rows, cols) + 10.0 * k);
+  }
+  return num_entries == 0.0
+             ? 0.0
+             : needs.num_products * (12.0 * num_entries + 25.0 * cols);
+}
+
+std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
+                                   double rows,
+                                   double cols,
+                                   int num_ranks) {
+  constexpr double kDouble = sizeof(double);
+  constexpr double kNumVectors = 6.0;
+  std::vector<MemoryPart> parts = {
+      {"vectors of weights", kNumVectors * kDouble * cols}};
+  if (needs.hessian) {
+    // With LAPACK's workspace.
+    parts.push_back(
+        {"Hessian and its factorization", 4.0 * kDouble * cols * cols});
+  }
+  if (needs.factorization) {
+    const double k = std::min(rows, cols);
+    parts.push_back({"Gram matrix and its factorization",
+                     2.0 * kDouble * k * k / num_ranks});
+    if (cols < rows) {
+      parts.push_back({"J", kDouble * rows * cols / num_ranks});
+    }
+  }
+  return parts;
+}
+
+}  // namespace invgrad

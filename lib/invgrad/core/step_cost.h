@@ -1,0 +1,38 @@
+// What a step of a rule costs, by what the rule needs and the sizes of J: the
+// one estimate for all limits on time and memory.
+//
+//   factorization   k^2 (max(m, n) + 10 k) operations, 16 k^2 bytes,
+//                   and a dense J if m > n;   k = min(m, n)
+//   Hessian         10 n^3 operations, 32 n^2 bytes
+//   a product       12 operations for each entry of J, and 25 n
+//
+// Units:   operations of a large dense product, kOperationsPerSecond on one
+//          core; bytes. Doubles, because products of sizes may overflow an int.
+//          Accurate to about a factor of two.
+#ifndef INVGRAD_CORE_STEP_COST_H_
+#define INVGRAD_CORE_STEP_COST_H_
+
+#include <vector>
+
+#include "invgrad/core/linearization.h"
+#include "invgrad/core/memory_limit.h"
+
+namespace invgrad {
+
+inline constexpr double kOperationsPerSecond = 1e10;
+
+// `num_entries`: of a sparse J; 0: products are not counted.
+double StepOperations(const LinearizationParts& needs,
+                      double rows,
+                      double cols,
+                      double num_entries);
+
+// Of each of `num_ranks` that share the rows; the linearization not included.
+std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
+                                   double rows,
+                                   double cols,
+                                   int num_ranks);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_CORE_STEP_COST_H_
