@@ -33,9 +33,6 @@ class WeightsNetwork final : public Network {
   Eigen::VectorXd InitialWeights(Initialization initialization,
                                  NumpyRandom* random) const override;
   std::vector<int> WeightBlocks() const override { return {num_weights_}; }
-  double BytesPerColumn() const override {
-    return sizeof(double) * 1.0 * num_weights_;
-  }
 
   std::unique_ptr<Pass> NewPass() const override {
     return std::make_unique<Pass>();
