@@ -23,8 +23,8 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/linear_simulator.h"
 #include "problems/problem.h"
 
 namespace invgrad {

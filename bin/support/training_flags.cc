@@ -7,7 +7,7 @@
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 #include "problems/torch/torch_networks.h"
 
 DEFINE_string(hidden,

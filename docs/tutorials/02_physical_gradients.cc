@@ -19,11 +19,11 @@
 
 #include "Eigen/Core"
 #include "gflags/gflags.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
 #include "invgrad/io/format.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 // [rules]
 DEFINE_string(rules,

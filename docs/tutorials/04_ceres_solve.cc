@@ -33,8 +33,8 @@
 #include "glog/logging.h"
 #include "invgrad/io/numpy_generator.h"
 // [includes]
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 // [/includes]
 
 DEFINE_string(rules,

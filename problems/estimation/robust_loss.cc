@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 
 namespace invgrad {
 

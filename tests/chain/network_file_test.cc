@@ -1,4 +1,4 @@
-#include "invgrad/chain/network_file.h"
+#include "invgrad/network_file.h"
 
 #include <cstring>
 #include <fstream>
@@ -9,7 +9,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {

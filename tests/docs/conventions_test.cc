@@ -9,9 +9,9 @@
 #include "fmt/core.h"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/spectral/spectral_filter.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/rules.h"
+#include "invgrad/spectral_filter.h"
+#include "invgrad/spectral_step.h"
 
 namespace invgrad {
 namespace conventions_test {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/equations/equation.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation.h"
 #include "invgrad/equations/input_jet.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/equations/equation_cost.h"
+#include "invgrad/equation_cost.h"
 
 #include <cmath>
 #include <memory>
@@ -11,9 +11,9 @@
 #include "gtest/gtest.h"
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/equations/value_residual.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/minimizer.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/minimize.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"
 

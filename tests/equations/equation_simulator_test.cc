@@ -6,7 +6,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/equations/value_residual.h"
 #include "tests/support/random_matrix.h"
 

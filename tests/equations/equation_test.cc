@@ -1,4 +1,4 @@
-#include "invgrad/equations/equation.h"
+#include "invgrad/equation.h"
 
 #include <cmath>
 #include <string>
@@ -6,7 +6,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/equations/value_residual.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"
 

@@ -5,7 +5,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/temporary_folder.h"

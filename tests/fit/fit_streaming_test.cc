@@ -1,4 +1,4 @@
-#include "invgrad/fit/fit_streaming.h"
+#include "invgrad/fit_streaming.h"
 
 #include <cmath>
 #include <limits>
@@ -7,7 +7,7 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/fit/fit_many.h"
+#include "invgrad/fit_many.h"
 #include "tests/fit/decay.h"
 
 namespace invgrad {

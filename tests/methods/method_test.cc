@@ -1,4 +1,4 @@
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 
 #include <cmath>
 #include <memory>
@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/minimize/point_objective.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
 #include "tests/methods/line.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/train_options.h"

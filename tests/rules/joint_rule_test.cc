@@ -13,7 +13,7 @@
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/core/step_judge.h"
 #include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {

@@ -9,7 +9,7 @@
 #include "Eigen/QR"
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 #include "tests/rules/step_of.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/separable/linear_parameters.h"
+#include "invgrad/linear_parameters.h"
 
 #include <cmath>
 #include <vector>

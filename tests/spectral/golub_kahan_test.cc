@@ -9,8 +9,8 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/random.h"
+#include "invgrad/spectral_step.h"
 #include "problems/oscillator_chain.h"
 #include "tests/spectral/golub_kahan_step_of.h"
 #include "tests/support/spectral_reference.h"

@@ -9,7 +9,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/stored_jacobian.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral_step.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 

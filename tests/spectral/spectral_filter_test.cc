@@ -1,4 +1,4 @@
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral_filter.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // What a spectral step does and says: routes and failures. Its accuracy:
 // spectral_accuracy_test.cc.
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral_step.h"
 
 #include <algorithm>
 #include <cmath>

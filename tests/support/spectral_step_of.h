@@ -6,7 +6,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/core/stored_jacobian.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral_step.h"
 #include "tests/support/spectral_reference.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/train/history.h"
+#include "invgrad/history.h"
 
 #include <algorithm>
 #include <cmath>

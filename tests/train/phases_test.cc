@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/train/train.h"
+#include "invgrad/method.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 #include "problems/problems.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/train_options.h"

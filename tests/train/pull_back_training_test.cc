@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/core/step_judge.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/train/engine.h"

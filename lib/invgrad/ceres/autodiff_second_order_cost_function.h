@@ -20,8 +20,8 @@
 
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/types.h"
-#include "invgrad/ceres/second_order_cost_function.h"
-#include "invgrad/core/nested_jet.h"
+#include "invgrad/internal/nested_jet.h"
+#include "invgrad/second_order_cost_function.h"
 
 namespace invgrad {
 

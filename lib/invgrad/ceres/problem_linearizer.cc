@@ -7,9 +7,9 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/residual_evaluation.h"
-#include "invgrad/ceres/second_order_cost_function.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/second_order_cost_function.h"
 
 namespace invgrad {
 namespace {

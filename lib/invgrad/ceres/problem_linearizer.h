@@ -38,9 +38,9 @@
 #include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/core/linearization.h"
 #include "invgrad/core/objective.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

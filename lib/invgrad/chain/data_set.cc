@@ -1,4 +1,4 @@
-#include "invgrad/chain/data_set.h"
+#include "invgrad/data_set.h"
 
 #include <cmath>
 #include <utility>

@@ -4,9 +4,9 @@
 #include <optional>
 
 #include "invgrad/chain/batch_loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/core/stored_jacobian.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/chain/network_file.h"
+#include "invgrad/network_file.h"
 
 #include <algorithm>
 #include <charconv>

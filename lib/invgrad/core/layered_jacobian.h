@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/jacobian_operator.h"
-#include "invgrad/core/sampled_factors.h"
+#include "invgrad/internal/sampled_factors.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

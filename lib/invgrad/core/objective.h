@@ -8,7 +8,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/core/linearization.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

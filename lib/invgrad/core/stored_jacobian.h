@@ -11,8 +11,8 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layered_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

@@ -15,8 +15,8 @@
 #define INVGRAD_EQUATIONS_FEATURES_H_
 
 #include "Eigen/Core"
+#include "invgrad/equation_points.h"
 #include "invgrad/equations/input_jet.h"
-#include "invgrad/equations/points.h"
 
 namespace invgrad {
 

@@ -17,7 +17,7 @@
 #include <memory>
 
 #include "Eigen/Core"
-#include "invgrad/chain/derivative_set.h"
+#include "invgrad/derivative_set.h"
 
 namespace invgrad {
 

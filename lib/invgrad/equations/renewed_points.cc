@@ -5,7 +5,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/internal/logging.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 

@@ -27,10 +27,10 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_source.h"
-#include "invgrad/chain/model.h"
-#include "invgrad/equations/equation.h"
-#include "invgrad/equations/points.h"
+#include "invgrad/data_source.h"
+#include "invgrad/equation.h"
+#include "invgrad/equation_points.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

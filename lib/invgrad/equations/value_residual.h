@@ -9,8 +9,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "invgrad/chain/simulator.h"
-#include "invgrad/equations/trial_function.h"
+#include "invgrad/simulator.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 

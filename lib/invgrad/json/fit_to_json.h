@@ -11,8 +11,8 @@
 #include <array>
 #include <vector>
 
-#include "invgrad/fit/fit.h"
-#include "invgrad/json/to_json.h"
+#include "invgrad/fit.h"
+#include "invgrad/to_json.h"
 #include "nlohmann/json.hpp"
 
 namespace invgrad {

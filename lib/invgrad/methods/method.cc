@@ -1,4 +1,4 @@
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 
 #include <algorithm>
 #include <utility>

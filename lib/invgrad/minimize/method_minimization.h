@@ -21,11 +21,11 @@
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/inverse/inverse_simulator.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/minimize/minimizer.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/method.h"
+#include "invgrad/minimize.h"
 #include "invgrad/minimize/point_objective.h"
+#include "invgrad/update_callback.h"
 
 namespace invgrad {
 

@@ -21,8 +21,8 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/model.h"
 #include "invgrad/core/objective.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

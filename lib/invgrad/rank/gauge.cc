@@ -1,4 +1,4 @@
-#include "invgrad/rank/gauge.h"
+#include "invgrad/gauge.h"
 
 #include "fmt/core.h"
 #include "invgrad/rank/pose_gauge.h"

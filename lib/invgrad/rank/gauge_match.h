@@ -15,9 +15,9 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "ceres/problem.h"
+#include "invgrad/gauge.h"
 #include "invgrad/rank/block_groups.h"
-#include "invgrad/rank/gauge.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

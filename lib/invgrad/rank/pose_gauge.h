@@ -2,7 +2,7 @@
 #ifndef INVGRAD_RANK_POSE_GAUGE_H_
 #define INVGRAD_RANK_POSE_GAUGE_H_
 
-#include "invgrad/rank/gauge.h"
+#include "invgrad/gauge.h"
 #include "invgrad/rank/pose_scene.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 
 #include <utility>
 

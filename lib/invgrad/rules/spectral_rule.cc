@@ -41,7 +41,7 @@
 #include "invgrad/core/layered_jacobian.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/rule_rows.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral_step.h"
 
 namespace invgrad {
 namespace {

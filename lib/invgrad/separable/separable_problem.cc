@@ -1,4 +1,4 @@
-#include "invgrad/separable/separable_problem.h"
+#include "invgrad/separable_problem.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -233,8 +233,7 @@ class SeparableProblem::Builder {
 };
 
 SeparableProblem::SeparableProblem(const Options& options)
-    : options_(options),
-      reduced_(CopyOptions(nullptr)) {}
+    : options_(options), reduced_(CopyOptions(nullptr)) {}
 
 std::string SeparableProblem::BlockName(const double* values, int index) const {
   std::string name;

@@ -1,4 +1,4 @@
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral_step.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "invgrad/torch/torch_message.h"
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch_network.h"
 #include "torch/csrc/jit/api/module.h"
 #include "torch/csrc/jit/runtime/graph_executor.h"
 #include "torch/script.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/chain/network.h"
+#include "invgrad/network.h"
 
 namespace invgrad {
 

@@ -6,8 +6,8 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/model_cost.h"
-#include "invgrad/chain/network_layers.h"
 #include "invgrad/distributed/distributed_objective.h"
+#include "invgrad/internal/network_layers.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/output_layer/share.h"
