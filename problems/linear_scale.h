@@ -25,6 +25,7 @@
 
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/linear_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/problem.h"
 
 namespace invgrad {

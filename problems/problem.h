@@ -23,8 +23,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/data_set.h"
-#include "invgrad/data_source.h"
+#include "invgrad/data.h"
 #include "invgrad/dense_network.h"
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/model.h"

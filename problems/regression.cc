@@ -7,7 +7,6 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_generator.h"
 #include "invgrad/loss.h"
 #include "invgrad/random.h"
 #include "invgrad/simulator.h"

@@ -20,7 +20,7 @@
 #include "bin/bench/bench.h"
 #include "glog/logging.h"
 #include "invgrad/determined_step.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

@@ -27,7 +27,7 @@
 #include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/random.h"
-#include "invgrad/separable_problem.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 namespace {

@@ -21,7 +21,7 @@
 #include "glog/logging.h"
 #include "invgrad/fit_global.h"
 #include "invgrad/random.h"
-#include "invgrad/separable_problem.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 namespace {

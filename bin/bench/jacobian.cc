@@ -16,7 +16,7 @@
 #include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/network_functor.h"
+#include "invgrad/dense_network.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {

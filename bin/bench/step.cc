@@ -30,8 +30,8 @@
 #include "glog/logging.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/internal/blas.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/golub_kahan.h"
-#include "invgrad/spectral_step.h"
 
 namespace invgrad {
 namespace {

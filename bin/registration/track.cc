@@ -7,7 +7,7 @@
 #include "Eigen/Dense"
 #include "ceres/problem.h"
 #include "invgrad/determined_step.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 #include "problems/registration/alignment.h"
 #include "report/interrupt.h"
 

@@ -6,9 +6,9 @@
 
 #include "bin/support/run_directory.h"
 #include "fmt/ranges.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
-#include "invgrad/network_file.h"
 #include "invgrad/npy.h"
 
 namespace invgrad {

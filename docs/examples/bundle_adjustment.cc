@@ -37,7 +37,7 @@
 #include "ceres/solver.h"
 #include "ceres/sphere_manifold.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
 

@@ -40,7 +40,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
 

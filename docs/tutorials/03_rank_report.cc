@@ -14,7 +14,6 @@
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "invgrad/gauge.h"
 #include "invgrad/rank_report.h"
 
 namespace {

@@ -31,7 +31,7 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 // [includes]
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"

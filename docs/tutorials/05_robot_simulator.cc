@@ -27,7 +27,6 @@
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/blas_threads.h"
-#include "invgrad/io/numpy_generator.h"
 #include "invgrad/random.h"
 #include "invgrad/time_stepping_simulator.h"
 #include "invgrad/train.h"

@@ -23,8 +23,8 @@
 #include "invgrad/field_simulator.h"
 #include "invgrad/loss.h"
 #include "invgrad/method.h"
-#include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/minimize.h"
+#include "invgrad/point_objective.h"
 
 DEFINE_double(seconds, 1.0, "time of each rule");
 DEFINE_string(rules,

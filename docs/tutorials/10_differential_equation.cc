@@ -21,7 +21,6 @@
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/blas_threads.h"
 #include "invgrad/equation.h"
-#include "invgrad/equations/value_residual.h"
 #include "invgrad/train.h"
 
 DEFINE_int32(steps, 300, "training steps");

@@ -22,8 +22,6 @@
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/blas_threads.h"
 #include "invgrad/equation.h"
-#include "invgrad/equation_cost.h"
-#include "invgrad/equations/value_residual.h"
 #include "invgrad/minimize.h"
 #include "invgrad/random.h"
 #include "invgrad/rules.h"

@@ -27,7 +27,7 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "invgrad/determined_step.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
 

@@ -19,9 +19,8 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "invgrad/fit_global.h"
-#include "invgrad/linear_parameters.h"
 #include "invgrad/rank_report.h"
-#include "invgrad/separable_problem.h"
+#include "invgrad/separable.h"
 
 namespace {
 

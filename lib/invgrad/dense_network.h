@@ -27,7 +27,9 @@
 #define INVGRAD_DENSE_NETWORK_H_
 
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -188,6 +190,79 @@ class DenseNetwork final : public Network,
   Activation hidden_;
   std::vector<int> offsets_;  // L + 1
 };
+
+// A dense network as a Ceres functor: weights and inputs of any scalar type.
+//
+//   x = f(a; theta)
+//
+// For a network inside an autodiff functor, and as reference for the tests of
+// DenseNetwork. For derivatives with respect to more than a few hundred weights
+// use Model or DenseNetwork, which are much faster.
+//
+// Shapes:  weights: n, laid out as in dense_network.h;  inputs: |a|;
+//          outputs: |x|.
+// Cost:    2 n operations on T.
+
+class NetworkFunctor {
+ public:
+  explicit NetworkFunctor(DenseNetwork network)
+      : network_(std::move(network)) {}
+
+  template <typename T>
+  bool operator()(const T* weights, const T* inputs, T* outputs) const {
+    const std::vector<int>& widths = network_.widths();
+    std::vector<T> below(inputs, inputs + widths[0]);
+    std::vector<T> above;
+    for (int l = 0; l < network_.num_layers(); ++l) {
+      const bool is_hidden = l + 1 < network_.num_layers();
+      const T* weight = weights + network_.offset(l);
+      above.clear();
+      for (int unit = 0; unit < widths[l + 1]; ++unit) {
+        T z(0.0);
+        for (const T& a : below) z += *weight++ * a;
+        z += *weight++;  // the bias
+        above.push_back(is_hidden ? Activate(network_.hidden_activation(), z)
+                                  : z);
+      }
+      below.swap(above);
+    }
+    for (const T& x : below) *outputs++ = x;
+    return true;
+  }
+
+ private:
+  DenseNetwork network_;
+};
+
+// A trained network, architecture and weights, in one text file that a program
+// can load. `compare` writes it as network.txt beside the weights of each run.
+//
+//   invgrad network 1
+//   widths 4 20 20 20 24
+//   activation tanh
+//   weights 1444
+//   -0.26128751     one a line, in the order of dense_network.h, each with as
+//   ...             many digits as give back the same double
+//
+// In numpy: np.loadtxt("network.txt", skiprows=4). Inputs and outputs have the
+// units of the problem that the network was trained on.
+//
+// Cost:    20 bytes a weight.
+// Fails:   returns false (nothing), with a message that names the file and the
+//          error; *weights is then unchanged. ReadNetwork rejects truncated
+//          files, inconsistent sizes and weights that are not finite, as after
+//          diverged training; it never allocates more than a few times the
+//          file's size. WriteNetwork CHECKs the number of weights.
+
+// Writes atomically (atomic_file.h), also weights that are not finite.
+bool WriteNetwork(const std::string& path,
+                  const DenseNetwork& network,
+                  const Eigen::VectorXd& weights,
+                  std::string* error);
+
+std::optional<DenseNetwork> ReadNetwork(const std::string& path,
+                                        Eigen::VectorXd* weights,
+                                        std::string* error);
 
 }  // namespace invgrad
 

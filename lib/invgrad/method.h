@@ -23,21 +23,22 @@
 #define INVGRAD_METHOD_H_
 
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "invgrad/methods/ceres_methods.h"
-#include "invgrad/methods/pull_back_method.h"
+#include "ceres/solver.h"
 #include "invgrad/rules.h"
 
 namespace invgrad {
+
+struct CeresMethodRow;
+class PullBackMethod;
 
 struct Phase {
   std::string label;  // the specification as it was written
   const RuleRow* rule = nullptr;
   Settings rule_settings;
-  std::optional<PullBackMethod> pull_back;
+  std::shared_ptr<PullBackMethod> pull_back;  // null: the phase has none
   const CeresMethodRow* ceres = nullptr;
   Settings ceres_settings;
   int batch_size = -1;  // -1: not set

@@ -15,20 +15,26 @@
 #define INVGRAD_MINIMIZE_H_
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "Eigen/Core"
 #include "ceres/evaluation_callback.h"
 #include "ceres/iteration_callback.h"
+#include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
 #include "ceres/types.h"
-#include "invgrad/ceres/domain_failure.h"
-#include "invgrad/core/objective.h"
 #include "invgrad/update_callback.h"
 #include "invgrad/update_rule.h"
 
 namespace invgrad {
+
+class InverseSimulator;
+struct Method;
+class Objective;
+class PointObjective;
 
 struct MinimizerOptions {
   int max_num_iterations = 50;
@@ -94,6 +100,43 @@ void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               Objective* objective,
               MinimizerSummary* summary);
+
+// Minimizes a ceres::Problem, or a simulator and a loss over the simulator's
+// input, by a method (methods/method.h).
+//
+//   half_inverse            Minimize (minimizer.h), the pure iteration
+//   ceres_lm, ceres_bfgs    Ceres (ceres_minimizer.h)
+//   ceres_lm+half_inverse   Ceres with an UpdateCallback (update_callback.h)
+//   newton/inverse/adam     pull-backs, for a simulator and a loss
+//
+// Fails:   returns false, before anything runs, if the method does not apply
+//          (phases, batches; for a problem pull-backs), if its rule cannot
+//          propose steps for this problem (UpdateCallback::IsSupported), or if J,
+//          a dense solver or BFGS needs more than the available memory.
+
+// Whether the method applies to a problem without a chain; if not, *error gives
+// the reason.
+bool IsForProblems(const Method& method, std::string* error);
+
+// `elimination_order`: the ordering for Ceres' Schur solvers; null: Ceres
+// chooses.
+bool MinimizeProblem(
+    const Method& method,
+    const MinimizerOptions& options,
+    std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order,
+    ceres::Problem* problem,
+    MinimizerSummary* summary,
+    std::string* error);
+
+// Minimizes from the objective's current point; `path` receives the points from
+// the start to the final one. `inverse`: the simulator's inverse, or null.
+bool MinimizeByMethod(const Method& method,
+                      const MinimizerOptions& options,
+                      std::shared_ptr<const InverseSimulator> inverse,
+                      PointObjective* objective,
+                      std::vector<Eigen::VectorXd>* path,
+                      MinimizerSummary* summary,
+                      std::string* error);
 
 }  // namespace invgrad
 

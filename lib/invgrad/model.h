@@ -50,7 +50,7 @@
 #include <utility>
 
 #include "Eigen/Core"
-#include "invgrad/data_set.h"
+#include "invgrad/data.h"
 #include "invgrad/dense_network.h"
 #include "invgrad/derivative_set.h"
 #include "invgrad/internal/feedback.h"

@@ -24,11 +24,13 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "invgrad/core/specification.h"
-
 namespace invgrad {
+
+// Names and values, as in "step_size=auto:rho=1".
+using Settings = std::vector<std::pair<std::string, std::string>>;
 
 // The interval of allowed values; `open_low` and `open_high` exclude its ends.
 // Infinity and NaN are never allowed.

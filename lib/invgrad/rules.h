@@ -20,11 +20,12 @@
 #include <type_traits>
 #include <vector>
 
-#include "invgrad/core/specification.h"
 #include "invgrad/option_set.h"
 #include "invgrad/update_rule.h"
 
 namespace invgrad {
+
+struct Specification;  // a name with settings
 
 // The rule of a specification such as "adam:step_size=1e-3". CHECKs that the
 // specification is valid; the message names the nearest rules, or the allowed

@@ -20,8 +20,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/equation.h"
-#include "invgrad/equations/input_jet.h"
 #include "invgrad/train.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 

@@ -21,13 +21,16 @@
 #ifndef INVGRAD_TO_JSON_H_
 #define INVGRAD_TO_JSON_H_
 
+#include <array>
 #include <string>
+#include <vector>
 
-#include "invgrad/ceres/domain_failure.h"
 #include "invgrad/covariance.h"
+#include "invgrad/fit.h"
 #include "invgrad/minimize.h"
 #include "invgrad/rank_report.h"
 #include "invgrad/update_callback.h"
+#include "nlohmann/json.hpp"
 #include "nlohmann/json_fwd.hpp"
 
 namespace invgrad {
@@ -45,6 +48,42 @@ nlohmann::ordered_json JsonSchema(const std::string& name);
 
 // The text of a file, on one line: reports of large problems are large.
 std::string JsonText(const nlohmann::ordered_json& json);
+
+// A fit with few parameters as JSON (to_json.h).
+//
+//   std::vector<FitResult<3>> fits;
+//   nlohmann::ordered_json json = fits;  // an array
+//   file << JsonText(json);
+//
+// docs/json.md lists the members.
+
+// The name is nlohmann-json's.
+template <int N>
+void to_json(nlohmann::ordered_json& json, const FitResult<N>& fit) {
+  std::array<double, N> x;
+  std::array<double, N> standard_errors;
+  std::array<double, N> undetermined_shares;
+  std::array<std::array<double, N>, N> covariance;
+  for (int i = 0; i < N; ++i) {
+    x[i] = fit.x[i];
+    standard_errors[i] = fit.StandardError(i);
+    undetermined_shares[i] = fit.undetermined[i];
+    for (int j = 0; j < N; ++j) covariance[i][j] = fit.covariance(i, j);
+  }
+  json = {{"schema", JsonSchema("fit")},
+          {"status", FitStatusText(fit.status)},
+          {"is_converged", fit.IsConverged()},
+          {"initial_cost", fit.initial_cost},
+          {"cost", fit.cost},
+          {"num_iterations", fit.num_iterations},
+          {"num_rows", fit.num_rows},
+          {"x", x},
+          {"standard_errors", standard_errors},
+          {"undetermined_shares", undetermined_shares},
+          {"rank", fit.rank},
+          {"residual_variance", fit.residual_variance},
+          {"covariance", covariance}};
+}
 
 }  // namespace invgrad
 

@@ -26,8 +26,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation.h"
 #include "invgrad/equation_points.h"
-#include "invgrad/equations/value_residual.h"
 #include "problems/equations/equation_problem.h"
 
 namespace invgrad {

@@ -21,7 +21,7 @@
 #include "invgrad/covariance.h"
 #include "invgrad/minimize.h"
 #include "invgrad/random.h"
-#include "invgrad/separable_problem.h"
+#include "invgrad/separable.h"
 #include "problems/estimation/pose_graph.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/plot.h"

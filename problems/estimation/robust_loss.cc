@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/option_set.h"
 
 namespace invgrad {

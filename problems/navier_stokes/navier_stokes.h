@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/data_set.h"
+#include "invgrad/data.h"
 #include "invgrad/field_simulator.h"
 #include "invgrad/loss.h"
 #include "invgrad/random.h"

@@ -8,10 +8,10 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/history.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/network_file.h"
 #include "invgrad/npy.h"
+#include "invgrad/train.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/run_identity.h"
 #include "problems/estimation/bal_file.h"

@@ -9,6 +9,7 @@
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/field_simulator.h"
+#include "invgrad/loss.h"
 #include "invgrad/model.h"
 #include "tests/support/random_matrix.h"
 

@@ -8,7 +8,6 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/internal/nested_jet.h"
-#include "invgrad/network_functor.h"
 #include "invgrad/random.h"
 #include "tests/support/random_matrix.h"
 

@@ -10,9 +10,10 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_loss.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/internal/nested_jet.h"
 #include "invgrad/linear_simulator.h"
-#include "invgrad/network_functor.h"
+#include "invgrad/loss.h"
 #include "invgrad/time_stepping_simulator.h"
 #include "tests/support/random_matrix.h"
 

@@ -9,7 +9,7 @@
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
-#include "invgrad/network_functor.h"
+#include "invgrad/dense_network.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -26,7 +26,7 @@
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/blas_threads.h"
-#include "invgrad/network_file.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
 #include "invgrad/version.h"

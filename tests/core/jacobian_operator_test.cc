@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace jacobian_operator_test {

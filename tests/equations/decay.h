@@ -10,7 +10,7 @@
 #include "Eigen/Core"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/equation.h"
-#include "invgrad/equations/input_jet.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 

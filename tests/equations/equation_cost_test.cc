@@ -1,4 +1,4 @@
-#include "invgrad/equation_cost.h"
+#include "invgrad/equations/equation_cost.h"
 
 #include <cmath>
 #include <memory>
@@ -10,7 +10,7 @@
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/model_cost.h"
-#include "invgrad/equations/value_residual.h"
+#include "invgrad/equation.h"
 #include "invgrad/minimize.h"
 #include "invgrad/random.h"
 #include "invgrad/rules.h"

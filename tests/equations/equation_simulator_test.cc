@@ -7,7 +7,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
-#include "invgrad/equations/value_residual.h"
+#include "invgrad/equation.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -5,7 +5,6 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/equations/value_residual.h"
 #include "invgrad/train.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"

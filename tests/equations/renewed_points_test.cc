@@ -1,10 +1,9 @@
-#include "invgrad/equations/renewed_points.h"
-
 #include <memory>
 #include <string>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/equation.h"
 #include "invgrad/train.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"

@@ -1,5 +1,3 @@
-#include "invgrad/fit_streaming.h"
-
 #include <cmath>
 #include <limits>
 #include <vector>

@@ -10,6 +10,7 @@
 #include "Eigen/LU"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 namespace loss_pull_back_test {

@@ -10,7 +10,6 @@
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
 #include "invgrad/fit_many.h"
-#include "invgrad/json/fit_to_json.h"
 #include "nlohmann/json.hpp"
 #include "tests/rank/rank_problems.h"
 #include "tests/support/json_page.h"

@@ -9,8 +9,9 @@
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/loss.h"
 #include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 #include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "tests/methods/line.h"
@@ -43,7 +44,7 @@ TEST(Method, SettingsOfAChainGoToTheRuleIfItHasThemAndElseToTheWays) {
   EXPECT_EQ(phase.rule->name, "half_inverse");
   EXPECT_EQ(phase.ceres, nullptr);
   EXPECT_EQ(phase.rule_settings, (Settings{{"truncation", "1e-3"}}));
-  ASSERT_TRUE(phase.pull_back.has_value());
+  ASSERT_TRUE(phase.pull_back != nullptr);
   EXPECT_EQ(phase.pull_back->ChainOptions().y_step_size, 0.5);
   EXPECT_EQ(phase.batch_size, 4);
 }

@@ -1,4 +1,4 @@
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 
 #include <cmath>
 #include <memory>
@@ -11,6 +11,7 @@
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/field_simulator.h"
 #include "invgrad/jacobian_operator.h"
+#include "invgrad/loss.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {

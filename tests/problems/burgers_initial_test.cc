@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {

@@ -7,8 +7,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/minimize.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 #include "invgrad/random.h"
 #include "tests/support/simulator_identities.h"
 

@@ -9,7 +9,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 #include "problems/problems.h"

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/linearization.h"
+#include "invgrad/update_rule.h"
 #include "tests/rules/quadratic.h"
 #include "tests/rules/step_of.h"
 

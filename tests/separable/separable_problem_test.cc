@@ -1,5 +1,3 @@
-#include "invgrad/separable_problem.h"
-
 #include <array>
 #include <cmath>
 #include <memory>
@@ -16,6 +14,7 @@
 #include "invgrad/random.h"
 #include "invgrad/rank_report.h"
 #include "invgrad/rules.h"
+#include "invgrad/separable.h"
 #include "invgrad/update_callback.h"
 #include "tests/separable/exponentials.h"
 

@@ -11,7 +11,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/dense_network.h"
 #include "invgrad/derivative_set.h"
-#include "invgrad/network_functor.h"
 #include "tests/chain/nested_dual.h"
 
 namespace invgrad {

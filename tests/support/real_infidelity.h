@@ -3,6 +3,7 @@
 #define TESTS_REAL_INFIDELITY_H_
 
 #include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 

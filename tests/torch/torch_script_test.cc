@@ -1,5 +1,3 @@
-#include "invgrad/torch/torch_script.h"
-
 #include <fstream>
 #include <string>
 
@@ -7,6 +5,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/internal/network_layers.h"
 #include "invgrad/random.h"
+#include "invgrad/torch_network.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/torch/network_identities.h"

@@ -8,6 +8,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/rules.h"
 #include "invgrad/train.h"

@@ -7,7 +7,6 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/history.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 

@@ -26,7 +26,7 @@ TEST(Phases, AMethodIsAListOfPhases) {
   EXPECT_EQ(method.phases[0].batch_size, 4);
   EXPECT_EQ(method.phases[0].num_epochs, 5);
   EXPECT_EQ(method.phases[0].num_steps, 0);
-  EXPECT_TRUE(method.phases[1].pull_back.has_value());
+  EXPECT_TRUE(method.phases[1].pull_back != nullptr);
   EXPECT_EQ(method.phases[1].num_steps, 7);
   const Phase& last = method.last_phase();
   EXPECT_EQ(last.rule->name, "half_inverse");

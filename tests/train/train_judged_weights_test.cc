@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "invgrad/update_rule.h"

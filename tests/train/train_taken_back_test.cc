@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/train.h"
 #include "invgrad/update_rule.h"
 #include "tests/support/temporary_folder.h"

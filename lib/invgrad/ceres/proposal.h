@@ -19,7 +19,6 @@
 #include "Eigen/Core"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/work_limit.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/linearization.h"
 #include "invgrad/update_rule.h"
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/data_set.h"
+#include "invgrad/data.h"
 #include "invgrad/linearization.h"
 #include "invgrad/loss.h"
 

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/network_layers.h"
 #include "invgrad/jacobian_operator.h"
 

@@ -5,8 +5,9 @@
 
 #include "invgrad/chain/batch_loss.h"
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 #include "invgrad/model.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -34,8 +34,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/layer_jacobian.h"
-#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/dense_network.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/jacobian_operator.h"
 
 namespace invgrad {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/data_set.h"
+#include "invgrad/data.h"
 #include "invgrad/dense_network.h"
 
 namespace invgrad {

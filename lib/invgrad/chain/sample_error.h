@@ -5,7 +5,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/data_set.h"
+#include "invgrad/data.h"
 #include "invgrad/simulator.h"
 
 namespace invgrad {

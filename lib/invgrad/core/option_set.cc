@@ -7,6 +7,7 @@
 
 #include "fmt/core.h"
 #include "fmt/ranges.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -23,9 +23,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/layer_jacobian.h"
-#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/core/shared_jacobian.h"
 #include "invgrad/internal/communicator.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/jacobian_operator.h"
 
 namespace invgrad {

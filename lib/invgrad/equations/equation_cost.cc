@@ -1,4 +1,4 @@
-#include "invgrad/equation_cost.h"
+#include "invgrad/equations/equation_cost.h"
 
 #include <algorithm>
 #include <cmath>

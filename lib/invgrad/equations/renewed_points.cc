@@ -1,9 +1,8 @@
-#include "invgrad/equations/renewed_points.h"
-
 #include <cstdint>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/equation.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/random.h"
 

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/network_layers.h"
 

@@ -10,10 +10,10 @@
 #include "invgrad/core/hessian_times.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/step_cost.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/linearization.h"
 #include "invgrad/minimize.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 namespace {

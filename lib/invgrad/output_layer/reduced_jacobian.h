@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/jacobian_operator.h"
 
 namespace invgrad {

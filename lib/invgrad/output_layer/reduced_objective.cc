@@ -8,7 +8,7 @@
 
 #include "Eigen/QR"
 #include "invgrad/core/dense_svd.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/network_layers.h"
 #include "invgrad/output_layer/reduced_jacobian.h"

@@ -15,7 +15,6 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "ceres/problem.h"
-#include "invgrad/gauge.h"
 #include "invgrad/rank/block_groups.h"
 #include "invgrad/rank_report.h"
 

@@ -40,7 +40,7 @@
 #include "Eigen/Core"
 #include "invgrad/option_set.h"
 #include "invgrad/rules/step_size.h"
-#include "invgrad/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -18,13 +18,12 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/linearization.h"
 #include "invgrad/option_set.h"
 #include "invgrad/rules/fresh_control.h"
 #include "invgrad/rules/gain_control.h"
 #include "invgrad/rules/step_size.h"
-#include "invgrad/spectral_filter.h"
+#include "invgrad/spectral.h"
 #include "invgrad/update_rule.h"
 
 namespace invgrad {

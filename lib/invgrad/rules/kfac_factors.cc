@@ -7,9 +7,9 @@
 #include "Eigen/Eigenvalues"
 #include "fmt/core.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/core/shared_jacobian.h"
 #include "invgrad/internal/blas.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/random.h"
 

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 

@@ -45,7 +45,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/jacobian_operator.h"
-#include "invgrad/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -1,5 +1,3 @@
-#include "invgrad/torch/torch_script.h"
-
 #include <filesystem>
 #include <fstream>
 #include <sstream>

@@ -16,7 +16,7 @@
 
 #include <string>
 
-#include "invgrad/data_source.h"
+#include "invgrad/data.h"
 #include "invgrad/method.h"
 #include "invgrad/model.h"
 

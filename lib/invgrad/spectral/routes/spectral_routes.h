@@ -13,11 +13,10 @@
 #include "Eigen/Core"
 #include "invgrad/core/dense_svd.h"
 #include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/routes/contour_quadrature.h"
 #include "invgrad/spectral/routes/tridiagonal.h"
 #include "invgrad/spectral/routes/tridiagonalization.h"
-#include "invgrad/spectral_filter.h"
-#include "invgrad/spectral_step.h"
 
 namespace invgrad {
 

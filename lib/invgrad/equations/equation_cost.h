@@ -1,5 +1,5 @@
-// The terms of a differential equation as a cost function of Ceres, with the
-// equation's coefficients as parameter blocks: inverse problems.
+// The terms of a differential equation as a cost function of Ceres: what
+// AddEquationToProblem (equation.h) adds.
 //
 //   r = y(theta, p) / sqrt(N),   1/2 |r|^2 = L(theta, p)        (equation.h)
 //
@@ -9,13 +9,12 @@
 //
 // Cost:    J is formed: N |y| (n + |p|) numbers.
 // Fails:   Evaluate returns false where the model does.
-#ifndef INVGRAD_EQUATION_COST_H_
-#define INVGRAD_EQUATION_COST_H_
+#ifndef INVGRAD_EQUATIONS_EQUATION_COST_H_
+#define INVGRAD_EQUATIONS_EQUATION_COST_H_
 
 #include "Eigen/Core"
 #include "ceres/cost_function.h"
-#include "ceres/problem.h"
-#include "invgrad/data_set.h"
+#include "invgrad/data.h"
 #include "invgrad/equation.h"
 #include "invgrad/equations/equation_simulator.h"
 #include "invgrad/model.h"
@@ -36,14 +35,6 @@ class EquationCostFunction final : public ceres::CostFunction {
   EquationContext layout_;
 };
 
-// Adds the terms of the equation. `weights`, of the network of
-// EquationModel(*equation), and equation->coefficients must outlive the
-// problem. Returns false, with *error, if the samples have no finite values.
-bool AddEquationToProblem(Equation* equation,
-                          Eigen::VectorXd* weights,
-                          ceres::Problem* problem,
-                          std::string* error);
-
 }  // namespace invgrad
 
-#endif  // INVGRAD_EQUATION_COST_H_
+#endif  // INVGRAD_EQUATIONS_EQUATION_COST_H_

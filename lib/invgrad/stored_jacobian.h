@@ -3,15 +3,15 @@
 //
 // Shapes:  J: m x n.
 // Cost:    dense: 2 m n for a product, m^2 n for Gram. Sparse: as Eigen's.
-#ifndef INVGRAD_CORE_STORED_JACOBIAN_H_
-#define INVGRAD_CORE_STORED_JACOBIAN_H_
+#ifndef INVGRAD_STORED_JACOBIAN_H_
+#define INVGRAD_STORED_JACOBIAN_H_
 
 #include <memory>
 #include <vector>
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
@@ -54,4 +54,4 @@ extern template class StoredJacobian<
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_CORE_STORED_JACOBIAN_H_
+#endif  // INVGRAD_STORED_JACOBIAN_H_

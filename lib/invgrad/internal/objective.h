@@ -2,8 +2,8 @@
 //
 // Minimize (minimizer.h) uses only this interface, for a ceres::Problem
 // (problem_linearizer.h) and for a simulator with a loss (point_objective.h).
-#ifndef INVGRAD_CORE_OBJECTIVE_H_
-#define INVGRAD_CORE_OBJECTIVE_H_
+#ifndef INVGRAD_INTERNAL_OBJECTIVE_H_
+#define INVGRAD_INTERNAL_OBJECTIVE_H_
 
 #include <string>
 
@@ -42,4 +42,4 @@ LinearizeAfter AfterOf(Objective* objective);
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_CORE_OBJECTIVE_H_
+#endif  // INVGRAD_INTERNAL_OBJECTIVE_H_

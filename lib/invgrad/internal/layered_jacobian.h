@@ -7,8 +7,8 @@
 // the free functions below, which work with any Jacobian. A class that stands for
 // another Jacobian (of fewer columns, of all ranks) implements the interface even
 // if that one may have no groups.
-#ifndef INVGRAD_CORE_LAYERED_JACOBIAN_H_
-#define INVGRAD_CORE_LAYERED_JACOBIAN_H_
+#ifndef INVGRAD_INTERNAL_LAYERED_JACOBIAN_H_
+#define INVGRAD_INTERNAL_LAYERED_JACOBIAN_H_
 
 #include <memory>
 #include <vector>
@@ -59,4 +59,4 @@ inline std::vector<LayerColumns> FactorLayersOf(const JacobianOperator& J) {
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_CORE_LAYERED_JACOBIAN_H_
+#endif  // INVGRAD_INTERNAL_LAYERED_JACOBIAN_H_

@@ -14,14 +14,14 @@
 //          simulator does not form it; the Hessian adds one.
 // Fails:   Linearize and Cost return false where the model does, and if J and the
 //          Hessian, which are dense, do not fit into memory.
-#ifndef INVGRAD_MINIMIZE_POINT_OBJECTIVE_H_
-#define INVGRAD_MINIMIZE_POINT_OBJECTIVE_H_
+#ifndef INVGRAD_POINT_OBJECTIVE_H_
+#define INVGRAD_POINT_OBJECTIVE_H_
 
 #include <memory>
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/core/objective.h"
+#include "invgrad/internal/objective.h"
 #include "invgrad/model.h"
 
 namespace invgrad {
@@ -62,4 +62,4 @@ class PointObjective final : public Objective {
 
 }  // namespace invgrad
 
-#endif  // INVGRAD_MINIMIZE_POINT_OBJECTIVE_H_
+#endif  // INVGRAD_POINT_OBJECTIVE_H_
