@@ -32,7 +32,7 @@
 
 namespace invgrad {
 
-class PointObjective;  // minimize/point_objective.h
+class PointObjective;  // point_objective.h
 
 struct PointProblem {
   // y = P(x), L(y, y*), y* and the start.

@@ -1,5 +1,5 @@
 // LAPACK's thin singular value decomposition gesdd, in double or single
-// precision, to compare the routes of spectral_step.h with.
+// precision, to compare the routes of spectral.h with.
 #ifndef BIN_BENCH_LAPACK_SVD_H_
 #define BIN_BENCH_LAPACK_SVD_H_
 

@@ -4,7 +4,7 @@
 // factors (or, for a full SVD, from the dense J) to d, warm: the workspace is
 // kept between steps.
 //
-//   gram, svd        the routes of spectral_step.h, with a rule's tolerances
+//   gram, svd        the routes of spectral.h, with a rule's tolerances
 //   step             linearization (network, physics, factors) and gram
 //   parameter_gram   J^T J alone, from the factors
 //   golub_kahan      golub_kahan.h

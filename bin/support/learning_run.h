@@ -3,7 +3,7 @@
 //   DIR/history.csv       losses against steps, epochs and seconds
 //   DIR/weights.npy       the final weights
 //   DIR/network.txt       the network with these weights, for programs to load
-//                         (network_file.h)
+//                         (dense_network.h)
 //   DIR/neurons.csv       statistics of the hidden neurons at the end; for
 //                         small networks at every evaluation
 //   DIR/sample_path.csv   y of one training sample at every evaluation
@@ -59,8 +59,8 @@ void WarnOfLeftOutSamples(const Method& method,
                           std::set<std::string>* warned);
 
 struct LearningRunOptions {
-  // With initial weights and a budget. If it has ranks, the first one writes the
-  // files.
+  // With initial weights and a budget. If it has ranks, the first one writes
+  // the files.
   TrainOptions train;
   int tracked_sample = -1;  // -1: none
   std::string directory;
@@ -86,9 +86,10 @@ struct LearningRunResult : TrainResult {
   double MillisecondsPerStep() const;
 };
 
-// Trains, or goes on from a checkpoint, and writes the files. Returns false, with
-// *error set, for bad input, a checkpoint of another run, or if a file cannot be
-// written.
+// Trains, or goes on from a checkpoint, and writes the files. Returns false,
+// with
+// *error set, for bad input, a checkpoint of another run, or if a file cannot
+// be written.
 bool RunLearning(const LearningProblem& problem,
                  const Method& method,
                  const LearningRunOptions& options,

@@ -13,12 +13,12 @@ namespace invgrad {
 
 // Restarts this program with OPENBLAS_CORETYPE set, with a message on stderr,
 // if OpenBLAS runs kernels that are too old for the processor
-// (core/blas_kernels.h). If the variable is already set, only prints the
+// (blas_kernels.h). If the variable is already set, only prints the
 // message. Call it first, because earlier code runs twice.
 void UseProcessorsKernels(char** argv);
 
-// What became of a program's runs: methods, starts, jobs. A run that diverged
-// failed; one that used up its budget worked.
+// Counts successful and failed runs, for the exit code. A run that diverged has
+// failed; one that used up its budget has worked.
 struct RunCounts {
   int num_worked = 0;
   int num_failed = 0;

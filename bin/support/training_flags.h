@@ -6,7 +6,7 @@
 //   activation=relu        linear, tanh, relu, sigmoid, gelu; see activation.h
 //   initialization=he      glorot, he, pytorch; see network.h
 //   torch_script=FILE      a TorchScript file in place of the network; see
-//                          invgrad/torch/torch_script.h
+//                          torch_network.h
 #ifndef BIN_SUPPORT_TRAINING_FLAGS_H_
 #define BIN_SUPPORT_TRAINING_FLAGS_H_
 

@@ -1,4 +1,6 @@
-// A loss given by a functor on a scalar type, differentiated by Jets.
+// Makes a Loss from a functor that is written on a scalar type: Jets give its
+// gradient and its Hessian. Use it for a loss of your own; for squared
+// distances use SquaredNormLoss (loss.h).
 //
 //   L(y, y*),   g = dL/dy,   H_L = d2L/dy2
 //

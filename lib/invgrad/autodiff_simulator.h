@@ -1,5 +1,7 @@
-// A simulator given by a functor on a scalar type, differentiated by Jets with
-// respect to all inputs at once.
+// Makes a Simulator from a functor that is written on a scalar type. Jets
+// differentiate it with respect to all inputs at once. Use it for up to a few
+// dozen inputs. For a simulator that steps through time use
+// time_stepping_simulator.h, for fields use field_simulator.h.
 //
 //   y = P(x; c),   J = dP/dx,   H = sum_i w_i d2P_i/dx2
 //
@@ -9,14 +11,14 @@
 //   template <typename T>
 //   bool operator()(const T* x, const double* context, T* y) const;
 // Four samples of a batch are computed at once, by a T of four doubles
-// (lanes.h), unless the functor declines or the context is double*; write
+// (internal/lanes.h), unless the functor declines or the context is double*.
+// For a context of four samples write
 //   template <typename T, typename C>
 //   bool operator()(const T* x, const C* context, T* y) const;
-// for a context of four samples. Where a branch on values differs between the
-// four samples, they are repeated one at a time.
+// Where a branch on values differs between the four samples, they are repeated
+// one at a time.
 // Cost:    J: one evaluation with Jets of kIn partial derivatives; H: one with
-//          kIn^2. For up to a few dozen inputs; for a simulator that steps
-//          through time see time_stepping_simulator.h.
+//          kIn^2.
 // Fails:   returns false if the functor does or a value is not finite.
 #ifndef INVGRAD_AUTODIFF_SIMULATOR_H_
 #define INVGRAD_AUTODIFF_SIMULATOR_H_

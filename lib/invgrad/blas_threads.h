@@ -1,12 +1,14 @@
-// The number of threads of BLAS and LAPACK in this process: for programs. No
-// other function of the library changes it.
+// Sets the number of threads of BLAS and LAPACK in this process. Programs call
+// it once, at the beginning of main. No other function of the library changes
+// this number.
 //
-// OpenBLAS starts with one thread per processor, or with OPENBLAS_NUM_THREADS of
-// the environment. One is best for most problems: several slow down products and
-// decompositions of fewer than about 1000 columns, and where the library has
-// threads of its own (the options called num_threads) these wait for each other
-// when each calls a BLAS that has threads, too. Results are right in either case;
-// they agree to the last digit between runs with the same number.
+// OpenBLAS starts with one thread per processor, or with as many as the
+// environment variable OPENBLAS_NUM_THREADS says. One thread is best for most
+// problems. Several threads slow down products and decompositions of fewer than
+// about 1000 columns. They also wait for each other where the library has
+// threads of its own (options called num_threads). Results are right in either
+// case. They agree to the last digit between runs with the same number of
+// threads.
 #ifndef INVGRAD_BLAS_THREADS_H_
 #define INVGRAD_BLAS_THREADS_H_
 

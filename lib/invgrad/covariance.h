@@ -1,5 +1,7 @@
-// Covariance of the estimated parameters of a ceres::Problem, whether or not
-// the residuals determine all of them.
+// Computes the covariance of the estimated parameters of a ceres::Problem:
+// standard deviations and correlations. Use it in place of ceres::Covariance
+// where the residuals may leave some parameters undetermined. To find out which
+// parameters these are, use rank_report.h.
 //
 //   C = (J^T J)^+        the pseudo-inverse, in tangent directions
 //   C_ambient = P C P^T  P: the PlusJacobian of the manifold
@@ -30,8 +32,8 @@
 // Units:   of the parameters. With use_residual_variance, C is multiplied by
 //          2 L / (m - rank), the estimated variance of a residual.
 // Cost:    one linearization, and for each group of coupled blocks one SVD or
-//          one sparse decomposition (pseudo_inverse.h): never an n x n matrix of
-//          a group with more than rank.max_dense_size parameters.
+//          one sparse decomposition (pseudo_inverse.h). A group with more than
+//          rank.max_dense_size parameters never has an n x n matrix.
 // Fails:   ComputeCovariance returns false, with a message, as
 //          ComputeRankReport and SparsePseudoInverse do. CHECKs that the
 //          problem has the blocks, and that a block that is read was computed.

@@ -1,4 +1,6 @@
-// Samples of a learning problem, one column each.
+// The samples of a learning problem. DataSet stores them, one column each.
+// DataSource makes new ones during training; use it where samples are cheap to
+// make, and a DataSet in all other cases.
 //
 // Shapes:  inputs: |a| x N;  contexts: |c| x N;  targets: |y| x N.
 #ifndef INVGRAD_DATA_H_
@@ -49,14 +51,13 @@ struct DataSet {
   bool IsFinite(std::string* error) const;
 };
 
-// A stream of fresh samples, which are made and not stored: each step has new
-// ones, or every few steps.
-//
-// The samples are a function of the step, so that all methods train on the same
-// stream, or also of the weights. A resumed run continues the stream.
-
 class Model;
 
+// A stream of fresh samples, which are made and not stored. There are new ones
+// at each step, or every few steps.
+//
+// The samples depend on the step alone, so that all methods train on the same
+// stream, or also on the weights. A resumed run continues the stream.
 class DataSource {
  public:
   virtual ~DataSource() = default;

@@ -1,5 +1,11 @@
-// A fully connected network: the map f from network input to simulator input,
-// with derivatives, for a whole batch at a time.
+// A fully connected network, with all derivatives that the rules of this
+// library use, for a whole batch at a time. Use it unless you need other
+// layers; for these see torch_network.h, or derive from Network (network.h).
+//
+// This header also has NetworkFunctor, the same network as a Ceres functor, and
+// WriteNetwork and ReadNetwork, which store a trained network in a text file.
+//
+// The map f from network input to simulator input:
 //
 //   a_0 = a,   z_l = W_l a_{l-1} + b_l,   a_l = phi(z_l),   x = z_L
 //
@@ -191,18 +197,16 @@ class DenseNetwork final : public Network,
   std::vector<int> offsets_;  // L + 1
 };
 
-// A dense network as a Ceres functor: weights and inputs of any scalar type.
+// A dense network as a Ceres functor, with weights and inputs of any scalar
+// type. Use it for a network inside an autodiff functor. For derivatives with
+// respect to more than a few hundred weights use Model or DenseNetwork, which
+// are much faster.
 //
 //   x = f(a; theta)
 //
-// For a network inside an autodiff functor, and as reference for the tests of
-// DenseNetwork. For derivatives with respect to more than a few hundred weights
-// use Model or DenseNetwork, which are much faster.
-//
-// Shapes:  weights: n, laid out as in dense_network.h;  inputs: |a|;
+// Shapes:  weights: n, laid out as in DenseNetwork;  inputs: |a|;
 //          outputs: |x|.
 // Cost:    2 n operations on T.
-
 class NetworkFunctor {
  public:
   explicit NetworkFunctor(DenseNetwork network)
@@ -241,7 +245,7 @@ class NetworkFunctor {
 //   widths 4 20 20 20 24
 //   activation tanh
 //   weights 1444
-//   -0.26128751     one a line, in the order of dense_network.h, each with as
+//   -0.26128751     one a line, in the order of DenseNetwork, each with as
 //   ...             many digits as give back the same double
 //
 // In numpy: np.loadtxt("network.txt", skiprows=4). Inputs and outputs have the

@@ -1,16 +1,18 @@
-// The derivatives of functions of d variables that a differential equation
-// reads, as a set that is closed under products.
+// The derivatives of a network's outputs with respect to a point that a
+// differential equation reads. Use it to state these derivatives, in a
+// TrialFunction (trial_function.h) or in a Model (model.h). It is a set of
+// derivatives that is closed under products.
 //
 //   j = (v, D_1 v, .., D_{T-1} v),   D_k = d^alpha or a sum of d_i^2
 //
-//   (s z)_k  = sum_ij c_kij s_i z_j                    Leibniz: c = binomials
-//   phi(z)   = sum_p phi^(p)(z_0) / p! n^p             n = (0, z_1, .., z_{T-1})
+//   (s z)_k  = sum_ij c_kij s_i z_j                   Leibniz: c = binomials
+//   phi(z)   = sum_p phi^(p)(z_0) / p! n^p            n = (0, z_1, .., z_{T-1})
 //
-// The jet j has T channels. A network propagates it in its forward pass [1]. The
-// sum over p ends at the highest order D, because n^(D+1) = 0. The tangent of
-// the jet of a = phi(z) is its product with the jet of phi'(z), since da =
-// phi'(z) dz. The product is symmetric, so the same holds for curvatures and all
-// second derivatives.
+// The jet j has T channels. A network propagates it in its forward pass [1].
+// The sum over p ends at the highest order D, because n^(D+1) = 0. The tangent
+// of the jet of a = phi(z) is its product with the jet of phi'(z), since da =
+// phi'(z) dz. The product is symmetric, so the same holds for curvatures and
+// all second derivatives.
 //
 // The set is stated by words in the letters of the variables: for the variables
 // "tx", the words t, x, xx, xxt mean u_t, u_x, u_xx, u_xxt; xx+yy means u_xx +
@@ -67,8 +69,9 @@ class DerivativeSet {
   // the d values of channel 0, then those of channel 1, and so on.
   Eigen::MatrixXd InputJets(const Eigen::MatrixXd& points) const;
 
-  // Replaces the jets of z by the jets of phi(z), and writes the jets of phi'(z)
-  // and, unless null, of phi''(z). `slopes` and `curvatures`: as z (CHECKed).
+  // Replaces the jets of z by the jets of phi(z), and writes the jets of
+  // phi'(z) and, unless null, of phi''(z). `slopes` and `curvatures`: as z
+  // (CHECKed).
   void Activate(Activation activation,
                 Eigen::Ref<Eigen::MatrixXd> z,
                 Eigen::MatrixXd* slopes,

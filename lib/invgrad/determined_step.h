@@ -1,5 +1,7 @@
-// A Gauss-Newton step that leaves alone the directions that the residuals do
-// not determine, for a few unknowns: the 6 of a pose.
+// Computes a Gauss-Newton step that leaves alone the directions that the
+// residuals do not determine. Use it in an estimation loop of your own with a
+// few unknowns, such as the 6 of a pose. Inside ceres::Solve use the rule
+// `determined` (rules.h). To name such directions use rank_report.h.
 //
 //   H = J^T J,   A = J D^-1,   A^T A = D^-1 H D^-1 = V diag(s^2) V^T
 //   left alone  s <= tau s_max
@@ -35,9 +37,9 @@
 // point-to-plane residuals are, a direction without information has the s of
 // the noise. Normals that are off by an angle of standard deviation sigma in
 // each tangent direction give s = sqrt(3) sigma in a translation along all
-// planes (H of that direction is sigma^2 a residual, D^2 is 1/3 a residual), and
-// s_max >= 1. A direction is above the noise if its s is twice that, so that
-// three quarters of the curvature are information:
+// planes (H of that direction is sigma^2 a residual, D^2 is 1/3 a residual),
+// and s_max >= 1. A direction is above the noise if its s is twice that, so
+// that three quarters of the curvature are information:
 //
 //   tau = 2 sqrt(3) sigma         TauForNormals(sigma)
 //
@@ -49,8 +51,8 @@
 // again at s > tau_high s_max only. The memory is the subspace of the motions
 // D^-1 v: within the span of the v with tau s_max < s <= tau_high s_max, the
 // principal directions that make less than 45 degrees (in the metric D^2) with
-// it stay left alone. tau_high = sqrt(2) tau, a factor of 2 in curvature, is the
-// default: three standard deviations of the curvature of 18 random rows.
+// it stay left alone. tau_high = sqrt(2) tau, a factor of 2 in curvature, is
+// the default: three standard deviations of the curvature of 18 random rows.
 // Use one object for unknowns in the same coordinates; Reset forgets.
 //
 // Shapes:  H: n x n, its lower triangle is read;  gradient = J^T r, step: n.

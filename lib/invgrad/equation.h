@@ -1,5 +1,11 @@
-// A differential equation with its conditions, solved by a network: a
-// physics-informed network.
+// Solves a differential equation with its conditions by a network: a
+// physics-informed network. Use it with a TrialFunction (trial_function.h),
+// which satisfies initial and boundary values exactly, and train the model with
+// train.h. For an evolution over a long time use time_windows.h.
+//
+// This header also has ValueResidual, for measurements and for conditions that
+// hold only approximately, and RenewedPoints, which replaces the points of the
+// equation during training.
 //
 //   minimize  L = sum_k weight_k 1/2 mean R_k(D u, p; c)^2,   u = g + d N
 //
@@ -92,8 +98,8 @@ bool Solution(const Equation& equation,
 //
 // The network's weights theta are the blocks of Network::WeightBlocks (the
 // neurons); each coefficient p_i is a block of its own, which can have bounds,
-// a manifold, be constant, or be shared with other residual blocks. J is formed:
-// N |y| (n + |p|) numbers. `weights`, of the network of
+// a manifold, be constant, or be shared with other residual blocks. J is
+// formed: N |y| (n + |p|) numbers. `weights`, of the network of
 // EquationModel(*equation), and equation->coefficients must outlive the
 // problem. Returns false, with *error, if the samples have no finite values.
 bool AddEquationToProblem(Equation* equation,
@@ -101,12 +107,11 @@ bool AddEquationToProblem(Equation* equation,
                           ceres::Problem* problem,
                           std::string* error);
 
-// A condition on the values of a function: y = u - c, with c the context.
+// A condition on the values of a function: y = u - c, with c the context. Use
+// it for terms beside the equation itself, such as values at a boundary or
+// measurements.
 //
-// For terms of an equation (equation.h) beside the equation itself: values at a
-// boundary, measurements.
 // Shapes:  y: 1; u is the first function.
-
 class ValueResidual final : public Simulator {
  public:
   // Of an equation with this trial function and number of coefficients.
@@ -144,7 +149,7 @@ class ValueResidual final : public Simulator {
 // Points that are renewed in training: every num_steps steps the first term of
 // an equation has other points.
 //
-//   sequence     the next N points of the sequence in points.h
+//   sequence     the next N points of the sequence in equation_points.h
 //   by residual  of the next 4 N points, N that are drawn with the density
 //                (1 + |R| / mean |R|) / 2 at the weights of that moment [1]
 //
@@ -164,7 +169,6 @@ class ValueResidual final : public Simulator {
 // [1] Wu, Zhu, Tan, Kartha, Lu. A comprehensive study of non-adaptive and
 //     residual-based adaptive sampling for physics-informed neural networks.
 //     CMAME 403 (2023), equation 2 with k = c = 1. arXiv 2207.10289.
-
 class RenewedPoints final : public DataSource {
  public:
   struct Options {

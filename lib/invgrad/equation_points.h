@@ -1,4 +1,6 @@
-// Points in a box, with quadrature weights.
+// Points in a box, with quadrature weights, for the terms of an equation
+// (equation.h). Use Gauss points in one or two dimensions, and a sequence in
+// three or more.
 //
 //   sum_s w_s f(a_s) ~ mean of f over the box,   sum_s w_s = 1
 //

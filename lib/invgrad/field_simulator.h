@@ -1,4 +1,6 @@
-// A simulator of fields, whose Jacobian is applied and never formed.
+// The base class for a simulator of fields, such as a flow: its Jacobian is
+// applied and never formed. Use it where J is too large to store; for a few
+// dozen inputs use autodiff_simulator.h.
 //
 //   y = P(x; c),   J v,   J^T w
 //

@@ -1,14 +1,15 @@
-// Options and result of a least-squares fit with few parameters.
+// Options and result of a least-squares fit with few parameters, for fit_many.h
+// and fit_global.h.
 //
 //   FitResult<2> fit;
 //   fit.x << 1.0, 0.0;                                // the start
-//   FitStreaming(options, num_rows, functor, &fit);   // fit_streaming.h
+//   FitStreaming(options, num_rows, functor, &fit);   // fit_many.h
 //   if (!fit.IsConverged()) std::cerr << FitStatusText(fit.status);
 //   std::cout << fit.x[0] << " +- " << fit.StandardError(0) << "\n";
 //
-// fit_many.h and fit_streaming.h minimize the cost 1/2 |r(x)|^2 by the same
-// iteration, the trust region of ceres::Solve with its names and defaults. The
-// number of parameters N is known at compile time, as that of Jets.
+// FitMany and FitStreaming (fit_many.h) minimize the cost 1/2 |r(x)|^2 by the
+// same iteration: the trust region of ceres::Solve with its names and defaults.
+// The number of parameters N is known at compile time, as that of Jets.
 #ifndef INVGRAD_FIT_H_
 #define INVGRAD_FIT_H_
 

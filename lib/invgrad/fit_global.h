@@ -1,5 +1,7 @@
-// A global fit: many right-hand sides y_k with their own linear parameters c_k,
-// and common nonlinear parameters x.
+// Fits many right-hand sides y_k at once. Each has its own linear parameters
+// c_k, and all share the nonlinear parameters x: a global fit. Use it for
+// spectra, decays and the like. For fits without common parameters use
+// fit_many.h, for linear parameters in a ceres::Problem use separable.h.
 //
 //   minimize 1/2 sum_k |Phi(x) c_k - y_k|^2 = 1/2 |Phi(x) C - Y|_F^2
 //
@@ -17,8 +19,8 @@
 //   fit.nonlinear.x << 1.0, 0.1;                         // the start
 //   FitGlobal(FitOptions(), TwoDecays{t}, 2, Y, &fit);
 //
-// By variable projection with Kaufman's Jacobian (separable/reduced_cost.h), in
-// the iteration of levenberg_marquardt.h:
+// By variable projection with Kaufman's Jacobian (reduced_cost.h), in
+// the iteration of internal/levenberg_marquardt.h:
 //
 //   P = I - Phi Phi^+:  R = -P Y,   C = Phi^+ Y,   J_k = P (dPhi/dx_k) C
 //   C^T = Q T:          J_k Q = P (dPhi/dx_k) T^T

@@ -1,34 +1,7 @@
-// Very many small fits of one model: 1e5 data sets and more, each with its own
-// start, status, covariance and rank.
-//
-//   minimize 1/2 sum_i r_i(x_k)^2 over the rows i of data set k, for each k
-//
-//   struct Decay {  // y = a exp(-b t) + c
-//     const double* t; const double* y;
-//     template <typename T>
-//     bool operator()(int k, int i, const T* x, T* residual) const {
-//       using std::exp;
-//       *residual = x[0] * exp(-x[1] * t[i]) + x[2] - y[30 * k + i];
-//       return true;
-//     }
-//   };
-//   std::vector<FitResult<3>> fits(100000);  // fits[k].x = a start
-//   FitMany(FitOptions(), Decay{t, y}, std::vector<int>(100000, 30), &fits);
-//   if (fits[7].IsConverged()) Use(fits[7].x[1], fits[7].StandardError(1));
-//
-// The functor is called with T = ceres::Jet<double, N>, from several threads.
-// It returns false where it has no value.
-//
-// Each fit is what ceres::Solve does with the same options and DENSE_QR
-// (levenberg_marquardt.h): the same steps and the same answer up to rounding,
-// in a fraction of the time (docs/results/fits.md).
-//
-// Shapes:  num_rows, fits: one entry a data set.
-// Cost:    an iteration evaluates m rows with Jets, and takes 2 m N^2
-//          operations. Nothing is allocated for a fit.
-// Fails:   a data set that fails has a FitStatus, its start or its best state,
-//          and no influence on others. CHECKs the options and the sizes.
-// Threads: fits do not depend on their number.
+// Fits with few parameters, much faster than one ceres::Solve for each. FitMany
+// makes very many small fits of one model, FitStreaming one fit with very many
+// rows. For right-hand sides with common nonlinear parameters use fit_global.h;
+// for anything else use ceres::Solve. Options and results are in fit.h.
 #ifndef INVGRAD_FIT_MANY_H_
 #define INVGRAD_FIT_MANY_H_
 
@@ -77,6 +50,37 @@ class DataSetRows {
   int num_rows_ = 0;
 };
 
+// Very many small fits of one model: 1e5 data sets and more, each with its own
+// start, status, covariance and rank.
+//
+//   minimize 1/2 sum_i r_i(x_k)^2 over the rows i of data set k, for each k
+//
+//   struct Decay {  // y = a exp(-b t) + c
+//     const double* t; const double* y;
+//     template <typename T>
+//     bool operator()(int k, int i, const T* x, T* residual) const {
+//       using std::exp;
+//       *residual = x[0] * exp(-x[1] * t[i]) + x[2] - y[30 * k + i];
+//       return true;
+//     }
+//   };
+//   std::vector<FitResult<3>> fits(100000);  // fits[k].x = a start
+//   FitMany(FitOptions(), Decay{t, y}, std::vector<int>(100000, 30), &fits);
+//   if (fits[7].IsConverged()) Use(fits[7].x[1], fits[7].StandardError(1));
+//
+// The functor is called with T = ceres::Jet<double, N>, from several threads.
+// It returns false where it has no value.
+//
+// Each fit is what ceres::Solve does with the same options and DENSE_QR
+// (internal/levenberg_marquardt.h): the same steps and the same answer up to
+// rounding, in a fraction of the time (docs/results/fits.md).
+//
+// Shapes:  num_rows, fits: one entry a data set.
+// Cost:    an iteration evaluates m rows with Jets, and takes 2 m N^2
+//          operations. Nothing is allocated for a fit.
+// Fails:   a data set that fails has a FitStatus, its start or its best state,
+//          and no influence on others. CHECKs the options and the sizes.
+// Threads: fits do not depend on their number.
 template <int N, typename Functor>
 void FitMany(const FitOptions& options,
              const Functor& functor,
@@ -104,34 +108,6 @@ void FitMany(const FitOptions& options,
       std::min(options.num_threads, std::max(1, num_fits / kAtOnce));
   ForShares(num_threads, num_threads, fit_some, 1);
 }
-
-// A fit with few parameters and very many rows, of which none is kept.
-//
-//   minimize 1/2 sum_i r_i(x)^2,   i = 0 ... m - 1,  m of 1e7, n of 10
-//
-//   struct Line {
-//     const float* t; const float* y;  // in memory, or mapped from a file
-//     template <typename T>
-//     bool operator()(int i, const T* x, T* residual) const {
-//       *residual = x[0] * double(t[i]) + x[1] - double(y[i]);
-//       return true;
-//     }
-//   };
-//   FitResult<2> fit;  // fit.x = the start
-//   FitStreaming(FitOptions(), 10000000, Line{t, y}, &fit);
-//   std::cout << fit.x[0] << " +- " << fit.StandardError(0) << "\n";
-//
-// The functor is called with T = ceres::Jet<double, N>, from several threads,
-// and by each with rising i. It returns false where it has no value.
-//
-// The iteration is that of ceres::Solve (levenberg_marquardt.h). The rows fall
-// into at most 64 segments, whose triangular factors (streaming_gram.h) are
-// joined in their order: the bits do not depend on the number of threads.
-//
-// Cost:    an iteration evaluates all rows with Jets, and takes 2 m N^2
-//          operations. Memory: 128 (N + 1) numbers a thread (32 if N <= 4).
-// Fails:   FitStatus; fit->x is then the start or the best state. CHECKs the
-//          options and the number of rows.
 
 // All rows, segment by segment, for FitByLevenbergMarquardt.
 template <int N, typename Functor>
@@ -187,6 +163,34 @@ class StreamedRows {
   std::vector<double> squared_norms_;
 };
 
+// A fit with few parameters and very many rows, of which none is kept.
+//
+//   minimize 1/2 sum_i r_i(x)^2,   i = 0 ... m - 1,  m of 1e7, n of 10
+//
+//   struct Line {
+//     const float* t; const float* y;  // in memory, or mapped from a file
+//     template <typename T>
+//     bool operator()(int i, const T* x, T* residual) const {
+//       *residual = x[0] * double(t[i]) + x[1] - double(y[i]);
+//       return true;
+//     }
+//   };
+//   FitResult<2> fit;  // fit.x = the start
+//   FitStreaming(FitOptions(), 10000000, Line{t, y}, &fit);
+//   std::cout << fit.x[0] << " +- " << fit.StandardError(0) << "\n";
+//
+// The functor is called with T = ceres::Jet<double, N>, from several threads,
+// and by each with rising i. It returns false where it has no value.
+//
+// The iteration is that of ceres::Solve (internal/levenberg_marquardt.h). The
+// rows fall into at most 64 segments, whose triangular factors
+// (internal/streaming_gram.h) are joined in their order: the bits do not depend
+// on the number of threads.
+//
+// Cost:    an iteration evaluates all rows with Jets, and takes 2 m N^2
+//          operations. Memory: 128 (N + 1) numbers a thread (32 if N <= 4).
+// Fails:   FitStatus; fit->x is then the start or the best state. CHECKs the
+//          options and the number of rows.
 template <int N, typename Functor>
 void FitStreaming(const FitOptions& options,
                   int num_rows,

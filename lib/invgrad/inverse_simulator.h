@@ -1,4 +1,6 @@
-// An inverse simulator maps a wanted output to an input.
+// An inverse simulator maps a wanted output to an input. Give one to a training
+// run (TrainOptions::inverse) if you know how to invert your simulator. Without
+// one, methods that need an inverse use a numerical one.
 //
 //   x = P^-1(y; x_now, c)   such that   P(x; c) = y
 //

@@ -1,4 +1,5 @@
-// The parts of invgrad that most programs use.
+// Includes the parts of invgrad that most programs use. Include it to begin
+// with, or single headers for shorter compile times.
 //
 //   rules.h            update rules by name
 //   update_callback.h  their steps inside ceres::Solve

@@ -1,10 +1,13 @@
-// The Jacobian J = dy/dx as a linear operator, usually without storing J.
+// The Jacobian J = dy/dx as a linear operator, usually without storing J. Rules
+// read it from a Linearization (linearization.h). Derive from it, or use
+// FunctionJacobian, if your J has fast products; for a J that is a matrix use
+// stored_jacobian.h.
 //
 //   J v,   J^T w,   J J^T,   J^T J,   and J itself only on request
 //
-// An implementation defines sizes and the two products. What few rules need is an
-// interface that it may also implement: groups of columns (layered_jacobian.h),
-// rows that several processes share (shared_jacobian.h).
+// An implementation defines sizes and the two products. What few rules need is
+// an interface that it may also implement: groups of columns
+// (layered_jacobian.h), rows that several processes share (shared_jacobian.h).
 //
 // Shapes:  J: m x n (m = rows, n = cols);  v: n;  w: m.
 // Cost:    stated by each implementation; a dense J costs 2 m n for a product

@@ -1,4 +1,5 @@
-// A linear simulator.
+// A simulator that is linear, given by its matrix. Use it in place of a
+// functor: it can also apply powers of the inverse of its J.
 //
 //   y = A x + b,   J = A
 //

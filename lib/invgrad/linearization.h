@@ -1,5 +1,6 @@
-// The linearization of a problem at its current point: the input of an update
-// rule.
+// The linearization of a problem at its current point: what an update rule
+// reads. Write a rule with it (update_rule.h); the loops and UpdateCallback
+// fill it.
 //
 //   L(y(x + d)) ~ L + g . (J d) + 1/2 (J d) . H_L (J d)
 //
@@ -31,8 +32,8 @@
 
 namespace invgrad {
 
-// The parts to compute, and for the loop what a rule does with them. The cost is
-// always computed; each further part costs time.
+// The parts to compute, and for the loop what a rule does with them. The cost
+// is always computed; each further part costs time.
 struct LinearizationParts {
   bool gradient = false;       // J^T g
   bool jacobian = false;       // g, J and H_L
@@ -43,8 +44,8 @@ struct LinearizationParts {
   bool hessian_times = false;
   bool after = false;
 
-  // Whether the rule reads Linearization::progress: its steps then depend on the
-  // run's budget.
+  // Whether the rule reads Linearization::progress: its steps then depend on
+  // the run's budget.
   bool progress = false;
   // What the rule does with J, for the limits on time and memory (step_cost.h):
   // whether it factorizes J or a Gram matrix, or otherwise how many products
@@ -73,15 +74,16 @@ struct LinearizationParts {
 struct LossOnCurve {
   double loss = 0.0;   // L
   double slope = 0.0;  // dL/deta
-  // |dR/deta| / |R| of the sample that moves fastest: on great circles, the angle
-  // per eta.
+  // |dR/deta| / |R| of the sample that moves fastest: on great circles, the
+  // angle per eta.
   double speed = 0.0;
 };
 
 struct Linearization;
 
 // Linearizes at x + step, with the same samples. Returns false, with *error, if
-// the cost or a part has no finite value there. Valid until the objective moves.
+// the cost or a part has no finite value there. Valid until the objective
+// moves.
 using LinearizeAfter = std::function<bool(const Eigen::VectorXd& step,
                                           const LinearizationParts& parts,
                                           Linearization* after,

@@ -1,4 +1,6 @@
-// The loss of one sample, with gradient and Hessian in y.
+// The loss of one sample, with gradient and Hessian in y. Use SquaredNormLoss
+// for squared distances; for another loss use autodiff_loss.h, or derive from
+// Loss.
 //
 //   L(y, y*),   g = dL/dy,   H_L = d2L/dy2
 //
@@ -9,10 +11,10 @@
 // Cost:    a loss of a field, whose H_L is too large to form, has the products
 //          H_L v instead (forms_hessian).
 // Invariants: the outputs of some simulators keep a quantity, such as the norm
-//          of a state. A straight line y + eta t leaves the set of such outputs,
-//          and the model g . t + 1/2 t . H_L t is then wrong in second order. A
-//          loss that says so (has_invariant) has a curve in this set instead,
-//          R(eta) with R(0) = y and dR/deta(0) = t (Retract).
+//          of a state. A straight line y + eta t leaves the set of such
+//          outputs, and the model g . t + 1/2 t . H_L t is then wrong in second
+//          order. A loss that says so (has_invariant) has a curve in this set
+//          instead, R(eta) with R(0) = y and dR/deta(0) = t (Retract).
 // Fails:   Evaluate returns false if the loss has no finite value.
 #ifndef INVGRAD_LOSS_H_
 #define INVGRAD_LOSS_H_

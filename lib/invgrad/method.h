@@ -1,6 +1,9 @@
-// A method of training or minimization: an update rule, a rule with pull-backs
+// Reads a method from a text. A method is what Train (train.h) and
+// MinimizeByMethod (minimize.h) run: an update rule, a rule with pull-backs
 // through loss and simulator, a minimizer of Ceres, or a minimizer of Ceres
-// with proposals of a rule; or a sequence of these, in phases.
+// with proposals of a rule; or a sequence of these, in phases. Train also takes
+// the text itself: include this header to check a text before a run, or to run
+// many methods.
 //
 //   half_inverse:truncation=1e-6            rule
 //   newton/inverse/adam:y_step_size=0.5     loss, simulator and network
@@ -17,8 +20,7 @@
 // steps, output_layer and output_layer_period belong to the phase itself. Each
 // phase but the last has a share of the run, epochs= or steps=, whichever ends
 // first; the last phase has the rest of the budget. A minimizer of Ceres can
-// only be the last phase. train/train.h says how phases follow each other in a
-// run.
+// only be the last phase. train.h says how phases follow each other in a run.
 #ifndef INVGRAD_METHOD_H_
 #define INVGRAD_METHOD_H_
 
@@ -46,9 +48,9 @@ struct Phase {
   int num_epochs = 0;
   int num_steps = 0;
   // Whether the network's output layer is trained, or solved
-  // (output_layer/reduced_objective.h). kAuto: the phase begins with a solved
-  // one; if that does not pay (output_layer/steady_fall.h), it begins again with
-  // a trained one.
+  // (reduced_objective.h). kAuto: the phase begins with a solved
+  // one; if that does not pay (steady_fall.h), it begins again
+  // with a trained one.
   enum class OutputLayer { kTrained, kExact, kAuto };
   OutputLayer output_layer = OutputLayer::kTrained;
   // The steps from one solution to the next; 0: chosen by the cost.

@@ -1,16 +1,11 @@
-// Minimizes a ceres::Problem by the unmodified steps of an update rule.
+// Minimizes a ceres::Problem, or a simulator and a loss over the simulator's
+// input. Minimize takes the steps of an update rule as they are; use it to
+// study a rule. MinimizeProblem and MinimizeByMethod run a method given as text
+// (method.h); use them to compare methods. To solve a problem as well as
+// possible use update_callback.h; to train a network use train.h.
 //
-//   x_{k+1} = Plus(x_k, rule(linearization at x_k))
-//
-// There is no line search and no acceptance test; for these see
-// update_callback.h. Options, summary and termination use Ceres' types, so that
-// runs compare with ceres::Solve (ceres_minimizer.h).
-//
-// Cost:    one linearization and one step an iteration.
-// Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
-//          finite) ends the run with ceres::FAILURE and a message that names
-//          the iteration; the blocks then have the last state at which all of
-//          these were finite, and the failed step is not recorded.
+// Options, summary and termination use Ceres' types, so that runs compare with
+// ceres::Solve.
 #ifndef INVGRAD_MINIMIZE_H_
 #define INVGRAD_MINIMIZE_H_
 
@@ -69,10 +64,10 @@ struct MinimizerSummary {
   double final_cost = -1.0;
   // [0] is the start. Minimize fills cost, cost_change, the norms of gradient
   // (tangent space) and step (ambient), the flags (nonmonotonic: the cost rose;
-  // successful: the rule did not revert the step) and the times.
+  // successful: the rule did not undo the step) and the times.
   std::vector<ceres::IterationSummary> iterations;
   double total_time_in_seconds = 0.0;
-  int num_taken_back = 0;  // steps that the rule reverted
+  int num_taken_back = 0;  // steps that the rule undid
   // Candidates of ceres::Solve, proposals included, at which the problem cannot
   // be evaluated (domain_failure.h).
   int num_outside_domain = 0;
@@ -89,6 +84,18 @@ struct MinimizerSummary {
   std::string BriefReport() const;
 };
 
+// Minimizes a ceres::Problem by the unmodified steps of an update rule.
+//
+//   x_{k+1} = Plus(x_k, rule(linearization at x_k))
+//
+// There is no line search and no acceptance test; for these see
+// update_callback.h.
+//
+// Cost:    one linearization and one step an iteration.
+// Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
+//          finite) ends the run with ceres::FAILURE and a message that names
+//          the iteration; the blocks then have the last state at which all of
+//          these were finite, and the failed step is not recorded.
 void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               ceres::Problem* problem,
@@ -102,17 +109,17 @@ void Minimize(const MinimizerOptions& options,
               MinimizerSummary* summary);
 
 // Minimizes a ceres::Problem, or a simulator and a loss over the simulator's
-// input, by a method (methods/method.h).
+// input, by a method (method.h).
 //
-//   half_inverse            Minimize (minimizer.h), the pure iteration
+//   half_inverse            Minimize, the pure iteration
 //   ceres_lm, ceres_bfgs    Ceres (ceres_minimizer.h)
 //   ceres_lm+half_inverse   Ceres with an UpdateCallback (update_callback.h)
 //   newton/inverse/adam     pull-backs, for a simulator and a loss
 //
 // Fails:   returns false, before anything runs, if the method does not apply
 //          (phases, batches; for a problem pull-backs), if its rule cannot
-//          propose steps for this problem (UpdateCallback::IsSupported), or if J,
-//          a dense solver or BFGS needs more than the available memory.
+//          propose steps for this problem (UpdateCallback::IsSupported), or if
+//          J, a dense solver or BFGS needs more than the available memory.
 
 // Whether the method applies to a problem without a chain; if not, *error gives
 // the reason.

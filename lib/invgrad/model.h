@@ -1,12 +1,15 @@
-// A model is a network, a simulator and a loss in a chain, over a batch.
+// A model is a network, a simulator and a loss in a chain, over a batch. Make
+// one to train a network in front of your simulator (train.h), or to linearize
+// the chain yourself. For a simulator and a loss without a network use
+// point_objective.h.
 //
 //   x_s = f(a_s; theta),   y_s = P(x_s; c_s),   L = scale sum_s L(y_s, y*_s)
 //
 // with scale = 1/B (kMean) or 1 (kSum). The scale changes half-inverse steps,
 // because g = dL/dy contains it.
 //
-// With feedback (feedback.h) the simulator's loop over time calls the network T
-// times a sample, and x_s holds the outputs,
+// With feedback (internal/feedback.h) the simulator's loop over time calls the
+// network T times a sample, and x_s holds the outputs,
 //
 //   x_s = (u_0, .., u_{T-1}),   u_t = f(a_{s,t}; theta)
 //
@@ -14,11 +17,11 @@
 // first ns entries. The other entries, such as a set point, are the same in all
 // calls. Include a reference signal and its generator in the state.
 //
-// With a DerivativeSet (derivative_set.h) derivatives of the network with respect
-// to a point are also inputs of the simulator, and the network's inputs are the
-// jets of functions of the point. The residual of a differential equation is
-// then a simulator: a function of these derivatives and of the sample's context
-// (a physics-informed network),
+// With a DerivativeSet (derivative_set.h) derivatives of the network with
+// respect to a point are also inputs of the simulator, and the network's inputs
+// are the jets of functions of the point. The residual of a differential
+// equation is then a simulator: a function of these derivatives and of the
+// sample's context (a physics-informed network),
 //
 //   x_s = (f, D_1 f, .., D_{T-1} f)(a_s; theta)
 //
@@ -30,12 +33,12 @@
 //          calls side by side; with jets the same, T = |a| + 2.
 // Cost:    gradient: forward, Adjoint of each sample, backward. Jacobian: one
 //          simulator Jacobian a sample; J itself is never formed
-//          (network_jacobian.h, chain_jacobian.h). Hessian, not with feedback: one
-//          WeightedHessian a sample and DenseNetwork::Hessian. With feedback: T
-//          passes in place of one, an input Jacobian of the network, and one
-//          CloseLoop a sample. With jets: T passes, for the Hessian T^2.
-//          The samples are simulated on num_threads() threads, and four at once
-//          where the simulator can (Simulator::WhyNoLanes).
+//          (network_jacobian.h, chain_jacobian.h). Hessian, not with feedback:
+//          one WeightedHessian a sample and DenseNetwork::Hessian. With
+//          feedback: T passes in place of one, an input Jacobian of the
+//          network, and one CloseLoop a sample. With jets: T passes, for the
+//          Hessian T^2. The samples are simulated on num_threads() threads, and
+//          four at once where the simulator can (Simulator::WhyNoLanes).
 // Fails:   Linearize, Cost and Predict return false if a simulator or loss
 //          fails or a value is not finite. The message names the sample (its
 //          column in the batch) and the time step of a roll-out. Empty batches
@@ -71,8 +74,8 @@ class Model {
   // feedback: null, or the loop over time of the same simulator, often the
   // simulator itself. Then T network outputs = T controls = simulator inputs,
   // and the simulator's context is the state at the start.
-  // derivatives: null, or the channels of the jets, T for each network input and
-  // output; not with feedback. Both need a DenseNetwork.
+  // derivatives: null, or the channels of the jets, T for each network input
+  // and output; not with feedback. Both need a DenseNetwork.
   Model(std::shared_ptr<const Network> network,
         std::shared_ptr<const Simulator> simulator,
         std::shared_ptr<const Loss> loss,
@@ -125,7 +128,8 @@ class Model {
   int num_calls() const {
     return feedback_ == nullptr ? 1 : feedback_->num_calls();
   }
-  // The rows of DataSet::inputs: the network's inputs, times T with derivatives.
+  // The rows of DataSet::inputs: the network's inputs, times T with
+  // derivatives.
   int num_inputs() const;
   // T: the columns of a sample in the activations, calls or channels.
   int num_columns() const;

@@ -1,4 +1,6 @@
-// Runs on several ranks by MPI.
+// Runs one program on several ranks by MPI. Use it to share a training run
+// between processes or machines (TrainOptions::communicator). It is part of the
+// component invgrad::mpi.
 //
 //   int main(int argc, char** argv) {
 //     const invgrad::MpiSession session(&argc, &argv);

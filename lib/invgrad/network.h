@@ -1,14 +1,18 @@
-// A network with weights: the map f from network input to simulator input, with
-// first derivatives, for a whole batch at a time.
+// The base class of networks with weights. Derive from it for a network of your
+// own. Otherwise use DenseNetwork (dense_network.h), or a network of libtorch
+// (torch_network.h).
+//
+// It is the map f from network input to simulator input, with first
+// derivatives, for a whole batch at a time:
 //
 //   x = f(a; theta),   J = dx/dtheta
 //
 // The chain, the pull-backs and all rules that need only products with J work
-// with any network. Exact output layers and K-FAC need interfaces that a network
-// may also implement (network_layers.h). DenseNetwork (dense_network.h) does, and
+// with any network. Exact output layers and K-FAC need interfaces that a
+// network may also implement (internal/network_layers.h). DenseNetwork does. It
 // also has the factors of J, from which the exact joint rules and Newton's
-// method are computed, the derivatives with respect to its input, and loops over
-// time. Networks of libtorch: invgrad/torch_network.h.
+// method are computed, the derivatives with respect to its input, and loops
+// over time.
 //
 // Shapes:  theta: n = num_weights;  a: num_inputs x B, x: num_outputs x B, one
 //          column a sample.
@@ -55,8 +59,8 @@ class Network {
   // neuron; their sum is n.
   virtual std::vector<int> WeightBlocks() const = 0;
 
-  // Estimated memory of a Pass, Backward and Tangent, for a column of inputs; 0:
-  // not known.
+  // Estimated memory of a Pass, Backward and Tangent, for a column of inputs;
+  // 0: not known.
   double bytes_per_column() const { return bytes_per_column_; }
 
   // Whether an output may depend on the other samples of a batch (batch

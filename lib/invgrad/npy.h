@@ -1,11 +1,12 @@
 // Reads and writes numpy's .npy files: float64 arrays of one or two dimensions.
+// Use it to exchange data and weights with Python.
 //
 // Written as version 1.0, '<f8', and atomically (atomic_file.h). Reading
 // accepts versions 1.0 to 3.0, '<f8' and '<f4', C and Fortran order.
 //
-// Memory:  the file and three copies of the array, after the header was compared
-//          with the size of the file, the wanted shape and the available memory
-//          (core/memory_limit.h).
+// Memory:  the file and three copies of the array, after the header was
+//          compared with the size of the file, the wanted shape and the
+//          available memory (memory_limit.h).
 // Fails:   returns false with a message that names the file and the found and
 //          expected format; the output is then unchanged. Infinities and NaN
 //          are valid values; CheckFinite (finite.h) finds them.

@@ -1,4 +1,6 @@
-// Names, ranges and help of the fields of an Options struct, in one place.
+// Names, ranges and help of the fields of an Options struct, in one place. Use
+// it for the settings of a rule of your own (rules.h): they then appear on
+// command lines and in listings.
 //
 //   struct Options {
 //     double decay = 0.9;

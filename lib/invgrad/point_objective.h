@@ -1,9 +1,11 @@
-// A simulator and a loss without a network, at a point: the unknowns are x.
+// A simulator and a loss without a network, at a point: the unknowns are x. Use
+// it to look for a simulator's input, with MinimizeByMethod (minimize.h). With
+// a network use model.h.
 //
 //   L(x) = L(P(x), y*),   J = dP/dx,   g = dL/dy
 //   d2L/dx2 = J^T H_L J + sum_i g_i d2P_i/dx2
 //
-// It is a Model with a WeightsNetwork (chain/weights_network.h), one sample, and a
+// It is a Model with a WeightsNetwork (weights_network.h), one sample, and a
 // current point.
 //
 // Shapes:  x: n = |x|;  y: m = |y|.
@@ -12,8 +14,8 @@
 // Cost:    the gradient alone: the simulator's adjoint, without J. Otherwise
 //          one simulator evaluation with Jacobian, or one Linearize if the
 //          simulator does not form it; the Hessian adds one.
-// Fails:   Linearize and Cost return false where the model does, and if J and the
-//          Hessian, which are dense, do not fit into memory.
+// Fails:   Linearize and Cost return false where the model does, and if J and
+//          the Hessian, which are dense, do not fit into memory.
 #ifndef INVGRAD_POINT_OBJECTIVE_H_
 #define INVGRAD_POINT_OBJECTIVE_H_
 

@@ -1,12 +1,7 @@
-// The random stream of numpy's legacy generator, number for number.
-//
-//   np.random.seed(seed);  np.random.rand(...);  np.random.permutation(n)
-//
-// MT19937; doubles have 53 bits: (a * 2^26 + b) / 2^53 with a, b the top 27 and
-// 26 bits of two draws. Normal numbers come from Marsaglia's polar method.
-//
-// Source: numpy/random/src/legacy/legacy-distributions.c and
-// numpy/random/mtrand.pyx (shuffle), numpy 1.x and 2.x.
+// The random numbers of numpy, number for number. Use them to repeat data or
+// initial weights that Python has made. NumpyRandom is the legacy stream of
+// np.random.seed, which all runs of this library use; NumpyGenerator is the
+// stream of np.random.default_rng.
 #ifndef INVGRAD_RANDOM_H_
 #define INVGRAD_RANDOM_H_
 
@@ -18,6 +13,15 @@
 
 namespace invgrad {
 
+// The random stream of numpy's legacy generator.
+//
+//   np.random.seed(seed);  np.random.rand(...);  np.random.permutation(n)
+//
+// MT19937; doubles have 53 bits: (a * 2^26 + b) / 2^53 with a, b the top 27 and
+// 26 bits of two draws. Normal numbers come from Marsaglia's polar method.
+//
+// Source: numpy/random/src/legacy/legacy-distributions.c and
+// numpy/random/mtrand.pyx (shuffle), numpy 1.x and 2.x.
 class NumpyRandom {
  public:
   // np.random.seed(seed)
@@ -52,7 +56,7 @@ class NumpyRandom {
   std::mt19937 generator_;
 };
 
-// The random stream of numpy's Generator, number for number.
+// The random stream of numpy's Generator.
 //
 //   rng = np.random.default_rng(seed);  rng.random();  rng.standard_normal()
 //
@@ -69,7 +73,6 @@ class NumpyRandom {
 //     HMC-CS-2014-0905, 2014.
 // [2] Marsaglia, Tsang. The Ziggurat Method for Generating Random Variables.
 //     Journal of Statistical Software 5(8), 2000.
-
 class NumpyGenerator {
  public:
   // np.random.default_rng(seed)

@@ -1,3 +1,72 @@
+// Finds parameters, and combinations of parameters, that the residuals of a
+// ceres::Problem do not determine. Use it when solves from different starts end
+// at the same cost with different parameters, or to decide what to hold
+// constant. covariance.h says how exactly the residuals determine the other
+// parameters. determined_step.h makes steps that leave undetermined directions
+// alone. A Gauge names motions that the report looks for; write one only if
+// those of BuiltInGauges do not suffice.
+//
+//   A = J D^-1,   D = diag(|J e_i|),   A = U diag(s) V^T:
+//   undetermined  s <= threshold s_max       the motions D^-1 v leave r
+//                                            unchanged
+//   weak          s <= weak_threshold s_max  they change r by s / s_max only
+//
+// J is the Jacobian of ProblemLinearizer, at the current values, in tangent
+// directions of the non-constant blocks. Its columns are scaled to length one,
+// so that the result does not depend on the units of the parameters. Columns of
+// zeros are reported first: no residual depends on these parameters.
+//
+// Undetermined directions are reported in a readable basis: those within one
+// block, those that touch few blocks, gauge freedoms by name (Gauge), and then
+// the rest. For every group of blocks that residuals couple, the report
+// suggests parameters to hold constant.
+//
+// Cost:    one decomposition per group: QR and SVD up to max_dense_size
+//          parameters, a sparse Cholesky decomposition and subspace iteration
+//          for larger groups (smallest_singular.h).
+// Fails:   returns false, with a message, if an option is out of range, a cost
+//          function fails or is not finite (the message names its residual
+//          block), memory does not suffice or a decomposition fails.
+// Limits:  the rank refers to the current values: symmetric values may lower
+//          it, rounding errors may raise it. Singular values below about 1e-9
+//          s_max are not resolved.
+//
+// Compared with Ceres: ceres::Covariance with DENSE_SVD fails with "rank
+// deficient" if the smallest singular value of J itself is below 1e-7 of the
+// largest one (its min_reciprocal_condition_number of 1e-14 is the square).
+// With SPARSE_QR, its default, it detects exact deficiencies only.
+#ifndef INVGRAD_RANK_REPORT_H_
+#define INVGRAD_RANK_REPORT_H_
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/evaluation_callback.h"
+#include "ceres/manifold.h"
+#include "ceres/problem.h"
+
+namespace invgrad {
+
+// A block as a Gauge sees it.
+struct GaugeBlock {
+  const double* values = nullptr;
+  int size = 0;      // ambient
+  int offset = 0;    // of its entries in a motion
+  std::string name;  // in the report; empty for a constant block without one
+  const ceres::Manifold* manifold = nullptr;  // null: Euclidean
+};
+
+// Blocks that residuals couple, and then the other blocks of these residuals,
+// such as constant ones, whose motion is ignored.
+struct GaugeComponent {
+  std::vector<GaugeBlock> blocks;
+  int ambient_size = 0;  // the sum of the blocks' sizes
+  // One a residual block: indices into blocks.
+  std::vector<std::vector<int>> arguments;
+};
+
 // Gauge freedoms: motions of all parameter blocks together that leave the
 // residuals between the blocks unchanged.
 //
@@ -34,37 +103,6 @@
 //
 // [1] Triggs, McLauchlan, Hartley, Fitzgibbon. Bundle Adjustment: A Modern
 //     Synthesis. 1999, section 9 (gauge freedom).
-#ifndef INVGRAD_RANK_REPORT_H_
-#define INVGRAD_RANK_REPORT_H_
-
-#include <functional>
-#include <string>
-#include <vector>
-
-#include "Eigen/Core"
-#include "ceres/evaluation_callback.h"
-#include "ceres/manifold.h"
-#include "ceres/problem.h"
-
-namespace invgrad {
-
-struct GaugeBlock {
-  const double* values = nullptr;
-  int size = 0;      // ambient
-  int offset = 0;    // of its entries in a motion
-  std::string name;  // in the report; empty for a constant block without one
-  const ceres::Manifold* manifold = nullptr;  // null: Euclidean
-};
-
-// Blocks that residuals couple, and then the other blocks of these residuals,
-// such as constant ones, whose motion is ignored.
-struct GaugeComponent {
-  std::vector<GaugeBlock> blocks;
-  int ambient_size = 0;  // the sum of the blocks' sizes
-  // One a residual block: indices into blocks.
-  std::vector<std::vector<int>> arguments;
-};
-
 struct Gauge {
   std::string name;                     // "rigid motion in the plane"
   std::vector<std::string> generators;  // "translation x", ...
@@ -76,10 +114,10 @@ struct Gauge {
     std::string name;              // "rotation about `pose 0`"
     Eigen::VectorXd coefficients;  // of the generators
   };
-  // Optional. Names combinations of the generators in the span of the columns of
-  // `coefficients`, which are independent. It is needed if residuals determine a
-  // part of the gauge only, such as the position of a pose. Without it the report
-  // names single generators.
+  // Optional. Names combinations of the generators in the span of the columns
+  // of `coefficients`, which are independent. It is needed if residuals
+  // determine a part of the gauge only, such as the position of a pose. Without
+  // it the report names single generators.
   std::function<std::vector<Combination>(const GaugeComponent&,
                                          const Eigen::MatrixXd& coefficients)>
       name_combinations = nullptr;
@@ -87,39 +125,6 @@ struct Gauge {
 
 // Of equally good gauges, the first one is the simplest.
 std::vector<Gauge> BuiltInGauges();
-
-// Finds parameters, and combinations of parameters, that the residuals do not
-// determine.
-//
-//   A = J D^-1,   D = diag(|J e_i|),   A = U diag(s) V^T:
-//   undetermined  s <= threshold s_max       the motions D^-1 v leave r
-//                                            unchanged
-//   weak          s <= weak_threshold s_max  they change r by s / s_max only
-//
-// J is the Jacobian of ProblemLinearizer, at the current values, in tangent
-// directions of the non-constant blocks. Its columns are scaled to length one,
-// so that the result does not depend on the units of the parameters. Columns of
-// zeros are reported first: no residual depends on these parameters.
-//
-// Undetermined directions are reported in a readable basis: those within one
-// block, those that touch few blocks, gauge freedoms by name (gauge.h), and
-// then the rest. For every group of blocks that residuals couple, the report
-// suggests parameters to hold constant.
-//
-// Cost:    one decomposition per group: QR and SVD up to max_dense_size
-//          parameters, a sparse Cholesky decomposition and subspace iteration
-//          for larger groups (smallest_singular.h).
-// Fails:   returns false, with a message, if an option is out of range, a cost
-//          function fails or is not finite (the message names its residual
-//          block), memory does not suffice or a decomposition fails.
-// Limits:  the rank refers to the current values: symmetric values may lower
-//          it, rounding errors may raise it. Singular values below about 1e-9
-//          s_max are not resolved.
-//
-// Compared with Ceres: ceres::Covariance with DENSE_SVD fails with "rank
-// deficient" if the smallest singular value of J itself is below 1e-7 of the
-// largest one (its min_reciprocal_condition_number of 1e-14 is the square).
-// With SPARSE_QR, its default, it detects exact deficiencies only.
 
 struct RankReport {
   struct Options {

@@ -1,4 +1,7 @@
-// The table of update rules, and rules by their names.
+// Makes update rules by their names, and adds rules to the table of names. Use
+// MakeRule to get a rule for UpdateCallback (update_callback.h), Minimize
+// (minimize.h) or a TrainingRun (train.h). docs/rules.md lists the rules and
+// their settings.
 //
 //   std::unique_ptr<UpdateRule> rule =
 //       MakeRule("half_inverse:step_size=auto:rho=1");

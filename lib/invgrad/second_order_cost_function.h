@@ -1,4 +1,7 @@
-// A Ceres cost function that also computes second derivatives.
+// Ceres cost functions that also compute second derivatives. Use
+// AutoDiffSecondOrderCostFunction in place of ceres::AutoDiffCostFunction for
+// Newton's method and other rules that need the Hessian. Derive from
+// SecondOrderCostFunction to compute second derivatives yourself.
 //
 //   H = sum_i w_i d2r_i/dx2
 //
@@ -6,9 +9,6 @@
 //          parameter blocks one after the other; n: the sum of their ambient
 //          sizes.
 // Fails:   as Evaluate.
-//
-// AutoDiffSecondOrderCostFunction (autodiff_second_order_cost_function.h)
-// computes H by automatic differentiation.
 #ifndef INVGRAD_SECOND_ORDER_COST_FUNCTION_H_
 #define INVGRAD_SECOND_ORDER_COST_FUNCTION_H_
 
@@ -35,9 +35,6 @@ class SecondOrderCostFunction : public ceres::CostFunction {
 
 // A second-order cost function by automatic differentiation.
 //
-// If it replaces ceres::AutoDiffCostFunction, ProblemLinearizer computes the
-// exact Hessian for Newton's method:
-//
 //   problem.AddResidualBlock(
 //       new AutoDiffSecondOrderCostFunction<Rosenbrock, 2, 2>(new Rosenbrock),
 //       nullptr, x);
@@ -45,7 +42,7 @@ class SecondOrderCostFunction : public ceres::CostFunction {
 // Cost:    for H one call of the functor with nested Jets, about n^2 times the
 //          work of a call with doubles.
 // Fails:   false where the functor returns false.
-
+//
 // Functor and arguments are those of ceres::AutoDiffCostFunction; kNumResiduals
 // may be ceres::DYNAMIC.
 template <typename Functor, int kNumResiduals, int... Ns>

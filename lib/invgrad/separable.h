@@ -1,5 +1,9 @@
-// Variable projection: eliminates the parameters of a ceres::Problem in which
-// its residuals are affine, so that ceres::Solve minimizes over the others.
+// Eliminates the linear parameters of a ceres::Problem, so that ceres::Solve
+// minimizes over the others: variable projection. Use it where residuals are
+// affine in some parameters (amplitudes, offsets, points seen by affine
+// cameras). For many right-hand sides with common nonlinear parameters use
+// fit_global.h. LinearParameters, in this header too, proves in which
+// parameters a functor is affine.
 //
 //   L(alpha) = min_c 1/2 sum_b rho_b(|r_b(alpha, c)|^2),
 //   r(alpha, c) = r_0(alpha) + Phi(alpha) c
@@ -24,13 +28,13 @@
 //
 // Linear parameters that the residuals do not determine have the least norm, in
 // units of the lengths of their columns of Phi (linear_projection.h), and
-// rank() < num_linear(). ComputeRankReport (rank/rank_report.h) names them. A
+// rank() < num_linear(). ComputeRankReport (rank_report.h) names them. A
 // linear parameter that is in no residual block keeps its value.
 //
 // Cost:    reduced_cost.h. A component has dense matrices of its m residuals, p
 //          linear parameters and the n parameters of its other blocks.
 // Fails:   Create returns null, with a message, if residuals are not affine in
-//          the parameters (affine_check.h; linear_parameters.h proves it), if a
+//          the parameters (affine_check.h; LinearParameters proves it), if a
 //          linear parameter has bounds or a manifold, if a loss has rho < 0 or
 //          rho' < 0, or if memory does not suffice. CHECKs that the problem has
 //          the blocks, and that no parameter is named twice.
@@ -115,40 +119,8 @@ class SeparableProblem {
   ceres::Problem reduced_;
 };
 
-// Proves in which of its parameters a functor is affine, by evaluating it with
-// a scalar that records which second derivatives may differ from zero.
-//
-//   struct Decay {  // y = b0 + b1 exp(-b2 t)
-//     template <typename T>
-//     bool operator()(const T* b, T* r) const {
-//       using std::exp;
-//       r[0] = b[0] + b[1] * exp(-b[2] * t) - y;
-//       return true;
-//     }
-//     double t, y;
-//   };
-//   LinearParameters<3>(Decay{1.0, 2.0}, 1, b);   // {0, 1}
-//
-// A value depends on some parameters, and on some pairs (i, j) of them not
-// linearly:
-//
-//   x + y           pairs of x and of y
-//   x y             these, and (i, j) with i of x and j of y
-//   exp(x), ...     all pairs of the parameters of x
-//   x < y           no pairs, but all parameters of x and y count as nonlinear,
-//                   because other values may take another branch
-//
-// Parameters are the vertices of a graph whose edges are these pairs. Residuals
-// are affine in an independent set whose vertices have no loop (i, i). The
-// largest one is returned, of several the lexicographically first: of y = b0 b1
-// it is {0}. What is returned is proved for all values; a term that cancels, as
-// b0^2 - b0^2, leaves its parameter out.
-//
-// Cost:    one evaluation, times N^2 / 64 words an operation.
-// Fails:   no set, {}, where the functor returns false at b. A functor that
-//          uses a function not listed here does not compile.
-// Limits:  the functor must not convert T to double on a way to its residuals.
-
+// The scalar with which LinearParameters evaluates a functor. It records which
+// second derivatives may differ from zero.
 template <int N>
 class TracedScalar {
  public:
@@ -283,6 +255,40 @@ void FindIndependentSet(const std::array<std::bitset<N>, N>& edges,
   }
 }
 
+// Proves in which of its parameters a functor is affine, by evaluating it with
+// a scalar that records which second derivatives may differ from zero.
+//
+//   struct Decay {  // y = b0 + b1 exp(-b2 t)
+//     template <typename T>
+//     bool operator()(const T* b, T* r) const {
+//       using std::exp;
+//       r[0] = b[0] + b[1] * exp(-b[2] * t) - y;
+//       return true;
+//     }
+//     double t, y;
+//   };
+//   LinearParameters<3>(Decay{1.0, 2.0}, 1, b);   // {0, 1}
+//
+// A value depends on some parameters, and on some pairs (i, j) of them not
+// linearly:
+//
+//   x + y           pairs of x and of y
+//   x y             these, and (i, j) with i of x and j of y
+//   exp(x), ...     all pairs of the parameters of x
+//   x < y           no pairs, but all parameters of x and y count as nonlinear,
+//                   because other values may take another branch
+//
+// Parameters are the vertices of a graph whose edges are these pairs. Residuals
+// are affine in an independent set whose vertices have no loop (i, i). The
+// largest one is returned, of several the lexicographically first: of y = b0 b1
+// it is {0}. What is returned is proved for all values; a term that cancels, as
+// b0^2 - b0^2, leaves its parameter out.
+//
+// Cost:    one evaluation, times N^2 / 64 words an operation.
+// Fails:   no set, {}, where the functor returns false at b. A functor that
+//          uses a function not listed here does not compile.
+// Limits:  the functor must not convert T to double on a way to its residuals.
+//
 // The functor is that of an AutoDiffCostFunction with one block, b.
 template <int N, typename Functor>
 std::vector<int> LinearParameters(const Functor& functor,

@@ -1,4 +1,7 @@
-// A simulator is the differentiable model between a network and a loss.
+// The base class of simulators: the differentiable model between a network and
+// a loss. Derive from it only if no other header serves: most simulators are
+// functors (autodiff_simulator.h, time_stepping_simulator.h), matrices
+// (linear_simulator.h) or fields (field_simulator.h).
 //
 //   y = P(x; c),   J = dP/dx
 //

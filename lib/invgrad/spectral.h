@@ -1,3 +1,76 @@
+// Computes a spectral step: it applies a filter of the singular values of the
+// Jacobian to a covector. The half-inverse step is one. Use it to compute a
+// single step, or in a rule of your own. The rules that use it have names
+// (rules.h).
+//
+//   d = V phi(S) U^T g,   J = U S V^T
+//
+// All routes compute the same d; k = min(m, n):
+//   gram      the Gram matrix of the smaller side, reduced to a tridiagonal T:
+//             m <= n: J J^T = Q T Q^T,  d = J^T Q f(T) Q^T g
+//             n < m:  J^T J = Q T Q^T,  d = Q f(T) Q^T J^T g
+//             f(lambda) = phi(s) / s, lambda = s^2. A contour integral applies
+//             f(T) by 70 to 130 solutions of shifted tridiagonal systems,
+//             without eigenvectors; the truncation stays sharp
+//             (contour_quadrature.h). For k < 64, and for clamped filters,
+//             whose f is not analytic, gram computes all eigenvectors.
+//   svd       LAPACK's SVD of the dense J, after a QR factorization
+//   gradient  phi(s) = s: d = J^T g, no factorization
+//             Ranks that share J also share a large J J^T, which none of them
+//             holds (column_strips.h).
+//   auto      gradient if phi(s) = s; otherwise gram, and where gram is not
+//             accurate enough, svd for this step and the next 20 of the same
+//             shape; summary.message gives the reason
+//
+// Shapes:  g: m;  J: m x n;  d: n.
+// Cost:    gram: one Gram matrix (m^2 sum of the layer widths for a network,
+//          whose J is never formed; k^2 max(m, n) for a dense J), 4/3 k^3, and
+//          O(100 k).  svd: O(max(m, n) k^2), with J formed.
+// Memory:  SpectralStepBytes, kept in the workspace: a second gram step of the
+//          same shape allocates nothing.
+//
+// Accuracy. A factorization is exact for a matrix that differs from J (svd) or
+// from its Gram matrix (gram) by E, whose entries are about
+// 10 epsilon / sqrt(k) times the largest singular value (eigenvalue).
+// summary.estimated_error is the first-order change of d by such an E, relative
+// to |d|: the root mean square over all E (step_error.h) or, with a contour
+// integral, three times the root mean square over four random E. It includes
+// small kept values, components of g that leak across the threshold from
+// dropped directions, and values that the route does not resolve from zero.
+// With tau_eff = s_min_kept / s_max it grows as epsilon / tau_eff for svd and
+// as epsilon / tau_eff^2 for gram.
+//
+// A value is undecided if its distance from the jump of phi (at tau s_max; at
+// zero for tau = 0 or a clamped filter, unless phi vanishes there) is below the
+// resolution of the route: 2 epsilon sqrt(m + n) s_max in s for svd, 2 epsilon
+// (k + sqrt(max(m, n))) s_max^2 in s^2 for gram.
+//
+// Contract: if no value is undecided, the relative error of d is at most
+// estimated_error. (An empirical law, tested against long double arithmetic,
+// not a theorem.) Otherwise d is the step for a threshold within the resolution
+// of tau s_max.
+//
+// A gram step is accurate if estimated_error <= tolerance, and no value is
+// undecided or the threshold is resolved to threshold_tolerance. A step by svd
+// is returned with its estimate in any case.
+//
+// Fails:   returns false, with a message, if g or J is not finite (the message
+//          names the first such row), if a factorization does not converge, if
+//          d overflows, or if the route needs more memory than the limit; gram
+//          also if its step is not accurate, or if the squares of J's entries
+//          over- or underflow. J = 0 or g = 0 gives d = 0.
+#ifndef INVGRAD_SPECTRAL_H_
+#define INVGRAD_SPECTRAL_H_
+
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "Eigen/Core"
+#include "invgrad/jacobian_operator.h"
+
+namespace invgrad {
+
 // The function phi of the singular values, which defines a joint rule.
 //
 //   step = -eta V phi(S) U^T g,   J = U S V^T
@@ -15,8 +88,8 @@
 //   clamped                      phi(max(s, tau s_max))
 //
 // The last factor is a Wiener filter: the share of signal in a coefficient of g
-// whose signal has the variance x^a in units in which its noise has the variance
-// `noise` (rules/evidence.h estimates both). It is 1 for noise = 0.
+// whose signal has the variance x^a in units in which its noise has the
+// variance `noise` (evidence.h estimates both). It is 1 for noise = 0.
 //
 // With damping, phi acts as gradient descent on values well below sqrt(lambda),
 // and as a power on values well above. Truncation is relative and strict: a
@@ -25,18 +98,6 @@
 //
 // [1] Schnell, Holl, Thuerey. Half-Inverse Gradients for Physical Deep
 //     Learning. ICLR 2022, section 2. arXiv 2203.10131.
-#ifndef INVGRAD_SPECTRAL_H_
-#define INVGRAD_SPECTRAL_H_
-
-#include <cmath>
-#include <memory>
-#include <string>
-
-#include "Eigen/Core"
-#include "invgrad/jacobian_operator.h"
-
-namespace invgrad {
-
 struct SpectralFilter {
   double kappa = 0.5;             // in [-1, 1]
   double tau = 1e-6;              // in [0, 1)
@@ -105,65 +166,6 @@ struct Spectrum {
   bool is_empty() const { return lambda.size() == 0; }
 };
 
-// Applies a spectral filter of the Jacobian to a covector.
-//
-//   d = V phi(S) U^T g,   J = U S V^T
-//
-// All routes compute the same d; k = min(m, n):
-//   gram      the Gram matrix of the smaller side, reduced to a tridiagonal T:
-//             m <= n: J J^T = Q T Q^T,  d = J^T Q f(T) Q^T g
-//             n < m:  J^T J = Q T Q^T,  d = Q f(T) Q^T J^T g
-//             f(lambda) = phi(s) / s, lambda = s^2. A contour integral applies
-//             f(T) by 70 to 130 solutions of shifted tridiagonal systems,
-//             without eigenvectors; the truncation stays sharp
-//             (contour_quadrature.h). For k < 64, and for clamped filters,
-//             whose f is not analytic, gram computes all eigenvectors.
-//   svd       LAPACK's SVD of the dense J, after a QR factorization
-//   gradient  phi(s) = s: d = J^T g, no factorization
-//             Ranks that share J also share a large J J^T, which none of them
-//             holds (column_strips.h).
-//   auto      gradient if phi(s) = s; otherwise gram, and where gram is not
-//             accurate enough, svd for this step and the next 20 of the same
-//             shape; summary.message gives the reason
-//
-// Shapes:  g: m;  J: m x n;  d: n.
-// Cost:    gram: one Gram matrix (m^2 sum of the layer widths for a network,
-//          whose J is never formed; k^2 max(m, n) for a dense J), 4/3 k^3, and
-//          O(100 k).  svd: O(max(m, n) k^2), with J formed.
-// Memory:  SpectralStepBytes, kept in the workspace: a second gram step of the
-//          same shape allocates nothing.
-//
-// Accuracy. A factorization is exact for a matrix that differs from J (svd) or
-// from its Gram matrix (gram) by E, whose entries are about
-// 10 epsilon / sqrt(k) times the largest singular value (eigenvalue).
-// summary.estimated_error is the first-order change of d by such an E, relative
-// to |d|: the root mean square over all E (step_error.h) or, with a contour
-// integral, three times the root mean square over four random E. It includes
-// small kept values, components of g that leak across the threshold from dropped
-// directions, and values that the route does not resolve from zero. With
-// tau_eff = s_min_kept / s_max it grows as epsilon / tau_eff for svd and as
-// epsilon / tau_eff^2 for gram.
-//
-// A value is undecided if its distance from the jump of phi (at tau s_max; at
-// zero for tau = 0 or a clamped filter, unless phi vanishes there) is below the
-// resolution of the route: 2 epsilon sqrt(m + n) s_max in s for svd, 2 epsilon
-// (k + sqrt(max(m, n))) s_max^2 in s^2 for gram.
-//
-// Contract: if no value is undecided, the relative error of d is at most
-// estimated_error. (An empirical law, tested against long double arithmetic,
-// not a theorem.) Otherwise d is the step for a threshold within the resolution
-// of tau s_max.
-//
-// A gram step is accurate if estimated_error <= tolerance, and no value is
-// undecided or the threshold is resolved to threshold_tolerance. A step by svd
-// is returned with its estimate in any case.
-//
-// Fails:   returns false, with a message, if g or J is not finite (the message
-//          names the first such row), if a factorization does not converge, if
-//          d overflows, or if the route needs more memory than the limit; gram
-//          also if its step is not accurate, or if the squares of J's entries
-//          over- or underflow. J = 0 or g = 0 gives d = 0.
-
 enum class SpectralRoute { kAuto, kGram, kSvd, kGradient };
 
 const char* SpectralRouteName(SpectralRoute route);
@@ -203,8 +205,8 @@ struct SpectralStepSummary {
   // if phi jumps at zero, 0 if phi has no jump.
   double threshold_resolution = 0.0;
   std::string message;  // the failure, or why auto used svd
-  // Of J and g, if measured: empty for gradient, for J = 0, and if its iteration
-  // does not converge.
+  // Of J and g, if measured: empty for gradient, for J = 0, and if its
+  // iteration does not converge.
   Spectrum spectrum;
 };
 
@@ -232,8 +234,8 @@ class SpectralWorkspace {
 };
 
 // The workspace of a route in bytes, for the m x n Jacobian of a network or in
-// compressed rows; not for auto (CHECKed). Of the first of `num_ranks` ranks that
-// share J, which needs the most.
+// compressed rows; not for auto (CHECKed). Of the first of `num_ranks` ranks
+// that share J, which needs the most.
 double SpectralStepBytes(SpectralRoute route,
                          Eigen::Index m,
                          Eigen::Index n,

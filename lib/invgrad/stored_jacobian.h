@@ -1,5 +1,7 @@
-// A Jacobian that is stored as a matrix: dense and column-major, or in compressed
-// rows, as for a ceres::Problem.
+// A Jacobian that is stored as a matrix: dense and column-major, or in
+// compressed rows, as for a ceres::Problem. Use it to give a matrix to
+// SpectralStep (spectral.h) or to a rule; for a J that is not formed use
+// jacobian_operator.h.
 //
 // Shapes:  J: m x n.
 // Cost:    dense: 2 m n for a product, m^2 n for Gram. Sparse: as Eigen's.

@@ -1,13 +1,16 @@
-// A simulator that steps a state through time under controls.
+// Makes a Simulator that steps a state through time under controls, from a
+// functor for one step. Use it for robots, oscillators and other systems with a
+// few dozen states. For a single evaluation use autodiff_simulator.h.
 //
 //   s_{t+1} = step(s_t, u_t),   t = 0 .. N-1,   s_0 = c,   y = s_N
 //
-// It is also its own feedback: a network may compute u_t from s_t (feedback.h).
+// It is also its own feedback: a network may compute u_t from s_t
+// (internal/feedback.h).
 //
 // Shapes:  s, c, y: ns;  u: nc;  x = u_0 .. u_{N-1}: N nc.
 //   template <typename T>
 //   bool operator()(const T* state, const T* control, T* next_state) const;
-// Cost:    that of trajectory_simulator.h.
+// Cost:    that of internal/trajectory_simulator.h.
 // Fails:   returns false if `step` returns false or a value is not finite.
 #ifndef INVGRAD_TIME_STEPPING_SIMULATOR_H_
 #define INVGRAD_TIME_STEPPING_SIMULATOR_H_

@@ -1,4 +1,6 @@
-// An evolution equation solved in windows of time, one network after another.
+// Solves an evolution equation in windows of time, one network after another.
+// Use it where one network (equation.h) is not exact enough over the whole
+// time.
 //
 //   u = u_k for t_{k-1} <= t <= t_k,   u_k(t_{k-1}, x) = u_{k-1}(t_{k-1}, x)
 //

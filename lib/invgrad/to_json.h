@@ -1,13 +1,13 @@
-// Reports as JSON, for other programs.
+// Writes reports and fits as JSON, for other programs. It is part of the
+// component invgrad::json.
 //
 //   nlohmann::ordered_json json = report;
 //   file << JsonText(json);
 //   {"schema": {"name": "invgrad.rank_report", "version": 1}, "cost": 0.5, ...}
 //
-// The members have the names of the C++ members, in their order, after "schema".
-// docs/json.md lists all of them, with types and units. Members may be added to
-// a version; those that it has keep their names and meanings. fit_to_json.h has
-// the fits of lib/invgrad/fit.
+// The members have the names of the C++ members, in their order, after
+// "schema". docs/json.md lists all of them, with types and units. Members may
+// be added to a version; those that it has keep their names and meanings.
 //
 // Numbers:  the shortest decimal number that reads back as the same double. A
 //           number that is not finite (an infinite standard deviation, NaN) is
@@ -49,14 +49,12 @@ nlohmann::ordered_json JsonSchema(const std::string& name);
 // The text of a file, on one line: reports of large problems are large.
 std::string JsonText(const nlohmann::ordered_json& json);
 
-// A fit with few parameters as JSON (to_json.h).
+// A fit with few parameters (fit.h).
 //
 //   std::vector<FitResult<3>> fits;
 //   nlohmann::ordered_json json = fits;  // an array
 //   file << JsonText(json);
 //
-// docs/json.md lists the members.
-
 // The name is nlohmann-json's.
 template <int N>
 void to_json(nlohmann::ordered_json& json, const FitResult<N>& fit) {

@@ -1,4 +1,7 @@
-// A network of libtorch: any torch::nn::Module or TorchScript file.
+// A network of libtorch, from any torch::nn::Module or TorchScript file. Use it
+// for convolutions and other layers that DenseNetwork (dense_network.h) does
+// not have; DenseNetwork works with more rules. It is part of the component
+// invgrad::torch.
 //
 //   x = f(a; theta)
 //
@@ -85,7 +88,7 @@ TorchFunction FunctionOfModule(std::shared_ptr<Module> module) {
 // Its initial weights are those in the file, for every seed. Buffers must not
 // change in a forward pass: export after eval(), or use batch normalization
 // with track_running_stats=False.
-
+//
 // input_shape: of a sample, as the module takes it: {channels, rows, cols}.
 // Returns null, with *error set ("file: ..."), if the file is no TorchScript,
 // or the module does not fit.

@@ -1,20 +1,46 @@
-// The history of a run: one row per evaluation.
+// Trains a model (model.h): a network in front of a simulator, by any method
+// (method.h). Use Train for a whole run, and TrainingRun to take the steps
+// yourself. The history of the losses, which this header also reads and writes,
+// is a part of the result. For a simulator without a network use minimize.h.
 //
-//   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
-//   0,0,0,,0.25,0.26,,,,,,,
-//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
+//   TrainResult result = Train(model, {inputs, targets}, "adaptive_power");
 //
-// The next columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
-// by_gradient and not_moved: for methods that invert the simulator, the number
-// of samples since the first step by the source of their d_x
-// (simulator_pull_back.h).
+// or step by step:
 //
-// CSV with this header line; numbers with the fewest digits that read back as
-// the same value. An unknown value is an empty field (NaN in memory); an
-// overflowed loss is "inf". Written atomically (atomic_file.h).
+//   TrainingRun run(model, data, "adam:epochs=5>half_inverse", options);
+//   while (run.Step()) std::printf("%ld %g\n", run.step(), run.loss());
 //
-// Fails:   returns false with a message that names the file and, for reading,
-//          the line; *history is then unchanged.
+// The run owns budget, clock, patience, history, callbacks and checkpoint; the
+// engine of each phase takes the steps (engine.h): a rule on batches or a
+// minimizer of Ceres on all samples.
+//
+// Time is the wall-clock time of the steps or, with cpu_time, the processor's,
+// of all threads: that compares methods fairly on a busy machine. Evaluations,
+// callbacks and checkpoints are not counted. Losses are evaluated before the
+// first step, after the epochs of IsEvaluationEpoch, and at the end of a phase.
+//
+// Phases share the weights and the counts of steps, epochs and seconds. Each
+// phase has a new rule, its own schedule and patience, and begins with the
+// first sample or with the first order of the seed: its steps are, bit for bit,
+// those of a separate run from the final weights of the previous phase. Target
+// loss, patience, a callback or divergence in any phase end the whole run; the
+// message then names the phase and counts from the start of the phase. An epoch
+// budget ends a run at the first step that reaches it.
+//
+// A phase with output_layer=auto solves the output layer. If that diverges, has
+// stalled after a tenth of the phase (steady_fall.h), or exhausts the patience
+// before that, the phase goes back to its first weights and trains all layers,
+// with the rest of its budget. It ends with the weights of the lower train
+// loss: the last ones, or those that the solutions had led to.
+//
+// Determinism: the same inputs give the same bits, and a resumed run ends like
+// an uninterrupted one (except for times, and thus for a budget in seconds).
+// Fails:   bad input (an unknown method, a wrong batch size, data that are not
+//          finite, too little memory, a checkpoint that is damaged or of
+//          another run) sets error(), and the run does nothing. A numerical
+//          failure ends the run as ceres::FAILURE, "diverged at step k: ...";
+//          the weights are those of the last step with a finite batch loss.
+//          Consistent sizes are CHECKed.
 #ifndef INVGRAD_TRAIN_H_
 #define INVGRAD_TRAIN_H_
 
@@ -34,6 +60,23 @@
 
 namespace invgrad {
 
+// The history of a run: one row per evaluation.
+//
+//   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
+//   0,0,0,,0.25,0.26,,,,,,,
+//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
+//
+// The next columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
+// by_gradient and not_moved: for methods that invert the simulator, the number
+// of samples since the first step by the source of their d_x
+// (simulator_pull_back.h).
+//
+// CSV with this header line; numbers with the fewest digits that read back as
+// the same value. An unknown value is an empty field (NaN in memory); an
+// overflowed loss is "inf". Written atomically (atomic_file.h).
+//
+// Fails:   returns false with a message that names the file and, for reading,
+//          the line; *history is then unchanged.
 struct HistoryRow {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   long step = 0;
@@ -77,47 +120,6 @@ bool WriteHistory(const std::string& path,
                   std::string* error);
 bool ReadHistory(const std::string& path, History* history, std::string* error);
 
-// Trains a model by any method.
-//
-//   TrainResult result = Train(model, {inputs, targets}, "adaptive_power");
-//
-// or step by step:
-//
-//   TrainingRun run(model, data, "adam:epochs=5>half_inverse", options);
-//   while (run.Step()) std::printf("%ld %g\n", run.step(), run.loss());
-//
-// The run owns budget, clock, patience, history, callbacks and checkpoint; the
-// engine of each phase takes the steps (engine.h): a rule on batches or a
-// minimizer of Ceres on all samples.
-//
-// Time is the wall-clock time of the steps or, with cpu_time, the processor's, of
-// all threads: that compares methods fairly on a busy machine. Evaluations,
-// callbacks and checkpoints are not counted. Losses are evaluated before the
-// first step, after the epochs of IsEvaluationEpoch, and at the end of a phase.
-//
-// Phases share the weights and the counts of steps, epochs and seconds. Each
-// phase has a new rule, its own schedule and patience, and begins with the
-// first sample or with the first order of the seed: its steps are, bit for bit,
-// those of a separate run from the final weights of the previous phase. Target
-// loss, patience, a callback or divergence in any phase end the whole run; the
-// message then names the phase and counts from the start of the phase. An epoch
-// budget ends a run at the first step that reaches it.
-//
-// A phase with output_layer=auto solves the output layer. If that diverges, has
-// stalled after a tenth of the phase (output_layer/steady_fall.h), or exhausts the
-// patience before that, the phase goes back to its first weights and trains all
-// layers, with the rest of its budget. It ends with the weights of the lower
-// train loss: the last ones, or those that the solutions had led to.
-//
-// Determinism: the same inputs give the same bits, and a resumed run ends like
-// an uninterrupted one (except for times, and thus for a budget in seconds).
-// Fails:   bad input (an unknown method, a wrong batch size, data that are not
-//          finite, too little memory, a checkpoint that is damaged or of another
-//          run) sets error(), and the run does nothing. A numerical failure ends
-//          the run as ceres::FAILURE, "diverged at step k: ..."; the weights are
-//          those of the last step with a finite batch loss. Consistent sizes are
-//          CHECKed.
-
 class Communicator;
 class InverseSimulator;
 struct Method;
@@ -133,8 +135,8 @@ struct TrainingData {
   DataSet train;
   DataSet test;  // may have no samples
   // Null, or where a rule's batches come from; `train` then serves to evaluate
-  // the train loss, and its size is that of an epoch. Minimizers of Ceres, which
-  // have no batches, use `train`.
+  // the train loss, and its size is that of an epoch. Minimizers of Ceres,
+  // which have no batches, use `train`.
   std::shared_ptr<const DataSource> source;
 };
 
@@ -175,12 +177,12 @@ struct TrainOptions {
   // The limit on the run's memory, in bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 
-  // Null, or the ranks that share the run (core/communicator.h): each evaluates a
-  // share of every batch, by the same functions in the same order, and every
-  // rank has the results. The steps are those of one process up to rounding. The
-  // first rank's clock counts, and it alone writes the checkpoint, which all
-  // must be able to read. A callback on any rank ends the run on all; Stop is
-  // called on all or on none.
+  // Null, or the ranks that share the run (internal/communicator.h): each
+  // evaluates a share of every batch, by the same functions in the same order,
+  // and every rank has the results. The steps are those of one process up to
+  // rounding. The first rank's clock counts, and it alone writes the
+  // checkpoint, which all must be able to read. A callback on any rank ends the
+  // run on all; Stop is called on all or on none.
   std::shared_ptr<const Communicator> communicator;
 
   // Called before the first step and after every step; IterationSummary::cost
@@ -209,7 +211,7 @@ struct TrainSummary {
   std::string message;  // "epochs done", "diverged at step 17: ..."
   long num_steps = 0;
   long num_updates = 0;     // updates by the rule, one or more per step
-  long num_taken_back = 0;  // updates that the rule reverted
+  long num_taken_back = 0;  // updates that the rule undid
   double train_time_in_seconds = 0.0;
 };
 
@@ -235,7 +237,7 @@ bool IsEvaluationEpoch(long epoch);
 
 class TrainingRun {
  public:
-  // `method` as in methods/method.h.
+  // `method` as in method.h.
   TrainingRun(const Model& model,
               TrainingData data,
               const std::string& method,

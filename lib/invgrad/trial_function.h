@@ -1,15 +1,24 @@
-// A function of a point with its derivatives, as a scalar for functors.
+// A trial function is a network whose outputs satisfy conditions exactly, such
+// as initial and boundary values. Use it to state a differential equation
+// (equation.h). This header also has InputJet, the scalar that boundary values
+// and other functions of a point are written on, and Features, the functions of
+// a point that the network reads in place of its coordinates.
 //
-//   InputJet a: the jet (a, D_1 a, .., D_{T-1} a) of a DerivativeSet
+//   u(a; theta) = g(a) + d(a) N(phi(a); theta)
 //
-// Arithmetic on InputJets gives the derivatives of what it computes, so that a
-// functor written once for a point gives its derivatives, too:
+// Where d is zero, u = g for any weights: initial and boundary values without a
+// term in the loss [1]. A d with a double zero fixes the first derivative, too.
+// Features phi make u periodic, even or odd, or resolve many scales.
 //
-//   [](const InputJet* a, InputJet* f) { f[0] = sin(M_PI * a[0]) * a[1]; }
+// Shapes:  a: d coordinates;  phi: features.size;  u, g, d, N: num_functions;
+//          all as jets of T channels (derivative_set.h), d entry by entry.
+//          In a DataSet, inputs are the jets of phi, and contexts begin with
+//          the jets of g and d (ConditionSize() rows).
+// Fails:   where a jet is not finite at a point, with a message that names the
+//          point and the derivative.
 //
-// For data: features of a network's inputs, boundary values, exact solutions.
-// Cost:    a product of jets an operation, and an allocation.
-// Fails:   never; outside the domain of a function its jet is not finite.
+// [1] Lagaris, Likas, Fotiadis. Artificial neural networks for solving ordinary
+//     and partial differential equations. IEEE Trans. Neural Networks 9 (1998).
 #ifndef INVGRAD_TRIAL_FUNCTION_H_
 #define INVGRAD_TRIAL_FUNCTION_H_
 
@@ -24,6 +33,18 @@
 
 namespace invgrad {
 
+// A function of a point with its derivatives, as a scalar for functors.
+//
+//   InputJet a: the jet (a, D_1 a, .., D_{T-1} a) of a DerivativeSet
+//
+// Arithmetic on InputJets gives the derivatives of what it computes, so that a
+// functor written once for a point gives its derivatives, too:
+//
+//   [](const InputJet* a, InputJet* f) { f[0] = sin(M_PI * a[0]) * a[1]; }
+//
+// For data: features of a network's inputs, boundary values, exact solutions.
+// Cost:    a product of jets an operation, and an allocation.
+// Fails:   never; outside the domain of a function its jet is not finite.
 class InputJet {
  public:
   // A constant, of any set.
@@ -86,7 +107,6 @@ Eigen::MatrixXd JetsOf(const DerivativeSet& set,
 // [1] Tancik et al. Fourier features let networks learn high frequency
 //     functions in low dimensional domains. NeurIPS 2020. arXiv 2006.10739,
 //     equation 2.
-
 struct Features {
   int size = 0;
   InputFunction function;  // null: the coordinates
@@ -104,26 +124,6 @@ Features PeriodicFeatures(const Box& box,
 // frequencies: a row b_j each, often normal random numbers; 2 features a row,
 // first all cosines.
 Features FourierFeatures(const Eigen::MatrixXd& frequencies);
-
-// A trial function: a network with features of the point as inputs, whose
-// outputs satisfy conditions exactly.
-//
-//   u(a; theta) = g(a) + d(a) N(phi(a); theta)
-//
-// Where d is zero, u = g for any weights: initial and boundary values without a
-// term in the loss [1]. A d with a double zero fixes the first derivative, too.
-// Features phi make u periodic, even or odd, or resolve many scales
-// (features.h).
-//
-// Shapes:  a: d coordinates;  phi: features.size;  u, g, d, N: num_functions;
-//          all as jets of T channels (derivative_set.h), d entry by entry.
-//          In a DataSet, inputs are the jets of phi, and contexts begin with
-//          the jets of g and d (ConditionSize() rows).
-// Fails:   where a jet is not finite at a point, with a message that names the
-//          point and the derivative.
-//
-// [1] Lagaris, Likas, Fotiadis. Artificial neural networks for solving ordinary
-//     and partial differential equations. IEEE Trans. Neural Networks 9 (1998).
 
 struct TrialFunction {
   std::shared_ptr<const DerivativeSet> derivatives;

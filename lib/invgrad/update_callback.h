@@ -1,4 +1,7 @@
-// Lets an update rule propose steps inside an ordinary ceres::Solve.
+// Lets an update rule propose steps inside an ordinary ceres::Solve. Use it to
+// try whether half-inverse steps help your solve;
+// docs/tutorials/04_ceres_solve.md says when they do. To take the steps of a
+// rule without Ceres use minimize.h.
 //
 //   auto rule = MakeRule("half_inverse:step_size=auto:rho=1");
 //   UpdateCallback callback(rule.get(), &problem);
@@ -10,8 +13,8 @@
 // wrapper around the manifold of each parameter block adds it when Ceres forms
 // its candidate. Ceres accepts or rejects the candidate by its gain ratio, so
 // the cost never rises, unless nonmonotonic steps are on. Progress table,
-// summary, robust losses, constant blocks, manifolds and threads work as without
-// the callback.
+// summary, robust losses, constant blocks, manifolds and threads work as
+// without the callback.
 //
 // Tolerances apply to Ceres' own steps only. The solve without proposals runs
 // once, before the first proposal, and the better result is kept (safeguard.h).
@@ -23,10 +26,10 @@
 // step, or if the linear model predicts no sufficient decrease.
 //
 // A step that does not lower the cost is halved, up to two times, before it is
-// proposed (proposal.h). If a step of Ceres leads to where the problem cannot be
-// evaluated, the rule has the next turn, once at each state, unless it waits
-// because its last turn was in vain. The summary names the parameter that did it
-// (domain_failure.h).
+// proposed (proposal.h). If a step of Ceres leads to where the problem cannot
+// be evaluated, the rule has the next turn, once at each state, unless it waits
+// because its last turn was in vain. The summary names the parameter that did
+// it (domain_failure.h).
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on); otherwise the callback aborts the
@@ -114,10 +117,10 @@ class UpdateCallback final {
     bool by_merit = true;
     // True: Ceres makes no step of its own, and there is no comparison with the
     // plain solve and no limit on work. The solve ends, with USER_SUCCESS, at
-    // the first state where the rule has no step that lowers the cost, where its
-    // step promises less than min_relative_model_decrease, or after Ceres has
-    // rejected one. For rules that leave directions alone
-    // (rules/determined_rule.cc), along which a step of Ceres would drift.
+    // the first state where the rule has no step that lowers the cost, where
+    // its step promises less than min_relative_model_decrease, or after Ceres
+    // has rejected one. For rules that leave directions alone
+    // (determined_rule.cc), along which a step of Ceres would drift.
     bool only_proposals = false;
     // The limit on tangent spaces (see Cost).
     int max_block_size = 512;
@@ -132,9 +135,9 @@ class UpdateCallback final {
     // problem (work_limit.h). Infinity: none.
     double max_relative_work = 2.0;
     // The problem's Problem::Options::manifold_ownership, which Ceres 2.1 does
-    // not expose. A problem that owns its manifolds keeps those of the callback,
-    // 64 bytes for each parameter block, until it is destroyed. If the option is
-    // wrong, they leak or are deleted twice.
+    // not expose. A problem that owns its manifolds keeps those of the
+    // callback, 64 bytes for each parameter block, until it is destroyed. If
+    // the option is wrong, they leak or are deleted twice.
     ceres::Ownership manifold_ownership = ceres::TAKE_OWNERSHIP;
     // The evaluation callback of the problem, which Ceres 2.1 does not expose.
     // Without it, candidates are evaluated with the values that it prepared for
@@ -181,9 +184,9 @@ class UpdateCallback final {
                           std::string* error);
 
   // Wraps the manifolds of the problem's blocks; the destructor restores them
-  // (a LocalParameterization of Ceres 2.1 as its manifold). Rule and problem must
-  // outlive the callback, and the callback the solve. Blocks, manifolds and
-  // constness must not change in between. CHECKs IsSupported, and that the
+  // (a LocalParameterization of Ceres 2.1 as its manifold). Rule and problem
+  // must outlive the callback, and the callback the solve. Blocks, manifolds
+  // and constness must not change in between. CHECKs IsSupported, and that the
   // problem has no other UpdateCallback.
   UpdateCallback(UpdateRule* rule, ceres::Problem* problem);
   UpdateCallback(UpdateRule* rule,

@@ -1,4 +1,6 @@
-// An update rule turns a linearization into a step.
+// An update rule turns a linearization into a step. Derive from UpdateRule to
+// write a rule of your own; to use one of the library's rules see rules.h. A
+// rule that judges its steps is also a StepJudge.
 //
 //   x_{k+1} = x_k + step
 //
@@ -27,8 +29,8 @@ class UpdateRule {
  public:
   virtual ~UpdateRule() = default;
 
-  // The parts of the linearization that ComputeStep reads, and what it does with
-  // them.
+  // The parts of the linearization that ComputeStep reads, and what it does
+  // with them.
   virtual LinearizationParts Needs() const = 0;
 
   // Computes the step (n) from the linearization at the current point. Returns
@@ -43,7 +45,7 @@ class UpdateRule {
   // rule. Arrays may be empty before the first step.
   virtual std::vector<Eigen::VectorXd*> MutableState() { return {}; }
 
-  // The judge of the rule's steps (step_judge.h): this object, as a rule; null:
+  // The judge of the rule's steps: this object, as a rule; null:
   // every step counts.
   virtual StepJudge* judge() { return nullptr; }
 
@@ -56,24 +58,23 @@ class UpdateRule {
 // UpdateRule::judge().
 //
 //   after a step     on the same samples: does the cost allow to keep it?
-//   before a step    on a batch that the steps before have not seen: go on, copy
+//   before a step    on a batch that earlier steps have not seen: go on, copy
 //                    the weights, or undo steps? Only in training, and only if
 //                    the judge wants it.
 //
 // The loop keeps a ledger of weights to go back to: those before the last step,
 // and one copy. Undoing a step puts weights of the ledger back, bit for bit.
-
 class StepJudge {
  public:
   virtual ~StepJudge() = default;
 
   // Receives the cost over the same samples after the last step, or after
-  // `fraction` of the step; NaN if the cost is not finite. Returns false to undo
-  // the step.
+  // `fraction` of the step; NaN if the cost is not finite. Returns false to
+  // undo the step.
   virtual bool KeepsStep(double cost, double fraction) = 0;
 
-  // Whether the loop calls JudgeWeights. It does so if each batch has samples that
-  // the last step was not computed from.
+  // Whether the loop calls JudgeWeights. It does so if each batch has samples
+  // that the last step was not computed from.
   virtual bool JudgesWeights() const { return false; }
 
   // What to do with the weights before a step.
@@ -85,8 +86,8 @@ class StepJudge {
     kUndoToCopy,  // go back to the copy
     kLeaveOut     // leave the batch out: its loss is finite nowhere
   };
-  // The loss of the batch at other weights of the ledger, by a forward pass each;
-  // NaN if it is not finite, or if there are no such weights.
+  // The loss of the batch at other weights of the ledger, by a forward pass
+  // each; NaN if it is not finite, or if there are no such weights.
   class OtherWeights {
    public:
     virtual ~OtherWeights() = default;

@@ -1,4 +1,5 @@
-// The version of invgrad. CMakeLists.txt reads it from this file.
+// The version of invgrad, to compare or to print. CMakeLists.txt reads it from
+// this file.
 //
 // Versions 0.x with the same x are compatible; from 1.0 on those with the same
 // major version.

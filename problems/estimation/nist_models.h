@@ -33,7 +33,7 @@ struct NistModel {
   int num_predictors;
   bool log_response;  // f is log y
   // The parameters in which f is affine, by LinearParameters
-  // (separable/linear_parameters.h); for all data.
+  // (separable.h); for all data.
   std::vector<int> linear;
   // f(x; b), with num_predictors and num_parameters entries.
   std::function<double(const double* x, const double* b)> value;

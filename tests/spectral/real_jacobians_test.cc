@@ -1,4 +1,4 @@
-// The contract of spectral_step.h on the Jacobians of the four learning
+// The contract of spectral.h on the Jacobians of the four learning
 // problems, with batches so small that long double arithmetic can follow.
 #include <string>
 

@@ -1,4 +1,4 @@
-// The accuracy that spectral_step.h promises, against long double arithmetic:
+// The accuracy that spectral.h promises, against long double arithmetic:
 // below size 64, where all eigenvectors are computed, and from there on, where
 // the Gram matrix is reduced to tridiagonal form.
 

@@ -1,12 +1,12 @@
-// The step that a rule proposes at a state of a ceres::Solve, and the state that
-// it leads to.
+// The step that a rule proposes at a state of a ceres::Solve, and the state
+// that it leads to.
 //
 //   candidate = Plus(x, scale step),   halved until L(candidate) <= L(x)
 //
-// After two halvings there is no proposal. The next proposal keeps the scale; it
-// doubles, up to 1, with every proposal that Ceres accepts, or whose predicted
-// decrease is too small. A rule that judges its steps (step_judge.h) adapts its
-// own step size instead.
+// After two halvings there is no proposal. The next proposal keeps the scale;
+// it doubles, up to 1, with every proposal that Ceres accepts, or whose
+// predicted decrease is too small. A rule that judges its steps (update_rule.h)
+// adapts its own step size instead.
 //
 // A candidate from which Ceres cannot continue counts as higher: J^T J is not
 // finite there, or |gradient| |x| is less than 1e-10 of the cost, as in a flat

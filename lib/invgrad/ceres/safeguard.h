@@ -1,5 +1,5 @@
-// Ends a ceres::Solve with proposals where the solve without them would end, or
-// lower.
+// Makes sure that a solve with proposals never ends at a higher cost than the
+// solve without them.
 //
 // Convergence. Ceres applies its tolerances to every step, so a short proposal
 // could end the run far from a minimum. The safeguard sets the tolerances of

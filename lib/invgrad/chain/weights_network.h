@@ -1,11 +1,11 @@
-// A network without inputs whose outputs are its weights: the unknowns of a point
-// problem, which has no network.
+// A network without inputs whose outputs are its weights: the unknowns of a
+// point problem, which has no network.
 //
 //   x = theta   for every sample,   J = I
 //
-// A Model with it looks for the simulator's input x: L(P(x), y*), or the sum over
-// samples with contexts and targets of their own. It has exact Hessians as the
-// simulator has them, and all of training; minimize/point_objective.h minimizes it
+// A Model with it looks for the simulator's input x: L(P(x), y*), or the sum
+// over samples with contexts and targets of their own. It has exact Hessians as
+// the simulator has them, and all of training; point_objective.h minimizes it
 // from a start.
 //
 // Shapes:  theta, x: n;  inputs: 0 x B.

@@ -32,7 +32,7 @@ std::string BetterBlasKernels(VectorUnits units, const std::string& kernels);
 std::string OldBlasKernelsMessage();
 
 // Logs this message as a WARNING, once per process. The functions of
-// core/blas.h call it.
+// internal/blas.h call it.
 void WarnOnceOfOldBlasKernels();
 
 }  // namespace invgrad

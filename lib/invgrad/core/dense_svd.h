@@ -1,5 +1,5 @@
-// The thin singular value decomposition of a dense matrix by LAPACK's divide and
-// conquer.
+// The thin singular value decomposition of a dense matrix by LAPACK's divide
+// and conquer.
 //
 //   A = U diag(s) V^T
 //
@@ -15,7 +15,7 @@
 // Fails:   Compute returns false if A is not finite, or if neither divide and
 //          conquer nor QR iterations converge.
 //
-// For single samples see small_svd.h, for steps spectral_step.h.
+// For single samples see small_svd.h, for steps spectral.h.
 //
 // [1] Chan. An improved algorithm for computing the singular value
 //     decomposition. ACM TOMS 8 (1982).

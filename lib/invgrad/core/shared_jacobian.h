@@ -1,5 +1,5 @@
 // What a Jacobian also is if the ranks of a run share its rows, of which each
-// rank knows its own (distributed/distributed_jacobian.h).
+// rank knows its own (distributed_jacobian.h).
 //
 // All ranks must call the same functions. The Gram matrices in strips let each
 // rank form and keep its own columns alone.

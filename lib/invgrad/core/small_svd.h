@@ -8,7 +8,7 @@
 //          to compile: other files use this class instead.
 // Fails:   s has NaN if A has.
 //
-// For batches see spectral_step.h.
+// For batches see spectral.h.
 #ifndef INVGRAD_CORE_SMALL_SVD_H_
 #define INVGRAD_CORE_SMALL_SVD_H_
 

@@ -45,8 +45,8 @@ void Gemv(Op op_A,
           double beta,
           Eigen::Ref<Eigen::VectorXd> y);
 
-// The name and version of the loaded BLAS, and the kernels that it chose; "BLAS"
-// if it is not OpenBLAS.
+// The name and version of the loaded BLAS, and the kernels that it chose;
+// "BLAS" if it is not OpenBLAS.
 std::string BlasName();
 
 }  // namespace invgrad

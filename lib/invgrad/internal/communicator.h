@@ -46,8 +46,8 @@ class Communicator {
                          double* values,
                          std::ptrdiff_t size) const = 0;
 
-  // *all = the ranks' values, rank after rank; sizes[r] is the size of rank r's.
-  // Sends the own values size() - 1 times.
+  // *all = the ranks' values, rank after rank; sizes[r] is the size of rank
+  // r's. Sends the own values size() - 1 times.
   virtual void Gather(const double* own,
                       const std::vector<std::ptrdiff_t>& sizes,
                       double* all) const = 0;
@@ -72,8 +72,8 @@ class Communicator {
   // The texts of all ranks.
   std::vector<std::string> GatherTexts(const std::string& own) const;
 
-  // Whether all ranks say yes. If not, *error is on all ranks the message of the
-  // first rank that does not.
+  // Whether all ranks say yes. If not, *error is on all ranks the message of
+  // the first rank that does not.
   bool Agree(bool ok, std::string* error) const;
 };
 

@@ -63,8 +63,8 @@ void LogDifferentBranches();
 
 // Calls in_lanes(s) for the four samples from s on, and one(s) for each sample
 // of a pack for which it returns false or the branches differ, of an incomplete
-// pack and, unless `has_lanes`, of all. Returns the first sample for which one(s)
-// is false, or `count`.
+// pack and, unless `has_lanes`, of all. Returns the first sample for which
+// one(s) is false, or `count`.
 template <typename InLanes, typename One>
 int ForSamplesInLanes(int count,
                       bool has_lanes,

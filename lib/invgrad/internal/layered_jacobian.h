@@ -3,10 +3,10 @@
 //
 //   J = [J_1 J_2 .. J_L]
 //
-// Few rules use it: the layer rules, K-FAC, and the rule `determined`. They call
-// the free functions below, which work with any Jacobian. A class that stands for
-// another Jacobian (of fewer columns, of all ranks) implements the interface even
-// if that one may have no groups.
+// Few rules use it: the layer rules, K-FAC, and the rule `determined`. They
+// call the free functions below, which work with any Jacobian. A class that
+// stands for another Jacobian (of fewer columns, of all ranks) implements the
+// interface even if that one may have no groups.
 #ifndef INVGRAD_INTERNAL_LAYERED_JACOBIAN_H_
 #define INVGRAD_INTERNAL_LAYERED_JACOBIAN_H_
 

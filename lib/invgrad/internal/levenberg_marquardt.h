@@ -1,4 +1,4 @@
-// The iteration of fit_many.h and fit_streaming.h: Levenberg-Marquardt for few
+// The iteration of fit_many.h and fit_global.h: Levenberg-Marquardt for few
 // parameters, as ceres::Solve does it with its defaults, from the triangular
 // factor of J alone.
 //

@@ -1,9 +1,9 @@
 // What a network also is if its layers are known: interfaces that a Network may
 // also implement, for exact output layers and for K-FAC.
 //
-// Callers use the free functions below, which work with any network. A class whose
-// networks may or may not have such layers, as that of libtorch, implements the
-// interfaces and returns nothing.
+// Callers use the free functions below, which work with any network. A class
+// whose networks may or may not have such layers, as that of libtorch,
+// implements the interfaces and returns nothing.
 #ifndef INVGRAD_INTERNAL_NETWORK_LAYERS_H_
 #define INVGRAD_INTERNAL_NETWORK_LAYERS_H_
 
@@ -15,8 +15,8 @@
 
 namespace invgrad {
 
-// A network whose outputs are affine in the weights C of its last layer: at each
-// position p of a column, such as a cell of an image,
+// A network whose outputs are affine in the weights C of its last layer: at
+// each position p of a column, such as a cell of an image,
 //
 //   x_p = C^T h_p + what does not depend on C
 //

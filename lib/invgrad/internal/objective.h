@@ -1,6 +1,6 @@
 // A function with a current point that an iteration can linearize and move.
 //
-// Minimize (minimizer.h) uses only this interface, for a ceres::Problem
+// Minimize (minimize.h) uses only this interface, for a ceres::Problem
 // (problem_linearizer.h) and for a simulator with a loss (point_objective.h).
 #ifndef INVGRAD_INTERNAL_OBJECTIVE_H_
 #define INVGRAD_INTERNAL_OBJECTIVE_H_
@@ -37,7 +37,8 @@ class Objective {
   virtual bool Plus(const Eigen::VectorXd& step) = 0;
 };
 
-// Moves the objective from its current point, and moves it back; does not own it.
+// Moves the objective from its current point, and moves it back; does not own
+// it.
 LinearizeAfter AfterOf(Objective* objective);
 
 }  // namespace invgrad

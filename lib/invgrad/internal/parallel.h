@@ -11,10 +11,10 @@
 namespace invgrad {
 
 // Splits the samples 0 .. count - 1 into contiguous shares of a multiple of
-// `grain`, one a thread; the calling thread has the first. function(begin, end) computes a
-// share and returns the first sample that fails, or `end`. Returns the first
-// sample of all shares that fails, or `count`. Shares that call BLAS wait for
-// each other if it has several threads (blas_threads.h).
+// `grain`, one a thread; the calling thread has the first. function(begin, end)
+// computes a share and returns the first sample that fails, or `end`. Returns
+// the first sample of all shares that fails, or `count`. Shares that call BLAS
+// wait for each other if it has several threads (blas_threads.h).
 template <typename Function>
 int ForShares(int count,
               int num_threads,

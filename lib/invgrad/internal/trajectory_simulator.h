@@ -22,8 +22,8 @@
 //          half the square of this number a step, with nested Jets of
 //          kStride^2. For the chaining see stepped_simulator.h.
 //          Batches: four samples at once, by a T of four doubles (lanes.h),
-//          unless a functor has kInLanes = false; samples between which a branch
-//          on values differs are repeated one at a time.
+//          unless a functor has kInLanes = false; samples between which a
+//          branch on values differs are repeated one at a time.
 // Fails:   returns false if `step` or `output` returns false or a value is not
 //          finite.
 #ifndef INVGRAD_INTERNAL_TRAJECTORY_SIMULATOR_H_

@@ -1,4 +1,4 @@
-// Runs Ceres' minimizers behind the summary of Minimize (minimizer.h).
+// Runs Ceres' minimizers behind the summary of Minimize (minimize.h).
 //
 // Differences to Minimize: iterations include rejected steps, but not a final
 // step that meets a tolerance of Ceres; function and parameter tolerances of 0
@@ -35,8 +35,8 @@ void MinimizeWithCeres(const MinimizerOptions& options,
                        UpdateCallback* proposals = nullptr);
 
 // The same for a smooth function, by the line search, its direction and the
-// options of the direction in `ceres_options`. Takes ownership of `function`, as
-// ceres::GradientProblem does.
+// options of the direction in `ceres_options`. Takes ownership of `function`,
+// as ceres::GradientProblem does.
 void MinimizeWithCeres(const MinimizerOptions& options,
                        const ceres::Solver::Options& ceres_options,
                        ceres::FirstOrderFunction* function,

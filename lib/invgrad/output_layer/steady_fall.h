@@ -13,9 +13,9 @@
 // solution, and then jumps, but does not fall steadily.
 // docs/results/exact_output_layer.md has both kinds of runs.
 //
-// Edges:   a mean of fewer losses than least_count is compared with none. A loss
-//          of 0 counts as the smallest number, one that is not finite as the
-//          largest.
+// Edges:   intervals with fewer than least_count losses count as falling. A
+//          loss of 0 counts as the smallest number, one that is not finite as
+//          the largest.
 #ifndef INVGRAD_OUTPUT_LAYER_STEADY_FALL_H_
 #define INVGRAD_OUTPUT_LAYER_STEADY_FALL_H_
 

@@ -1,5 +1,5 @@
 // What parameter blocks mean in the plane or in space: points, rotations and
-// cameras, read by a layout (gauge.h lists them).
+// cameras, read by a layout (rank_report.h lists them).
 #ifndef INVGRAD_RANK_POSE_SCENE_H_
 #define INVGRAD_RANK_POSE_SCENE_H_
 
@@ -46,8 +46,8 @@ struct PoseScene {
   std::vector<Camera> cameras;  // t follows R and the points
 };
 
-// Poses in the plane. Blocks of sizes 1 and 2 may also be calibrations, which do
-// not move.
+// Poses in the plane. Blocks of sizes 1 and 2 may also be calibrations, which
+// do not move.
 struct PlanarLayout {
   bool blocks_of_one_are_angles;
   bool blocks_of_two_are_points;

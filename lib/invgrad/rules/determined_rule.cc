@@ -4,7 +4,7 @@
 //   A = J D^-1 = U S V^T,   step = -eta D^-1 V S^-1 U^T g,   s > tau s_max
 //
 // D, the groups, the threshold and the hysteresis are those of
-// degeneracy/determined_step.h: the threshold has no unit.
+// determined_step.h: the threshold has no unit.
 //
 //   groups=columns   every unknown has a scale of its own
 //   groups=blocks    one scale for each parameter block of a ceres::Problem, or
@@ -18,8 +18,8 @@
 // Shapes:  as linearization.h. H_L counts as c I; step_size=auto finds 1 / c.
 // Cost:    J^T J (m n^2), and 25 n^3; 6 n^2 doubles.
 // Fails:   returns false if J or g is not finite, or if there is no automatic
-//          step size. tau is at least 1e-6, because J^T J has the squares of the
-//          singular values.
+//          step size. tau is at least 1e-6, because J^T J has the squares of
+//          the singular values.
 #include <algorithm>
 #include <cmath>
 #include <memory>

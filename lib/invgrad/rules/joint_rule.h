@@ -3,7 +3,7 @@
 //
 //   step = -eta d,   d = V phi(S) U^T g or an approximation,   J = U S V^T
 //
-// with phi of spectral_filter.h. A derived rule computes d.
+// with phi of spectral.h. A derived rule computes d.
 //
 // Shapes:  g: m;  J: m x n;  step, d: n.
 // Cost:    the cost of d; step_size=auto and control add products with J
@@ -63,8 +63,8 @@ class JointRule : public UpdateRule, private StepJudge {
     return options_.control.uses_new_batches();
   }
 
-  // Of control=fresh: a derived rule that knows the spectrum of J and g gives it
-  // after a step for which `wants_spectrum`.
+  // Of control=fresh: a derived rule that knows the spectrum of J and g gives
+  // it after a step for which `wants_spectrum`.
   FreshControl* fresh_control() { return &fresh_; }
 
   // Computes *direction = d; *report describes the computation. Returns false,
@@ -75,8 +75,8 @@ class JointRule : public UpdateRule, private StepJudge {
                                 std::string* report,
                                 std::string* error) = 0;
 
-  // lambda of the automatic step size, which then minimizes the model of the loss
-  // with |eta d|^2 lambda / 2 added.
+  // lambda of the automatic step size, which then minimizes the model of the
+  // loss with |eta d|^2 lambda / 2 added.
   virtual double CurvatureDamping() const { return 0.0; }
 
  private:

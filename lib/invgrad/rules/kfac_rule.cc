@@ -13,7 +13,7 @@
 //
 // with p = (1 + kappa) / 2: 3/4 for half-inverse, 1 for K-FAC as published [1].
 // G_l is the gradient J_l^T g in the layer's weights as a matrix, A and D as in
-// kfac_factors.h, phi of spectral_filter.h, lambda its `damping`, and tau in units
+// kfac_factors.h, phi of spectral.h, lambda its `damping`, and tau in units
 // of the layer's largest s_ik. A value counts as zero if its alpha_i or beta_k,
 // with damping, is zero up to rounding or negative.
 //
@@ -45,8 +45,8 @@
 //          c^(1 - kappa). M = H_L: lambda in [L] / [theta]^2; for kappa = 1 eta
 //          is a number. A full step in each of L layers overshoots: choose eta
 //          smaller than for half_inverse, or auto.
-// Cost:    that of kfac_factors.h, and the deltas of network_jacobian.h; at steps
-//          between two updates, the products with P and Q alone.
+// Cost:    that of kfac_factors.h, and the deltas of network_jacobian.h; at
+//          steps between two updates, the products with P and Q alone.
 //          step_size=auto adds one product.
 // Fails:   returns false if J has no layers (a network in front of a simulator
 //          has; a ceres::Problem has none), if g, J^T g or the step is not
@@ -246,8 +246,8 @@ class KfacRule final : public JointRule {
     }
   }
 
-  // Multiplies a layer's gradient by phi(S_l) / S_l, and adds the number of kept
-  // singular values to *rank.
+  // Multiplies a layer's gradient by phi(S_l) / S_l, and adds the number of
+  // kept singular values to *rank.
   static void FilterLayer(const LayerColumns& columns,
                           const KfacFactor& A,
                           const KfacFactor& D,

@@ -5,21 +5,21 @@
 //   step_l = -eta V_l phi(S_l) U_l^T g,     J_l = U_l S_l V_l^T    (layerwise)
 //
 // The rows at the end of this file differ in their defaults. Every row has the
-// settings truncation and damping of the filter (spectral_filter.h); with
-// control=gain, kappa, lambda or both follow the gain (gain_control.h) and start
-// from the row's values.
+// settings truncation and damping of the filter (spectral.h); with
+// control=gain, kappa, lambda or both follow the gain (gain_control.h) and
+// start from the row's values.
 //
-// The J_l are the column blocks of J (layered_jacobian.h): a network's layers, or the parameter
-// blocks of a ceres::Problem that are not constant. The rule neglects the
-// coupling between blocks: if each of L layers can correct the outputs, the sum
-// of their full steps (kappa = 1) overshoots L times. If J has no column blocks,
-// J is the only block.
+// The J_l are the column blocks of J (layered_jacobian.h): a network's layers,
+// or the parameter blocks of a ceres::Problem that are not constant. The rule
+// neglects the coupling between blocks: if each of L layers can correct the
+// outputs, the sum of their full steps (kappa = 1) overshoots L times. If J has
+// no column blocks, J is the only block.
 //
 // Shapes:  g: m;  J: m x n;  step: n.
 // Units:   (g, J) -> c (g, J) multiplies the step by c^(1 - kappa): the
 //          half-inverse step depends on the units of y, on a factor 1/2 in the
 //          loss, and on sum or mean over a batch. damping has the units of s^2.
-// Cost:    one spectral step, see spectral_step.h; step_size=auto adds two
+// Cost:    one spectral step, see spectral.h; step_size=auto adds two
 //          products. Layerwise: one step for each layer, of size min(m, n_l).
 //          This is cheaper than the joint step if most layers have n_l < m
 //          (large batches): n_l^3 each instead of min(m, n)^3. For n_l >= m it

@@ -1,5 +1,5 @@
-// The Kronecker factors (core/sampled_factors.h) of the layers in a graph of
-// libtorch (torch_layers.h).
+// The Kronecker factors (internal/sampled_factors.h) of the layers in a graph
+// of libtorch (torch_layers.h).
 #ifndef INVGRAD_TORCH_TORCH_FACTORS_H_
 #define INVGRAD_TORCH_TORCH_FACTORS_H_
 

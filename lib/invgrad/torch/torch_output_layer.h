@@ -1,5 +1,5 @@
 // The last layer of a graph of libtorch, if the output is affine in its weights
-// (chain/network.h, OutputLayer).
+// (internal/network_layers.h).
 //
 //   x_p = W h_p + b   at each position p of a sample
 //

@@ -1,7 +1,7 @@
 // The weights that a training run can go back to, and how often it did.
 //
-//   before   those of the last finite batch loss, from which the last step began
-//   copy     those that a judge of weights has asked for (step_judge.h)
+//   before   those of the last finite batch loss, where the last step began
+//   copy     those that a judge of weights has asked for (update_rule.h)
 //
 // All ways back are one: Undo, with a reason.
 #ifndef INVGRAD_TRAIN_WEIGHT_LEDGER_H_

@@ -1,5 +1,5 @@
 // The routes of SpectralStep to V phi(S) U^T g, and their common functions.
-// spectral_step.h states their contract.
+// spectral.h states their contract.
 //
 // Each route returns false with summary->message set if it fails, and fills
 // *summary otherwise; g is finite.
@@ -77,8 +77,8 @@ void SummarizeSpectrum(const SpectralProblem& problem,
                        int power,
                        double resolution);
 
-// Fills summary->spectrum from the eigenvalues of J J^T or J^T J and the squared
-// coefficients of g in U.
+// Fills summary->spectrum from the eigenvalues of J J^T or J^T J and the
+// squared coefficients of g in U.
 void SetSpectrum(const SpectralProblem& problem,
                  const Eigen::VectorXd& lambda,
                  const Eigen::VectorXd& squared_coefficients);
