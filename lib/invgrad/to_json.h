@@ -1,5 +1,4 @@
-// Writes reports and fits as JSON, for other programs. It is part of the
-// component invgrad::json.
+// Converts reports and fits to JSON, for other programs. Needs nlohmann-json.
 //
 //   nlohmann::ordered_json json = report;
 //   file << JsonText(json);

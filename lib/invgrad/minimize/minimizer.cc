@@ -182,7 +182,7 @@ class Run {
   }
 
   // Takes the step and linearizes at the new point, or at the old one if the
-  // rule reverts the step.
+  // rule undoes the step.
   bool Move(std::string* error) {
     Eigen::VectorXd step;
     AddProductsAndTrials(

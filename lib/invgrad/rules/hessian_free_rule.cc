@@ -19,7 +19,7 @@
 //   ratio = (L(x) - L(x + step)) / (L(x) - M(step)),   M the undamped model,
 //
 // lambda <- lambda damping_factor if ratio < 1/4, lambda / damping_factor if
-// ratio > 3/4. A step that raises the cost is reverted; [1] shortens it by a
+// ratio > 3/4. A step that raises the cost is undone; [1] shortens it by a
 // line search and by earlier iterates of the conjugate gradients. There is no
 // preconditioner.
 //
