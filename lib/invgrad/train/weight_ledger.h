@@ -3,7 +3,7 @@
 //   before   those of the last finite batch loss, where the last step began
 //   copy     those that a judge of weights has asked for (update_rule.h)
 //
-// All ways back are one: Undo, with a reason.
+// Undo is the only function that goes back; it takes a reason.
 #ifndef INVGRAD_TRAIN_WEIGHT_LEDGER_H_
 #define INVGRAD_TRAIN_WEIGHT_LEDGER_H_
 
