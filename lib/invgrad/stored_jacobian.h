@@ -24,8 +24,8 @@ class StoredJacobian final : public JacobianOperator, public LayeredJacobian {
   using Matrix = MatrixType;
 
   // Swaps J in, because Eigen's sparse matrices do not move. block_sizes: the
-  // number of columns of each of ColumnBlocks; the blocks are copies and have all
-  // rows of J. Empty, or their sum is n (CHECKed).
+  // number of columns of each of ColumnBlocks; the blocks are copies and have
+  // all rows of J. Empty, or their sum is n (CHECKed).
   explicit StoredJacobian(Matrix J, std::vector<int> block_sizes = {});
 
   int rows() const override { return static_cast<int>(J_.rows()); }
