@@ -34,6 +34,7 @@ keeps the results so far.
 #include "bin/compare/learning_comparison.h"
 #include "bin/compare/point_comparison.h"
 #include "bin/support/listing.h"
+#include "bin/support/point_path.h"
 #include "bin/support/program.h"
 #include "bin/support/ranks.h"
 #include "bin/support/run_output.h"

@@ -27,7 +27,7 @@ trajectories.csv to restyle it, and one CSV a rule.
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/minimize/chain_objective.h"
+#include "invgrad/minimize/point_objective.h"
 #include "problems/problems.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
@@ -118,7 +118,7 @@ Plot MakePlot(const std::string& name,
 
 std::vector<Plot> MakePlots(const PointProblem& problem,
                             const std::vector<PointPath>& paths) {
-  ChainObjective objective = problem.MakeObjective();
+  PointObjective objective = problem.MakeObjective();
   Points x_goal, y_goal;
   if (problem.minimizer.has_value()) {
     x_goal = {*problem.minimizer};

@@ -1,13 +1,13 @@
 #include "problems/problem.h"
 
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/chain_objective.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/train/train.h"
 
 namespace invgrad {
 
-ChainObjective PointProblem::MakeObjective() const {
-  return ChainObjective(simulator, loss, target, start);
+PointObjective PointProblem::MakeObjective() const {
+  return PointObjective(simulator, loss, target, start);
 }
 
 bool LinearizeAfterTraining(const LearningProblem& problem,

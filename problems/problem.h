@@ -33,7 +33,7 @@
 
 namespace invgrad {
 
-class ChainObjective;  // minimize/chain_objective.h
+class PointObjective;  // minimize/point_objective.h
 
 struct PointProblem {
   // y = P(x), L(y, y*), y* and the start.
@@ -49,7 +49,7 @@ struct PointProblem {
   // otherwise.
   int field_rows = 0;
 
-  ChainObjective MakeObjective() const;
+  PointObjective MakeObjective() const;
 };
 
 // A measure of a model besides its loss, for example the distance of x from the

@@ -85,7 +85,7 @@ bool TracePath(const PointProblem& problem,
     options.callbacks.push_back(
         &recorder.emplace(simulator.get(), &path->calls));
   }
-  ChainObjective objective = counted.MakeObjective();
+  PointObjective objective = counted.MakeObjective();
   if (!MinimizeByMethod(method,
                         options,
                         problem.inverse,

@@ -23,8 +23,8 @@
 #include "invgrad/chain/loss.h"
 #include "invgrad/core/blas_threads.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/minimize/point_objective.h"
 
 DEFINE_double(seconds, 1.0, "time of each rule");
 DEFINE_string(rules,
@@ -209,7 +209,7 @@ int main(int argc, char** argv) {
   std::vector<VectorXd> states = {truth, measured};
   std::ofstream losses(FLAGS_folder + "/flow_losses.txt");
   for (const invgrad::Method& method : methods) {
-    invgrad::ChainObjective objective(
+    invgrad::PointObjective objective(
         channel,
         std::make_shared<invgrad::SquaredNormLoss>(kNumCells, 0.5),
         measured,

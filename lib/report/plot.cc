@@ -49,7 +49,7 @@ struct Axis {
   AxisRange range;
   Ticks ticks;
   bool is_tight = false;  // ends with the data, not at the next tick
-  bool is_short;          // with ticks at powers of two, if it is logarithmic
+  std::string octaves;    // ticks at powers of two, of a short logarithmic axis
 
   // `values`: what is drawn along it.
   Axis(const char* axis_name,
@@ -59,11 +59,22 @@ struct Axis {
        const std::vector<double>& values,
        const Ticks& labels = {})
       : name(axis_name), label(text), range(given), ticks(labels) {
+    const bool has_values =
+        std::any_of(values.begin(), values.end(), [&](double value) {
+          return CanDraw(value, may_be_log);
+        });
+    if (!has_values) {  // which gnuplot would refuse
+      range.low = range.low.value_or(0.0);
+      range.high = range.high.value_or(*range.low + 1.0);
+    }
     const AxisRange all = RangeOf(values, may_be_log);
     const double low = given.low.value_or(*all.low);
     const double ratio = given.high.value_or(*all.high) / low;
     is_log = may_be_log && low > 0.0 && ratio >= 5.0;
-    is_short = ratio < 100.0;
+    if (is_log && ratio < 100.0 && ticks.empty()) {
+      octaves =
+          fmt::format("{:.10g}, 2", std::exp2(std::floor(std::log2(low))));
+    }
   }
 
   std::string Commands() const {
@@ -78,8 +89,8 @@ struct Axis {
         is_log ? "set" : "unset",
         end(range.low),
         end(range.high),
-        is_log && !is_short && ticks.empty() ? "10^{%T}" : "%h",
-        is_log && is_short && ticks.empty() ? "2" : TicksText(ticks),
+        is_log && ticks.empty() && octaves.empty() ? "10^{%T}" : "%h",
+        octaves.empty() ? TicksText(ticks) : octaves,
         is_tight ? " noextend" : "");
   }
 };
@@ -117,13 +128,27 @@ struct Drawing {
         ys.insert(ys.end(), values->begin(), values->end());
       }
     }
+    if (plot.heat_map) {
+      const HeatMap& map = *plot.heat_map;
+      xs = {
+          map.x_first - 0.5 * map.x_step,
+          map.x_first + (static_cast<double>(map.z.cols()) - 0.5) * map.x_step};
+      ys = {
+          map.y_first - 0.5 * map.y_step,
+          map.y_first + (static_cast<double>(map.z.rows()) - 0.5) * map.y_step};
+    }
     Axis x("x", plot.x_label, plot.log_x, plot.x_range, xs, plot.x_ticks);
     Axis y("y", plot.y_label, plot.log_y, plot.y_range, ys, plot.y_ticks);
     x.is_tight = std::all_of(
         plot.series.begin(), plot.series.end(), [](const Series& series) {
           return series.style == Series::Style::kLines;
         });
-    y.is_tight = plot.heat_map.has_value();
+    if (plot.heat_map) {
+      x.range = {plot.x_range.low.value_or(xs[0]),
+                 plot.x_range.high.value_or(xs[1])};
+      y.range = {plot.y_range.low.value_or(ys[0]),
+                 plot.y_range.high.value_or(ys[1])};
+    }
     panels += fmt::format("\nset title {} noenhanced font ',15'\nset size {}\n",
                           QuoteForGnuplot(plot.title),
                           plot.equal_aspect ? "ratio -1" : "noratio") +
@@ -260,37 +285,29 @@ AxisRange RangeOf(const std::vector<double>& values, bool is_log) {
 }
 
 std::vector<std::string> ShortNames(const std::vector<std::string>& labels) {
-  // "adam:epochs=5>newton" is the name "adam>newton" with the setting
-  // ":epochs=5".
-  struct Parts {
-    std::string name;
-    std::vector<std::string> settings;
-  };
-  std::vector<Parts> all;
-  std::map<std::string, std::map<std::string, int>> counts;  // of settings
-  for (const std::string& label : labels) {
-    Parts& parts = all.emplace_back();
+  // "adam", ":epochs=5", ">newton", and "adam>newton" without the settings.
+  std::vector<std::vector<std::string>> pieces(labels.size());
+  std::vector<std::string> bare(labels.size());
+  std::map<std::string, int> counts;  // of bare names, and with one setting
+  for (size_t i = 0; i < labels.size(); ++i) {
+    const std::string& label = labels[i];
     for (size_t begin = 0, end = 0; begin < label.size(); begin = end) {
       end = std::min(label.find_first_of(":>", begin + 1), label.size());
-      const std::string part = label.substr(begin, end - begin);
-      if (part[0] == ':') {
-        parts.settings.push_back(part);
-        ++counts[parts.name][part];
-      } else {
-        parts.name += part;
-      }
+      pieces[i].push_back(label.substr(begin, end - begin));
+      if (label[begin] != ':') bare[i] += pieces[i].back();
     }
-    ++counts[parts.name][""];
+    ++counts[bare[i]];
+    for (const std::string& piece : pieces[i]) {
+      if (piece[0] == ':') ++counts[bare[i] + piece];
+    }
   }
-  std::vector<std::string> names;
-  for (const Parts& parts : all) {
-    std::string name = parts.name;
-    for (const std::string& setting : parts.settings) {
-      const auto& of_name = counts[parts.name];
-      const auto it = of_name.find(setting);
-      if (it == of_name.end() || it->second < of_name.at("")) name += setting;
+  std::vector<std::string> names(labels.size());
+  for (size_t i = 0; i < labels.size(); ++i) {
+    for (const std::string& piece : pieces[i]) {
+      const bool is_shared =
+          piece[0] == ':' && counts[bare[i] + piece] == counts[bare[i]];
+      if (!is_shared) names[i] += piece;
     }
-    names.push_back(name);
   }
   return names;
 }

@@ -15,7 +15,7 @@ constexpr char kPlotScript[] = R"gp(
 set encoding utf8
 rows = (panels + columns - 1) / columns
 left = 105; right = 25 + 115 * maps; top = 45; bottom = 70
-beside = legend > 0 ? 75 + 9 * legend : 0
+beside = legend > 0 ? 95 + 9 * legend : 0
 broad = panels == 1 ? 900 : rows == 1 ? 600 : 480
 room = (2000 - beside) / columns - left - right
 broad = room < broad ? room : broad

@@ -12,7 +12,7 @@
 #include "invgrad/chain/model.h"
 #include "invgrad/chain/time_stepping_simulator.h"
 #include "invgrad/chain/trajectory_simulator.h"
-#include "invgrad/minimize/chain_objective.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
 #include "problems/schroedinger.h"
@@ -280,7 +280,7 @@ TEST(DescribeFailure, TrainingNamesThemAtTheInitialWeights) {
 }
 
 // A point problem names the step, too.
-TEST(DescribeFailure, ChainObjectiveSaysWhere) {
+TEST(DescribeFailure, PointObjectiveSaysWhere) {
   // Starts by itself: it has no context.
   class Squares final : public Simulator {
    public:
@@ -309,12 +309,12 @@ TEST(DescribeFailure, ChainObjectiveSaysWhere) {
    private:
     TimeSteppingSimulator<SquareStep> steps_{SquareStep(), 1, 1, 12};
   };
-  const ChainObjective objective(std::make_shared<Squares>(),
+  const PointObjective objective(std::make_shared<Squares>(),
                                  std::make_shared<SquaredNormLoss>(1, 1.0),
                                  VectorXd::Zero(1),
                                  VectorXd::Zero(12));
   const std::string expected =
-      "the simulator has no finite value at x: the state is not finite after "
+      "the simulator has no finite value: the state is not finite after "
       "time step 10 of 12";
   double cost = 0.0;
   std::string error;

@@ -11,8 +11,8 @@
 #include "invgrad/chain/loss.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
 #include "tests/methods/line.h"
@@ -171,7 +171,7 @@ INSTANTIATE_TEST_SUITE_P(Method,
 
 TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
   if (IsSupervised(GetParam()) || NeedsBatches(GetParam())) {
-    ChainObjective point = Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
+    PointObjective point = Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
     std::vector<Eigen::VectorXd> path;
     MinimizerSummary summary;
     std::string error;
@@ -187,7 +187,7 @@ TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
         << error;
     return;
   }
-  ChainObjective objective =
+  PointObjective objective =
       Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
   const Eigen::VectorXd start = objective.State();
   MinimizerOptions options;
@@ -222,7 +222,7 @@ TEST_P(EveryMethod, ThePathBeginsAtTheStartAndEndsAtTheState) {
 
 TEST_P(EveryMethod, AStartWithoutAFiniteLossIsTheWholePath) {
   if (IsSupervised(GetParam()) || NeedsBatches(GetParam())) return;
-  ChainObjective objective =
+  PointObjective objective =
       Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
   const Eigen::VectorXd start = Eigen::Vector2d(1e200, 0.0);
   objective.SetState(start);

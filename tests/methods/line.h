@@ -8,7 +8,7 @@
 
 #include "invgrad/chain/loss.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/chain_objective.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/train/train.h"
 
 namespace invgrad {
@@ -46,9 +46,9 @@ inline TrainResult TrainLine(const std::string& method,
 }
 
 // L = 1/2 |x - (1, 2)|^2 or (x_0 - 1)^4.
-inline ChainObjective Objective(std::shared_ptr<const Loss> loss) {
+inline PointObjective Objective(std::shared_ptr<const Loss> loss) {
   const int size = loss->size();
-  return ChainObjective(std::make_shared<IdentitySimulator>(size),
+  return PointObjective(std::make_shared<IdentitySimulator>(size),
                         std::move(loss),
                         Eigen::VectorXd::LinSpaced(size, 1.0, size),
                         Eigen::VectorXd::Constant(size, 5.0));

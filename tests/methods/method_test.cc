@@ -9,8 +9,8 @@
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/loss.h"
 #include "invgrad/methods/ceres_methods.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/rules/rules.h"
 #include "invgrad/train/train.h"
 #include "tests/methods/line.h"
@@ -162,7 +162,7 @@ TEST(Method, ANeuronTooWideForProposalsIsRefused) {
 TEST(Method, ALossWithoutResidualsIsMinimizedByRulesAndLineSearches) {
   for (const char* name : {"ceres_bfgs", "newton", "gradient_descent"}) {
     SCOPED_TRACE(name);
-    ChainObjective objective = Objective(
+    PointObjective objective = Objective(
         std::make_shared<AutoDiffLoss<QuarticLoss, 1>>(QuarticLoss()));
     MinimizerOptions options;
     options.max_num_iterations = 5;
@@ -179,7 +179,7 @@ TEST(Method, ALossWithoutResidualsIsMinimizedByRulesAndLineSearches) {
         << error;
     EXPECT_LT(std::abs(objective.State()[0] - 1.0), 4.0);
   }
-  ChainObjective objective =
+  PointObjective objective =
       Objective(std::make_shared<AutoDiffLoss<QuarticLoss, 1>>(QuarticLoss()));
   std::vector<Eigen::VectorXd> path;
   MinimizerSummary summary;
@@ -201,7 +201,7 @@ TEST(Method, APointHasNoBatches) {
                            "gradient/adjoint/adam:batch_size=8",
                            "ceres_lm+half_inverse:batch_size=8"}) {
     SCOPED_TRACE(name);
-    ChainObjective objective =
+    PointObjective objective =
         Objective(std::make_shared<SquaredNormLoss>(2, 0.5));
     std::vector<Eigen::VectorXd> path;
     MinimizerSummary summary;

@@ -7,7 +7,7 @@
 #include "ceres/autodiff_cost_function.h"
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss.h"
-#include "invgrad/minimize/chain_objective.h"
+#include "invgrad/minimize/point_objective.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/rosenbrock.h"
 
@@ -61,7 +61,7 @@ TEST_F(ProblemMinimization, TakesRulesCeresAndBoth) {
 
 // A point pulled back through the simulator.
 bool PullBack(const std::string& method,
-              ChainObjective* objective,
+              PointObjective* objective,
               std::string* error) {
   MinimizerOptions options;
   options.max_num_iterations = 1;
@@ -74,7 +74,7 @@ bool PullBack(const std::string& method,
 TEST(PointMinimization, TheHessianOfAPulledBackChangeIsTheProxys) {
   const Eigen::Vector2d target(1.0, -2.0);
   const Eigen::Vector2d start(0.0, 0.0);
-  ChainObjective objective(std::make_shared<IdentitySimulator>(2),
+  PointObjective objective(std::make_shared<IdentitySimulator>(2),
                            std::make_shared<SquaredNormLoss>(2, 7.0),
                            target,
                            start);
@@ -88,7 +88,7 @@ TEST(PointMinimization, TheHessianOfAPulledBackChangeIsTheProxys) {
 }
 
 TEST(PointMinimization, APulledBackChangeHasNoCostToJudgeStepsBy) {
-  ChainObjective objective(std::make_shared<IdentitySimulator>(2),
+  PointObjective objective(std::make_shared<IdentitySimulator>(2),
                            std::make_shared<SquaredNormLoss>(2, 0.5),
                            Eigen::Vector2d::Ones(),
                            Eigen::Vector2d::Zero());

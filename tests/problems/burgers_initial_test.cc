@@ -7,8 +7,8 @@
 #include "Eigen/SVD"
 #include "gtest/gtest.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/minimize/point_objective.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {
@@ -32,7 +32,7 @@ MinimizerSummary Minimize(const std::string& target,
   EXPECT_TRUE(ParseMethods(method, &methods, &error)) << error;
   MinimizerOptions options;
   options.max_num_iterations = num_steps;
-  ChainObjective objective = problem.MakeObjective();
+  PointObjective objective = problem.MakeObjective();
   std::vector<VectorXd> path;
   MinimizerSummary summary;
   EXPECT_TRUE(MinimizeByMethod(

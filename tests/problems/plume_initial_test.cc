@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/minimizer.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/rules/rules.h"
 #include "tests/support/simulator_identities.h"
 
@@ -25,7 +25,7 @@ PointProblem Create() {
 std::vector<double> Losses(const std::string& rule_name,
                            const Settings& settings,
                            int num_steps) {
-  ChainObjective objective = Create().MakeObjective();
+  PointObjective objective = Create().MakeObjective();
   std::string error;
   const auto rule = MakeRule(Specification{"", rule_name, settings}, &error);
   EXPECT_NE(rule, nullptr) << error;

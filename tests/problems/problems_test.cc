@@ -8,8 +8,8 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/minimizer.h"
+#include "invgrad/minimize/point_objective.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {
@@ -180,7 +180,7 @@ TEST_P(EveryProblem, KnownOptimumIsOne) {
   if (!problem_.point.has_value() || !problem_.point->minimizer.has_value()) {
     GTEST_SKIP() << "no minimizer is known";
   }
-  ChainObjective objective = problem_.point->MakeObjective();
+  PointObjective objective = problem_.point->MakeObjective();
   objective.SetState(*problem_.point->minimizer);
   LinearizationParts parts;
   parts.gradient = true;
@@ -278,7 +278,7 @@ TEST(LinearScale, StepsScaleAsItsHeaderSays) {
   const double u[] = {2.0, 50.0};
   const PhysicsProblem problem = Create("linear_scale:c=3:unit_0=2:unit_1=50");
   const auto step_of = [&](const std::string& name, const Settings& settings) {
-    ChainObjective objective = problem.point->MakeObjective();
+    PointObjective objective = problem.point->MakeObjective();
     std::string error;
     const auto rule = MakeRule(Specification{"", name, settings}, &error);
     EXPECT_NE(rule, nullptr) << error;

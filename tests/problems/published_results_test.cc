@@ -9,8 +9,8 @@
 #include "gtest/gtest.h"
 #include "invgrad/io/numpy_random.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/method_minimization.h"
+#include "invgrad/minimize/point_objective.h"
 #include "invgrad/train/train.h"
 #include "problems/problems.h"
 #include "tests/support/train_problem.h"
@@ -27,7 +27,7 @@ std::vector<Eigen::VectorXd> Path(const std::string& specification,
   EXPECT_TRUE(ParseMethods(specification, &methods, &error)) << error;
   MinimizerOptions options;
   options.max_num_iterations = num_steps;
-  ChainObjective objective = problem.point->MakeObjective();
+  PointObjective objective = problem.point->MakeObjective();
   std::vector<Eigen::VectorXd> path;
   MinimizerSummary summary;
   EXPECT_TRUE(MinimizeByMethod(methods.at(0),

@@ -136,7 +136,7 @@ TEST(Phases, ACheckpointOfAnotherNetworkIsRefused) {
 }
 
 TEST(Phases, APointHasNone) {
-  ChainObjective objective(std::make_shared<IdentitySimulator>(1),
+  PointObjective objective(std::make_shared<IdentitySimulator>(1),
                            std::make_shared<SquaredNormLoss>(1, 1.0),
                            Eigen::VectorXd::Zero(1),
                            Eigen::VectorXd::Ones(1));

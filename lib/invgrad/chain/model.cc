@@ -6,6 +6,7 @@
 
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
+#include "invgrad/chain/weights_network.h"
 #include "invgrad/core/parallel.h"
 #include "invgrad/core/scratch.h"
 #include "invgrad/internal/logging.h"
@@ -114,6 +115,7 @@ Model::Model(std::shared_ptr<const Network> network,
              std::shared_ptr<const DerivativeSet> derivatives)
     : network_(std::move(network)),
       dense_network_(dynamic_cast<const DenseNetwork*>(network_.get())),
+      is_point_(dynamic_cast<const WeightsNetwork*>(network_.get()) != nullptr),
       simulator_(std::move(simulator)),
       loss_(std::move(loss)),
       reduction_(reduction),

@@ -22,6 +22,9 @@
 //
 //   x_s = (f, D_1 f, .., D_{T-1} f)(a_s; theta)
 //
+// Without a network in front of it, a simulator has a WeightsNetwork
+// (weights_network.h): x_s = theta.
+//
 // Shapes:  theta: n; y: |y| B, stacked sample by sample, like g and the rows of
 //          J = dy/dtheta. Activations: B columns; with feedback B T, a sample's
 //          calls side by side; with jets the same, T = |a| + 2.
@@ -223,6 +226,13 @@ class Model {
                           const DataSet& batch,
                           Linearization* linearization,
                           std::string* error) const;
+  // Linearize at x = theta (weights_network.h), with the Jacobians that the
+  // simulator forms.
+  bool LinearizeAtWeights(const Eigen::VectorXd& weights,
+                          const DataSet& batch,
+                          const LinearizationParts& parts,
+                          Linearization* linearization,
+                          std::string* error) const;
   // Linearize by products with the Jacobians of network and simulator.
   bool LinearizeByProducts(const Eigen::VectorXd& weights,
                            const DataSet& batch,
@@ -238,6 +248,7 @@ class Model {
 
   std::shared_ptr<const Network> network_;
   const DenseNetwork* dense_network_;
+  bool is_point_;  // the outputs of the network are its weights
   std::shared_ptr<const Simulator> simulator_;
   std::shared_ptr<const Loss> loss_;
   Reduction reduction_;

@@ -2,12 +2,11 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <utility>
 #include <vector>
 
+#include "invgrad/chain/batch_loss.h"
 #include "invgrad/chain/chain_jacobian.h"
-#include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/model.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
@@ -21,120 +20,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
-
-// The loss of a batch with its derivatives in y. Threads may add different
-// samples.
-class BatchLoss {
- public:
-  BatchLoss(const std::shared_ptr<const Loss>& loss,
-            const DataSet& batch,
-            double scale,
-            bool hessians)
-      : loss_(loss),
-        batch_(batch),
-        scale_(scale),
-        values_(VectorXd::Zero(batch.num_samples())),
-        has_failed_(batch.num_samples(), 0),
-        gradients_(loss->size(), batch.num_samples()) {
-    if (!loss->forms_hessian() || loss->has_invariant()) {
-      outputs_.resize(loss->size(), batch.num_samples());
-    }
-    if (!loss->forms_hessian()) return;
-    if (hessians || !loss->SquaredNormFactor().has_value()) {
-      hessians_.resize(loss->size(), loss->size() * batch.num_samples());
-    }
-  }
-
-  // Adds the loss of sample s. Returns false if it has no finite value.
-  bool Add(int s, const VectorXd& y) {
-    auto gradient = gradients_.col(s);
-    double* const hessian = has_hessians() ? Hessian(s).data() : nullptr;
-    if (!loss_->Evaluate(y.data(),
-                         batch_.targets.col(s).data(),
-                         &values_[s],
-                         gradient.data(),
-                         hessian)) {
-      has_failed_[s] = 1;
-      return false;
-    }
-    if (outputs_.size() > 0) outputs_.col(s) = y;
-    gradient *= scale_;
-    if (has_hessians()) Hessian(s) *= scale_;
-    return true;
-  }
-
-  bool has_failed(int s) const { return has_failed_[s] != 0; }
-  // The sum over the samples, in their order.
-  double cost() const {
-    double cost = 0.0;
-    for (const double value : values_) cost += scale_ * value;
-    return cost;
-  }
-  const MatrixXd& gradients() const { return gradients_; }
-  // H_L of sample s.
-  Eigen::Block<MatrixXd, Eigen::Dynamic, Eigen::Dynamic, true> Hessian(int s) {
-    return hessians_.middleCols(s * loss_->size(), loss_->size());
-  }
-
-  // The model of the loss in y. Moves the Hessians and the outputs.
-  void MoveTo(Linearization* linearization) {
-    if (loss_->has_invariant()) {
-      linearization->loss_on_curve =
-          MakeLossOnCurve(loss_, outputs_, batch_.targets, scale_);
-    }
-    linearization->loss_hessian_times = TakeHessianTimes();
-  }
-
- private:
-  bool has_hessians() const { return hessians_.size() > 0; }
-
-  // v -> H_L v.
-  std::function<VectorXd(const VectorXd&)> TakeHessianTimes() {
-    if (const std::optional<double> factor = loss_->SquaredNormFactor()) {
-      const double c = 2.0 * *factor * scale_;
-      return [c](const VectorXd& v) -> VectorXd { return c * v; };
-    }
-    if (!loss_->forms_hessian()) return HessianProducts();
-    return [blocks = std::move(hessians_)](const VectorXd& v) {
-      CHECK_EQ(v.size(), blocks.cols());
-      const Eigen::Index size = blocks.rows();
-      VectorXd Hv(v.size());
-      for (Eigen::Index row = 0; row < v.size(); row += size) {
-        Hv.segment(row, size).noalias() =
-            blocks.middleCols(row, size) * v.segment(row, size);
-      }
-      return Hv;
-    };
-  }
-
-  std::function<VectorXd(const VectorXd&)> HessianProducts() {
-    return [loss = loss_,
-            outputs = std::move(outputs_),
-            targets = batch_.targets,
-            scale = scale_](const VectorXd& v) {
-      CHECK_EQ(v.size(), outputs.size());
-      const Eigen::Index size = outputs.rows();
-      VectorXd Hv(v.size());
-      for (Eigen::Index s = 0; s < outputs.cols(); ++s) {
-        Hv.segment(s * size, size) =
-            scale * loss->HessianTimes(outputs.col(s).data(),
-                                       targets.col(s).data(),
-                                       v.segment(s * size, size));
-      }
-      return Hv;
-    };
-  }
-
-  const std::shared_ptr<const Loss> loss_;
-  const DataSet& batch_;
-  const double scale_;
-  VectorXd values_;
-  std::vector<char> has_failed_;
-  MatrixXd gradients_;
-  MatrixXd hessians_;  // the blocks of H_L, side by side
-  // y, if the loss has only products with H_L or has an invariant.
-  MatrixXd outputs_;
-};
 
 // The message for a sample whose loss or simulator has failed.
 bool LinearizationError(const Simulator& simulator,
@@ -158,11 +43,13 @@ bool Model::CanLinearize(const LinearizationParts& parts,
         "that needs the gradient or the Jacobian";
     return false;
   }
-  if (!has_factors() || !loss_->forms_hessian()) {
-    *error =
-        "the exact Hessian needs a DenseNetwork, a simulator that forms its "
-        "Jacobian and a loss that forms its Hessian: choose a method that "
-        "needs the gradient or the Jacobian";
+  if (!(has_factors() || is_point_) || !loss_->forms_hessian()) {
+    const std::string chain =
+        is_point_ ? ""
+                  : "a DenseNetwork, a simulator that forms its Jacobian and ";
+    *error = "the exact Hessian needs " + chain +
+             "a loss that forms its Hessian: choose a method that needs the "
+             "gradient or the Jacobian";
     return false;
   }
   return CheckHasHessian(*simulator_, error);
@@ -180,6 +67,10 @@ bool Model::Linearize(const VectorXd& weights,
   linearization->loss_on_curve = nullptr;
   linearization->hessian.resize(0, 0);
   if (!CanLinearize(parts, error)) return false;
+  if (is_point_ &&
+      (parts.hessian || (parts.jacobian && simulator_->forms_jacobian()))) {
+    return LinearizeAtWeights(weights, batch, parts, linearization, error);
+  }
   if (parts.jacobian && !has_factors()) {
     return LinearizeByProducts(weights, batch, parts, linearization, error);
   }
@@ -294,8 +185,12 @@ bool Model::LinearizeByProducts(const VectorXd& weights,
   if (!CheckCost(loss.cost(), error)) return false;
   linearization->loss_gradient = loss.gradients().reshaped();
   loss.MoveTo(linearization);
-  linearization->jacobian = std::make_shared<ChainJacobian>(
-      network_, weights, std::move(pass), std::move(jacobians));
+  if (is_point_ && batch_size == 1) {
+    linearization->jacobian = std::move(jacobians[0]);
+  } else {
+    linearization->jacobian = std::make_shared<ChainJacobian>(
+        network_, weights, std::move(pass), std::move(jacobians));
+  }
   if (parts.gradient) {
     linearization->jacobian->TransposeTimes(linearization->loss_gradient,
                                             &linearization->gradient);

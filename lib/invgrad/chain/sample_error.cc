@@ -10,7 +10,10 @@ bool SampleError(const DataSet& batch,
                  int sample,
                  const std::string& what,
                  std::string* error) {
-  *error = fmt::format("sample {}: {}", batch.first_in_batch + sample, what);
+  const bool is_point = batch.inputs.rows() == 0 && batch.batch_size() == 1;
+  *error = is_point ? what
+                    : fmt::format(
+                          "sample {}: {}", batch.first_in_batch + sample, what);
   return false;
 }
 

@@ -11,9 +11,11 @@
 namespace invgrad {
 
 inline constexpr char kLossFailed[] = "the loss has no finite value";
+inline constexpr char kNoSecondDerivative[] =
+    "the simulator has no finite second derivative";
 
-// *error = "sample 3: what", where the number is that in the whole batch.
-// Returns false.
+// *error = "sample 3: what", where the number is that in the whole batch, or
+// "what" for a point problem, which has no sample. Returns false.
 bool SampleError(const DataSet& batch,
                  int sample,
                  const std::string& what,

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "ceres/types.h"
+#include "invgrad/ceres/model_cost.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/core/stored_jacobian.h"
 #include "invgrad/inverse/chain_pull_back.h"
@@ -17,6 +18,10 @@
 namespace invgrad {
 
 namespace {
+
+// The messages for a point without a finite value.
+constexpr char kNoOutputs[] = "the simulator has no finite value";
+constexpr char kNoLoss[] = "the loss has no finite value";
 
 bool CeresFitsInMemory(const Phase& phase,
                        const ceres::Solver::Options& options,
@@ -52,10 +57,11 @@ bool CeresFitsInMemory(const Phase& phase,
 class PullBackObjective final : public Objective {
  public:
   // `objective` holds the point.
-  PullBackObjective(ChainObjective* objective,
+  PullBackObjective(PointObjective* objective,
                     LossPullBack loss,
                     SimulatorPullBack simulator)
       : objective_(*objective),
+        target_(objective->target()),
         loss_(std::move(loss)),
         simulator_(std::move(simulator)) {}
 
@@ -64,13 +70,13 @@ class PullBackObjective final : public Objective {
                  Linearization* linearization,
                  std::string* error) const override {
     const Eigen::VectorXd x = objective_.State();
-    Eigen::VectorXd y(objective_.target().size());
+    Eigen::VectorXd y(target_.size());
     Eigen::VectorXd d_x(x.size());
     SimulatorPullBack::Result result;
     error->clear();
     const auto wanted_change = [&](const double* at, double* change) {
       return loss_.Step(
-          at, objective_.target().data(), &linearization->cost, change, error);
+          at, target_.data(), &linearization->cost, change, error);
     };
     if (!simulator_(x,
                     Eigen::VectorXd(),
@@ -78,7 +84,7 @@ class PullBackObjective final : public Objective {
                     y.data(),
                     d_x,
                     &result,
-                    loss_.Lowered(objective_.target().data()))) {
+                    loss_.Lowered(target_.data()))) {
       if (error->empty()) *error = kNoOutputs;
       return false;
     }
@@ -119,7 +125,8 @@ class PullBackObjective final : public Objective {
   const PullBackCounts& counts() const { return counts_; }
 
  private:
-  ChainObjective& objective_;
+  PointObjective& objective_;
+  const Eigen::VectorXd target_;
   LossPullBack loss_;
   SimulatorPullBack simulator_;
   mutable PullBackCounts counts_;
@@ -128,7 +135,7 @@ class PullBackObjective final : public Objective {
 // Returns false, with summary and path of the failure, if the cost is not
 // finite at the start. Ceres only checks the residuals, whose squares may
 // overflow.
-bool HasStart(const ChainObjective& objective,
+bool HasStart(const PointObjective& objective,
               std::vector<Eigen::VectorXd>* path,
               MinimizerSummary* summary) {
   double cost = 0.0;
@@ -160,26 +167,26 @@ class PathRecorder final : public ceres::IterationCallback {
 void MinimizeByRule(const Phase& phase,
                     const MinimizerOptions& options,
                     std::shared_ptr<const InverseSimulator> inverse,
-                    ChainObjective* objective,
+                    PointObjective* objective,
                     std::vector<Eigen::VectorXd>* path,
                     MinimizerSummary* summary) {
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
   // The objective that the rule linearizes.
   Objective* seen = objective;
-  std::optional<ChainObjective> joint;
+  std::optional<PointObjective> joint;
   std::optional<PullBackObjective> pulled_back;
   if (phase.pull_back.has_value()) {
     const PullBackMethod& ways = *phase.pull_back;
     if (ways.is_joint()) {
-      seen = &joint.emplace(objective->shared_simulator(),
-                            ways.MakeLoss(objective->shared_loss()),
+      seen = &joint.emplace(objective->model().shared_simulator(),
+                            ways.MakeLoss(objective->model().shared_loss()),
                             objective->target(),
                             objective->State());
     } else {
       seen = &pulled_back.emplace(
           objective,
-          ways.MakeLossPullBack(objective->shared_loss()),
-          ways.MakeSimulatorPullBack(objective->shared_simulator(),
+          ways.MakeLossPullBack(objective->model().shared_loss()),
+          ways.MakeSimulatorPullBack(objective->model().shared_simulator(),
                                      std::move(inverse)));
     }
   }
@@ -197,12 +204,12 @@ void MinimizeByRule(const Phase& phase,
 
 // False, with *error set, if the phase cannot minimize the objective.
 bool IsForPoints(const Phase& phase,
-                 const ChainObjective& objective,
+                 const PointObjective& objective,
                  std::string* error) {
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
   if (!phase.pull_back.has_value() || phase.pull_back->is_joint()) {
-    return rule == nullptr || !rule->Needs().hessian ||
-           CheckHasHessian(objective.simulator(), error);
+    return rule == nullptr ||
+           objective.model().CanLinearize(rule->Needs(), error);
   }
   if (phase.pull_back->needs_solutions()) {
     *error = "a point has no data to learn from";
@@ -213,7 +220,7 @@ bool IsForPoints(const Phase& phase,
         "the rule judges its steps by a cost (control=gain, hessian_free), and "
         "the change that is pulled back to a point has none";
   } else {
-    return phase.pull_back->CanPullBack(objective.simulator(), error);
+    return phase.pull_back->CanPullBack(objective.model().simulator(), error);
   }
   return false;
 }
@@ -297,7 +304,7 @@ bool MinimizeProblem(
 bool MinimizeByMethod(const Method& method,
                       const MinimizerOptions& options,
                       std::shared_ptr<const InverseSimulator> inverse,
-                      ChainObjective* objective,
+                      PointObjective* objective,
                       std::vector<Eigen::VectorXd>* path,
                       MinimizerSummary* summary,
                       std::string* error) {
@@ -320,14 +327,17 @@ bool MinimizeByMethod(const Method& method,
     // A line search uses the gradient and no Jacobian, which may be large.
     if (!HasStart(*objective, path, summary)) return true;
     MinimizeWithCeres(
-        recorded, ceres_options, new ChainFunction(objective), &x, summary);
-  } else if (!objective->loss().SquaredNormFactor().has_value()) {
+        recorded,
+        ceres_options,
+        new ModelFunction(&objective->model(), &objective->data()),
+        &x,
+        summary);
+  } else if (!objective->model().loss().SquaredNormFactor().has_value()) {
     *error = kNeedsLeastSquares;
     return false;
   } else {
     ceres::Problem problem;
-    problem.AddResidualBlock(
-        new ChainCostFunction(objective), nullptr, x.data());
+    AddModelToProblem(&objective->model(), &objective->data(), &x, &problem);
     if (!HasStart(*objective, path, summary)) return true;
     if (!MinimizeProblem(method,
                          recorded,

@@ -24,8 +24,8 @@
 #include "invgrad/ceres/update_callback.h"
 #include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/methods/method.h"
-#include "invgrad/minimize/chain_objective.h"
 #include "invgrad/minimize/minimizer.h"
+#include "invgrad/minimize/point_objective.h"
 
 namespace invgrad {
 
@@ -64,7 +64,7 @@ bool TakesProposals(const Phase& phase,
 bool MinimizeByMethod(const Method& method,
                       const MinimizerOptions& options,
                       std::shared_ptr<const InverseSimulator> inverse,
-                      ChainObjective* objective,
+                      PointObjective* objective,
                       std::vector<Eigen::VectorXd>* path,
                       MinimizerSummary* summary,
                       std::string* error);

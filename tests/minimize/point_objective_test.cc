@@ -1,4 +1,4 @@
-#include "invgrad/minimize/chain_objective.h"
+#include "invgrad/minimize/point_objective.h"
 
 #include <cmath>
 #include <memory>
@@ -6,13 +6,15 @@
 #include "ceres/gradient_checker.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/ceres/model_cost.h"
 #include "invgrad/chain/autodiff_loss.h"
 #include "invgrad/chain/autodiff_simulator.h"
 #include "invgrad/chain/field_simulator.h"
+#include "invgrad/core/jacobian_operator.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {
-namespace chain_objective_test {
+namespace point_objective_test {
 
 // y = (x0 sin x1, x0^2 + x1, exp(x1)): more outputs than inputs.
 struct Curved {
@@ -27,15 +29,15 @@ struct Curved {
   }
 };
 
-ChainObjective MakeObjective(double factor) {
-  return ChainObjective(std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
+PointObjective MakeObjective(double factor) {
+  return PointObjective(std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
                         std::make_shared<SquaredNormLoss>(3, factor),
                         Eigen::Vector3d(0.3, -0.2, 1.5),
                         Eigen::Vector2d(0.7, -0.4));
 }
 
-double CostAt(const ChainObjective& objective, const Eigen::Vector2d& x) {
-  ChainObjective copy = objective;
+double CostAt(const PointObjective& objective, const Eigen::Vector2d& x) {
+  PointObjective copy = objective;
   copy.SetState(x);
   double cost = 0.0;
   std::string error;
@@ -43,8 +45,8 @@ double CostAt(const ChainObjective& objective, const Eigen::Vector2d& x) {
   return cost;
 }
 
-TEST(ChainObjective, GradientAndHessianAreThoseOfTheCost) {
-  const ChainObjective objective = MakeObjective(1.0);
+TEST(PointObjective, GradientAndHessianAreThoseOfTheCost) {
+  const PointObjective objective = MakeObjective(1.0);
   LinearizationParts parts;
   parts.gradient = parts.jacobian = parts.hessian = true;
   Linearization at_x;
@@ -77,9 +79,9 @@ TEST(ChainObjective, GradientAndHessianAreThoseOfTheCost) {
   EXPECT_LT((at_x.loss_hessian_times(v) - 2.0 * v).norm(), 1e-14);
 }
 
-TEST(ChainObjective, HasACurveIfTheOutputsKeepTheirNorm) {
-  const ChainObjective squares = MakeObjective(1.0);
-  const ChainObjective objective(
+TEST(PointObjective, HasACurveIfTheOutputsKeepTheirNorm) {
+  const PointObjective squares = MakeObjective(1.0);
+  const PointObjective objective(
       std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
       std::make_shared<RealInfidelity<3>>(),
       squares.target(),
@@ -100,12 +102,11 @@ TEST(ChainObjective, HasACurveIfTheOutputsKeepTheirNorm) {
   EXPECT_EQ(at_x.loss_on_curve, nullptr);
 }
 
-TEST(ChainObjective, AsACeresProblemHasTheSameCostAndGradient) {
-  const ChainObjective objective = MakeObjective(0.7);
+TEST(PointObjective, AsACeresProblemHasTheSameCostAndGradient) {
+  const PointObjective objective = MakeObjective(0.7);
   Eigen::VectorXd x = objective.State();
   ceres::Problem problem;
-  problem.AddResidualBlock(
-      new ChainCostFunction(&objective), nullptr, x.data());
+  AddModelToProblem(&objective.model(), &objective.data(), &x, &problem);
   double cost = 0.0;
   std::vector<double> gradient;
   ASSERT_TRUE(problem.Evaluate(
@@ -119,7 +120,7 @@ TEST(ChainObjective, AsACeresProblemHasTheSameCostAndGradient) {
   EXPECT_NEAR(gradient[0], at_x.gradient[0], 1e-13);
   EXPECT_NEAR(gradient[1], at_x.gradient[1], 1e-13);
 
-  ChainFunction function(&objective);
+  const ModelFunction function(&objective.model(), &objective.data());
   double function_cost = 0.0;
   Eigen::Vector2d function_gradient;
   ASSERT_TRUE(
@@ -128,9 +129,9 @@ TEST(ChainObjective, AsACeresProblemHasTheSameCostAndGradient) {
   EXPECT_EQ(function_gradient, Eigen::Vector2d(at_x.gradient));
 }
 
-TEST(ChainObjective, CostFunctionPassesTheGradientChecker) {
-  const ChainObjective objective = MakeObjective(0.7);
-  const ChainCostFunction cost_function(&objective);
+TEST(PointObjective, CostFunctionPassesTheGradientChecker) {
+  const PointObjective objective = MakeObjective(0.7);
+  const ModelCostFunction cost_function(&objective.model(), &objective.data());
   const Eigen::VectorXd x = objective.State();
   const double* parameters[] = {x.data()};
   std::vector<const ceres::Manifold*>* no_manifolds = nullptr;
@@ -167,9 +168,9 @@ class CountingSimulator final : public Simulator {
   AutoDiffSimulator<Curved, 2, 3> simulator_;
 };
 
-TEST(ChainObjective, AGradientAloneNeedsNoJacobian) {
+TEST(PointObjective, AGradientAloneNeedsNoJacobian) {
   const auto simulator = std::make_shared<CountingSimulator>();
-  const ChainObjective objective(simulator,
+  const PointObjective objective(simulator,
                                  std::make_shared<SquaredNormLoss>(3, 0.7),
                                  Eigen::Vector3d(0.3, -0.2, 1.5),
                                  Eigen::Vector2d(0.7, -0.4));
@@ -209,9 +210,9 @@ class PlainSquaredNorm final : public Loss {
   SquaredNormLoss loss_;
 };
 
-TEST(ChainObjective, ASquaredNormNeedsNoHessianOfTheLoss) {
-  const ChainObjective implied = MakeObjective(0.7);
-  const ChainObjective written(
+TEST(PointObjective, ASquaredNormNeedsNoHessianOfTheLoss) {
+  const PointObjective implied = MakeObjective(0.7);
+  const PointObjective written(
       std::make_shared<AutoDiffSimulator<Curved, 2, 3>>(),
       std::make_shared<PlainSquaredNorm>(0.7),
       implied.target(),
@@ -239,15 +240,15 @@ struct Bounded {
   }
 };
 
-TEST(ChainObjective, ReportsWhereThePhysicsHasNoValue) {
-  ChainObjective objective(std::make_shared<AutoDiffSimulator<Bounded, 1, 1>>(),
+TEST(PointObjective, ReportsWhereThePhysicsHasNoValue) {
+  PointObjective objective(std::make_shared<AutoDiffSimulator<Bounded, 1, 1>>(),
                            std::make_shared<SquaredNormLoss>(1, 1.0),
                            Eigen::VectorXd::Zero(1),
                            Eigen::VectorXd::Constant(1, 2.0));
   double cost = 0.0;
   std::string error;
   EXPECT_FALSE(objective.Cost(&cost, &error));
-  EXPECT_EQ(error, "the simulator has no finite value at x");
+  EXPECT_EQ(error, "the simulator has no finite value");
   Linearization at_x;
   for (const bool jacobian : {false, true}) {
     LinearizationParts parts;
@@ -255,7 +256,7 @@ TEST(ChainObjective, ReportsWhereThePhysicsHasNoValue) {
     parts.jacobian = jacobian;
     error.clear();
     EXPECT_FALSE(objective.Linearize(parts, &at_x, &error));
-    EXPECT_EQ(error, "the simulator has no finite value at x");
+    EXPECT_EQ(error, "the simulator has no finite value");
   }
   EXPECT_FALSE(objective.Linearize(LinearizationParts(), &at_x, &error));
   EXPECT_EQ(objective.Outputs().size(), 0);
@@ -271,8 +272,8 @@ struct LogLoss {
   }
 };
 
-TEST(ChainObjective, ReportsWhereTheLossHasNoValue) {
-  const ChainObjective objective(std::make_shared<IdentitySimulator>(1),
+TEST(PointObjective, ReportsWhereTheLossHasNoValue) {
+  const PointObjective objective(std::make_shared<IdentitySimulator>(1),
                                  std::make_shared<AutoDiffLoss<LogLoss, 1>>(),
                                  Eigen::VectorXd::Zero(1),
                                  Eigen::VectorXd::Constant(1, -1.0));
@@ -283,12 +284,12 @@ TEST(ChainObjective, ReportsWhereTheLossHasNoValue) {
     Linearization at_x;
     std::string error;
     EXPECT_FALSE(objective.Linearize(parts, &at_x, &error));
-    EXPECT_EQ(error, "the loss has no finite value at y");
+    EXPECT_EQ(error, "the loss has no finite value");
   }
 }
 
-TEST(ChainObjective, RefusesAStepThatIsNotFinite) {
-  ChainObjective objective = MakeObjective(1.0);
+TEST(PointObjective, RefusesAStepThatIsNotFinite) {
+  PointObjective objective = MakeObjective(1.0);
   const Eigen::VectorXd before = objective.State();
   EXPECT_FALSE(objective.Plus(Eigen::Vector2d(NAN, 1.0)));
   EXPECT_EQ(objective.State(), before);
@@ -321,8 +322,8 @@ class Products final : public FieldSimulator {
   }
 };
 
-TEST(ChainObjective, AFieldSimulatorGivesItsProductsAndNoMatrix) {
-  ChainObjective objective(std::make_shared<Products>(),
+TEST(PointObjective, AFieldSimulatorGivesItsProductsAndNoMatrix) {
+  PointObjective objective(std::make_shared<Products>(),
                            std::make_shared<SquaredNormLoss>(2, 0.5),
                            Eigen::Vector2d(1.0, -1.0),
                            Eigen::Vector3d(2.0, 3.0, 4.0));
@@ -340,8 +341,8 @@ TEST(ChainObjective, AFieldSimulatorGivesItsProductsAndNoMatrix) {
 
   objective.SetState(Eigen::Vector3d(1e200, 1e200, 1.0));
   EXPECT_FALSE(objective.Linearize(parts, &at_x, &error));
-  EXPECT_EQ(error, kNoOutputs);
+  EXPECT_EQ(error, "the simulator has no finite value");
 }
 
-}  // namespace chain_objective_test
+}  // namespace point_objective_test
 }  // namespace invgrad
