@@ -7,9 +7,10 @@ Sample runs:
   bench --benchmark_filter=^training/ --problem=oscillator_chain --rules=adam,sip
   bench --benchmark_filter=^covariance/ --input=M3500.g2o
   bench --benchmark_filter=^fits/ --benchmark_list_tests
+  bench --benchmark_filter=^step/cubic_chain/gram --blas_threads=2
 
-Google Benchmark (its flags: bench --help) with one BLAS thread. Benchmarks are
-named SUBJECT[/CASE]/METHOD; sources: bin/bench/.
+Google Benchmark (its flags: bench --help), by default with one BLAS thread.
+Benchmarks are named SUBJECT[/CASE]/METHOD; sources: bin/bench/.
 
   step        the linear algebra of a half-inverse step, beside full SVDs
   jacobian    network and simulator, beside automatic differentiation
@@ -42,11 +43,13 @@ memory that the process had.
 #include "bin/support/ranks.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
+#include "invgrad/core/blas_threads.h"
 
 DEFINE_string(input,
               "",
               "files of real data, as of estimate, comma-separated: for "
               "covariance and callback");
+DEFINE_int32(blas_threads, 1, "threads of the linear algebra");
 
 namespace invgrad {
 namespace {
@@ -122,7 +125,11 @@ bool AddBenchmarks(std::string* error) {
 }
 
 bool Run(RunCounts* counts, std::string* error) {
-  if (!AddBenchmarks(error)) return false;
+  if (!CheckFlags({{"blas_threads", {1.0, 256.0}}}, error) ||
+      !AddBenchmarks(error)) {
+    return false;
+  }
+  SetBlasThreads(FLAGS_blas_threads);
   RatioReporter reporter;
   if (benchmark::RunSpecifiedBenchmarks(&reporter) == 0) {
     *error =

@@ -2,7 +2,7 @@
 Compares methods on one problem: same start, same data, same budget. A method
 is an update rule; LOSS/SIMULATOR/RULE, a rule with pull-backs through loss
 and simulator (sip is newton/inverse/adam); a minimizer of Ceres; or a sequence
-of phases, separated by ">": lib/invgrad/methods/method.h.
+of phases, separated by ">": lib/invgrad/method.h.
 
 Sample runs:
 
@@ -41,9 +41,9 @@ keeps the results so far.
 #include "bin/support/training_flags.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/blas_threads.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "problems/problems.h"
 
 DEFINE_bool(list, false, "print the problems and methods with their options");

@@ -25,8 +25,9 @@ Sample runs:
 #include "ceres/solver.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 #include "problems/estimation/more_garbow_hillstrom.h"
 #include "report/table.h"
 

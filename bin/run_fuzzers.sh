@@ -24,8 +24,8 @@ case "${1:-}" in
     ;;
 esac
 
-install_missing clang libclang-rt-dev libeigen3-dev libgoogle-glog-dev libbz2-dev \
-  libfmt-dev
+install_missing clang libclang-rt-dev libeigen3-dev libceres-dev \
+  libgoogle-glog-dev libbz2-dev libfmt-dev
 
 fuzz_dir="$root/build/fuzz"
 mkdir -p "$fuzz_dir"

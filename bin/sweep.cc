@@ -49,7 +49,7 @@ remark if it is the smallest or largest one.
 #include "bin/sweep/results.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/blas_threads.h"
 #include "report/interrupt.h"
 #include "report/progress.h"
 

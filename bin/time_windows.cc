@@ -18,7 +18,7 @@ others.
   DIR/solution.png       u*, u and the error
 */
 
-#include "invgrad/equations/time_windows.h"
+#include "invgrad/time_windows.h"
 
 #include <cmath>
 #include <string>
@@ -32,8 +32,8 @@ others.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/io/format.h"
-#include "invgrad/io/npy.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
+#include "invgrad/npy.h"
 #include "problems/equations/evolutions.h"
 #include "report/interrupt.h"
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "glog/logging.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/loss.h"
 #include "problems/fields/advection.h"
 #include "problems/fields/diffusion.h"
 

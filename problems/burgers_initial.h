@@ -27,7 +27,7 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/field_simulator.h"
+#include "invgrad/field_simulator.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -24,8 +24,8 @@
 #include <optional>
 #include <string>
 
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "fmt/core.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 

@@ -37,7 +37,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/inverse_simulator.h"
 #include "problems/spectral_diffusion.h"
 
 namespace invgrad {

@@ -23,8 +23,9 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/linear_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/problem.h"
 
 namespace invgrad {

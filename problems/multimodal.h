@@ -21,8 +21,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

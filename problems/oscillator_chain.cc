@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "fmt/core.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/time_stepping_simulator.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

@@ -33,8 +33,8 @@
 #include <string>
 
 #include "fmt/core.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/trajectory_simulator.h"
+#include "invgrad/internal/trajectory_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/oscillator_chain.h"
 #include "problems/sample_data.h"
 

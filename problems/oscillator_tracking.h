@@ -43,8 +43,8 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/trajectory_simulator.h"
+#include "invgrad/internal/trajectory_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/oscillator_chain.h"
 #include "problems/sample_data.h"
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "glog/logging.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/loss.h"
 #include "problems/fields/advection.h"
 
 namespace invgrad {

@@ -36,7 +36,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/field_simulator.h"
+#include "invgrad/field_simulator.h"
 #include "problems/fields/velocity_grid.h"
 #include "problems/problem.h"
 

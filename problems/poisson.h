@@ -40,9 +40,9 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "fmt/core.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/linear_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

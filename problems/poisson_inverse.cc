@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/core/scratch.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/internal/scratch.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 #include "problems/fields/fourier_grid.h"
 
 namespace invgrad {

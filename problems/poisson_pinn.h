@@ -52,10 +52,10 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/core/memory_limit.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

@@ -1,8 +1,8 @@
 #include "problems/problem.h"
 
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/point_objective.h"
-#include "invgrad/train/train.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 namespace invgrad {
 

@@ -23,13 +23,12 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/data_source.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/model.h"
-#include "invgrad/core/option_set.h"
-#include "invgrad/inverse/inverse_simulator.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/data.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/model.h"
+#include "invgrad/option_set.h"
+#include "invgrad/rules.h"
 
 namespace invgrad {
 

@@ -3,6 +3,7 @@
 #include <type_traits>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "problems/burgers_initial.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"

@@ -43,9 +43,9 @@
 
 #include "Eigen/Core"
 #include "fmt/core.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 #include "problems/sample_data.h"
 #include "problems/schroedinger.h"
 

@@ -7,10 +7,9 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/simulator.h"
-#include "invgrad/io/numpy_generator.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/core/memory_limit.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 

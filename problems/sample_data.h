@@ -7,7 +7,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_set.h"
+#include "invgrad/data.h"
 #include "problems/problem.h"
 
 namespace invgrad {

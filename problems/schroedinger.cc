@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "glog/logging.h"
-#include "invgrad/chain/lanes.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/internal/lanes.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 

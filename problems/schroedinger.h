@@ -39,7 +39,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

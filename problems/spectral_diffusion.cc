@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "glog/logging.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 

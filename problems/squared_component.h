@@ -19,8 +19,8 @@
 #include <optional>
 #include <string>
 
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -23,8 +23,8 @@
 #include <string>
 
 #include "fmt/core.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/linear_simulator.h"
+#include "invgrad/loss.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -10,7 +10,7 @@
 
 #include "benchmark/benchmark.h"
 #include "gflags/gflags.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "problems/problem.h"
 
 DECLARE_string(input);

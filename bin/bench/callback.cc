@@ -19,7 +19,7 @@
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
-#include "invgrad/ceres/update_callback.h"
+#include "invgrad/update_callback.h"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/bundle_adjustment.h"
 

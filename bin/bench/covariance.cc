@@ -24,8 +24,8 @@
 #include "bin/support/program.h"
 #include "ceres/problem.h"
 #include "fmt/core.h"
-#include "invgrad/covariance/covariance.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/covariance.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "problems/estimation/estimation.h"
 

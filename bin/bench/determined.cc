@@ -19,8 +19,8 @@
 #include "benchmark/benchmark.h"
 #include "bin/bench/bench.h"
 #include "glog/logging.h"
-#include "invgrad/degeneracy/determined_step.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/determined_step.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

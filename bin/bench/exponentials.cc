@@ -24,10 +24,10 @@
 #include "ceres/problem.h"
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/separable/separable_problem.h"
+#include "invgrad/random.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 namespace {

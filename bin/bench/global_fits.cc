@@ -19,9 +19,9 @@
 #include "ceres/solver.h"
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/fit/fit_global.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/separable/separable_problem.h"
+#include "invgrad/fit_global.h"
+#include "invgrad/random.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 namespace {

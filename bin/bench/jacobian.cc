@@ -15,8 +15,8 @@
 #include "ceres/dynamic_autodiff_cost_function.h"
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/chain/network_functor.h"
 #include "invgrad/chain/network_jacobian.h"
+#include "invgrad/dense_network.h"
 #include "problems/oscillator_chain.h"
 
 namespace invgrad {

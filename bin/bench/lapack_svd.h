@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #include "Eigen/Core"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

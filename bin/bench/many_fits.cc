@@ -27,8 +27,8 @@
 #include "ceres/tiny_solver.h"
 #include "ceres/tiny_solver_autodiff_function.h"
 #include "fmt/core.h"
-#include "invgrad/fit/fit_many.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/fit_many.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

@@ -28,10 +28,10 @@
 #include "bin/support/learning_run.h"
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/small_svd.h"
+#include "invgrad/internal/blas.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/golub_kahan.h"
-#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 namespace {

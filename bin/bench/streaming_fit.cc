@@ -29,8 +29,8 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "fmt/core.h"
-#include "invgrad/fit/fit_streaming.h"
-#include "invgrad/fit/streaming_gram.h"
+#include "invgrad/fit_many.h"
+#include "invgrad/internal/streaming_gram.h"
 
 namespace invgrad {
 namespace {

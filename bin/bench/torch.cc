@@ -14,8 +14,8 @@
 #include "bin/support/learning_run.h"
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/torch/torch_network.h"
 #include "invgrad/torch/u_net_module.h"
+#include "invgrad/torch_network.h"
 
 namespace invgrad {
 namespace {

@@ -18,7 +18,7 @@
 #include "invgrad/core/finite.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "report/interrupt.h"
 #include "report/table.h"
 

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "bin/support/program.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {

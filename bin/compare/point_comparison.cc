@@ -10,7 +10,7 @@
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
 #include "invgrad/io/format.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
 #include "report/table.h"

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "bin/support/program.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "problems/problem.h"
 

@@ -25,7 +25,7 @@
 
 #include "bin/support/program.h"
 #include "gflags/gflags.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "problems/estimation/estimation.h"
 
 // Defined in estimate.cc, because compare has flags of the same names.

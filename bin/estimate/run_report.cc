@@ -1,7 +1,7 @@
 #include "bin/estimate/run_report.h"
 
 #include "fmt/core.h"
-#include "invgrad/json/to_json.h"
+#include "invgrad/to_json.h"
 #include "nlohmann/json.hpp"
 
 namespace invgrad {

@@ -7,9 +7,9 @@
 #include <string>
 
 #include "ceres/problem.h"
-#include "invgrad/covariance/covariance.h"
-#include "invgrad/minimize/minimizer.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/covariance.h"
+#include "invgrad/minimize.h"
+#include "invgrad/rank_report.h"
 #include "problems/estimation/estimation.h"
 
 namespace invgrad {

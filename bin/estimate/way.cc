@@ -1,7 +1,7 @@
 #include "bin/estimate/way.h"
 
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/separable/separable_problem.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 

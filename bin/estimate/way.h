@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "ceres/problem.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/minimize/minimizer.h"
+#include "invgrad/method.h"
+#include "invgrad/minimize.h"
 #include "problems/estimation/estimation.h"
 
 namespace invgrad {

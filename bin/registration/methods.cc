@@ -6,8 +6,8 @@
 #include "bin/support/program.h"
 #include "ceres/solver.h"
 #include "fmt/core.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 
 namespace invgrad {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "ceres/problem.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

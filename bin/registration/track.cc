@@ -6,8 +6,8 @@
 
 #include "Eigen/Dense"
 #include "ceres/problem.h"
-#include "invgrad/degeneracy/determined_step.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/determined_step.h"
+#include "invgrad/random.h"
 #include "problems/registration/alignment.h"
 #include "report/interrupt.h"
 

@@ -16,7 +16,7 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

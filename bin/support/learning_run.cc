@@ -10,7 +10,7 @@
 #include "bin/support/run_directory.h"
 #include "fmt/core.h"
 #include "invgrad/io/format.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/problems.h"
 
 namespace invgrad {

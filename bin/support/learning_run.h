@@ -21,8 +21,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/neuron_statistics.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/train/train.h"
+#include "invgrad/method.h"
+#include "invgrad/train.h"
 #include "problems/problem.h"
 #include "report/table.h"
 

@@ -6,10 +6,10 @@
 
 #include "bin/support/run_directory.h"
 #include "fmt/ranges.h"
-#include "invgrad/chain/network_file.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 
 namespace invgrad {
 namespace {

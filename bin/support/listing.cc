@@ -5,7 +5,7 @@
 #include "fmt/core.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 #include "problems/estimation/nist_models.h"
 #include "problems/problems.h"
 #include "report/table.h"

@@ -8,7 +8,7 @@
 #include "bin/support/counted_simulator.h"
 #include "bin/support/live_run.h"
 #include "bin/support/run_output.h"
-#include "fmt/format.h"
+#include "fmt/ranges.h"
 #include "invgrad/core/memory_limit.h"
 
 namespace invgrad {

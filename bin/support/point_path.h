@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "problems/problem.h"
 

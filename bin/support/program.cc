@@ -18,8 +18,8 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/blas_threads.h"
 #include "invgrad/core/blas_kernels.h"
-#include "invgrad/core/blas_threads.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/version.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "gflags/gflags.h"
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 
 namespace invgrad {
 

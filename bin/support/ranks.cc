@@ -23,7 +23,7 @@
 #ifdef INVGRAD_MPI
 #include <mpi.h>
 
-#include "invgrad/mpi/mpi_communicator.h"
+#include "invgrad/mpi.h"
 #endif
 
 namespace invgrad {

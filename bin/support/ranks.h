@@ -13,7 +13,7 @@
 
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 
 namespace invgrad {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bin/support/run_directory.h"
-#include "invgrad/train/history.h"
+#include "invgrad/train.h"
 #include "report/plot.h"
 #include "report/table.h"
 

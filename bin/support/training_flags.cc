@@ -7,7 +7,8 @@
 
 #include "bin/support/program.h"
 #include "fmt/core.h"
-#include "invgrad/core/option_set.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/option_set.h"
 #include "problems/torch/torch_networks.h"
 
 DEFINE_string(hidden,

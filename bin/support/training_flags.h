@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "gflags/gflags.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "problems/problem.h"
 
 DECLARE_int32(epochs);

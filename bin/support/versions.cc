@@ -5,8 +5,8 @@
 #include "Eigen/Core"
 #include "ceres/version.h"
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/version.h"
 
 namespace invgrad {

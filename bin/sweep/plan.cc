@@ -9,6 +9,7 @@
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
+#include "invgrad/core/specification.h"
 #include "problems/problems.h"
 
 namespace invgrad {

@@ -25,7 +25,7 @@
 #include <vector>
 
 #include "bin/support/training_flags.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -28,9 +28,9 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "glog/logging.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/io/numpy_generator.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 
 namespace {
 

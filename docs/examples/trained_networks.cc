@@ -44,10 +44,10 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "glog/logging.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 namespace {
 

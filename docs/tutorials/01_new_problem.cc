@@ -22,10 +22,10 @@
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/gradient_checker.h"
 #include "gflags/gflags.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 DEFINE_string(rules,
               "gradient_descent:step_size=3e-2,"

@@ -23,9 +23,9 @@
 #include <string>
 
 #include "01_flight.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

@@ -19,11 +19,10 @@
 
 #include "Eigen/Core"
 #include "gflags/gflags.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/io/format.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 // [rules]
 DEFINE_string(rules,
@@ -104,7 +103,10 @@ DataSet DrawTargets(int num_samples, NumpyRandom* random) {
 
 // "-" for methods that invert nothing.
 std::string CountText(double count) {
-  return std::isnan(count) ? "-" : invgrad::FormatNumber(count, 7);
+  if (std::isnan(count)) return "-";
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.7g", count);
+  return text;
 }
 
 }  // namespace

@@ -14,8 +14,7 @@
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "invgrad/rank/gauge.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 namespace {
 

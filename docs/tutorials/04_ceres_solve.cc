@@ -31,10 +31,10 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 // [includes]
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 // [/includes]
 
 DEFINE_string(rules,

@@ -26,11 +26,10 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/time_stepping_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/io/numpy_generator.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/random.h"
+#include "invgrad/time_stepping_simulator.h"
+#include "invgrad/train.h"
 
 DEFINE_string(rules,
               "adam:step_size=3e-2:schedule=cosine,"

@@ -25,12 +25,12 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "glog/logging.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/minimize/minimizer.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/minimize.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
+#include "invgrad/update_callback.h"
 // [/includes]
 
 namespace {

@@ -12,9 +12,9 @@
 #include <memory>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/train.h"
 
 namespace {
 

@@ -16,10 +16,10 @@
 
 #include "Eigen/Core"
 #include "glog/logging.h"
-#include "invgrad/chain/field_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/torch/torch_network.h"
-#include "invgrad/train/train.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/field_simulator.h"
+#include "invgrad/torch_network.h"
+#include "invgrad/train.h"
 
 namespace {
 

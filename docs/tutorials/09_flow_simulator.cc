@@ -19,12 +19,12 @@
 #include "Eigen/Core"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/chain/field_simulator.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/field_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/method.h"
+#include "invgrad/minimize.h"
+#include "invgrad/point_objective.h"
 
 DEFINE_double(seconds, 1.0, "time of each rule");
 DEFINE_string(rules,

@@ -18,11 +18,10 @@
 
 #include "Eigen/Core"
 #include "gflags/gflags.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/equations/equation.h"
-#include "invgrad/equations/value_residual.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/equation.h"
+#include "invgrad/train.h"
 
 DEFINE_int32(steps, 300, "training steps");
 

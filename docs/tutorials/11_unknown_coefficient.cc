@@ -19,14 +19,12 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/equations/equation.h"
-#include "invgrad/equations/equation_cost.h"
-#include "invgrad/equations/value_residual.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/minimizer.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/equation.h"
+#include "invgrad/minimize.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
 
 DEFINE_double(deviation, 0.01, "of the measurements' errors");
 DEFINE_int32(seed, 1, "of the measurements and of the initial weights");

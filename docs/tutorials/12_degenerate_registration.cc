@@ -26,10 +26,10 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/degeneracy/determined_step.h"
-#include "invgrad/io/numpy_generator.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/determined_step.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 
 DEFINE_double(length,
               0.0,

@@ -17,8 +17,8 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
-#include "invgrad/covariance/covariance.h"
-#include "invgrad/json/to_json.h"
+#include "invgrad/covariance.h"
+#include "invgrad/to_json.h"
 #include "nlohmann/json.hpp"
 
 namespace {

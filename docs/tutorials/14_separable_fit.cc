@@ -18,10 +18,9 @@
 #include "ceres/loss_function.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
-#include "invgrad/fit/fit_global.h"
-#include "invgrad/rank/rank_report.h"
-#include "invgrad/separable/linear_parameters.h"
-#include "invgrad/separable/separable_problem.h"
+#include "invgrad/fit_global.h"
+#include "invgrad/rank_report.h"
+#include "invgrad/separable.h"
 
 namespace {
 

@@ -13,11 +13,11 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/simulator.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/linear_simulator.h"
+#include "invgrad/simulator.h"
+#include "invgrad/train.h"
 
 namespace {
 

@@ -1,6 +1,7 @@
 # cmake --install, and the Debian package libinvgrad-dev by `cpack -G DEB`.
 #
-#   include/invgrad/              the headers, and no header elsewhere
+#   include/invgrad/              the public headers, those of lib/invgrad itself,
+#                                 and in internal/ what they include
 #   lib/libinvgrad.a              and libinvgrad_torch.a, libinvgrad_mpi.a, if
 #                                 they are built; .so with BUILD_SHARED_LIBS
 #   lib/cmake/invgrad/            find_package(invgrad)
@@ -17,14 +18,18 @@ set(pkgconfig_dir ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
 install(TARGETS invgrad EXPORT invgradTargets
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-install(DIRECTORY lib/invgrad DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-  FILES_MATCHING PATTERN "*.h" PATTERN torch EXCLUDE PATTERN mpi EXCLUDE)
+file(GLOB public_headers CONFIGURE_DEPENDS lib/invgrad/*.h)
+file(GLOB internal_headers CONFIGURE_DEPENDS lib/invgrad/internal/*.h)
+list(FILTER public_headers EXCLUDE REGEX "/(torch_network|mpi)\\.h$")
+install(FILES ${public_headers}
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad)
+install(FILES ${internal_headers}
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad/internal)
 if(TARGET invgrad_torch)
   install(TARGETS invgrad_torch EXPORT invgradTorchTargets
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-  install(DIRECTORY lib/invgrad/torch
-    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad
-    FILES_MATCHING PATTERN "*.h")
+  install(FILES lib/invgrad/torch_network.h
+    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad)
   install(EXPORT invgradTorchTargets NAMESPACE invgrad::
     DESTINATION ${config_dir})
 endif()
@@ -32,9 +37,8 @@ endif()
 if(TARGET invgrad_mpi)
   install(TARGETS invgrad_mpi EXPORT invgradMpiTargets
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
-  install(DIRECTORY lib/invgrad/mpi
-    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad
-    FILES_MATCHING PATTERN "*.h")
+  install(FILES lib/invgrad/mpi.h
+    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad)
   install(EXPORT invgradMpiTargets NAMESPACE invgrad::
     DESTINATION ${config_dir})
 endif()

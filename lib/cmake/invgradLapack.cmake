@@ -12,11 +12,10 @@
 # Ceres bring in liblapack.so.3 and libblas.so.3, which may be any BLAS that the
 # machine's alternatives name: the first library that defines dgemm_ or dsyevd_
 # serves all of them.
-if(NOT BLA_VENDOR)
-  find_library(OPENBLAS_LIBRARY openblas)
-  mark_as_advanced(OPENBLAS_LIBRARY)
-endif()
-if(OPENBLAS_LIBRARY AND NOT BLA_VENDOR)
+#
+# FindBLAS, which Ceres calls, sets BLA_VENDOR to All if it was not set.
+find_library(OPENBLAS_LIBRARY openblas)
+if(OPENBLAS_LIBRARY AND (NOT BLA_VENDOR OR BLA_VENDOR STREQUAL "All"))
   set(invgrad_blas_libraries ${OPENBLAS_LIBRARY})
 else()
   find_package(LAPACK QUIET)
@@ -29,8 +28,8 @@ find_path(LAPACKE_INCLUDE_DIR lapacke.h PATH_SUFFIXES openblas)
 
 find_library(CHOLMOD_LIBRARY cholmod)
 find_path(CHOLMOD_INCLUDE_DIR cholmod.h PATH_SUFFIXES suitesparse)
-mark_as_advanced(CBLAS_INCLUDE_DIR LAPACKE_LIBRARY LAPACKE_INCLUDE_DIR
-  CHOLMOD_LIBRARY CHOLMOD_INCLUDE_DIR)
+mark_as_advanced(OPENBLAS_LIBRARY CBLAS_INCLUDE_DIR
+  LAPACKE_LIBRARY LAPACKE_INCLUDE_DIR CHOLMOD_LIBRARY CHOLMOD_INCLUDE_DIR)
 
 if(invgrad_blas_libraries AND CBLAS_INCLUDE_DIR
     AND LAPACKE_LIBRARY AND LAPACKE_INCLUDE_DIR

@@ -41,9 +41,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/equations/points.h"
-#include "invgrad/equations/time_windows.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation_points.h"
+#include "invgrad/time_windows.h"
 #include "problems/equations/equation_problem.h"
 #include "problems/equations/periodic_evolution.h"
 

@@ -5,7 +5,7 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/equations/renewed_points.h"
+#include "invgrad/equation.h"
 #include "problems/sample_data.h"
 
 namespace invgrad {

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/option_set.h"
-#include "invgrad/equations/equation.h"
-#include "invgrad/equations/points.h"
+#include "invgrad/equation.h"
+#include "invgrad/equation_points.h"
+#include "invgrad/option_set.h"
 #include "problems/problem.h"
 
 namespace invgrad {

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "invgrad/core/option_set.h"
 #include "invgrad/core/specification.h"
+#include "invgrad/option_set.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
 #include "problems/equations/korteweg_de_vries.h"

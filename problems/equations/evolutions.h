@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "invgrad/equations/time_windows.h"
+#include "invgrad/time_windows.h"
 #include "problems/equations/equation_problem.h"
 
 namespace invgrad {

@@ -28,9 +28,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/equations/points.h"
-#include "invgrad/equations/value_residual.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation.h"
+#include "invgrad/equation_points.h"
 #include "problems/equations/equation_problem.h"
 #include "problems/equations/heat.h"
 

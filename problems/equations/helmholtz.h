@@ -22,8 +22,8 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/equations/points.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation_points.h"
 #include "problems/equations/equation_problem.h"
 
 namespace invgrad {

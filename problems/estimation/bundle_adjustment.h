@@ -19,7 +19,7 @@
 #include "ceres/cost_function.h"
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/estimation/bal_file.h"
 #include "problems/estimation/robust_loss.h"
 

@@ -7,8 +7,9 @@
 #include "ceres/autodiff_cost_function.h"
 #include "fmt/ranges.h"
 #include "glog/logging.h"
-#include "invgrad/core/option_set.h"
-#include "invgrad/separable/linear_parameters.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/option_set.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 namespace {

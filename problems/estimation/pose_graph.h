@@ -23,7 +23,7 @@
 #include "ceres/cost_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/robust_loss.h"
 

@@ -3,7 +3,8 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "invgrad/core/option_set.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/option_set.h"
 
 namespace invgrad {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "invgrad/core/scratch.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 

@@ -17,7 +17,7 @@
 #include <mutex>
 
 #include "Eigen/Core"
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

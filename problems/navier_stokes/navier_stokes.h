@@ -21,10 +21,10 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/field_simulator.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/data.h"
+#include "invgrad/field_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/random.h"
 #include "problems/fields/fourier_grid.h"
 #include "problems/navier_stokes/inviscid_flow.h"
 

@@ -6,7 +6,7 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/navier_stokes/navier_stokes.h"
 #include "problems/navier_stokes/time_reversal.h"
 

@@ -41,7 +41,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/inverse_simulator.h"
 #include "problems/navier_stokes/navier_stokes.h"
 
 namespace invgrad {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "invgrad/io/numpy_generator.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

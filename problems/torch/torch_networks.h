@@ -7,8 +7,8 @@
 
 #include <string>
 
-#include "invgrad/torch/torch_script.h"
 #include "invgrad/torch/u_net.h"
+#include "invgrad/torch_network.h"
 
 namespace invgrad {
 

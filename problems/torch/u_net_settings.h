@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 #include "problems/torch/torch_networks.h"
 
 namespace invgrad {

@@ -8,7 +8,7 @@
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 #include "problems/estimation/nist_file.h"
 #include "tests/support/source_tree.h"
 

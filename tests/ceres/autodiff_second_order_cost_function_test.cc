@@ -1,11 +1,10 @@
-#include "invgrad/ceres/autodiff_second_order_cost_function.h"
-
 #include <vector>
 
 #include "Eigen/Core"
 #include "ceres/cost_function.h"
 #include "ceres/types.h"
 #include "gtest/gtest.h"
+#include "invgrad/second_order_cost_function.h"
 
 namespace invgrad {
 namespace second_order_cost_function_test {

@@ -14,8 +14,8 @@
 #include "ceres/rotation.h"
 #include "ceres/solver.h"
 #include "ceres/types.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/update_callback.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

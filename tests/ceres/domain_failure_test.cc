@@ -19,7 +19,7 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
+#include "invgrad/update_callback.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/function_rule.h"
 

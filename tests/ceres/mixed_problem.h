@@ -7,7 +7,7 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "ceres/product_manifold.h"
-#include "invgrad/ceres/autodiff_second_order_cost_function.h"
+#include "invgrad/second_order_cost_function.h"
 
 namespace invgrad {
 

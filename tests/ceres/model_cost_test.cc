@@ -10,9 +10,9 @@
 #include "ceres/gradient_checker.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/ceres/problem_linearizer.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace model_cost_test {

@@ -9,8 +9,8 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 #include "tests/support/function_rule.h"
 
 namespace invgrad {

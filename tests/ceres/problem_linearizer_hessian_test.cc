@@ -9,8 +9,8 @@
 #include "ceres/problem.h"
 #include "ceres/product_manifold.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/second_order_cost_function.h"
 #include "tests/ceres/mixed_problem.h"
 
 namespace invgrad {

@@ -12,12 +12,13 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 #include "tests/ceres/mixed_problem.h"
 
 // Deprecated, but in the code that exists: Ceres 2.1 adapts them to manifolds.
 #if __has_include("ceres/local_parameterization.h")
 #include "ceres/local_parameterization.h"
+#include "invgrad/stored_jacobian.h"
 #endif
 
 namespace invgrad {

@@ -13,7 +13,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
+#include "invgrad/update_callback.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/rosenbrock.h"
 #if __has_include("ceres/local_parameterization.h")

@@ -7,8 +7,8 @@
 #include "ceres/iteration_callback.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/rosenbrock.h"
 

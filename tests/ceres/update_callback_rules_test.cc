@@ -16,9 +16,9 @@
 #include "ceres/product_manifold.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/autodiff_second_order_cost_function.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/second_order_cost_function.h"
+#include "invgrad/update_callback.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/rosenbrock.h"
 

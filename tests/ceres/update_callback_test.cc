@@ -1,4 +1,4 @@
-#include "invgrad/ceres/update_callback.h"
+#include "invgrad/update_callback.h"
 
 #include <cmath>
 #include <functional>
@@ -10,7 +10,7 @@
 #include "ceres/sized_cost_function.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/ceres/prepared_problem.h"
 #include "tests/support/function_rule.h"

@@ -14,9 +14,9 @@
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/linearization.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 #include "tests/ceres/callback_problems.h"
 #include "tests/support/function_rule.h"
 

@@ -6,10 +6,11 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/field_simulator.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/field_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/model.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

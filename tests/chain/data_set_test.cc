@@ -1,9 +1,8 @@
-#include "invgrad/chain/data_set.h"
-
 #include <limits>
 #include <string>
 
 #include "gtest/gtest.h"
+#include "invgrad/data.h"
 
 namespace invgrad {
 namespace data_set_test {

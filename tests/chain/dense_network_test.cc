@@ -1,4 +1,4 @@
-#include "invgrad/chain/dense_network.h"
+#include "invgrad/dense_network.h"
 
 #include <cmath>
 #include <limits>
@@ -7,9 +7,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/network_functor.h"
-#include "invgrad/core/nested_jet.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/internal/nested_jet.h"
+#include "invgrad/random.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/chain/derivative_set.h"
+#include "invgrad/derivative_set.h"
 
 #include <cmath>
 #include <memory>
@@ -7,7 +7,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/dense_network.h"
+#include "invgrad/dense_network.h"
 #include "tests/support/derivatives_by_functor.h"
 #include "tests/support/random_matrix.h"
 

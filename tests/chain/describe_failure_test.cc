@@ -9,12 +9,12 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/model.h"
-#include "invgrad/chain/time_stepping_simulator.h"
-#include "invgrad/chain/trajectory_simulator.h"
-#include "invgrad/minimize/point_objective.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/internal/trajectory_simulator.h"
+#include "invgrad/model.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/rules.h"
+#include "invgrad/time_stepping_simulator.h"
+#include "invgrad/train.h"
 #include "problems/schroedinger.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/chain/field_simulator.h"
+#include "invgrad/field_simulator.h"
 
 #include <cmath>
 #include <limits>

@@ -8,9 +8,9 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/model.h"
 #include "tests/support/derivatives_by_functor.h"
 #include "tests/support/random_matrix.h"
 

@@ -1,6 +1,6 @@
 // Samples in lanes: packs, and what happens where a pack cannot do the work.
 
-#include "invgrad/chain/lanes.h"
+#include "invgrad/internal/lanes.h"
 
 #include <cmath>
 #include <limits>
@@ -10,10 +10,10 @@
 #include "Eigen/Core"
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
-#include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/model.h"
+#include "invgrad/time_stepping_simulator.h"
 #include "tests/chain/pendulum_step.h"
 #include "tests/support/random_matrix.h"
 

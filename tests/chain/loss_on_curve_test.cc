@@ -7,8 +7,8 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/field_simulator.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/field_simulator.h"
+#include "invgrad/model.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/real_infidelity.h"
 

@@ -1,11 +1,11 @@
-#include "invgrad/chain/loss.h"
+#include "invgrad/loss.h"
 
 #include <cmath>
 #include <limits>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/autodiff_loss.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/chain/model.h"
+#include "invgrad/model.h"
 
 #include <cmath>
 #include <limits>
@@ -9,11 +9,12 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/network_functor.h"
-#include "invgrad/chain/time_stepping_simulator.h"
-#include "invgrad/core/nested_jet.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/internal/nested_jet.h"
+#include "invgrad/linear_simulator.h"
+#include "invgrad/loss.h"
+#include "invgrad/time_stepping_simulator.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

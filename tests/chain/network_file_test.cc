@@ -1,5 +1,3 @@
-#include "invgrad/chain/network_file.h"
-
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -8,8 +6,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {

@@ -8,8 +8,8 @@
 #include "Eigen/Core"
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/network_functor.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/dense_network.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

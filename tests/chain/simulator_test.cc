@@ -1,4 +1,4 @@
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 #include <cmath>
 #include <string>
@@ -6,9 +6,9 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/internal/scratch.h"
+#include "invgrad/linear_simulator.h"
 #include "tests/support/without_hessian.h"
 
 namespace invgrad {

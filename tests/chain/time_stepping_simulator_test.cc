@@ -1,4 +1,4 @@
-#include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/time_stepping_simulator.h"
 
 #include <cmath>
 #include <random>
@@ -8,7 +8,7 @@
 #include "Eigen/Core"
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/nested_jet.h"
+#include "invgrad/internal/nested_jet.h"
 
 namespace invgrad {
 namespace time_stepping_simulator_test {

@@ -1,4 +1,4 @@
-#include "invgrad/chain/trajectory_simulator.h"
+#include "invgrad/internal/trajectory_simulator.h"
 
 #include <cmath>
 #include <vector>
@@ -6,8 +6,8 @@
 #include "Eigen/Core"
 #include "ceres/jet.h"
 #include "gtest/gtest.h"
-#include "invgrad/chain/time_stepping_simulator.h"
-#include "invgrad/core/nested_jet.h"
+#include "invgrad/internal/nested_jet.h"
+#include "invgrad/time_stepping_simulator.h"
 
 namespace invgrad {
 namespace trajectory_simulator_test {

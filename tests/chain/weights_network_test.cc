@@ -6,8 +6,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/model.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/real_infidelity.h"
 

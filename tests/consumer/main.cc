@@ -25,10 +25,10 @@
 #include "ceres/solver.h"
 #include "gflags/gflags.h"
 #include "glog/logging.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/chain/network_file.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 #include "invgrad/version.h"
 
 // Names that a library might take as well.

@@ -7,7 +7,7 @@
 #include "Eigen/Core"
 #include "glog/logging.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 
 namespace invgrad {
 namespace blas_kernels_test {

@@ -1,4 +1,4 @@
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 
 #include <limits>
 

@@ -1,4 +1,4 @@
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/blas_threads.h"
 
 #include "gtest/gtest.h"
 

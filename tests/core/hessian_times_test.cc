@@ -9,9 +9,9 @@
 #include "Eigen/Core"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/autodiff_second_order_cost_function.h"
 #include "invgrad/ceres/problem_linearizer.h"
-#include "invgrad/core/objective.h"
+#include "invgrad/internal/objective.h"
+#include "invgrad/second_order_cost_function.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/rosenbrock.h"
 

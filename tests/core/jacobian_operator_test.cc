@@ -1,4 +1,4 @@
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/jacobian_operator.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace jacobian_operator_test {
@@ -130,7 +130,8 @@ TEST(JacobianOperator, ColumnBlocksAreTheColumns) {
       column += sizes[i];
     }
   }
-  EXPECT_TRUE(ColumnBlocksOf(FunctionJacobian(6, 11, nullptr, nullptr)).empty());
+  EXPECT_TRUE(
+      ColumnBlocksOf(FunctionJacobian(6, 11, nullptr, nullptr)).empty());
   EXPECT_DEATH(DenseJacobian(matrix, {4, 6}), "Blocks of columns");
   EXPECT_DEATH(SparseJacobian(matrix.sparseView(), {12}), "Blocks of columns");
 }

@@ -5,7 +5,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "tests/support/one_rank.h"
 #include "tests/support/random_matrix.h"
 

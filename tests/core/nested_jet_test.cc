@@ -1,4 +1,4 @@
-#include "invgrad/core/nested_jet.h"
+#include "invgrad/internal/nested_jet.h"
 
 #include <algorithm>
 #include <cmath>

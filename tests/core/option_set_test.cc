@@ -1,4 +1,4 @@
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "invgrad/covariance/covariance.h"
+#include "invgrad/covariance.h"
 
 #include <cmath>
 #include <limits>

@@ -15,9 +15,10 @@
 #include "ceres/crs_matrix.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/covariance/covariance.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/covariance.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/random.h"
+#include "invgrad/stored_jacobian.h"
 #include "problems/estimation/bundle_adjustment.h"
 #include "problems/estimation/pose_graph.h"
 

@@ -11,7 +11,7 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "ceres/sphere_manifold.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "tests/rank/rank_problems.h"
 
 namespace invgrad {

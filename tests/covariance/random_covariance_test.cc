@@ -6,7 +6,7 @@
 #include "Eigen/SVD"
 #include "gtest/gtest.h"
 #include "invgrad/ceres/problem_linearizer.h"
-#include "invgrad/covariance/covariance.h"
+#include "invgrad/covariance.h"
 #include "tests/covariance/random_covariance_problem.h"
 
 namespace invgrad {

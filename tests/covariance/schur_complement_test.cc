@@ -8,7 +8,7 @@
 #include "Eigen/LU"
 #include "gtest/gtest.h"
 #include "invgrad/covariance/sparse_cholesky.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace schur_complement_test {

@@ -7,7 +7,7 @@
 
 #include "Eigen/LU"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/degeneracy/determined_step.h"
+#include "invgrad/determined_step.h"
 #include "tests/support/count_allocations.h"
 #include "tests/support/random_matrix.h"
 

@@ -5,7 +5,7 @@
 
 #include "glog/logging.h"
 #include "gtest/gtest.h"
-#include "invgrad/mpi/mpi_communicator.h"
+#include "invgrad/mpi.h"
 
 namespace invgrad {
 namespace {

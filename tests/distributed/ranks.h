@@ -6,7 +6,7 @@
 
 #include <memory>
 
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 
 namespace invgrad {
 

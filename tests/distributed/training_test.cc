@@ -8,11 +8,12 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/distributed/distributed_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 #include "invgrad/methods/pull_back_method.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/rules.h"
+#include "invgrad/stored_jacobian.h"
+#include "invgrad/train.h"
 #include "problems/problems.h"
 #include "tests/distributed/ranks.h"
 #include "tests/support/random_matrix.h"

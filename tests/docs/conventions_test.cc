@@ -8,10 +8,11 @@
 #include "Eigen/Core"
 #include "fmt/core.h"
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/spectral/spectral_filter.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/rules.h"
+#include "invgrad/spectral.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace conventions_test {

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/equations/equation.h"
-#include "invgrad/equations/input_jet.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 

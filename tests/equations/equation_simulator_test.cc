@@ -6,8 +6,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/equations/value_residual.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/equation.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

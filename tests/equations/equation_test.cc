@@ -1,12 +1,11 @@
-#include "invgrad/equations/equation.h"
+#include "invgrad/equation.h"
 
 #include <cmath>
 #include <string>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/equations/value_residual.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"
 

@@ -1,10 +1,9 @@
-#include "invgrad/equations/features.h"
-
 #include <cmath>
 #include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/trial_function.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

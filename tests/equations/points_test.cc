@@ -1,9 +1,8 @@
-#include "invgrad/equations/points.h"
-
 #include <cmath>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/equation_points.h"
 
 namespace invgrad {
 namespace points_test {

@@ -1,11 +1,10 @@
-#include "invgrad/equations/renewed_points.h"
-
 #include <memory>
 #include <string>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/train/train.h"
+#include "invgrad/equation.h"
+#include "invgrad/train.h"
 #include "tests/equations/decay.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/temporary_folder.h"

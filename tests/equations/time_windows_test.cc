@@ -1,4 +1,4 @@
-#include "invgrad/equations/time_windows.h"
+#include "invgrad/time_windows.h"
 
 #include <cmath>
 #include <string>

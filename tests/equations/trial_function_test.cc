@@ -1,4 +1,4 @@
-#include "invgrad/equations/trial_function.h"
+#include "invgrad/trial_function.h"
 
 #include <cmath>
 #include <memory>

@@ -10,8 +10,8 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 
 namespace invgrad {
 namespace more_garbow_hillstrom_test {

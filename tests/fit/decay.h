@@ -12,8 +12,8 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/fit/fit.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/fit.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 

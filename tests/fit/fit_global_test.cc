@@ -1,4 +1,4 @@
-#include "invgrad/fit/fit_global.h"
+#include "invgrad/fit_global.h"
 
 #include <cmath>
 #include <limits>
@@ -10,7 +10,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace fit_global_test {

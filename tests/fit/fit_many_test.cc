@@ -1,4 +1,4 @@
-#include "invgrad/fit/fit_many.h"
+#include "invgrad/fit_many.h"
 
 #include <cmath>
 #include <limits>

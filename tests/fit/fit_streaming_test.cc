@@ -1,5 +1,3 @@
-#include "invgrad/fit/fit_streaming.h"
-
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -7,7 +5,7 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/fit/fit_many.h"
+#include "invgrad/fit_many.h"
 #include "tests/fit/decay.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/fit/streaming_gram.h"
+#include "invgrad/internal/streaming_gram.h"
 
 #include <cmath>
 
@@ -6,8 +6,8 @@
 #include "Eigen/LU"
 #include "gtest/gtest.h"
 #include "invgrad/core/small_svd.h"
-#include "invgrad/fit/small_covariance.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/internal/small_covariance.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace streaming_gram_test {

@@ -9,9 +9,10 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/autodiff_simulator.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/loss.h"
 #include "tests/inverse/pull_one_back.h"
 #include "tests/support/random_matrix.h"
 

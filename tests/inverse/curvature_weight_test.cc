@@ -4,7 +4,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/linear_simulator.h"
 #include "tests/inverse/bend_chain.h"
 
 namespace invgrad {

@@ -9,7 +9,8 @@
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 namespace loss_pull_back_test {

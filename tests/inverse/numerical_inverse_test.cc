@@ -10,8 +10,8 @@
 #include "Eigen/Core"
 #include "Eigen/LU"
 #include "gtest/gtest.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/time_stepping_simulator.h"
+#include "invgrad/linear_simulator.h"
+#include "invgrad/time_stepping_simulator.h"
 #include "tests/support/make_simulator.h"
 
 namespace invgrad {

@@ -1,11 +1,10 @@
-#include "invgrad/io/numpy_generator.h"
-
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace numpy_generator_test {

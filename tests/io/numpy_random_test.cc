@@ -1,10 +1,9 @@
-#include "invgrad/io/numpy_random.h"
-
 #include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace numpy_random_test {

@@ -1,4 +1,4 @@
-#include "invgrad/json/to_json.h"
+#include "invgrad/to_json.h"
 
 #include <cmath>
 #include <limits>
@@ -9,8 +9,7 @@
 
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/fit/fit_many.h"
-#include "invgrad/json/fit_to_json.h"
+#include "invgrad/fit_many.h"
 #include "nlohmann/json.hpp"
 #include "tests/rank/rank_problems.h"
 #include "tests/support/json_page.h"

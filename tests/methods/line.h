@@ -6,10 +6,10 @@
 #include <string>
 #include <utility>
 
-#include "invgrad/chain/loss.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/point_objective.h"
-#include "invgrad/train/train.h"
+#include "invgrad/loss.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 
 #include <cmath>
 #include <memory>
@@ -6,13 +6,14 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 #include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
 #include "tests/methods/line.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/train_options.h"
@@ -43,7 +44,7 @@ TEST(Method, SettingsOfAChainGoToTheRuleIfItHasThemAndElseToTheWays) {
   EXPECT_EQ(phase.rule->name, "half_inverse");
   EXPECT_EQ(phase.ceres, nullptr);
   EXPECT_EQ(phase.rule_settings, (Settings{{"truncation", "1e-3"}}));
-  ASSERT_TRUE(phase.pull_back.has_value());
+  ASSERT_TRUE(phase.pull_back != nullptr);
   EXPECT_EQ(phase.pull_back->ChainOptions().y_step_size, 0.5);
   EXPECT_EQ(phase.batch_size, 4);
 }

@@ -6,8 +6,8 @@
 
 #include "ceres/autodiff_cost_function.h"
 #include "gtest/gtest.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/loss.h"
+#include "invgrad/point_objective.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/rosenbrock.h"
 

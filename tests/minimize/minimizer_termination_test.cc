@@ -7,7 +7,7 @@
 
 #include "ceres/iteration_callback.h"
 #include "gtest/gtest.h"
-#include "invgrad/minimize/minimizer.h"
+#include "invgrad/minimize.h"
 #include "tests/minimize/parabola.h"
 #include "tests/support/function_rule.h"
 

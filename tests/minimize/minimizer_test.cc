@@ -1,5 +1,3 @@
-#include "invgrad/minimize/minimizer.h"
-
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -14,9 +12,10 @@
 #include "ceres/rotation.h"
 #include "ceres/sized_cost_function.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/autodiff_second_order_cost_function.h"
-#include "invgrad/core/step_judge.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/minimize.h"
+#include "invgrad/rules.h"
+#include "invgrad/second_order_cost_function.h"
+#include "invgrad/update_rule.h"
 #include "tests/minimize/parabola.h"
 #include "tests/support/function_rule.h"
 #include "tests/support/rosenbrock.h"

@@ -8,7 +8,7 @@
 #include "Eigen/QR"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"
-#include "invgrad/minimize/minimizer.h"
+#include "invgrad/minimize.h"
 #include "tests/support/function_rule.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 
 #include <cmath>
 #include <memory>
@@ -6,11 +6,12 @@
 #include "ceres/gradient_checker.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/ceres/model_cost.h"
-#include "invgrad/chain/autodiff_loss.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/field_simulator.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/field_simulator.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/loss.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {

@@ -7,7 +7,8 @@
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

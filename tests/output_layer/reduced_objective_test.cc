@@ -6,9 +6,9 @@
 
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/linear_simulator.h"
-#include "invgrad/chain/network_layers.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/internal/network_layers.h"
+#include "invgrad/linear_simulator.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -6,9 +6,9 @@
 
 #include "Eigen/SVD"
 #include "gtest/gtest.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {

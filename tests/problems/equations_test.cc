@@ -5,7 +5,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/equations/equation_simulator.h"
-#include "invgrad/equations/input_jet.h"
+#include "invgrad/trial_function.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
 #include "problems/equations/evolutions.h"

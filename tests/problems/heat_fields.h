@@ -9,8 +9,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/inverse/inverse_simulator.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/random.h"
 #include "problems/spectral_diffusion.h"
 
 namespace invgrad {

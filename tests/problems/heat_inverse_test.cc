@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/heat.h"
 #include "problems/problems.h"
 #include "tests/problems/heat_fields.h"

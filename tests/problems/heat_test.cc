@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
+#include "invgrad/random.h"
 #include "problems/problems.h"
 #include "tests/problems/heat_fields.h"
 #include "tests/support/create_problem.h"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/problems.h"
 
 namespace invgrad {

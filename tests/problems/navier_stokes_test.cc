@@ -5,7 +5,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/loss.h"
+#include "invgrad/loss.h"
 #include "problems/navier_stokes/time_reversal.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/simulator_identities.h"

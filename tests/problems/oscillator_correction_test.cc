@@ -5,8 +5,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
 #include "problems/problems.h"
 
 namespace invgrad {

@@ -7,8 +7,8 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 

@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/minimize/minimizer.h"
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/core/specification.h"
+#include "invgrad/minimize.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/random.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {

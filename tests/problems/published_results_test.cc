@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/minimize/point_objective.h"
-#include "invgrad/train/train.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 #include "problems/problems.h"
 #include "tests/support/train_problem.h"
 

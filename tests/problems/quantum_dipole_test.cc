@@ -5,7 +5,8 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 #include "invgrad/rules/step_size.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"

@@ -8,9 +8,9 @@
 
 #include "Eigen/Eigenvalues"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/random.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
 #include "problems/problems.h"
 #include "problems/regression.h"
 #include "tests/support/create_problem.h"

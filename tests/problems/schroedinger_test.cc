@@ -9,7 +9,7 @@
 
 #include "Eigen/Eigenvalues"
 #include "gtest/gtest.h"
-#include "invgrad/core/nested_jet.h"
+#include "invgrad/internal/nested_jet.h"
 
 namespace invgrad {
 namespace schroedinger_test {

@@ -6,7 +6,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/model.h"
 #include "problems/problems.h"
 #include "tests/support/random_matrix.h"
 

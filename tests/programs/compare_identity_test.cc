@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "tests/programs/compare_program.h"
 
 namespace invgrad {

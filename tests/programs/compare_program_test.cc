@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 
 namespace invgrad {
 namespace compare_program_test {

@@ -11,7 +11,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "tests/programs/compare_program.h"
 #include "tests/support/mpirun.h"
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/npy.h"
-#include "invgrad/train/history.h"
+#include "invgrad/npy.h"
+#include "invgrad/train.h"
 #include "tests/programs/compare_program.h"
 
 namespace invgrad {

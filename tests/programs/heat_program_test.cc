@@ -5,7 +5,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "tests/support/program_runner.h"
 
 namespace invgrad {

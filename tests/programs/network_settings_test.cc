@@ -7,7 +7,7 @@
 
 #include "bin/support/training_flags.h"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 

@@ -6,7 +6,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 #include "tests/support/program_runner.h"
 
 namespace invgrad {

@@ -6,7 +6,7 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace localized_basis_test {

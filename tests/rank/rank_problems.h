@@ -19,8 +19,8 @@
 #include "ceres/problem.h"
 #include "ceres/rotation.h"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/random.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

@@ -5,7 +5,7 @@
 
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 #include "tests/rank/rank_problems.h"
 
 namespace invgrad {

@@ -5,7 +5,7 @@
 
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 #include "problems/estimation/g2o_file.h"
 #include "problems/estimation/pose_graph.h"
 #include "tests/rank/rank_problems.h"

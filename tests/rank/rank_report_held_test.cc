@@ -6,7 +6,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 #include "tests/rank/rank_problems.h"
 
 namespace invgrad {

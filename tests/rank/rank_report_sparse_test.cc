@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 #include "tests/rank/rank_problems.h"
 
 namespace invgrad {

@@ -9,7 +9,7 @@
 #include "Eigen/QR"
 #include "Eigen/SparseCore"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace smallest_singular_test {

@@ -7,8 +7,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/loss.h"
+#include "invgrad/model.h"
 #include "tests/rules/step_of.h"
 #include "tests/support/random_matrix.h"
 

@@ -4,10 +4,11 @@
 
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/degeneracy/determined_step.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/determined_step.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/linearization.h"
+#include "invgrad/rules.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/rules/step_of.h"
 #include "tests/support/random_matrix.h"
 

@@ -7,7 +7,8 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/spectral_reference.h"
 
 namespace invgrad {

@@ -6,9 +6,10 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/linearization.h"
+#include "invgrad/rules.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -9,7 +9,7 @@
 #include "Eigen/Core"
 #include "Eigen/LU"
 #include "gtest/gtest.h"
-#include "invgrad/core/step_judge.h"
+#include "invgrad/update_rule.h"
 #include "tests/rules/step_of.h"
 #include "tests/support/random_matrix.h"
 

@@ -11,9 +11,10 @@
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/step_judge.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/rules.h"
+#include "invgrad/stored_jacobian.h"
+#include "invgrad/update_rule.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {

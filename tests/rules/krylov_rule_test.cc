@@ -8,8 +8,9 @@
 
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/rules.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/rules/step_of.h"
 
 namespace invgrad {

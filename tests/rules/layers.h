@@ -10,8 +10,8 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/linearization.h"
+#include "invgrad/rules.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -7,7 +7,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/network_jacobian.h"
-#include "invgrad/core/linearization.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

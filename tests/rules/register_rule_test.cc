@@ -11,9 +11,9 @@
 #include "ceres/solver.h"
 #include "glog/logging.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/method.h"
+#include "invgrad/rules.h"
+#include "invgrad/update_callback.h"
 
 namespace invgrad {
 namespace register_rule_test {

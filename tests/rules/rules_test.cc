@@ -1,5 +1,5 @@
 // Conformance of every row of the table of rules.
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 
 #include <limits>
 #include <memory>
@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/step_judge.h"
+#include "invgrad/linearization.h"
+#include "invgrad/update_rule.h"
 #include "tests/rules/quadratic.h"
 #include "tests/rules/step_of.h"
 

@@ -8,8 +8,8 @@
 
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/linearization.h"
+#include "invgrad/rules.h"
 #include "tests/rules/quadratic.h"
 #include "tests/rules/step_of.h"
 

@@ -6,7 +6,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 
 namespace invgrad {
 

@@ -7,7 +7,8 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/chain/loss_on_curve.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {

@@ -1,9 +1,8 @@
-#include "invgrad/separable/linear_parameters.h"
-
 #include <cmath>
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/separable.h"
 
 namespace invgrad {
 namespace linear_parameters_test {

@@ -1,8 +1,8 @@
-#include "invgrad/separable/linear_projection.h"
+#include "invgrad/internal/linear_projection.h"
 
 #include "Eigen/Dense"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace linear_projection_test {

@@ -7,7 +7,7 @@
 #include "ceres/problem.h"
 #include "ceres/sized_cost_function.h"
 #include "gtest/gtest.h"
-#include "invgrad/separable/separable_problem.h"
+#include "invgrad/separable.h"
 #include "tests/separable/exponentials.h"
 
 namespace invgrad {

@@ -1,5 +1,3 @@
-#include "invgrad/separable/separable_problem.h"
-
 #include <array>
 #include <cmath>
 #include <memory>
@@ -13,10 +11,11 @@
 #include "ceres/solver.h"
 #include "ceres/sphere_manifold.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/update_callback.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/rank/rank_report.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/random.h"
+#include "invgrad/rank_report.h"
+#include "invgrad/rules.h"
+#include "invgrad/separable.h"
+#include "invgrad/update_callback.h"
 #include "tests/separable/exponentials.h"
 
 namespace invgrad {

@@ -7,8 +7,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 #include "invgrad/spectral/golub_kahan.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/spectral/golub_kahan_step_of.h"
 #include "tests/support/spectral_reference.h"
 

@@ -4,8 +4,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/golub_kahan.h"
-#include "invgrad/spectral/spectral_filter.h"
 #include "tests/support/spectral_reference.h"
 
 namespace invgrad {

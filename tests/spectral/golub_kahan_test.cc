@@ -8,9 +8,10 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/random.h"
+#include "invgrad/spectral.h"
+#include "invgrad/stored_jacobian.h"
 #include "problems/oscillator_chain.h"
 #include "tests/spectral/golub_kahan_step_of.h"
 #include "tests/support/spectral_reference.h"

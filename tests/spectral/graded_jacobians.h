@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 

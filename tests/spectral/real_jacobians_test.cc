@@ -4,7 +4,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral.h"
 #include "problems/problems.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "gtest/gtest.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 

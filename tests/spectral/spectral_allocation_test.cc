@@ -3,10 +3,11 @@
 #include <utility>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/blas.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/internal/blas.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/routes/tridiagonalization.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/count_allocations.h"
 #include "tests/support/spectral_reference.h"
 

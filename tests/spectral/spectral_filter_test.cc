@@ -1,11 +1,10 @@
-#include "invgrad/spectral/spectral_filter.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "gtest/gtest.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 namespace spectral_filter_test {

@@ -1,7 +1,5 @@
 // What a spectral step does and says: routes and failures. Its accuracy:
 // spectral_accuracy_test.cc.
-#include "invgrad/spectral/spectral_step.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,7 @@
 #include <utility>
 
 #include "gtest/gtest.h"
+#include "invgrad/spectral.h"
 #include "tests/spectral/graded_jacobians.h"
 
 namespace invgrad {

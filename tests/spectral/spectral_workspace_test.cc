@@ -10,11 +10,12 @@
 #include <utility>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/blas_threads.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/blas_threads.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/linearization.h"
+#include "invgrad/rules.h"
+#include "invgrad/spectral.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/spectral/graded_jacobians.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"

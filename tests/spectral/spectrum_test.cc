@@ -1,13 +1,13 @@
 // The spectrum that a step measures, and steps by a filter with noise.
-#include "invgrad/spectral/spectrum.h"
-
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "Eigen/SVD"
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 

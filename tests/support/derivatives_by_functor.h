@@ -9,9 +9,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/derivative_set.h"
-#include "invgrad/chain/network_functor.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/derivative_set.h"
 #include "tests/chain/nested_dual.h"
 
 namespace invgrad {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "Eigen/Core"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "Eigen/Core"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/linear_simulator.h"
 
 namespace invgrad {
 

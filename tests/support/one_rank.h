@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "glog/logging.h"
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 
 namespace invgrad {
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 
 namespace invgrad {
 

@@ -2,7 +2,8 @@
 #ifndef TESTS_REAL_INFIDELITY_H_
 #define TESTS_REAL_INFIDELITY_H_
 
-#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 

@@ -7,7 +7,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

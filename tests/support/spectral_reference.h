@@ -8,7 +8,7 @@
 #include <random>
 
 #include "Eigen/Core"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

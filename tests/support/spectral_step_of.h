@@ -5,8 +5,9 @@
 #include <limits>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/stored_jacobian.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
+#include "invgrad/stored_jacobian.h"
 #include "tests/support/spectral_reference.h"
 
 namespace invgrad {

@@ -1,6 +1,6 @@
 // The tests' main function: one thread of BLAS, as the programs have.
 #include "gtest/gtest.h"
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/blas_threads.h"
 
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);

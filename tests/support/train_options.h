@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "ceres/iteration_callback.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 
 namespace invgrad {
 

@@ -6,8 +6,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 #include "problems/problem.h"
 
 namespace invgrad {

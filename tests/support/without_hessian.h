@@ -2,7 +2,7 @@
 #ifndef TESTS_WITHOUT_HESSIAN_H_
 #define TESTS_WITHOUT_HESSIAN_H_
 
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

@@ -6,7 +6,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/network.h"
+#include "invgrad/network.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch_network.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch_network.h"
 
 #include <cmath>
 #include <memory>
@@ -6,8 +6,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/random.h"
 #include "tests/support/random_matrix.h"
 #include "tests/torch/network_identities.h"
 

@@ -10,9 +10,9 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/network_layers.h"
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/internal/network_layers.h"
 #include "invgrad/torch/u_net.h"
+#include "invgrad/torch_network.h"
 #include "tests/support/random_matrix.h"
 #include "tests/torch/sequential_network.h"
 

@@ -7,10 +7,10 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/chain/network_layers.h"
+#include "invgrad/internal/network_layers.h"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/share.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/random_matrix.h"
@@ -89,8 +89,7 @@ TEST(TorchOutputLayerTraining, TheSolvedLayerIsTheBest) {
   std::string error;
   ASSERT_TRUE(reduced.SolveOutputLayer(problem.train, &weights, &error))
       << error;
-  EXPECT_EQ(reduced.Unknowns(weights),
-            reduced.Unknowns(Weights(model)));
+  EXPECT_EQ(reduced.Unknowns(weights), reduced.Unknowns(Weights(model)));
   const BestLayer best(weights, problem.train);
   EXPECT_NEAR(
       MeanLoss(model, weights, problem.train), best.loss, best.tolerance);

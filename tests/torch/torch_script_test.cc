@@ -1,12 +1,11 @@
-#include "invgrad/torch/torch_script.h"
-
 #include <fstream>
 #include <string>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/network_layers.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/internal/network_layers.h"
+#include "invgrad/random.h"
+#include "invgrad/torch_network.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/torch/network_identities.h"

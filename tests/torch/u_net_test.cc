@@ -4,7 +4,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "invgrad/torch/peak_memory.h"
 #include "tests/support/random_matrix.h"
 #include "tests/torch/network_identities.h"

@@ -1,5 +1,3 @@
-#include "invgrad/train/history.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +5,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/train.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {

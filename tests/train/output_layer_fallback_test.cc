@@ -3,7 +3,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"

@@ -7,10 +7,11 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_loss.h"
+#include "invgrad/autodiff_loss.h"
+#include "invgrad/loss.h"
 #include "invgrad/output_layer/reduced_objective.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"

@@ -7,7 +7,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"

@@ -5,11 +5,11 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/minimize/minimizer.h"
-#include "invgrad/minimize/point_objective.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/minimize.h"
+#include "invgrad/point_objective.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
 #include "tests/support/rosenbrock.h"
 
 namespace invgrad {

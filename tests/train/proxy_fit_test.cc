@@ -8,8 +8,8 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/train/train.h"
+#include "invgrad/autodiff_simulator.h"
+#include "invgrad/train.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/random_matrix.h"
 #include "tests/support/train_problem.h"

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/chain/autodiff_simulator.h"
-#include "invgrad/core/step_judge.h"
+#include "invgrad/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/train/engine.h"
+#include "invgrad/update_rule.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/temporary_folder.h"

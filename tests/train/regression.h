@@ -6,8 +6,8 @@
 #include <string>
 
 #include "gtest/gtest.h"
-#include "invgrad/io/numpy_random.h"
-#include "invgrad/train/train.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 
 namespace invgrad {
 

@@ -9,7 +9,7 @@
 #include "Eigen/Core"
 #include "Eigen/Eigenvalues"
 #include "gtest/gtest.h"
-#include "invgrad/chain/dense_network.h"
+#include "invgrad/dense_network.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {

@@ -9,10 +9,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/step_judge.h"
-#include "invgrad/core/update_rule.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
+#include "invgrad/update_rule.h"
 #include "tests/support/train_options.h"
 #include "tests/train/regression.h"
 

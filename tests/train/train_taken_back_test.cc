@@ -9,9 +9,8 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/core/step_judge.h"
-#include "invgrad/core/update_rule.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
+#include "invgrad/update_rule.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"
 #include "tests/train/regression.h"

@@ -1,4 +1,4 @@
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 
 #include <chrono>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 #include "tests/support/function_rule.h"
 #include "tests/support/train_options.h"
 #include "tests/train/regression.h"

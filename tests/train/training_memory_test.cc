@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "invgrad/methods/method.h"
-#include "invgrad/rules/rules.h"
-#include "invgrad/train/train.h"
+#include "invgrad/method.h"
+#include "invgrad/rules.h"
+#include "invgrad/train.h"
 #include "tests/support/function_rule.h"
 
 namespace invgrad {

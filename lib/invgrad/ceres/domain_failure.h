@@ -28,58 +28,17 @@
 #ifndef INVGRAD_CERES_DOMAIN_FAILURE_H_
 #define INVGRAD_CERES_DOMAIN_FAILURE_H_
 
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "Eigen/Core"
-#include "ceres/evaluation_callback.h"
 #include "ceres/iteration_callback.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "invgrad/ceres/problem_structure.h"
+#include "invgrad/update_callback.h"
 
 namespace invgrad {
-
-struct DomainFailure {
-  enum class Reason {
-    kPlus,      // a Plus returned false
-    kReturned,  // a cost function returned false
-    kResidual,  // not finite
-    kCost,      // 1/2 rho(|r|^2) is not finite, r is
-    kJacobian,  // not finite
-  };
-
-  struct Options {
-    // The name of a block; "" or no function: "block i", as in a RankReport.
-    std::function<std::string(const double* values)> block_name;
-    // The evaluation callback of the problem, if any. Not owned.
-    ceres::EvaluationCallback* evaluation_callback = nullptr;
-  };
-
-  struct Parameter {
-    int block = 0;       // of ProblemStructure::parameter_blocks
-    std::string name;    // of the block
-    int component = -1;  // -1: the whole block
-    // Of the component; of a whole block, the norms.
-    double value = 0.0;  // at the bad state
-    double was = 0.0;    // at the good state
-  };
-
-  Reason reason = Reason::kReturned;
-  int residual_block = -1;  // its index in the problem; -1: kPlus
-  // Outside at the bad state; kPlus: parameter blocks whose Plus fails.
-  int num_failing_blocks = 0;
-  // The good state lies outside, too, and no parameter explains it.
-  bool fails_at_good_state = false;
-  // Only without Jacobians, as for cost functions that return false for
-  // jacobians = nullptr.
-  bool only_without_jacobians = false;
-  std::vector<Parameter> parameters;
-
-  // As above; after 5 parameters the rest is a count.
-  std::string ToText() const;
-};
 
 // Whether Ceres' candidate of this iteration lies outside the domain.
 bool IsOutsideDomain(const ceres::IterationSummary& iteration);

@@ -17,8 +17,8 @@
 
 #include "ceres/first_order_function.h"
 #include "ceres/problem.h"
-#include "invgrad/ceres/second_order_cost_function.h"
-#include "invgrad/chain/model.h"
+#include "invgrad/model.h"
+#include "invgrad/second_order_cost_function.h"
 
 namespace invgrad {
 

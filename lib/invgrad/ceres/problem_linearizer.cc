@@ -7,9 +7,10 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/residual_evaluation.h"
-#include "invgrad/ceres/second_order_cost_function.h"
-#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/second_order_cost_function.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace {

@@ -38,9 +38,10 @@
 #include "ceres/evaluation_callback.h"
 #include "ceres/problem.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/objective.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/internal/objective.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/linearization.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "invgrad/internal/logging.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace {

@@ -16,7 +16,8 @@
 #include "ceres/loss_function.h"
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -19,9 +19,8 @@
 #include "Eigen/Core"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/work_limit.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/step_judge.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/linearization.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "fmt/core.h"
-#include "invgrad/ceres/second_order_cost_function.h"
+#include "invgrad/second_order_cost_function.h"
 
 namespace invgrad {
 

@@ -15,9 +15,9 @@
 #include "invgrad/ceres/safeguard.h"
 #include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/turn_taking.h"
-#include "invgrad/ceres/update_callback.h"
 #include "invgrad/ceres/work_limit.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/update_callback.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/ceres/update_callback.h"
+#include "invgrad/update_callback.h"
 
 #include <algorithm>
 #include <limits>

@@ -21,7 +21,7 @@
 
 #include "ceres/solver.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/core/linearization.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

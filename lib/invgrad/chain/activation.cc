@@ -1,4 +1,4 @@
-#include "invgrad/chain/activation.h"
+#include "invgrad/internal/activation.h"
 
 #include <cmath>
 #include <cstddef>

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/loss.h"
-#include "invgrad/core/linearization.h"
+#include "invgrad/data.h"
+#include "invgrad/linearization.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 

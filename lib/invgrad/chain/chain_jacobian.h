@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/network_layers.h"
-#include "invgrad/core/jacobian_operator.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
+#include "invgrad/internal/network_layers.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

@@ -1,9 +1,8 @@
-#include "invgrad/chain/data_set.h"
-
 #include <cmath>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/data.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -1,7 +1,7 @@
 // DenseNetwork::Hessian.
 
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/core/blas.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/chain/derivative_set.h"
+#include "invgrad/derivative_set.h"
 
 #include <algorithm>
 #include <numeric>

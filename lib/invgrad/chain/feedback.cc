@@ -1,4 +1,4 @@
-#include "invgrad/chain/feedback.h"
+#include "invgrad/internal/feedback.h"
 
 #include <cstddef>
 

@@ -1,4 +1,4 @@
-#include "invgrad/chain/lanes.h"
+#include "invgrad/internal/lanes.h"
 
 #include "invgrad/internal/logging.h"
 

@@ -1,11 +1,11 @@
-#include "invgrad/chain/linear_simulator.h"
+#include "invgrad/linear_simulator.h"
 
 #include <mutex>
 #include <utility>
 
-#include "invgrad/core/scratch.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/chain/loss.h"
+#include "invgrad/loss.h"
 
 #include <cmath>
 #include <limits>

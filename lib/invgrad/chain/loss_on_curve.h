@@ -16,8 +16,8 @@
 #include <memory>
 
 #include "Eigen/Core"
-#include "invgrad/chain/loss.h"
-#include "invgrad/core/linearization.h"
+#include "invgrad/linearization.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/chain/model.h"
+#include "invgrad/model.h"
 
 #include <algorithm>
 #include <utility>
@@ -7,9 +7,9 @@
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
 #include "invgrad/chain/weights_network.h"
-#include "invgrad/core/parallel.h"
-#include "invgrad/core/scratch.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/parallel.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 namespace {

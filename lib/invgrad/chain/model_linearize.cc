@@ -7,12 +7,12 @@
 
 #include "invgrad/chain/batch_loss.h"
 #include "invgrad/chain/chain_jacobian.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/chain/scoped_pass.h"
-#include "invgrad/core/parallel.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/parallel.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

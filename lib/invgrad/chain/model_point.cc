@@ -4,9 +4,10 @@
 #include <optional>
 
 #include "invgrad/chain/batch_loss.h"
-#include "invgrad/chain/model.h"
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/model.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/chain/network.h"
+#include "invgrad/network.h"
 
 #include "invgrad/internal/logging.h"
 

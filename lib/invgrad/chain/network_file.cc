@@ -1,5 +1,3 @@
-#include "invgrad/chain/network_file.h"
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -12,6 +10,7 @@
 
 #include "fmt/ranges.h"
 #include "invgrad/core/specification.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/io/atomic_file.h"
 

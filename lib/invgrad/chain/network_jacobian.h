@@ -33,10 +33,10 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layer_jacobian.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/dense_network.h"
+#include "invgrad/internal/layered_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

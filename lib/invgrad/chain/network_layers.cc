@@ -1,4 +1,4 @@
-#include "invgrad/chain/network_layers.h"
+#include "invgrad/internal/network_layers.h"
 
 #include "invgrad/internal/logging.h"
 

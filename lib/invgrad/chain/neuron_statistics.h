@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/dense_network.h"
+#include "invgrad/data.h"
+#include "invgrad/dense_network.h"
 
 namespace invgrad {
 

@@ -5,8 +5,8 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/simulator.h"
+#include "invgrad/data.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

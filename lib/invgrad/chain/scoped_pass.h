@@ -5,8 +5,8 @@
 
 #include <memory>
 
-#include "invgrad/chain/model.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/internal/scratch.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

@@ -1,12 +1,13 @@
-#include "invgrad/chain/simulator.h"
+#include "invgrad/simulator.h"
 
 #include <cmath>
 #include <functional>
 
 #include "fmt/core.h"
-#include "invgrad/core/scratch.h"
-#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/scratch.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 

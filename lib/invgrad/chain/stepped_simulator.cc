@@ -1,14 +1,14 @@
-#include "invgrad/chain/stepped_simulator.h"
+#include "invgrad/internal/stepped_simulator.h"
 
 #include <algorithm>
 #include <limits>
 #include <type_traits>
 
 #include "fmt/core.h"
-#include "invgrad/chain/lanes.h"
-#include "invgrad/core/blas.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/internal/blas.h"
+#include "invgrad/internal/lanes.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <functional>
 
-#include "invgrad/chain/lanes.h"
-#include "invgrad/chain/stepped_simulator.h"
-#include "invgrad/core/scratch.h"
+#include "invgrad/internal/lanes.h"
+#include "invgrad/internal/scratch.h"
+#include "invgrad/internal/stepped_simulator.h"
 
 namespace invgrad {
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/network.h"
+#include "invgrad/network.h"
 
 namespace invgrad {
 

@@ -11,7 +11,7 @@
 #include <algorithm>
 
 #include "Eigen/Core"
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 
 #include <algorithm>
 

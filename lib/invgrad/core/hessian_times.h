@@ -23,7 +23,7 @@
 #define INVGRAD_CORE_HESSIAN_TIMES_H_
 
 #include "Eigen/Core"
-#include "invgrad/core/linearization.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

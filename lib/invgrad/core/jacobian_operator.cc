@@ -1,8 +1,8 @@
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/jacobian_operator.h"
 
 #include <utility>
 
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -34,7 +34,7 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/column_strips.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/core/objective.h"
+#include "invgrad/internal/objective.h"
 
 #include "invgrad/internal/logging.h"
 

@@ -1,4 +1,4 @@
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 
 #include <algorithm>
 #include <charconv>
@@ -7,6 +7,7 @@
 
 #include "fmt/core.h"
 #include "fmt/ranges.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -8,8 +8,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/column_strips.h"
-#include "invgrad/core/communicator.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/internal/communicator.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

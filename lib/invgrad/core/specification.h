@@ -8,12 +8,11 @@
 #include <cstddef>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
-namespace invgrad {
+#include "invgrad/option_set.h"
 
-using Settings = std::vector<std::pair<std::string, std::string>>;
+namespace invgrad {
 
 struct Specification {
   std::string text;  // as it was written

@@ -15,8 +15,8 @@
 
 #include <vector>
 
-#include "invgrad/core/linearization.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

@@ -1,10 +1,11 @@
-#include "invgrad/core/stored_jacobian.h"
+#include "invgrad/stored_jacobian.h"
 
 #include <numeric>
 #include <utility>
 
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/covariance/covariance.h"
+#include "invgrad/covariance.h"
 #include "invgrad/io/format.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/degeneracy/determined_step.h"
+#include "invgrad/determined_step.h"
 
 #include <algorithm>
 #include <cmath>

@@ -22,11 +22,11 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/communicator.h"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layer_jacobian.h"
-#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/communicator.h"
+#include "invgrad/internal/layered_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

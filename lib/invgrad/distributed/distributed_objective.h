@@ -19,9 +19,9 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/model.h"
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/inverse/batch_objective.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

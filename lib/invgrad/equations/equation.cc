@@ -1,13 +1,13 @@
-#include "invgrad/equations/equation.h"
+#include "invgrad/equation.h"
 
 #include <cmath>
 
 #include "fmt/core.h"
-#include "invgrad/chain/dense_network.h"
-#include "invgrad/chain/loss.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/equations/equation_simulator.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 namespace {

@@ -1,5 +1,5 @@
-// The terms of a differential equation as a cost function of Ceres, with the
-// equation's coefficients as parameter blocks: inverse problems.
+// The terms of a differential equation as a cost function of Ceres: what
+// AddEquationToProblem (equation.h) adds.
 //
 //   r = y(theta, p) / sqrt(N),   1/2 |r|^2 = L(theta, p)        (equation.h)
 //
@@ -14,11 +14,10 @@
 
 #include "Eigen/Core"
 #include "ceres/cost_function.h"
-#include "ceres/problem.h"
-#include "invgrad/chain/data_set.h"
-#include "invgrad/chain/model.h"
-#include "invgrad/equations/equation.h"
+#include "invgrad/data.h"
+#include "invgrad/equation.h"
 #include "invgrad/equations/equation_simulator.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 
@@ -35,14 +34,6 @@ class EquationCostFunction final : public ceres::CostFunction {
   DataSet samples_;  // with any coefficients
   EquationContext layout_;
 };
-
-// Adds the terms of the equation. `weights`, of the network of
-// EquationModel(*equation), and equation->coefficients must outlive the
-// problem. Returns false, with *error, if the samples have no finite values.
-bool AddEquationToProblem(Equation* equation,
-                          Eigen::VectorXd* weights,
-                          ceres::Problem* problem,
-                          std::string* error);
 
 }  // namespace invgrad
 

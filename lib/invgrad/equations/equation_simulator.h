@@ -27,8 +27,8 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/simulator.h"
-#include "invgrad/equations/trial_function.h"
+#include "invgrad/simulator.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 

@@ -1,8 +1,7 @@
-#include "invgrad/equations/features.h"
-
 #include <cmath>
 
 #include "invgrad/internal/logging.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 namespace {

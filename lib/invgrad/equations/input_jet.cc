@@ -1,10 +1,9 @@
-#include "invgrad/equations/input_jet.h"
-
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "invgrad/internal/logging.h"
+#include "invgrad/trial_function.h"
 
 namespace invgrad {
 

@@ -1,7 +1,6 @@
-#include "invgrad/equations/points.h"
-
 #include <cmath>
 
+#include "invgrad/equation_points.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

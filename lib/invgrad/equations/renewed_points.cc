@@ -1,11 +1,10 @@
-#include "invgrad/equations/renewed_points.h"
-
 #include <cstdint>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/equation.h"
 #include "invgrad/internal/logging.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 

@@ -1,11 +1,11 @@
-#include "invgrad/equations/time_windows.h"
+#include "invgrad/time_windows.h"
 
 #include <algorithm>
 #include <memory>
 #include <utility>
 
 #include "fmt/core.h"
-#include "invgrad/chain/dense_network.h"
+#include "invgrad/dense_network.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

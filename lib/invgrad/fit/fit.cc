@@ -1,4 +1,4 @@
-#include "invgrad/fit/fit.h"
+#include "invgrad/fit.h"
 
 #include <initializer_list>
 

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/model.h"
 #include "invgrad/inverse/output_layer_problem.h"
 #include "invgrad/inverse/pull_back_counts.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

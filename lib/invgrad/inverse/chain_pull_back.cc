@@ -9,9 +9,9 @@
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/core/parallel.h"
-#include "invgrad/core/scratch.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/parallel.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 namespace {

@@ -52,12 +52,12 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/chain/model.h"
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/pull_back_counts.h"
 #include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/inverse_simulator.h"
 
 #include <algorithm>
 

@@ -5,9 +5,9 @@
 #include "Eigen/Eigenvalues"
 #include "Eigen/LU"
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/chain/simulator.h"
-#include "invgrad/core/scratch.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/scratch.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 namespace {

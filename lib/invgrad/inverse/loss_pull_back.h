@@ -28,8 +28,8 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/loss.h"
 #include "invgrad/inverse/descents.h"
+#include "invgrad/loss.h"
 
 namespace invgrad {
 

@@ -6,8 +6,8 @@
 
 #include "Eigen/Eigenvalues"
 #include "Eigen/Jacobi"
-#include "invgrad/core/scratch.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 namespace {

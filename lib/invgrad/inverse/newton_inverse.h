@@ -28,8 +28,8 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/simulator.h"
-#include "invgrad/inverse/inverse_simulator.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "fmt/core.h"
-#include "invgrad/core/scratch.h"
 #include "invgrad/core/small_svd.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/scratch.h"
 
 namespace invgrad {
 namespace {

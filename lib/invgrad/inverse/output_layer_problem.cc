@@ -6,10 +6,10 @@
 #include <memory>
 #include <optional>
 
-#include "invgrad/chain/network_layers.h"
 #include "invgrad/chain/sample_error.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/network_layers.h"
 
 namespace invgrad {
 namespace {

@@ -21,7 +21,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/model.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

@@ -52,10 +52,10 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/chain/simulator.h"
 #include "invgrad/inverse/descents.h"
-#include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/newton_inverse.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/simulator.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/io/npy.h"
+#include "invgrad/npy.h"
 
 #include <algorithm>
 #include <charconv>

@@ -1,7 +1,7 @@
-#include "invgrad/io/numpy_generator.h"
-
 #include <array>
 #include <cmath>
+
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

@@ -1,11 +1,10 @@
-#include "invgrad/io/numpy_random.h"
-
 #include <cmath>
 #include <numeric>
 #include <sstream>
 #include <utility>
 
 #include "invgrad/internal/logging.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/json/to_json.h"
+#include "invgrad/to_json.h"
 
 #include <optional>
 #include <vector>

@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "ceres/solver.h"
-#include "invgrad/core/option_set.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/option_set.h"
+#include "invgrad/rules.h"
 
 namespace invgrad {
 

@@ -1,10 +1,13 @@
-#include "invgrad/methods/method.h"
+#include "invgrad/method.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/pull_back_method.h"
 
 namespace invgrad {
 
@@ -41,7 +44,8 @@ bool FindRows(const std::string& name, Phase* phase, std::string* error) {
   const ChainMethodRow* chain = FindChainMethod(name);
   if (chain != nullptr || name.find('/') != std::string::npos) {
     std::string rule;
-    return phase->pull_back.emplace().SetWays(
+    phase->pull_back = std::make_shared<PullBackMethod>();
+    return phase->pull_back->SetWays(
                chain != nullptr ? chain->ways : name, &rule, error) &&
            FindRuleRow(rule, phase, error);
   }
@@ -165,9 +169,9 @@ bool ParsePhase(const Specification& specification,
       own_settings.push_back(setting);
     } else if (phase->rule != nullptr &&
                (HasOption(phase->rule->options(), setting.first) ||
-                (phase->ceres == nullptr && !phase->pull_back.has_value()))) {
+                (phase->ceres == nullptr && phase->pull_back == nullptr))) {
       phase->rule_settings.push_back(setting);
-    } else if (phase->pull_back.has_value()) {
+    } else if (phase->pull_back != nullptr) {
       pull_back_settings.push_back(setting);
     } else {
       phase->ceres_settings.push_back(setting);
@@ -176,7 +180,7 @@ bool ParsePhase(const Specification& specification,
   std::string why;
   ceres::Solver::Options options;
   if (SetOwn(own_settings, phase, &why) &&
-      (!phase->pull_back.has_value() ||
+      (phase->pull_back == nullptr ||
        SetPullBack(pull_back_settings, phase, &why)) &&
       (phase->rule == nullptr ||
        phase->rule->create(phase->rule_settings, &why) != nullptr) &&

@@ -22,12 +22,12 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/core/option_set.h"
 #include "invgrad/inverse/chain_pull_back.h"
-#include "invgrad/inverse/inverse_simulator.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"
-#include "invgrad/rules/rules.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/option_set.h"
+#include "invgrad/rules.h"
 
 namespace invgrad {
 

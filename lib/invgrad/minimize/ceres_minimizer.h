@@ -16,9 +16,9 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "ceres/types.h"
-#include "invgrad/ceres/update_callback.h"
 #include "invgrad/core/memory_limit.h"
-#include "invgrad/minimize/minimizer.h"
+#include "invgrad/minimize.h"
+#include "invgrad/update_callback.h"
 
 namespace invgrad {
 

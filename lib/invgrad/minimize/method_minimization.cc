@@ -9,11 +9,14 @@
 #include "ceres/types.h"
 #include "invgrad/ceres/model_cost.h"
 #include "invgrad/ceres/problem_structure.h"
-#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/ceres_minimizer.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 
@@ -175,7 +178,7 @@ void MinimizeByRule(const Phase& phase,
   Objective* seen = objective;
   std::optional<PointObjective> joint;
   std::optional<PullBackObjective> pulled_back;
-  if (phase.pull_back.has_value()) {
+  if (phase.pull_back != nullptr) {
     const PullBackMethod& ways = *phase.pull_back;
     if (ways.is_joint()) {
       seen = &joint.emplace(objective->model().shared_simulator(),
@@ -207,7 +210,7 @@ bool IsForPoints(const Phase& phase,
                  const PointObjective& objective,
                  std::string* error) {
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  if (!phase.pull_back.has_value() || phase.pull_back->is_joint()) {
+  if (phase.pull_back == nullptr || phase.pull_back->is_joint()) {
     return rule == nullptr ||
            objective.model().CanLinearize(rule->Needs(), error);
   }
@@ -243,7 +246,7 @@ bool NeedsNetwork(const Method& method, std::string* error) {
 
 bool IsForProblems(const Method& method, std::string* error) {
   if (NeedsNetwork(method, error)) return false;
-  if (!method.last_phase().pull_back.has_value()) return true;
+  if (method.last_phase().pull_back == nullptr) return true;
   *error = "nothing can be pulled back part by part: there is no chain";
   return false;
 }

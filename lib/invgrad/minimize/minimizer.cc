@@ -1,5 +1,3 @@
-#include "invgrad/minimize/minimizer.h"
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -10,11 +8,12 @@
 #include "fmt/core.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/hessian_times.h"
-#include "invgrad/core/linearization.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/step_cost.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/linearization.h"
+#include "invgrad/minimize.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 namespace {

@@ -1,4 +1,4 @@
-#include "invgrad/minimize/point_objective.h"
+#include "invgrad/point_objective.h"
 
 #include <utility>
 #include <vector>

@@ -1,5 +1,3 @@
-#include "invgrad/mpi/mpi_communicator.h"
-
 #include <mpi.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "invgrad/internal/logging.h"
+#include "invgrad/mpi.h"
 
 namespace invgrad {
 namespace {

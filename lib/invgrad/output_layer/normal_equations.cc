@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/jacobian_operator.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
+#include "invgrad/jacobian_operator.h"
 
 namespace invgrad {
 

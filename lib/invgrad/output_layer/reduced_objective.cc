@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "Eigen/QR"
-#include "invgrad/chain/network_layers.h"
 #include "invgrad/core/dense_svd.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/network_layers.h"
 #include "invgrad/output_layer/reduced_jacobian.h"
 #include "invgrad/output_layer/share.h"
 

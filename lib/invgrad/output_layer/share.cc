@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "invgrad/chain/network_layers.h"
+#include "invgrad/internal/network_layers.h"
 #include "invgrad/inverse/output_layer_problem.h"
 
 namespace invgrad {

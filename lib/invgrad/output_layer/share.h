@@ -11,7 +11,7 @@
 #ifndef INVGRAD_OUTPUT_LAYER_SHARE_H_
 #define INVGRAD_OUTPUT_LAYER_SHARE_H_
 
-#include "invgrad/chain/model.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

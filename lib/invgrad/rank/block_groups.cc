@@ -7,10 +7,10 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/problem_linearizer.h"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/memory_limit.h"
-#include "invgrad/core/stored_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace {

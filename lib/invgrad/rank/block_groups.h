@@ -16,7 +16,7 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "ceres/problem.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

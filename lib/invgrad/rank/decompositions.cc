@@ -6,8 +6,8 @@
 #include <limits>
 #include <utility>
 
-#include "invgrad/core/blas.h"
 #include "invgrad/core/dense_svd.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

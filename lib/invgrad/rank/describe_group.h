@@ -7,7 +7,7 @@
 #include "Eigen/Core"
 #include "ceres/problem.h"
 #include "invgrad/rank/block_groups.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

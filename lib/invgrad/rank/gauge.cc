@@ -1,7 +1,6 @@
-#include "invgrad/rank/gauge.h"
-
 #include "fmt/core.h"
 #include "invgrad/rank/pose_gauge.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 namespace {

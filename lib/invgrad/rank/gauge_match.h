@@ -16,8 +16,7 @@
 #include "Eigen/SparseCore"
 #include "ceres/problem.h"
 #include "invgrad/rank/block_groups.h"
-#include "invgrad/rank/gauge.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

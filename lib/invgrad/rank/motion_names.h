@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/rank/gauge.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

@@ -2,8 +2,8 @@
 #ifndef INVGRAD_RANK_POSE_GAUGE_H_
 #define INVGRAD_RANK_POSE_GAUGE_H_
 
-#include "invgrad/rank/gauge.h"
 #include "invgrad/rank/pose_scene.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

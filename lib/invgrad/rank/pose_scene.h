@@ -7,7 +7,7 @@
 
 #include "Eigen/Core"
 #include "Eigen/Geometry"
-#include "invgrad/rank/gauge.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 #include <algorithm>
 #include <utility>

@@ -6,7 +6,7 @@
 #include "fmt/core.h"
 #include "fmt/ranges.h"
 #include "invgrad/io/format.h"
-#include "invgrad/rank/rank_report.h"
+#include "invgrad/rank_report.h"
 
 namespace invgrad {
 namespace {

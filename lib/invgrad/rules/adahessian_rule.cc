@@ -31,7 +31,7 @@
 
 #include "invgrad/core/finite.h"
 #include "invgrad/internal/logging.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
 

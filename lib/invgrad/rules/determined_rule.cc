@@ -29,8 +29,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/finite.h"
-#include "invgrad/core/layered_jacobian.h"
-#include "invgrad/degeneracy/determined_step.h"
+#include "invgrad/determined_step.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"

@@ -23,7 +23,7 @@
 #define INVGRAD_RULES_EVIDENCE_H_
 
 #include "Eigen/Core"
-#include "invgrad/spectral/spectrum.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -41,11 +41,11 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/option_set.h"
-#include "invgrad/core/step_judge.h"
+#include "invgrad/option_set.h"
 #include "invgrad/rules/evidence.h"
 #include "invgrad/rules/loss_trend.h"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

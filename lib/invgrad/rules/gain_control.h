@@ -38,9 +38,9 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/core/option_set.h"
+#include "invgrad/option_set.h"
 #include "invgrad/rules/step_size.h"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -42,10 +42,10 @@
 
 #include "fmt/core.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 #include "invgrad/rules/step_size.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 namespace {

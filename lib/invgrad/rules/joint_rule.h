@@ -18,14 +18,13 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/option_set.h"
-#include "invgrad/core/step_judge.h"
-#include "invgrad/core/update_rule.h"
+#include "invgrad/linearization.h"
+#include "invgrad/option_set.h"
 #include "invgrad/rules/fresh_control.h"
 #include "invgrad/rules/gain_control.h"
 #include "invgrad/rules/step_size.h"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 

@@ -6,12 +6,12 @@
 
 #include "Eigen/Eigenvalues"
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
-#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/blas.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

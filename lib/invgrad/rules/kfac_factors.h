@@ -29,10 +29,10 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/jacobian_operator.h"
 #include "invgrad/core/layer_jacobian.h"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/sampled_factors.h"
+#include "invgrad/internal/sampled_factors.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/linearization.h"
 
 namespace invgrad {
 

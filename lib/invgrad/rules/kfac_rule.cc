@@ -68,11 +68,11 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/layer_jacobian.h"
-#include "invgrad/core/layered_jacobian.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/blas.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/kfac_factors.h"

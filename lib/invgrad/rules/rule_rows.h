@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 
 namespace invgrad {
 

@@ -1,8 +1,9 @@
-#include "invgrad/rules/rules.h"
+#include "invgrad/rules.h"
 
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/core/specification.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/rules/rule_rows.h"
 

@@ -38,10 +38,10 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/core/layered_jacobian.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/rules/joint_rule.h"
 #include "invgrad/rules/rule_rows.h"
-#include "invgrad/spectral/spectral_step.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 namespace {

@@ -39,8 +39,8 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/core/linearization.h"
-#include "invgrad/core/option_set.h"
+#include "invgrad/linearization.h"
+#include "invgrad/option_set.h"
 
 namespace invgrad {
 

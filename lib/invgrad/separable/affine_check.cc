@@ -6,7 +6,7 @@
 #include "Eigen/Core"
 #include "fmt/core.h"
 #include "invgrad/ceres/residual_evaluation.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
 
 namespace invgrad {
 namespace {

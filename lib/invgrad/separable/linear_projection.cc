@@ -1,4 +1,4 @@
-#include "invgrad/separable/linear_projection.h"
+#include "invgrad/internal/linear_projection.h"
 
 namespace invgrad {
 

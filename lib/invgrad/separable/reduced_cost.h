@@ -44,8 +44,8 @@
 
 #include "Eigen/Core"
 #include "ceres/cost_function.h"
+#include "invgrad/internal/linear_projection.h"
 #include "invgrad/separable/component_residuals.h"
-#include "invgrad/separable/linear_projection.h"
 
 namespace invgrad {
 

@@ -1,5 +1,3 @@
-#include "invgrad/separable/separable_problem.h"
-
 #include <algorithm>
 #include <cstddef>
 #include <limits>
@@ -13,7 +11,9 @@
 #include "invgrad/ceres/residual_evaluation.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/separable.h"
 #include "invgrad/separable/affine_check.h"
+#include "invgrad/separable/reduced_cost.h"
 
 namespace invgrad {
 
@@ -233,8 +233,9 @@ class SeparableProblem::Builder {
 };
 
 SeparableProblem::SeparableProblem(const Options& options)
-    : options_(options),
-      reduced_(CopyOptions(nullptr)) {}
+    : options_(options), reduced_(CopyOptions(nullptr)) {}
+
+SeparableProblem::~SeparableProblem() = default;
 
 std::string SeparableProblem::BlockName(const double* values, int index) const {
   std::string name;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/ritz_error.h"
 

@@ -44,8 +44,8 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "invgrad/core/jacobian_operator.h"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

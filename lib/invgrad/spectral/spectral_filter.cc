@@ -1,9 +1,8 @@
-#include "invgrad/spectral/spectral_filter.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include "fmt/core.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -1,5 +1,3 @@
-#include "invgrad/spectral/spectral_step.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,7 @@
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/shared_jacobian.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/step_error.h"
 

@@ -21,7 +21,7 @@
 #include <optional>
 
 #include "Eigen/Core"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "invgrad/core/sampled_factors.h"
+#include "invgrad/internal/sampled_factors.h"
 #include "torch/torch.h"
 
 namespace invgrad {

@@ -15,7 +15,7 @@
 #include <memory>
 #include <vector>
 
-#include "invgrad/core/sampled_factors.h"
+#include "invgrad/internal/sampled_factors.h"
 #include "torch/torch.h"
 
 namespace invgrad {

@@ -1,4 +1,4 @@
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch_network.h"
 
 #include <algorithm>
 #include <mutex>
@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "ATen/CPUGeneratorImpl.h"
-#include "invgrad/chain/network_layers.h"
 #include "invgrad/internal/logging.h"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/internal/network_layers.h"
+#include "invgrad/random.h"
 #include "invgrad/torch/peak_memory.h"
 #include "invgrad/torch/torch_factors.h"
 #include "invgrad/torch/torch_message.h"

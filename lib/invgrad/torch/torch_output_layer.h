@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/core/sampled_factors.h"
+#include "invgrad/internal/sampled_factors.h"
 #include "torch/torch.h"
 
 namespace invgrad {

@@ -1,11 +1,9 @@
-#include "invgrad/torch/torch_script.h"
-
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "invgrad/torch/torch_message.h"
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch_network.h"
 #include "torch/csrc/jit/api/module.h"
 #include "torch/csrc/jit/runtime/graph_executor.h"
 #include "torch/script.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "invgrad/torch/torch_network.h"
+#include "invgrad/torch_network.h"
 
 namespace invgrad {
 

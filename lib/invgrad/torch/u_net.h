@@ -24,7 +24,7 @@
 #include <memory>
 #include <string>
 
-#include "invgrad/chain/network.h"
+#include "invgrad/network.h"
 
 namespace invgrad {
 

@@ -2,8 +2,8 @@
 #ifndef INVGRAD_TORCH_U_NET_MODULE_H_
 #define INVGRAD_TORCH_U_NET_MODULE_H_
 
-#include "invgrad/torch/torch_network.h"
 #include "invgrad/torch/u_net.h"
+#include "invgrad/torch_network.h"
 
 namespace invgrad {
 

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "invgrad/io/numpy_random.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
 #include "invgrad/train/checkpoint.h"
-#include "invgrad/train/train.h"
 
 namespace invgrad {
 

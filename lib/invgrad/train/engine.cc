@@ -6,9 +6,11 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/model_cost.h"
-#include "invgrad/chain/network_layers.h"
 #include "invgrad/distributed/distributed_objective.h"
+#include "invgrad/internal/network_layers.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/output_layer/share.h"
 #include "invgrad/train/scheduled_output_layer.h"
@@ -77,12 +79,12 @@ bool CanSolveOutputLayer(const Phase& phase,
                          const Model& model,
                          const TrainOptions& options,
                          std::string* error) {
-  const bool in_x = phase.pull_back.has_value() && !phase.pull_back->is_joint();
+  const bool in_x = phase.pull_back != nullptr && !phase.pull_back->is_joint();
   const Network& network = model.network();
   const auto layer_size = OutputLayerOf(network).size();
   // A step in y turns the loss into one without a squared norm.
   const std::shared_ptr<const Loss> loss =
-      phase.pull_back.has_value() && !in_x
+      phase.pull_back != nullptr && !in_x
           ? phase.pull_back->MakeLoss(model.shared_loss())
           : model.shared_loss();
   if (layer_size == 0) {
@@ -172,7 +174,7 @@ std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
                                               const TrainingData& data,
                                               const TrainOptions& options,
                                               std::string* error) {
-  if (!phase.pull_back.has_value()) {
+  if (phase.pull_back == nullptr) {
     return std::make_unique<ModelObjective>(model);
   }
   const PullBackMethod& pull_back = *phase.pull_back;

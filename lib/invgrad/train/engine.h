@@ -13,8 +13,8 @@
 #include "ceres/types.h"
 #include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/pull_back_counts.h"
+#include "invgrad/train.h"
 #include "invgrad/train/checkpoint.h"
-#include "invgrad/train/train.h"
 #include "invgrad/train/weight_ledger.h"
 
 namespace invgrad {

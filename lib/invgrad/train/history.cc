@@ -1,5 +1,3 @@
-#include "invgrad/train/history.h"
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -11,6 +9,7 @@
 #include "fmt/core.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/io/atomic_file.h"
+#include "invgrad/train.h"
 
 namespace invgrad {
 namespace {

@@ -6,11 +6,11 @@
 
 #include "fmt/core.h"
 #include "invgrad/core/hessian_times.h"
-#include "invgrad/core/step_judge.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/train/batch_sequence.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/train/weight_ledger.h"
+#include "invgrad/update_rule.h"
 
 namespace invgrad {
 namespace {

@@ -4,11 +4,11 @@
 #include <sstream>
 
 #include "fmt/ranges.h"
+#include "invgrad/blas_threads.h"
 #include "invgrad/core/blas_kernels.h"
-#include "invgrad/core/blas_threads.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/io/digest.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 #include "invgrad/version.h"
 
 namespace invgrad {

@@ -16,9 +16,9 @@
 
 #include <string>
 
-#include "invgrad/chain/data_source.h"
-#include "invgrad/chain/model.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/data.h"
+#include "invgrad/method.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

@@ -18,7 +18,7 @@
 #include "Eigen/Core"
 #include "invgrad/output_layer/reduced_objective.h"
 #include "invgrad/output_layer/steady_fall.h"
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "invgrad/train/train.h"
+#include "invgrad/train.h"
 
 #include <utility>
 

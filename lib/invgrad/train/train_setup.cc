@@ -10,8 +10,8 @@
 
 #include "fmt/core.h"
 #include "invgrad/internal/logging.h"
-#include "invgrad/io/numpy_random.h"
 #include "invgrad/output_layer/steady_fall.h"
+#include "invgrad/random.h"
 #include "invgrad/train/training_run.h"
 
 namespace invgrad {

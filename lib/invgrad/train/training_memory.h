@@ -13,10 +13,10 @@
 
 #include <vector>
 
-#include "invgrad/chain/model.h"
-#include "invgrad/core/linearization.h"
 #include "invgrad/core/memory_limit.h"
-#include "invgrad/methods/method.h"
+#include "invgrad/linearization.h"
+#include "invgrad/method.h"
+#include "invgrad/model.h"
 
 namespace invgrad {
 

@@ -17,11 +17,11 @@
 #include "Eigen/Core"
 #include "ceres/iteration_callback.h"
 #include "ceres/types.h"
-#include "invgrad/core/communicator.h"
+#include "invgrad/internal/communicator.h"
+#include "invgrad/train.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/train/run_identity.h"
-#include "invgrad/train/train.h"
 
 namespace invgrad {
 

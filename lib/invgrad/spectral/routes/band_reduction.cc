@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "invgrad/core/blas.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/householder.h"
 #include "invgrad/spectral/routes/two_stage.h"

@@ -13,9 +13,9 @@
 #include <limits>
 #include <optional>
 
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/spectral/routes/gram_matrix.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/routes/spectrum_cut.h"

@@ -22,7 +22,7 @@
 #define INVGRAD_SPECTRAL_ROUTES_RITZ_ERROR_H_
 
 #include "Eigen/Core"
-#include "invgrad/spectral/spectral_filter.h"
+#include "invgrad/spectral.h"
 
 namespace invgrad {
 

@@ -12,12 +12,11 @@
 
 #include "Eigen/Core"
 #include "invgrad/core/dense_svd.h"
-#include "invgrad/core/jacobian_operator.h"
+#include "invgrad/jacobian_operator.h"
+#include "invgrad/spectral.h"
 #include "invgrad/spectral/routes/contour_quadrature.h"
 #include "invgrad/spectral/routes/tridiagonal.h"
 #include "invgrad/spectral/routes/tridiagonalization.h"
-#include "invgrad/spectral/spectral_filter.h"
-#include "invgrad/spectral/spectral_step.h"
 
 namespace invgrad {
 

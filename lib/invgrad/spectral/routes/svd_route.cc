@@ -7,8 +7,8 @@
 #include <cmath>
 #include <limits>
 
-#include "invgrad/core/blas.h"
 #include "invgrad/core/finite.h"
+#include "invgrad/internal/blas.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/step_error.h"

@@ -1,0 +1,82 @@
+// Samples of a learning problem, one column each.
+//
+// Shapes:  inputs: |a| x N;  contexts: |c| x N;  targets: |y| x N.
+#ifndef INVGRAD_DATA_H_
+#define INVGRAD_DATA_H_
+
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+
+namespace invgrad {
+
+struct DataSet {
+  Eigen::MatrixXd inputs;    // |a| x N: a
+  Eigen::MatrixXd contexts;  // |c| x N: c; 0 x N if none
+  Eigen::MatrixXd targets;   // |y| x N: y*
+  // |x| x N: solutions x of P(x) = y*, for supervised training; 0 x N if
+  // unknown.
+  Eigen::MatrixXd solutions;
+
+  // Of a piece of a batch: the number of its first sample in the batch, and the
+  // size of the batch; 0: this is the whole batch.
+  int first_in_batch = 0;
+  int piece_of = 0;
+
+  int num_samples() const { return static_cast<int>(inputs.cols()); }
+
+  // c of a sample; without contexts a null vector of size 0.
+  Eigen::Map<const Eigen::VectorXd> Context(int sample) const {
+    // An array without rows may have no columns.
+    return {contexts.rows() == 0 ? nullptr : contexts.col(sample).data(),
+            contexts.rows()};
+  }
+
+  // The samples `indices`, in that order.
+  DataSet Select(const std::vector<int>& indices) const;
+
+  // The samples first, ..., first + count - 1.
+  DataSet Range(int first, int count) const;
+
+  // The same, as a piece: costs are scaled as in the whole batch, and messages
+  // number the samples of the whole batch.
+  DataSet Piece(int first, int count) const;
+  int batch_size() const { return piece_of > 0 ? piece_of : num_samples(); }
+
+  // Returns false if a value is not finite; *error names array, sample and
+  // entry.
+  bool IsFinite(std::string* error) const;
+};
+
+// A stream of fresh samples, which are made and not stored: each step has new
+// ones, or every few steps.
+//
+// The samples are a function of the step, so that all methods train on the same
+// stream, or also of the weights. A resumed run continues the stream.
+
+class Model;
+
+class DataSource {
+ public:
+  virtual ~DataSource() = default;
+
+  // The samples of step k = 0, 1, ...  `weights` of the model that is trained:
+  // those before the first step of the set of samples that k belongs to.
+  virtual DataSet Batch(long step,
+                        int batch_size,
+                        const Model& model,
+                        const Eigen::VectorXd& weights) const = 0;
+  // A set of samples serves the steps k with the same k / steps_per_set().
+  virtual long steps_per_set() const { return 1; }
+
+  // Whether batches have as many samples as the training data.
+  virtual bool needs_whole_batches() const { return false; }
+
+  // What determines the stream, to recognize a run: "heat, seed 0".
+  virtual std::string Name() const = 0;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_DATA_H_

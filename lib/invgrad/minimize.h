@@ -1,0 +1,143 @@
+// Minimizes a ceres::Problem by the unmodified steps of an update rule.
+//
+//   x_{k+1} = Plus(x_k, rule(linearization at x_k))
+//
+// There is no line search and no acceptance test; for these see
+// update_callback.h. Options, summary and termination use Ceres' types, so that
+// runs compare with ceres::Solve (ceres_minimizer.h).
+//
+// Cost:    one linearization and one step an iteration.
+// Fails:   a numerical failure (no finite step; cost, gradient or Jacobian not
+//          finite) ends the run with ceres::FAILURE and a message that names
+//          the iteration; the blocks then have the last state at which all of
+//          these were finite, and the failed step is not recorded.
+#ifndef INVGRAD_MINIMIZE_H_
+#define INVGRAD_MINIMIZE_H_
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "ceres/evaluation_callback.h"
+#include "ceres/iteration_callback.h"
+#include "ceres/ordered_groups.h"
+#include "ceres/problem.h"
+#include "ceres/types.h"
+#include "invgrad/update_callback.h"
+#include "invgrad/update_rule.h"
+
+namespace invgrad {
+
+class InverseSimulator;
+struct Method;
+class Objective;
+class PointObjective;
+
+struct MinimizerOptions {
+  int max_num_iterations = 50;
+  // No step begins after it, or if its factorization would take longer
+  // (step_cost.h).
+  double max_time_in_seconds = 1e9;
+  //  max_i |gradient_i| <= gradient_tolerance, in the tangent space
+  double gradient_tolerance = 1e-10;
+  //  |L_{k+1} - L_k| <= function_tolerance L_k; 0 switches it off
+  double function_tolerance = 1e-6;
+  //  |x_{k+1} - x_k| <= parameter_tolerance (|x_k| + parameter_tolerance);
+  // 0 switches it off
+  double parameter_tolerance = 1e-8;
+  // A mini-batch. Empty: all of the problem's residual blocks.
+  std::vector<ceres::ResidualBlockId> residual_blocks;
+  // Called at x_0 and after every step, with up-to-date blocks. Not owned.
+  // SOLVER_ABORT ends the run with USER_FAILURE, SOLVER_TERMINATE_SUCCESSFULLY
+  // with USER_SUCCESS; the blocks keep their values.
+  std::vector<ceres::IterationCallback*> callbacks;
+  // The evaluation callback of the problem, if any (see ProblemLinearizer). Not
+  // owned.
+  ceres::EvaluationCallback* evaluation_callback = nullptr;
+  // Of a block, in MinimizerSummary::first_outside_domain; "" or no function:
+  // "block i".
+  std::function<std::string(const double* values)> block_name;
+};
+
+struct MinimizerSummary {
+  ceres::TerminationType termination_type = ceres::FAILURE;
+  std::string message;
+  double initial_cost = -1.0;
+  double final_cost = -1.0;
+  // [0] is the start. Minimize fills cost, cost_change, the norms of gradient
+  // (tangent space) and step (ambient), the flags (nonmonotonic: the cost rose;
+  // successful: the rule did not revert the step) and the times.
+  std::vector<ceres::IterationSummary> iterations;
+  double total_time_in_seconds = 0.0;
+  int num_taken_back = 0;  // steps that the rule reverted
+  // Candidates of ceres::Solve, proposals included, at which the problem cannot
+  // be evaluated (domain_failure.h).
+  int num_outside_domain = 0;
+  // Why not at the first of them, for trust regions; none if no reason was
+  // found.
+  std::optional<DomainFailure> first_outside_domain;
+  // Of ceres::Solve with proposals.
+  std::optional<UpdateCallback::Summary> proposals;
+
+  int num_steps() const {
+    return iterations.empty() ? 0 : static_cast<int>(iterations.size()) - 1;
+  }
+  // "CONVERGENCE, 12 steps, cost 4.5e+01 -> 1.2e-12: ..."
+  std::string BriefReport() const;
+};
+
+void Minimize(const MinimizerOptions& options,
+              UpdateRule* rule,
+              ceres::Problem* problem,
+              MinimizerSummary* summary);
+
+// The same for any objective; options about parts of a ceres::Problem are
+// ignored.
+void Minimize(const MinimizerOptions& options,
+              UpdateRule* rule,
+              Objective* objective,
+              MinimizerSummary* summary);
+
+// Minimizes a ceres::Problem, or a simulator and a loss over the simulator's
+// input, by a method (methods/method.h).
+//
+//   half_inverse            Minimize (minimizer.h), the pure iteration
+//   ceres_lm, ceres_bfgs    Ceres (ceres_minimizer.h)
+//   ceres_lm+half_inverse   Ceres with an UpdateCallback (update_callback.h)
+//   newton/inverse/adam     pull-backs, for a simulator and a loss
+//
+// Fails:   returns false, before anything runs, if the method does not apply
+//          (phases, batches; for a problem pull-backs), if its rule cannot
+//          propose steps for this problem (UpdateCallback::IsSupported), or if J,
+//          a dense solver or BFGS needs more than the available memory.
+
+// Whether the method applies to a problem without a chain; if not, *error gives
+// the reason.
+bool IsForProblems(const Method& method, std::string* error);
+
+// `elimination_order`: the ordering for Ceres' Schur solvers; null: Ceres
+// chooses.
+bool MinimizeProblem(
+    const Method& method,
+    const MinimizerOptions& options,
+    std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order,
+    ceres::Problem* problem,
+    MinimizerSummary* summary,
+    std::string* error);
+
+// Minimizes from the objective's current point; `path` receives the points from
+// the start to the final one. `inverse`: the simulator's inverse, or null.
+bool MinimizeByMethod(const Method& method,
+                      const MinimizerOptions& options,
+                      std::shared_ptr<const InverseSimulator> inverse,
+                      PointObjective* objective,
+                      std::vector<Eigen::VectorXd>* path,
+                      MinimizerSummary* summary,
+                      std::string* error);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_MINIMIZE_H_
