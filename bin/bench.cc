@@ -43,7 +43,7 @@ memory that the process had.
 #include "bin/support/ranks.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
-#include "invgrad/core/blas_threads.h"
+#include "invgrad/blas_threads.h"
 
 DEFINE_string(input,
               "",

@@ -319,12 +319,21 @@ class Below2 final : public ceres::Manifold {
   }
 };
 
+// r = (x - 10) / 10, so that x minus the gradient stays below 2.
+struct Tenth {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = 0.1 * (x[0] - 10.0);
+    return true;
+  }
+};
+
 TEST_F(DomainFailureTest, FailingPlus) {
   double x = 0.5, y = 0.0;
   problem_.AddResidualBlock(
       new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &y);
   problem_.AddResidualBlock(
-      new ceres::AutoDiffCostFunction<Offset, 1, 1>(new Offset), nullptr, &x);
+      new ceres::AutoDiffCostFunction<Tenth, 1, 1>(new Tenth), nullptr, &x);
   problem_.SetManifold(&x, new Below2);
   constexpr char kText[] = "parameter `block 1` (Plus returned false)";
   ASSERT_TRUE(ExplainFailingStep(
@@ -528,15 +537,6 @@ TEST(UpdateCallback, ProposesAfterCeresLeftTheDomain) {
         << counts.BriefReport();
   }
 }
-
-// r = (x - 10) / 10, so that x minus the gradient stays below 2.
-struct Tenth {
-  template <typename T>
-  bool operator()(const T* x, T* r) const {
-    r[0] = 0.1 * (x[0] - 10.0);
-    return true;
-  }
-};
 
 // The candidates of a proposal are counted and explained.
 TEST(UpdateCallback, CountsProposalsOutsideTheDomain) {

@@ -20,29 +20,22 @@ using Options = UpdateCallback::Options;
 TEST(UpdateCallback, NeedsAddToBeforeEachSolve) {
   TwoBlockRosenbrock p;
   PowerRule rule(0.5);
-  {
-    UpdateCallback callback(&rule, &p.problem);
-    ceres::Solver::Summary summary;
-    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
-    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    p.x = -1.2;
-    p.y = 1.0;
-    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
-    EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
-    EXPECT_NE(callback.summary().message.find(
-                  "call UpdateCallback::AddTo before each"),
-              std::string::npos);
-    EXPECT_EQ(p.x, -1.2);
-    EXPECT_EQ(p.y, 1.0);
-    ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
-    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
-    EXPECT_EQ(callback.summary().message, "");
-    p.x = -1.2;
-    p.y = 1.0;
-  }
   UpdateCallback callback(&rule, &p.problem);
+  ceres::Solver::Options options = SolverOptions(&callback);
   ceres::Solver::Summary summary;
-  ceres::Solve(SolverOptions(&callback), &p.problem, &summary);
+  ceres::Solve(options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
+  p.x = -1.2;
+  p.y = 1.0;
+  ceres::Solve(options, &p.problem, &summary);
+  EXPECT_EQ(summary.termination_type, ceres::USER_FAILURE);
+  EXPECT_NE(callback.summary().message.find("call UpdateCallback::AddTo"),
+            std::string::npos)
+      << callback.summary().message;
+  EXPECT_EQ(p.x, -1.2);
+  EXPECT_EQ(p.y, 1.0);
+  callback.AddTo(&options);
+  ceres::Solve(options, &p.problem, &summary);
   EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE);
   EXPECT_NEAR(p.x, 1.0, 1e-6);
 }

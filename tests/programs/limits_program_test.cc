@@ -44,7 +44,7 @@ TEST_F(LimitsProgram, ABatchThatDoesNotFitIsNotRun) {
   EXPECT_EQ(output.exit_code, 2) << output.text;
   ExpectSays(output,
              {"newton: batch_size=100 needs ",
-              "(factorization of the Hessian ",
+              "(Hessian and its factorization ",
               "the limit is ",
               "not run: batch_size=100 needs",
               "steps done"});

@@ -121,7 +121,7 @@ TEST(TrainingFits, RefusesABatchBeforeTheFirstStep) {
   EXPECT_EQ(TrainError("half_inverse", 400, 200e6), "");
   const std::string error = TrainError("half_inverse:route=gram", 400, 20e6);
   EXPECT_EQ(error.rfind("batch_size=400 needs ", 0), 0u) << error;
-  EXPECT_NE(error.find("(Gram matrix and its factorization 25 MB, "),
+  EXPECT_NE(error.find("(J 40 MB, Gram matrix and its factorization 25 MB, "),
             std::string::npos)
       << error;
   EXPECT_NE(error.find("; the limit is 20 MB"), std::string::npos) << error;

@@ -9,13 +9,12 @@ double StepOperations(const LinearizationParts& needs,
                       double cols,
                       double num_entries) {
   if (needs.hessian) return 10.0 * cols * cols * cols;
-  if (needs.factorization) {
-    const double k = std::min(rows, cols);
-    return k * k * (std::max(rows, cols) + 10.0 * k);
-  }
-  return num_entries == 0.0
-             ? 0.0
-             : needs.num_products * (12.0 * num_entries + 25.0 * cols);
+  const double k = std::min(rows, cols);
+  if (needs.factorization) return k * k * (std::max(rows, cols) + 10.0 * k);
+  if (num_entries == 0.0) return 0.0;
+  // An iteration, with a product each way, ends after k.
+  return std::min(1.0 * needs.num_products, 2.0 * k) *
+         (12.0 * num_entries + 25.0 * cols);
 }
 
 std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,

@@ -4,7 +4,8 @@
 //   factorization   k^2 (max(m, n) + 10 k) operations, 16 k^2 bytes,
 //                   and a dense J if m > n;   k = min(m, n)
 //   Hessian         10 n^3 operations, 32 n^2 bytes
-//   a product       12 operations for each entry of J, and 25 n
+//   a product       12 operations for each entry of J, and 25 n; at most 2 k
+//                   products
 //
 // Units:   operations of a large dense product, kOperationsPerSecond on one
 //          core; bytes. Doubles, because products of sizes may overflow an int.
