@@ -7,14 +7,14 @@
 #define INVGRAD_VERSION_H_
 
 #define INVGRAD_VERSION_MAJOR 0
-#define INVGRAD_VERSION_MINOR 1
+#define INVGRAD_VERSION_MINOR 2
 #define INVGRAD_VERSION_PATCH 0
 
 // Two macros, so that the arguments are replaced by their numbers first.
 #define INVGRAD_JOIN_AS_THEY_ARE(a, b, c) #a "." #b "." #c
 #define INVGRAD_JOIN(a, b, c) INVGRAD_JOIN_AS_THEY_ARE(a, b, c)
 
-// "0.1.0"
+// "0.2.0"
 #define INVGRAD_VERSION \
   INVGRAD_JOIN(         \
       INVGRAD_VERSION_MAJOR, INVGRAD_VERSION_MINOR, INVGRAD_VERSION_PATCH)

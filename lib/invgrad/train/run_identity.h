@@ -1,6 +1,6 @@
 // What determines a run, part by part: a run is resumed only by itself.
 //
-//   version: 0.1.0
+//   version: 0.2.0
 //   BLAS kernels: Haswell
 //   training data: 8c2f0e5d1a4b7733
 //   method: adam
