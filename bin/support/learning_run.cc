@@ -9,6 +9,7 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "fmt/core.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/io/format.h"
 #include "invgrad/random.h"
 #include "problems/problems.h"

@@ -1,6 +1,8 @@
 // The module that LoadTorchNetworks loads.
 #include "problems/torch/torch_networks.h"
 
+#include "invgrad/torch_network.h"
+
 extern "C" const invgrad::TorchNetworks* InvgradTorchNetworks() {
   static constexpr invgrad::TorchNetworks kNetworks = {
       &invgrad::MakeUNet, &invgrad::LoadTorchScript};

@@ -5,16 +5,24 @@
 #ifndef PROBLEMS_TORCH_TORCH_NETWORKS_H_
 #define PROBLEMS_TORCH_TORCH_NETWORKS_H_
 
+#include <cstdint>
+#include <memory>
 #include <string>
+#include <vector>
 
+#include "invgrad/network.h"
 #include "invgrad/torch/u_net.h"
-#include "invgrad/torch_network.h"
 
 namespace invgrad {
 
 struct TorchNetworks {
   decltype(&MakeUNet) make_u_net;
-  decltype(&LoadTorchScript) load_torch_script;
+  // LoadTorchScript of torch_network.h, which includes libtorch.
+  std::shared_ptr<const Network> (*load_torch_script)(
+      const std::string& path,
+      const std::vector<int64_t>& input_shape,
+      bool double_precision,
+      std::string* error);
 };
 
 // Whether invgrad was built with libtorch.
