@@ -33,6 +33,7 @@ current method, skips the others, and keeps the results so far.
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "gflags/gflags.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 
 DEFINE_bool(list,

@@ -27,6 +27,7 @@ trajectories.csv to restyle it, and one CSV a rule.
 #include "bin/support/run_output.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
+#include "invgrad/method.h"
 #include "invgrad/point_objective.h"
 #include "problems/problems.h"
 #include "report/interrupt.h"

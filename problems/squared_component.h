@@ -20,6 +20,7 @@
 #include <string>
 
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/loss.h"
 #include "problems/problem.h"
 

@@ -21,6 +21,7 @@
 #include "bin/support/learning_run.h"
 #include "bin/support/program.h"
 #include "bin/support/training_flags.h"
+#include "invgrad/method.h"
 
 namespace invgrad {
 namespace {

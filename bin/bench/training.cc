@@ -17,6 +17,7 @@
 #include "bin/support/program.h"
 #include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
+#include "invgrad/method.h"
 
 DEFINE_string(problem,
               "sine:xi=32:phi=45",

@@ -18,6 +18,7 @@
 #include "invgrad/core/finite.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
+#include "invgrad/method.h"
 #include "invgrad/npy.h"
 #include "report/interrupt.h"
 #include "report/table.h"

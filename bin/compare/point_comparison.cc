@@ -10,6 +10,7 @@
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
 #include "invgrad/io/format.h"
+#include "invgrad/method.h"
 #include "invgrad/npy.h"
 #include "report/interrupt.h"
 #include "report/plot.h"

@@ -15,6 +15,7 @@
 #include "fmt/core.h"
 #include "invgrad/blas_threads.h"
 #include "invgrad/io/format.h"
+#include "invgrad/method.h"
 #include "invgrad/random.h"
 #include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"

@@ -1,5 +1,6 @@
 #include "bin/estimate/way.h"
 
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/separable.h"
 

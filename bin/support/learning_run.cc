@@ -11,6 +11,7 @@
 #include "fmt/core.h"
 #include "invgrad/internal/communicator.h"
 #include "invgrad/io/format.h"
+#include "invgrad/method.h"
 #include "invgrad/random.h"
 #include "problems/problems.h"
 

@@ -9,6 +9,7 @@
 #include "invgrad/dense_network.h"
 #include "invgrad/io/atomic_file.h"
 #include "invgrad/io/digest.h"
+#include "invgrad/method.h"
 #include "invgrad/npy.h"
 
 namespace invgrad {

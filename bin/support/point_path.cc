@@ -10,6 +10,7 @@
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
 #include "invgrad/core/memory_limit.h"
+#include "invgrad/method.h"
 
 namespace invgrad {
 namespace {

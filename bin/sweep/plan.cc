@@ -10,6 +10,7 @@
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
 #include "invgrad/core/specification.h"
+#include "invgrad/method.h"
 #include "problems/problems.h"
 
 namespace invgrad {

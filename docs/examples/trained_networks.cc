@@ -46,6 +46,7 @@
 #include "glog/logging.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/blas_threads.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 

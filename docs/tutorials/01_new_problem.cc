@@ -24,6 +24,7 @@
 #include "gflags/gflags.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/blas_threads.h"
+#include "invgrad/method.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 

@@ -21,6 +21,8 @@
 #include "gflags/gflags.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/blas_threads.h"
+#include "invgrad/inverse_simulator.h"
+#include "invgrad/method.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 

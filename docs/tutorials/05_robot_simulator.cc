@@ -27,6 +27,7 @@
 #include "gflags/gflags.h"
 #include "glog/logging.h"
 #include "invgrad/blas_threads.h"
+#include "invgrad/method.h"
 #include "invgrad/random.h"
 #include "invgrad/time_stepping_simulator.h"
 #include "invgrad/train.h"

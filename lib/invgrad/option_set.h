@@ -34,6 +34,20 @@ namespace invgrad {
 // Names and values, as in "step_size=auto:rho=1".
 using Settings = std::vector<std::pair<std::string, std::string>>;
 
+// A name and settings, separated by colons: "half_inverse:step_size=auto:rho=1".
+struct Specification {
+  std::string text;  // as it was written
+  std::string name;
+  Settings settings;
+};
+
+// Splits "a:x=1:y=2,b" at commas. Space around the pieces is ignored. Returns
+// false, with *error, for an empty name, a setting without '=', or an empty
+// key.
+bool ParseSpecifications(const std::string& text,
+                         std::vector<Specification>* specifications,
+                         std::string* error);
+
 // The interval of allowed values; `open_low` and `open_high` exclude its ends.
 // Infinity and NaN are never allowed.
 struct Range {

@@ -28,8 +28,6 @@
 
 namespace invgrad {
 
-struct Specification;  // a name with settings
-
 // The rule of a specification such as "adam:step_size=1e-3". CHECKs that the
 // specification is valid; the message names the nearest rules, or the allowed
 // values.

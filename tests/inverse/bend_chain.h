@@ -12,6 +12,7 @@
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/loss.h"
 #include "tests/inverse/pull_one_back.h"
 #include "tests/support/random_matrix.h"

@@ -9,6 +9,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/linear_simulator.h"
 #include "tests/inverse/bend_chain.h"
 

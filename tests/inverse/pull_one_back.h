@@ -8,6 +8,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/inverse_simulator.h"
 #include "tests/support/make_simulator.h"
 
 namespace invgrad {

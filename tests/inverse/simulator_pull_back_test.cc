@@ -7,6 +7,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/inverse_simulator.h"
 #include "tests/inverse/pull_one_back.h"
 
 namespace invgrad {

@@ -12,6 +12,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/inverse_simulator.h"
 #include "tests/inverse/pull_one_back.h"
 #include "tests/support/without_hessian.h"
 

@@ -7,6 +7,7 @@
 #include "ceres/autodiff_cost_function.h"
 #include "gtest/gtest.h"
 #include "invgrad/loss.h"
+#include "invgrad/method.h"
 #include "invgrad/point_objective.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/rosenbrock.h"

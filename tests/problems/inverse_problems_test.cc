@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/random.h"
 #include "problems/problems.h"
 

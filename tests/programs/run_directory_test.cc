@@ -11,6 +11,7 @@
 
 #include "bin/support/learning_run.h"
 #include "gtest/gtest.h"
+#include "invgrad/method.h"
 #include "tests/support/temporary_folder.h"
 
 namespace invgrad {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/train.h"
 #include "tests/support/parse_method.h"

@@ -9,6 +9,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/train.h"
 #include "tests/support/create_problem.h"
 #include "tests/support/random_matrix.h"

@@ -11,6 +11,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/update_rule.h"
 #include "problems/problems.h"

@@ -1,7 +1,4 @@
-// Parses specifications such as "half_inverse:step_size=auto:rho=1".
-//
-// A specification is a name and settings, separated by colons; commas separate
-// specifications. Space around the pieces is ignored.
+// Messages about names and text that a user has written.
 #ifndef INVGRAD_CORE_SPECIFICATION_H_
 #define INVGRAD_CORE_SPECIFICATION_H_
 
@@ -13,18 +10,6 @@
 #include "invgrad/option_set.h"
 
 namespace invgrad {
-
-struct Specification {
-  std::string text;  // as it was written
-  std::string name;
-  Settings settings;
-};
-
-// Splits "a:x=1:y=2,b". Returns false, with *error, for an empty name, a
-// setting without '=', or an empty key.
-bool ParseSpecifications(const std::string& text,
-                         std::vector<Specification>* specifications,
-                         std::string* error);
 
 // "unknown rule 'adm'; did you mean adam?" names up to three candidates, nearest
 // by edit distance first. If none is near enough to be a misspelling: "unknown

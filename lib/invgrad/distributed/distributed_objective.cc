@@ -5,6 +5,7 @@
 
 #include "invgrad/chain/sample_error.h"
 #include "invgrad/distributed/distributed_jacobian.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {

@@ -9,9 +9,11 @@
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/chain/network_jacobian.h"
 #include "invgrad/chain/sample_error.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/parallel.h"
 #include "invgrad/internal/scratch.h"
+#include "invgrad/inverse_simulator.h"
 
 namespace invgrad {
 namespace {

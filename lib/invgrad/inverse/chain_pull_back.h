@@ -57,6 +57,7 @@
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/pull_back_counts.h"
 #include "invgrad/inverse/simulator_pull_back.h"
+#include "invgrad/inverse_simulator.h"
 #include "invgrad/model.h"
 
 namespace invgrad {

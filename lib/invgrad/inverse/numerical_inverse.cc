@@ -9,6 +9,7 @@
 #include "invgrad/core/small_svd.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/scratch.h"
+#include "invgrad/inverse_simulator.h"
 
 namespace invgrad {
 namespace {

@@ -10,6 +10,7 @@
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/scratch.h"
 #include "invgrad/inverse/numerical_inverse.h"
+#include "invgrad/inverse_simulator.h"
 
 namespace invgrad {
 namespace {

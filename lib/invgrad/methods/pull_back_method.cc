@@ -7,6 +7,7 @@
 
 #include "fmt/ranges.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/inverse_simulator.h"
 
 namespace invgrad {
 namespace {

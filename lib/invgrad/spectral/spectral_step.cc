@@ -6,6 +6,7 @@
 #include "invgrad/core/finite.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/core/shared_jacobian.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/spectral.h"
 #include "invgrad/spectral/routes/spectral_routes.h"

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "invgrad/ceres/model_cost.h"
+#include "invgrad/method.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/method_minimization.h"

@@ -13,6 +13,7 @@
 #include "ceres/types.h"
 #include "invgrad/inverse/batch_objective.h"
 #include "invgrad/inverse/pull_back_counts.h"
+#include "invgrad/method.h"
 #include "invgrad/train.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/weight_ledger.h"

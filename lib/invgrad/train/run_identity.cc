@@ -8,6 +8,7 @@
 #include "invgrad/core/blas_kernels.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/io/digest.h"
+#include "invgrad/method.h"
 #include "invgrad/train.h"
 #include "invgrad/version.h"
 

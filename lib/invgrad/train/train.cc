@@ -4,6 +4,7 @@
 
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/method.h"
 #include "invgrad/train/training_run.h"
 
 namespace invgrad {

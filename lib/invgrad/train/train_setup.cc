@@ -9,7 +9,9 @@
 #include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/method.h"
 #include "invgrad/output_layer/steady_fall.h"
 #include "invgrad/random.h"
 #include "invgrad/train/training_run.h"

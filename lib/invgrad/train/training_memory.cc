@@ -5,6 +5,7 @@
 
 #include "ceres/solver.h"
 #include "invgrad/core/step_cost.h"
+#include "invgrad/method.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 

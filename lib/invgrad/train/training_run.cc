@@ -10,6 +10,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/distributed/distributed_objective.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/io/format.h"
 
 namespace invgrad {

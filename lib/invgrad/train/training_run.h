@@ -18,6 +18,7 @@
 #include "ceres/iteration_callback.h"
 #include "ceres/types.h"
 #include "invgrad/internal/communicator.h"
+#include "invgrad/method.h"
 #include "invgrad/train.h"
 #include "invgrad/train/checkpoint.h"
 #include "invgrad/train/engine.h"

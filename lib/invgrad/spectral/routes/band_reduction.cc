@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "invgrad/internal/blas.h"
+#include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/householder.h"
 #include "invgrad/spectral/routes/two_stage.h"

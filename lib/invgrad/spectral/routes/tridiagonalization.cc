@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/spectral/routes/householder.h"
 
