@@ -9,6 +9,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/model.h"
 #include "tests/support/derivatives_by_functor.h"
