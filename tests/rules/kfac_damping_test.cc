@@ -14,6 +14,7 @@
 #include "invgrad/chain/chain_jacobian.h"
 #include "invgrad/core/layer_jacobian.h"
 #include "invgrad/dense_network.h"
+#include "invgrad/internal/layered_jacobian.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/stored_jacobian.h"
 #include "tests/rules/layers.h"
@@ -320,7 +321,7 @@ TEST(Kfac, WithoutDampingLeavesOutWhatHasNoCurvature) {
                                        RandomMatrix(4 * kSamples, 1, 4));
   VectorXd gradient;
   at_x.jacobian->TransposeTimes(at_x.loss_gradient, &gradient);
-  const auto blocks = at_x.jacobian->ColumnBlocks();
+  const auto blocks = ColumnBlocksOf(*at_x.jacobian);
   const auto& layer = dynamic_cast<const LayerJacobian&>(*blocks[0]);
   const MatrixXd D = layer.deltas() * layer.deltas().transpose();
   const MatrixXd A = with_bias * with_bias.transpose() / kSamples;
