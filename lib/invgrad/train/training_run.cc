@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <iterator>
 #include <limits>
 #include <new>
@@ -139,13 +138,6 @@ void TrainingRun::Impl::LimitPhase() {
     max_num_steps_ =
         std::min(max_num_steps_, static_cast<long>(std::ceil(steps)));
   }
-}
-
-double TrainingRun::Impl::Now() const {
-  if (options_.cpu_time) {
-    return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-  }
-  return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
 }
 
 bool TrainingRun::Impl::TakeStep() {

@@ -9,6 +9,7 @@
 #define INVGRAD_TRAIN_TRAINING_RUN_H_
 
 #include <chrono>
+#include <ctime>
 #include <limits>
 #include <memory>
 #include <string>
@@ -107,7 +108,12 @@ class TrainingRun::Impl {
   // Sets max_num_steps_ by the share of the phase and the run's budget.
   void LimitPhase();
   bool TakeStep();
-  double Now() const;  // in seconds
+  double Now() const {  // in seconds
+    return options_.cpu_time
+               ? static_cast<double>(std::clock()) / CLOCKS_PER_SEC
+               : std::chrono::duration<double>(Clock::now().time_since_epoch())
+                     .count();
+  }
   // False if a callback has ended the run.
   bool CallBack(ceres::IterationSummary iteration);
   void Evaluate();
