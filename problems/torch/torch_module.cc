@@ -1,7 +1,6 @@
 // The module that LoadTorchNetworks loads.
-#include "problems/torch/torch_networks.h"
-
 #include "invgrad/torch_network.h"
+#include "problems/torch/torch_networks.h"
 
 extern "C" const invgrad::TorchNetworks* InvgradTorchNetworks() {
   static constexpr invgrad::TorchNetworks kNetworks = {
