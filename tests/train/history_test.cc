@@ -98,30 +98,27 @@ TEST_F(HistoryTest, ErrorsNameFileAndLine) {
   EXPECT_EQ(
       ReadError("step,epoch\n"),
       "line 1: wanted the header " + header_.substr(0, header_.size() - 1));
-  const std::string row = "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n";
+  const std::string row = "1,2,3,4,5,6,7,8,9,10,11,12,13\n";
   EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6\n"),
-            "line 3: found 6 fields, wanted 15");
-  EXPECT_EQ(
-      ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16\n"),
-      "line 3: found 16 fields, wanted 15");
+            "line 3: found 6 fields, wanted 13");
+  EXPECT_EQ(ReadError(header_ + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14\n"),
+            "line 3: found 14 fields, wanted 13");
   EXPECT_EQ(ReadError(header_ + "\n" + row),
-            "line 2: found 1 fields, wanted 15");
-  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
+            "line 2: found 1 fields, wanted 13");
+  EXPECT_EQ(ReadError(header_ + "1.5,2,3,4,5,6,7,8,9,10,11,12,13\n"),
             "line 2: found '1.5', wanted a number");
-  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7,8,9,10,11,12,13,14,15\n"),
+  EXPECT_EQ(ReadError(header_ + ",2,3,4,5,6,7,8,9,10,11,12,13\n"),
             "line 2: found '', wanted a number");
-  EXPECT_EQ(
-      ReadError(header_ + row + row + "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15e\n"),
-      "line 4: found '15e', wanted a number");
-  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7,8,9,10,11,12,13,14,15\n"),
+  EXPECT_EQ(ReadError(header_ + row + row + "1,2,3,4,5,6,7,8,9,10,11,12,13e\n"),
+            "line 4: found '13e', wanted a number");
+  EXPECT_EQ(ReadError(header_ + "1,2,3, 4,5,6,7,8,9,10,11,12,13\n"),
             "line 2: found ' 4', wanted a number");
 }
 
 TEST_F(HistoryTest, ALineThatDoesNotEndIsTruncated) {
-  EXPECT_EQ(
-      ReadError(header_ +
-                "1,2,3,4,5,6,7,8,9,10,11,12,13,14,15\n2,3,4,5,6,7,8,9,0.12"),
-      "line 3: the line does not end (truncated?)");
+  EXPECT_EQ(ReadError(header_ +
+                      "1,2,3,4,5,6,7,8,9,10,11,12,13\n2,3,4,5,6,7,8,9,0.12"),
+            "line 3: the line does not end (truncated?)");
   EXPECT_EQ(ReadError(header_.substr(0, header_.size() - 1)),
             "line 1: the line does not end (truncated?)");
 }
