@@ -179,7 +179,7 @@ void MeasureFactor(SinesState (*step_by)(const FactorRows&,
         return 1.0 + kDifference * std::cos(angle);
       });
   const Eigen::VectorXd r = -J_transposed.colwise().sum();
-  SinesState step;
+  SinesState step = SinesState::Zero();
   for (auto _ : *state) step = step_by(J_transposed, r);
   state->SetLabel(fmt::format("error of the step {:.0e}",
                               (step.array() - 1.0).abs().maxCoeff()));

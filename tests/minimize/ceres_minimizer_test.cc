@@ -254,7 +254,9 @@ TEST(CeresMinimizer, ExplainsTheFirstStepOutsideTheDomain) {
     MinimizeWithCeres(options, ceres::Solver::Options(), &problem, &summary);
     EXPECT_GT(summary.num_outside_domain, 0);
     ASSERT_TRUE(summary.first_outside_domain.has_value());
-    if (!ends_early) EXPECT_NEAR(x, std::exp(-3.0), 1e-9);
+    if (!ends_early) {
+      EXPECT_NEAR(x, std::exp(-3.0), 1e-9);
+    }
     const DomainFailure& failure = *summary.first_outside_domain;
     ASSERT_EQ(failure.parameters.size(), 1u);
     EXPECT_EQ(failure.parameters[0].name, "gain");
