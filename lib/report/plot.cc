@@ -101,6 +101,11 @@ std::string CsvCell(const std::string& text) {
   return quoted + "\"";
 }
 
+// The styles of lines in the script.
+constexpr int kLines = 1;
+constexpr int kPoints = 2;
+constexpr int kLinesAndPoints = 3;
+
 // Data and script of a picture, panel by panel.
 struct Drawing {
   std::string csv = "panel,line,title,x,y,low,high,z\n";
@@ -108,7 +113,7 @@ struct Drawing {
   int num_panels = 0;
   // Of all lines.
   int num_lines = 0;
-  std::string titles, colors, styles, bands;
+  std::string titles, colors, styles;
   // Of the panel with most titles.
   std::string key_lines, key_points;
   size_t num_keys = 0;
@@ -155,15 +160,25 @@ struct Drawing {
               x.Commands() + y.Commands();
     if (plot.heat_map) AddMap(*plot.heat_map);
     const int first = num_lines + 1;
+    std::string bands, points;
     for (const Series& series : plot.series) {
-      AddLine(series, num_lines + 1 - first, x.is_log, y.is_log);
+      const int style =
+          AddLine(series, num_lines + 1 - first, x.is_log, y.is_log);
+      if (!series.y_low.empty()) bands += fmt::format("{} ", num_lines);
+      if (style != kLines) points += fmt::format("{} ", num_lines);
     }
     SetKey(plot, first);
-    panels += fmt::format("p = {}; first = {}; last = {}\n{}\n",
-                          num_panels,
-                          first,
-                          num_lines,
-                          is_last && num_keys > 0 ? "@draw@key" : "@draw");
+    panels += fmt::format(
+        "p = {}; first = {}; last = {}; bands = \"{}\"; points = \"{}\"\n"
+        "@start{}@of_lines{}{}\n",
+        num_panels,
+        first,
+        num_lines,
+        bands,
+        points,
+        bands.empty() ? "" : "@of_bands",
+        points.empty() ? "" : "@of_points",
+        is_last && num_keys > 0 ? "@key" : "");
   }
 
   void AddMap(const HeatMap& map) {
@@ -187,7 +202,8 @@ struct Drawing {
     }
   }
 
-  void AddLine(const Series& series, int position, bool log_x, bool log_y) {
+  // Returns the style of the line in the script.
+  int AddLine(const Series& series, int position, bool log_x, bool log_y) {
     CHECK_EQ(series.x.size(), series.y.size()) << series.title;
     CHECK_EQ(series.y_low.size(), series.y_high.size()) << series.title;
     CHECK(series.y_low.empty() || series.y_low.size() == series.x.size())
@@ -199,15 +215,14 @@ struct Drawing {
     }
     const bool has_points =
         series.style != Series::Style::kLines || num_drawn == 1;
-    const int style = series.style == Series::Style::kPoints ? 2
-                      : has_points                           ? 3
-                                                             : 1;
+    const int style = series.style == Series::Style::kPoints ? kPoints
+                      : has_points                           ? kLinesAndPoints
+                                                             : kLines;
     const char* comma = num_lines > 1 ? "," : "";
     titles += comma + QuoteForGnuplot(series.title);
     colors +=
         comma + std::to_string(series.color < 0 ? position : series.color);
     styles += comma + std::to_string(style);
-    bands += comma + std::string(series.y_low.empty() ? "0" : "1");
     for (size_t i = 0; i < series.x.size(); ++i) {
       const std::string y = Number(series.y[i], log_y);
       const auto end = [&](const std::vector<double>& ends) {
@@ -223,6 +238,8 @@ struct Drawing {
                          end(series.y_low),
                          end(series.y_high));
     }
+    csv += "\n";
+    return style;
   }
 
   void SetKey(const Plot& plot, int first) {
@@ -259,8 +276,7 @@ struct Drawing {
         has_map ? 1 : 0);
     for (const auto& [array, values] : {std::pair("title", titles),
                                         std::pair("color", colors),
-                                        std::pair("style", styles),
-                                        std::pair("band", bands)}) {
+                                        std::pair("style", styles)}) {
       script += fmt::format("array {}[{}] = [{}]\n",
                             array,
                             std::max(num_lines, 1),

@@ -23,15 +23,15 @@ TEST_F(PlotTest, WhatCannotBeDrawnIsAGap) {
   EXPECT_EQ(Data({plot}),
             kHeader + std::string("1,1,\"line\",1,1,,,\n"
                                   "1,1,\"line\",2,NaN,,,\n"
-                                  "1,1,\"line\",3,-9,,,\n"));
+                                  "1,1,\"line\",3,-9,,,\n\n"));
   plot.log_y = true;
   plot.series[0].y = {1, kNan, -9};
   plot.series.push_back(Line({0}, {100}));
   EXPECT_EQ(Data({plot}),
             kHeader + std::string("1,1,\"line\",1,1,,,\n"
                                   "1,1,\"line\",2,NaN,,,\n"
-                                  "1,1,\"line\",3,NaN,,,\n"
-                                  "1,2,\"line\",0,100,,,\n"));
+                                  "1,1,\"line\",3,NaN,,,\n\n"
+                                  "1,2,\"line\",0,100,,,\n\n"));
 }
 
 TEST_F(PlotTest, LinesAreNumberedThroughAllPanels) {
@@ -42,16 +42,18 @@ TEST_F(PlotTest, LinesAreNumberedThroughAllPanels) {
   plot.series[1].color = 7;
   plot.series[1].style = Series::Style::kPoints;
   EXPECT_EQ(Data({plot, Plot(), plot}),
-            kHeader + std::string("1,1,\"line\",1,2,,,\n"
-                                  "1,2,\"line\",3,4,3,5,\n"
-                                  "3,3,\"line\",1,2,,,\n"
-                                  "3,4,\"line\",3,4,3,5,\n"));
+            kHeader + std::string("1,1,\"line\",1,2,,,\n\n"
+                                  "1,2,\"line\",3,4,3,5,\n\n"
+                                  "3,3,\"line\",1,2,,,\n\n"
+                                  "3,4,\"line\",3,4,3,5,\n\n"));
   const std::string script = Script({plot, Plot(), plot});
   EXPECT_TRUE(Has(script, "array color[4] = [0,7,0,7]"));
   // A line of one point is drawn as a point, too.
   EXPECT_TRUE(Has(script, "array style[4] = [3,2,3,2]"));
-  EXPECT_TRUE(Has(script, "array band[4] = [0,1,0,1]"));
-  EXPECT_TRUE(Has(script, "p = 3; first = 3; last = 4"));
+  EXPECT_TRUE(Has(script,
+                  "p = 3; first = 3; last = 4; bands = \"4 \"; "
+                  "points = \"3 4 \"\n"
+                  "@start@of_bands@of_lines@of_points"));
   EXPECT_TRUE(Has(script, "set multiplot next"));
 }
 
@@ -66,7 +68,7 @@ TEST_F(PlotTest, TheLegendIsThatOfThePanelWithMostTitles) {
   EXPECT_TRUE(Has(script, "legend = 6\n"));
   EXPECT_TRUE(Has(script, "key_lines = \"2 \"\n"));
   EXPECT_TRUE(Has(script, "key_points = \"4 \"\n"));
-  EXPECT_TRUE(Has(script, "p = 3; first = 5; last = 5\n@draw@key\n"));
+  EXPECT_TRUE(Has(script, "@start@of_lines@of_points@key\n"));
   one.series[0].title.clear();
   EXPECT_TRUE(Has(Script(one), "legend = 0\n"));
   EXPECT_FALSE(Has(Script(one), "@key"));
