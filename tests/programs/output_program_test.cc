@@ -54,7 +54,7 @@ TEST_F(OutputProgram, AFullDeviceIsAnError) {
                               "{}/estimate --list",
                               "{}/sweep --help",
                               "{}/compare --helpshort",
-                              "{}/scaling --rules=adam"}) {
+                              "{}/bench --benchmark_list_tests"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(Shell(std::string(command) + " > /dev/full"), 1);
     const std::string error = ReadAll(Path("stderr"));

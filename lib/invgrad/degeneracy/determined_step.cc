@@ -158,7 +158,8 @@ bool BasicDeterminedStep<kMaxSize>::Compute(
   left_alone_values_.resize(num_left_alone);
   for (int i = 0; i < num_left_alone; ++i) {
     const Vector v = left_alone_.col(i);
-    left_alone_values_[i] = std::sqrt(std::max(v.dot(scaled * v) * scale, 0.0));
+    const Vector scaled_v = scaled * v;
+    left_alone_values_[i] = std::sqrt(std::max(v.dot(scaled_v) * scale, 0.0));
     const Vector motion = scales_.cwiseInverse().cwiseProduct(v);
     Index at = 0;
     motion.cwiseAbs().maxCoeff(&at);
