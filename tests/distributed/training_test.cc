@@ -30,7 +30,7 @@ struct Case {
   int batch_size = 13;  // divides by no number of ranks but one
 };
 
-constexpr int kNumSteps = 10;
+constexpr int kNumSteps = 4;
 
 LearningProblem MakeProblem(const std::string& specification) {
   PhysicsProblem problem;
@@ -255,7 +255,7 @@ TEST(DistributedTraining, KfacSendsSumsOverTheSamples) {
 
 TEST(DistributedTraining, PhasesFollowEachOther) {
   ExpectSameTraining({"oscillator_chain:num_samples=80",
-                      "adam:steps=4>half_inverse:truncation=1e-3"});
+                      "adam:steps=2>half_inverse:truncation=1e-3"});
 }
 
 TEST(DistributedTraining, RefusesMoreRanksThanSamples) {

@@ -34,6 +34,8 @@ inline std::string SmallProblem(std::string problem) {
       problem,
       std::regex(":num_(samples|interior|boundary|t|x|y|points|face)=[0-9]+"),
       "");
+  problem = std::regex_replace(
+      problem, std::regex(":resolution=[0-9]+"), ":resolution=16");
   PhysicsProblem created;
   std::string error;
   for (const std::string& small :
@@ -152,6 +154,7 @@ inline Words SmallBudget(const std::string& program) {
   }
   if (program == "trajectories") return {"--steps=1", "--grid=3"};
   if (program == "registration") return {"--scans=1", quiet[0]};
+  if (program == "proposals") return {"--radii=1e4"};
   if (program == "bench") return {"--benchmark_list_tests=true"};
   // These have no flags, and take less than a second.
   if (program == "03_rank_report" || program == "06_own_rule" ||
@@ -198,6 +201,8 @@ inline Words Small(const Words& command, const SmallFiles& files) {
       small.push_back(WithSmallBatches("--grid=" + OneCell(value)));
     } else if (StartsWith(word, "--seeds=")) {
       small.push_back(word.substr(0, word.find(',')));
+    } else if (StartsWith(word, "--hidden=")) {
+      small.push_back(std::regex_replace(word, std::regex("[0-9]+"), "4"));
     } else if (StartsWith(word, "--input=")) {
       small.push_back("--input=" + files.For(value));
       has_input = true;
