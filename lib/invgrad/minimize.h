@@ -67,7 +67,7 @@ struct MinimizerSummary {
   // successful: the rule did not undo the step) and the times.
   std::vector<ceres::IterationSummary> iterations;
   double total_time_in_seconds = 0.0;
-  int num_taken_back = 0;  // steps that the rule undid
+  int num_undone = 0;  // steps that the rule undid
   // Candidates of ceres::Solve, proposals included, at which the problem cannot
   // be evaluated (domain_failure.h).
   int num_outside_domain = 0;

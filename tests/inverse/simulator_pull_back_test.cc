@@ -1,4 +1,4 @@
-// The ways back by derivatives, and what physical gradients have in common.
+// Pull-backs by derivatives, and what physical gradients have in common.
 #include "invgrad/inverse/simulator_pull_back.h"
 
 #include <cmath>

@@ -98,7 +98,7 @@ struct Powell {
 // fixed step size a low exponent is slow in Rosenbrock's valley; those that
 // find theirs arrive.
 TEST(Minimizer, WithControlTheCostNeverRises) {
-  int num_taken_back = 0;
+  int num_undone = 0;
   for (const auto& [text, reduction] :
        {std::pair("gauss_newton:control=gain", 1e-2),
         std::pair("gauss_newton:step_size=2.5:control=gain", 1e-2),
@@ -142,12 +142,12 @@ TEST(Minimizer, WithControlTheCostNeverRises) {
           EXPECT_EQ(iteration.cost_change, 0.0);
         }
       }
-      EXPECT_EQ(num_unsuccessful, summary.num_taken_back);
-      num_taken_back += num_unsuccessful;
+      EXPECT_EQ(num_unsuccessful, summary.num_undone);
+      num_undone += num_unsuccessful;
       EXPECT_LT(summary.final_cost, reduction * summary.initial_cost);
     }
   }
-  EXPECT_GT(num_taken_back, 20);
+  EXPECT_GT(num_undone, 20);
 }
 
 // r = x, which counts its evaluations.
@@ -197,13 +197,13 @@ TEST(Minimizer, ASteppedBackPointIsNotLinearizedAgain) {
   EXPECT_EQ(rule.costs, std::vector<double>({2.0, 2.0, 2.0, 0.5}));
   // The start, and where each step led.
   EXPECT_EQ(line->num_evaluations, 5);
-  EXPECT_EQ(summary.num_taken_back, 2);
+  EXPECT_EQ(summary.num_undone, 2);
   EXPECT_FALSE(summary.iterations[1].step_is_successful);
   EXPECT_FALSE(summary.iterations[2].step_is_successful);
   EXPECT_TRUE(summary.iterations[3].step_is_successful);
   EXPECT_EQ(summary.message,
             "Maximum number of iterations reached. Number of iterations: 4; 2 "
-            "steps taken back");
+            "steps undone");
 }
 
 // Dennis and Schnabel, Numerical Methods (1996): the first Newton iterate from

@@ -128,7 +128,7 @@ TEST(JointRule, StepsThatAreTooLongAreShortened) {
       MakeRule("gauss_newton:step_size=2.5:control=gain:adapts=nothing");
   const VectorXd best = (A.transpose() * A).ldlt().solve(A.transpose() * b);
   VectorXd x = VectorXd::Zero(2);
-  int num_taken_back = 0;
+  int num_undone = 0;
   for (int k = 0; k < 60; ++k) {
     Linearization at_x;
     at_x.loss_gradient = A * x - b;
@@ -142,10 +142,10 @@ TEST(JointRule, StepsThatAreTooLongAreShortened) {
       EXPECT_LE(cost, at_x.cost * (1.0 + 1e-13));
       x += step;
     } else {
-      ++num_taken_back;
+      ++num_undone;
     }
   }
-  EXPECT_GT(num_taken_back, 0);
+  EXPECT_GT(num_undone, 0);
   EXPECT_LT((x - best).norm(), 1e-6);
 }
 

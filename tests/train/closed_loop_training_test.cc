@@ -1,4 +1,4 @@
-// Training a network that acts at every step of the simulator, by each way back
+// Training a network that acts at every step of the simulator, by each pull-back
 // through loss and simulator.
 #include <cmath>
 #include <string>

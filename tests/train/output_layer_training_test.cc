@@ -119,7 +119,7 @@ TEST(OutputLayerTraining, LowersTheLossBelowThatOfATrainedLayer) {
 }
 
 // The rule's step and the layer's solution leave the loss of all samples no
-// higher where the rule takes back what raises it.
+// higher where the rule undoes what raises it.
 TEST(OutputLayerTraining, UnderControlTheLossFallsOnAllSamples) {
   const Regression problem;
   for (const std::string rule : {"geodesic", "half_inverse:control=gain"}) {

@@ -191,8 +191,8 @@ TEST(Phases, StepsTakenBackAreAddedUp) {
       Epochs(5));
   ASSERT_EQ(result.error, "");
   EXPECT_EQ(result.summary.num_updates, 5);
-  EXPECT_EQ(result.summary.num_taken_back, 5);
-  EXPECT_EQ(result.summary.message, "epochs done; 5 of 5 steps taken back");
+  EXPECT_EQ(result.summary.num_undone, 5);
+  EXPECT_EQ(result.summary.message, "epochs done; 5 of 5 steps undone");
 }
 
 TEST(Phases, EpochsAreThoseOfEachPhase) {

@@ -161,7 +161,7 @@ TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
     SCOPED_TRACE(method);
     const TrainResult run = TrainProblem(problem, method, Steps(60));
     EXPECT_EQ(run.summary.num_steps, 60) << run.summary.message;
-    EXPECT_LT(run.summary.num_taken_back, 30);
+    EXPECT_LT(run.summary.num_undone, 30);
     EXPECT_LT(run.history.back().train_loss,
               0.5 * run.history.front().train_loss);
   }

@@ -106,7 +106,7 @@ TEST(JudgedWeights, ReturnToTheirCopy) {
   ASSERT_EQ(rule.costs.size(), 4u);
   EXPECT_DOUBLE_EQ(rule.costs[3], 8.8);
   EXPECT_DOUBLE_EQ(result.history.back().train_loss, 9.2);
-  EXPECT_EQ(result.summary.num_taken_back, 1);
+  EXPECT_EQ(result.summary.num_undone, 1);
 }
 
 TEST(JudgedWeights, ReturnToBeforeTheLastStep) {
@@ -116,7 +116,7 @@ TEST(JudgedWeights, ReturnToBeforeTheLastStep) {
   // y_0 = 0, 0.4, 0.8 -> 0.4, 0.8.
   const TrainResult result = TrainScripted(&rule, 3);
   EXPECT_DOUBLE_EQ(result.history.back().train_loss, 9.2);
-  EXPECT_EQ(result.summary.num_taken_back, 1);
+  EXPECT_EQ(result.summary.num_undone, 1);
 }
 
 TEST(JudgedWeights, TheCopyCanBeOfBeforeTheLastStep) {

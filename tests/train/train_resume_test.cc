@@ -315,8 +315,8 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
   options.shuffle = true;
   const auto whole_rule = MakeRule(text);
   const TrainResult whole = TrainRegression(problem, options, whole_rule.get());
-  EXPECT_GT(whole.summary.num_taken_back, 2);
-  EXPECT_LT(whole.summary.num_taken_back, 40);
+  EXPECT_GT(whole.summary.num_undone, 2);
+  EXPECT_LT(whole.summary.num_undone, 40);
   EXPECT_LT(whole.history.back().train_loss,
             0.1 * whole.history.front().train_loss);
   for (const int stop : {1, 7, 20, 33}) {
@@ -330,7 +330,7 @@ TEST(Trainer, ControlledRunsResumeBitForBit) {
     const auto second = MakeRule(text);
     const TrainResult resumed = TrainRegression(problem, stopped, second.get());
     EXPECT_EQ(resumed.weights, whole.weights);
-    EXPECT_EQ(resumed.summary.num_taken_back, whole.summary.num_taken_back);
+    EXPECT_EQ(resumed.summary.num_undone, whole.summary.num_undone);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
   }
 }

@@ -183,7 +183,7 @@ void to_json(Json& json, const MinimizerSummary& summary) {
           {"final_cost", summary.final_cost},
           {"num_steps", summary.num_steps()},
           {"total_time_in_seconds", summary.total_time_in_seconds},
-          {"num_taken_back", summary.num_taken_back},
+          {"num_undone", summary.num_undone},
           {"num_outside_domain", summary.num_outside_domain},
           {"first_outside_domain", Optional(summary.first_outside_domain)},
           {"proposals", Optional(summary.proposals)}};

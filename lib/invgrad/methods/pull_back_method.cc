@@ -27,7 +27,7 @@ bool SetWay(const char* part,
     *way = static_cast<Way>(found - names);
     return true;
   }
-  *error = fmt::format("'{}' is no way back through the {}; allowed: {}",
+  *error = fmt::format("'{}' cannot pull a change back through the {}; allowed: {}",
                        name,
                        part,
                        fmt::join(names, ", "));

@@ -156,9 +156,9 @@ class Run {
     iteration.iteration = summary_->num_steps() + 1;
     iteration.cost_change = cost - at_x_.cost;
     iteration.step_norm = (state_ - previous).norm();
-    iteration.step_is_successful = !was_taken_back_;
+    iteration.step_is_successful = !was_undone_;
     if (!Record(&iteration)) return false;
-    if (was_taken_back_) return true;
+    if (was_undone_) return true;
     const double function_tolerance = options_.function_tolerance;
     if (function_tolerance > 0.0 &&
         std::abs(iteration.cost_change) <= function_tolerance * cost) {
@@ -193,7 +193,7 @@ class Run {
       *error = "the step is not finite";
       return false;
     }
-    was_taken_back_ = false;
+    was_undone_ = false;
     if (judge_ == nullptr) {
       return Plus(step, error) && objective_->Linearize(parts_, &at_x_, error);
     }
@@ -201,14 +201,14 @@ class Run {
     const bool is_finite =
         Plus(step, error) && objective_->Linearize(parts_, &after, error);
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    was_taken_back_ = !judge_->KeepsStep(is_finite ? after.cost : kNone, 1.0);
-    if (was_taken_back_) {
+    was_undone_ = !judge_->KeepsStep(is_finite ? after.cost : kNone, 1.0);
+    if (was_undone_) {
       objective_->SetState(state_);
-      ++summary_->num_taken_back;
+      ++summary_->num_undone;
     } else if (is_finite) {
       at_x_ = std::move(after);
     }
-    return is_finite || was_taken_back_;
+    return is_finite || was_undone_;
   }
 
   bool Plus(const Eigen::VectorXd& step, std::string* error) {
@@ -249,9 +249,9 @@ class Run {
   bool Terminate(ceres::TerminationType type, const std::string& message) {
     summary_->termination_type = type;
     summary_->message = message;
-    if (summary_->num_taken_back > 0) {
+    if (summary_->num_undone > 0) {
       summary_->message +=
-          fmt::format("; {} steps taken back", summary_->num_taken_back);
+          fmt::format("; {} steps undone", summary_->num_undone);
     }
     summary_->total_time_in_seconds = Seconds(Clock::now() - start_);
     return false;
@@ -265,7 +265,7 @@ class Run {
   LinearizationParts parts_;
   Linearization at_x_;
   Eigen::VectorXd state_;        // the last state with a finite linearization
-  bool was_taken_back_ = false;  // the last step
+  bool was_undone_ = false;  // the last step
   const Clock::time_point start_ = Clock::now();
   Clock::time_point iteration_start_ = start_;
 };

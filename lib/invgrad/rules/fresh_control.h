@@ -22,7 +22,7 @@
 //            where the loss is lower. A batch whose loss is finite nowhere is left
 //            out.
 //
-// Each of the last three ways back halves the caution and, as a rejected step,
+// Each of the last three, which put earlier weights back, halves the caution and, as a rejected step,
 // the step size; kappa falls to 1/2 at most, but for one reverted step.
 //
 // The setting `without` turns off noise, caution (but for returns) or returns

@@ -33,7 +33,7 @@ void GainControlOptions::Describe(OptionSet* set) {
   set->Add("control",
            &control,
            {"none", "gain", "fresh"},
-           "gain: a step whose batch gets worse is taken back, and `adapts` "
+           "gain: a step whose batch gets worse is undone, and `adapts` "
            "follows the gain; fresh: the loss of new batches decides besides "
            "about noise, step size and returns");
   set->Add("adapts",

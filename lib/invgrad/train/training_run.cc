@@ -339,11 +339,11 @@ void TrainingRun::Impl::Summarize(ceres::TerminationType type,
   for (int k = 0; k <= state_.phase; ++k) {
     const Engine::Counts counts = phases_[k].engine->counts();
     summary.num_updates += counts.num_updates;
-    summary.num_taken_back += counts.num_undone;
+    summary.num_undone += counts.num_undone;
   }
-  if (summary.num_taken_back > 0) {
-    summary.message += fmt::format("; {} of {} steps taken back",
-                                   summary.num_taken_back,
+  if (summary.num_undone > 0) {
+    summary.message += fmt::format("; {} of {} steps undone",
+                                   summary.num_undone,
                                    summary.num_updates);
   }
   summary.message += reports;

@@ -1,4 +1,4 @@
-// Steps that have no loss, or that their rule judges and takes back.
+// Steps that have no loss, or that their rule judges and undoes.
 
 #include <cmath>
 #include <filesystem>
@@ -16,7 +16,7 @@
 #include "tests/train/regression.h"
 
 namespace invgrad {
-namespace train_taken_back_test {
+namespace train_undone_test {
 
 // Steps that are fine until `bad_step`, which is `value` everywhere.
 class ExplodingRule final : public UpdateRule {
@@ -144,9 +144,9 @@ TEST(Trainer, AStepThatIsTakenBackLeavesNoTrace) {
   const TrainResult result = TrainRegression(problem, Epochs(5, 8), &rule);
   EXPECT_EQ(result.weights, problem.weights);
   EXPECT_EQ(result.summary.num_steps, 15);
-  EXPECT_EQ(result.summary.num_taken_back, 15);
+  EXPECT_EQ(result.summary.num_undone, 15);
   EXPECT_EQ(result.summary.num_updates, 15);
-  EXPECT_EQ(result.summary.message, "epochs done; 15 of 15 steps taken back");
+  EXPECT_EQ(result.summary.message, "epochs done; 15 of 15 steps undone");
   EXPECT_EQ(result.history.back().train_loss,
             result.history.front().train_loss);
   EXPECT_EQ(result.history.back().step_norm, 0.0);
@@ -161,14 +161,14 @@ TEST(Trainer, StepsThatRaiseTheLossOfTheirBatchAreTakenBack) {
   JudgingRule rule([](double before, double after) { return after <= before; },
                    every_third);
   const TrainResult result = TrainRegression(problem, Epochs(4, 8), &rule);
-  EXPECT_EQ(result.summary.num_taken_back, 4);
+  EXPECT_EQ(result.summary.num_undone, 4);
   // The same as if these steps had been zero.
   JudgingRule same(IsFinite, [](int k, Eigen::VectorXd* step) {
     if (k % 3 == 0) step->setZero();
   });
   const TrainResult expected = TrainRegression(problem, Epochs(4, 8), &same);
   EXPECT_EQ(result.weights, expected.weights);
-  EXPECT_EQ(expected.summary.num_taken_back, 0);
+  EXPECT_EQ(expected.summary.num_undone, 0);
   EXPECT_EQ(expected.summary.message, "epochs done");
 }
 
@@ -227,8 +227,8 @@ TEST(Trainer, AStepAfterWhichTheNextBatchHasNoLossIsTakenBack) {
   const Blind problem(0.0);
   JudgingRule rule(IsFinite, JumpAtStepFive);
   const TrainResult result = problem.Train(Epochs(6, 1), &rule);
-  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps taken back");
-  EXPECT_EQ(result.summary.num_taken_back, 1);
+  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps undone");
+  EXPECT_EQ(result.summary.num_undone, 1);
   // Step 5 was judged twice.
   ASSERT_EQ(rule.after.size(), 13u);
   EXPECT_TRUE(std::isfinite(rule.after[4]));
@@ -249,7 +249,7 @@ TEST(Trainer, AStepAfterWhichTheTrainLossIsNotFiniteIsTakenBack) {
   const Blind problem(1.0);
   JudgingRule rule(IsFinite, JumpAtStepSix);
   const TrainResult result = problem.Train(Epochs(6, 1), &rule);
-  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps taken back");
+  EXPECT_EQ(result.summary.message, "epochs done; 1 of 12 steps undone");
   for (const HistoryRow& row : result.history) {
     EXPECT_TRUE(std::isfinite(row.train_loss)) << row.step;
   }
@@ -272,7 +272,7 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
   const TemporaryFolder folder;
   JudgingRule whole_rule(IsFinite, JumpAtStepFive);
   const TrainResult whole = problem.Train(Epochs(4, 1), &whole_rule);
-  EXPECT_EQ(whole.summary.num_taken_back, 1);
+  EXPECT_EQ(whole.summary.num_undone, 1);
   for (const int stop : {4, 5, 6, 7}) {
     SCOPED_TRACE(stop);
     TrainOptions options = Epochs(4, 1);
@@ -284,10 +284,10 @@ TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
     JudgingRule second(IsFinite, JumpAtStepFive);
     const TrainResult resumed = problem.Train(options, &second);
     EXPECT_EQ(resumed.weights, whole.weights);
-    EXPECT_EQ(resumed.summary.num_taken_back, 1);
+    EXPECT_EQ(resumed.summary.num_undone, 1);
     EXPECT_EQ(resumed.summary.message, whole.summary.message);
   }
 }
 
-}  // namespace train_taken_back_test
+}  // namespace train_undone_test
 }  // namespace invgrad
