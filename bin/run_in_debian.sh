@@ -76,12 +76,24 @@ create() {
   mv "$folder.part" "$folder"
 }
 
+# Files that have changed get the present time, whatever their own is, so that
+# build/ is up to date with what it was built from.
 copy_checkout() {
-  mkdir -p "$folder/invgrad"
-  find "$folder/invgrad" -mindepth 1 -maxdepth 1 ! -name build ! -name runs \
-    -exec rm -r {} +
-  tar -C "$root" --exclude=./build --exclude=./runs -c . |
-    tar -C "$folder/invgrad" -x --no-same-owner
+  local -r old="$folder/checkout" new="$folder/checkout.new"
+  local file
+  mkdir -p "$old"
+  rm -rf "$new"
+  mkdir "$new"
+  tar -C "$root" --exclude=./build --exclude=./runs --exclude=./.git -c . |
+    tar -C "$new" -x --no-same-owner --touch
+  (cd "$new" && find . -type f -print0) | while IFS= read -r -d '' file; do
+    if cmp -s "$old/$file" "$new/$file"; then touch -r "$old/$file" "$new/$file"; fi
+  done
+  for file in build runs; do
+    if [[ -e "$old/$file" ]]; then mv "$old/$file" "$new"; fi
+  done
+  rm -r "$old"
+  mv "$new" "$old"
   cp /etc/resolv.conf /etc/hosts "$folder/etc"
 }
 
@@ -96,5 +108,5 @@ exec unshare --mount bash -c '
   mount --rbind /dev "$0/dev"
   exec env -i HOME=/root LANG=C.UTF-8 TERM="${TERM:-dumb}" \
     PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin \
-    chroot "$0" sh -c "cd /invgrad && exec \"\$@\"" sh "$@"
+    chroot "$0" sh -c "cd /checkout && exec \"\$@\"" sh "$@"
 ' "$folder" "$@"

@@ -23,7 +23,7 @@ readonly program_packages=(
   gnuplot-nox
 )
 # shellcheck disable=SC2034
-readonly test_packages=(libgtest-dev pkg-config)
+readonly test_packages=(libgtest-dev pkg-config bzip2)
 
 # Prints those of its arguments that are not installed, one a line.
 missing_packages() {

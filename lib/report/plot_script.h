@@ -37,7 +37,7 @@ set grid xtics ytics lt 1 lw 1 lc rgb '#e2e2e2'
 set tics nomirror
 # Colours that colour-blind readers can tell (Okabe and Ito), then dashes.
 array hues[7] = [0x0072b2, 0xe69f00, 0x009e73, 0xd55e00, 0xcc79a7, 0x56b4e9, 0]
-hue(i) = i < 1 ? 0 : hues[color[i] % 7 + 1]
+hue(i) = i >= 1 && i <= |color| ? hues[color[i] % 7 + 1] : 0
 set dashtype 1 solid
 set dashtype 2 (9,4)
 set dashtype 3 (2,3)

@@ -219,13 +219,14 @@ TEST_F(InstallProgram, ASharedObjectOfAnApplicationIsLoaded) {
 
 TEST_F(InstallProgram, AComponentThatIsWantedMustBeThere) {
   const auto configure = [&](const std::string& options) {
-    return std::system((cmake_ + " -S " + Quoted(SourceDir()) + " -B " +
-                        Path("library") + " -DINVGRAD_BUILD_TESTS=OFF" +
-                        " -DINVGRAD_BUILD_PROGRAMS=OFF " +
-                        " -DCMAKE_DISABLE_FIND_PACKAGE_Torch=ON" +
-                        " -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON " + options +
-                        " > " + Path("out") + " 2> " + Path("err"))
-                           .c_str());
+    return std::system(
+        (cmake_ + " -G " + Quoted(CacheValue("CMAKE_GENERATOR")) + " -S " +
+         Quoted(SourceDir()) + " -B " + Path("library") +
+         " -DINVGRAD_BUILD_TESTS=OFF" + " -DINVGRAD_BUILD_PROGRAMS=OFF " +
+         " -DCMAKE_DISABLE_FIND_PACKAGE_Torch=ON" +
+         " -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON " + options + " > " +
+         Path("out") + " 2> " + Path("err"))
+            .c_str());
   };
   EXPECT_NE(configure("-DINVGRAD_WITH_TORCH=ON -DINVGRAD_WITH_MPI=ON"), 0);
   const std::string message = ReadAll(Path("err"));

@@ -51,19 +51,26 @@ class SweepRanks : public SweepProgram {
     return Wait(StartRanks(num_ranks, arguments));
   }
 
-  // Two ranks with words of their own after "sweep ARGUMENTS".
-  Output RunUnlikeRanks(const Words& before_program,
-                        const std::string& program,
-                        const Words& arguments,
-                        const std::string& more) const {
-    Words words = {"mpirun", "-n", "1", Program()};
-    words.insert(words.end(), arguments.begin(), arguments.end());
-    words.insert(words.end(), {":", "-n", "1"});
-    words.insert(words.end(), before_program.begin(), before_program.end());
-    words.push_back(program);
-    words.insert(words.end(), arguments.begin(), arguments.end());
-    if (!more.empty()) words.push_back(more);
-    return Wait(StartCommand(words));
+  // Two ranks, each with a command of its own, in a directory of its own. By a
+  // shell, because mpirun of Debian 13 (Open MPI 5.0.7) fails with the words
+  // "a : b".
+  Output RunUnlikeRanks(const Words& first,
+                        const Words& second,
+                        const std::string& first_directory = ".",
+                        const std::string& second_directory = ".") const {
+    const auto line = [](const std::string& directory, const Words& words) {
+      std::string text = "cd '" + directory + "' && exec";
+      for (const std::string& word : words) text += " '" + word + "'";
+      return text;
+    };
+    return Wait(StartCommand({"mpirun",
+                              "-n",
+                              "2",
+                              "sh",
+                              "-c",
+                              "if [ \"$OMPI_COMM_WORLD_RANK\" = 0 ]; then " +
+                                  line(first_directory, first) + "; else " +
+                                  line(second_directory, second) + "; fi"}));
   }
 
   // Exit code 1, and one message of all ranks.
@@ -150,16 +157,21 @@ TEST_F(SweepRanks, OneRankSaysWhatIsWrong) {
 }
 
 TEST_F(SweepRanks, RanksThatDifferAreRefused) {
-  const Words arguments = SmallSweep("run");
-  ExpectOneMessage(RunUnlikeRanks({}, Program(), arguments, "--tail=0.5"),
+  Words sweep = SmallSweep("run");
+  sweep.insert(sweep.begin(), Program());
+  Words more = sweep;
+  more.push_back("--tail=0.5");
+  ExpectOneMessage(RunUnlikeRanks(sweep, more),
                    {"rank 1 on ", " has the arguments ", "--tail=0.5"});
-  const std::string other = Path("other");
-  fs::copy_file(Program(), other);
-  std::ofstream(other, std::ios::app) << "x";
-  ExpectOneMessage(RunUnlikeRanks({}, other, arguments, ""),
+  Words other = sweep;
+  other[0] = Path("other");
+  fs::copy_file(Program(), other[0]);
+  std::ofstream(other[0], std::ios::app) << "x";
+  ExpectOneMessage(RunUnlikeRanks(sweep, other),
                    {"rank 1 on ", " has a program with the digest "});
-  const Words kernels = {"env", "OPENBLAS_CORETYPE=Nehalem"};
-  const Output output = RunUnlikeRanks(kernels, Program(), arguments, "");
+  Words kernels = sweep;
+  kernels.insert(kernels.begin(), {"env", "OPENBLAS_CORETYPE=Nehalem"});
+  const Output output = RunUnlikeRanks(sweep, kernels);
   EXPECT_EQ(output.exit_code, 1) << output.text;
   ExpectSays(output, {"rank 1 on ", " has the BLAS kernels", "Nehalem"});
   EXPECT_FALSE(fs::exists(Path("run")));
@@ -168,13 +180,10 @@ TEST_F(SweepRanks, RanksThatDifferAreRefused) {
 TEST_F(SweepRanks, ADirectoryThatNotAllSeeIsRefused) {
   fs::create_directories(Path("a"));
   fs::create_directories(Path("b"));
-  Words arguments = SmallSweep("run");
-  arguments.back() = "--output=run";
-  Words words = {"mpirun", "-n", "1", "--wdir", Path("a"), Program()};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  words.insert(words.end(), {":", "-n", "1", "--wdir", Path("b"), Program()});
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  ExpectOneMessage(Wait(StartCommand(words)),
+  Words sweep = SmallSweep("run");
+  sweep.insert(sweep.begin(), Program());
+  sweep.back() = "--output=run";
+  ExpectOneMessage(RunUnlikeRanks(sweep, sweep, Path("a"), Path("b")),
                    {"--output=run: rank 1 on ", "does not see"});
   EXPECT_TRUE(fs::is_empty(Path("a")));
   EXPECT_TRUE(fs::is_empty(Path("b")));

@@ -24,6 +24,11 @@ inline bool PrepareMpirun() {
     ::setenv(name, "1", /*overwrite=*/0);
   }
   ::setenv("OMPI_MCA_hwloc_base_binding_policy", "none", /*overwrite=*/0);
+  // Open MPI 5.
+  ::setenv("PRTE_MCA_rmaps_default_mapping_policy",
+           ":oversubscribe",
+           /*overwrite=*/0);
+  ::setenv("PRTE_MCA_hwloc_default_binding_policy", "none", /*overwrite=*/0);
   return kHasMpi && std::system("mpirun --version > /dev/null 2>&1") == 0;
 }
 
