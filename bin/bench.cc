@@ -17,6 +17,7 @@ Benchmarks are named SUBJECT[/CASE]/METHOD; sources: bin/bench/.
   field       the products of fields' Jacobians, beside the value
   training    steps of --rules on --problem; samples alone and on threads
   callback    ceres::Solve with declined proposals, beside without
+  blocks      models as cost functions, in few or in many residual blocks
   determined  a step for 6 unknowns, beside Eigen's decompositions
   covariance  of --input, beside an LM iteration and ceres::Covariance
   fits        many small, streamed and global fits, beside ceres::Solve
@@ -115,8 +116,9 @@ bool AddBenchmarks(std::string* error) {
 #endif
   return AddStepBenchmarks(error) && AddJacobianBenchmarks(error) &&
          AddFieldBenchmarks(error) && AddTrainingBenchmarks(error) &&
-         AddCallbackBenchmarks(error) && AddDeterminedStepBenchmarks(error) &&
-         AddCovarianceBenchmarks(error) && AddManyFitsBenchmarks(error) &&
+         AddCallbackBenchmarks(error) && AddModelBlockBenchmarks(error) &&
+         AddDeterminedStepBenchmarks(error) && AddCovarianceBenchmarks(error) &&
+         AddManyFitsBenchmarks(error) &&
 #ifdef INVGRAD_TORCH
          AddTorchBenchmarks(error) &&
 #endif

@@ -28,7 +28,7 @@ trajectories.csv to restyle it, and one CSV a rule.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/method.h"
-#include "invgrad/point_objective.h"
+#include "invgrad/minimize.h"
 #include "problems/problems.h"
 #include "report/interrupt.h"
 #include "report/plot.h"

@@ -1,6 +1,6 @@
 #include "problems/problem.h"
 
-#include "invgrad/point_objective.h"
+#include "invgrad/minimize.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 

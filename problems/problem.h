@@ -32,7 +32,7 @@
 
 namespace invgrad {
 
-class PointObjective;  // point_objective.h
+class PointObjective;  // minimize.h
 
 struct PointProblem {
   // y = P(x), L(y, y*), y* and the start.

@@ -36,6 +36,7 @@ bool AddJacobianBenchmarks(std::string* error);
 bool AddFieldBenchmarks(std::string* error);
 bool AddTrainingBenchmarks(std::string* error);
 bool AddCallbackBenchmarks(std::string* error);
+bool AddModelBlockBenchmarks(std::string* error);
 bool AddDeterminedStepBenchmarks(std::string* error);
 bool AddCovarianceBenchmarks(std::string* error);
 bool AddManyFitsBenchmarks(std::string* error);

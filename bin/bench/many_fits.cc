@@ -27,7 +27,7 @@
 #include "ceres/tiny_solver.h"
 #include "ceres/tiny_solver_autodiff_function.h"
 #include "fmt/core.h"
-#include "invgrad/fit_many.h"
+#include "invgrad/fit.h"
 #include "invgrad/random.h"
 
 namespace invgrad {

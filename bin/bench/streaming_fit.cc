@@ -29,7 +29,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "fmt/core.h"
-#include "invgrad/fit_many.h"
+#include "invgrad/fit.h"
 #include "invgrad/internal/streaming_gram.h"
 
 namespace invgrad {

@@ -97,7 +97,8 @@ std::string Listing() {
          "others; output_layer_period=N: every N steps; output_layer=auto: "
          "while that pays\n"
          "\nMinimizers of Ceres, on all samples at once; ceres_lm+RULE and "
-         "ceres_dogleg+RULE let a rule propose steps\n" +
+         "ceres_dogleg+RULE let a rule propose steps,\n"
+         "ceres_lm+LOSS/SIMULATOR/RULE and ceres_lm+sip a pull-back\n" +
          RowTexts(Format::kText, CeresMethods());
 }
 
@@ -162,7 +163,12 @@ std::string RulesMarkdown() {
          "fall-backs, which they do not have. Known combinations:\n\n" +
          RowTexts(Format::kMarkdown, ChainMethods()) +
          "# Minimizers of Ceres\n\nThe trust-region ones take proposals from "
-         "any rule above: `ceres_lm+half_inverse`.\n\n" +
+         "any rule above: `ceres_lm+half_inverse`; on problems with a "
+         "simulator also from a pull-back, `ceres_lm+newton/inverse/"
+         "gauss_newton`. `ceres_lm+sip` is `ceres_lm+newton/inverse/"
+         "levenberg_marquardt:step_size=auto:control=gain:updates=3`, three "
+         "damped Gauss-Newton steps towards the same x~ "
+         "([measured](results/sip_in_solve.md)).\n\n" +
          RowTexts(Format::kMarkdown, CeresMethods()) +
          "# Phases\n\n`adam:batch_size=256:epochs=5>half_inverse` trains by "
          "one method after the other in one run, with the weights carried "

@@ -24,7 +24,6 @@
 #include "invgrad/loss.h"
 #include "invgrad/method.h"
 #include "invgrad/minimize.h"
-#include "invgrad/point_objective.h"
 
 DEFINE_double(seconds, 1.0, "time of each rule");
 DEFINE_string(rules,

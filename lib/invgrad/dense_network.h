@@ -48,7 +48,8 @@ namespace invgrad {
 
 class DenseNetwork final : public Network,
                            public LinearOutputNetwork,
-                           public FactoredNetwork {
+                           public FactoredNetwork,
+                           public InputDifferentiableNetwork {
  public:
   // At least two widths, all positive, and no more weights than an int can
   // number (CHECKed). `hidden` is the activation of all layers but the last,
@@ -147,6 +148,12 @@ class DenseNetwork final : public Network,
   void InputJacobians(const Eigen::VectorXd& weights,
                       const Activations& activations,
                       Eigen::MatrixXd* jacobians) const;
+
+  bool InputJacobian(const Eigen::VectorXd& weights,
+                     const Eigen::VectorXd& input,
+                     Eigen::VectorXd* outputs,
+                     Eigen::MatrixXd* jacobian,
+                     std::string* error) const override;
 
   // below = the covectors of z_{l-1} for the covectors `above` of z_l, l >= 1.
   // Each sample has any number of covectors side by side, and a covector

@@ -1,7 +1,7 @@
 // Fits many right-hand sides y_k at once. Each has its own linear parameters
 // c_k, and all share the nonlinear parameters x: a global fit. Use it for
 // spectra, decays and the like. For fits without common parameters use
-// fit_many.h, for linear parameters in a ceres::Problem use separable.h.
+// fit.h, for linear parameters in a ceres::Problem use separable.h.
 //
 //   minimize 1/2 sum_k |Phi(x) c_k - y_k|^2 = 1/2 |Phi(x) C - Y|_F^2
 //
@@ -50,8 +50,8 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "ceres/jet.h"
-#include "invgrad/fit.h"
 #include "invgrad/internal/blas.h"
+#include "invgrad/internal/fit_options.h"
 #include "invgrad/internal/levenberg_marquardt.h"
 #include "invgrad/internal/linear_projection.h"
 #include "invgrad/internal/logging.h"

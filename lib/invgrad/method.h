@@ -10,6 +10,8 @@
 //   sip:step_size=1e-3                      the same, by its name
 //   ceres_lm:initial_radius=1e6             Ceres
 //   ceres_lm+half_inverse                   Ceres with an UpdateCallback
+//   ceres_lm+newton/inverse/gauss_newton    the same with a pull-back
+//   ceres_lm+sip                            the same, by its name
 //   adam:epochs=5>half_inverse              two phases
 //
 //   adam:output_layer=exact                 rule for all layers but the last

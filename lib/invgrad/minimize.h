@@ -21,6 +21,12 @@
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
 #include "ceres/types.h"
+#include "invgrad/data.h"
+#include "invgrad/internal/objective.h"
+#include "invgrad/linearization.h"
+#include "invgrad/loss.h"
+#include "invgrad/model.h"
+#include "invgrad/simulator.h"
 #include "invgrad/update_callback.h"
 #include "invgrad/update_rule.h"
 
@@ -28,8 +34,6 @@ namespace invgrad {
 
 class InverseSimulator;
 struct Method;
-class Objective;
-class PointObjective;
 
 struct MinimizerOptions {
   int max_num_iterations = 50;
@@ -107,6 +111,57 @@ void Minimize(const MinimizerOptions& options,
               UpdateRule* rule,
               Objective* objective,
               MinimizerSummary* summary);
+
+// A simulator and a loss without a network, at a point: the unknowns are x, the
+// simulator's input. With a network use model.h.
+//
+//   L(x) = L(P(x), y*),   J = dP/dx,   g = dL/dy
+//   d2L/dx2 = J^T H_L J + sum_i g_i d2P_i/dx2
+//
+// It is a Model with a WeightsNetwork (weights_network.h), one sample, and a
+// current point.
+//
+// Shapes:  x: n = |x|;  y: m = |y|.
+// Units:   g and J are derivatives for y, not for a residual: L = c |y - y*|^2
+//          has g = 2 c (y - y*) and H_L = 2 c I.
+// Cost:    the gradient alone: the simulator's adjoint, without J. Otherwise
+//          one simulator evaluation with Jacobian, or one Linearize if the
+//          simulator does not form it; the Hessian adds one.
+// Fails:   Linearize and Cost return false where the model does, and if J and
+//          the Hessian, which are dense, do not fit into memory.
+class PointObjective final : public Objective {
+ public:
+  // Sizes must fit, and the simulator must not need a context (CHECKed).
+  PointObjective(std::shared_ptr<const Simulator> simulator,
+                 std::shared_ptr<const Loss> loss,
+                 Eigen::VectorXd target,
+                 Eigen::VectorXd start);
+
+  int num_parameters() const override { return model_.num_weights(); }
+  bool Linearize(const LinearizationParts& parts,
+                 Linearization* linearization,
+                 std::string* error) const override;
+  bool Cost(double* cost, std::string* error) const override {
+    return model_.Cost(x_, data_, cost, error);
+  }
+  Eigen::VectorXd State() const override { return x_; }
+  void SetState(const Eigen::VectorXd& state) override;
+  bool Plus(const Eigen::VectorXd& step) override;
+
+  // y = P(x); empty if the simulator fails.
+  Eigen::VectorXd Outputs() const;
+
+  // The network's outputs are its weights, x.
+  const Model& model() const { return model_; }
+  // One sample.
+  const DataSet& data() const { return data_; }
+  Eigen::VectorXd target() const { return data_.targets.col(0); }
+
+ private:
+  Model model_;
+  DataSet data_;
+  Eigen::VectorXd x_;
+};
 
 // Minimizes a ceres::Problem, or a simulator and a loss over the simulator's
 // input, by a method (method.h).

@@ -1,7 +1,7 @@
 // A model is a network, a simulator and a loss in a chain, over a batch. Make
 // one to train a network in front of your simulator (train.h), or to linearize
 // the chain yourself. For a simulator and a loss without a network use
-// point_objective.h.
+// minimize.h.
 //
 //   x_s = f(a_s; theta),   y_s = P(x_s; c_s),   L = scale sum_s L(y_s, y*_s)
 //

@@ -25,7 +25,7 @@
 #include <vector>
 
 #include "invgrad/covariance.h"
-#include "invgrad/fit.h"
+#include "invgrad/internal/fit_options.h"
 #include "invgrad/minimize.h"
 #include "invgrad/rank_report.h"
 #include "invgrad/update_callback.h"

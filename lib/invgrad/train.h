@@ -210,8 +210,8 @@ struct TrainSummary {
   ceres::TerminationType termination_type = ceres::FAILURE;
   std::string message;  // "epochs done", "diverged at step 17: ..."
   long num_steps = 0;
-  long num_updates = 0;     // updates by the rule, one or more per step
-  long num_undone = 0;  // updates that the rule undid
+  long num_updates = 0;  // updates by the rule, one or more per step
+  long num_undone = 0;   // updates that the rule undid
   double train_time_in_seconds = 0.0;
 };
 

@@ -1,12 +1,15 @@
-// Lets an update rule propose steps inside an ordinary ceres::Solve. Use it to
-// try whether half-inverse steps help your solve;
-// docs/tutorials/04_ceres_solve.md says when they do. To take the steps of a
-// rule without Ceres use minimize.h.
+// Lets an update rule, or a function of yours, propose steps inside an ordinary
+// ceres::Solve. Use it to try whether half-inverse steps help your solve, or to
+// give it what you know: a closed-form inverse, scale-invariant physics training
+// (proposal.h). docs/tutorials/04_ceres_solve.md says when they help. To take
+// the steps of a rule without Ceres use minimize.h.
 //
 //   auto rule = MakeRule("half_inverse:step_size=auto:rho=1");
 //   UpdateCallback callback(rule.get(), &problem);
 //   callback.AddTo(&options);
 //   ceres::Solve(options, &problem, &summary);
+//
+// What follows says "rule" for both.
 //
 // After each accepted step, at the rule's turns, the callback linearizes the
 // problem and computes the rule's step, which replaces Ceres' next step: a
@@ -33,11 +36,15 @@
 //
 // Needs:   minimizer_type = TRUST_REGION (LM or dogleg; inner iterations and
 //          nonmonotonic steps may be on); otherwise the callback aborts the
-//          solve, and summary().message gives the reason. No bounds on blocks
-//          that are not constant, because Ceres' projected line search calls
-//          Plus repeatedly. One callback for a problem at a time, AddTo before
-//          each solve, and no solve of the problem without AddTo while the
-//          callback exists. Rules must not throw.
+//          solve, and summary().message gives the reason. One callback for a
+//          problem at a time, AddTo before each solve, and no solve of the
+//          problem without AddTo while the callback exists. Rules must not
+//          throw.
+// Bounds:  a candidate is projected onto them, as Ceres does after each Plus.
+//          AddTo switches Ceres' projected line search off (Solver::Options::
+//          max_num_line_search_step_size_iterations = 0) for the solve with
+//          proposals, because it calls Plus several times for a candidate; the
+//          solve without proposals has it.
 // Cost:    at each turn of the rule one step and one or two linearizations, at
 //          x and at the candidate, which evaluate all residual blocks. While a
 //          step is staged, Ceres multiplies J by a k x k matrix for a Euclidean
@@ -59,6 +66,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "ceres/types.h"
+#include "invgrad/proposal.h"
 #include "invgrad/update_rule.h"
 
 namespace invgrad {
@@ -134,6 +142,9 @@ class UpdateCallback final {
     // that of the solve without proposals: by an estimate from the sizes of the
     // problem (work_limit.h). Infinity: none.
     double max_relative_work = 2.0;
+    // Of a proposal function, for that estimate: the time of a call, relative
+    // to an iteration of Ceres.
+    double iterations_of_function = 1.0;
     // The problem's Problem::Options::manifold_ownership, which Ceres 2.1 does
     // not expose. A problem that owns its manifolds keeps those of the
     // callback, 64 bytes for each parameter block, until it is destroyed. If
@@ -178,7 +189,7 @@ class UpdateCallback final {
     std::string BriefReport() const;
   };
 
-  // False, with *error, if a block has bounds or is too large.
+  // False, with *error, if a block is too large.
   static bool IsSupported(const Options& options,
                           const ceres::Problem& problem,
                           std::string* error);
@@ -190,6 +201,11 @@ class UpdateCallback final {
   // problem has no other UpdateCallback.
   UpdateCallback(UpdateRule* rule, ceres::Problem* problem);
   UpdateCallback(UpdateRule* rule,
+                 ceres::Problem* problem,
+                 const Options& options);
+  // The same with proposals of a function.
+  UpdateCallback(ProposalFunction function, ceres::Problem* problem);
+  UpdateCallback(ProposalFunction function,
                  ceres::Problem* problem,
                  const Options& options);
   ~UpdateCallback();

@@ -1,5 +1,3 @@
-#include "invgrad/ceres/model_cost.h"
-
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -11,7 +9,9 @@
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/ceres/model_function.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/cost.h"
 #include "invgrad/random.h"
 
 namespace invgrad {
@@ -57,7 +57,7 @@ TEST_P(ModelCostTest, ProblemHasTheModelsHessian) {
   std::string error;
   ASSERT_TRUE(model_.Linearize(weights_, data_, parts, &of_model, &error));
   ceres::Problem problem;
-  AddModelToProblem(&model_, &data_, &weights_, &problem);
+  AddModelToProblem(model_, data_, weights_.data(), &problem);
   const ProblemLinearizer linearizer(&problem, {});
   ASSERT_TRUE(linearizer.Linearize(parts, &of_problem, &error)) << error;
   // The same terms, summed in another order.
@@ -73,7 +73,7 @@ TEST_P(ModelCostTest, ProblemHasTheModelsCostAndGradient) {
   ASSERT_TRUE(model_.Linearize(weights_, data_, parts, &at, &error));
 
   ceres::Problem problem;
-  AddModelToProblem(&model_, &data_, &weights_, &problem);
+  AddModelToProblem(model_, data_, weights_.data(), &problem);
   EXPECT_EQ(problem.NumParameterBlocks(), 5);
   EXPECT_EQ(problem.NumResiduals(), 10);
   ceres::Problem::EvaluateOptions options;
@@ -109,7 +109,7 @@ TEST_P(ModelCostTest, ProblemHasTheModelsCostAndGradient) {
 }
 
 TEST_P(ModelCostTest, PassesCeresGradientChecker) {
-  const ModelCostFunction function(&model_, &data_);
+  const ModelCost function(model_, data_);
   ceres::NumericDiffOptions options;
   const ceres::GradientChecker checker(
       &function,
@@ -125,7 +125,7 @@ TEST_P(ModelCostTest, PassesCeresGradientChecker) {
 
 TEST_P(ModelCostTest, JacobiansOfConstantNeuronsAreNotAskedFor) {
   ceres::Problem problem;
-  AddModelToProblem(&model_, &data_, &weights_, &problem);
+  AddModelToProblem(model_, data_, weights_.data(), &problem);
   const std::vector<double*> blocks =
       WeightBlocks(model_.network(), weights_.data());
   problem.SetParameterBlockConstant(blocks[0]);
@@ -162,7 +162,7 @@ TEST(AddModelToProblem, CeresTrainsARegression) {
   for (double& weight : weights) weight += random.Uniform(-0.3, 0.3);
 
   ceres::Problem problem;
-  AddModelToProblem(&model, &data, &weights, &problem);
+  AddModelToProblem(model, data, weights.data(), &problem);
   ceres::Solver::Options options;
   options.max_num_iterations = 200;
   options.function_tolerance = 1e-30;
@@ -178,7 +178,7 @@ TEST(AddModelToProblem, CeresTrainsARegression) {
   EXPECT_NEAR(cost, summary.final_cost, 1e-20);
 }
 
-TEST(ModelCostFunction, FailsWhereTheModelDoes) {
+TEST(ModelCost, FailsWhereTheModelDoes) {
   const Model model(DenseNetwork({1, 1}, Activation::kLinear),
                     std::make_shared<IdentitySimulator>(1),
                     std::make_shared<SquaredNormLoss>(1, 0.5),
@@ -192,7 +192,7 @@ TEST(ModelCostFunction, FailsWhereTheModelDoes) {
   double residual;
   double jacobian[2];
   double* jacobians[] = {jacobian};
-  const ModelCostFunction function(&model, &data);
+  const ModelCost function(model, data);
   EXPECT_FALSE(function.Evaluate(blocks, &residual, nullptr));
   EXPECT_FALSE(function.Evaluate(blocks, &residual, jacobians));
   double cost;

@@ -101,20 +101,8 @@ TEST(UpdateCallback, NoticesALineSearch) {
   EXPECT_EQ(p.x, -1.2);
 }
 
-TEST(UpdateCallback, RefusesBoundsAndLargeBlocks) {
-  TwoBlockRosenbrock p;
+TEST(UpdateCallback, RefusesLargeBlocks) {
   std::string error;
-  EXPECT_TRUE(UpdateCallback::IsSupported(Options(), p.problem, &error));
-  p.problem.SetParameterUpperBound(&p.y, 0, 2.0);
-  EXPECT_FALSE(UpdateCallback::IsSupported(Options(), p.problem, &error));
-  EXPECT_NE(error.find("parameter block 1"), std::string::npos) << error;
-  EXPECT_NE(error.find("bounds"), std::string::npos) << error;
-  PowerRule rule(1.0);
-  EXPECT_DEATH(UpdateCallback(&rule, &p.problem), "bounds");
-  // Bounds of a constant block do not matter.
-  p.problem.SetParameterBlockConstant(&p.y);
-  EXPECT_TRUE(UpdateCallback::IsSupported(Options(), p.problem, &error));
-
   PoseProblem pose;
   Options options;
   options.max_block_size = 3;  // a quaternion's tangent space fits exactly

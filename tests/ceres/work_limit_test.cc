@@ -80,6 +80,7 @@ int NumProposals(int num_products, double max_relative_work) {
   WorkLimit work(max_relative_work,
                  /*has_comparison=*/true,
                  Products(num_products),
+                 /*iterations_of_function=*/0.0,
                  options,
                  ReadStructure(chain.problem, {}));
   work.SetComparison(100);
@@ -122,6 +123,7 @@ TEST(WorkLimit, DynamicSparsityLeavesLessForTheRule) {
     WorkLimit work(2.0,
                    /*has_comparison=*/true,
                    Products(200),
+                   /*iterations_of_function=*/0.0,
                    options,
                    ReadStructure(chain.problem, {}));
     work.SetComparison(100);

@@ -58,6 +58,13 @@ TEST_F(ExamplesTest, ParameterIdentification) {
   ExpectSays(output, {"found only by LM: ", " of 100"});
 }
 
+// It fails if the proposals solve fewer poses than plain LM, or less than 90 %.
+TEST_F(ExamplesTest, InverseKinematics) {
+  const Output output = RunExample("inverse_kinematics");
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"exact inverse:", "LM + inverse", " of 1000 poses"});
+}
+
 // It writes a file where it runs.
 TEST_F(ExamplesTest, TrainedNetworks) {
   const std::filesystem::path before = std::filesystem::current_path();

@@ -35,7 +35,7 @@ inline std::string SmallProblem(std::string problem) {
       std::regex(":num_(samples|interior|boundary|t|x|y|points|face)=[0-9]+"),
       "");
   problem = std::regex_replace(
-      problem, std::regex(":resolution=[0-9]+"), ":resolution=16");
+      problem, std::regex(":resolution=[0-9]{2,}"), ":resolution=16");
   PhysicsProblem created;
   std::string error;
   for (const std::string& small :
@@ -160,7 +160,7 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "03_rank_report" || program == "06_own_rule" ||
       program == "07_training" || program == "12_degenerate_registration" ||
       program == "13_covariance" || program == "14_separable_fit" ||
-      program == "15_exact_output_layer") {
+      program == "15_exact_output_layer" || program == "16_network_cost") {
     return {};
   }
   if (program == "04_ceres_solve") return {"--starts=2"};

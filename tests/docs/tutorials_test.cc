@@ -90,6 +90,18 @@ TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
   }
 }
 
+TEST(NetworkCostTutorial, SolvesWithAndWithoutTheInverse) {
+  const TemporaryFolder folder;
+  for (const char* argument : {"", "plain"}) {
+    const auto [exit_code, text] =
+        RunTutorial(argument, folder / "out", "16_network_cost");
+    EXPECT_EQ(exit_code, 0) << text;
+    for (const char* word : {"CONVERGENCE", " proposed, "}) {
+      EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
+    }
+  }
+}
+
 TEST(CeresSolveTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =

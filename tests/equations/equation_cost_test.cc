@@ -9,7 +9,7 @@
 #include "ceres/gradient_checker.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/cost.h"
 #include "invgrad/equation.h"
 #include "invgrad/minimize.h"
 #include "invgrad/random.h"

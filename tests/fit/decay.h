@@ -12,7 +12,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "gtest/gtest.h"
-#include "invgrad/fit.h"
+#include "invgrad/internal/fit_options.h"
 #include "invgrad/random.h"
 
 namespace invgrad {

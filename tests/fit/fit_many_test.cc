@@ -1,5 +1,3 @@
-#include "invgrad/fit_many.h"
-
 #include <cmath>
 #include <limits>
 #include <string>
@@ -7,6 +5,7 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/fit.h"
 #include "tests/fit/decay.h"
 
 namespace invgrad {

@@ -5,7 +5,7 @@
 #include "Eigen/Core"
 #include "Eigen/QR"
 #include "gtest/gtest.h"
-#include "invgrad/fit_many.h"
+#include "invgrad/fit.h"
 #include "tests/fit/decay.h"
 
 namespace invgrad {

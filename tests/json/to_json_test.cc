@@ -9,7 +9,7 @@
 
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
-#include "invgrad/fit_many.h"
+#include "invgrad/fit.h"
 #include "nlohmann/json.hpp"
 #include "tests/rank/rank_problems.h"
 #include "tests/support/json_page.h"

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "invgrad/loss.h"
-#include "invgrad/point_objective.h"
+#include "invgrad/minimize.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 

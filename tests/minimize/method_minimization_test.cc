@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/loss.h"
 #include "invgrad/method.h"
-#include "invgrad/point_objective.h"
+#include "invgrad/minimize.h"
 #include "tests/support/parse_method.h"
 #include "tests/support/rosenbrock.h"
 

@@ -1,5 +1,3 @@
-#include "invgrad/point_objective.h"
-
 #include <cmath>
 #include <memory>
 
@@ -8,10 +6,12 @@
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_loss.h"
 #include "invgrad/autodiff_simulator.h"
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/ceres/model_function.h"
+#include "invgrad/cost.h"
 #include "invgrad/field_simulator.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/loss.h"
+#include "invgrad/minimize.h"
 #include "tests/support/real_infidelity.h"
 
 namespace invgrad {
@@ -107,7 +107,7 @@ TEST(PointObjective, AsACeresProblemHasTheSameCostAndGradient) {
   const PointObjective objective = MakeObjective(0.7);
   Eigen::VectorXd x = objective.State();
   ceres::Problem problem;
-  AddModelToProblem(&objective.model(), &objective.data(), &x, &problem);
+  AddModelToProblem(objective.model(), objective.data(), x.data(), &problem);
   double cost = 0.0;
   std::vector<double> gradient;
   ASSERT_TRUE(problem.Evaluate(
@@ -132,7 +132,7 @@ TEST(PointObjective, AsACeresProblemHasTheSameCostAndGradient) {
 
 TEST(PointObjective, CostFunctionPassesTheGradientChecker) {
   const PointObjective objective = MakeObjective(0.7);
-  const ModelCostFunction cost_function(&objective.model(), &objective.data());
+  const ModelCost cost_function(objective.model(), objective.data());
   const Eigen::VectorXd x = objective.State();
   const double* parameters[] = {x.data()};
   std::vector<const ceres::Manifold*>* no_manifolds = nullptr;

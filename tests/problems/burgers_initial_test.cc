@@ -7,8 +7,8 @@
 #include "Eigen/SVD"
 #include "gtest/gtest.h"
 #include "invgrad/method.h"
+#include "invgrad/minimize.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/point_objective.h"
 #include "tests/support/simulator_identities.h"
 
 namespace invgrad {

@@ -7,7 +7,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/minimize.h"
-#include "invgrad/point_objective.h"
 #include "invgrad/rules.h"
 #include "tests/support/simulator_identities.h"
 

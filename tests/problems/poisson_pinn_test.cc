@@ -11,7 +11,7 @@
 #include "Eigen/Core"
 #include "ceres/gradient_checker.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/cost.h"
 #include "invgrad/method.h"
 #include "invgrad/random.h"
 #include "problems/problems.h"
@@ -150,7 +150,7 @@ TEST_P(PoissonPinnTest, PassesCeresGradientChecker) {
   NumpyRandom random(1);
   VectorXd weights =
       model.network().InitialWeights(Initialization::kPytorch, &random);
-  const ModelCostFunction function(&model, &some);
+  const ModelCost function(model, some);
   const ceres::GradientChecker checker(
       &function,
       static_cast<const std::vector<const ceres::Manifold*>*>(nullptr),

@@ -8,8 +8,8 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/method.h"
+#include "invgrad/minimize.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "invgrad/point_objective.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 #include "problems/problems.h"

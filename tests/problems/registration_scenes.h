@@ -9,7 +9,7 @@
 
 namespace invgrad {
 
-inline const Scene& SceneOf(const std::string& name) {
+inline const Scene& SceneOf(const char* name) {
   for (const Scene& scene : Scenes()) {
     if (scene.name == name) return scene;
   }

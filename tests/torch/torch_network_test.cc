@@ -3,9 +3,12 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/cost.h"
 #include "invgrad/dense_network.h"
 #include "invgrad/random.h"
 #include "tests/support/random_matrix.h"
@@ -108,6 +111,59 @@ TEST(TorchNetwork, AgreesWithADenseNetwork) {
                 ForDenseNetwork(v),
                 &dense_tangents);
   EXPECT_LT((tangents - dense_tangents).norm(), 1e-14);
+}
+
+// As cost functions of Ceres, of the weights and of the input.
+TEST(TorchNetwork, HasTheCostFunctionsOfADenseNetwork) {
+  const auto network = MakeDense(/*double_precision=*/true);
+  const auto dense = std::make_shared<DenseNetwork>(std::vector<int>{3, 4, 2},
+                                                    Activation::kTanh);
+  const VectorXd weights = RandomMatrix(network->num_weights(), 1, 1);
+  const VectorXd input = RandomMatrix(3, 1, 2);
+  const VectorXd target = RandomMatrix(2, 1, 3);
+  const auto evaluate = [&](const ceres::CostFunction& cost,
+                            const double* parameters,
+                            std::vector<MatrixXd>* jacobians) {
+    std::vector<const double*> blocks;
+    std::vector<double*> pointers;
+    for (const int size : cost.parameter_block_sizes()) {
+      blocks.push_back(parameters);
+      parameters += size;
+      jacobians->emplace_back(size, 2);
+    }
+    for (MatrixXd& J : *jacobians) pointers.push_back(J.data());
+    VectorXd residuals(2);
+    EXPECT_TRUE(
+        cost.Evaluate(blocks.data(), residuals.data(), pointers.data()));
+    return residuals;
+  };
+  std::vector<MatrixXd> J, J_dense;
+  VectorXd r =
+      evaluate(TrainedNetworkCost(network, weights, target), input.data(), &J);
+  EXPECT_LT(
+      (r - evaluate(TrainedNetworkCost(dense, ForDenseNetwork(weights), target),
+                    input.data(),
+                    &J_dense))
+          .norm(),
+      1e-14);
+  EXPECT_LT((J[0] - J_dense[0]).norm(), 1e-14);
+
+  J.clear();
+  r = evaluate(NetworkCost(network, input, target), weights.data(), &J);
+  EXPECT_LT((r - (network->Outputs(weights, input) - target)).norm(), 1e-14);
+  VectorXd of_row(network->num_weights());
+  Eigen::Index first = 0;
+  for (const MatrixXd& block : J) {
+    of_row.segment(first, block.rows()) = block.col(1);
+    first += block.rows();
+  }
+  const auto pass = network->NewPass();
+  std::string error;
+  ASSERT_TRUE(network->Forward(
+      weights, input, Derivatives::kFirst, pass.get(), &error));
+  VectorXd gradient;
+  network->Backward(weights, *pass, Eigen::Vector2d(0.0, 1.0), &gradient);
+  EXPECT_LT((of_row - gradient).norm(), 1e-14);
 }
 
 TEST(TorchNetwork, SinglePrecisionIsNearDoublePrecision) {

@@ -6,7 +6,7 @@
 #include "Eigen/Core"
 #include "ceres/ceres.h"
 #include "gtest/gtest.h"
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/cost.h"
 #include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "problems/problems.h"
@@ -87,7 +87,7 @@ TEST(UNetTraining, TheCostFunctionHasTheModelsGradient) {
   std::string error;
   ASSERT_TRUE(model.Linearize(weights, problem.train, parts, &at, &error));
   ceres::Problem ceres_problem;
-  AddModelToProblem(&model, &problem.train, &weights, &ceres_problem);
+  AddModelToProblem(model, problem.train, weights.data(), &ceres_problem);
   EXPECT_EQ(ceres_problem.NumParameterBlocks(),
             static_cast<int>(model.network().WeightBlocks().size()));
   double cost = 0.0;

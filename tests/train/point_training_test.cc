@@ -7,7 +7,6 @@
 #include "gtest/gtest.h"
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/minimize.h"
-#include "invgrad/point_objective.h"
 #include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "tests/support/rosenbrock.h"

@@ -20,23 +20,37 @@ bool AreEqual(double cost, double other) {
 
 }  // namespace
 
+LinearizationParts Proposer::Needs() const {
+  return rule == nullptr ? LinearizationParts() : rule->Needs();
+}
+
 Proposal::Proposal(double min_relative_model_decrease,
-                   UpdateRule* rule,
+                   const Proposer& proposer,
+                   const Bounds* bounds,
+                   const ceres::Problem& problem,
                    ProblemLinearizer* linearizer,
                    WorkLimit* work)
     : min_relative_model_decrease_(min_relative_model_decrease),
-      rule_(*rule),
-      judge_(rule->judge()),
+      proposer_(proposer),
+      judge_(proposer.rule == nullptr ? nullptr : proposer.rule->judge()),
+      bounds_(*bounds),
       linearizer_(*linearizer),
       work_(*work),
-      parts_(rule->Needs()),
+      parts_(proposer.Needs()),
       needs_linearization_(parts_.gradient || parts_.jacobian ||
                            parts_.hessian) {
   parts_.jacobian = true;
+  if (proposer_.rule != nullptr) return;
+  auto offsets = std::make_shared<ProblemState::Offsets>();
+  std::vector<double*> blocks;
+  problem.GetParameterBlocks(&blocks);
+  for (const double* block : blocks) offsets->emplace(block, -1);
+  for (const auto& block : linearizer_.structure().parameter_blocks) {
+    (*offsets)[block.values] = block.offset;
+  }
+  offsets_ = std::move(offsets);
 }
 
-// For a rule that needs no linearization, linearizes the problem only if there
-// is a step.
 bool Proposal::ComputeStep(double cost,
                            const Eigen::VectorXd& state,
                            std::string* message) {
@@ -45,8 +59,64 @@ bool Proposal::ComputeStep(double cost,
   num_withheld_ = 0;
   num_outside_domain_ = 0;
   fraction_ = scale_;
+  return proposer_.rule != nullptr ? StepOfRule(message)
+                                   : StepOfFunction(message);
+}
+
+bool Proposal::StepOfFunction(std::string* message) {
+  const ProblemState x(offsets_, state_);
+  ProblemState candidate = x;
+  const bool has_candidate = proposer_.function(x, &candidate);
+  linearizer_.SetState(state_);
+  work_.CountStep();
+  if (has_candidate) return IntoTangentSpace(candidate.values(), message);
+  *message = "the proposal function has no candidate";
+  return false;
+}
+
+bool Proposal::IntoTangentSpace(const Eigen::VectorXd& candidate,
+                                std::string* message) {
+  constexpr double kOffManifold = 1e-6;
+  const ProblemStructure& structure = linearizer_.structure();
+  step_.setZero(structure.num_parameters);
+  int i = -1;
+  for (const auto& block : structure.parameter_blocks) {
+    ++i;
+    const auto to = candidate.segment(block.offset, block.ambient_size);
+    const auto from = state_.segment(block.offset, block.ambient_size);
+    const auto fail = [&](const char* why) {
+      *message = fmt::format(
+          "the candidate of parameter block {} (of those that are not "
+          "constant) {}",
+          i,
+          why);
+      return false;
+    };
+    if (!to.allFinite()) return fail("is not finite");
+    auto step = step_.segment(block.column, block.tangent_size);
+    if (block.manifold == nullptr) {
+      step = to - from;
+      continue;
+    }
+    Eigen::VectorXd reached(block.ambient_size);
+    if (to == from) continue;
+    if (!block.manifold->Minus(to.data(), from.data(), step.data()) ||
+        !step.allFinite() ||
+        !block.manifold->Plus(from.data(), step.data(), reached.data()) ||
+        !((reached - to).norm() <= kOffManifold * (from.norm() + to.norm()))) {
+      return fail("is not on its manifold");
+    }
+  }
+  if (!step_.isZero(0.0)) return true;
+  *message = "the candidate is the current state";
+  return false;
+}
+
+// For a rule that needs no linearization, linearizes the problem only if there
+// is a step.
+bool Proposal::StepOfRule(std::string* message) {
   Linearization at_x;
-  at_x.cost = cost;
+  at_x.cost = cost_;
   if (needs_linearization_ && !Linearize(&at_x, message)) return false;
   work_.CountStep();
   if (parts_.hessian_times || parts_.after) {
@@ -54,7 +124,7 @@ bool Proposal::ComputeStep(double cost,
     work_.CountLinearization();
     work_.CountLinearization();
   }
-  if (!rule_.ComputeStep(at_x, &step_, message)) return false;
+  if (!proposer_.rule->ComputeStep(at_x, &step_, message)) return false;
   CHECK_EQ(step_.size(), linearizer_.num_parameters());
   step_ *= scale_;
   if (!needs_linearization_ && !Linearize(&at_x, message)) return false;
@@ -94,7 +164,7 @@ bool Proposal::FindCandidate(std::string* message) {
   for (;; step_ *= 0.5, fraction_ *= 0.5) {
     double cost = std::numeric_limits<double>::quiet_NaN();
     std::string error;
-    bool is_in_domain = linearizer_.Plus(step_);
+    bool is_in_domain = MoveTo(step_);
     if (is_in_domain) {
       candidate_ = linearizer_.State();
       work_.CountLinearization();
@@ -109,12 +179,12 @@ bool Proposal::FindCandidate(std::string* message) {
     if (judge_ != nullptr) {
       judge_->KeepsStep(cost, fraction_);
     } else {
-      scale_ *= 0.5;
+      HalveScale();
     }
     if (num_withheld_++ == kMaxNumHalvings) break;
   }
   candidate_.resize(0);
-  *message = fmt::format("no lower cost by the last step of the rule, {} times",
+  *message = fmt::format("no lower cost by the last proposal, {} times",
                          num_withheld_);
   return false;
 }
@@ -137,9 +207,23 @@ void Proposal::Decided(bool is_accepted, double cost) {
   if (judge_ != nullptr) {
     judge_->KeepsStep(cost, fraction_);
   } else if (!is_accepted) {
-    scale_ *= 0.5;
+    HalveScale();
   }
   if (is_accepted) DoubleScale();
+}
+
+bool Proposal::MoveTo(const Eigen::VectorXd& step) {
+  if (!linearizer_.Plus(step)) return false;
+  if (bounds_.any()) {
+    Eigen::VectorXd state = linearizer_.State();
+    bounds_.Project(&state);
+    linearizer_.SetState(state);
+  }
+  return true;
+}
+
+void Proposal::HalveScale() {
+  if (proposer_.rule != nullptr) scale_ *= 0.5;
 }
 
 void Proposal::DoubleScale() { scale_ = std::min(2.0 * scale_, 1.0); }

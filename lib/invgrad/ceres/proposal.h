@@ -1,12 +1,14 @@
-// The step that a rule proposes at a state of a ceres::Solve, and the state
-// that it leads to.
+// The step that a rule or a function (proposal.h) proposes at a state of a
+// ceres::Solve, and the state that it leads to.
 //
 //   candidate = Plus(x, scale step),   halved until L(candidate) <= L(x)
+//
+// projected onto the bounds, as Ceres does after Plus.
 //
 // After two halvings there is no proposal. The next proposal keeps the scale;
 // it doubles, up to 1, with every proposal that Ceres accepts, or whose
 // predicted decrease is too small. A rule that judges its steps (update_rule.h)
-// adapts its own step size instead.
+// adapts its own step size instead, and the scale of a function is always 1.
 //
 // A candidate from which Ceres cannot continue counts as higher: J^T J is not
 // finite there, or |gradient| |x| is less than 1e-10 of the cost, as in a flat
@@ -14,21 +16,35 @@
 #ifndef INVGRAD_CERES_PROPOSAL_H_
 #define INVGRAD_CERES_PROPOSAL_H_
 
+#include <memory>
 #include <string>
 
 #include "Eigen/Core"
+#include "ceres/problem.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/work_limit.h"
 #include "invgrad/linearization.h"
+#include "invgrad/proposal.h"
 #include "invgrad/update_rule.h"
 
 namespace invgrad {
+
+// What makes proposals: a rule or, if it is null, a function.
+struct Proposer {
+  UpdateRule* rule = nullptr;
+  ProposalFunction function;
+
+  LinearizationParts Needs() const;
+};
 
 class Proposal {
  public:
   // Keeps the pointers.
   Proposal(double min_relative_model_decrease,
-           UpdateRule* rule,
+           const Proposer& proposer,
+           const Bounds* bounds,
+           const ceres::Problem& problem,
            ProblemLinearizer* linearizer,
            WorkLimit* work);
 
@@ -53,14 +69,22 @@ class Proposal {
   void Decided(bool is_accepted, double cost);
 
  private:
+  bool StepOfRule(std::string* message);
+  bool StepOfFunction(std::string* message);
+  // step = Minus(candidate, x)
+  bool IntoTangentSpace(const Eigen::VectorXd& candidate, std::string* message);
+  bool MoveTo(const Eigen::VectorXd& step);
   bool Linearize(Linearization* at_x, std::string* message);
   bool IsPromising(const Linearization& at_x) const;
   bool CanContinueFromCandidate() const;
+  void HalveScale();
   void DoubleScale();
 
   const double min_relative_model_decrease_;
-  UpdateRule& rule_;
+  const Proposer proposer_;
   StepJudge* const judge_;  // of the rule; may be null
+  const Bounds& bounds_;
+  std::shared_ptr<const ProblemState::Offsets> offsets_;  // for a function
   ProblemLinearizer& linearizer_;
   WorkLimit& work_;
   LinearizationParts parts_;  // that the rule needs, and J for the linear model

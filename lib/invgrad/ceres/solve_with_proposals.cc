@@ -20,7 +20,8 @@ constexpr char kAnotherState[] =
 
 SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
                                        const WorkLimit& work,
-                                       UpdateRule* rule,
+                                       const Proposer& proposer,
+                                       const Bounds* bounds,
                                        const ceres::Problem* problem,
                                        ProblemLinearizer* linearizer,
                                        StagedStep* staged,
@@ -37,8 +38,17 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
                  problem,
                  linearizer,
                  &work_),
-      proposal_(options_.min_relative_model_decrease, rule, linearizer, &work_),
-      turns_(options_.by_merit) {}
+      proposal_(options_.min_relative_model_decrease,
+                proposer,
+                bounds,
+                *problem,
+                linearizer,
+                &work_),
+      turns_(options_.by_merit) {
+  // Ceres' projected line search calls Plus several times for a candidate.
+  if (bounds->any())
+    solver_options->max_num_line_search_step_size_iterations = 0;
+}
 
 ceres::CallbackReturnType SolveWithProposals::operator()(
     const ceres::IterationSummary& iteration) {

@@ -1,4 +1,4 @@
-// One ceres::Solve with the proposals of a rule (update_callback.h): whose turn
+// One ceres::Solve with proposals (update_callback.h): whose turn
 // it is, what replaces Ceres' next step, and when the run ends.
 #ifndef INVGRAD_CERES_SOLVE_WITH_PROPOSALS_H_
 #define INVGRAD_CERES_SOLVE_WITH_PROPOSALS_H_
@@ -27,7 +27,8 @@ class SolveWithProposals {
   // other pointers.
   SolveWithProposals(const UpdateCallback::Options& options,
                      const WorkLimit& work,
-                     UpdateRule* rule,
+                     const Proposer& proposer,
+                     const Bounds* bounds,
                      const ceres::Problem* problem,
                      ProblemLinearizer* linearizer,
                      StagedStep* staged,

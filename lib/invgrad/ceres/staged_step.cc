@@ -1,7 +1,6 @@
 #include "invgrad/ceres/staged_step.h"
 
 #include <algorithm>
-#include <limits>
 #include <memory>
 #include <utility>
 
@@ -84,46 +83,22 @@ class StagedStep::StagingManifold final : public ceres::Manifold {
   mutable double* recorded_ = nullptr;
 };
 
-namespace {
-
-bool IsBounded(const ceres::Problem& problem, const double* values, int size) {
-  // "If the parameter is not bounded by the user" (ceres/problem.h).
-  constexpr double kUnbounded = std::numeric_limits<double>::max();
-  for (int i = 0; i < size; ++i) {
-    if (problem.GetParameterLowerBound(values, i) > -kUnbounded ||
-        problem.GetParameterUpperBound(values, i) < kUnbounded) {
-      return true;
-    }
-  }
-  return false;
-}
-
-}  // namespace
-
 bool StagedStep::IsSupported(int max_block_size,
                              const ProblemStructure& structure,
-                             const ceres::Problem& problem,
                              std::string* error) {
   int i = 0;
   for (const auto& block : structure.parameter_blocks) {
-    const std::string name =
-        fmt::format("parameter block {} (of those that are not constant)", i++);
     if (block.tangent_size > max_block_size) {
       *error = fmt::format(
-          "{} has size {}, which is larger than max_block_size = {}; split it "
-          "into smaller blocks, or use Minimize",
-          name,
+          "parameter block {} (of those that are not constant) has size {}, "
+          "which is larger than max_block_size = {}; split it into smaller "
+          "blocks, or use Minimize",
+          i,
           block.tangent_size,
           max_block_size);
       return false;
     }
-    if (IsBounded(problem, block.values, block.ambient_size)) {
-      *error = name +
-               " has bounds, which UpdateCallback does not support; replace "
-               "them by a change of variables, or solve without "
-               "UpdateCallback";
-      return false;
-    }
+    ++i;
   }
   return true;
 }
@@ -156,7 +131,7 @@ StagedStep::StagedStep(const ProblemStructure& structure,
                        staging.get()});
     problem->SetManifold(block.values, staging.get());
     if (manifold_ownership == ceres::TAKE_OWNERSHIP) {
-      staging.release();
+      static_cast<void>(staging.release());  // the problem deletes it
     } else {
       owned_.push_back(std::move(staging));
     }

@@ -29,11 +29,10 @@ namespace invgrad {
 
 class StagedStep {
  public:
-  // False, with *error, if a block has bounds or a tangent space of more than
+  // False, with *error, if a block has a tangent space of more than
   // max_block_size dimensions.
   static bool IsSupported(int max_block_size,
                           const ProblemStructure& structure,
-                          const ceres::Problem& problem,
                           std::string* error);
 
   // Wraps the manifolds of the blocks; the destructor restores the manifolds.

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "fmt/core.h"
+#include "invgrad/ceres/bounds.h"
 #include "invgrad/ceres/problem_linearizer.h"
+#include "invgrad/ceres/proposal.h"
 #include "invgrad/ceres/solve_with_proposals.h"
 #include "invgrad/ceres/staged_step.h"
 #include "invgrad/ceres/work_limit.h"
@@ -16,14 +19,14 @@ namespace invgrad {
 // What several solves share.
 class UpdateCallback::State final : public ceres::IterationCallback {
  public:
-  State(const Options& options, UpdateRule* rule, ceres::Problem* problem)
+  State(const Options& options, Proposer proposer, ceres::Problem* problem)
       : options_(Resolved(options)),
-        rule_(rule),
+        proposer_(std::move(proposer)),
         problem_(problem),
         linearizer_(problem, {{}, true, options.evaluation_callback}) {
     std::string error;
     CHECK(StagedStep::IsSupported(
-        options_.max_block_size, linearizer_.structure(), *problem, &error))
+        options_.max_block_size, linearizer_.structure(), &error))
         << error;
     staged_.emplace(
         linearizer_.structure(), options_.manifold_ownership, problem);
@@ -34,11 +37,13 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     summary_ = Summary();
     solve_.reset();
     has_begun_ = false;
-    const WorkLimit work(options_.max_relative_work,
-                         options_.compare_with_plain,
-                         rule_->Needs(),
-                         *options,
-                         linearizer_.structure());
+    const WorkLimit work(
+        options_.max_relative_work,
+        options_.compare_with_plain,
+        proposer_.Needs(),
+        proposer_.rule == nullptr ? options_.iterations_of_function : 0.0,
+        *options,
+        linearizer_.structure());
     if (!work.IsStepPossible()) {
       // The solve is then the one without a callback.
       summary_.message = work.Message();
@@ -48,8 +53,15 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     users_ = *options;
     staged_->Clear();
     staged_->Wrap();
-    solve_.emplace(
-        options_, work, rule_, problem_, &linearizer_, &*staged_, options);
+    bounds_.emplace(*problem_, linearizer_.structure());
+    solve_.emplace(options_,
+                   work,
+                   proposer_,
+                   &*bounds_,
+                   problem_,
+                   &linearizer_,
+                   &*staged_,
+                   options);
     options->callbacks.push_back(this);
     options->update_state_every_iteration = true;
   }
@@ -86,18 +98,21 @@ class UpdateCallback::State final : public ceres::IterationCallback {
         std::find(options->callbacks.begin(), options->callbacks.end(), this);
     if (mine == options->callbacks.end()) return;
     options->callbacks.erase(mine);
-    const auto restore = [](double users, double* tolerance) {
-      if (*tolerance == 0.0) *tolerance = users;
+    const auto restore = [](auto users, auto* option) {
+      if (*option == 0) *option = users;
     };
     restore(users_.function_tolerance, &options->function_tolerance);
     restore(users_.gradient_tolerance, &options->gradient_tolerance);
     restore(users_.parameter_tolerance, &options->parameter_tolerance);
+    restore(users_.max_num_line_search_step_size_iterations,
+            &options->max_num_line_search_step_size_iterations);
   }
 
   const Options options_;
-  UpdateRule* rule_;
+  const Proposer proposer_;
   ceres::Problem* problem_;
   ProblemLinearizer linearizer_;
+  std::optional<Bounds> bounds_;  // at the last AddTo
   std::optional<StagedStep> staged_;
   ceres::Solver::Options users_;             // of the last AddTo
   std::optional<SolveWithProposals> solve_;  // none: no proposals
@@ -109,7 +124,7 @@ bool UpdateCallback::IsSupported(const Options& options,
                                  const ceres::Problem& problem,
                                  std::string* error) {
   return StagedStep::IsSupported(
-      options.max_block_size, ReadStructure(problem, {}), problem, error);
+      options.max_block_size, ReadStructure(problem, {}), error);
 }
 
 UpdateCallback::UpdateCallback(UpdateRule* rule, ceres::Problem* problem)
@@ -122,7 +137,20 @@ UpdateCallback::UpdateCallback(UpdateRule* rule,
       << "MakeRule(specification, &error) returns no rule for an invalid "
          "specification; its error gives the reason.";
   CHECK(problem != nullptr);
-  state_ = std::make_unique<State>(options, rule, problem);
+  state_ = std::make_unique<State>(options, Proposer{rule, nullptr}, problem);
+}
+
+UpdateCallback::UpdateCallback(ProposalFunction function,
+                               ceres::Problem* problem)
+    : UpdateCallback(std::move(function), problem, Options()) {}
+
+UpdateCallback::UpdateCallback(ProposalFunction function,
+                               ceres::Problem* problem,
+                               const Options& options) {
+  CHECK(function != nullptr) << "The proposal function is empty.";
+  CHECK(problem != nullptr);
+  state_ = std::make_unique<State>(
+      options, Proposer{nullptr, std::move(function)}, problem);
 }
 
 UpdateCallback::~UpdateCallback() = default;

@@ -39,6 +39,7 @@ double SolverWork(ceres::LinearSolverType type, double m, double n) {
 WorkLimit::WorkLimit(double max_relative_work,
                      bool has_comparison,
                      const LinearizationParts& needs,
+                     double iterations_of_function,
                      const ceres::Solver::Options& options,
                      const ProblemStructure& structure)
     : max_relative_work_(max_relative_work),
@@ -58,6 +59,7 @@ WorkLimit::WorkLimit(double max_relative_work,
                                               : kIterationOfEntry) *
                         num_entries +
                     SolverWork(options.linear_solver_type, rows, cols);
+  step_work_ += iterations_of_function * iteration_work_;
 }
 
 bool WorkLimit::IsStepPossible() const {
@@ -94,9 +96,9 @@ bool WorkLimit::AllowsIteration() const { return Allows(1.0, 0.0); }
 
 std::string WorkLimit::Message() const {
   return fmt::format(
-      "no further proposals: a step of the rule takes as long as {:.2g} "
-      "iterations of Ceres, and max_relative_work = {:g} is the limit for the "
-      "whole solve; set it higher, or use a rule with cheaper steps (krylov)",
+      "no further proposals: one takes as long as {:.2g} iterations of Ceres, "
+      "and max_relative_work = {:g} is the limit for the whole solve; set it "
+      "higher, or use a rule with cheaper steps (krylov)",
       NextStep() / iteration_work_,
       max_relative_work_);
 }

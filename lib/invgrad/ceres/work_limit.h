@@ -4,7 +4,8 @@
 //
 //   P   iterations of the solve without proposals
 //   W   work of an iteration of Ceres, a lower bound by the problem's sizes
-//   w   work of the rule: steps (step_cost.h) and linearizations
+//   w   work of the rule: steps (step_cost.h) and linearizations; of a
+//       proposal function: as many W a call as UpdateCallback::Options say
 //
 // The first term is the solve without proposals, which runs for comparison
 // (safeguard.h); 2 W is the work to move to its result. Without the comparison
@@ -30,6 +31,7 @@ class WorkLimit {
   WorkLimit(double max_relative_work,
             bool has_comparison,
             const LinearizationParts& needs,
+            double iterations_of_function,  // 0: a rule
             const ceres::Solver::Options& options,
             const ProblemStructure& structure);
 

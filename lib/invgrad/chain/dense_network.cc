@@ -286,6 +286,20 @@ void DenseNetwork::InputJacobians(const VectorXd& weights,
   ApplyLayerTransposed(0, weights, above, *jacobians);
 }
 
+bool DenseNetwork::InputJacobian(const VectorXd& weights,
+                                 const VectorXd& input,
+                                 VectorXd* outputs,
+                                 MatrixXd* jacobian,
+                                 std::string* /*error*/) const {
+  Activations activations;
+  Forward(weights, input, /*want_curvatures=*/false, &activations);
+  *outputs = activations.outputs.col(0);
+  MatrixXd transposed;
+  InputJacobians(weights, activations, &transposed);
+  *jacobian = transposed.transpose();
+  return true;
+}
+
 void DenseNetwork::Tangent(const VectorXd& weights,
                            const Pass& pass,
                            const VectorXd& weight_tangent,

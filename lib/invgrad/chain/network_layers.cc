@@ -1,5 +1,7 @@
 #include "invgrad/internal/network_layers.h"
 
+#include <memory>
+
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
@@ -31,6 +33,33 @@ void FactorsOf(const Network& network,
   const auto* factored = dynamic_cast<const FactoredNetwork*>(&network);
   CHECK(factored != nullptr) << "the network gives no factors of layers";
   factored->Factors(weights, pass, output_covectors, factors);
+}
+
+bool HasInputJacobian(const Network& network) {
+  return dynamic_cast<const InputDifferentiableNetwork*>(&network) != nullptr;
+}
+
+bool InputJacobianOf(const Network& network,
+                     const Eigen::VectorXd& weights,
+                     const Eigen::VectorXd& input,
+                     Eigen::VectorXd* outputs,
+                     Eigen::MatrixXd* jacobian,
+                     std::string* error) {
+  if (jacobian == nullptr) {
+    const std::unique_ptr<Network::Pass> pass = network.NewPass();
+    if (!network.Forward(
+            weights, input, Network::Derivatives::kNone, pass.get(), error)) {
+      return false;
+    }
+    *outputs = pass->outputs.col(0);
+    return true;
+  }
+  const auto* differentiable =
+      dynamic_cast<const InputDifferentiableNetwork*>(&network);
+  CHECK(differentiable != nullptr)
+      << "the network has no derivatives with respect to its input";
+  return differentiable->InputJacobian(
+      weights, input, outputs, jacobian, error);
 }
 
 }  // namespace invgrad

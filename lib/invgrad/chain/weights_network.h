@@ -5,7 +5,7 @@
 //
 // A Model with it looks for the simulator's input x: L(P(x), y*), or the sum
 // over samples with contexts and targets of their own. It has exact Hessians as
-// the simulator has them, and all of training; point_objective.h minimizes it
+// the simulator has them, and all of training; minimize.h minimizes it
 // from a start.
 //
 // Shapes:  theta, x: n;  inputs: 0 x B.

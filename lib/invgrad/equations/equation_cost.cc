@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/cost.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
@@ -36,8 +36,7 @@ bool EquationCostFunction::Evaluate(double const* const* parameters,
     samples.contexts.row(layout_.coefficients + i)
         .setConstant(*parameters[num_blocks + i]);
   }
-  if (!ModelCostFunction(&model_, &samples)
-           .Evaluate(parameters, residuals, jacobians)) {
+  if (!ModelCost(model_, samples).Evaluate(parameters, residuals, jacobians)) {
     return false;
   }
   if (jacobians == nullptr ||

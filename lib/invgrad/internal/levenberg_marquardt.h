@@ -1,4 +1,4 @@
-// The iteration of fit_many.h and fit_global.h: Levenberg-Marquardt for few
+// The iteration of fit.h and fit_global.h: Levenberg-Marquardt for few
 // parameters, as ceres::Solve does it with its defaults, from the triangular
 // factor of J alone.
 //
@@ -31,7 +31,7 @@
 #include <limits>
 
 #include "Eigen/Core"
-#include "invgrad/fit.h"
+#include "invgrad/internal/fit_options.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/internal/small_covariance.h"
 #include "invgrad/internal/streaming_gram.h"

@@ -1,5 +1,5 @@
-// What a network also is if its layers are known: interfaces that a Network may
-// also implement, for exact output layers and for K-FAC.
+// What some networks also are: interfaces that a Network may also implement, for
+// exact output layers, for K-FAC, and for derivatives by the input.
 //
 // Callers use the free functions below, which work with any network. A class
 // whose networks may or may not have such layers, as that of libtorch,
@@ -7,6 +7,7 @@
 #ifndef INVGRAD_INTERNAL_NETWORK_LAYERS_H_
 #define INVGRAD_INTERNAL_NETWORK_LAYERS_H_
 
+#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -49,6 +50,20 @@ class FactoredNetwork {
                        SampledFactors* factors) const = 0;
 };
 
+// A network with derivatives with respect to its input.
+class InputDifferentiableNetwork {
+ public:
+  virtual ~InputDifferentiableNetwork() = default;
+
+  // x and dx/da (|x| x |a|) of one sample. Returns false, with *error, as
+  // Network::Forward.
+  virtual bool InputJacobian(const Eigen::VectorXd& weights,
+                             const Eigen::VectorXd& input,
+                             Eigen::VectorXd* outputs,
+                             Eigen::MatrixXd* jacobian,
+                             std::string* error) const = 0;
+};
+
 // The output layer of the network, or an empty one.
 LayerColumns OutputLayerOf(const Network& network);
 // Only with an output layer.
@@ -64,6 +79,16 @@ void FactorsOf(const Network& network,
                const Network::Pass& pass,
                const Eigen::MatrixXd& output_covectors,
                SampledFactors* factors);
+
+// Whether the network is an InputDifferentiableNetwork.
+bool HasInputJacobian(const Network& network);
+// Only for such networks, unless `jacobian` is null.
+bool InputJacobianOf(const Network& network,
+                     const Eigen::VectorXd& weights,
+                     const Eigen::VectorXd& input,
+                     Eigen::VectorXd* outputs,
+                     Eigen::MatrixXd* jacobian,
+                     std::string* error);
 
 }  // namespace invgrad
 

@@ -1,7 +1,7 @@
 // A function with a current point that an iteration can linearize and move.
 //
 // Minimize (minimize.h) uses only this interface, for a ceres::Problem
-// (problem_linearizer.h) and for a simulator with a loss (point_objective.h).
+// (problem_linearizer.h) and for a simulator with a loss (minimize.h).
 #ifndef INVGRAD_INTERNAL_OBJECTIVE_H_
 #define INVGRAD_INTERNAL_OBJECTIVE_H_
 

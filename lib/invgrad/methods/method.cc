@@ -38,25 +38,53 @@ bool FindRuleRow(const std::string& name, Phase* phase, std::string* error) {
   return false;
 }
 
-// Finds the table rows of "rule", "loss/simulator/rule", "ceres" or
-// "ceres+rule".
-bool FindRows(const std::string& name, Phase* phase, std::string* error) {
-  const ChainMethodRow* chain = FindChainMethod(name);
-  if (chain != nullptr || name.find('/') != std::string::npos) {
-    std::string rule;
-    phase->pull_back = std::make_shared<PullBackMethod>();
-    return phase->pull_back->SetWays(
-               chain != nullptr ? chain->ways : name, &rule, error) &&
-           FindRuleRow(rule, phase, error);
-  }
+// Inside ceres::Solve the network is inverted, too: a first-order step would
+// hardly move it, and undamped Gauss-Newton steps go too far.
+const ChainMethodRow& SipProposal() {
+  static const auto& row = *new ChainMethodRow{
+      "sip",
+      "",
+      "newton/inverse/levenberg_marquardt",
+      {{"updates", "3"}, {"step_size", "auto"}, {"control", "gain"}}};
+  return row;
+}
+
+// The known combination with this name, alone or after "ceres_lm+"; or null.
+const ChainMethodRow* FindCombination(const std::string& name) {
   const size_t plus = name.find('+');
-  phase->ceres = FindCeresMethod(name.substr(0, plus));
+  if (plus == std::string::npos) return FindChainMethod(name);
+  const std::string proposal = name.substr(plus + 1);
+  return proposal == "sip" ? &SipProposal() : FindChainMethod(proposal);
+}
+
+// Finds the table rows of "loss/simulator/rule" or a known combination.
+bool FindPullBackRows(const std::string& name,
+                      const ChainMethodRow* combination,
+                      Phase* phase,
+                      std::string* error) {
+  std::string rule;
+  phase->pull_back = std::make_shared<PullBackMethod>();
+  return phase->pull_back->SetWays(
+             combination != nullptr ? combination->ways : name, &rule, error) &&
+         FindRuleRow(rule, phase, error);
+}
+
+// Finds the table rows of "rule", "loss/simulator/rule", "ceres",
+// "ceres+rule" or "ceres+loss/simulator/rule".
+bool FindRows(const std::string& name, Phase* phase, std::string* error) {
+  const ChainMethodRow* combination = FindCombination(name);
+  const size_t plus = name.find('+');
+  const bool pulls_back =
+      combination != nullptr || name.find('/') != std::string::npos;
   if (plus == std::string::npos) {
+    if (pulls_back) return FindPullBackRows(name, combination, phase, error);
+    phase->ceres = FindCeresMethod(name);
     phase->rule = FindRule(name);
     if (phase->rule != nullptr || phase->ceres != nullptr) return true;
     *error = UnknownNameMessage("rule", name, AllMethodNames());
     return false;
   }
+  phase->ceres = FindCeresMethod(name.substr(0, plus));
   if (phase->ceres == nullptr || !phase->ceres->is_trust_region) {
     *error = fmt::format(
         "'{}': steps can be proposed to ceres_lm and ceres_dogleg, not to '{}'",
@@ -64,7 +92,9 @@ bool FindRows(const std::string& name, Phase* phase, std::string* error) {
         name.substr(0, plus));
     return false;
   }
-  return FindRuleRow(name.substr(plus + 1), phase, error);
+  const std::string proposal = name.substr(plus + 1);
+  return pulls_back ? FindPullBackRows(proposal, combination, phase, error)
+                    : FindRuleRow(proposal, phase, error);
 }
 
 const std::vector<std::string>& OwnNames() {
@@ -145,6 +175,11 @@ bool SetPullBack(const Settings& settings, Phase* phase, std::string* error) {
   for (const OptionSet::Row& row : phase->rule->options()) {
     names.push_back(row.name);
   }
+  if (phase->ceres != nullptr) {
+    for (const OptionSet::Row& row : phase->ceres->options()) {
+      names.push_back(row.name);
+    }
+  }
   for (const auto& setting : settings) {
     if (std::find(names.begin(), names.end(), setting.first) == names.end()) {
       *error = UnknownNameMessage("option", setting.first, names);
@@ -159,9 +194,9 @@ bool ParsePhase(const Specification& specification,
                 std::string* error) {
   phase->label = specification.text;
   if (!FindRows(specification.name, phase, error)) return false;
-  const ChainMethodRow* chain = FindChainMethod(specification.name);
+  const ChainMethodRow* combination = FindCombination(specification.name);
   Settings settings = specification.settings;
-  if (chain != nullptr) AddDefaults(chain->defaults, &settings);
+  if (combination != nullptr) AddDefaults(combination->defaults, &settings);
   Settings own_settings;
   Settings pull_back_settings;
   for (const auto& setting : settings) {
@@ -171,7 +206,9 @@ bool ParsePhase(const Specification& specification,
                (HasOption(phase->rule->options(), setting.first) ||
                 (phase->ceres == nullptr && phase->pull_back == nullptr))) {
       phase->rule_settings.push_back(setting);
-    } else if (phase->pull_back != nullptr) {
+    } else if (phase->pull_back != nullptr &&
+               (phase->ceres == nullptr ||
+                !HasOption(phase->ceres->options(), setting.first))) {
       pull_back_settings.push_back(setting);
     } else {
       phase->ceres_settings.push_back(setting);

@@ -27,10 +27,11 @@ bool SetWay(const char* part,
     *way = static_cast<Way>(found - names);
     return true;
   }
-  *error = fmt::format("'{}' cannot pull a change back through the {}; allowed: {}",
-                       name,
-                       part,
-                       fmt::join(names, ", "));
+  *error =
+      fmt::format("'{}' cannot pull a change back through the {}; allowed: {}",
+                  name,
+                  part,
+                  fmt::join(names, ", "));
   return false;
 }
 

@@ -7,14 +7,16 @@
 #include <utility>
 
 #include "ceres/types.h"
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/ceres/model_function.h"
 #include "invgrad/ceres/problem_structure.h"
+#include "invgrad/cost.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/inverse/loss_pull_back.h"
 #include "invgrad/inverse/simulator_pull_back.h"
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/method.h"
+#include "invgrad/methods/batch_proposal.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/ceres_minimizer.h"
@@ -218,6 +220,8 @@ bool IsForPoints(const Phase& phase,
   }
   if (phase.pull_back->needs_solutions()) {
     *error = "a point has no data to learn from";
+  } else if (phase.ceres != nullptr) {
+    return true;  // MakeBatchProposal checks the rest
   } else if (phase.pull_back->needs_batches()) {
     *error = "proxy, curvature_weight, updates and max_change need a network";
   } else if (rule->judge() != nullptr) {
@@ -265,6 +269,7 @@ std::string MinimizeWithProposals(
     const MinimizerOptions& options,
     const ceres::Solver::Options& ceres_options,
     const UpdateCallback::Options& callback_options,
+    const ProposalFunction& function,
     ceres::Problem* problem,
     MinimizerSummary* summary) {
   if (phase.rule == nullptr) {
@@ -272,10 +277,49 @@ std::string MinimizeWithProposals(
     return "";
   }
   const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
-  UpdateCallback callback(rule.get(), problem, callback_options);
-  MinimizeWithCeres(options, ceres_options, problem, summary, &callback);
-  return "; " + callback.summary().BriefReport();
+  std::optional<UpdateCallback> callback;
+  if (function != nullptr) {
+    callback.emplace(function, problem, callback_options);
+  } else {
+    callback.emplace(rule.get(), problem, callback_options);
+  }
+  MinimizeWithCeres(options, ceres_options, problem, summary, &*callback);
+  return "; " + callback->summary().BriefReport();
 }
+
+namespace {
+
+// MinimizeProblem for a phase with a minimizer of Ceres.
+bool MinimizePhase(
+    const Phase& phase,
+    const MinimizerOptions& options,
+    std::shared_ptr<ceres::ParameterBlockOrdering> elimination_order,
+    const ProposalFunction& function,
+    ceres::Problem* problem,
+    MinimizerSummary* summary,
+    std::string* error) {
+  ceres::Solver::Options solver_options = phase.CeresOptions();
+  if (!CeresFitsInMemory(phase, solver_options, *problem, error) ||
+      !TakesProposals(phase, *problem, error)) {
+    return false;
+  }
+  if (ceres::IsSchurType(solver_options.linear_solver_type)) {
+    solver_options.linear_solver_ordering = std::move(elimination_order);
+  }
+  UpdateCallback::Options callback_options;
+  callback_options.block_name = options.block_name;
+  const std::string proposals = MinimizeWithProposals(phase,
+                                                      options,
+                                                      solver_options,
+                                                      callback_options,
+                                                      function,
+                                                      problem,
+                                                      summary);
+  summary->message += proposals;
+  return true;
+}
+
+}  // namespace
 
 bool MinimizeProblem(
     const Method& method,
@@ -290,20 +334,13 @@ bool MinimizeProblem(
     Minimize(options, phase.MakeRule().get(), problem, summary);
     return true;
   }
-  ceres::Solver::Options solver_options = phase.CeresOptions();
-  if (!CeresFitsInMemory(phase, solver_options, *problem, error) ||
-      !TakesProposals(phase, *problem, error)) {
-    return false;
-  }
-  if (ceres::IsSchurType(solver_options.linear_solver_type)) {
-    solver_options.linear_solver_ordering = std::move(elimination_order);
-  }
-  UpdateCallback::Options callback_options;
-  callback_options.block_name = options.block_name;
-  const std::string proposals = MinimizeWithProposals(
-      phase, options, solver_options, callback_options, problem, summary);
-  summary->message += proposals;
-  return true;
+  return MinimizePhase(phase,
+                       options,
+                       std::move(elimination_order),
+                       /*function=*/nullptr,
+                       problem,
+                       summary,
+                       error);
 }
 
 bool MinimizeByMethod(const Method& method,
@@ -342,14 +379,26 @@ bool MinimizeByMethod(const Method& method,
     return false;
   } else {
     ceres::Problem problem;
-    AddModelToProblem(&objective->model(), &objective->data(), &x, &problem);
+    AddModelToProblem(
+        objective->model(), objective->data(), x.data(), &problem);
+    ProposalFunction function;
+    if (phase.pull_back != nullptr) {
+      function = MakeBatchProposal(phase,
+                                   objective->model(),
+                                   objective->data(),
+                                   x.data(),
+                                   std::move(inverse),
+                                   error);
+      if (function == nullptr) return false;
+    }
     if (!HasStart(*objective, path, summary)) return true;
-    if (!MinimizeProblem(method,
-                         recorded,
-                         /*elimination_order=*/nullptr,
-                         &problem,
-                         summary,
-                         error)) {
+    if (!MinimizePhase(phase,
+                       recorded,
+                       /*elimination_order=*/nullptr,
+                       function,
+                       &problem,
+                       summary,
+                       error)) {
       return false;
     }
   }

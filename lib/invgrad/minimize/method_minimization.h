@@ -13,18 +13,19 @@
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/method.h"
 #include "invgrad/minimize.h"
-#include "invgrad/point_objective.h"
 #include "invgrad/update_callback.h"
 
 namespace invgrad {
 
-// Minimizes by the phase's trust region of Ceres, with the proposals of its
-// rule, if any; returns a text about the proposals for the summary's message.
+// Minimizes by the phase's trust region of Ceres, with the proposals of the
+// function, or if it is empty of the phase's rule, if any; returns a text about
+// the proposals for the summary's message.
 std::string MinimizeWithProposals(
     const Phase& phase,
     const MinimizerOptions& options,
     const ceres::Solver::Options& ceres_options,
     const UpdateCallback::Options& callback_options,
+    const ProposalFunction& function,
     ceres::Problem* problem,
     MinimizerSummary* summary);
 

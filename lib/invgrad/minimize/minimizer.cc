@@ -264,7 +264,7 @@ class Run {
   MinimizerSummary* summary_;
   LinearizationParts parts_;
   Linearization at_x_;
-  Eigen::VectorXd state_;        // the last state with a finite linearization
+  Eigen::VectorXd state_;    // the last state with a finite linearization
   bool was_undone_ = false;  // the last step
   const Clock::time_point start_ = Clock::now();
   Clock::time_point iteration_start_ = start_;

@@ -1,5 +1,3 @@
-#include "invgrad/point_objective.h"
-
 #include <utility>
 #include <vector>
 
@@ -7,6 +5,7 @@
 #include "invgrad/chain/weights_network.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/minimize.h"
 
 namespace invgrad {
 

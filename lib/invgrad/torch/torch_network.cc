@@ -48,7 +48,8 @@ class DualLevel {
 
 class TorchNetwork final : public Network,
                            public LinearOutputNetwork,
-                           public FactoredNetwork {
+                           public FactoredNetwork,
+                           public InputDifferentiableNetwork {
  public:
   // Returns null, with *error set.
   static std::shared_ptr<const TorchNetwork> Make(
@@ -102,6 +103,11 @@ class TorchNetwork final : public Network,
                const Pass& pass,
                const MatrixXd& output_covectors,
                SampledFactors* factors) const override;
+  bool InputJacobian(const VectorXd& weights,
+                     const VectorXd& input,
+                     VectorXd* outputs,
+                     MatrixXd* jacobian,
+                     std::string* error) const override;
 
  private:
   TorchNetwork(const std::function<TorchFunction()>& make,
@@ -428,6 +434,36 @@ void TorchNetwork::Factors(const VectorXd& weights,
     *factors = {};
     factors->others.setConstant(num_weights(), NAN);
   }
+}
+
+bool TorchNetwork::InputJacobian(const VectorXd& weights,
+                                 const VectorXd& input,
+                                 VectorXd* outputs,
+                                 MatrixXd* jacobian,
+                                 std::string* error) const {
+  CHECK_EQ(input.size(), num_inputs());
+  const std::lock_guard<std::mutex> lock(mutex_);
+  try {
+    SetWeights(weights);
+    const torch::AutoGradMode mode(true);
+    const Tensor differentiable = ToInput(input).requires_grad_();
+    const Tensor output = function_.forward(differentiable);
+    *outputs = ToColumns(output).col(0);
+    const Tensor flat = output.view({-1});
+    jacobian->resize(num_outputs(), num_inputs());
+    for (int i = 0; i < num_outputs(); ++i) {
+      const std::vector<Tensor> row =
+          torch::autograd::grad({flat[i]},
+                                {differentiable},
+                                /*grad_outputs=*/{},
+                                /*retain_graph=*/true);
+      jacobian->row(i) = ToColumns(row[0]).col(0).transpose();
+    }
+  } catch (const std::exception& exception) {
+    *error = "the network fails: " + TorchMessage(exception);
+    return false;
+  }
+  return true;
 }
 
 }  // namespace

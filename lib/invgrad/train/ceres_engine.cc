@@ -5,8 +5,11 @@
 #include <thread>
 #include <utility>
 
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/ceres/model_function.h"
+#include "invgrad/cost.h"
+#include "invgrad/internal/logging.h"
 #include "invgrad/method.h"
+#include "invgrad/methods/batch_proposal.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/minimize/ceres_minimizer.h"
 #include "invgrad/minimize/method_minimization.h"
@@ -20,11 +23,15 @@ namespace {
 // of the two threads runs at a time.
 class CeresEngine final : public Engine, private ceres::IterationCallback {
  public:
-  CeresEngine(const Phase& phase, const Model* model, const DataSet* train)
+  CeresEngine(const Phase& phase,
+              const Model* model,
+              const DataSet* train,
+              std::shared_ptr<const InverseSimulator> inverse)
       : Engine(/*steps_per_epoch=*/1, /*has_state=*/false),
         phase_(phase),
         model_(*model),
-        train_(*train) {}
+        train_(*train),
+        inverse_(std::move(inverse)) {}
   ~CeresEngine() override { Stop(); }
 
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
@@ -46,6 +53,7 @@ class CeresEngine final : public Engine, private ceres::IterationCallback {
   const Phase phase_;
   const Model& model_;
   const DataSet& train_;
+  const std::shared_ptr<const InverseSimulator> inverse_;
 
   std::thread solver_;
   // Guards the following members; the solver's thread runs while is_solving_.
@@ -146,12 +154,24 @@ void CeresEngine::Minimize(Eigen::VectorXd* weights,
   options.callbacks = {this};
   if (phase_.ceres->is_trust_region) {
     ceres::Problem problem;
-    AddModelToProblem(&model_, &train_, weights, &problem);
+    AddModelToProblem(model_, train_, weights->data(), &problem);
     // A run has a budget, which a second solve would exceed.
     UpdateCallback::Options callback_options;
     callback_options.compare_with_plain = false;
-    *proposals = MinimizeWithProposals(
-        phase_, options, solver_options, callback_options, &problem, summary);
+    ProposalFunction function;
+    if (phase_.pull_back != nullptr) {
+      std::string error;
+      function = MakeBatchProposal(
+          phase_, model_, train_, weights->data(), inverse_, &error);
+      CHECK(function != nullptr) << error;  // MakeEngine has made one
+    }
+    *proposals = MinimizeWithProposals(phase_,
+                                       options,
+                                       solver_options,
+                                       callback_options,
+                                       function,
+                                       &problem,
+                                       summary);
   } else {
     MinimizeWithCeres(options,
                       solver_options,
@@ -163,10 +183,12 @@ void CeresEngine::Minimize(Eigen::VectorXd* weights,
 
 }  // namespace
 
-std::unique_ptr<Engine> MakeCeresEngine(const Phase& phase,
-                                        const Model* model,
-                                        const DataSet* train) {
-  return std::make_unique<CeresEngine>(phase, model, train);
+std::unique_ptr<Engine> MakeCeresEngine(
+    const Phase& phase,
+    const Model* model,
+    const DataSet* train,
+    std::shared_ptr<const InverseSimulator> inverse) {
+  return std::make_unique<CeresEngine>(phase, model, train, std::move(inverse));
 }
 
 }  // namespace invgrad

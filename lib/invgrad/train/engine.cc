@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/ceres/model_cost.h"
+#include "invgrad/cost.h"
 #include "invgrad/distributed/distributed_objective.h"
 #include "invgrad/internal/communicator.h"
 #include "invgrad/internal/network_layers.h"
-#include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/method.h"
+#include "invgrad/methods/batch_proposal.h"
 #include "invgrad/methods/ceres_methods.h"
+#include "invgrad/methods/phase_objective.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/output_layer/share.h"
@@ -20,29 +21,6 @@
 
 namespace invgrad {
 namespace {
-
-// Returns false if the pull-back cannot train this model on these data.
-bool CheckPullBack(const PullBackMethod& pull_back,
-                   bool judges_steps,
-                   const Model& model,
-                   const DataSet& train,
-                   std::string* error) {
-  const bool is_closed_loop = model.feedback() != nullptr;
-  if (is_closed_loop && pull_back.updates() > 1) {
-    *error =
-        "updates > 1: in a closed loop an update moves the inputs of the next "
-        "one";
-  } else if (is_closed_loop && !pull_back.is_joint() && judges_steps) {
-    *error =
-        "control=gain: in a closed loop an update moves the inputs of what is "
-        "pulled back";
-  } else if (pull_back.needs_solutions() && train.solutions.rows() == 0) {
-    *error = "the training data have no solutions x* to learn from";
-  } else {
-    return pull_back.CanPullBack(model.simulator(), error);
-  }
-  return false;
-}
 
 // Returns false if ranks cannot share the batches.
 bool CheckRanks(const Phase& phase,
@@ -168,31 +146,6 @@ OutputLayerPlan PlanOutputLayer(const Phase& phase,
   return plan;
 }
 
-// The objective of all weights; null, with *error, if the pull-back cannot train
-// this model.
-std::unique_ptr<BatchObjective> MakeObjective(const Phase& phase,
-                                              UpdateRule* rule,
-                                              const Model& model,
-                                              const TrainingData& data,
-                                              const TrainOptions& options,
-                                              std::string* error) {
-  if (phase.pull_back == nullptr) {
-    return std::make_unique<ModelObjective>(model);
-  }
-  const PullBackMethod& pull_back = *phase.pull_back;
-  if (!CheckPullBack(
-          pull_back, rule->judge() != nullptr, model, data.train, error)) {
-    return nullptr;
-  }
-  if (pull_back.is_joint()) {
-    return std::make_unique<ModelObjective>(model.WithLoss(
-        pull_back.MakeLoss(model.shared_loss()), model.reduction()));
-  }
-  ChainPullBack::Options chain = pull_back.ChainOptions();
-  chain.communicator = options.communicator.get();
-  return std::make_unique<ChainPullBack>(&model, options.inverse, chain);
-}
-
 // Whether the parts and the data, which *memory lists, fit.
 bool Fits(const std::string& who,
           std::vector<MemoryPart> parts,
@@ -227,11 +180,19 @@ bool CheckCeres(const Phase& phase,
     return false;
   }
   if (rule == nullptr) return true;
-  if (!model.CanLinearize(rule->Needs(), error)) return false;
   Eigen::VectorXd any_weights = Eigen::VectorXd::Zero(model.num_weights());
   ceres::Problem problem;
-  AddModelToProblem(&model, &data.train, &any_weights, &problem);
-  return TakesProposals(phase, problem, error);
+  AddModelToProblem(model, data.train, any_weights.data(), &problem);
+  if (!TakesProposals(phase, problem, error)) return false;
+  if (phase.pull_back == nullptr) {
+    return model.CanLinearize(rule->Needs(), error);
+  }
+  return MakeBatchProposal(phase,
+                           model,
+                           data.train,
+                           any_weights.data(),
+                           options.inverse,
+                           error) != nullptr;
 }
 
 }  // namespace
@@ -248,10 +209,16 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     if (!CheckCeres(phase, rule.get(), model, data, options, memory, error)) {
       return nullptr;
     }
-    return MakeCeresEngine(phase, &model, &data.train);
+    return MakeCeresEngine(phase, &model, &data.train, options.inverse);
   }
   std::unique_ptr<BatchObjective> objective =
-      MakeObjective(phase, rule.get(), model, data, options, error);
+      MakePhaseObjective(phase,
+                         rule->judge() != nullptr,
+                         model,
+                         data.train,
+                         options.inverse,
+                         options.communicator.get(),
+                         error);
   if (objective == nullptr) return nullptr;
   if (!objective->is_proxy() && !model.CanLinearize(rule->Needs(), error)) {
     return nullptr;

@@ -126,11 +126,13 @@ std::unique_ptr<Engine> MakeRuleEngine(
     const TrainingData* data);
 
 // The engine of a minimizer of Ceres on all samples, with or without proposals
-// of a rule. Every iteration, also a rejected one, is a step and an epoch. Ends
+// of its rule or pull-back. Every iteration, also a rejected one, is a step and an epoch. Ends
 // when the solve ends by itself; has no state for a checkpoint.
-std::unique_ptr<Engine> MakeCeresEngine(const Phase& phase,
-                                        const Model* model,
-                                        const DataSet* train);
+std::unique_ptr<Engine> MakeCeresEngine(
+    const Phase& phase,
+    const Model* model,
+    const DataSet* train,
+    std::shared_ptr<const InverseSimulator> inverse);
 
 }  // namespace invgrad
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "fmt/core.h"
-#include "invgrad/core/hessian_times.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/methods/phase_objective.h"
 #include "invgrad/train/batch_sequence.h"
 #include "invgrad/train/engine.h"
 #include "invgrad/train/weight_ledger.h"
@@ -62,15 +62,6 @@ class RuleEngine final : public Engine {
              Eigen::VectorXd* weights,
              bool* left_out,
              std::string* error);
-  // Makes all updates of a step; *at_weights is the linearization for the first
-  // one.
-  bool Update(const DataSet& batch,
-              Linearization* at_weights,
-              Eigen::VectorXd* weights,
-              std::string* error);
-  // The cost of the objective; NaN if it is not finite.
-  double JudgedCost(const DataSet& batch, const Eigen::VectorXd& weights);
-
   class Others;
 
   BatchSequence batches_;
@@ -99,10 +90,18 @@ Engine::StepResult RuleEngine::Step(double progress, Eigen::VectorXd* weights) {
     result.batch_loss = at_weights.cost;
   }
   const long num_undone = ledger_.num_undone();
+  const auto undo = [&](const Eigen::VectorXd& before) {
+    ledger_.Undo(UndoReason::kJudged, before, weights);
+  };
   if (left_out) {
     ledger_.Undo(UndoReason::kNoLoss, ledger_.before(), weights);
-  } else if (!is_finite ||
-             !Update(batch, &at_weights, weights, &result.message)) {
+  } else if (!is_finite || !MakeUpdates(batch,
+                                        undo,
+                                        objective_.get(),
+                                        rule_.get(),
+                                        &at_weights,
+                                        weights,
+                                        &result.message)) {
     ledger_.Undo(UndoReason::kEnd, ledger_.before(), weights);
     return result;
   }
@@ -149,7 +148,9 @@ class RuleEngine::Others final : public StepJudge::OtherWeights {
   static constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
   double CostAt(const Eigen::VectorXd& weights) {
-    return weights.size() == 0 ? kNaN : engine_.JudgedCost(batch_, weights);
+    return weights.size() == 0
+               ? kNaN
+               : CostOf(engine_.objective_.get(), batch_, weights);
   }
 
   RuleEngine& engine_;
@@ -200,56 +201,6 @@ bool RuleEngine::Begin(const DataSet& batch,
       !is_finite && verdict != Verdict::kGoOn && num_left_out_ < kMaxLeftOut;
   num_left_out_ = is_finite ? 0 : num_left_out_ + 1;
   return is_finite;
-}
-
-bool RuleEngine::Update(const DataSet& batch,
-                        Linearization* at_weights,
-                        Eigen::VectorXd* weights,
-                        std::string* error) {
-  Eigen::VectorXd step;
-  for (int k = 0; k < objective_->updates_per_step(); ++k) {
-    if (k > 0 && !objective_->LinearizeAgain(
-                     *weights, batch, rule_->Needs(), at_weights, error)) {
-      return false;
-    }
-    if (judge_ != nullptr && objective_->is_proxy()) {
-      at_weights->cost = JudgedCost(batch, *weights);
-    }
-    // Of the loss, or of a proxy with constant x~.
-    const auto after = [&](const Eigen::VectorXd& step,
-                           const LinearizationParts& parts,
-                           Linearization* there,
-                           std::string* why) {
-      Eigen::VectorXd trial = *weights;
-      return objective_->Plus(step, batch, &trial, why) &&
-             objective_->LinearizeAgain(trial, batch, parts, there, why);
-    };
-    AddProductsAndTrials(
-        rule_->Needs(), objective_->Unknowns(*weights), after, at_weights);
-    if (!rule_->ComputeStep(*at_weights, &step, error)) return false;
-    const Eigen::VectorXd before = *weights;
-    const bool is_solved = objective_->Plus(step, batch, weights, error);
-    if (judge_ == nullptr) {
-      if (!is_solved) return false;
-      continue;
-    }
-    const double cost = is_solved ? JudgedCost(batch, *weights)
-                                  : std::numeric_limits<double>::quiet_NaN();
-    if (!judge_->KeepsStep(cost, 1.0)) {
-      ledger_.Undo(UndoReason::kJudged, before, weights);
-    }
-  }
-  return true;
-}
-
-double RuleEngine::JudgedCost(const DataSet& batch,
-                              const Eigen::VectorXd& weights) {
-  Linearization at_weights;
-  std::string ignored;
-  return objective_->LinearizeAgain(
-             weights, batch, LinearizationParts(), &at_weights, &ignored)
-             ? at_weights.cost
-             : std::numeric_limits<double>::quiet_NaN();
 }
 
 bool RuleEngine::Undo(UndoReason reason, Eigen::VectorXd* weights) {

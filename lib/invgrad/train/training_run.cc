@@ -342,9 +342,8 @@ void TrainingRun::Impl::Summarize(ceres::TerminationType type,
     summary.num_undone += counts.num_undone;
   }
   if (summary.num_undone > 0) {
-    summary.message += fmt::format("; {} of {} steps undone",
-                                   summary.num_undone,
-                                   summary.num_updates);
+    summary.message += fmt::format(
+        "; {} of {} steps undone", summary.num_undone, summary.num_updates);
   }
   summary.message += reports;
 }

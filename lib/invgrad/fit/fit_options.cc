@@ -1,4 +1,4 @@
-#include "invgrad/fit.h"
+#include "invgrad/internal/fit_options.h"
 
 #include <initializer_list>
 
