@@ -238,7 +238,9 @@ struct Drawing {
                          end(series.y_low),
                          end(series.y_high));
     }
-    csv += "\n";
+    // Two blank lines begin another data set, whose first row gnuplot 6 takes for
+    // the names of columns.
+    if (!series.x.empty()) csv += "\n";
     return style;
   }
 
