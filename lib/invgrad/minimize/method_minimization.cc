@@ -1,6 +1,5 @@
 #include "invgrad/minimize/method_minimization.h"
 
-#include <cmath>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -10,25 +9,17 @@
 #include "invgrad/ceres/model_function.h"
 #include "invgrad/ceres/problem_structure.h"
 #include "invgrad/cost.h"
-#include "invgrad/inverse/chain_pull_back.h"
-#include "invgrad/inverse/loss_pull_back.h"
-#include "invgrad/inverse/simulator_pull_back.h"
 #include "invgrad/inverse_simulator.h"
-#include "invgrad/jacobian_operator.h"
 #include "invgrad/method.h"
 #include "invgrad/methods/batch_proposal.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/ceres_minimizer.h"
-#include "invgrad/stored_jacobian.h"
+#include "invgrad/minimize/pull_back_objective.h"
 
 namespace invgrad {
 
 namespace {
-
-// The messages for a point without a finite value.
-constexpr char kNoOutputs[] = "the simulator has no finite value";
-constexpr char kNoLoss[] = "the loss has no finite value";
 
 bool CeresFitsInMemory(const Phase& phase,
                        const ceres::Solver::Options& options,
@@ -55,89 +46,6 @@ bool CeresFitsInMemory(const Phase& phase,
   }
   return FitsInMemory(phase.label, std::move(parts), /*limit=*/0.0, error);
 }
-
-// The proxy of a pull-back through simulator and loss to x, without a network:
-//
-//   x~ = x + d_x,   proxy 1/2 |x - x~|^2,   gradient = -d_x,   J = H_L = 1
-//
-// With a full step this is x <- P^-1(y + d_y; x). The cost is L at x.
-class PullBackObjective final : public Objective {
- public:
-  // `objective` holds the point.
-  PullBackObjective(PointObjective* objective,
-                    LossPullBack loss,
-                    SimulatorPullBack simulator)
-      : objective_(*objective),
-        target_(objective->target()),
-        loss_(std::move(loss)),
-        simulator_(std::move(simulator)) {}
-
-  int num_parameters() const override { return objective_.num_parameters(); }
-  bool Linearize(const LinearizationParts& parts,
-                 Linearization* linearization,
-                 std::string* error) const override {
-    const Eigen::VectorXd x = objective_.State();
-    Eigen::VectorXd y(target_.size());
-    Eigen::VectorXd d_x(x.size());
-    SimulatorPullBack::Result result;
-    error->clear();
-    const auto wanted_change = [&](const double* at, double* change) {
-      return loss_.Step(
-          at, target_.data(), &linearization->cost, change, error);
-    };
-    if (!simulator_(x,
-                    Eigen::VectorXd(),
-                    std::cref(wanted_change),
-                    y.data(),
-                    d_x,
-                    &result,
-                    loss_.Lowered(target_.data()))) {
-      if (error->empty()) *error = kNoOutputs;
-      return false;
-    }
-    if (!std::isfinite(linearization->cost)) {
-      *error = kNoLoss;
-      return false;
-    }
-    counts_.BeginStep();
-    counts_.Add(result, 0);
-    const Eigen::Index n = x.size();
-    linearization->gradient = -d_x;
-    if (parts.jacobian) {
-      linearization->loss_gradient = -d_x;
-      linearization->jacobian =
-          std::make_shared<DenseJacobian>(Eigen::MatrixXd::Identity(n, n));
-    }
-    if (parts.hessian) linearization->hessian.setIdentity(n, n);
-    if (parts.hessian_times) {
-      linearization->hessian_times = [](const auto& v, auto* Hv, auto*) {
-        *Hv = v;
-        return true;
-      };
-    }
-    return true;
-  }
-  bool Cost(double* cost, std::string* error) const override {
-    return objective_.Cost(cost, error);
-  }
-  Eigen::VectorXd State() const override { return objective_.State(); }
-  void SetState(const Eigen::VectorXd& state) override {
-    objective_.SetState(state);
-  }
-  bool Plus(const Eigen::VectorXd& step) override {
-    return objective_.Plus(step);
-  }
-
-  // Counts over all linearizations.
-  const PullBackCounts& counts() const { return counts_; }
-
- private:
-  PointObjective& objective_;
-  const Eigen::VectorXd target_;
-  LossPullBack loss_;
-  SimulatorPullBack simulator_;
-  mutable PullBackCounts counts_;
-};
 
 // Returns false, with summary and path of the failure, if the cost is not
 // finite at the start. Ceres only checks the residuals, whose squares may
@@ -276,11 +184,12 @@ std::string MinimizeWithProposals(
     MinimizeWithCeres(options, ceres_options, problem, summary);
     return "";
   }
-  const std::unique_ptr<UpdateRule> rule = phase.MakeRule();
+  std::unique_ptr<UpdateRule> rule;
   std::optional<UpdateCallback> callback;
   if (function != nullptr) {
     callback.emplace(function, problem, callback_options);
   } else {
+    rule = phase.MakeRule();
     callback.emplace(rule.get(), problem, callback_options);
   }
   MinimizeWithCeres(options, ceres_options, problem, summary, &*callback);
