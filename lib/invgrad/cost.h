@@ -1,7 +1,7 @@
 // Simulators, networks and models as cost functions of Ceres. Use them to put
 // physics or a network into a ceres::Problem of your own, beside other residual
-// blocks; CostFunctionSimulator is the way back, from a cost function that you
-// have to a simulator behind a network.
+// blocks; CostFunctionSimulator makes a simulator behind a network of a cost
+// function that you have.
 //
 //   SimulatorCost        r = P(x; c) - y*             blocks: x
 //   NetworkCost          r = f(a; theta) - x*         blocks: theta
@@ -66,6 +66,11 @@ class SimulatorCost final : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
+  SimulatorCost(std::shared_ptr<const Simulator> simulator,
+                std::shared_ptr<const ceres::CostFunction> residual,
+                Eigen::VectorXd target,
+                Eigen::VectorXd context);
+
   const std::shared_ptr<const Simulator> simulator_;
   const std::shared_ptr<const ceres::CostFunction> residual_;  // null: y - y*
   const Eigen::VectorXd target_;

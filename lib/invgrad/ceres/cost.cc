@@ -58,74 +58,74 @@ DataSet Sample(const VectorXd& input, const VectorXd& target) {
 SimulatorCost::SimulatorCost(std::shared_ptr<const Simulator> simulator,
                              const VectorXd& target,
                              VectorXd context)
-    : simulator_(std::move(simulator)),
-      target_(target),
-      context_(std::move(context)) {
-  CHECK(simulator_ != nullptr);
+    : SimulatorCost(std::move(simulator), nullptr, target, std::move(context)) {
   CHECK_EQ(target_.size(), simulator_->num_outputs());
-  CHECK_EQ(context_.size(), simulator_->num_context());
   set_num_residuals(simulator_->num_outputs());
-  *mutable_parameter_block_sizes() = {simulator_->num_inputs()};
 }
 
 SimulatorCost::SimulatorCost(
     std::shared_ptr<const Simulator> simulator,
     std::shared_ptr<const ceres::CostFunction> residual,
     VectorXd context)
-    : simulator_(std::move(simulator)),
-      residual_(std::move(residual)),
-      context_(std::move(context)) {
-  CHECK(simulator_ != nullptr);
+    : SimulatorCost(std::move(simulator),
+                    std::move(residual),
+                    VectorXd(),
+                    std::move(context)) {
   CHECK(residual_ != nullptr);
   CHECK_EQ(residual_->parameter_block_sizes().size(), 1u)
       << "The residual is a function of the simulator's output alone.";
   CHECK_EQ(residual_->parameter_block_sizes()[0], simulator_->num_outputs());
-  CHECK_EQ(context_.size(), simulator_->num_context());
   set_num_residuals(residual_->num_residuals());
+}
+
+SimulatorCost::SimulatorCost(
+    std::shared_ptr<const Simulator> simulator,
+    std::shared_ptr<const ceres::CostFunction> residual,
+    VectorXd target,
+    VectorXd context)
+    : simulator_(std::move(simulator)),
+      residual_(std::move(residual)),
+      target_(std::move(target)),
+      context_(std::move(context)) {
+  CHECK(simulator_ != nullptr);
+  CHECK_EQ(context_.size(), simulator_->num_context());
   *mutable_parameter_block_sizes() = {simulator_->num_inputs()};
 }
 
 bool SimulatorCost::Evaluate(const double* const* parameters,
                              double* residuals,
                              double** jacobians) const {
-  const Index num_x = simulator_->num_inputs();
-  const Index num_y = simulator_->num_outputs();
+  const double* const x = parameters[0];
+  const double* const context = context_.data();
   const bool wants_jacobian = jacobians != nullptr && jacobians[0] != nullptr;
-  VectorXd y(num_y);
-  RowMajorMatrix J;
-  if (!wants_jacobian) {
-    if (!simulator_->Evaluate(
-            parameters[0], context_.data(), y.data(), nullptr)) {
-      return false;
-    }
-  } else if (simulator_->forms_jacobian()) {
-    J.resize(num_y, num_x);
-    if (!simulator_->Evaluate(
-            parameters[0], context_.data(), y.data(), J.data())) {
-      return false;
-    }
-  } else {
-    const auto linearized =
-        simulator_->Linearize(parameters[0], context_.data(), y.data());
+  VectorXd y(simulator_->num_outputs());
+  MatrixXd J;
+  if (wants_jacobian) {
+    const auto linearized = simulator_->Linearize(x, context, y.data());
     if (linearized == nullptr) return false;
-    MatrixXd dense;
-    linearized->ToDense(&dense);
-    J = dense;
+    linearized->ToDense(&J);
+  } else if (!simulator_->Evaluate(x, context, y.data(), nullptr)) {
+    return false;
   }
+  RowMajorMatrix R;  // dr/dy
   if (residual_ == nullptr) {
-    Eigen::Map<VectorXd>(residuals, num_y) = y - target_;
-    if (wants_jacobian) {
-      Eigen::Map<RowMajorMatrix>(jacobians[0], num_y, num_x) = J;
+    Eigen::Map<VectorXd>(residuals, num_residuals()) = y - target_;
+  } else {
+    R.resize(num_residuals(), y.size());
+    const double* const of_y = y.data();
+    double* of_residual = R.data();
+    if (!residual_->Evaluate(
+            &of_y, residuals, wants_jacobian ? &of_residual : nullptr)) {
+      return false;
     }
-    return true;
   }
-  const double* const y_block = y.data();
-  if (!wants_jacobian) return residual_->Evaluate(&y_block, residuals, nullptr);
-  RowMajorMatrix R(num_residuals(), num_y);
-  double* of_residual = R.data();
-  if (!residual_->Evaluate(&y_block, residuals, &of_residual)) return false;
-  Eigen::Map<RowMajorMatrix>(jacobians[0], num_residuals(), num_x).noalias() =
-      R * J;
+  if (!wants_jacobian) return true;
+  Eigen::Map<RowMajorMatrix> jacobian(jacobians[0], num_residuals(), J.cols());
+  if (residual_ == nullptr) {
+    jacobian = J;
+  } else {
+    jacobian.noalias() = R * J;
+  }
   return true;
 }
 

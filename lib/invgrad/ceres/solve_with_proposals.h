@@ -23,8 +23,8 @@ namespace invgrad {
 
 class SolveWithProposals {
  public:
-  // Sets the tolerances of the solver options to zero (safeguard.h). Keeps all
-  // other pointers.
+  // Sets the tolerances of the solver options to zero (safeguard.h) and, if there
+  // are bounds, switches the line search off. Keeps all other pointers.
   SolveWithProposals(const UpdateCallback::Options& options,
                      const WorkLimit& work,
                      const Proposer& proposer,
