@@ -24,13 +24,14 @@
 //
 // Exits with 0 if the proposals solve at least as many poses, and 90 %.
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <vector>
 
 #include "Eigen/Core"
+#include "Eigen/Geometry"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"
 #include "ceres/solver.h"
@@ -48,28 +49,20 @@ using Matrix = Eigen::Matrix<T, 3, 3>;
 using Angles = Eigen::Matrix<double, 6, 1>;
 
 template <typename T>
-Matrix<T> RotX(const T& a) {
-  using std::cos;
-  using std::sin;
-  Matrix<T> R;
-  R << T(1.0), T(0.0), T(0.0), T(0.0), cos(a), -sin(a), T(0.0), sin(a), cos(a);
-  return R;
+Matrix<T> Rotation(const T& angle, int axis) {
+  return Eigen::AngleAxis<T>(angle, Vector<T>::Unit(axis)).toRotationMatrix();
 }
 template <typename T>
-Matrix<T> RotY(const T& a) {
-  using std::cos;
-  using std::sin;
-  Matrix<T> R;
-  R << cos(a), T(0.0), sin(a), T(0.0), T(1.0), T(0.0), -sin(a), T(0.0), cos(a);
-  return R;
+Matrix<T> RotX(const T& angle) {
+  return Rotation(angle, 0);
 }
 template <typename T>
-Matrix<T> RotZ(const T& a) {
-  using std::cos;
-  using std::sin;
-  Matrix<T> R;
-  R << cos(a), -sin(a), T(0.0), sin(a), cos(a), T(0.0), T(0.0), T(0.0), T(1.0);
-  return R;
+Matrix<T> RotY(const T& angle) {
+  return Rotation(angle, 1);
+}
+template <typename T>
+Matrix<T> RotZ(const T& angle) {
+  return Rotation(angle, 2);
 }
 
 template <typename T>

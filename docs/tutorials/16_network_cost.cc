@@ -11,7 +11,6 @@
 #include "invgrad/random.h"
 #include "invgrad/update_callback.h"
 
-using Eigen::VectorXd;
 constexpr double kGravity = 9.81;  // [m/s^2]
 
 // [simulator]
@@ -42,7 +41,7 @@ int main(int argc, char**) {
   data.inputs.resize(3, 100);
   data.inputs << data.targets / 10.0, data.contexts;
   data.targets.row(0).head(5).setConstant(15.0);  // wrong measurements
-  VectorXd weights =
+  Eigen::VectorXd weights =
       network->InitialWeights(invgrad::Initialization::kPytorch, &random);
   // [/model]
   // [problem]
@@ -57,12 +56,12 @@ int main(int argc, char**) {
     const int size = problem.ParameterBlockSize(block);
     const Eigen::MatrixXd A = 1e-3 * Eigen::MatrixXd::Identity(size, size);
     problem.AddResidualBlock(
-        new ceres::NormalPrior(A, VectorXd::Zero(size)), nullptr, block);
+        new ceres::NormalPrior(A, Eigen::VectorXd::Zero(size)), nullptr, block);
   }
-  const Eigen::Vector3d known_input(0.5, 0.5, 0.0);
-  const Eigen::Vector2d known_throw(2.476, 9.905);
   problem.AddResidualBlock(
-      new invgrad::NetworkCost(network, known_input, known_throw),
+      new invgrad::NetworkCost(network,
+                               Eigen::Vector3d(0.5, 0.5, 0.0),
+                               Eigen::Vector2d(2.476, 9.905)),
       nullptr,
       blocks);
   ceres::Solver::Options options;
@@ -73,7 +72,7 @@ int main(int argc, char**) {
   const auto inverse =
       invgrad::Inverse([](const auto& y,
                           const auto&,
-                          const auto& wind) -> std::optional<VectorXd> {
+                          const auto& wind) -> std::optional<Eigen::VectorXd> {
         if (y[1] <= 0.0) return std::nullopt;
         const double t = std::sqrt(8.0 * y[1] / kGravity);
         return Eigen::Vector2d(y[0] / t - 0.5 * wind[0] * t,
