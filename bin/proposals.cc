@@ -1,6 +1,7 @@
 /*
 Counts what proposals of each rule change inside ceres::Solve: 19 problems of
-More, Garbow and Hillstrom, three starts each, from several trust regions.
+More, Garbow and Hillstrom (or the ten of them that have bounds), three starts
+each, from several trust regions.
 
   lost     solved by Levenberg-Marquardt alone, not with proposals
   gained   the reverse
@@ -12,6 +13,7 @@ Sample runs:
   proposals
   proposals --rules=half_inverse:step_size=auto:rho=1 --radii=1e4 \
     --tolerance=1e-14
+  proposals --bounded
 */
 
 #include <algorithm>
@@ -38,6 +40,7 @@ DEFINE_string(radii, "1,1e2,1e4,1e6", "initial radii of the trust region");
 DEFINE_double(tolerance,
               0.0,
               "all three tolerances of Ceres; 0: Ceres' defaults");
+DEFINE_bool(bounded, false, "the ten problems with bounds, not all without");
 DEFINE_bool(compare,
             true,
             "whether the callback compares with the solve without proposals");
@@ -59,8 +62,8 @@ Outcome Solve(const MoreGarbowHillstromRow& row,
               const Specification* rule_text) {
   std::vector<double> x = row.start;
   for (double& value : x) value *= factor;
-  ceres::Problem problem;
-  problem.AddResidualBlock(row.make_cost(), nullptr, x.data());
+  const std::unique_ptr<ceres::Problem> problem =
+      MakeMoreGarbowHillstrom(row, &x);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = kMaxNumIterations;
@@ -74,20 +77,20 @@ Outcome Solve(const MoreGarbowHillstromRow& row,
   ceres::Solver::Summary summary;
   Outcome outcome;
   if (rule_text == nullptr) {
-    ceres::Solve(options, &problem, &summary);
+    ceres::Solve(options, problem.get(), &summary);
   } else {
     std::string error;
     const std::unique_ptr<UpdateRule> rule = MakeRule(*rule_text, &error);
     UpdateCallback::Options callback_options;
     callback_options.compare_with_plain = FLAGS_compare;
-    UpdateCallback callback(rule.get(), &problem, callback_options);
+    UpdateCallback callback(rule.get(), problem.get(), callback_options);
     callback.AddTo(&options);
-    ceres::Solve(options, &problem, &summary);
+    ceres::Solve(options, problem.get(), &summary);
     outcome.num_iterations = callback.summary().num_plain_iterations;
   }
   outcome.num_iterations += static_cast<int>(summary.iterations.size()) - 1;
-  outcome.is_solved =
-      summary.IsSolutionUsable() && IsSolution(row, 2.0 * summary.final_cost);
+  outcome.is_solved = summary.IsSolutionUsable() &&
+                      IsSolution(row, SumOfSquares(problem.get()));
   return outcome;
 }
 
@@ -95,8 +98,10 @@ Outcome Solve(const MoreGarbowHillstromRow& row,
 std::vector<Outcome> SolveAll(const std::vector<double>& radii,
                               const Specification* rule_text) {
   std::vector<Outcome> outcomes;
+  const auto& rows =
+      FLAGS_bounded ? BoundedMoreGarbowHillstrom() : MoreGarbowHillstrom();
   for (const double radius : radii) {
-    for (const MoreGarbowHillstromRow& row : MoreGarbowHillstrom()) {
+    for (const MoreGarbowHillstromRow& row : rows) {
       for (const double factor : {1.0, 10.0, 100.0}) {
         outcomes.push_back(Solve(row, factor, radius, rule_text));
       }

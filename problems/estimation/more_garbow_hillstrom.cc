@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "ceres/autodiff_cost_function.h"
 
@@ -40,10 +43,15 @@ MoreGarbowHillstromRow Row(const std::string& name,
                            double minimum,
                            Function function) {
   return {
-      name, std::move(start), minimum, [function] {
+      name,
+      std::move(start),
+      minimum,
+      [function] {
         using Cost = Residuals<Function>;
         return new ceres::AutoDiffCostFunction<Cost, m, n>(new Cost{function});
-      }};
+      },
+      {},
+      {}};
 }
 
 std::vector<MoreGarbowHillstromRow> MakeRows() {
@@ -301,12 +309,68 @@ std::vector<MoreGarbowHillstromRow> MakeRows() {
   };
 }
 
+// [2]
+struct BoundsRow {
+  std::string name;
+  std::vector<double> lower, upper;
+  double minimum;  // within the bounds
+};
+
+std::vector<MoreGarbowHillstromRow> MakeBoundedRows() {
+  const BoundsRow bounds[] = {
+      {"powell_badly_scaled", {0, 1}, {1, 9}, 0.15125900e-9},
+      {"brown_badly_scaled", {0, 3e-5}, {1e6, 100}, 0.784e3},
+      {"beale", {0.6, 0.5}, {10, 100}, 0},
+      {"helical_valley", {-100, -1, -1}, {0.8, 1, 1}, 0.99042212},
+      {"gaussian", {0.398, 1, -0.5}, {4.2, 2, 0.1}, 0.112793e-7},
+      {"gulf", {1e-16, 0, 0}, {10, 10, 10}, 0.58281431e-4},
+      {"box_3d", {0, 5, 0}, {2, 9.5, 20}, 0.30998153e-5},
+      {"wood", {-100, -100, -100, -100}, {0, 10, 100, 100}, 0.15567008e1},
+      {"brown_dennis", {-10, 0, -100, -20}, {100, 15, 0, 0.2}, 0.88860479e5},
+      {"biggs_exp6", {0, 0, 0, 1, 0, 0}, {2, 8, 1, 7, 5, 5}, 0.53209865e-3},
+  };
+  std::vector<MoreGarbowHillstromRow> rows;
+  for (const MoreGarbowHillstromRow& row : MoreGarbowHillstrom()) {
+    for (const BoundsRow& bound : bounds) {
+      if (bound.name != row.name) continue;
+      rows.push_back(row);
+      rows.back().minimum = bound.minimum;
+      rows.back().lower = bound.lower;
+      rows.back().upper = bound.upper;
+    }
+  }
+  return rows;
+}
+
 }  // namespace more_garbow_hillstrom
 
 const std::vector<MoreGarbowHillstromRow>& MoreGarbowHillstrom() {
   static const auto* const rows = new std::vector<MoreGarbowHillstromRow>(
       more_garbow_hillstrom::MakeRows());
   return *rows;
+}
+
+const std::vector<MoreGarbowHillstromRow>& BoundedMoreGarbowHillstrom() {
+  static const auto* const rows = new std::vector<MoreGarbowHillstromRow>(
+      more_garbow_hillstrom::MakeBoundedRows());
+  return *rows;
+}
+
+std::unique_ptr<ceres::Problem> MakeMoreGarbowHillstrom(
+    const MoreGarbowHillstromRow& row, std::vector<double>* x) {
+  auto problem = std::make_unique<ceres::Problem>();
+  problem->AddResidualBlock(row.make_cost(), nullptr, x->data());
+  for (int i = 0; i < static_cast<int>(row.lower.size()); ++i) {
+    problem->SetParameterLowerBound(x->data(), i, row.lower[i]);
+    problem->SetParameterUpperBound(x->data(), i, row.upper[i]);
+  }
+  return problem;
+}
+
+double SumOfSquares(ceres::Problem* problem) {
+  double cost = 0.0;
+  problem->Evaluate({}, &cost, nullptr, nullptr, nullptr);
+  return 2.0 * cost;
 }
 
 bool IsSolution(const MoreGarbowHillstromRow& row, double sum_of_squares) {

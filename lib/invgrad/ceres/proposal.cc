@@ -12,6 +12,8 @@
 namespace invgrad {
 namespace {
 
+constexpr char kNoChange[] = "the candidate is the current state";
+
 // Two sums of the same residual blocks differ by rounding.
 bool AreEqual(double cost, double other) {
   constexpr double kCostTolerance = 1e-9;
@@ -108,7 +110,7 @@ bool Proposal::IntoTangentSpace(const Eigen::VectorXd& candidate,
     }
   }
   if (!step_.isZero(0.0)) return true;
-  *message = "the candidate is the current state";
+  *message = kNoChange;
   return false;
 }
 
@@ -167,6 +169,11 @@ bool Proposal::FindCandidate(std::string* message) {
     bool is_in_domain = MoveTo(step_);
     if (is_in_domain) {
       candidate_ = linearizer_.State();
+      if (candidate_ == state_) {  // the bounds, or rounding
+        candidate_.resize(0);
+        *message = kNoChange;
+        return false;
+      }
       work_.CountLinearization();
       is_in_domain = linearizer_.Linearize(parts_, &at_candidate_, &error);
       if (is_in_domain && CanContinueFromCandidate()) {

@@ -146,18 +146,21 @@ void Safeguard::Compare() {
   linearizer_.SetState(start_);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &copy, &summary);
+  // final_cost may be that of a rejected step, which is not the state.
+  double final_cost = std::numeric_limits<double>::infinity();
+  copy.Evaluate({}, &final_cost, nullptr, nullptr, nullptr);
   // Without their evaluation callback, cost functions return the values of
   // another state.
   constexpr double kCostTolerance = 1e-9;
   if (std::abs(summary.initial_cost - start_cost_) >
           kCostTolerance * std::abs(start_cost_) ||
-      !(summary.final_cost < summary.initial_cost)) {
+      !(final_cost < summary.initial_cost)) {
     message_ =
         "no comparison: the solve without proposals does not decrease the cost "
         "(do the cost functions need an evaluation callback? Then set "
         "UpdateCallback::Options::evaluation_callback)";
   } else if (summary.IsSolutionUsable()) {
-    plain_ = Plain{summary.final_cost,
+    plain_ = Plain{final_cost,
                    static_cast<int>(summary.iterations.size()) - 1,
                    summary.termination_type == ceres::CONVERGENCE,
                    linearizer_.State()};

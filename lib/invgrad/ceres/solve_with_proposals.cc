@@ -44,10 +44,10 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
                 *problem,
                 linearizer,
                 &work_),
-      turns_(options_.by_merit) {
+      turns_(options_.by_merit),
+      has_bounds_(bounds->any()) {
   // Ceres' projected line search calls Plus several times for a candidate.
-  if (bounds->any())
-    solver_options->max_num_line_search_step_size_iterations = 0;
+  if (has_bounds_) solver_options->max_num_line_search_step_size_iterations = 0;
 }
 
 ceres::CallbackReturnType SolveWithProposals::operator()(
@@ -199,7 +199,8 @@ ceres::CallbackReturnType SolveWithProposals::Propose(bool is_rules_turn) {
   }
   if (!is_rules_turn && !turns_.IsTheRules()) return ceres::SOLVER_CONTINUE;
   has_tried_ = true;
-  if (work_.NeedsComparison()) safeguard_.Compare();
+  // With bounds, Ceres' steps are others than those of the plain solve.
+  if (work_.NeedsComparison() || has_bounds_) safeguard_.Compare();
   if (!HasWorkLeft(work_.AllowsStep()) ||
       !proposal_.ComputeStep(cost_, last_state_, &summary_.message)) {
     if (proposal_.is_another_state()) return Abort(kAnotherState);

@@ -76,6 +76,7 @@ class SolveWithProposals {
   Safeguard safeguard_;
   Proposal proposal_;
   TurnTaking turns_;
+  const bool has_bounds_;
   Next next_ = Next::kCeresStep;
   Eigen::VectorXd staged_state_;
   Eigen::VectorXd last_state_;    // of the blocks, in the last call
