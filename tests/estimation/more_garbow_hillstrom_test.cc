@@ -56,7 +56,7 @@ TEST(MoreGarbowHillstrom, MinimaAreThePublishedOnes) {
 }
 
 // [2]: no end lies below the minimum within the bounds. Three reach it with
-// Ceres' default tolerances (six with tolerances of 1e-18).
+// Ceres' default tolerances (five with tolerances of 1e-18).
 TEST(MoreGarbowHillstrom, BoundedMinimaAreThePublishedOnes) {
   int num_solved = 0;
   for (const MoreGarbowHillstromRow& row : BoundedMoreGarbowHillstrom()) {
