@@ -65,86 +65,111 @@ VectorXd Truth(const EquationProblem& problem, const MatrixXd& points) {
   return truth;
 }
 
-bool Run(RunCounts* counts, std::string* error) {
+struct Settings {
   EvolutionProblem evolution;
+  EquationProblem whole;      // for all times
+  std::vector<int> widths;    // of the network, if --hidden sets them
+  std::vector<double> times;  // the ends of the windows
+  MatrixXd points;            // for testing
+  VectorXd truth;             // u* there
+};
+
+bool Check(Settings* settings, std::string* error) {
   Method method;
-  std::vector<int> widths = {1, 1};
+  settings->widths = {1, 1};
   if (!CheckFlags({{"windows", {1.0, 1000.0}}, {"seed", {0.0}}}, error) ||
       !CheckTrainingFlags(error) ||
       !NameFlag("problem",
-                CreateEvolution(FLAGS_problem, &evolution, error),
+                CreateEvolution(FLAGS_problem, &settings->evolution, error),
                 error) ||
       !ParseFlag("method", ParseMethod, &method, error)) {
     return false;
   }
-  if (!ParseWidths(NetworkOfFlags().hidden, &widths, error)) {
+  if (!ParseWidths(NetworkOfFlags().hidden, &settings->widths, error)) {
     *error = "--" + *error;
     return false;
   }
   if (FLAGS_seconds == 0.0 && FLAGS_steps == 0 && FLAGS_epochs == 0) {
     FLAGS_steps = 300;
   }
-  std::vector<double> times;
   for (int k = 0; k <= FLAGS_windows; ++k) {
-    times.push_back(static_cast<double>(k) / FLAGS_windows);
+    settings->times.push_back(static_cast<double>(k) / FLAGS_windows);
   }
-  const EquationProblem whole =
-      evolution.in_window({0.0, 1.0, evolution.start});
-  const MatrixXd points =
+  const EvolutionProblem& evolution = settings->evolution;
+  settings->whole = evolution.in_window({0.0, 1.0, evolution.start});
+  const EquationProblem& whole = settings->whole;
+  settings->points =
       GridPoints(whole.test_box.value_or(whole.box), whole.test_counts);
-  const VectorXd truth = Truth(whole, points);
-  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
-  const Interrupt interrupt;
+  settings->truth = Truth(whole, settings->points);
+  return true;
+}
+
+// Solves, and evaluates u at the points.
+bool Solve(const Settings& settings,
+           WindowSolutions* solutions,
+           MatrixXd* u,
+           std::string* error) {
   LiveCallback live(FLAGS_method);
   TrainOptions options = TrainOptionsOfFlags(0, FLAGS_seed);
   options.callbacks = {&live};
-  const auto make_equation = [&](const TimeWindow& window) {
-    Equation equation = evolution.in_window(window).equation;
+  const auto make_equation = [&settings](const TimeWindow& window) {
+    Equation equation = settings.evolution.in_window(window).equation;
+    const std::vector<int>& widths = settings.widths;
     if (widths.size() > 2) {
       equation.hidden.assign(widths.begin() + 1, widths.end() - 1);
     }
     return equation;
   };
-  WindowSolutions solutions;
-  MatrixXd u;
-  if (!SolveInWindows(times,
-                      evolution.start,
-                      make_equation,
-                      FLAGS_method,
-                      options,
-                      &solutions,
-                      error) ||
-      !solutions.At(points, &u, error)) {
-    return false;
+  return SolveInWindows(settings.times,
+                        settings.evolution.start,
+                        make_equation,
+                        FLAGS_method,
+                        options,
+                        solutions,
+                        error) &&
+         solutions->At(settings.points, u, error);
+}
+
+// The row of window k.
+void AddWindow(const Settings& settings,
+               std::size_t k,
+               const TrainResult& run,
+               const MatrixXd& u,
+               Table* table) {
+  const MatrixXd& points = settings.points;
+  const double begin = settings.times[k], end = settings.times[k + 1];
+  std::vector<Index> inside;
+  for (Index s = 0; s < points.cols(); ++s) {
+    if (points(0, s) > begin && points(0, s) <= end) inside.push_back(s);
   }
+  table->BeginRow();
+  table->Add("window", std::to_string(k));
+  table->Add("t", fmt::format("{:g} - {:g}", begin, end));
+  table->Add("loss", FormatNumber(run.history.back().train_loss));
+  table->Add("L2_error",
+             FormatNumber(RelativeError(u.row(0)(inside).transpose(),
+                                        settings.truth(inside))));
+  table->Add("steps", std::to_string(run.summary.num_steps));
+  table->Add("s", FormatNumber(run.summary.train_time_in_seconds));
+  table->Add("status", run.summary.message, Table::Align::kLeft);
+}
+
+bool Report(const Settings& settings,
+            const WindowSolutions& solutions,
+            const MatrixXd& u,
+            std::string* error) {
   Table table;
   for (std::size_t k = 0; k < solutions.runs.size(); ++k) {
-    std::vector<Index> inside;
-    for (Index s = 0; s < points.cols(); ++s) {
-      if (points(0, s) > times[k] && points(0, s) <= times[k + 1]) {
-        inside.push_back(s);
-      }
-    }
-    const TrainResult& run = solutions.runs[k];
-    counts->Add(true);
-    table.BeginRow();
-    table.Add("window", std::to_string(k));
-    table.Add("t", fmt::format("{:g} - {:g}", times[k], times[k + 1]));
-    table.Add("loss", FormatNumber(run.history.back().train_loss));
-    table.Add("L2_error",
-              FormatNumber(
-                  RelativeError(u.row(0)(inside).transpose(), truth(inside))));
-    table.Add("steps", std::to_string(run.summary.num_steps));
-    table.Add("s", FormatNumber(run.summary.train_time_in_seconds));
-    table.Add("status", run.summary.message, Table::Align::kLeft);
+    AddWindow(settings, k, solutions.runs[k], u, &table);
     if (!WriteNpy(fmt::format("{}/weights-{}.npy", FLAGS_output, k),
-                  run.weights,
+                  solutions.runs[k].weights,
                   error)) {
       return false;
     }
   }
-  MatrixXd rows(points.cols(), 4);
-  rows << points.transpose(), u.row(0).transpose(), truth;
+  const VectorXd& truth = settings.truth;
+  MatrixXd rows(settings.points.cols(), 4);
+  rows << settings.points.transpose(), u.row(0).transpose(), truth;
   if (!WriteTable(FLAGS_output + "/table", table, error) ||
       !WriteNpy(FLAGS_output + "/solution.npy", rows, error)) {
     return false;
@@ -154,11 +179,25 @@ bool Run(RunCounts* counts, std::string* error) {
              FormatNumber(RelativeError(u.row(0).transpose(), truth)),
              FLAGS_output);
   Picture picture = {FLAGS_output + "/solution.png", {}, 3};
-  AddFunctionPanels("u*", whole.test_counts[0], truth, nullptr, &picture);
-  AddFunctionPanels(
-      "u", whole.test_counts[0], u.row(0).transpose(), &truth, &picture);
+  const int num_times = settings.whole.test_counts[0];
+  AddFunctionPanels("u*", num_times, truth, nullptr, &picture);
+  AddFunctionPanels("u", num_times, u.row(0).transpose(), &truth, &picture);
   DrawPictures({picture});
   return true;
+}
+
+bool Run(RunCounts* counts, std::string* error) {
+  Settings settings;
+  if (!Check(&settings, error) ||
+      !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {
+    return false;
+  }
+  const Interrupt interrupt;
+  WindowSolutions solutions;
+  MatrixXd u;
+  if (!Solve(settings, &solutions, &u, error)) return false;
+  for (std::size_t k = 0; k < solutions.runs.size(); ++k) counts->Add(true);
+  return Report(settings, solutions, u, error);
 }
 
 }  // namespace

@@ -88,7 +88,11 @@ void PullBackMethod::Describe(OptionSet* set) {
            &options_.data_weight,
            {0.0, kInfinity},
            "weight of 1/2 |x - x*|^2, x* the data's own solution");
-  if (way() == SimulatorWay::kAdjoint) return;
+  if (way() != SimulatorWay::kAdjoint) DescribeInverse(set);
+}
+
+// What carries the step in y back to x.
+void PullBackMethod::DescribeInverse(OptionSet* set) {
   if (way() == SimulatorWay::kGradientDescent) {
     GradientDescentOptions& descent = options_.simulator.gradient_descent;
     set->Add(

@@ -70,6 +70,7 @@ class PullBackMethod {
       std::shared_ptr<const InverseSimulator> inverse) const;
 
  private:
+  void DescribeInverse(OptionSet* set);
   SimulatorWay way() const { return options_.simulator.way; }
 
   // Without proxy and max_change.
