@@ -45,6 +45,7 @@ memory that the process had.
 #include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/blas_threads.h"
+#include "problems/problems.h"
 
 DEFINE_string(input,
               "",
@@ -166,6 +167,8 @@ benchmark::internal::Benchmark* AddBenchmark(
 int main(int argc, char** argv) {
   invgrad::UseProcessorsKernels(argv);  // before Google's flags are taken
   benchmark::Initialize(&argc, argv);
+  invgrad::RegisterProblems();
+  invgrad::BenchTraining().Add();
   return invgrad::RunProgramOnRanks(
       argc,
       argv,

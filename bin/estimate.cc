@@ -32,9 +32,12 @@ current method, skips the others, and keeps the results so far.
 #include "bin/support/listing.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
+#include "fmt/core.h"
 #include "gflags/gflags.h"
 #include "invgrad/method.h"
-#include "invgrad/minimize/method_minimization.h"
+#include "invgrad/minimize.h"
+#include "problems/estimation/nist_models.h"
+#include "problems/estimation/robust_loss.h"
 
 DEFINE_bool(list,
             false,
@@ -171,9 +174,48 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
   return true;
 }
 
+bool ReadOptions(EstimationOptions* options, std::string* error) {
+  if (!CheckFlag("separable", {"off", "on", "both"}, error) ||
+      !CheckFlag("start", {"1", "2", "both"}, error) ||
+      !CheckFlags({{"perturb", {0.0}},
+                   {"max_iterations", {0.0}},
+                   {"seconds", {0.0}},
+                   {"function_tolerance", {0.0, 1.0, false, true}},
+                   {"threads", {1.0, 256.0}}},
+                  error) ||
+      !ParseFlag("seeds", ParseSeeds, &options->seeds, error) ||
+      !ParseFlag("loss", ParseRobustLoss, &options->make_loss, error)) {
+    return false;
+  }
+  options->separable = FLAGS_separable;
+  options->start = FLAGS_start;
+  options->covariance = FLAGS_covariance;
+  options->perturb = FLAGS_perturb;
+  options->max_iterations = FLAGS_max_iterations;
+  options->seconds = FLAGS_seconds;
+  options->function_tolerance = FLAGS_function_tolerance;
+  options->threads = FLAGS_threads;
+  return true;
+}
+
+// Formats and models of the files.
+std::string FormatsText() {
+  std::string text =
+      "Formats (--input)\n"
+      "  .dat            NIST StRD, nonlinear regression (nist)\n"
+      "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
+      ".txt\n"
+      "  .g2o            pose graphs in 2D and 3D (g2o)\n"
+      "\nModels of NIST's files\n";
+  for (const NistModel& model : NistModels()) {
+    text += fmt::format("  {}\n    {}\n", model.name, model.formula);
+  }
+  return text;
+}
+
 bool Run(RunCounts* counts, std::string* error) {
   if (FLAGS_list) {
-    std::cout << EstimateListing();
+    std::cout << FormatsText() << "\n" << EstimateListing();
     return true;
   }
   if (FLAGS_input.empty()) {
@@ -192,9 +234,10 @@ bool Run(RunCounts* counts, std::string* error) {
       return false;
     }
   }
+  EstimationOptions options;
   std::vector<EstimationInput> inputs;
-  return ReadInputs(&inputs, error) &&
-         CompareEstimations(inputs, methods, counts, error);
+  return ReadOptions(&options, error) && ReadInputs(&inputs, error) &&
+         CompareEstimations(options, inputs, methods, counts, error);
 }
 
 }  // namespace

@@ -51,18 +51,13 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-double RelativeError(const VectorXd& u, const VectorXd& truth) {
-  return (u - truth).norm() / truth.norm();
+TrainingFlags& Training() {
+  static auto& flags = *new TrainingFlags;
+  return flags;
 }
 
-// u* of a problem at points.
-VectorXd Truth(const EquationProblem& problem, const MatrixXd& points) {
-  if (problem.solution_at != nullptr) return problem.solution_at(points);
-  VectorXd truth(points.cols());
-  for (Index s = 0; s < truth.size(); ++s) {
-    truth[s] = problem.solution(points.col(s));
-  }
-  return truth;
+double RelativeError(const VectorXd& u, const VectorXd& truth) {
+  return (u - truth).norm() / truth.norm();
 }
 
 struct Settings {
@@ -78,19 +73,20 @@ bool Check(Settings* settings, std::string* error) {
   Method method;
   settings->widths = {1, 1};
   if (!CheckFlags({{"windows", {1.0, 1000.0}}, {"seed", {0.0}}}, error) ||
-      !CheckTrainingFlags(error) ||
+      !Training().Check(error) ||
       !NameFlag("problem",
                 CreateEvolution(FLAGS_problem, &settings->evolution, error),
                 error) ||
       !ParseFlag("method", ParseMethod, &method, error)) {
     return false;
   }
-  if (!ParseWidths(NetworkOfFlags().hidden, &settings->widths, error)) {
+  if (!ParseWidths(Training().network.hidden, &settings->widths, error)) {
     *error = "--" + *error;
     return false;
   }
-  if (FLAGS_seconds == 0.0 && FLAGS_steps == 0 && FLAGS_epochs == 0) {
-    FLAGS_steps = 300;
+  TrainingFlags& training = Training();
+  if (training.seconds == 0.0 && training.steps == 0 && training.epochs == 0) {
+    training.steps = 300;
   }
   for (int k = 0; k <= FLAGS_windows; ++k) {
     settings->times.push_back(static_cast<double>(k) / FLAGS_windows);
@@ -100,7 +96,7 @@ bool Check(Settings* settings, std::string* error) {
   const EquationProblem& whole = settings->whole;
   settings->points =
       GridPoints(whole.test_box.value_or(whole.box), whole.test_counts);
-  settings->truth = Truth(whole, settings->points);
+  settings->truth = whole.SolutionAt(settings->points);
   return true;
 }
 
@@ -110,7 +106,7 @@ bool Solve(const Settings& settings,
            MatrixXd* u,
            std::string* error) {
   LiveCallback live(FLAGS_method);
-  TrainOptions options = TrainOptionsOfFlags(0, FLAGS_seed);
+  TrainOptions options = Training().Options(0, FLAGS_seed);
   options.callbacks = {&live};
   const auto make_equation = [&settings](const TimeWindow& window) {
     Equation equation = settings.evolution.in_window(window).equation;
@@ -204,6 +200,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::Training().Add();
   return invgrad::RunProgram(argc,
                              argv,
                              "solves an equation of evolution in windows of "

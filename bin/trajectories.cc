@@ -222,6 +222,7 @@ bool Run(RunCounts* counts, std::string* error) {
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::RegisterProblems();
   return invgrad::RunProgram(
       argc,
       argv,

@@ -27,8 +27,8 @@
 #include <memory>
 #include <string>
 
+#include "invgrad/compare/problem.h"
 #include "invgrad/field_simulator.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

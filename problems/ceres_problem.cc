@@ -21,6 +21,9 @@ bool CreateCeresProblem(const std::string& specification,
     made.inverse = physics.point->inverse;
     made.data = objective.data();
     made.unknowns = std::make_unique<Eigen::VectorXd>(objective.State());
+  } else if (physics.least_squares.has_value()) {
+    *error = specification + " has no model: it is a ceres::Problem already";
+    return false;
   } else {
     const LearningProblem& learning = *physics.learning;
     NumpyRandom random(0);

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "problems/problem.h"
+#include "invgrad/compare/problem.h"
 #include "problems/torch/u_net_settings.h"
 
 namespace invgrad {

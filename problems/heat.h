@@ -56,9 +56,9 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "invgrad/compare/sample_data.h"
 #include "problems/field_data.h"
 #include "problems/heat_inverse.h"
-#include "problems/sample_data.h"
 #include "problems/spectral_diffusion.h"
 
 namespace invgrad {

@@ -24,9 +24,9 @@
 #include <string>
 
 #include "invgrad/autodiff_loss.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/linear_simulator.h"
 #include "invgrad/loss.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

@@ -22,9 +22,9 @@
 #include <string>
 
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/loss.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 

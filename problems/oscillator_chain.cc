@@ -5,7 +5,7 @@
 #include "fmt/core.h"
 #include "invgrad/loss.h"
 #include "invgrad/time_stepping_simulator.h"
-#include "problems/sample_data.h"
+#include "invgrad/compare/sample_data.h"
 
 namespace invgrad {
 

@@ -29,7 +29,7 @@
 
 #include <string>
 
-#include "problems/problem.h"
+#include "invgrad/compare/problem.h"
 
 namespace invgrad {
 

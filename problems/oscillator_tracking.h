@@ -43,10 +43,10 @@
 
 #include "fmt/core.h"
 #include "glog/logging.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/internal/trajectory_simulator.h"
 #include "invgrad/loss.h"
 #include "problems/oscillator_chain.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 

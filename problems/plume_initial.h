@@ -36,9 +36,9 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "invgrad/compare/problem.h"
 #include "invgrad/field_simulator.h"
 #include "problems/fields/velocity_grid.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

@@ -40,10 +40,10 @@
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
 #include "fmt/core.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/linear_simulator.h"
 #include "invgrad/loss.h"
 #include "invgrad/random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 

@@ -34,10 +34,10 @@
 #include <string>
 
 #include "Eigen/Core"
+#include "invgrad/compare/sample_data.h"
 #include "problems/field_data.h"
 #include "problems/fields/diagonal_simulator.h"
 #include "problems/fields/sine_grid.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 

@@ -53,10 +53,10 @@
 #include "Eigen/Core"
 #include "fmt/core.h"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/loss.h"
 #include "invgrad/random.h"
-#include "problems/sample_data.h"
 
 namespace invgrad {
 

@@ -1,25 +1,15 @@
-// The table of problems.
+// The problems of this repository.
 #ifndef PROBLEMS_PROBLEMS_H_
 #define PROBLEMS_PROBLEMS_H_
 
-#include <string>
-#include <vector>
-
-#include "problems/problem.h"
+#include "invgrad/compare/compare.h"
 
 namespace invgrad {
 
-const std::vector<ProblemRow>& Problems();
-
-// The row with this name, or null.
-const ProblemRow* FindProblem(const std::string& name);
-
-// Makes the problem of a specification "name:key=value:...". Returns false,
-// with *error set, if it is invalid.
-bool CreateProblem(const std::string& specification,
-                   const Eigen::MatrixXd* data,
-                   PhysicsProblem* problem,
-                   std::string* error);
+// Adds them to the table of problems (compare.h). A new problem is one header
+// and one row in problems.cc: listing, conformance tests and docs/problems.md
+// follow. Call it at the beginning of main.
+void RegisterProblems();
 
 }  // namespace invgrad
 

@@ -44,9 +44,9 @@
 #include "Eigen/Core"
 #include "fmt/core.h"
 #include "invgrad/autodiff_loss.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/loss.h"
 #include "invgrad/random.h"
-#include "problems/sample_data.h"
 #include "problems/schroedinger.h"
 
 namespace invgrad {

@@ -54,7 +54,7 @@
 #include <string>
 
 #include "Eigen/Core"
-#include "problems/sample_data.h"
+#include "invgrad/compare/sample_data.h"
 
 namespace invgrad {
 

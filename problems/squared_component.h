@@ -20,9 +20,9 @@
 #include <string>
 
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/loss.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

@@ -23,9 +23,9 @@
 #include <string>
 
 #include "fmt/core.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/linear_simulator.h"
 #include "invgrad/loss.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

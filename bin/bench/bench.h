@@ -9,9 +9,10 @@
 #include <string>
 
 #include "benchmark/benchmark.h"
+#include "bin/support/training_flags.h"
 #include "gflags/gflags.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/train.h"
-#include "problems/problem.h"
 
 DECLARE_string(input);
 
@@ -23,6 +24,9 @@ benchmark::internal::Benchmark* AddBenchmark(
     const std::string& name,
     const std::string& reference,
     std::function<void(benchmark::State&)> measure);
+
+// The flags of training and ranks.
+TrainingFlags& BenchTraining();
 
 // The problem of --problem and of the network's flags, or null, with *error; and
 // its training by the flags --steps and --batch_size.

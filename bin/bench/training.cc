@@ -6,6 +6,7 @@
 //   METHOD/one_at_a_time   one sample at a time in place of four in lanes
 //   METHOD/threads         on --threads threads over the samples, if not 1
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -26,7 +27,6 @@ DEFINE_string(rules,
               "adam,sip,sip:proxy=l1,newton/newton/adam:proxy=l1,"
               "newton/numerical/adam",
               "methods of training and ranks; the first is the reference");
-DECLARE_int32(threads);
 
 namespace invgrad {
 namespace {
@@ -102,12 +102,17 @@ void TrainSteps(const Method& method,
 
 }  // namespace
 
+TrainingFlags& BenchTraining() {
+  static auto& flags = *new TrainingFlags;
+  return flags;
+}
+
 const LearningProblem* FlagsProblem(std::string* error) {
   static auto& problem = *new std::unique_ptr<LearningProblem>;
   if (problem != nullptr) return problem.get();
   auto made = std::make_unique<LearningProblem>();
   if (!ParseFlag("problem", CreateLearningProblem, made.get(), error) ||
-      !SetNetwork(NetworkOfFlags(), made.get(), error)) {
+      !SetNetwork(BenchTraining().network, made.get(), error)) {
     return nullptr;
   }
   problem = std::move(made);
@@ -117,8 +122,9 @@ const LearningProblem* FlagsProblem(std::string* error) {
 TrainOptions FlagsOptions(const LearningProblem& problem) {
   constexpr int kDefaultSteps = 1000;
   TrainOptions options;
-  options.batch_size = BatchSize(problem, FLAGS_batch_size);
-  options.max_num_steps = FLAGS_steps > 0 ? FLAGS_steps : kDefaultSteps;
+  options.batch_size = BatchSize(problem, BenchTraining().batch_size);
+  const std::int64_t steps = BenchTraining().steps;
+  options.max_num_steps = steps > 0 ? steps : kDefaultSteps;
   options.initial_weights = InitialWeights(problem, 1);
   options.inverse = problem.inverse;
   return options;
@@ -126,7 +132,7 @@ TrainOptions FlagsOptions(const LearningProblem& problem) {
 
 bool AddTrainingBenchmarks(std::string* error) {
   std::vector<Method> methods;
-  if (!CheckTrainingFlags(error) ||
+  if (!BenchTraining().Check(error) ||
       !ParseFlag("rules", ParseMethods, &methods, error)) {
     return false;
   }
@@ -143,7 +149,8 @@ bool AddTrainingBenchmarks(std::string* error) {
     };
     add("", name == first ? "" : first, false, 1);
     add("/one_at_a_time", name, true, 1);
-    if (FLAGS_threads > 1) add("/threads", name, false, FLAGS_threads);
+    const int num_threads = BenchTraining().threads;
+    if (num_threads > 1) add("/threads", name, false, num_threads);
   }
   return true;
 }

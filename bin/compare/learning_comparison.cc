@@ -12,9 +12,7 @@
 #include "bin/support/program.h"
 #include "bin/support/ranks.h"
 #include "bin/support/run_output.h"
-#include "bin/support/training_flags.h"
 #include "fmt/core.h"
-#include "gflags/gflags.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/io/digest.h"
 #include "invgrad/io/format.h"
@@ -22,24 +20,6 @@
 #include "invgrad/npy.h"
 #include "report/interrupt.h"
 #include "report/table.h"
-
-DEFINE_string(seeds,
-              "1",
-              "seeds of the initial weights and of the shuffling: 1,2,5 or "
-              "1..20");
-DEFINE_double(target_loss, 0.0, "stop at this train loss; 0: off");
-DEFINE_int32(patience,
-             0,
-             "stop after so many evaluations without a new minimum of the test "
-             "loss; 0: off");
-DEFINE_string(levels,
-              "1e-3,1e-4,1e-5",
-              "train losses; the table has the seconds to each");
-DEFINE_int32(track_sample,
-             0,
-             "training sample whose path in y space is kept; -1: none");
-DEFINE_bool(resume, false, "go on with the run in the directory");
-DEFINE_string(init_weights, "", "initial weights (.npy) for every seed");
 
 namespace invgrad {
 namespace {
@@ -129,27 +109,134 @@ std::string SummaryCsv(const std::vector<MethodResults>& all) {
   return table.ToCsv();
 }
 
+// A comparison: what is checked, then what it found.
+struct Comparison {
+  LearningProblem problem;
+  std::vector<Method> methods;
+  std::vector<int> seeds;
+  std::vector<double> levels;
+  int batch_size = 0;
+  Eigen::VectorXd given_weights;       // for every seed; empty: the seed's own
+  std::vector<MethodResults> results;  // one a method
+
+  Eigen::VectorXd WeightsOf(int seed) const {
+    return given_weights.size() > 0 ? given_weights
+                                    : InitialWeights(problem, seed);
+  }
+};
+
+// Sets all but the results. Changes nothing outside.
+bool Check(CompareOptions* options, Comparison* of, std::string* error) {
+  if (FLAGS_overwrite && options->resume) {
+    *error = "--resume=true is not allowed with --overwrite";
+    return false;
+  }
+  const double last_sample = of->problem.train.num_samples() - 1.0;
+  if (!CheckFlags({{"target_loss", {0.0}},
+                   {"patience", {0.0}},
+                   {"track_sample", {-1.0, last_sample}}},
+                  error) ||
+      !NameFlag(
+          "seeds", ParseSeeds(options->seeds, &of->seeds, error), error) ||
+      !NameFlag(
+          "levels", ParseNumbers(options->levels, &of->levels, error), error)) {
+    return false;
+  }
+  if (!SetNetwork(options->training.network, &of->problem, error)) {
+    *error = "--" + *error;
+    return false;
+  }
+  const std::string& file = options->init_weights;
+  if (!file.empty() &&
+      !NameFlag("init_weights",
+                ReadNpy(file,
+                        of->problem.model->num_weights(),
+                        &of->given_weights,
+                        error) &&
+                    CheckFinite("file " + file, of->given_weights, error),
+                error)) {
+    return false;
+  }
+  of->batch_size = BatchSize(of->problem, options->training.batch_size);
+  options->training.SetDefaultBudget(of->problem);
+  return CheckBatches(
+      of->problem, of->methods, options->training.batch_size, error);
+}
+
+// On the first rank. `numbers`: a vector or a matrix.
+template <typename Numbers>
+bool WriteArray(const std::string& name,
+                const Numbers& numbers,
+                std::string* error) {
+  const std::string path = InOutput(name);
+  return AgreeOnRanks(!IsFirstRank() || (ListRunFile(path, error) &&
+                                         WriteNpy(path, numbers, error)),
+                      error);
+}
+
+// Prepares the directory, and writes what is the same for all methods.
+bool Prepare(const CompareOptions& options,
+             const Comparison& of,
+             std::string* error) {
+  RunIdentity identity;
+  identity.AddData(of.problem.train, of.problem.test, of.problem.source.get());
+  if (of.given_weights.size() > 0) {
+    identity.Add("initial weights", Digest().Add(of.given_weights).Hex());
+  }
+  if (std::any_of(of.methods.begin(), of.methods.end(), [](const Method& m) {
+        return m.ReadsProgress();
+      })) {
+    identity.AddBudget(options.training.Options(of.batch_size, of.seeds[0]));
+  }
+  if (!PrepareRunDirectoryOnRanks(options.resume ? ExistingDirectory::kResume
+                                                 : ExistingDirectory::kRefuse,
+                                  identity,
+                                  error) ||
+      !WriteArray("data.npy", of.problem.data, error)) {
+    return false;
+  }
+  for (const int seed : of.seeds) {
+    if (!WriteArray(fmt::format("initial_weights-seed{}.npy", seed),
+                    of.WeightsOf(seed),
+                    error)) {
+      return false;
+    }
+  }
+  if (NumRanks() > 1) {
+    std::cout << fmt::format(
+        "{} ranks. If one of them is lost, the same command with --resume goes "
+        "on from the checkpoints in {}\n",
+        NumRanks(),
+        FLAGS_output);
+  }
+  std::set<std::string> warned;
+  for (const Method& method : of.methods) {
+    WarnOfLeftOutSamples(
+        method, of.batch_size, of.problem.train.num_samples(), &warned);
+  }
+  return true;
+}
+
 // Runs one method from one seed, resumes this run, or reads its results if it
 // is complete.
-bool RunOrLoad(const LearningProblem& problem,
+bool RunOrLoad(const CompareOptions& options,
+               const Comparison& of,
                const Method& method,
-               int batch_size,
-               const Eigen::VectorXd& weights,
                int seed,
                LearningRunResult* result,
                std::string* error) {
   LearningRunOptions run;
-  run.train = TrainOptionsOfFlags(batch_size, seed);
-  run.train.initial_weights = weights;
-  run.train.target_loss = FLAGS_target_loss;
-  run.train.patience = FLAGS_patience;
-  run.tracked_sample = FLAGS_track_sample;
+  run.train = options.training.Options(of.batch_size, seed);
+  run.train.initial_weights = of.WeightsOf(seed);
+  run.train.target_loss = options.target_loss;
+  run.train.patience = options.patience;
+  run.tracked_sample = options.track_sample;
   run.directory =
-      fmt::format("{}/{}-seed{}", FLAGS_output, FileName(method.label), seed);
+      InOutput(fmt::format("{}-seed{}", FileName(method.label), seed));
   run.train.communicator = ProgramRanks();
-  if (FLAGS_resume) {
+  if (options.resume) {
     const bool is_complete =
-        LoadCompleteRun(problem, method, run, result, error);
+        LoadCompleteRun(of.problem, method, run, result, error);
     if (!AgreeOnRanks(error->empty(), error)) return false;
     if (!IsTrueOnAnyRank(!is_complete)) return true;
   }
@@ -163,132 +250,78 @@ bool RunOrLoad(const LearningProblem& problem,
     state.fraction = training.progress();
     return ShowProgress(state, &progress);
   };
-  return RunLearning(problem, method, run, result, error);
+  return RunLearning(of.problem, method, run, result, error);
 }
 
-}  // namespace
-
-bool CompareLearning(LearningProblem problem,
-                     const std::vector<Method>& methods,
-                     RunCounts* counts,
-                     std::string* error) {
-  const int num_samples = problem.train.num_samples();
-  std::vector<int> seeds;
-  std::vector<double> levels;
-  if (FLAGS_overwrite && FLAGS_resume) {
-    *error = "--resume=true is not allowed with --overwrite";
-    return false;
+// All methods from one seed after the other.
+void Run(const CompareOptions& options, Comparison* of, RunCounts* counts) {
+  for (const Method& method : of->methods) {
+    of->results.push_back({method.label, "not run: interrupted", {}});
   }
-  if (!CheckFlags({{"target_loss", {0.0}},
-                   {"patience", {0.0}},
-                   {"track_sample", {-1.0, num_samples - 1.0}}},
-                  error) ||
-      !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
-      !ParseFlag("levels", ParseNumbers, &levels, error)) {
-    return false;
-  }
-  if (!SetNetwork(NetworkOfFlags(), &problem, error)) {
-    *error = "--" + *error;
-    return false;
-  }
-  Eigen::VectorXd given_weights;
-  if ((!FLAGS_init_weights.empty() &&
-       !NameFlag(
-           "init_weights",
-           ReadNpy(FLAGS_init_weights,
-                   problem.model->num_weights(),
-                   &given_weights,
-                   error) &&
-               CheckFinite("file " + FLAGS_init_weights, given_weights, error),
-           error)) ||
-      !CheckBatches(problem, methods, FLAGS_batch_size, error)) {
-    return false;
-  }
-  const auto initial_weights = [&](int seed) {
-    return given_weights.size() > 0 ? given_weights
-                                    : InitialWeights(problem, seed);
-  };
-  const int batch_size = BatchSize(problem, FLAGS_batch_size);
-  SetDefaultBudget(problem);
-  RunIdentity identity;
-  identity.AddData(problem.train, problem.test, problem.source.get());
-  if (given_weights.size() > 0) {
-    identity.Add("initial weights", Digest().Add(given_weights).Hex());
-  }
-  if (std::any_of(methods.begin(), methods.end(), [](const Method& method) {
-        return method.ReadsProgress();
-      })) {
-    identity.AddBudget(TrainOptionsOfFlags(batch_size, seeds[0]));
-  }
-  if (!PrepareRunDirectoryOnRanks(FLAGS_resume ? ExistingDirectory::kResume
-                                               : ExistingDirectory::kRefuse,
-                                  identity,
-                                  error)) {
-    return false;
-  }
-  if (NumRanks() > 1) {
-    std::cout << fmt::format(
-        "{} ranks. If one of them is lost, the same command with --resume goes "
-        "on from the checkpoints in {}\n",
-        NumRanks(),
-        FLAGS_output);
-  }
-  const Interrupt interrupt(!IsFirstRank());
-  const auto write = [error](const std::string& name, const auto& numbers) {
-    const std::string path = FLAGS_output + '/' + name;
-    return AgreeOnRanks(!IsFirstRank() || (ListRunFile(path, error) &&
-                                           WriteNpy(path, numbers, error)),
-                        error);
-  };
-  if (!write("data.npy", problem.data)) return false;
-  std::set<std::string> warned;
-  std::vector<MethodResults> all;
-  for (const Method& method : methods) {
-    all.push_back({method.label, "not run: interrupted", {}});
-    WarnOfLeftOutSamples(method, batch_size, num_samples, &warned);
-  }
-  for (const int seed : seeds) {
-    const Eigen::VectorXd weights = initial_weights(seed);
-    if (!write(fmt::format("initial_weights-seed{}.npy", seed), weights)) {
-      return false;
-    }
-    for (size_t i = 0; i < methods.size(); ++i) {
-      if (IsTrueOnAnyRank(Interrupt::IsRequested())) break;
+  for (const int seed : of->seeds) {
+    for (size_t i = 0; i < of->methods.size(); ++i) {
+      if (IsTrueOnAnyRank(Interrupt::IsRequested())) return;
       LearningRunResult result;
       std::string why;
-      if (RunOrLoad(
-              problem, methods[i], batch_size, weights, seed, &result, &why)) {
-        counts->Add(!result.has_failed());
-        all[i].runs.push_back(std::move(result));
+      const bool has_run =
+          RunOrLoad(options, *of, of->methods[i], seed, &result, &why);
+      counts->Add(has_run && !result.has_failed());
+      if (has_run) {
+        of->results[i].runs.push_back(std::move(result));
       } else {
-        counts->Add(false);
-        all[i].refusal = "not run: " + why;
-        Warn(methods[i].label + ": " + why);
+        of->results[i].refusal = "not run: " + why;
+        Warn(of->methods[i].label + ": " + why);
       }
     }
   }
+}
+
+// Tables and pictures, on the first rank.
+bool Report(const CompareOptions& options,
+            const Comparison& of,
+            std::string* error) {
   bool is_written = true;
   if (IsFirstRank()) {
-    const Table table = LearningTable(problem, levels, seeds.size() > 1, all);
+    const Table table =
+        LearningTable(of.problem, of.levels, of.seeds.size() > 1, of.results);
     std::cout << table.ToText();
     is_written =
-        WriteTable(FLAGS_output + "/table", table, error) &&
-        WriteRunFile(FLAGS_output + "/summary.csv", SummaryCsv(all), error);
+        WriteTable(InOutput("table"), table, error) &&
+        WriteRunFile(InOutput("summary.csv"), SummaryCsv(of.results), error);
   }
   if (!AgreeOnRanks(is_written, error)) return false;
   if (!IsFirstRank()) return true;
   std::vector<const LearningRunResult*> medians;
-  for (const MethodResults& method : all) {
+  for (const MethodResults& method : of.results) {
     const LearningRunResult* run = method.MedianRun(&HistoryRow::train_loss);
     if (run != nullptr) medians.push_back(run);
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures(LearningPictures(problem,
+  DrawPictures(LearningPictures(of.problem,
                                 FLAGS_output,
-                                FLAGS_track_sample,
-                                initial_weights(seeds[0]),
+                                options.track_sample,
+                                of.WeightsOf(of.seeds[0]),
                                 medians));
   return true;
+}
+
+}  // namespace
+
+bool CompareLearning(CompareOptions* options,
+                     LearningProblem problem,
+                     const std::vector<Method>& methods,
+                     RunCounts* counts,
+                     std::string* error) {
+  Comparison comparison;
+  comparison.problem = std::move(problem);
+  comparison.methods = methods;
+  if (!Check(options, &comparison, error) ||
+      !Prepare(*options, comparison, error)) {
+    return false;
+  }
+  const Interrupt interrupt(!IsFirstRank());
+  Run(*options, &comparison, counts);
+  return Report(*options, comparison, error);
 }
 
 }  // namespace invgrad

@@ -14,15 +14,18 @@
 #include <string>
 #include <vector>
 
+#include "bin/compare/compare_options.h"
 #include "bin/support/program.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/method.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 
-// Runs everything by the flags, and prints the table. Returns false, with
-// *error, if a flag does not fit the problem or if results cannot be written.
-bool CompareLearning(LearningProblem problem,
+// Runs everything by the options, whose budget is the problem's if they have
+// none, and prints the table. Returns false, with *error, if an option does not
+// fit the problem or if results cannot be written.
+bool CompareLearning(CompareOptions* options,
+                     LearningProblem problem,
                      const std::vector<Method>& methods,
                      RunCounts* counts,
                      std::string* error);

@@ -19,7 +19,7 @@
 
 #include "bin/support/learning_run.h"
 #include "bin/support/run_output.h"
-#include "problems/problem.h"
+#include "invgrad/compare/problem.h"
 
 namespace invgrad {
 

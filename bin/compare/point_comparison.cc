@@ -73,7 +73,7 @@ bool WriteFinalStates(const PointProblem& problem,
       if (panels->empty()) colours_of = x;
       panels->push_back(FieldPlot(title, problem.field_rows, x, colours_of));
     }
-    const std::string path = fmt::format("{}/x-{}.npy", FLAGS_output, file);
+    const std::string path = InOutput(fmt::format("x-{}.npy", file));
     return ListRunFile(path, error) && WriteNpy(path, x, error);
   };
   if (problem.minimizer.has_value() && !add("x*", "true", *problem.minimizer)) {
@@ -111,41 +111,79 @@ Plot LossPlot(const std::vector<PointPath>& paths) {
   return plot;
 }
 
-}  // namespace
+bool Check(const CompareOptions& options,
+           const PointProblem& problem,
+           size_t num_methods,
+           MinimizerOptions* minimizer,
+           std::string* error) {
+  constexpr int kMaxSteps = std::numeric_limits<int>::max();
+  if (!CheckNoTraining(/*takes_threads=*/false, error) ||
+      !CheckFlags({{"steps", {0.0, kMaxSteps}}}, error)) {
+    return false;
+  }
+  minimizer->max_num_iterations = 100;
+  minimizer->gradient_tolerance = 1e-12;
+  options.training.SetBudget(minimizer);
+  return PathsFitInMemory(
+      problem, minimizer->max_num_iterations, num_methods, error);
+}
 
-bool ComparePoint(const PointProblem& problem,
-                  const std::vector<Method>& methods,
-                  const MinimizerOptions& options,
-                  RunCounts* counts,
-                  std::string* error) {
-  const Interrupt interrupt;
-  std::vector<PointPath> paths;
-  std::vector<Plot> fields;
+bool Run(const PointProblem& problem,
+         const std::vector<Method>& methods,
+         const MinimizerOptions& options,
+         std::vector<PointPath>* paths,
+         RunCounts* counts,
+         std::string* error) {
   for (const Method& method : methods) {
     PointPath path;
     path.label = method.label;
     std::string why = "not run: interrupted";
     if (!Interrupt::IsRequested() &&
         TracePath(problem, method, options, &path, &why)) {
-      if (!WritePathCsv(FLAGS_output + "/path-", path, error)) return false;
+      if (!WritePathCsv(InOutput("path-"), path, error)) return false;
     } else {
       path.x.clear();
       path.status = why;
     }
     counts->Add(!path.has_failed());
-    paths.push_back(std::move(path));
+    paths->push_back(std::move(path));
   }
+  return true;
+}
+
+bool Report(const PointProblem& problem,
+            const std::vector<PointPath>& paths,
+            std::string* error) {
   const Table table = PointTable(problem, paths);
   std::cout << table.ToText();
-  if (!WriteTable(FLAGS_output + "/table", table, error) ||
+  std::vector<Plot> fields;
+  if (!WriteTable(InOutput("table"), table, error) ||
       (problem.start.size() > kMaxPrintedSize &&
        !WriteFinalStates(problem, paths, &fields, error))) {
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures({{FLAGS_output + "/fields.png", fields},
-                {FLAGS_output + "/loss.png", {LossPlot(paths)}}});
+  DrawPictures({{InOutput("fields.png"), fields},
+                {InOutput("loss.png"), {LossPlot(paths)}}});
   return true;
+}
+
+}  // namespace
+
+bool ComparePoint(const CompareOptions& options,
+                  const PointProblem& problem,
+                  const std::vector<Method>& methods,
+                  RunCounts* counts,
+                  std::string* error) {
+  MinimizerOptions minimizer;
+  if (!Check(options, problem, methods.size(), &minimizer, error) ||
+      !PrepareRunDirectory(ExistingDirectory::kRefuse, error)) {
+    return false;
+  }
+  const Interrupt interrupt;
+  std::vector<PointPath> paths;
+  return Run(problem, methods, minimizer, &paths, counts, error) &&
+         Report(problem, paths, error);
 }
 
 }  // namespace invgrad

@@ -17,18 +17,19 @@
 #include <string>
 #include <vector>
 
+#include "bin/compare/compare_options.h"
 #include "bin/support/program.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/method.h"
-#include "invgrad/minimize/method_minimization.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 
 // A method that does not support the problem has a row with the reason, and
-// failed. Returns false if results cannot be written.
-bool ComparePoint(const PointProblem& problem,
+// failed. Returns false, with *error, if an option does not fit the problem or
+// if results cannot be written.
+bool ComparePoint(const CompareOptions& options,
+                  const PointProblem& problem,
                   const std::vector<Method>& methods,
-                  const MinimizerOptions& options,
                   RunCounts* counts,
                   std::string* error);
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "bin/estimate/estimation_results.h"
 #include "bin/estimate/estimation_table.h"
 #include "bin/estimate/run_report.h"
 #include "bin/estimate/way.h"
@@ -17,7 +18,6 @@
 #include "invgrad/io/format.h"
 #include "invgrad/method.h"
 #include "invgrad/random.h"
-#include "problems/estimation/robust_loss.h"
 #include "report/interrupt.h"
 #include "report/plot.h"
 #include "report/table.h"
@@ -30,63 +30,34 @@ struct Runs {
   std::vector<Picture> pictures;  // drawn when all tables are written
 };
 
-std::string Status(const Method& method, const MinimizerSummary& summary) {
-  const ceres::TerminationType type = summary.termination_type;
-  if (type == ceres::USER_SUCCESS) return "interrupted";
-  if (type != ceres::CONVERGENCE && type != ceres::NO_CONVERGENCE) {
-    return "failed: " + summary.message;
-  }
-  const bool is_late =  // the message is of Ceres or ours
-      summary.message.rfind("Maximum solver time", 0) == 0;
-  std::string status = type == ceres::CONVERGENCE ? "converged"
-                       : is_late                  ? "time used up"
-                                                  : "not converged";
-  // The number of steps that the rule proposed.
-  const size_t proposals = summary.message.find("; ");
-  if (method.last_phase().ceres != nullptr &&
-      method.last_phase().rule != nullptr && proposals != std::string::npos) {
-    status += summary.message.substr(proposals);
-  } else if (summary.num_outside_domain > 0) {
-    status +=
-        fmt::format("; {} outside the domain", summary.num_outside_domain);
-    if (summary.first_outside_domain) {
-      status += ": " + summary.first_outside_domain->ToText();
+// The panels of the pictures of a start.
+struct Panels {
+  Panels() : costs(2) {
+    costs[0].x_label = "iteration";
+    costs[1].x_label = "seconds";
+    for (Plot& plot : costs) {
+      plot.y_label = "cost";
+      plot.log_y = true;
     }
   }
-  return status;
-}
 
-void SetResults(const Method& method,
-                const MinimizerSummary& summary,
-                const Estimation& estimation,
-                EstimationRow* row) {
-  // The cost is -1 if the run failed at its start.
-  if (summary.initial_cost >= 0.0) row->initial_cost = summary.initial_cost;
-  if (summary.final_cost >= 0.0) row->final_cost = summary.final_cost;
-  row->num_iterations = summary.num_steps();
-  for (size_t k = 1; k < summary.iterations.size(); ++k) {
-    ++(summary.iterations[k].step_is_successful ? row->num_accepted
-                                                : row->num_rejected);
+  void ShortenNames() {
+    std::vector<std::string> labels;
+    for (const Series& series : costs[0].series) {
+      labels.push_back(series.title);
+    }
+    labels = ShortNames(labels);
+    for (Plot& panel : costs) {
+      for (size_t i = 0; i < labels.size(); ++i) {
+        panel.series[i].title = labels[i];
+      }
+    }
   }
-  row->num_outside_domain = summary.num_outside_domain;
-  row->seconds = summary.total_time_in_seconds;
-  row->digits = estimation.Digits();
-  row->status = Status(method, summary);
-  row->has_failed = summary.termination_type == ceres::FAILURE ||
-                    summary.termination_type == ceres::USER_FAILURE;
-}
 
-std::string IterationsCsv(const MinimizerSummary& summary) {
-  std::string csv = "iteration,cost,seconds,accepted\n";
-  for (const ceres::IterationSummary& iteration : summary.iterations) {
-    csv += fmt::format("{},{:.17g},{:.17g},{:d}\n",
-                       iteration.iteration,
-                       iteration.cost,
-                       iteration.cumulative_time_in_seconds,
-                       iteration.step_is_successful);
-  }
-  return csv;
-}
+  std::vector<Plot> results;
+  std::vector<Plot> covariances;
+  std::vector<Plot> costs;  // against iterations and seconds
+};
 
 // Costs against iterations and against seconds.
 void AddCosts(const std::string& label,
@@ -95,57 +66,62 @@ void AddCosts(const std::string& label,
   Series iterations;
   iterations.title = label;
   Series seconds = iterations;
-  double cost = summary.initial_cost;  // a rejected step keeps it
   for (const ceres::IterationSummary& iteration : summary.iterations) {
-    if (iteration.step_is_successful) cost = iteration.cost;
     iterations.x.push_back(iteration.iteration);
-    iterations.y.push_back(cost);
     seconds.x.push_back(iteration.cumulative_time_in_seconds);
-    seconds.y.push_back(cost);
   }
+  iterations.y = seconds.y = Costs(summary);
   (*panels)[0].series.push_back(std::move(iterations));
   (*panels)[1].series.push_back(std::move(seconds));
 }
 
-std::string StartName(const EstimationInput& input, int start, int seed) {
+std::string StartName(const EstimationOptions& options,
+                      const EstimationInput& input,
+                      int start,
+                      int seed) {
   std::string name = input.name;
   if (input.estimation->traits().num_starts > 1) {
     name += fmt::format("-start{}", start + 1);
   }
-  if (FLAGS_perturb > 0.0) name += fmt::format("-seed{}", seed);
+  if (options.perturb > 0.0) name += fmt::format("-seed{}", seed);
   return name;
 }
 
-void SetStart(int start, int seed, Estimation* estimation) {
+void SetStart(const EstimationOptions& options,
+              int start,
+              int seed,
+              Estimation* estimation) {
   estimation->SetStart(start);
-  if (FLAGS_perturb > 0.0) {
+  if (options.perturb > 0.0) {
     NumpyRandom random(static_cast<std::uint32_t>(seed));
-    estimation->Perturb(FLAGS_perturb, &random);
+    estimation->Perturb(options.perturb, &random);
   }
 }
 
-bool Minimize(const std::string& name,
+bool Minimize(const EstimationOptions& options,
+              const std::string& name,
               Way way,
               Estimation* estimation,
               ceres::Problem* problem,
               MinimizerSummary* summary,
               std::string* error) {
   MinimizerOptions minimizer = estimation->traits().budget;
-  if (FLAGS_max_iterations > 0) {
-    minimizer.max_num_iterations = FLAGS_max_iterations;
+  if (options.max_iterations > 0) {
+    minimizer.max_num_iterations = options.max_iterations;
   }
-  if (FLAGS_seconds > 0.0) minimizer.max_time_in_seconds = FLAGS_seconds;
-  if (FLAGS_function_tolerance >= 0.0) {
-    minimizer.function_tolerance = FLAGS_function_tolerance;
+  if (options.seconds > 0.0) minimizer.max_time_in_seconds = options.seconds;
+  if (options.function_tolerance >= 0.0) {
+    minimizer.function_tolerance = options.function_tolerance;
   }
   minimizer.block_name = [estimation](const double* values) {
     return estimation->BlockName(values);
   };
+  minimizer.evaluation_callback = estimation->evaluation_callback();
   LiveCallback live(name + " " + way.label);
   minimizer.callbacks.push_back(&live);
   way.method.AddCeresDefaults(
       {{"linear_solver", estimation->traits().linear_solver},
-       {"num_threads", std::to_string(FLAGS_threads)}});
+       {"num_threads", std::to_string(options.threads)}});
   return MinimizeByWay(way, minimizer, estimation, problem, summary, error);
 }
 
@@ -187,149 +163,183 @@ bool WriteRun(const std::string& path,
           WriteRunFile(path + ".report.txt", report->ToText(), error));
 }
 
+// One way from one start. False only if a file cannot be written.
+bool RunWay(const EstimationOptions& options,
+            const std::string& name,
+            const Way& way,
+            Estimation* estimation,
+            Panels* panels,
+            EstimationRow* row,
+            std::string* error) {
+  row->start = name;
+  row->method = way.label;
+  RunReport report;
+  report.start = name;
+  report.method = way.label;
+  const std::unique_ptr<ceres::Problem> problem =
+      estimation->MakeProblem(options.make_loss);
+  std::string why;
+  if (!Minimize(options,
+                name,
+                way,
+                estimation,
+                problem.get(),
+                &report.minimizer,
+                &why)) {
+    row->status = "not run: " + why;
+    return true;
+  }
+  SetResults(way.method,
+             report.minimizer,
+             options.levels,
+             *estimation,
+             problem.get(),
+             row);
+  if (options.covariance && !row->has_failed) {
+    SetCovariance(*problem, *estimation, row, &report);
+  }
+  if (!WriteRun(InOutput(name + "/" + FileName(way.label)),
+                *estimation,
+                row,
+                &report,
+                error)) {
+    return false;
+  }
+  estimation->Draw(way.label, &panels->results);
+  if (report.covariance) {
+    estimation->DrawCovariance(
+        way.label, *report.covariance, &panels->covariances);
+  }
+  AddCosts(way.label, report.minimizer, &panels->costs);
+  return true;
+}
+
 // All ways from one start.
-bool RunFrom(int start,
+bool RunFrom(const EstimationOptions& options,
+             int start,
              int seed,
              const EstimationInput& input,
              const std::vector<Way>& ways,
-             const MakeLossFunction& make_loss,
              Runs* runs,
              std::string* error) {
   Estimation* estimation = input.estimation.get();
-  const std::string name = StartName(input, start, seed);
-  const std::string folder = FLAGS_output + "/" + name;
+  const std::string name = StartName(options, input, start, seed);
+  const std::string folder = InOutput(name);
   if (!MakeDirectories(folder, error)) return false;
-  SetStart(start, seed, estimation);
-  std::vector<Plot> panels;
-  estimation->Draw("start", &panels);
-  std::vector<Plot> covariance_panels;
-  std::vector<Plot> costs(2);
-  costs[0].x_label = "iteration";
-  costs[1].x_label = "seconds";
-  costs[0].y_label = costs[1].y_label = "cost";
-  costs[0].log_y = costs[1].log_y = true;
+  SetStart(options, start, seed, estimation);
+  Panels panels;
+  estimation->Draw("start", &panels.results);
   for (const Way& way : ways) {
     if (Interrupt::IsRequested()) break;
-    SetStart(start, seed, estimation);
-    EstimationRow& row = runs->rows.emplace_back();
-    row.start = name;
-    row.method = way.label;
-    RunReport report;
-    report.start = name;
-    report.method = way.label;
-    const std::unique_ptr<ceres::Problem> problem =
-        estimation->MakeProblem(make_loss);
-    std::string why;
-    if (!Minimize(
-            name, way, estimation, problem.get(), &report.minimizer, &why)) {
-      row.status = "not run: " + why;
-      continue;
-    }
-    SetResults(way.method, report.minimizer, *estimation, &row);
-    if (FLAGS_covariance && !row.has_failed) {
-      SetCovariance(*problem, *estimation, &row, &report);
-    }
-    if (!WriteRun(folder + "/" + FileName(way.label),
-                  *estimation,
-                  &row,
-                  &report,
-                  error)) {
+    SetStart(options, start, seed, estimation);
+    if (!RunWay(options,
+                name,
+                way,
+                estimation,
+                &panels,
+                &runs->rows.emplace_back(),
+                error)) {
       return false;
     }
-    estimation->Draw(way.label, &panels);
-    if (report.covariance) {
-      estimation->DrawCovariance(
-          way.label, *report.covariance, &covariance_panels);
-    }
-    AddCosts(way.label, report.minimizer, &costs);
   }
-  runs->pictures.push_back({folder + "/result.png", std::move(panels)});
-  if (!covariance_panels.empty()) {
+  panels.ShortenNames();
+  runs->pictures.push_back({folder + "/result.png", std::move(panels.results)});
+  if (!panels.covariances.empty()) {
     runs->pictures.push_back(
-        {folder + "/covariance.png", std::move(covariance_panels)});
+        {folder + "/covariance.png", std::move(panels.covariances)});
   }
-  if (!costs[0].series.empty()) {
-    std::vector<std::string> labels;
-    for (const Series& series : costs[0].series) {
-      labels.push_back(series.title);
-    }
-    labels = ShortNames(labels);
-    for (Plot& panel : costs) {
-      for (size_t i = 0; i < labels.size(); ++i) {
-        panel.series[i].title = labels[i];
-      }
-    }
-    runs->pictures.push_back({folder + "/cost.png", std::move(costs)});
+  if (!panels.costs[0].series.empty()) {
+    runs->pictures.push_back({folder + "/cost.png", std::move(panels.costs)});
   }
   return true;
 }
 
-}  // namespace
-
-bool CompareEstimations(const std::vector<EstimationInput>& inputs,
-                        const std::vector<Method>& methods,
-                        RunCounts* counts,
-                        std::string* error) {
-  std::vector<int> seeds;
-  MakeLossFunction make_loss;
-  if (!CheckFlag("separable", {"off", "on", "both"}, error) ||
-      !CheckFlag("start", {"1", "2", "both"}, error) ||
-      !CheckFlags({{"perturb", {0.0}},
-                   {"max_iterations", {0.0}},
-                   {"seconds", {0.0}},
-                   {"function_tolerance", {0.0, 1.0, false, true}},
-                   {"threads", {1.0, 256.0}}},
-                  error) ||
-      !ParseFlag("seeds", ParseSeeds, &seeds, error) ||
-      !ParseFlag("loss", ParseRobustLoss, &make_loss, error)) {
+bool Check(const EstimationOptions& options,
+           const std::vector<EstimationInput>& inputs,
+           std::string* error) {
+  for (const EstimationInput& input : inputs) {
+    if (options.start != "2" || input.estimation->traits().num_starts == 2) {
+      continue;
+    }
+    *error = "--start=2: " + input.name + " has one start";
     return false;
   }
+  return true;
+}
+
+bool Prepare(const EstimationOptions& options,
+             const std::vector<EstimationInput>& inputs,
+             std::string* error) {
   for (const EstimationInput& input : inputs) {
-    if (FLAGS_start == "2" && input.estimation->traits().num_starts < 2) {
-      *error = "--start=2: " + input.name + " has one start";
-      return false;
-    }
     std::cout << input.name << ": " << input.estimation->traits().description
               << "\n";
   }
   std::cout << "\n";
-  SetBlasThreads(FLAGS_threads);
-  if (!PrepareRunDirectory(ExistingDirectory::kRefuse, error)) return false;
-  if (FLAGS_perturb == 0.0) seeds = {0};
-  const Interrupt interrupt;
-  Runs runs;
+  SetBlasThreads(options.threads);
+  return PrepareRunDirectory(ExistingDirectory::kRefuse, error);
+}
+
+bool Run(const EstimationOptions& options,
+         const std::vector<EstimationInput>& inputs,
+         const std::vector<Way>& ways,
+         Runs* runs,
+         std::string* error) {
+  const std::vector<int> seeds =
+      options.perturb > 0.0 ? options.seeds : std::vector<int>{0};
   for (const EstimationInput& input : inputs) {
     for (int start = 0; start < input.estimation->traits().num_starts;
          ++start) {
-      if (FLAGS_start != "both" && FLAGS_start != std::to_string(start + 1)) {
+      if (options.start != "both" &&
+          options.start != std::to_string(start + 1)) {
         continue;
       }
       for (const int seed : seeds) {
-        if (Interrupt::IsRequested()) break;
-        if (!RunFrom(start,
-                     seed,
-                     input,
-                     Ways(methods, FLAGS_separable),
-                     make_loss,
-                     &runs,
-                     error)) {
+        if (Interrupt::IsRequested()) return true;
+        if (!RunFrom(options, start, seed, input, ways, runs, error)) {
           return false;
         }
       }
     }
   }
-  const Table table = EstimationTable(runs.rows, /*is_exact=*/false);
+  return true;
+}
+
+bool Report(const std::vector<double>& levels,
+            const Runs& runs,
+            std::string* error) {
+  const Table table = EstimationTable(runs.rows, levels, /*is_exact=*/false);
   const Table summary = EstimationSummary(runs.rows);
   std::cout << table.ToText() << "\n" << summary.ToText();
-  if (!WriteTable(FLAGS_output + "/table", table, error) ||
-      !WriteTable(FLAGS_output + "/summary", summary, error) ||
-      !WriteRunFile(FLAGS_output + "/results.csv",
-                    EstimationTable(runs.rows, /*is_exact=*/true).ToCsv(),
-                    error)) {
+  if (!WriteTable(InOutput("table"), table, error) ||
+      !WriteTable(InOutput("summary"), summary, error) ||
+      !WriteRunFile(
+          InOutput("results.csv"),
+          EstimationTable(runs.rows, levels, /*is_exact=*/true).ToCsv(),
+          error)) {
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
   DrawPictures(runs.pictures);
+  return true;
+}
+
+}  // namespace
+
+bool CompareEstimations(const EstimationOptions& options,
+                        const std::vector<EstimationInput>& inputs,
+                        const std::vector<Method>& methods,
+                        RunCounts* counts,
+                        std::string* error) {
+  if (!Check(options, inputs, error) || !Prepare(options, inputs, error)) {
+    return false;
+  }
+  const Interrupt interrupt;
+  Runs runs;
+  const std::vector<Way> ways = Ways(methods, options.separable);
+  if (!Run(options, inputs, ways, &runs, error) ||
+      !Report(options.levels, runs, error)) {
+    return false;
+  }
   for (const EstimationRow& row : runs.rows) counts->Add(!row.has_failed);
   return true;
 }

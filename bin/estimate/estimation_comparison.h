@@ -24,21 +24,8 @@
 #include <vector>
 
 #include "bin/support/program.h"
-#include "gflags/gflags.h"
 #include "invgrad/method.h"
 #include "problems/estimation/estimation.h"
-
-// Defined in estimate.cc, because compare has flags of the same names.
-DECLARE_string(separable);
-DECLARE_string(start);
-DECLARE_string(loss);
-DECLARE_bool(covariance);
-DECLARE_double(perturb);
-DECLARE_string(seeds);
-DECLARE_int32(max_iterations);
-DECLARE_double(seconds);
-DECLARE_double(function_tolerance);
-DECLARE_int32(threads);
 
 namespace invgrad {
 
@@ -47,10 +34,25 @@ struct EstimationInput {
   std::unique_ptr<Estimation> estimation;
 };
 
-// Runs all methods from the starts of the flags. A method that does not support
-// a problem has a row with the reason, and failed. Returns false, with *error
-// set, if a flag's value is not allowed or if a file cannot be written.
-bool CompareEstimations(const std::vector<EstimationInput>& inputs,
+struct EstimationOptions {
+  std::string separable = "off";  // on, both: over nonlinear parameters, way.h
+  std::string start = "both";     // "1", "2": of a problem with two starts
+  MakeLossFunction make_loss = [] { return nullptr; };
+  bool covariance = false;
+  double perturb = 0.0;              // of the starts; 0: no seeds
+  std::vector<int> seeds = {1};      // of the noise
+  int max_iterations = 0;            // 0: the problem's own
+  double seconds = 0.0;              // 0: no limit
+  double function_tolerance = -1.0;  // -1: the problem's own
+  int threads = 1;
+  std::vector<double> levels;  // costs above the minimum; for seconds to
+};
+
+// Runs all methods from the starts of the options. A method that does not
+// support a problem has a row with the reason, and failed. Returns false, with
+// *error set, if a problem has no such start or if a file cannot be written.
+bool CompareEstimations(const EstimationOptions& options,
+                        const std::vector<EstimationInput>& inputs,
                         const std::vector<Method>& methods,
                         RunCounts* counts,
                         std::string* error);

@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "fmt/core.h"
 #include "invgrad/io/format.h"
-#include "problems/estimation/nist_models.h"
 
 namespace invgrad {
 namespace {
 
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr auto kLeft = Table::Align::kLeft;
 
 bool HasDigits(const std::vector<EstimationRow>& rows) {
@@ -19,8 +20,14 @@ bool HasDigits(const std::vector<EstimationRow>& rows) {
   });
 }
 
+bool HasSolutions(const std::vector<EstimationRow>& rows) {
+  return std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
+    return row.is_solved.has_value();
+  });
+}
+
 bool IsSolved(const EstimationRow& row) {
-  return row.digits.has_value() && IsNistSolution(*row.digits);
+  return row.is_solved.value_or(false);
 }
 
 // Counts of a run or of sums of runs.
@@ -39,8 +46,15 @@ std::string DeviationDigits(const EstimationRow& row, bool is_exact) {
 
 }  // namespace
 
-Table EstimationTable(const std::vector<EstimationRow>& rows, bool is_exact) {
+Table EstimationTable(const std::vector<EstimationRow>& rows,
+                      const std::vector<double>& levels,
+                      bool is_exact) {
   const bool has_digits = HasDigits(rows);
+  const bool has_solutions = HasSolutions(rows);
+  const bool is_counted =
+      std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
+        return row.num_evaluations >= 0;
+      });
   const bool has_covariances =
       std::any_of(rows.begin(), rows.end(), [](const EstimationRow& row) {
         return row.rank.has_value();
@@ -58,15 +72,27 @@ Table EstimationTable(const std::vector<EstimationRow>& rows, bool is_exact) {
               number(row.initial_cost, 7));
     table.Add(is_exact ? "final_cost" : "cost", number(row.final_cost, 7));
     AddCounts(row, &table);
+    if (is_counted) {
+      table.Add("evaluations", std::to_string(row.num_evaluations));
+      table.Add(is_exact ? "gradient_norm" : "|gradient|",
+                number(row.gradient_norm, 3));
+    }
     table.Add(is_exact ? "seconds" : "s", number(row.seconds, 3));
+    for (size_t i = 0; i < levels.size(); ++i) {
+      const double seconds =
+          i < row.seconds_to.size() ? row.seconds_to[i] : kNan;
+      const std::string level = FormatNumber(levels[i]);
+      table.Add((is_exact ? "seconds_to_" : "s to ") + level,
+                is_exact ? ExactNumber(seconds) : NumberOrDash(seconds));
+    }
     if (has_digits || is_exact) {
       table.Add("digits",
                 row.digits ? number(row.digits->minCoeff(), 3) : none);
       table.Add(is_exact ? "mean_digits" : "mean digits",
                 row.digits ? number(row.digits->mean(), 3) : none);
     }
-    if (has_digits && !is_exact) {
-      table.Add("solved", !row.digits ? "-" : IsSolved(row) ? "yes" : "no");
+    if (has_solutions && !is_exact) {
+      table.Add("solved", !row.is_solved ? "-" : IsSolved(row) ? "yes" : "no");
     }
     if (has_covariances && !is_exact) {
       table.Add("rank",
@@ -116,8 +142,8 @@ Table EstimationSummary(const std::vector<EstimationRow>& rows) {
       num_least += row.final_cost <= least + kSameCost * std::abs(least);
       if (IsSolved(row)) {
         ++num_solved;
-        worst_digits += row.digits->minCoeff();
-        mean_digits += row.digits->mean();
+        if (row.digits) worst_digits += row.digits->minCoeff();
+        if (row.digits) mean_digits += row.digits->mean();
       }
       sum.num_iterations += row.num_iterations;
       sum.num_accepted += row.num_accepted;
@@ -134,8 +160,8 @@ Table EstimationSummary(const std::vector<EstimationRow>& rows) {
     table.Add("method", method, kLeft);
     table.Add("starts", std::to_string(num_runs));
     table.Add("least cost", share(num_least));
+    if (HasSolutions(rows)) table.Add("solved", share(num_solved));
     if (has_digits) {
-      table.Add("solved", share(num_solved));
       table.Add("digits", mean(worst_digits));
       table.Add("mean digits", mean(mean_digits));
     }

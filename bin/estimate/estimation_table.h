@@ -23,6 +23,10 @@ struct EstimationRow {
   int num_rejected = 0;
   int num_outside_domain = 0;  // candidates
   double seconds = 0.0;
+  double gradient_norm = std::numeric_limits<double>::quiet_NaN();  // Euclidean
+  long num_evaluations = -1;       // of all residuals; -1: not counted
+  std::vector<double> seconds_to;  // each level; NaN: never
+  std::optional<bool> is_solved;   // unknown: none
   // Correct digits of every parameter, if there are certified values.
   std::optional<Eigen::VectorXd> digits;
   // Of its covariance, and the correct digits of every standard deviation.
@@ -33,11 +37,13 @@ struct EstimationRow {
   bool has_failed = true;
 };
 
-// One row per run, for people; or with all digits, for CSV.
-Table EstimationTable(const std::vector<EstimationRow>& rows, bool is_exact);
+// One row per run, for people; or with all digits, for CSV. `levels`: those of
+// seconds_to.
+Table EstimationTable(const std::vector<EstimationRow>& rows,
+                      const std::vector<double>& levels,
+                      bool is_exact);
 
-// For each method, over all starts: the number of solved starts (by NIST's
-// digits); the digits of the worst and of the mean parameter, averaged over the
+// For each method, over all starts: the number of solved starts, if that is known; the digits of the worst and of the mean parameter, averaged over the
 // solved starts; the number of starts with the least cost of all methods; and
 // sums.
 Table EstimationSummary(const std::vector<EstimationRow>& rows);

@@ -8,7 +8,7 @@
 #include "Eigen/Core"
 #include "bin/support/learning_run.h"
 #include "bin/support/run_output.h"
-#include "problems/problem.h"
+#include "invgrad/compare/problem.h"
 #include "report/plot.h"
 
 namespace invgrad {

@@ -9,11 +9,11 @@
 #include "bin/support/program.h"
 #include "bin/support/run_directory.h"
 #include "fmt/core.h"
+#include "invgrad/compare/compare.h"
 #include "invgrad/internal/communicator.h"
 #include "invgrad/io/format.h"
 #include "invgrad/method.h"
 #include "invgrad/random.h"
-#include "problems/problems.h"
 
 namespace invgrad {
 namespace {
@@ -59,7 +59,7 @@ bool CreateLearningProblem(const std::string& specification,
   if (!created.learning.has_value()) {
     *error = specification +
              " has no network to train; allowed are learning problems "
-             "(compare and trajectories show point problems)";
+             "(compare shows the others)";
     return false;
   }
   *problem = *std::move(created.learning);

@@ -21,9 +21,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/chain/neuron_statistics.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/method.h"
 #include "invgrad/train.h"
-#include "problems/problem.h"
 #include "report/table.h"
 
 namespace invgrad {

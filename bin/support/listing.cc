@@ -3,11 +3,10 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/compare/compare.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/rules.h"
-#include "problems/estimation/nist_models.h"
-#include "problems/problems.h"
 #include "report/table.h"
 
 namespace invgrad {
@@ -103,17 +102,7 @@ std::string Listing() {
 }
 
 std::string EstimateListing() {
-  std::string text =
-      "Formats (--input)\n"
-      "  .dat            NIST StRD, nonlinear regression (nist)\n"
-      "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
-      ".txt\n"
-      "  .g2o            pose graphs in 2D and 3D (g2o)\n"
-      "\nModels of NIST's files\n";
-  for (const NistModel& model : NistModels()) {
-    text += fmt::format("  {}\n    {}\n", model.name, model.formula);
-  }
-  return text + "\nRules (--methods=name:key=value:...,...)\n" +
+  return "Rules (--methods=name:key=value:...,...)\n" +
          RowTexts(Format::kText, Rules()) +
          "\nMinimizers of Ceres; ceres_lm+RULE and ceres_dogleg+RULE let a "
          "rule propose steps.\nlinear_solver is, where nothing is said, "

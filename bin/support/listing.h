@@ -8,7 +8,7 @@
 namespace invgrad {
 
 std::string Listing();
-// What `estimate` accepts, which needs no network.
+// The methods of `estimate`, which need no network.
 std::string EstimateListing();
 
 std::string RulesMarkdown();

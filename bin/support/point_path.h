@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "invgrad/compare/problem.h"
 #include "invgrad/method.h"
 #include "invgrad/minimize/method_minimization.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

@@ -352,6 +352,10 @@ void SetDefaultOutput() {
   }
 }
 
+std::string InOutput(const std::string& name) {
+  return FLAGS_output + '/' + name;
+}
+
 bool ListRunFile(const std::string& path, std::string* error) {
   RunDirectory& run = ThisRun();
   const std::string directory = run.path + '/';

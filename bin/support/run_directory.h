@@ -53,6 +53,9 @@ bool JoinRunDirectory(const RunIdentity& identity, std::string* error);
 // Sets --output if it is empty.
 void SetDefaultOutput();
 
+// "OUTPUT/NAME"
+std::string InOutput(const std::string& name);
+
 // Adds the path to files.txt if it is in the run's directory. Call it before
 // making a file there or the file's folder: --overwrite removes no others.
 // Returns false, with *error set, if files.txt cannot be written.

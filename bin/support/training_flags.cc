@@ -4,46 +4,14 @@
 #include <limits>
 #include <memory>
 #include <sstream>
+#include <utility>
 
+#include "bin/support/flags.h"
 #include "bin/support/program.h"
 #include "fmt/core.h"
+#include "invgrad/compare/compare.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/option_set.h"
-#include "problems/torch/torch_networks.h"
-
-DEFINE_string(hidden,
-              "",
-              "widths of the network's hidden layers, as 20-20-20; empty: the "
-              "problem's own");
-DEFINE_string(activation,
-              "",
-              "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
-              "the problem's own");
-DEFINE_string(initialization,
-              "",
-              "of the weights: glorot, he, pytorch; empty: the problem's own");
-DEFINE_string(torch_script,
-              "",
-              "a TorchScript file, the network in place of the problem's own; "
-              "its initial weights are those of the file");
-DEFINE_int32(epochs, 0, "budget in epochs; 0: the problem's own if no other");
-DEFINE_int64(steps, 0, "budget in steps; 0: none (100 for a point problem)");
-DEFINE_double(seconds, 0.0, "budget in seconds of training; 0: none");
-DEFINE_bool(cpu_time,
-            false,
-            "seconds of training are those of the processor, of all threads: "
-            "for a fair comparison on a busy machine");
-DEFINE_int32(batch_size, -1, "samples a step; 0: all; -1: the problem's own");
-DEFINE_int32(
-    threads,
-    1,
-    "threads over the samples of a batch; the results do not depend on "
-    "it");
-DEFINE_bool(shuffle, false, "a new order of the samples each epoch");
-DEFINE_double(checkpoint_seconds,
-              invgrad::TrainOptions().checkpoint_interval_in_seconds,
-              "at least so long between two checkpoints of a run; 0: one after "
-              "every step");
 
 namespace invgrad {
 namespace {
@@ -66,6 +34,11 @@ bool Choose(const char* setting,
   return true;
 }
 
+TorchScriptLoader& LoaderOfTorchScript() {
+  static auto& loader = *new TorchScriptLoader;
+  return loader;
+}
+
 // The shape of a sample's input for a network of libtorch.
 std::vector<std::int64_t> InputShape(const LearningProblem& problem) {
   if (!problem.input_shape.empty()) return problem.input_shape;
@@ -76,13 +49,15 @@ bool SetTorchScript(const std::string& file,
                     LearningProblem* problem,
                     std::string* error) {
   const Model& own = *problem->model;
-  const TorchNetworks* const networks = LoadTorchNetworks(error);
-  if (networks == nullptr) return false;
+  if (LoaderOfTorchScript() == nullptr) {
+    *error = "torch_script: this program has no loader (SetTorchScriptLoader)";
+    return false;
+  }
   if (own.feedback() != nullptr || own.derivatives() != nullptr) {
     *error = "torch_script: this problem needs a dense network";
     return false;
   }
-  const auto network = networks->load_torch_script(
+  const auto network = LoaderOfTorchScript()(
       file, InputShape(*problem), /*double_precision=*/false, error);
   if (network == nullptr) {
     *error = "torch_script=" + Printable(*error);
@@ -202,12 +177,51 @@ bool SetNetwork(const NetworkSettings& settings,
   return true;
 }
 
-NetworkSettings NetworkOfFlags() {
-  return {
-      FLAGS_hidden, FLAGS_activation, FLAGS_initialization, FLAGS_torch_script};
+void SetTorchScriptLoader(TorchScriptLoader loader) {
+  LoaderOfTorchScript() = std::move(loader);
 }
 
-bool CheckTrainingFlags(std::string* error) {
+void TrainingFlags::Add() {
+  AddFlag("hidden",
+          &network.hidden,
+          "widths of the network's hidden layers, as 20-20-20; empty: the "
+          "problem's own");
+  AddFlag("activation",
+          &network.activation,
+          "of the hidden layers: linear, tanh, relu, sigmoid, gelu; empty: "
+          "the problem's own");
+  AddFlag("initialization",
+          &network.initialization,
+          "of the weights: glorot, he, pytorch; empty: the problem's own");
+  AddFlag("torch_script",
+          &network.torch_script,
+          "a TorchScript file, the network in place of the problem's own; "
+          "its initial weights are those of the file");
+  AddFlag(
+      "epochs", &epochs, "budget in epochs; 0: the problem's own if no other");
+  AddFlag("steps",
+          &steps,
+          "budget in steps; 0: none (of a problem without a network: its own)");
+  AddFlag("seconds", &seconds, "budget in seconds of training; 0: none");
+  AddFlag("cpu_time",
+          &cpu_time,
+          "seconds of training are those of the processor, of all threads: "
+          "for a fair comparison on a busy machine");
+  AddFlag("batch_size",
+          &batch_size,
+          "samples a step; 0: all; -1: the problem's own");
+  AddFlag("threads",
+          &threads,
+          "threads over the samples of a batch; the results do not depend on "
+          "it");
+  AddFlag("shuffle", &shuffle, "a new order of the samples each epoch");
+  AddFlag("checkpoint_seconds",
+          &checkpoint_seconds,
+          "at least so long between two checkpoints of a run; 0: one after "
+          "every step");
+}
+
+bool TrainingFlags::Check(std::string* error) const {
   return CheckFlags({{"epochs", {0.0}},
                      {"steps", {0.0}},
                      {"seconds", {0.0}},
@@ -217,23 +231,26 @@ bool CheckTrainingFlags(std::string* error) {
                     error);
 }
 
-void SetDefaultBudget(const LearningProblem& problem) {
-  if (FLAGS_epochs == 0 && FLAGS_steps == 0 && FLAGS_seconds == 0.0) {
-    FLAGS_epochs = problem.num_epochs;
-  }
+void TrainingFlags::SetDefaultBudget(const LearningProblem& problem) {
+  if (epochs == 0 && steps == 0 && seconds == 0.0) epochs = problem.num_epochs;
 }
 
-TrainOptions TrainOptionsOfFlags(int batch_size, int seed) {
+void TrainingFlags::SetBudget(MinimizerOptions* options) const {
+  if (steps > 0) options->max_num_iterations = static_cast<int>(steps);
+  if (seconds > 0.0) options->max_time_in_seconds = seconds;
+}
+
+TrainOptions TrainingFlags::Options(int batch_size_of_run, int seed) const {
   TrainOptions options;
-  options.batch_size = batch_size;
+  options.batch_size = batch_size_of_run;
   options.seed = static_cast<std::uint32_t>(seed);
-  options.num_threads = FLAGS_threads;
-  options.shuffle = FLAGS_shuffle;
-  if (FLAGS_epochs > 0) options.max_num_epochs = FLAGS_epochs;
-  if (FLAGS_steps > 0) options.max_num_steps = FLAGS_steps;
-  if (FLAGS_seconds > 0.0) options.max_time_in_seconds = FLAGS_seconds;
-  options.cpu_time = FLAGS_cpu_time;
-  options.checkpoint_interval_in_seconds = FLAGS_checkpoint_seconds;
+  options.num_threads = threads;
+  options.shuffle = shuffle;
+  if (epochs > 0) options.max_num_epochs = epochs;
+  if (steps > 0) options.max_num_steps = steps;
+  if (seconds > 0.0) options.max_time_in_seconds = seconds;
+  options.cpu_time = cpu_time;
+  options.checkpoint_interval_in_seconds = checkpoint_seconds;
   return options;
 }
 

@@ -1,6 +1,5 @@
 // The flags of the programs that train a network: budget, batches, and settings
-// that replace the problem's network. A program has these flags if it uses this
-// file.
+// that replace the problem's network.
 //
 //   hidden=20-20-20        a width a hidden layer
 //   activation=relu        linear, tanh, relu, sigmoid, gelu; see activation.h
@@ -10,17 +9,13 @@
 #ifndef BIN_SUPPORT_TRAINING_FLAGS_H_
 #define BIN_SUPPORT_TRAINING_FLAGS_H_
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
-#include "gflags/gflags.h"
+#include "invgrad/compare/problem.h"
+#include "invgrad/minimize.h"
 #include "invgrad/train.h"
-#include "problems/problem.h"
-
-DECLARE_int32(epochs);
-DECLARE_int64(steps);
-DECLARE_double(seconds);
-DECLARE_int32(batch_size);
 
 namespace invgrad {
 
@@ -45,23 +40,40 @@ bool SetNetwork(const NetworkSettings& settings,
                 LearningProblem* problem,
                 std::string* error);
 
-NetworkSettings NetworkOfFlags();
-
 // "20-20-20": replaces the hidden layers of `widths`, unless the text is empty.
 // A network's weights are numbered by an int.
 bool ParseWidths(const std::string& text,
                  std::vector<int>* widths,
                  std::string* error);
 
-// Returns false, with *error, for a budget or a batch size that is not allowed.
-// SetNetwork checks the network's flags.
-bool CheckTrainingFlags(std::string* error);
+struct TrainingFlags {
+  NetworkSettings network;
+  int epochs = 0;  // of the budget, 0: none
+  std::int64_t steps = 0;
+  double seconds = 0.0;
+  bool cpu_time = false;
+  int batch_size = -1;
+  int threads = 1;
+  bool shuffle = false;
+  double checkpoint_seconds = TrainOptions().checkpoint_interval_in_seconds;
 
-// Sets --epochs to the problem's budget if the flags have none.
-void SetDefaultBudget(const LearningProblem& problem);
+  // Adds a flag for each field, under its name.
+  void Add();
 
-// With budget, shuffle and checkpoint_seconds of the flags.
-TrainOptions TrainOptionsOfFlags(int batch_size, int seed);
+  // Returns false, with *error, for a budget or a batch size that is not
+  // allowed. SetNetwork checks the network's flags.
+  bool Check(std::string* error) const;
+
+  // Sets `epochs` to the problem's budget if there is no other.
+  void SetDefaultBudget(const LearningProblem& problem);
+
+  // Sets the steps and seconds of a minimization that are not 0.
+  void SetBudget(MinimizerOptions* options) const;
+
+  // With everything but the network and batch_size, which a run may have of its
+  // own.
+  TrainOptions Options(int batch_size_of_run, int seed) const;
+};
 
 }  // namespace invgrad
 

@@ -9,9 +9,9 @@
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
+#include "invgrad/compare/compare.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/method.h"
-#include "problems/problems.h"
 
 namespace invgrad {
 namespace {

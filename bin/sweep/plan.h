@@ -25,8 +25,8 @@
 #include <vector>
 
 #include "bin/support/training_flags.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/method.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 

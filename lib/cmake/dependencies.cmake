@@ -2,7 +2,7 @@
 # and the command that installs them.
 #
 # Included, not called: the imported targets and what find_package sets belong
-# to the including file. Reads INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS;
+# to the including file. Reads INVGRAD_WITH_COMPARE, INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS;
 # sets invgrad_has_torch and invgrad_has_mpi.
 
 set(missing_names "")
@@ -72,11 +72,13 @@ if(INVGRAD_WITH_MPI)
   endif()
 endif()
 
-if(INVGRAD_BUILD_PROGRAMS)
-  # Command-line flags of the programs.
+if(INVGRAD_WITH_COMPARE)
+  # Command-line flags.
   find_package(gflags QUIET)
   invgrad_note_if_missing("gflags" libgflags-dev gflags_FOUND)
+endif()
 
+if(INVGRAD_BUILD_PROGRAMS)
   # FFTs for the problems; the library does not need them.
   find_library(FFTW_LIBRARY fftw3)
   find_path(FFTW_INCLUDE_DIR fftw3.h)

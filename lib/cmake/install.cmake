@@ -8,8 +8,8 @@
 #   lib/pkgconfig/invgrad.pc
 #   share/doc/libinvgrad-dev/     copyright
 #
-# The programs are not installed: they are experiments, and names such as
-# `compare` could conflict. The installed tree is relocatable.
+# The programs are not installed: names such as `compare` could conflict, and a
+# program of the component compare is three lines. The installed tree is relocatable.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -40,6 +40,16 @@ if(TARGET invgrad_mpi)
   install(FILES lib/invgrad/mpi.h
     DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad)
   install(EXPORT invgradMpiTargets NAMESPACE invgrad::
+    DESTINATION ${config_dir})
+endif()
+
+if(TARGET invgrad_compare)
+  install(TARGETS invgrad_compare EXPORT invgradCompareTargets
+    INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  file(GLOB compare_headers CONFIGURE_DEPENDS lib/invgrad/compare/*.h)
+  install(FILES ${compare_headers}
+    DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/invgrad/compare)
+  install(EXPORT invgradCompareTargets NAMESPACE invgrad::
     DESTINATION ${config_dir})
 endif()
 
@@ -89,8 +99,9 @@ if(PROJECT_IS_TOP_LEVEL)
   set(CPACK_STRIP_FILES OFF)  # a static library keeps its symbols
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
   set(CPACK_DEBIAN_PACKAGE_SECTION libdevel)
-  # For invgrad::torch and invgrad::mpi.
-  set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libtorch-dev, libopenmpi-dev")
+  # For invgrad::torch, invgrad::mpi and invgrad::compare.
+  set(CPACK_DEBIAN_PACKAGE_SUGGESTS
+    "libtorch-dev, libopenmpi-dev, libgflags-dev, gnuplot-nox")
   set(CPACK_DEBIAN_PACKAGE_DEPENDS
     "libceres-dev (>= 2.1), libeigen3-dev (>= 3.4), libgoogle-glog-dev, libfmt-dev, libopenblas-dev, liblapacke-dev, libsuitesparse-dev, nlohmann-json3-dev")
   include(CPack)

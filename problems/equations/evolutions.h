@@ -6,8 +6,8 @@
 #include <functional>
 #include <string>
 
+#include "invgrad/compare/equation_problem.h"
 #include "invgrad/time_windows.h"
-#include "problems/equations/equation_problem.h"
 
 namespace invgrad {
 

@@ -29,9 +29,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/compare/equation_problem.h"
 #include "invgrad/equation.h"
 #include "invgrad/equation_points.h"
-#include "problems/equations/equation_problem.h"
 #include "problems/equations/heat.h"
 
 namespace invgrad {

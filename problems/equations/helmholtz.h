@@ -23,8 +23,8 @@
 
 #include "Eigen/Core"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/compare/equation_problem.h"
 #include "invgrad/equation_points.h"
-#include "problems/equations/equation_problem.h"
 
 namespace invgrad {
 

@@ -29,9 +29,9 @@
 
 #include "Eigen/Core"
 #include "invgrad/autodiff_simulator.h"
+#include "invgrad/compare/equation_problem.h"
 #include "invgrad/equation_points.h"
 #include "invgrad/time_windows.h"
-#include "problems/equations/equation_problem.h"
 #include "problems/equations/periodic_evolution.h"
 
 namespace invgrad {

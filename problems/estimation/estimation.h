@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "ceres/evaluation_callback.h"
 #include "ceres/ordered_groups.h"
 #include "ceres/problem.h"
 #include "invgrad/covariance.h"
@@ -65,6 +66,21 @@ class Estimation {
   // For each parameter, the digits that agree with the certified value, if the
   // file has certified values.
   virtual std::optional<Eigen::VectorXd> Digits() const { return {}; }
+
+  // The least cost, 0 if it is not known: --levels are above it.
+  virtual double minimum() const { return 0.0; }
+
+  // Whether a run is a solution, if that is known.
+  virtual std::optional<bool> IsSolved(double /*initial_cost*/,
+                                       double /*final_cost*/) const {
+    return {};
+  }
+
+  // The evaluation callback of the problem that was made last; null: none.
+  virtual ceres::EvaluationCallback* evaluation_callback() { return nullptr; }
+  // How often all residuals were evaluated since then, with or without
+  // Jacobian; -1 if this is not counted.
+  virtual long num_evaluations() const { return -1; }
 
   // The name of a parameter block in reports.
   virtual std::string BlockName(const double* values) const = 0;

@@ -58,6 +58,11 @@ class NistEstimation final : public Estimation {
     return LogRelativeErrors(b_, data_.certified);
   }
 
+  std::optional<bool> IsSolved(double /*initial_cost*/,
+                               double /*final_cost*/) const override {
+    return IsNistSolution(*Digits());
+  }
+
   std::string BlockName(const double* /*values*/) const override { return "b"; }
 
   std::optional<Eigen::VectorXd> DeviationDigits(

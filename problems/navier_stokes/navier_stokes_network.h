@@ -31,8 +31,8 @@
 #include <string>
 
 #include "problems/field_data.h"
-#include "problems/problem.h"
-#include "problems/sample_data.h"
+#include "invgrad/compare/problem.h"
+#include "invgrad/compare/sample_data.h"
 
 namespace invgrad {
 

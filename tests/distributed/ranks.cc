@@ -6,6 +6,7 @@
 #include "glog/logging.h"
 #include "gtest/gtest.h"
 #include "invgrad/mpi.h"
+#include "problems/problems.h"
 
 namespace invgrad {
 namespace {
@@ -37,6 +38,7 @@ std::shared_ptr<const Communicator> Ranks() { return Current(); }
 }  // namespace invgrad
 
 int main(int argc, char** argv) {
+  invgrad::RegisterProblems();
   testing::InitGoogleTest(&argc, argv);
   const invgrad::MpiSession session(&argc, &argv);
   CHECK(session.communicator() != nullptr) << "Start it by mpirun.";

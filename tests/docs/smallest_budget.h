@@ -27,9 +27,6 @@ constexpr int kNumSamples = 10;
 // "oscillator_chain" -> "oscillator_chain:num_samples=10". A point problem
 // stays.
 inline std::string SmallProblem(std::string problem) {
-  // Tutorial 1 lets the reader add this one.
-  problem =
-      std::regex_replace(problem, std::regex("^shuttlecock"), "toy_network");
   problem = std::regex_replace(
       problem,
       std::regex(":num_(samples|interior|boundary|t|x|y|points|face)=[0-9]+"),
@@ -142,10 +139,15 @@ class SmallFiles {
   const std::string folder_;
 };
 
+// The program compare, for our problems or for that of tutorial 1.
+inline bool IsCompare(const std::string& program) {
+  return program == "compare" || program == "01_new_problem";
+}
+
 // The flags that override a command's budget; the last one of a name counts.
 inline Words SmallBudget(const std::string& program) {
   const Words quiet = {"--plots=false", "--progress=false"};
-  if (program == "compare" || program == "sweep") {
+  if (IsCompare(program) || program == "sweep") {
     return {"--steps=1", "--epochs=0", "--seconds=0", quiet[0], quiet[1]};
   }
   if (program == "estimate") return {"--max_iterations=1", quiet[0], quiet[1]};
@@ -177,7 +179,7 @@ inline Words SmallBudget(const std::string& program) {
 
 // Programs that take care of the folder of an earlier run.
 inline bool HasOutput(const std::string& program) {
-  return program == "compare" || program == "estimate" || program == "sweep" ||
+  return IsCompare(program) || program == "estimate" || program == "sweep" ||
          program == "trajectories" || program == "time_windows" ||
          program == "registration";
 }
@@ -185,10 +187,10 @@ inline bool HasOutput(const std::string& program) {
 // The command with the smallest budget.
 inline Words Small(const Words& command, const SmallFiles& files) {
   const std::string& program = command[0];
-  const bool trains = program == "compare" || program == "sweep";
+  const bool trains = IsCompare(program) || program == "sweep";
   Words small = {program};
-  bool has_problem = false;
-  bool has_rules = program != "compare";
+  bool has_problem = program == "01_new_problem";
+  bool has_rules = !IsCompare(program);
   bool has_input = program != "estimate";
   for (size_t i = 1; i < command.size(); ++i) {
     const std::string& word = command[i];

@@ -9,8 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "docs/tutorials/01_shuttlecock.h"
+#include "Eigen/Core"
+#include "docs/tutorials/01_flight.h"
 #include "gtest/gtest.h"
+#include "invgrad/npy.h"
 #include "tests/docs/pages.h"
 #include "tests/support/source_tree.h"
 #include "tests/support/temporary_folder.h"
@@ -20,10 +22,9 @@ namespace tutorials_test {
 
 // Runs a tutorial's program with `arguments` in the folder of `output`; returns
 // its exit code and what it printed.
-std::pair<int, std::string> RunTutorial(
-    const std::string& arguments,
-    const std::string& output,
-    const std::string& program = "01_new_problem") {
+std::pair<int, std::string> RunTutorial(const std::string& arguments,
+                                        const std::string& output,
+                                        const std::string& program) {
   const int status =
       std::system(("cd \"$(dirname '" + output + "')\" && '" + BinDir() + "/" +
                    program + "' " + arguments + " > '" + output + "' 2>&1")
@@ -43,23 +44,34 @@ void ExpectDrawn(const TemporaryFolder& folder, const std::string& name) {
   EXPECT_EQ(ReadText(folder / (name + ".png")).substr(1, 3), "PNG");
 }
 
-TEST(NewProblemTutorial, PrintsItsTableAndDrawsItsPicture) {
+TEST(NewProblemTutorial, ComparesInNinetyLines) {
   const TemporaryFolder folder;
-  // A budget of a few steps.
-  const auto [exit_code, text] = RunTutorial(
-      "--seconds=0.01 --folder='" + (folder / "") + "'", folder / "out");
+  const auto [exit_code, text] =
+      RunTutorial("--steps=2 --seeds=1,2 --noprogress --output='" +
+                      (folder / "run") + "' --rules=half_inverse,ceres_lm",
+                  folder / "out",
+                  "01_new_problem");
   EXPECT_EQ(exit_code, 0) << text;
-  for (const char* word : {"finite differences",
-                           "test loss",
-                           "gradient_descent",
-                           "adam",
-                           "half_inverse",
-                           "gauss_newton",
-                           "levenberg_marquardt",
-                           "ceres_lm"}) {
+  for (const char* word : {"test loss", "half_inverse", "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  ExpectDrawn(folder, "01_new_problem");
+  EXPECT_EQ(ReadText(folder / "run/loss.png").substr(1, 3), "PNG");
+  Eigen::MatrixXd data;
+  std::string error;
+  EXPECT_TRUE(ReadNpy(folder / "run/data.npy", 1024, 2, &data, &error))
+      << error;
+  EXPECT_NE(RunTutorial("--list", folder / "list", "01_new_problem")
+                .second.find("shuttlecock\n"),
+            std::string::npos);
+  int num_lines = 0;
+  for (const char* name : {"01_flight.h", "01_new_problem.cc"}) {
+    const std::string source = ReadText(SourceRoot() / "docs/tutorials" / name);
+    for (const std::string& line : SplitLines(source)) {
+      const size_t begin = line.find_first_not_of(' ');
+      num_lines += begin != std::string::npos && line.substr(begin, 2) != "//";
+    }
+  }
+  EXPECT_LE(num_lines, 90);
 }
 
 TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
@@ -296,21 +308,24 @@ TEST(ExactOutputLayerTutorial, PrintsWhatThePageShows) {
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out");
+      RunTutorial("--rules=half_invers", folder / "out", "01_new_problem");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
 
-// The header on the page makes data of the promised size.
-TEST(NewProblemTutorial, HeaderMakesTheProblem) {
-  LearningProblem problem;
+TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
+  const TemporaryFolder folder;
   std::string error;
-  ASSERT_TRUE(Shuttlecock().Create(&problem, &error)) << error;
-  EXPECT_EQ(problem.train.num_samples(), 512);
-  EXPECT_EQ(problem.test.num_samples(), 512);
-  LearningProblem wrong;
-  wrong.data = Eigen::MatrixXd::Ones(4, 3);
-  EXPECT_FALSE(Shuttlecock().Create(&wrong, &error));
+  const Eigen::MatrixXd wrong = Eigen::MatrixXd::Ones(4, 3);
+  ASSERT_TRUE(WriteNpy(folder / "wrong.npy", wrong, &error)) << error;
+  const auto [exit_code, text] =
+      RunTutorial("--data='" + (folder / "wrong.npy") + "'",
+                  folder / "out",
+                  "01_new_problem");
+  EXPECT_EQ(exit_code, 1);
+  EXPECT_NE(text.find("(2 samples or more, 2), found (4, 3)"),
+            std::string::npos)
+      << text;
 }
 
 // Falling from rest, q_1 = -l log cosh(T sqrt(g / l)).

@@ -203,8 +203,52 @@ TEST_F(InstallProgram, FindPackageServesAnApplication) {
       configured.find(kHasMpi ? "with invgrad::mpi" : "without invgrad::mpi"),
       std::string::npos)
       << configured;
-  Shell(cmake_ + " --build " + Path("consumer"));
+  Shell(cmake_ + " --build " + Path("consumer") + " --target consumer");
   RunConsumer(Path("consumer") + "/consumer");
+}
+
+// One problem of each kind, and a rule, of a project that is not ours.
+TEST_F(InstallProgram, ComparesProblemsOfAnApplication) {
+  Install();
+  ConfigureConsumer("-DCMAKE_PREFIX_PATH=" + prefix_);
+  Shell(cmake_ + " --build " + Path("consumer") + " --target own_compare");
+  const std::string program = Path("consumer") + "/own_compare";
+  const std::string listing = Shell(program + " --list");
+  for (const char* word : {"rosenbrock", "Huber", "rate=1", "sign(gradient)"}) {
+    EXPECT_NE(listing.find(word), std::string::npos) << word << listing;
+  }
+  EXPECT_EQ(listing.find("oscillator_chain"), std::string::npos);
+  const auto run = [&](const std::string& problem, const std::string& flags) {
+    const std::string output = Path(problem);
+    Shell(program + " --noplots --noprogress --problem=" + problem +
+          " --output=" + output + " " + flags);
+    return ReadAll(output + "/table.txt");
+  };
+  // From the same flags and seeds, the same run: it goes on where it ended.
+  const std::string chain = "--rules=half_inverse,sign --seeds=1,2 ";
+  run("chain", chain + "--steps=4");
+  const std::string resumed = run("chain", chain + "--steps=8 --resume");
+  for (const std::string& method : {"half_inverse", "sign"}) {
+    EXPECT_NE(resumed.find(method), std::string::npos) << resumed;
+    EXPECT_NE(ReadAll(Path("chain") + "/" + method + "-seed2/history.csv")
+                  .find("\n8,"),
+              std::string::npos);
+  }
+  const std::string input = run("input", "--rules=ceres_lm,half_inverse");
+  EXPECT_NE(input.find("converged"), std::string::npos) << input;
+  const std::string decay =
+      run("decay", "--rules=gauss_newton:step_size=auto --steps=30");
+  EXPECT_NE(decay.find("L2_error"), std::string::npos) << decay;
+  const std::string valley = run("rosenbrock", "--seeds=1..3");
+  for (const char* word : {"evaluations",
+                           "|gradient|",
+                           "s to 1e-05",
+                           "rosenbrock-seed3",
+                           "ceres_dogleg",
+                           "ceres_lm+half_inverse",
+                           "yes"}) {
+    EXPECT_NE(valley.find(word), std::string::npos) << word << valley;
+  }
 }
 
 // A plugin, a ROS 2 component, a Python module.

@@ -75,6 +75,7 @@ class EveryProblem : public ::testing::TestWithParam<std::string> {
 
 TEST_P(EveryProblem, IsEitherAPointOrALearningProblem) {
   EXPECT_NE(problem_.point.has_value(), problem_.learning.has_value());
+  EXPECT_FALSE(problem_.least_squares.has_value());
 }
 
 TEST_P(EveryProblem, SimulatorJacobianIsThatOfItsOutputs) {
@@ -241,7 +242,9 @@ TEST_P(EveryProblem, UnknownOptionIsRefusedByName) {
 // Every row with its defaults, and the settings that change the physics.
 std::vector<std::string> Specifications() {
   std::vector<std::string> specifications;
-  for (const ProblemRow& row : Problems()) specifications.push_back(row.name);
+  for (const ProblemRow& row : Problems()) {
+    if (row.name != "more_garbow_hillstrom") specifications.push_back(row.name);
+  }
   specifications.insert(specifications.end(),
                         {"burgers_initial:target=simulated",
                          "toy_network:lambda=0.01",

@@ -6,6 +6,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/spectral.h"
 #include "problems/problems.h"
+#include "problems/trained_linearization.h"
 #include "tests/support/spectral_reference.h"
 #include "tests/support/spectral_step_of.h"
 

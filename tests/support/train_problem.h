@@ -8,7 +8,7 @@
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
-#include "problems/problem.h"
+#include "invgrad/compare/problem.h"
 
 namespace invgrad {
 

@@ -1,4 +1,4 @@
-#include "problems/sample_data.h"
+#include "invgrad/compare/sample_data.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,14 +1,14 @@
 // The common part of learning problems with samples in one array: options, the
 // array, its division into training and test samples, and noise.
-#ifndef PROBLEMS_SAMPLE_DATA_H_
-#define PROBLEMS_SAMPLE_DATA_H_
+#ifndef INVGRAD_COMPARE_SAMPLE_DATA_H_
+#define INVGRAD_COMPARE_SAMPLE_DATA_H_
 
 #include <functional>
 #include <string>
 
 #include "Eigen/Core"
+#include "invgrad/compare/problem.h"
 #include "invgrad/data.h"
-#include "problems/problem.h"
 
 namespace invgrad {
 
@@ -71,4 +71,4 @@ void AddTargetNoise(double noise, int data_seed, LearningProblem* problem);
 
 }  // namespace invgrad
 
-#endif  // PROBLEMS_SAMPLE_DATA_H_
+#endif  // INVGRAD_COMPARE_SAMPLE_DATA_H_

@@ -1,14 +1,9 @@
-#include "problems/problem.h"
+#include "problems/trained_linearization.h"
 
-#include "invgrad/minimize.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
 
 namespace invgrad {
-
-PointObjective PointProblem::MakeObjective() const {
-  return PointObjective(simulator, loss, target, start);
-}
 
 bool LinearizeAfterTraining(const LearningProblem& problem,
                             int batch_size,

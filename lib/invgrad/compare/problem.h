@@ -1,19 +1,22 @@
-// A problem is physics, data, and known facts about its optimum.
-//
-// A point problem looks for the simulator's input x; a learning problem trains
-// a network in front of the simulator. A new problem is one header and one row
-// in problems.cc. The header has a struct with the settings as fields and
+// What a program of compare.h can run: a problem is physics, data, and known
+// facts about its optimum. RegisterProblem (compare.h) makes one of a struct
+// with the settings as fields and
 //
 //   // Names, ranges and help of the settings.
 //   void Describe(OptionSet* set);
 //   // Returns false, with *error set, if a setting or problem->data are not
-//   // allowed. A point problem has PointProblem* in place of LearningProblem*.
+//   // allowed.
 //   bool Create(LearningProblem* problem, std::string* error) const;
 //
-// The programs' flags, the listing, the conformance tests and docs/problems.md
-// come from the table.
-#ifndef PROBLEMS_PROBLEM_H_
-#define PROBLEMS_PROBLEM_H_
+// The argument of Create says what kind of problem it is:
+//
+//   LearningProblem*       a network in front of a simulator is trained
+//   EquationProblem*       a differential equation that a network solves
+//                          (equation_problem.h)
+//   PointProblem*          the simulator's input x is looked for
+//   LeastSquaresProblem*   any ceres::Problem
+#ifndef INVGRAD_COMPARE_PROBLEM_H_
+#define INVGRAD_COMPARE_PROBLEM_H_
 
 #include <cstdint>
 #include <functional>
@@ -23,12 +26,12 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "ceres/problem.h"
 #include "invgrad/data.h"
 #include "invgrad/dense_network.h"
 #include "invgrad/inverse_simulator.h"
 #include "invgrad/model.h"
 #include "invgrad/option_set.h"
-#include "invgrad/rules.h"
 
 namespace invgrad {
 
@@ -94,38 +97,28 @@ struct LearningProblem {
   Eigen::MatrixXd data;
 };
 
+// A sum of squares, with loss functions, manifolds and bounds as in any
+// ceres::Problem.
+struct LeastSquaresProblem {
+  // Adds the residual blocks to the empty problem, with the parameter blocks at
+  // the start of this seed. The same seed must give the same problem. Returns
+  // the owner of the parameter blocks, which lives as long as the problem.
+  std::function<std::shared_ptr<void>(int seed, ceres::Problem* problem)> fill;
+  // The least cost, 1/2 sum rho(|r|^2), if it is known.
+  std::optional<double> minimum;
+  // Of Ceres' trust regions, where a method names none: dense_qr,
+  // sparse_normal_cholesky, dense_schur, ...
+  std::string linear_solver = "dense_qr";
+  int max_num_iterations = 200;  // the budget, if no other is given
+};
+
 struct PhysicsProblem {
-  // Exactly one of the two is set.
+  // Exactly one of these is set.
   std::optional<PointProblem> point;
   std::optional<LearningProblem> learning;
+  std::optional<LeastSquaresProblem> least_squares;
 };
-
-struct ProblemRow {
-  std::string name;      // "oscillator_chain"
-  std::string equation;  // one line
-  std::string source;
-  std::function<std::vector<OptionSet::Row>()> options;
-  // `data`, if not null, replaces the generated data of a learning problem; it
-  // is an error for a point problem. Returns false, with *error set, if a
-  // setting or the data are not allowed.
-  std::function<bool(const Settings& settings,
-                     const Eigen::MatrixXd* data,
-                     PhysicsProblem* problem,
-                     std::string* error)>
-      create;
-};
-
-// J and g of the first `batch_size` training samples (0: the problem's own
-// number), after `num_steps` Adam steps of size 1e-3 on batches of that size
-// from the initial weights of seed 0: spectra of Jacobians change in training.
-// Returns false, with *error set, if the training diverges or the batch size
-// does not fit.
-bool LinearizeAfterTraining(const LearningProblem& problem,
-                            int batch_size,
-                            int num_steps,
-                            Linearization* linearization,
-                            std::string* error);
 
 }  // namespace invgrad
 
-#endif  // PROBLEMS_PROBLEM_H_
+#endif  // INVGRAD_COMPARE_PROBLEM_H_

@@ -1,12 +1,12 @@
-#include "problems/equations/equation_problem.h"
+#include "invgrad/compare/equation_problem.h"
 
 #include <memory>
 #include <utility>
 
 #include "fmt/core.h"
-#include "glog/logging.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/equation.h"
-#include "problems/sample_data.h"
+#include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {
@@ -75,6 +75,14 @@ void PointOptions::Describe(OptionSet* set) {
   set->Add("renewal", &renewal, {1, 1e9}, "steps after which points are new");
 }
 
+VectorXd EquationProblem::SolutionAt(const MatrixXd& points) const {
+  if (solution_at != nullptr) return solution_at(points);
+  if (solution == nullptr) return VectorXd();
+  VectorXd values(points.cols());
+  for (Index s = 0; s < points.cols(); ++s) values[s] = solution(points.col(s));
+  return values;
+}
+
 bool CreateEquationProblem(const EquationProblem& of,
                            LearningProblem* problem,
                            std::string* error) {
@@ -105,18 +113,12 @@ bool CreateEquationProblem(const EquationProblem& of,
         RenewedPoints::Options{of.points.renewal,
                                of.points.points == "residual"});
   }
-  VectorXd solution;
-  if (of.solution_at != nullptr) {
-    solution = of.solution_at(test);
-  } else {
-    solution.resize(test.cols());
-    for (Index s = 0; s < test.cols(); ++s) {
-      solution[s] = of.solution(test.col(s));
+  const VectorXd solution = of.SolutionAt(test);
+  if (solution.size() > 0) {
+    problem->metric = L2Error(equation.trial, solution);
+    if (of.test_counts.size() == 2) {
+      problem->function_on_grid = PictureOf(of, solution);
     }
-  }
-  problem->metric = L2Error(equation.trial, solution);
-  if (of.test_counts.size() == 2) {
-    problem->function_on_grid = PictureOf(of, solution);
   }
   problem->model = std::make_shared<Model>(EquationModel(equation));
   problem->num_epochs = 500;

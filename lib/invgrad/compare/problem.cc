@@ -1,0 +1,11 @@
+#include "invgrad/compare/problem.h"
+
+#include "invgrad/minimize.h"
+
+namespace invgrad {
+
+PointObjective PointProblem::MakeObjective() const {
+  return PointObjective(simulator, loss, target, start);
+}
+
+}  // namespace invgrad
