@@ -13,7 +13,7 @@
 // Expect:     the squared loss misses the truth by tenths, since the outliers
 //             pull the curve up; Cauchy's finds it within a few hundredths.
 //
-// Solved by Ceres' Levenberg-Marquardt, and by the same with half-inverse steps
+// Solved by Ceres' Levenberg-Marquardt, and by the same with geodesic steps
 // proposed. Exits with 0 if both robust fits are within kTolerance of the
 // truth.
 
@@ -76,7 +76,7 @@ std::vector<Sample> Measure() {
 // Fits and prints the result; returns the largest error of a, b and c.
 double Fit(const std::vector<Sample>& samples,
            bool is_robust,
-           bool with_half_inverse) {
+           bool with_geodesic) {
   // Build.
   Eigen::Vector3d abc = kStart;
   ceres::Problem problem;
@@ -94,9 +94,9 @@ double Fit(const std::vector<Sample>& samples,
   options.max_num_iterations = 200;
   options.logging_type = ceres::SILENT;
 
-  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  const auto rule = invgrad::MakeRule("geodesic");
   std::optional<invgrad::UpdateCallback> callback;
-  if (with_half_inverse) {
+  if (with_geodesic) {
     callback.emplace(rule.get(), &problem);
     callback->AddTo(&options);
   }
@@ -109,7 +109,7 @@ double Fit(const std::vector<Sample>& samples,
   const double largest_error = (abc - kTruth).cwiseAbs().maxCoeff();
   std::printf("%s loss, %s: %zu iterations, cost %.4g -> %.4g\n",
               is_robust ? "Cauchy" : "squared",
-              with_half_inverse ? "LM + half-inverse" : "LM",
+              with_geodesic ? "LM + geodesic" : "LM",
               summary.iterations.size() - 1,
               summary.initial_cost,
               summary.final_cost);
@@ -131,8 +131,8 @@ int main(int /*argc*/, char** argv) {
   Fit(samples, false, false);
   Fit(samples, false, true);
   const double lm = Fit(samples, true, false);
-  const double half_inverse = Fit(samples, true, true);
-  const bool is_found = lm < kTolerance && half_inverse < kTolerance;
+  const double geodesic = Fit(samples, true, true);
+  const bool is_found = lm < kTolerance && geodesic < kTolerance;
   std::printf(
       "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;

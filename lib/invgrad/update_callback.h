@@ -4,7 +4,7 @@
 // (proposal.h). docs/tutorials/04_ceres_solve.md says when they help. To take
 // the steps of a rule without Ceres use minimize.h.
 //
-//   auto rule = MakeRule("half_inverse:step_size=auto:rho=1");
+//   auto rule = MakeRule("geodesic");
 //   UpdateCallback callback(rule.get(), &problem);
 //   callback.AddTo(&options);
 //   ceres::Solve(options, &problem, &summary);
