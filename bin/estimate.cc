@@ -1,6 +1,6 @@
 /*
-Estimates the parameters of public test problems: nonlinear regression (NIST
-StRD), bundle adjustment (BAL) and pose graphs (g2o). Compares rules,
+Estimates the parameters of nonlinear regressions (NIST StRD, or a formula of
+yours on a table), of bundle adjustments (BAL) and of pose graphs (g2o). Compares rules,
 Ceres' minimizers, and minimizers with proposals of rules, from the same starts.
 
 Sample runs:
@@ -13,6 +13,9 @@ Sample runs:
   estimate --input=nist/Lanczos1.dat --separable=both --overwrite
   estimate --input=problem-16-22106-pre.txt.bz2 --threads=2 --overwrite
   estimate --input=nist/BoxBOD.dat --covariance --overwrite
+  estimate --input=decay.csv --model="signal=a*exp(-k*time)+c" \
+    --start_values=a=1,k=1,c=0 --bounds=k=0.. --deviations=sigma \
+    --covariance --overwrite
   estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
@@ -42,16 +45,51 @@ current method, skips the others, and keeps the results so far.
 DEFINE_bool(list,
             false,
             "print formats, models and methods with their options");
-DEFINE_string(input,
+DEFINE_string(
+    input,
+    "",
+    "files, or folders of them, comma-separated: .dat (NIST, or, with "
+    "--model, a table), .csv and .tsv (with --model), .txt or .txt.bz2 "
+    "(BAL), .g2o; other files of a folder are skipped");
+DEFINE_string(format,
               "",
-              "files, or folders of them, comma-separated: .dat (NIST), .txt "
-              "or .txt.bz2 (BAL), .g2o; other files of a folder are skipped");
-DEFINE_string(format, "", "nist, bal or g2o; empty: as the files' names end");
+              "nist, csv, bal or g2o; empty: as the files' names end");
+DEFINE_string(
+    model,
+    "",
+    "a regression of your own: \"y = b1*(1 - exp(-b2*x))\"; names of "
+    "columns are data, all others are parameters; without \"y =\" the "
+    "response is the column y; --list shows operators and functions");
+DEFINE_string(start_values,
+              "",
+              "of --model's parameters: b1=1,b2=0.5; empty: those of a file of "
+              "NIST's form");
+DEFINE_string(bounds,
+              "",
+              "of --model's parameters: b1=0..10,b2=0.. (for ceres_lm and "
+              "ceres_dogleg)");
+DEFINE_string(
+    weights,
+    "",
+    "of --model's squared residuals, a formula of columns: 1/s^2; the "
+    "residuals' variance is estimated");
+DEFINE_string(
+    deviations,
+    "",
+    "standard deviations of --model's response, a formula of columns; "
+    "the residuals' variance is then known");
+DEFINE_string(
+    edge_error,
+    "g2o",
+    "of an edge between poses (g2o files): g2o, in the frame of the "
+    "measurement, as the format defines it; ceres, in the frame of the first "
+    "pose, as in Ceres' examples");
 DEFINE_string(
     information_root,
-    "lower",
-    "which Cholesky factor of an edge's information weights its residual "
-    "(g2o): lower, as in Ceres' examples; upper, as the format defines it");
+    "",
+    "which Cholesky factor of an edge's information weights its error: upper, "
+    "as the format defines it; lower, as in Ceres' examples; empty: upper, but "
+    "with --edge_error=ceres lower");
 DEFINE_string(
     methods,
     "ceres_lm,ceres_dogleg",
@@ -92,6 +130,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// A table, with --model, may be called .dat.
+std::string KindOf(const std::string& path) {
+  const std::string kind =
+      FLAGS_format.empty() ? EstimationKindOf(path) : FLAGS_format;
+  return kind == "nist" && !FLAGS_model.empty() ? "csv" : kind;
+}
+
 // The files in --input, and those files in its folders that a reader
 // recognizes, in alphabetical order; a warning says which others have a known
 // extension.
@@ -111,10 +156,10 @@ bool FindFiles(std::vector<std::string>* files, std::string* error) {
          at.increment(failure)) {
       std::error_code unreadable;  // such as a dangling link
       const std::string path = at->path().string();
-      if (at->is_regular_file(unreadable) &&
-          (!FLAGS_format.empty() || !EstimationKindOf(path).empty())) {
-        (IsEstimationFile(path, FLAGS_format) ? found : skipped)
-            .push_back(path);
+      const std::string kind = KindOf(path);
+      const bool is_table_alone = kind == "csv" && FLAGS_model.empty();
+      if (at->is_regular_file(unreadable) && !kind.empty() && !is_table_alone) {
+        (IsEstimationFile(path, kind) ? found : skipped).push_back(path);
       }
     }
     if (failure) {
@@ -144,13 +189,47 @@ std::string InputName(const std::string& file) {
   return FileName(name.stem().string());
 }
 
+bool CheckModelFlags(std::string* error) {
+  if (!FLAGS_model.empty()) return true;
+  for (const auto& [name, value] :
+       {std::pair("start_values", FLAGS_start_values),
+        std::pair("bounds", FLAGS_bounds),
+        std::pair("weights", FLAGS_weights),
+        std::pair("deviations", FLAGS_deviations)}) {
+    if (value.empty()) continue;
+    *error = std::string("--") + name + ": only with --model";
+    return false;
+  }
+  return true;
+}
+
+bool ReadEdgeError(EdgeError* edge_error, std::string* error) {
+  if (!CheckFlag("edge_error", {"g2o", "ceres"}, error) ||
+      !CheckFlag("information_root", {"", "lower", "upper"}, error)) {
+    return false;
+  }
+  if (FLAGS_edge_error == "ceres") {
+    *edge_error = FLAGS_information_root == "upper" ? EdgeError::kCeresUpper
+                                                    : EdgeError::kCeres;
+    return true;
+  }
+  *edge_error = EdgeError::kG2o;
+  if (FLAGS_information_root != "lower") return true;
+  *error = "--information_root=lower: only with --edge_error=ceres";
+  return false;
+}
+
 // Reads all files before any run, so that an invalid file is found first.
 bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
   ReadEstimationOptions options;
-  options.kind = FLAGS_format;
-  options.information_root = FLAGS_information_root == "lower"
-                                 ? InformationRoot::kLower
-                                 : InformationRoot::kUpper;
+  options.regression = {FLAGS_model,
+                        FLAGS_start_values,
+                        FLAGS_bounds,
+                        FLAGS_weights,
+                        FLAGS_deviations};
+  if (!CheckModelFlags(error) || !ReadEdgeError(&options.edge_error, error)) {
+    return false;
+  }
   std::vector<std::string> files;
   if (!FindFiles(&files, error)) return false;
   for (const std::string& file : files) {
@@ -166,6 +245,12 @@ bool ReadInputs(std::vector<EstimationInput>* inputs, std::string* error) {
                  ", which names the results; run them one by one";
         return false;
       }
+    }
+    options.kind = KindOf(file);
+    if (!FLAGS_model.empty() && !options.kind.empty() &&
+        options.kind != "csv") {
+      *error = "--model: " + file + " is no table, and has a model of its own";
+      return false;
     }
     input.estimation = ReadEstimation(file, options, error);
     if (!NameFlag("input", input.estimation != nullptr, error)) return false;
@@ -206,6 +291,10 @@ std::string FormatsText() {
       "  .txt, .txt.bz2  Bundle Adjustment in the Large (bal); results are "
       ".txt\n"
       "  .g2o            pose graphs in 2D and 3D (g2o)\n"
+      "  .csv, .tsv, .dat  a table, with --model (csv); results are .fit.csv\n"
+      "\nA model of your own (--model): + - * / ^ -a ( ) < <= > >=, numbers, "
+      "pi,\n  exp log log10 sqrt sin cos tan asin acos atan sinh cosh tanh erf "
+      "abs,\n  atan2(y, x) pow(a, b) min(a, b) max(a, b) if(condition, a, b)\n"
       "\nModels of NIST's files\n";
   for (const NistModel& model : NistModels()) {
     text += fmt::format("  {}\n    {}\n", model.name, model.formula);
@@ -224,7 +313,6 @@ bool Run(RunCounts* counts, std::string* error) {
   }
   std::vector<Method> methods;
   if (!CheckFlag("format", EstimationKinds(), error) ||
-      !CheckFlag("information_root", {"lower", "upper"}, error) ||
       !ParseFlag("methods", ParseMethods, &methods, error)) {
     return false;
   }

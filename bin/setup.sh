@@ -19,7 +19,7 @@ readonly program_packages=(
   libceres-dev libeigen3-dev libgoogle-glog-dev libgflags-dev libfmt-dev
   nlohmann-json3-dev
   libopenblas-dev liblapacke-dev libsuitesparse-dev libfftw3-dev libbz2-dev
-  libnanoflann-dev libbenchmark-dev
+  libnanoflann-dev libmuparser-dev libbenchmark-dev
   gnuplot-nox
 )
 # shellcheck disable=SC2034

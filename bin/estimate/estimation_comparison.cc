@@ -198,6 +198,8 @@ bool RunWay(const EstimationOptions& options,
   if (options.covariance && !row->has_failed) {
     SetCovariance(*problem, *estimation, row, &report);
   }
+  row->estimate = estimation->EstimateText(
+      report.covariance ? &*report.covariance : nullptr);
   if (!WriteRun(InOutput(name + "/" + FileName(way.label)),
                 *estimation,
                 row,
@@ -310,6 +312,11 @@ bool Report(const std::vector<double>& levels,
   const Table table = EstimationTable(runs.rows, levels, /*is_exact=*/false);
   const Table summary = EstimationSummary(runs.rows);
   std::cout << table.ToText() << "\n" << summary.ToText();
+  for (const EstimationRow& row : runs.rows) {
+    if (row.estimate.empty()) continue;
+    std::cout << row.start << ", " << row.method << ": " << row.estimate
+              << "\n";
+  }
   if (!WriteTable(InOutput("table"), table, error) ||
       !WriteTable(InOutput("summary"), summary, error) ||
       !WriteRunFile(

@@ -33,6 +33,7 @@ struct EstimationRow {
   std::optional<int> rank;
   int num_parameters = 0;
   std::optional<Eigen::VectorXd> deviation_digits;
+  std::string estimate;  // of a user's own model
   std::string status;
   bool has_failed = true;
 };

@@ -95,6 +95,17 @@ if(INVGRAD_BUILD_PROGRAMS)
   mark_as_advanced(NANOFLANN_INCLUDE_DIR)
   invgrad_note_if_missing("nanoflann" libnanoflann-dev NANOFLANN_INCLUDE_DIR)
 
+  # Reads the formulas of users.
+  find_library(MUPARSER_LIBRARY muparser)
+  find_path(MUPARSER_INCLUDE_DIR muParser.h)
+  mark_as_advanced(MUPARSER_LIBRARY MUPARSER_INCLUDE_DIR)
+  if(MUPARSER_LIBRARY AND MUPARSER_INCLUDE_DIR)
+    set(MUPARSER_FOUND TRUE)
+  else()
+    set(MUPARSER_FOUND FALSE)
+  endif()
+  invgrad_note_if_missing("muParser" libmuparser-dev MUPARSER_FOUND)
+
   find_package(BZip2 QUIET)
   invgrad_note_if_missing("libbz2" libbz2-dev BZIP2_FOUND)
 

@@ -57,8 +57,12 @@ bool ParseBal(const std::string& text,
   if (!cursor.ok()) return false;  // before memory is allocated
   BalData read;
   read.observations.resize(num_observations);
+  const auto skip_blank_lines = [&cursor] {
+    while (cursor.PeekToken().empty() && cursor.NextLine()) {
+    }
+  };
   for (auto& [camera, point, x, y] : read.observations) {
-    cursor.NextLine();
+    skip_blank_lines();
     camera = static_cast<int>(
         cursor.Integer("an observation's camera", 0, num_cameras - 1));
     point = static_cast<int>(
@@ -67,9 +71,8 @@ bool ParseBal(const std::string& text,
     y = cursor.Number("an observation's y");
     cursor.EndLine();
   }
-  const auto read_value = [&cursor](const char* expected) {
-    while (cursor.PeekToken().empty() && cursor.NextLine()) {
-    }
+  const auto read_value = [&](const char* expected) {
+    skip_blank_lines();
     return cursor.Number(expected);
   };
   read.cameras.resize(9, num_cameras);

@@ -8,7 +8,8 @@
 //   ...                         translation, focal length, k1, k2
 //   value                       3 values a point
 //
-// Published files have one value per line; any white space separates values.
+// Published files have one value per line; any white space separates values, and
+// lines after the first may be blank.
 //
 // Cost:    linear in the size of the text, which also bounds the memory, for
 //          any counts in the text.

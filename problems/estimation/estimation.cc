@@ -23,6 +23,11 @@ bool IsNist(const std::string& beginning) {
   return beginning.find("Dataset Name:") != std::string::npos;
 }
 
+// Text.
+bool IsTable(const std::string& beginning) {
+  return !beginning.empty() && beginning.find('\0') == std::string::npos;
+}
+
 // Three counts, or bzip2.
 bool IsBal(const std::string& beginning) {
   std::istringstream words(beginning);
@@ -36,12 +41,13 @@ bool IsG2o(const std::string& beginning) {
   std::string word;
   while (lines >> word && word[0] == '#') std::getline(lines, word);
   return word == "FIX" || word.rfind("VERTEX_", 0) == 0 ||
-         word.rfind("EDGE_", 0) == 0;
+         word.rfind("EDGE_", 0) == 0 || word.rfind("PARAMS_", 0) == 0;
 }
 
 const std::vector<Kind>& Kinds() {
   static const auto& kinds = *new std::vector<Kind>{
       {"nist", {".dat"}, ReadNistEstimation, IsNist},
+      {"csv", {".csv", ".tsv"}, ReadFormulaEstimation, IsTable},
       {"bal", {".txt", ".txt.bz2"}, ReadBalEstimation, IsBal},
       {"g2o", {".g2o"}, ReadPoseGraphEstimation, IsG2o},
   };
@@ -73,7 +79,10 @@ bool IsEstimationFile(const std::string& path, const std::string& kind) {
   const bool is_read =
       ReadBeginning(path, kSize, &beginning, &file_size, &ignored);
   for (const Kind& row : Kinds()) {
-    if (row.name == wanted) return !is_read || row.recognizes(beginning);
+    if (row.name == wanted) {
+      return !is_read ||
+             row.recognizes(std::string(WithoutByteOrderMark(beginning)));
+    }
   }
   return false;
 }

@@ -4,6 +4,7 @@
 //
 //   kind   file                        parameters           module
 //   nist   .dat                        b                    nist_models.h
+//   csv    .csv, .tsv; NIST's form     of a user's formula  formula.h
 //   bal    .txt, .txt.bz2              cameras and points   bundle_adjustment.h
 //   g2o    .g2o                        poses                pose_graph.h
 #ifndef PROBLEMS_ESTIMATION_ESTIMATION_H_
@@ -85,6 +86,12 @@ class Estimation {
   // The name of a parameter block in reports.
   virtual std::string BlockName(const double* values) const = 0;
 
+  // The parameters, with standard deviations if there are any, on one line, if
+  // a user named them.
+  virtual std::string EstimateText(const Covariance* /*covariance*/) const {
+    return "";
+  }
+
   // The blocks whose standard deviations a report lists.
   virtual std::vector<Covariance::Pair> CovariancePairs(
       const ceres::Problem& problem) const {
@@ -127,9 +134,21 @@ std::string EstimationKindOf(const std::string& path);
 // reader reports.
 bool IsEstimationFile(const std::string& path, const std::string& kind);
 
+// A user's own regression, for tables and NIST's files; empty: none.
+struct RegressionOptions {
+  // "y = b1*exp(-b2*x)": the response, of the columns, and the model, of columns
+  // and of parameters, which are all other names. "y =" may be left out.
+  std::string model;
+  std::string start_values;  // "b1=1,b2=0.5"
+  std::string bounds;        // "b1=0..10,b2=0.."
+  std::string weights;       // of squared residuals: a formula of columns
+  std::string deviations;    // of responses, instead: a formula of columns
+};
+
 struct ReadEstimationOptions {
-  std::string kind;  // empty: by the extension
-  InformationRoot information_root = InformationRoot::kLower;  // of g2o
+  std::string kind;                        // empty: by the extension
+  EdgeError edge_error = EdgeError::kG2o;  // of g2o
+  RegressionOptions regression;            // of nist and csv
 };
 
 // Returns null, with *error set, if the file cannot be read.
@@ -140,6 +159,7 @@ using EstimationReader =
 EstimationReader ReadEstimation;
 // Of one kind.
 EstimationReader ReadNistEstimation;
+EstimationReader ReadFormulaEstimation;
 EstimationReader ReadBalEstimation;
 EstimationReader ReadPoseGraphEstimation;
 

@@ -1,23 +1,33 @@
 #include "problems/estimation/g2o_file.h"
 
-#include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
+#include <map>
 #include <string_view>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
-#include "Eigen/Cholesky"
-#include "fmt/ranges.h"
+#include "fmt/core.h"
 #include "invgrad/io/atomic_file.h"
+#include "problems/estimation/g2o_tags.h"
+#include "problems/estimation/information.h"
+#include "problems/estimation/pose_graph_start.h"
 #include "problems/estimation/text_cursor.h"
 
 namespace invgrad {
 namespace {
 
-using Information = decltype(PoseGraph::Edge::information);
+using EdgeKind = PoseGraph::EdgeKind;
+
+std::string KnownTags() {
+  std::string tags;
+  for (const G2oVertexTag& tag : kG2oVertexTags)
+    tags += fmt::format("{}, ", tag.name);
+  for (const G2oEdgeTag& tag : kG2oEdgeTags)
+    tags += fmt::format("{}, ", tag.name);
+  return fmt::format("one of {}{}, {}", tags, kG2oOffsetTag, kG2oFixTag);
+}
 
 int PoseSize(int dimension) { return dimension == 2 ? 3 : 7; }
 int TangentSize(int dimension) { return dimension == 2 ? 3 : 6; }
@@ -36,13 +46,6 @@ bool NormalizeQuaternion(PoseGraph::Pose* pose) {
   return true;
 }
 
-bool IsPositiveDefinite(const Information& information) {
-  // Eigen accepts a NaN pivot, from entries near overflow, as positive.
-  const Eigen::LLT<Information> factorization(information);
-  return factorization.info() == Eigen::Success &&
-         factorization.matrixLLT().allFinite();
-}
-
 class G2oParser {
  public:
   G2oParser(const std::string& text,
@@ -52,35 +55,48 @@ class G2oParser {
 
   bool Parse(PoseGraph* graph) {
     while (cursor_.NextLine()) ParseLine();
-    if (read_.ids.empty()) {
-      cursor_.FailAtToken("", "a VERTEX_SE2 or a VERTEX_SE3:QUAT");
+    if (vertices_.empty() && read_.edges.empty()) {
+      cursor_.FailAtToken("", "vertices and edges");
     }
     ResolveIds();
     if (!cursor_.ok()) return false;
-    read_.poses = Eigen::Map<const Eigen::MatrixXd>(
-        poses_.data(), PoseSize(read_.dimension), read_.ids.size());
+    StartAlongEdges(&read_);
+    if (!read_.poses.allFinite() || !read_.landmarks.allFinite()) {
+      cursor_.Fail("start values along the edges overflow",
+                   "VERTEX lines, or shorter edges");
+      return false;
+    }
     *graph = std::move(read_);
     return true;
   }
 
  private:
-  // An edge and FIX may precede the vertices that they refer to.
+  // Edges and FIX may precede the vertices and offsets that they refer to.
   struct IdOnLine {
     long line;
     long id;
+  };
+  struct EdgeIds {
+    std::vector<IdOnLine> vertices;
+    std::vector<IdOnLine> offsets;
+  };
+  struct Vertex {
+    bool is_landmark;
+    int column;
   };
 
   void ParseLine() {
     const std::string_view tag = cursor_.NextToken();
     if (tag.empty() || tag[0] == '#') return;
-    if (tag == "VERTEX_SE2") return ParseVertex(2);
-    if (tag == "VERTEX_SE3:QUAT") return ParseVertex(3);
-    if (tag == "EDGE_SE2") return ParseEdge(2);
-    if (tag == "EDGE_SE3:QUAT") return ParseEdge(3);
-    if (tag == "FIX") return ParseFixed();
-    cursor_.FailAtToken(tag,
-                        "VERTEX_SE2, VERTEX_SE3:QUAT, EDGE_SE2, EDGE_SE3:QUAT "
-                        "or FIX");
+    if (tag == kG2oFixTag) return ParseFixed();
+    if (tag == kG2oOffsetTag) return ParseOffset();
+    for (const G2oVertexTag& known : kG2oVertexTags) {
+      if (tag == known.name) return ParseVertex(known);
+    }
+    for (const G2oEdgeTag& known : kG2oEdgeTags) {
+      if (tag == known.name) return ParseEdge(known);
+    }
+    cursor_.FailAtToken(tag, KnownTags());
   }
 
   void SetDimension(int dimension) {
@@ -91,9 +107,9 @@ class G2oParser {
     }
   }
 
-  IdOnLine ParseId() {
+  IdOnLine ParseId(std::string_view expected = "a vertex's id") {
     constexpr long kMaxId = std::numeric_limits<long>::max();
-    return {cursor_.line_number(), cursor_.Integer("a vertex's id", 0, kMaxId)};
+    return {cursor_.line_number(), cursor_.Integer(expected, 0, kMaxId)};
   }
 
   PoseGraph::Pose ParsePose() {
@@ -105,42 +121,81 @@ class G2oParser {
     return pose;
   }
 
-  void ParseVertex(int dimension) {
-    SetDimension(dimension);
-    const long id = ParseId().id;
-    const PoseGraph::Pose pose = ParsePose();
-    cursor_.EndLine();
-    if (!columns_.emplace(id, static_cast<int>(read_.ids.size())).second) {
-      cursor_.Fail(fmt::format("vertex {} is there twice", id), "another id");
-    }
-    read_.ids.push_back(id);
-    poses_.insert(poses_.end(), pose.data(), pose.data() + pose.size());
+  PoseGraph::Pose ParsePoint() {
+    PoseGraph::Pose point(read_.dimension);
+    for (double& value : point) value = cursor_.Number("a point's coordinate");
+    return point;
   }
 
-  void ParseEdge(int dimension) {
-    SetDimension(dimension);
-    from_.push_back(ParseId());
-    to_.push_back(ParseId());
-    PoseGraph::Edge edge = {0, 0, ParsePose(), {}};
-    if (from_.back().id == to_.back().id) {
-      cursor_.Fail(
-          fmt::format("the edge joins vertex {} with itself", to_.back().id),
-          "two vertices");
+  void AddVertex(long id, bool is_landmark, const PoseGraph::Pose& values) {
+    std::vector<long>& ids = is_landmark ? read_.landmark_ids : read_.ids;
+    const auto column = static_cast<int>(ids.size());
+    if (!vertices_.emplace(id, Vertex{is_landmark, column}).second) {
+      cursor_.Fail(fmt::format("vertex {} is there twice", id), "another id");
     }
-    const int size = TangentSize(read_.dimension);
-    edge.information.resize(size, size);
+    ids.push_back(id);
+    std::vector<double>& all = is_landmark ? landmarks_ : poses_;
+    all.insert(all.end(), values.begin(), values.end());
+  }
+
+  void ParseVertex(const G2oVertexTag& tag) {
+    SetDimension(tag.dimension);
+    const long id = ParseId().id;
+    const PoseGraph::Pose values = tag.is_landmark ? ParsePoint() : ParsePose();
+    cursor_.EndLine();
+    AddVertex(id, tag.is_landmark, values);
+  }
+
+  void ParseOffset() {
+    SetDimension(3);
+    const long id = ParseId("an offset's id").id;
+    read_.offsets.push_back({id, ParsePose()});
+    cursor_.EndLine();
+    const auto index = static_cast<int>(read_.offsets.size()) - 1;
+    if (!offsets_.emplace(id, index).second) {
+      cursor_.Fail(fmt::format("offset {} is there twice", id), "another id");
+    }
+  }
+
+  void ParseEdge(const G2oEdgeTag& tag) {
+    SetDimension(tag.dimension);
+    EdgeIds ids;
+    ids.vertices.push_back(ParseId());
+    if (tag.kind != EdgeKind::kPrior) {
+      ids.vertices.push_back(ParseId());
+      if (ids.vertices[0].id == ids.vertices[1].id) {
+        cursor_.Fail(fmt::format("the edge joins vertex {} with itself",
+                                 ids.vertices[0].id),
+                     "two vertices");
+      }
+    }
+    for (int i = 0; i < tag.num_offsets; ++i) {
+      ids.offsets.push_back(ParseId("an offset's id"));
+    }
+    PoseGraph::Edge edge;
+    edge.kind = tag.kind;
+    const bool is_point = tag.kind == EdgeKind::kLandmark;
+    edge.measurement = is_point ? ParsePoint() : ParsePose();
+    ParseInformation(is_point ? tag.dimension : TangentSize(tag.dimension),
+                     &edge);
+    cursor_.EndLine();
+    read_.edges.push_back(std::move(edge));
+    edge_ids_.push_back(std::move(ids));
+  }
+
+  void ParseInformation(int size, PoseGraph::Edge* edge) {
+    edge->information.resize(size, size);
     for (int i = 0; i < size; ++i) {
       for (int j = i; j < size; ++j) {
-        edge.information(i, j) = edge.information(j, i) =
+        edge->information(i, j) = edge->information(j, i) =
             cursor_.Number("an entry of the information matrix");
       }
     }
-    cursor_.EndLine();
-    if (!IsPositiveDefinite(edge.information)) {
-      cursor_.Fail("the information matrix is not positive definite",
-                   "the inverse of a covariance");
+    Eigen::MatrixXd unused;
+    if (!UpperRoot(edge->information, &unused)) {
+      cursor_.Fail("the information matrix has a negative eigenvalue",
+                   "the inverse of a covariance, or a semidefinite matrix");
     }
-    read_.edges.push_back(std::move(edge));
   }
 
   void ParseFixed() {
@@ -149,43 +204,102 @@ class G2oParser {
     } while (!cursor_.PeekToken().empty());
   }
 
-  int FindColumn(const IdOnLine& vertex) {
-    const auto found = columns_.find(vertex.id);
-    if (found != columns_.end()) return found->second;
-    cursor_.FailOnLine(vertex.line,
-                       fmt::format("there is no vertex {}", vertex.id),
-                       "the id of a vertex");
+  static bool IsLandmark(const PoseGraph::Edge& edge, size_t end) {
+    return edge.kind == EdgeKind::kLandmark && end == 1;
+  }
+
+  // Those that only edges name, poses first.
+  void AddVerticesOfEdges() {
+    std::map<std::pair<bool, long>, long> missing;  // the line
+    for (size_t i = 0; i < edge_ids_.size(); ++i) {
+      const std::vector<IdOnLine>& vertices = edge_ids_[i].vertices;
+      for (size_t end = 0; end < vertices.size(); ++end) {
+        if (vertices_.count(vertices[end].id) > 0) continue;
+        missing.insert({{IsLandmark(read_.edges[i], end), vertices[end].id},
+                        vertices[end].line});
+      }
+    }
+    for (const auto& [vertex, line] : missing) {
+      const auto [is_landmark, id] = vertex;
+      if (vertices_.count(id) > 0) continue;  // FindVertex says so
+      const int size =
+          is_landmark ? read_.dimension : PoseSize(read_.dimension);
+      AddVertex(id, is_landmark, PoseGraph::Pose::Zero(size));
+      ++(is_landmark ? read_.num_landmarks_by_edges : read_.num_poses_by_edges);
+    }
+  }
+
+  int FindVertex(const IdOnLine& vertex, bool is_landmark) {
+    const Vertex& found = vertices_.at(vertex.id);
+    if (found.is_landmark != is_landmark) {
+      constexpr const char* kNames[] = {"a pose", "a landmark"};
+      cursor_.FailOnLine(
+          vertex.line,
+          fmt::format(
+              "vertex {} is {}", vertex.id, kNames[found.is_landmark ? 1 : 0]),
+          kNames[is_landmark ? 1 : 0]);
+    }
+    return found.column;
+  }
+
+  int FindOffset(const IdOnLine& offset) {
+    const auto found = offsets_.find(offset.id);
+    if (found != offsets_.end()) return found->second;
+    cursor_.FailOnLine(offset.line,
+                       fmt::format("there is no offset {}", offset.id),
+                       fmt::format("the id of a {}", kG2oOffsetTag));
     return 0;
   }
 
   void ResolveIds() {
-    for (size_t i = 0; i < from_.size(); ++i) {
-      read_.edges[i].from = FindColumn(from_[i]);
-      read_.edges[i].to = FindColumn(to_[i]);
+    if (!cursor_.ok()) return;
+    AddVerticesOfEdges();
+    read_.poses = Eigen::Map<const Eigen::MatrixXd>(
+        poses_.data(), PoseSize(read_.dimension), read_.ids.size());
+    read_.landmarks = Eigen::Map<const Eigen::MatrixXd>(
+        landmarks_.data(), read_.dimension, read_.landmark_ids.size());
+    for (size_t i = 0; i < edge_ids_.size(); ++i) {
+      const EdgeIds& ids = edge_ids_[i];
+      PoseGraph::Edge& edge = read_.edges[i];
+      edge.from = FindVertex(ids.vertices[0], false);
+      if (ids.vertices.size() > 1) {
+        edge.to = FindVertex(ids.vertices[1], IsLandmark(edge, 1));
+      }
+      if (!ids.offsets.empty()) edge.offset_from = FindOffset(ids.offsets[0]);
+      if (ids.offsets.size() > 1) edge.offset_to = FindOffset(ids.offsets[1]);
     }
-    std::unordered_set<int> columns;
+    ResolveFixed();
+  }
+
+  void ResolveFixed() {
+    std::unordered_set<long> ids;
     for (const IdOnLine& fixed : fixed_) {
-      read_.fixed.push_back(FindColumn(fixed));
-      if (!columns.insert(read_.fixed.back()).second) {
+      const auto found = vertices_.find(fixed.id);
+      if (found == vertices_.end()) {
+        cursor_.FailOnLine(fixed.line,
+                           fmt::format("there is no vertex {}", fixed.id),
+                           "the id of a vertex");
+        return;
+      }
+      if (!ids.insert(fixed.id).second) {
         cursor_.FailOnLine(fixed.line,
                            fmt::format("vertex {} is fixed twice", fixed.id),
                            "each vertex once");
       }
+      (found->second.is_landmark ? read_.fixed_landmarks : read_.fixed)
+          .push_back(found->second.column);
     }
   }
 
   TextCursor cursor_;
   PoseGraph read_;
   std::vector<double> poses_;  // all coordinates
-  std::unordered_map<long, int> columns_;
-  std::vector<IdOnLine> from_, to_;  // of read_.edges
+  std::vector<double> landmarks_;
+  std::unordered_map<long, Vertex> vertices_;  // by id
+  std::unordered_map<long, int> offsets_;      // indices by id
+  std::vector<EdgeIds> edge_ids_;              // of read_.edges
   std::vector<IdOnLine> fixed_;
 };
-
-template <typename Vector>
-auto Join(const Vector& values) {
-  return fmt::join(values.begin(), values.end(), " ");
-}
 
 }  // namespace
 
@@ -194,34 +308,6 @@ bool ParseG2o(const std::string& text,
               PoseGraph* graph,
               std::string* error) {
   return G2oParser(text, file, error).Parse(graph);
-}
-
-std::string G2oText(const PoseGraph& graph) {
-  const std::string kind = graph.dimension == 2 ? "SE2" : "SE3:QUAT";
-  std::string text;
-  const auto out = std::back_inserter(text);
-  for (size_t i = 0; i < graph.ids.size(); ++i) {
-    fmt::format_to(
-        out, "VERTEX_{} {} {}\n", kind, graph.ids[i], Join(graph.poses.col(i)));
-  }
-  for (const int column : graph.fixed) {
-    fmt::format_to(out, "FIX {}\n", graph.ids[column]);
-  }
-  for (const PoseGraph::Edge& edge : graph.edges) {
-    fmt::format_to(out,
-                   "EDGE_{} {} {} {}",
-                   kind,
-                   graph.ids[edge.from],
-                   graph.ids[edge.to],
-                   Join(edge.measurement));
-    for (int i = 0; i < edge.information.rows(); ++i) {
-      const auto rest =
-          edge.information.col(i).tail(edge.information.rows() - i);
-      fmt::format_to(out, " {}", Join(rest));
-    }
-    text += '\n';
-  }
-  return text;
 }
 
 bool ReadG2oFile(const std::string& path,

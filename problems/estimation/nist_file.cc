@@ -346,4 +346,16 @@ bool WriteNistFile(const std::string& path,
   return WriteReadable(path, data, NistText, ParseNist, error);
 }
 
+std::function<
+    bool(const std::string& path, const Eigen::VectorXd& b, std::string* error)>
+NistWriter(const NistData& data) {
+  return [data](const std::string& path,
+                const Eigen::VectorXd& b,
+                std::string* error) {
+    NistData result = data;
+    result.starts.colwise() = b;
+    return WriteNistFile(path, result, error);
+  };
+}
+
 }  // namespace invgrad

@@ -21,6 +21,7 @@
 #ifndef PROBLEMS_ESTIMATION_NIST_FILE_H_
 #define PROBLEMS_ESTIMATION_NIST_FILE_H_
 
+#include <functional>
 #include <string>
 
 #include "Eigen/Core"
@@ -54,6 +55,11 @@ bool ReadNistFile(const std::string& path, NistData* data, std::string* error);
 bool WriteNistFile(const std::string& path,
                    const NistData& data,
                    std::string* error);
+
+// Writes `data` with estimates in place of both starts.
+std::function<
+    bool(const std::string& path, const Eigen::VectorXd& b, std::string* error)>
+NistWriter(const NistData& data);
 
 }  // namespace invgrad
 

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "ceres/autodiff_cost_function.h"
-#include "fmt/ranges.h"
+#include "fmt/core.h"
 #include "glog/logging.h"
 #include "invgrad/core/specification.h"
 #include "invgrad/option_set.h"
@@ -245,9 +245,11 @@ const NistModel* FindNistModel(const NistData& data, std::string* error) {
     }
   }
   if (nearest == nullptr) {
-    *error = fmt::format("{}; there are {}",
-                         UnknownNameMessage("NIST model", data.name, names),
-                         fmt::join(names, " "));
+    *error = fmt::format(
+        "'{}' is not one of NIST's {} data sets, which --list shows; expected "
+        "--model=\"FORMULA\" for a model of your own",
+        Printable(data.name, 40),
+        names.size());
   }
   return nearest;
 }
@@ -265,6 +267,14 @@ double SumOfSquares(const NistModel& model,
                   model.value(x.data(), b.data()));
   }
   return sum;
+}
+
+bool HasCertifiedSum(const NistData& data,
+                     const Eigen::VectorXd& responses,
+                     double sum_of_squares) {
+  const double tolerance =
+      1e-6 * data.certified_sum_of_squares + 1e-12 * responses.squaredNorm();
+  return std::abs(sum_of_squares - data.certified_sum_of_squares) <= tolerance;
 }
 
 Eigen::VectorXd LogRelativeErrors(const Eigen::VectorXd& estimates,

@@ -53,6 +53,12 @@ double SumOfSquares(const NistModel& model,
                     const NistData& data,
                     const Eigen::VectorXd& b);
 
+// Whether a sum of squares is the certified one, up to its ten digits. For an
+// almost exact fit the sum consists of rounding errors of the responses.
+bool HasCertifiedSum(const NistData& data,
+                     const Eigen::VectorXd& responses,
+                     double sum_of_squares);
+
 // The number of digits of each parameter that agree with the certified value:
 //
 //   -log10(|estimate - certified| / |certified|), in [0, kMaxNistDigits]

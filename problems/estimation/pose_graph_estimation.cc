@@ -1,4 +1,5 @@
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -21,11 +22,11 @@ class PoseGraphEstimation final : public Estimation {
  public:
   PoseGraphEstimation(EstimationTraits traits,
                       const PoseGraph& graph,
-                      InformationRoot root)
+                      EdgeError edge_error)
       : Estimation(std::move(traits)),
         start_(graph),
         graph_(graph),
-        root_(root) {}
+        edge_error_(edge_error) {}
 
   void SetStart(int /*start*/) override { graph_ = start_; }
 
@@ -36,15 +37,21 @@ class PoseGraphEstimation final : public Estimation {
   std::unique_ptr<ceres::Problem> MakeProblem(
       const MakeLossFunction& make_loss) override {
     auto problem = std::make_unique<ceres::Problem>();
-    AddPoseGraph(root_, make_loss, &graph_, problem.get());
+    AddPoseGraph(edge_error_, make_loss, &graph_, problem.get());
     return problem;
   }
 
   // With the id of the file: of 2D "pose 7"; of 3D "pose 7" for its position,
-  // and "orientation 7".
+  // and "orientation 7"; "landmark 7".
   std::string BlockName(const double* values) const override {
     const Eigen::Index offset = values - graph_.poses.data();
     const Eigen::Index size = graph_.poses.rows();
+    if (!IsInPoses(values)) {
+      const Eigen::Index of_landmarks = values - graph_.landmarks.data();
+      return fmt::format(
+          "landmark {}",
+          graph_.landmark_ids[of_landmarks / graph_.landmarks.rows()]);
+    }
     return fmt::format("{} {}",
                        offset % size == 0 ? "pose" : "orientation",
                        graph_.ids[offset / size]);
@@ -64,6 +71,7 @@ class PoseGraphEstimation final : public Estimation {
     Plot plot = Panel(label);
     AddEdges("other edges", /*consecutive=*/false, /*color=*/1, &plot);
     AddEdges("to the next pose", /*consecutive=*/true, /*color=*/0, &plot);
+    AddLandmarks(&plot);
     panels->push_back(std::move(plot));
   }
 
@@ -77,6 +85,12 @@ class PoseGraphEstimation final : public Estimation {
   }
 
  private:
+  bool IsInPoses(const double* values) const {
+    const double* poses = graph_.poses.data();
+    return std::less_equal<>()(poses, values) &&
+           std::less<>()(values, poses + graph_.poses.size());
+  }
+
   Plot Panel(const std::string& title) const {
     Plot plot;
     plot.title = title;
@@ -112,6 +126,7 @@ class PoseGraphEstimation final : public Estimation {
     const Eigen::Index stride = (graph_.poses.cols() - 1) / kNumEllipses + 1;
     for (const Covariance::Block& block : covariance.blocks()) {
       const double* pose = block.block.values;
+      if (!IsInPoses(pose)) continue;
       const Eigen::Index offset = pose - graph_.poses.data();
       const Eigen::Index j = offset / graph_.poses.rows();
       const bool is_position = offset % graph_.poses.rows() == 0;
@@ -139,6 +154,18 @@ class PoseGraphEstimation final : public Estimation {
     plot->series.push_back(std::move(ellipses));
   }
 
+  void AddLandmarks(Plot* plot) const {
+    if (graph_.landmarks.cols() == 0) return;
+    Series points;
+    points.title = "landmarks";
+    points.style = Series::Style::kPoints;
+    points.color = 2;
+    const Eigen::Matrix2Xd projected = Projection() * graph_.landmarks;
+    points.x.assign(projected.row(0).begin(), projected.row(0).end());
+    points.y.assign(projected.row(1).begin(), projected.row(1).end());
+    plot->series.push_back(std::move(points));
+  }
+
   // The edges between successive poses, or the other edges.
   void AddEdges(const std::string& title,
                 bool consecutive,
@@ -155,7 +182,10 @@ class PoseGraphEstimation final : public Estimation {
     };
     constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
     for (const PoseGraph::Edge& edge : graph_.edges) {
-      if ((edge.to == edge.from + 1) != consecutive) continue;
+      if (edge.kind != PoseGraph::EdgeKind::kRelative ||
+          (edge.to == edge.from + 1) != consecutive) {
+        continue;
+      }
       if (lines.x.size() + 3 > kMaxPointsOfSeries) flush();
       const Eigen::Vector2d a = Project(edge.from);
       const Eigen::Vector2d b = Project(edge.to);
@@ -169,8 +199,24 @@ class PoseGraphEstimation final : public Estimation {
 
   const PoseGraph start_;
   PoseGraph graph_;
-  const InformationRoot root_;
+  const EdgeError edge_error_;
 };
+
+std::string Description(const PoseGraph& graph) {
+  std::string text = fmt::format("{} poses, ", graph.poses.cols());
+  if (graph.landmarks.cols() > 0) {
+    text += fmt::format("{} landmarks, ", graph.landmarks.cols());
+  }
+  text += fmt::format("{} edges, {}D", graph.edges.size(), graph.dimension);
+  const int num_starts =
+      graph.num_poses_by_edges + graph.num_landmarks_by_edges;
+  if (num_starts > 0) {
+    text += fmt::format(
+        "; {} without a VERTEX line start along a spanning tree of the edges",
+        num_starts);
+  }
+  return text;
+}
 
 }  // namespace
 
@@ -184,17 +230,19 @@ std::unique_ptr<Estimation> ReadPoseGraphEstimation(
     *error = path + ": no edges; expected poses and the edges between them";
     return nullptr;
   }
+  std::string why;
+  if (!HasEdgeError(graph, options.edge_error, &why)) {
+    *error = path + ": " + why;
+    return nullptr;
+  }
   EstimationTraits traits;
-  traits.description = fmt::format("{} poses, {} edges, {}D",
-                                   graph.poses.cols(),
-                                   graph.edges.size(),
-                                   graph.dimension);
+  traits.description = Description(graph);
   traits.linear_solver = "sparse_normal_cholesky";
   traits.extension = ".g2o";
   traits.budget.max_num_iterations = 200;
   traits.has_unit_variance = true;
   return std::make_unique<PoseGraphEstimation>(
-      traits, graph, options.information_root);
+      traits, graph, options.edge_error);
 }
 
 }  // namespace invgrad

@@ -28,10 +28,16 @@ bool ParseAll(std::string_view token, T* value) {
 
 }  // namespace
 
+std::string_view WithoutByteOrderMark(std::string_view text) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  return text.substr(0, kMark.size()) == kMark ? text.substr(kMark.size())
+                                               : text;
+}
+
 TextCursor::TextCursor(std::string_view text,
                        std::string_view file,
                        std::string* error)
-    : rest_(text),
+    : rest_(WithoutByteOrderMark(text)),
       file_(file),
       error_(error),
       num_lines_(std::count(text.begin(), text.end(), '\n') +
@@ -67,13 +73,8 @@ std::string_view TextCursor::PeekToken() const {
 
 double TextCursor::Number(std::string_view expected) {
   const std::string_view token = NextToken();
-  // std::from_chars rejects a plus sign.
-  const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
   double value = 0.0;
-  if (ParseAll(token.substr(has_plus ? 1 : 0), &value) &&
-      std::isfinite(value)) {
-    return value;
-  }
+  if (ParseFinite(token, &value)) return value;
   FailAtToken(token, fmt::format("{}: a finite double", expected));
   return 0.0;
 }
@@ -148,6 +149,13 @@ void TextCursor::FailAtToken(std::string_view token,
 bool EndsWith(std::string_view text, std::string_view end) {
   return text.size() >= end.size() &&
          text.substr(text.size() - end.size()) == end;
+}
+
+bool ParseFinite(std::string_view token, double* value) {
+  // std::from_chars rejects a plus sign.
+  const bool has_plus = token.size() > 1 && token[0] == '+' && token[1] != '-';
+  return ParseAll(token.substr(has_plus ? 1 : 0), value) &&
+         std::isfinite(*value);
 }
 
 bool ParseInteger(std::string_view token, long* value) {

@@ -7,6 +7,7 @@
 //     ...
 //   if (!cursor.ok()) return false;
 //
+// A byte-order mark of UTF-8, which editors of Windows put first, is skipped.
 // Tokens are separated by spaces, tabs and carriage returns, so that lines may
 // end as in Windows. The first failure sets
 // *error = "FILE:LINE: found 'nan'; expected an angle: a finite double". After
@@ -43,6 +44,8 @@ class TextCursor {
   // Empty at the line's end.
   std::string_view NextToken();
   std::string_view PeekToken() const;
+  // What is left of the current line, with its spaces.
+  std::string_view RestOfLine() const { return line_; }
 
   // `expected` completes "expected ...", for example "the focal length". After
   // a failure 0 or `min`.
@@ -74,7 +77,13 @@ class TextCursor {
   long line_number_ = 0;
 };
 
+// Without the byte-order mark of UTF-8, if it begins with one.
+std::string_view WithoutByteOrderMark(std::string_view text);
+
 bool EndsWith(std::string_view text, std::string_view end);
+
+// Whether all of the token is a finite number; a plus sign may be in front.
+bool ParseFinite(std::string_view token, double* value);
 
 // Whether all of the token is an integer.
 bool ParseInteger(std::string_view token, long* value);

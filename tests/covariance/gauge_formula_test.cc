@@ -189,7 +189,7 @@ TEST(GaugeFormula, OfAPoseGraph) {
   }
   ceres::Problem problem;
   AddPoseGraph(
-      InformationRoot::kUpper, []() { return nullptr; }, &graph, &problem);
+      EdgeError::kG2o, []() { return nullptr; }, &graph, &problem);
   problem.SetParameterBlockVariable(graph.poses.col(0).data());
 
   std::vector<double*> blocks;

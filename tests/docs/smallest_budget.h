@@ -113,6 +113,8 @@ class SmallFiles {
           "EDGE_SE2 0 1 1 0 1.5708 10 0 0 10 0 100\n"
           "EDGE_SE2 1 2 1 0 1.5708 10 0 0 10 0 100\n"
           "EDGE_SE2 2 0 1 1 3.1416 10 0 0 10 0 100\n");
+    Write(Path("csv"),
+          "time,signal,sigma\n0,3.2,0.1\n1,1.7,0.1\n2,1,0.1\n3,0.6,0.1\n");
   }
 
   // The small files for "M3500.g2o,nist/BoxBOD.dat", each kind once.
@@ -122,7 +124,11 @@ class SmallFiles {
     for (std::string file; std::getline(files, file, ',');) {
       const bool is_graph = file.find(".g2o") != std::string::npos;
       const bool is_bal = file.find(".txt") != std::string::npos;
-      paths.insert(Path(is_graph ? "g2o" : is_bal ? "txt" : "dat"));
+      const bool is_table = file.find(".csv") != std::string::npos;
+      paths.insert(Path(is_graph   ? "g2o"
+                        : is_bal   ? "txt"
+                        : is_table ? "csv"
+                                   : "dat"));
     }
     std::string joined;
     for (const std::string& path : paths) {

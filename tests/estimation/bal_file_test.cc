@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <regex>
 #include <string>
 #include <vector>
 
@@ -67,7 +68,13 @@ TEST(BalFile, ReadsEveryEndOfLinesAndOfTheText) {
   std::string without_end = kText;
   without_end.pop_back();
   for (const std::string& text :
-       {WithCrLf(kText), without_end, std::string(kText) + "\n \t\r\n\n"}) {
+       {WithCrLf(kText),
+        without_end,
+        std::string(kText) + "\n \t\r\n\n",
+        // Blank lines after the header, among observations and values.
+        std::regex_replace(std::string(kText), std::regex("\n"), "\n\n"),
+        ReplaceLine(kText, 1, "2 1 3\n"),
+        "\xEF\xBB\xBF" + std::string(kText)}) {
     BalData expected;
     BalData data;
     std::string error;
@@ -187,8 +194,8 @@ TEST(BalFile, SaysWhatIsWrongAndWhere) {
       {1, "2 1 2", "20: found '9'; expected the text's end"},
       {2,
        "",
-       "2: the line ends; expected an observation's camera: an integer "
-       "from 0 to 1"},
+       "5: found '1.5741515942940262e-02'; expected an observation's camera: "
+       "an integer from 0 to 1"},
       {2,
        "2 0 1 1",
        "2: found '2'; expected an observation's camera: an "

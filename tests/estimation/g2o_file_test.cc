@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "tests/estimation/g2o_texts.h"
 #include "tests/support/damaged_text.h"
 #include "tests/support/published_data.h"
 #include "tests/support/reader_check.h"
@@ -16,27 +17,10 @@ namespace g2o_file_test {
 
 constexpr TextFormat<PoseGraph> kFormat = {ParseG2o, G2oText};
 
-// Vertex 7 is named before it is there.
-const char kPlane[] = R"(# two poses
-VERTEX_SE2 3 0.5 -1 3.25
-FIX 3
-
-EDGE_SE2 7 3 -0.031191 +.5 -3.112485 4 1 2 5 3 6
-VERTEX_SE2 7 1e-300 1e300 -0.0
-EDGE_SE2 3 7 0 0 0 1e-300 0 0 1e-300 0 1e300
-)";
-
-// The second quaternion has length 5e200.
-const char kSpace[] = R"(VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1
-VERTEX_SE3:QUAT 1 0.341895 -0.0416997 0.0330394 0 3e200 0 -4e200
-EDGE_SE3:QUAT 0 1 1 2 3 1 1 1 1 10 1 0 0 0 0 10 0 0 0 0 10 0 0 0 400 7 9 401 -9 99
-FIX 1 0
-)";
-
 TEST(G2oFile, ReadsPosesInThePlane) {
   PoseGraph graph;
   std::string error;
-  ASSERT_TRUE(ParseG2o(kPlane, "f", &graph, &error)) << error;
+  ASSERT_TRUE(ParseG2o(kG2oPlane, "f", &graph, &error)) << error;
   EXPECT_EQ(graph.dimension, 2);
   EXPECT_EQ(graph.ids, (std::vector<long>{3, 7}));
   EXPECT_EQ(graph.fixed, std::vector<int>{0});
@@ -56,7 +40,7 @@ TEST(G2oFile, ReadsPosesInThePlane) {
 TEST(G2oFile, ReadsPosesInSpace) {
   PoseGraph graph;
   std::string error;
-  ASSERT_TRUE(ParseG2o(kSpace, "f", &graph, &error)) << error;
+  ASSERT_TRUE(ParseG2o(kG2oSpace, "f", &graph, &error)) << error;
   EXPECT_EQ(graph.dimension, 3);
   EXPECT_EQ(graph.ids, (std::vector<long>{0, 1}));
   EXPECT_EQ(graph.fixed, (std::vector<int>{1, 0}));
@@ -85,8 +69,94 @@ TEST(G2oFile, ReadsPosesInSpace) {
   EXPECT_EQ(edge.information, information);
 }
 
+TEST(G2oFile, ReadsLandmarksAndPriorsInThePlane) {
+  PoseGraph graph;
+  std::string error;
+  ASSERT_TRUE(ParseG2o(kG2oPlaneLandmarks, "f", &graph, &error)) << error;
+  EXPECT_EQ(graph.ids, std::vector<long>{1});
+  EXPECT_EQ(graph.num_poses_by_edges, 1);
+  // Where the prior says.
+  EXPECT_EQ(graph.poses.col(0), Eigen::Vector3d(1.0, 2.0, 0.5));
+  EXPECT_EQ(graph.landmark_ids, std::vector<long>{9});
+  EXPECT_EQ(graph.num_landmarks_by_edges, 0);
+  EXPECT_EQ(graph.landmarks.col(0), Eigen::Vector2d(3.0, -1e-3));
+  EXPECT_TRUE(graph.fixed.empty());
+  EXPECT_EQ(graph.fixed_landmarks, std::vector<int>{0});
+  ASSERT_EQ(graph.edges.size(), 2);
+  EXPECT_EQ(graph.edges[0].kind, PoseGraph::EdgeKind::kLandmark);
+  EXPECT_EQ(graph.edges[0].measurement, Eigen::Vector2d(0.5, -0.25));
+  EXPECT_EQ(graph.edges[0].information,
+            (Eigen::Matrix2d() << 4, 1, 1, 2).finished());
+  EXPECT_EQ(graph.edges[1].kind, PoseGraph::EdgeKind::kPrior);
+  EXPECT_EQ(graph.edges[1].information(0, 0), 400.0);
+  EXPECT_EQ(Eigen::MatrixXd(graph.edges[1].information).norm(), 400.0);
+}
+
+TEST(G2oFile, ReadsLandmarksPriorsAndOffsetsInSpace) {
+  PoseGraph graph;
+  std::string error;
+  ASSERT_TRUE(ParseG2o(kG2oSpaceLandmarks, "f", &graph, &error)) << error;
+  EXPECT_EQ(graph.ids, (std::vector<long>{2, 5}));
+  EXPECT_EQ(graph.landmark_ids, (std::vector<long>{3, 6}));
+  EXPECT_EQ(graph.num_poses_by_edges, 1);
+  EXPECT_EQ(graph.num_landmarks_by_edges, 1);
+  EXPECT_EQ(graph.fixed_landmarks, std::vector<int>{0});
+  ASSERT_EQ(graph.offsets.size(), 2);
+  EXPECT_EQ(graph.offsets[0].id, 11);
+  EXPECT_EQ(graph.offsets[1].id, 0);
+  ASSERT_EQ(graph.edges.size(), 4);
+  const PoseGraph::Edge& between = graph.edges[1];
+  EXPECT_EQ(between.kind, PoseGraph::EdgeKind::kRelative);
+  EXPECT_EQ(between.offset_from, 0);
+  EXPECT_EQ(between.offset_to, 1);
+  EXPECT_EQ(between.to, 1);
+  const PoseGraph::Edge& prior = graph.edges[2];
+  EXPECT_EQ(prior.kind, PoseGraph::EdgeKind::kPrior);
+  EXPECT_EQ(prior.from, 1);
+  EXPECT_EQ(prior.offset_from, 1);
+  EXPECT_EQ(prior.information(2, 2), 5.0);
+  const PoseGraph::Edge& seen = graph.edges[3];
+  EXPECT_EQ(seen.kind, PoseGraph::EdgeKind::kLandmark);
+  EXPECT_EQ(seen.to, 1);
+  EXPECT_EQ(seen.measurement, Eigen::Vector3d(1.0, 0.0, 0.0));
+}
+
+TEST(G2oFile, WritesEveryTagInKind) {
+  PoseGraph graph;
+  std::string error;
+  ASSERT_TRUE(ParseG2o(kG2oPlaneLandmarks, "f", &graph, &error)) << error;
+  EXPECT_EQ(G2oText(graph),
+            "VERTEX_SE2 1 1 2 0.5\n"
+            "VERTEX_XY 9 3 -0.001\n"
+            "FIX 9\n"
+            "EDGE_SE2_XY 1 9 0.5 -0.25 4 1 2\n"
+            "EDGE_PRIOR_SE2 1 1 2 0.5 400 0 0 0 0 0\n");
+  ASSERT_TRUE(ParseG2o(kG2oSpaceLandmarks, "f", &graph, &error)) << error;
+  const std::string text = G2oText(graph);
+  for (const char* line :
+       {"PARAMS_SE3OFFSET 11 0.1 0 0 0 0 0.6 0.8\n",
+        "VERTEX_TRACKXYZ 3 1 0 -1\n",
+        "FIX 3\n",
+        "EDGE_SE3_TRACKXYZ 2 3 11 1 2 3 9 1 0 9 0 9\n",
+        "EDGE_SE3_OFFSET 2 5 11 0 1 2 3 0 0 0 1 1 0 0 0 0 0 1",
+        "EDGE_SE3_PRIOR 5 0 1 2 3 0 0 0 1 0 0 0 0 0 0 0 0 0 0 0 5"}) {
+    EXPECT_NE(text.find(line), std::string::npos) << line << "\n" << text;
+  }
+}
+
+TEST(G2oFile, SkipsAByteOrderMark) {
+  for (const std::string whole : kG2oTexts) {
+    PoseGraph expected;
+    PoseGraph graph;
+    std::string error;
+    ASSERT_TRUE(ParseG2o(whole, "f", &expected, &error)) << error;
+    ASSERT_TRUE(ParseG2o("\xEF\xBB\xBF" + whole, "f", &graph, &error)) << error;
+    EXPECT_EQ(G2oText(graph), G2oText(expected));
+  }
+}
+
 TEST(G2oFile, ReadsEveryEndOfLinesAndOfTheText) {
-  for (const std::string whole : {kPlane, kSpace}) {
+  for (const std::string whole : kG2oTexts) {
     for (const std::string& text : {WithCrLf(whole),
                                     whole + "\n \t\r\n\n",
                                     whole.substr(0, whole.size() - 1)}) {
@@ -102,7 +172,7 @@ TEST(G2oFile, ReadsEveryEndOfLinesAndOfTheText) {
 
 TEST(G2oFile, WritesWhatItReads) {
   const TemporaryFolder folder;
-  for (const std::string text : {kPlane, kSpace}) {
+  for (const std::string text : {kG2oPlane, kG2oSpace}) {
     PoseGraph graph;
     PoseGraph back;
     std::string error;
@@ -146,7 +216,7 @@ TEST(G2oFile, WritesNoOtherData) {
   const TemporaryFolder folder;
   PoseGraph good;
   std::string error;
-  ASSERT_TRUE(ParseG2o(kSpace, "f", &good, &error)) << error;
+  ASSERT_TRUE(ParseG2o(kG2oSpace, "f", &good, &error)) << error;
   std::vector<PoseGraph> bad(10, good);
   bad[0] = {};
   bad[1].dimension = 2;
@@ -166,151 +236,6 @@ TEST(G2oFile, WritesNoOtherData) {
   EXPECT_EQ(folder.NumFiles(), 0);
 }
 
-TEST(G2oFile, SaysWhatIsWrongAndWhere) {
-  struct Case {
-    const char* text;
-    int line;
-    const char* replacement;
-    const char* message;
-  };
-  const std::vector<Case> cases = {
-      {kPlane,
-       2,
-       "VERTEX_TRACKXYZ 3 0 0 0",
-       "2: found 'VERTEX_TRACKXYZ'; expected VERTEX_SE2, VERTEX_SE3:QUAT, "
-       "EDGE_SE2, EDGE_SE3:QUAT or FIX"},
-      {kPlane,
-       2,
-       "VERTEX_SE2",
-       "2: the line ends; expected a vertex's id: an integer from 0 to "
-       "9223372036854775807"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 -1 0 0 0",
-       "2: found '-1'; expected a vertex's id: an integer from 0 to "
-       "9223372036854775807"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 9223372036854775808 0 0 0",
-       "2: found '9223372036854775808'; expected a vertex's id: an integer "
-       "from 0 to 9223372036854775807"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 3 0 0",
-       "2: the line ends; expected a pose's coordinate: a finite double"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 3 0 0 0 0",
-       "2: found '0'; expected the line's end"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 3 0 nan 0",
-       "2: found 'nan'; expected a pose's coordinate: a finite double"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 3 0 inf 0",
-       "2: found 'inf'; expected a pose's coordinate: a finite double"},
-      {kPlane,
-       2,
-       "VERTEX_SE2 3 0 0 1e999",
-       "2: found '1e999'; expected a pose's coordinate: a finite double"},
-      {kPlane, 2, "", "5: there is no vertex 3; expected the id of a vertex"},
-      {kPlane,
-       3,
-       "FIX",
-       "3: the line ends; expected a vertex's id: an integer "
-       "from 0 to 9223372036854775807"},
-      {kPlane,
-       3,
-       "FIX 5",
-       "3: there is no vertex 5; expected the id of a vertex"},
-      {kPlane,
-       3,
-       "FIX 3 3",
-       "3: vertex 3 is fixed twice; expected each vertex once"},
-      {kPlane,
-       5,
-       "EDGE_SE2 4 3 0 0 0 1 0 0 1 0 1",
-       "5: there is no vertex 4; expected the id of a vertex"},
-      {kPlane,
-       5,
-       "EDGE_SE2 3 4 0 0 0 1 0 0 1 0 1",
-       "5: there is no vertex 4; expected the id of a vertex"},
-      {kPlane,
-       5,
-       "EDGE_SE2 3 3 0 0 0 1 0 0 1 0 1",
-       "5: the edge joins vertex 3 with itself; expected two vertices"},
-      {kPlane,
-       5,
-       "EDGE_SE2 3 7 0 0 0 1 0 0 1 0",
-       "5: the line ends; expected an entry of the information matrix: a "
-       "finite double"},
-      {kPlane,
-       5,
-       "EDGE_SE2 3 7 0 0 0 1 0 0 1 0 1 0",
-       "5: found '0'; expected the line's end"},
-      {kPlane,
-       5,
-       "EDGE_SE2 3 7 0 0 0 1 2 0 1 0 1",
-       "5: the information matrix is not positive definite; expected the "
-       "inverse of a covariance"},
-      {kPlane,
-       5,
-       "EDGE_SE2 3 7 0 0 0 1 0 0 0 0 1",
-       "5: the information matrix is not positive definite; expected the "
-       "inverse of a covariance"},
-      // Overflows in the factorization.
-      {kPlane,
-       5,
-       "EDGE_SE2 3 7 0 0 0 1 1e300 1e300 1 0 1",
-       "5: the information matrix is not positive definite; expected the "
-       "inverse of a covariance"},
-      {kPlane,
-       6,
-       "VERTEX_SE2 3 0 0 0",
-       "6: vertex 3 is there twice; expected another id"},
-      {kPlane,
-       6,
-       "VERTEX_SE3:QUAT 7 0 0 0 0 0 0 1",
-       "6: a tag of SE3; expected SE2 as in the lines before"},
-      {kSpace,
-       2,
-       "VERTEX_SE2 1 0 0 0",
-       "2: a tag of SE2; expected SE3 as in the lines before"},
-      {kSpace,
-       2,
-       "VERTEX_SE3:QUAT 1 0 0 0 0 0 -0.0 0",
-       "2: the quaternion is zero; expected a rotation"},
-      {kSpace,
-       3,
-       "EDGE_SE3:QUAT 0 1 1 2 3 0 0 0 0",
-       "3: the quaternion is zero; expected a rotation"},
-  };
-  PoseGraph sentinel;
-  sentinel.dimension = 2;
-  sentinel.ids = {7};
-  sentinel.poses.setConstant(3, 1, 7.0);
-  for (const Case& bad : cases) {
-    PoseGraph graph = sentinel;
-    std::string error;
-    EXPECT_FALSE(ParseG2o(ReplaceLine(bad.text, bad.line, bad.replacement),
-                          "d/f.g2o",
-                          &graph,
-                          &error));
-    EXPECT_EQ(error, std::string("d/f.g2o:") + bad.message);
-    EXPECT_EQ(G2oText(graph), G2oText(sentinel));
-  }
-  PoseGraph graph;
-  std::string error;
-  EXPECT_FALSE(ParseG2o("", "f", &graph, &error));
-  EXPECT_EQ(error,
-            "f:1: the text is empty; expected a VERTEX_SE2 or a "
-            "VERTEX_SE3:QUAT");
-  EXPECT_FALSE(ParseG2o("# nothing\n\n", "f", &graph, &error));
-  EXPECT_EQ(error,
-            "f:2: the text ends; expected a VERTEX_SE2 or a VERTEX_SE3:QUAT");
-}
-
 TEST(G2oFile, SaysWhichFileCannotBeRead) {
   const TemporaryFolder folder;
   PoseGraph graph;
@@ -322,7 +247,7 @@ TEST(G2oFile, SaysWhichFileCannotBeRead) {
 }
 
 TEST(G2oFile, SurvivesDamage) {
-  for (const char* whole : {kPlane, kSpace}) {
+  for (const char* whole : kG2oTexts) {
     for (const std::string& text : DamagedTexts(whole)) {
       ASSERT_EQ(FindReaderFlaw(kFormat, text), "") << text;
     }

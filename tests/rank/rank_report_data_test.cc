@@ -19,7 +19,7 @@ enum class Held { kNothing, kFirstPosition, kFirstPose };
 RankReport ReportOf(PoseGraph* graph, Held held) {
   ceres::Problem problem;
   AddPoseGraph(
-      InformationRoot::kLower, [] { return nullptr; }, graph, &problem);
+      EdgeError::kCeres, [] { return nullptr; }, graph, &problem);
   std::vector<double*> blocks;
   problem.GetParameterBlocks(&blocks);
   for (double* values : blocks) {

@@ -1,0 +1,216 @@
+// A formula that a user writes, such as "b1*(1 - exp(-b2*x))", evaluated on any
+// scalar type, so that its derivatives are exact.
+//
+//   + - * / ^ (also **), -a, ( ), < <= > >= (1 or 0), numbers, pi, and
+//   exp log log10 sqrt sin cos tan asin acos atan sinh cosh tanh erf abs
+//   atan2(y, x) pow(a, b) min(a, b) max(a, b) if(condition, a, b)
+//
+// -a^b is -(a^b). log is the natural logarithm. All other names are variables.
+//
+// muParser [1] reads the text. It evaluates doubles only, and differences of
+// them depend on the units of a parameter; so it is given functions that record
+// what they would compute, and the record is evaluated.
+//
+// Cost:    of an evaluation one operation of T for each in the text.
+// Fails:   Parse returns false, with "character N: what is wrong" or the like.
+//
+// [1] https://beltoforion.de/en/muparser
+#ifndef PROBLEMS_ESTIMATION_FORMULA_H_
+#define PROBLEMS_ESTIMATION_FORMULA_H_
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "ceres/jet.h"
+
+namespace invgrad {
+
+class Formula {
+ public:
+  static bool Parse(const std::string& text,
+                    Formula* formula,
+                    std::string* error);
+
+  // In the order in which they appear.
+  const std::vector<std::string>& variables() const { return variables_; }
+
+  // `values`: of the variables.
+  template <typename T>
+  T Evaluate(const std::vector<T>& values) const;
+
+  enum class Op {
+    kNumber,
+    kVariable,
+    kNegate,
+    kAdd,
+    kSubtract,
+    kMultiply,
+    kDivide,
+    kPower,
+    kLess,
+    kLessOrEqual,
+    kGreater,
+    kGreaterOrEqual,
+    kExp,
+    kLog,
+    kLog10,
+    kSqrt,
+    kSin,
+    kCos,
+    kTan,
+    kAsin,
+    kAcos,
+    kAtan,
+    kSinh,
+    kCosh,
+    kTanh,
+    kErf,
+    kAbs,
+    kAtan2,
+    kMin,
+    kMax,
+    kIf
+  };
+  // `a`, `b`, `c`: earlier operations; kVariable: `a` is a variable.
+  struct Operation {
+    Op op = Op::kNumber;
+    int a = 0;
+    int b = 0;
+    int c = 0;
+    double number = 0.0;
+  };
+
+ private:
+  std::vector<std::string> variables_;
+  std::vector<Operation> operations_;
+  int result_ = 0;
+};
+
+namespace internal {
+
+// The operations of one argument.
+template <typename T>
+T EvaluateFunction(Formula::Op op, const T& a) {
+  using std::abs;
+  using std::acos;
+  using std::asin;
+  using std::atan;
+  using std::cos;
+  using std::cosh;
+  using std::erf;
+  using std::exp;
+  using std::log;
+  using std::log10;
+  using std::sin;
+  using std::sinh;
+  using std::sqrt;
+  using std::tan;
+  using std::tanh;
+  switch (op) {
+    case Formula::Op::kNegate:
+      return -a;
+    case Formula::Op::kExp:
+      return exp(a);
+    case Formula::Op::kLog:
+      return log(a);
+    case Formula::Op::kLog10:
+      return log10(a);
+    case Formula::Op::kSqrt:
+      return sqrt(a);
+    case Formula::Op::kSin:
+      return sin(a);
+    case Formula::Op::kCos:
+      return cos(a);
+    case Formula::Op::kTan:
+      return tan(a);
+    case Formula::Op::kAsin:
+      return asin(a);
+    case Formula::Op::kAcos:
+      return acos(a);
+    case Formula::Op::kAtan:
+      return atan(a);
+    case Formula::Op::kSinh:
+      return sinh(a);
+    case Formula::Op::kCosh:
+      return cosh(a);
+    case Formula::Op::kTanh:
+      return tanh(a);
+    case Formula::Op::kErf:
+      return erf(a);
+    default:
+      return abs(a);
+  }
+}
+
+// The operations of two arguments, without powers.
+template <typename T>
+T EvaluateOperator(Formula::Op op, const T& a, const T& b) {
+  using std::atan2;
+  switch (op) {
+    case Formula::Op::kAdd:
+      return a + b;
+    case Formula::Op::kSubtract:
+      return a - b;
+    case Formula::Op::kMultiply:
+      return a * b;
+    case Formula::Op::kDivide:
+      return a / b;
+    case Formula::Op::kLess:
+      return T(a < b ? 1.0 : 0.0);
+    case Formula::Op::kLessOrEqual:
+      return T(a <= b ? 1.0 : 0.0);
+    case Formula::Op::kGreater:
+      return T(a > b ? 1.0 : 0.0);
+    case Formula::Op::kGreaterOrEqual:
+      return T(a >= b ? 1.0 : 0.0);
+    case Formula::Op::kMin:
+      return b < a ? b : a;
+    case Formula::Op::kMax:
+      return a < b ? b : a;
+    default:
+      return atan2(a, b);
+  }
+}
+
+}  // namespace internal
+
+template <typename T>
+T Formula::Evaluate(const std::vector<T>& values) const {
+  using std::pow;
+  std::vector<T> results;
+  results.reserve(operations_.size());
+  for (const Operation& operation : operations_) {
+    const int a = operation.a;
+    const int b = operation.b;
+    switch (operation.op) {
+      case Op::kNumber:
+        results.push_back(T(operation.number));
+        break;
+      case Op::kVariable:
+        results.push_back(values[a]);
+        break;
+      case Op::kPower:
+        // A constant power of a negative number has derivatives.
+        results.push_back(operations_[b].op == Op::kNumber
+                              ? T(pow(results[a], operations_[b].number))
+                              : T(pow(results[a], results[b])));
+        break;
+      case Op::kIf:
+        results.push_back(results[a] > 0.0 || results[a] < 0.0
+                              ? results[b]
+                              : results[operation.c]);
+        break;
+      default:
+        results.push_back(
+            b < 0 ? internal::EvaluateFunction(operation.op, results[a])
+                  : internal::EvaluateOperator(
+                        operation.op, results[a], results[b]));
+    }
+  }
+  return results[result_];
+}
+
+}  // namespace invgrad
+
+#endif  // PROBLEMS_ESTIMATION_FORMULA_H_
