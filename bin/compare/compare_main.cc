@@ -61,7 +61,7 @@ bool CheckProblem(CompareOptions* options,
           error)) {
     return false;
   }
-  if (options->rules.empty()) options->rules = DefaultRules(*problem);
+  if (options->rules == "auto") options->rules = DefaultRules(*problem);
   return NameFlag("rules", ParseMethods(options->rules, methods, error), error);
 }
 

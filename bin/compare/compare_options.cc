@@ -21,7 +21,7 @@ void CompareOptions::AddFlags() {
           "LOSS/SIMULATOR/RULE or a name for one, such as sip, or a "
           "minimizer of Ceres; --list shows all. batch_size is an option of "
           "each in training. In phases: \"adam:epochs=5>half_inverse\". "
-          "Empty: a few that suit the problem");
+          "auto: a few that suit the problem");
   AddFlag("data", &data, "data (.npy) instead of the problem's own");
   AddFlag("seeds",
           &seeds,

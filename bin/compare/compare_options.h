@@ -11,9 +11,9 @@ namespace invgrad {
 struct CompareOptions {
   bool list = false;
   std::string list_markdown;
-  std::string problem;  // name[:key=value...]
-  std::string rules;    // method,...; empty: some that suit the problem
-  std::string data;     // a file in place of the problem's own data
+  std::string problem;         // name[:key=value...]
+  std::string rules = "auto";  // method,...; auto: some that suit the problem
+  std::string data;            // a file in place of the problem's own data
   std::string seeds = "1";
   std::string levels = "1e-3,1e-4,1e-5";
   int blas_threads = 1;

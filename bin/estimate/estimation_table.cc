@@ -82,8 +82,11 @@ Table EstimationTable(const std::vector<EstimationRow>& rows,
       const double seconds =
           i < row.seconds_to.size() ? row.seconds_to[i] : kNan;
       const std::string level = FormatNumber(levels[i]);
+      const bool is_never = is_exact && std::isnan(seconds);
       table.Add((is_exact ? "seconds_to_" : "s to ") + level,
-                is_exact ? ExactNumber(seconds) : NumberOrDash(seconds));
+                is_never   ? ""
+                : is_exact ? ExactNumber(seconds)
+                           : NumberOrDash(seconds));
     }
     if (has_digits || is_exact) {
       table.Add("digits",

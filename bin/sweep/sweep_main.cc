@@ -127,11 +127,12 @@ void RunJob(const SweepPlan& plan, int number, SweepRun* run) {
     run->status = "not run: " + error;
     return;
   }
-  run->status = result.summary.message;
-  // A run that was interrupted is one to go on with.
-  if (result.summary.termination_type != ceres::USER_SUCCESS) {
-    run->result = std::move(result);
+  if (result.summary.termination_type == ceres::USER_SUCCESS) {
+    run->status = "interrupted";  // to go on with
+    return;
   }
+  run->status = result.summary.message;
+  run->result = std::move(result);
 }
 
 // "'sweep' '--steps=200' '--job=3'": for a shell.

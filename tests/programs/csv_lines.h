@@ -12,18 +12,21 @@
 
 namespace invgrad {
 
-// Lines of a CSV file without quoted commas, by column name.
+// Lines of a CSV file, by column name.
 using CsvLines = std::vector<std::map<std::string, std::string>>;
 
 inline CsvLines ReadCsv(const std::string& text) {
   const auto split = [](const std::string& line) {
-    std::vector<std::string> fields;
-    std::istringstream stream(line + ",");
-    for (std::string field; std::getline(stream, field, ',');) {
-      if (field.size() > 1 && field.front() == '"') {
-        field = field.substr(1, field.size() - 2);
+    std::vector<std::string> fields(1);
+    bool is_quoted = false;
+    for (const char c : line) {
+      if (c == '"') {
+        is_quoted = !is_quoted;
+      } else if (c == ',' && !is_quoted) {
+        fields.emplace_back();
+      } else {
+        fields.back() += c;
       }
-      fields.push_back(field);
     }
     return fields;
   };
