@@ -16,13 +16,13 @@ install_missing "${program_packages[@]}"
 build_release compare
 # --- The comparison itself ---
 # The best step sizes of small grids for the first-order rules, the published one
-# for half_inverse:truncation=1e-10, Adam and newton/inverse_gradient/adam (the
-# book's scale-invariant training); auto and the adaptive rules need none. Ceres'
+# for half_inverse:truncation=1e-10, Adam and sip_gradient (the book's
+# scale-invariant training); auto and the adaptive rules need none. Ceres'
 # minimizers work on all samples at once.
 rules=(
   gradient_descent:step_size=3e-2:momentum=0.9:batch_size=256
   adam:step_size=1e-3:batch_size=256
-  newton/inverse_gradient/adam:step_size=1e-3:batch_size=256
+  sip_gradient:step_size=1e-3:batch_size=256
   half_inverse:truncation=1e-10
   adaptive
   adaptive_power

@@ -13,7 +13,7 @@ source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 install_missing "${program_packages[@]}" "${test_packages[@]}"
 # In a subshell, because a failure ends it.
 (install_missing "${optional_packages[@]}") ||
-  echo "Without ${optional_packages[*]}: their components are not tested"
+  echo "Without ${optional_packages[*]}: what needs them is not tested"
 with_tests=true
 build_release all
 ctest --test-dir "$build_dir" --output-on-failure --no-tests=error \

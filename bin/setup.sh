@@ -35,10 +35,10 @@ missing_packages() {
   done
 }
 
-# Components that are built if they are installed: libtorch (invgrad::torch) and
-# MPI (invgrad::mpi).
+# What is built or tested if it is installed: the components of libtorch
+# (invgrad::torch) and MPI (invgrad::mpi), and reports in a browser.
 # shellcheck disable=SC2034  # the sourcing commands read it
-readonly optional_packages=(libtorch-dev libopenmpi-dev openmpi-bin)
+readonly optional_packages=(libtorch-dev libopenmpi-dev openmpi-bin chromium)
 
 cannot_install() {
   local reason="$1"

@@ -24,6 +24,7 @@ remark if it is the smallest or largest one.
   DIR/jobs/NUMBER-SETTINGS/...       see learning_run.h
   DIR/sweep.csv                      one line a run
   DIR/table.txt, DIR/table.md        the best alternatives
+  DIR/report.html                    see bin/sweep/report.h
   DIR/lines.png, heat_map.png, curves.png   see bin/sweep/plots.h
 */
 

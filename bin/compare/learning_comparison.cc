@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "bin/compare/learning_plots.h"
+#include "bin/compare/learning_report.h"
+#include "bin/support/html_output.h"
 #include "bin/support/learning_run.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
@@ -23,25 +25,6 @@
 
 namespace invgrad {
 namespace {
-
-// A method from all seeds.
-struct MethodResults {
-  std::string label;
-  std::string refusal;  // why there are no runs
-  std::vector<LearningRunResult> runs;
-
-  SeedSpread Spread(double HistoryRow::*loss) const {
-    std::vector<double> values;
-    for (const LearningRunResult& run : runs) {
-      values.push_back(run.has_failed() ? HistoryRow::kNone : run.last().*loss);
-    }
-    return SeedSpread(values);
-  }
-  // The run with the median of this final loss; null if there are no runs.
-  const LearningRunResult* MedianRun(double HistoryRow::*loss) const {
-    return runs.empty() ? nullptr : &runs[Spread(loss).median_run];
-  }
-};
 
 Table LearningTable(const LearningProblem& problem,
                     const std::vector<double>& levels,
@@ -253,14 +236,34 @@ bool RunOrLoad(const CompareOptions& options,
   return RunLearning(of.problem, method, run, result, error);
 }
 
+Table TableOf(const Comparison& of) {
+  return LearningTable(of.problem, of.levels, of.seeds.size() > 1, of.results);
+}
+
+HtmlReport ReportOf(const CompareOptions& options,
+                    const Comparison& of,
+                    bool is_over) {
+  return LearningReport(of.problem,
+                        of.methods,
+                        of.results,
+                        TableOf(of),
+                        of.seeds,
+                        options.training.BudgetText(),
+                        is_over);
+}
+
 // All methods from one seed after the other.
 void Run(const CompareOptions& options, Comparison* of, RunCounts* counts) {
   for (const Method& method : of->methods) {
-    of->results.push_back({method.label, "not run: interrupted", {}});
+    of->results.push_back({method.label, "", {}});
   }
+  LiveReport live;
   for (const int seed : of->seeds) {
     for (size_t i = 0; i < of->methods.size(); ++i) {
       if (IsTrueOnAnyRank(Interrupt::IsRequested())) return;
+      if (IsFirstRank()) {
+        live.Update([&] { return ReportOf(options, *of, /*is_over=*/false); });
+      }
       LearningRunResult result;
       std::string why;
       const bool has_run =
@@ -282,8 +285,7 @@ bool Report(const CompareOptions& options,
             std::string* error) {
   bool is_written = true;
   if (IsFirstRank()) {
-    const Table table =
-        LearningTable(of.problem, of.levels, of.seeds.size() > 1, of.results);
+    const Table table = TableOf(of);
     std::cout << table.ToText();
     is_written =
         WriteTable(InOutput("table"), table, error) &&
@@ -297,7 +299,8 @@ bool Report(const CompareOptions& options,
     if (run != nullptr) medians.push_back(run);
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures(LearningPictures(of.problem,
+  FinishReport(ReportOf(options, of, /*is_over=*/true),
+               LearningPictures(of.problem,
                                 FLAGS_output,
                                 options.track_sample,
                                 of.WeightsOf(of.seeds[0]),

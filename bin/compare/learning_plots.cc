@@ -21,11 +21,12 @@ std::vector<std::string> Names(const Runs& runs) {
 }
 
 Plot CurvePlot(const Runs& runs,
-               const std::string& title,
+               const std::string& value,
                double HistoryRow::*field,
                bool against_seconds) {
   Plot plot;
-  plot.title = plot.y_label = title;
+  plot.title = value + (against_seconds ? " by seconds" : " by steps");
+  plot.y_label = value;
   plot.x_label = against_seconds ? "seconds of training" : "step";
   plot.log_x = plot.log_y = true;
   const std::vector<std::string> names = Names(runs);
@@ -180,22 +181,40 @@ std::vector<Picture> LearningPictures(const LearningProblem& problem,
                                       const Runs& runs) {
   std::vector<Picture> pictures = {
       {directory + "/loss.png", LossPlots(problem, runs)},
-      {directory + "/neurons.png", NeuronPlots(runs)}};
+      {directory + "/neurons.png",
+       NeuronPlots(runs),
+       0,
+       "Mean activations of the hidden neurons, a panel a method, a colour a "
+       "layer. Neurons that reach -1 or 1 are saturated; lines that stay "
+       "together have learned the same."}};
   if (problem.train.inputs.rows() == 1 &&
       problem.model->simulator().num_inputs() == 1) {
-    pictures.push_back({directory + "/map.png", {MapPlot(problem, runs)}});
+    pictures.push_back({directory + "/map.png",
+                        {MapPlot(problem, runs)},
+                        0,
+                        "The learned map from the network's input to x, over "
+                        "the solutions of the data, which it should hit."});
   }
   if (HasFields(problem)) {
     pictures.push_back(FieldsPicture(
         problem, directory + "/fields.png", initial_weights, runs));
+    pictures.back().caption =
+        "Fields of the first test sample: the data, the untrained network, "
+        "then "
+        "the methods. P(x) should look like y*, and x like x*.";
   }
   if (problem.function_on_grid.has_value()) {
     pictures.push_back(
         FunctionPicture(problem, directory + "/solution.png", runs));
+    pictures.back().caption =
+        "The true solution, then the solution of each method and its error.";
   }
   if (tracked_sample >= 0 && problem.train.targets.rows() >= 2) {
     pictures.push_back({directory + "/sample_path.png",
-                        {SamplePathPlot(problem, tracked_sample, runs)}});
+                        {SamplePathPlot(problem, tracked_sample, runs)},
+                        0,
+                        "The way of one training sample through y space in "
+                        "training: a straight line to the target is best."});
   }
   return pictures;
 }

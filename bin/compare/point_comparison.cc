@@ -5,7 +5,9 @@
 #include <limits>
 #include <utility>
 
+#include "bin/compare/point_report.h"
 #include "bin/support/field_plots.h"
+#include "bin/support/html_output.h"
 #include "bin/support/point_path.h"
 #include "bin/support/run_output.h"
 #include "fmt/ranges.h"
@@ -134,7 +136,12 @@ bool Run(const PointProblem& problem,
          std::vector<PointPath>* paths,
          RunCounts* counts,
          std::string* error) {
+  LiveReport live;
   for (const Method& method : methods) {
+    live.Update([&] {
+      const Table table = PointTable(problem, *paths);
+      return PointReport(problem, methods, *paths, table, /*is_over=*/false);
+    });
     PointPath path;
     path.label = method.label;
     std::string why = "not run: interrupted";
@@ -152,6 +159,7 @@ bool Run(const PointProblem& problem,
 }
 
 bool Report(const PointProblem& problem,
+            const std::vector<Method>& methods,
             const std::vector<PointPath>& paths,
             std::string* error) {
   const Table table = PointTable(problem, paths);
@@ -163,7 +171,12 @@ bool Report(const PointProblem& problem,
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures({{InOutput("fields.png"), fields},
+  FinishReport(PointReport(problem, methods, paths, table, /*is_over=*/true),
+               {{InOutput("fields.png"),
+                 fields,
+                 0,
+                 "The final x of each method as a field, beside x* if it is "
+                 "known, in the same colours."},
                 {InOutput("loss.png"), {LossPlot(paths)}}});
   return true;
 }
@@ -183,7 +196,7 @@ bool ComparePoint(const CompareOptions& options,
   const Interrupt interrupt;
   std::vector<PointPath> paths;
   return Run(problem, methods, minimizer, &paths, counts, error) &&
-         Report(problem, paths, error);
+         Report(problem, methods, paths, error);
 }
 
 }  // namespace invgrad

@@ -3,6 +3,7 @@
 //   DIR/path-METHOD.csv         see point_path.h
 //   DIR/table.txt, DIR/table.md
 //   DIR/loss.png                L against iterations
+//   DIR/report.html             all of it for a browser (point_report.h)
 //
 // With more than kMaxPrintedSize unknowns there are also:
 //

@@ -6,10 +6,12 @@
 #include <optional>
 #include <utility>
 
+#include "bin/estimate/estimation_report.h"
 #include "bin/estimate/estimation_results.h"
 #include "bin/estimate/estimation_table.h"
 #include "bin/estimate/run_report.h"
 #include "bin/estimate/way.h"
+#include "bin/support/html_output.h"
 #include "bin/support/live_run.h"
 #include "bin/support/program.h"
 #include "bin/support/run_output.h"
@@ -27,6 +29,7 @@ namespace {
 
 struct Runs {
   std::vector<EstimationRow> rows;
+  std::vector<StartCosts> costs;
   std::vector<Picture> pictures;  // drawn when all tables are written
 };
 
@@ -57,14 +60,17 @@ struct Panels {
   std::vector<Plot> results;
   std::vector<Plot> covariances;
   std::vector<Plot> costs;  // against iterations and seconds
+  int color = 0;            // of the next way
 };
 
-// Costs against iterations and against seconds.
+// Costs against iterations and against seconds. `color`: the number of the way.
 void AddCosts(const std::string& label,
+              int color,
               const MinimizerSummary& summary,
               std::vector<Plot>* panels) {
   Series iterations;
   iterations.title = label;
+  iterations.color = color;
   Series seconds = iterations;
   for (const ceres::IterationSummary& iteration : summary.iterations) {
     iterations.x.push_back(iteration.iteration);
@@ -212,7 +218,7 @@ bool RunWay(const EstimationOptions& options,
     estimation->DrawCovariance(
         way.label, *report.covariance, &panels->covariances);
   }
-  AddCosts(way.label, report.minimizer, &panels->costs);
+  AddCosts(way.label, panels->color, report.minimizer, &panels->costs);
   return true;
 }
 
@@ -234,21 +240,30 @@ bool RunFrom(const EstimationOptions& options,
   for (const Way& way : ways) {
     if (Interrupt::IsRequested()) break;
     SetStart(options, start, seed, estimation);
-    if (!RunWay(options,
-                name,
-                way,
-                estimation,
-                &panels,
-                &runs->rows.emplace_back(),
-                error)) {
+    panels.color = static_cast<int>(&way - ways.data());
+    EstimationRow& row = runs->rows.emplace_back();
+    row.input = input.name;
+    if (!RunWay(options, name, way, estimation, &panels, &row, error)) {
       return false;
     }
   }
+  runs->costs.push_back({name, panels.costs});
   panels.ShortenNames();
-  runs->pictures.push_back({folder + "/result.png", std::move(panels.results)});
+  constexpr size_t kMaxShown = 6;  // starts in the report
+  const bool is_shown = runs->costs.size() <= kMaxShown;
+  const auto caption = [&](const std::string& text) {
+    return is_shown ? name + ": " + text : "";
+  };
+  runs->pictures.push_back({folder + "/result.png",
+                            std::move(panels.results),
+                            0,
+                            caption("the start and every result.")});
   if (!panels.covariances.empty()) {
     runs->pictures.push_back(
-        {folder + "/covariance.png", std::move(panels.covariances)});
+        {folder + "/covariance.png",
+         std::move(panels.covariances),
+         0,
+         caption("two standard deviations of every result.")});
   }
   if (!panels.costs[0].series.empty()) {
     runs->pictures.push_back({folder + "/cost.png", std::move(panels.costs)});
@@ -286,6 +301,7 @@ bool Run(const EstimationOptions& options,
          const std::vector<Way>& ways,
          Runs* runs,
          std::string* error) {
+  LiveReport live;
   const std::vector<int> seeds =
       options.perturb > 0.0 ? options.seeds : std::vector<int>{0};
   for (const EstimationInput& input : inputs) {
@@ -297,6 +313,10 @@ bool Run(const EstimationOptions& options,
       }
       for (const int seed : seeds) {
         if (Interrupt::IsRequested()) return true;
+        live.Update([&] {
+          return EstimationReport(
+              options, inputs, ways, runs->rows, runs->costs, false);
+        });
         if (!RunFrom(options, start, seed, input, ways, runs, error)) {
           return false;
         }
@@ -306,9 +326,12 @@ bool Run(const EstimationOptions& options,
   return true;
 }
 
-bool Report(const std::vector<double>& levels,
+bool Report(const EstimationOptions& options,
+            const std::vector<EstimationInput>& inputs,
+            const std::vector<Way>& ways,
             const Runs& runs,
             std::string* error) {
+  const std::vector<double>& levels = options.levels;
   const Table table = EstimationTable(runs.rows, levels, /*is_exact=*/false);
   const Table summary = EstimationSummary(runs.rows);
   std::cout << table.ToText() << "\n" << summary.ToText();
@@ -326,7 +349,9 @@ bool Report(const std::vector<double>& levels,
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures(runs.pictures);
+  FinishReport(
+      EstimationReport(options, inputs, ways, runs.rows, runs.costs, true),
+      runs.pictures);
   return true;
 }
 
@@ -344,7 +369,7 @@ bool CompareEstimations(const EstimationOptions& options,
   Runs runs;
   const std::vector<Way> ways = Ways(methods, options.separable);
   if (!Run(options, inputs, ways, &runs, error) ||
-      !Report(options.levels, runs, error)) {
+      !Report(options, inputs, ways, runs, error)) {
     return false;
   }
   for (const EstimationRow& row : runs.rows) counts->Add(!row.has_failed);

@@ -2,6 +2,7 @@
 //
 //   DIR/table.txt, table.md, results.csv    a row a run
 //   DIR/summary.txt, summary.md             a row a method
+//   DIR/report.html                         estimation_report.h
 //   DIR/START/METHOD.dat (.txt, .g2o)       the result, in the input's format
 //   DIR/START/METHOD.csv                    iteration, cost, seconds, accepted
 //   DIR/START/METHOD.json                   the run for programs (docs/json.md)

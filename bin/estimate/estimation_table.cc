@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "fmt/core.h"
 #include "invgrad/io/format.h"
@@ -26,10 +27,6 @@ bool HasSolutions(const std::vector<EstimationRow>& rows) {
   });
 }
 
-bool IsSolved(const EstimationRow& row) {
-  return row.is_solved.value_or(false);
-}
-
 // Counts of a run or of sums of runs.
 void AddCounts(const EstimationRow& counts, Table* table) {
   table->Add("iterations", std::to_string(counts.num_iterations));
@@ -44,7 +41,80 @@ std::string DeviationDigits(const EstimationRow& row, bool is_exact) {
   return is_exact ? ExactNumber(digits) : FormatNumber(digits, 3);
 }
 
+std::vector<std::string> MethodsOf(const std::vector<EstimationRow>& rows) {
+  std::vector<std::string> methods;  // in the order of their first runs
+  for (const EstimationRow& row : rows) {
+    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
+      methods.push_back(row.method);
+    }
+  }
+  return methods;
+}
+
 }  // namespace
+
+bool IsSolved(const EstimationRow& row) {
+  return row.is_solved.value_or(false);
+}
+
+std::vector<std::pair<std::string, int>> LeastCostCounts(
+    const std::vector<EstimationRow>& rows) {
+  constexpr double kSameCost = 1e-6;
+  std::map<std::string, double> least_cost;
+  for (const EstimationRow& row : rows) {
+    if (!std::isfinite(row.final_cost)) continue;
+    const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
+    if (!is_new) it->second = std::min(it->second, row.final_cost);
+  }
+  std::vector<std::pair<std::string, int>> counts;
+  for (const std::string& method : MethodsOf(rows)) {
+    int count = 0;
+    for (const EstimationRow& row : rows) {
+      const double least = least_cost[row.start];
+      count += row.method == method &&
+               row.final_cost <= least + kSameCost * std::abs(least);
+    }
+    counts.emplace_back(method, count);
+  }
+  return counts;
+}
+
+Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
+  constexpr double kSameCost = 1e-4;
+  constexpr size_t kMaxNumMinima = 10;
+  std::map<std::string, std::set<std::string>> starts;
+  std::map<std::string, std::vector<double>> costs;
+  for (const EstimationRow& row : rows) {
+    starts[row.input].insert(row.start);
+    if (std::isfinite(row.final_cost))
+      costs[row.input].push_back(row.final_cost);
+  }
+  Table table;
+  for (auto& [input, ends] : costs) {
+    if (starts[input].size() < 2) continue;
+    std::sort(ends.begin(), ends.end());
+    const bool has_one = ends.back() <= ends[0] + kSameCost * std::abs(ends[0]);
+    if (has_one && costs.size() > 1) continue;
+    size_t num_minima = 0;
+    for (size_t i = 0; i < ends.size() && num_minima < kMaxNumMinima;) {
+      const double low = ends[i], high = low + kSameCost * std::abs(low);
+      while (i < ends.size() && ends[i] <= high) ++i;
+      table.BeginRow();
+      table.Add("input", input, kLeft);
+      table.Add("minimum", std::to_string(++num_minima));
+      table.Add("cost", FormatNumber(low, 7));
+      for (const std::string& method : MethodsOf(rows)) {
+        table.Add(method,
+                  std::to_string(std::count_if(
+                      rows.begin(), rows.end(), [&](const EstimationRow& row) {
+                        return row.input == input && row.method == method &&
+                               row.final_cost >= low && row.final_cost <= high;
+                      })));
+      }
+    }
+  }
+  return table;
+}
 
 Table EstimationTable(const std::vector<EstimationRow>& rows,
                       const std::vector<double>& levels,
@@ -119,30 +189,15 @@ Table EstimationTable(const std::vector<EstimationRow>& rows,
 }
 
 Table EstimationSummary(const std::vector<EstimationRow>& rows) {
-  constexpr double kSameCost = 1e-6;
-  std::map<std::string, double> least_cost;
-  for (const EstimationRow& row : rows) {
-    if (!std::isfinite(row.final_cost)) continue;
-    const auto [it, is_new] = least_cost.emplace(row.start, row.final_cost);
-    if (!is_new) it->second = std::min(it->second, row.final_cost);
-  }
-  std::vector<std::string> methods;  // in the order of their first runs
-  for (const EstimationRow& row : rows) {
-    if (std::count(methods.begin(), methods.end(), row.method) == 0) {
-      methods.push_back(row.method);
-    }
-  }
   const bool has_digits = HasDigits(rows);
   Table table;
-  for (const std::string& method : methods) {
+  for (const auto& [method, num_least] : LeastCostCounts(rows)) {
     EstimationRow sum;
-    int num_runs = 0, num_solved = 0, num_least = 0;
+    int num_runs = 0, num_solved = 0;
     double worst_digits = 0.0, mean_digits = 0.0;  // sums of the solved runs
     for (const EstimationRow& row : rows) {
       if (row.method != method) continue;
-      const double least = least_cost[row.start];
       ++num_runs;
-      num_least += row.final_cost <= least + kSameCost * std::abs(least);
       if (IsSolved(row)) {
         ++num_solved;
         if (row.digits) worst_digits += row.digits->minCoeff();

@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
@@ -14,6 +15,7 @@ namespace invgrad {
 
 // A run.
 struct EstimationRow {
+  std::string input;   // "Misra1a"
   std::string start;   // "Misra1a-start1-seed3": runs from one start compare
   std::string method;  // its label
   double initial_cost = std::numeric_limits<double>::quiet_NaN();
@@ -38,13 +40,28 @@ struct EstimationRow {
   bool has_failed = true;
 };
 
+// Whether the run is a solution, as far as that is known.
+bool IsSolved(const EstimationRow& row);
+
+// For each method, from how many starts it reached the least cost of all
+// methods, up to 1e-6 of it, in the order of their first runs.
+std::vector<std::pair<std::string, int>> LeastCostCounts(
+    const std::vector<EstimationRow>& rows);
+
+// For each input with several starts, the costs at which runs ended, up to 1e-4
+// of them, and how many runs of each method ended there: its local minima, if
+// the runs converged. The ten lowest; of several inputs those with more than
+// one.
+Table LocalMinimaTable(const std::vector<EstimationRow>& rows);
+
 // One row per run, for people; or with all digits, for CSV. `levels`: those of
 // seconds_to.
 Table EstimationTable(const std::vector<EstimationRow>& rows,
                       const std::vector<double>& levels,
                       bool is_exact);
 
-// For each method, over all starts: the number of solved starts, if that is known; the digits of the worst and of the mean parameter, averaged over the
+// For each method, over all starts: the number of solved starts, if that is
+// known; the digits of the worst and of the mean parameter, averaged over the
 // solved starts; the number of starts with the least cost of all methods; and
 // sums.
 Table EstimationSummary(const std::vector<EstimationRow>& rows);

@@ -105,7 +105,7 @@ Plot PathPlot(const Runs& runs) {
   Plot plot;
   plot.title = runs[0]->scene.name;
   plot.x_label = "x [m]";
-  plot.y_label = "y [m]";
+  plot.y_label = "y [m], stretched";  // the paths are long and narrow
   Series truth;
   truth.title = "true";
   for (size_t k = 0; k < runs[0]->track.scans.size(); ++k) {

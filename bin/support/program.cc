@@ -339,6 +339,20 @@ bool ParseNumbers(const std::string& text,
   return true;
 }
 
+std::string QuoteForShell(const std::string& word) {
+  const bool is_plain =
+      !word.empty() && std::all_of(word.begin(), word.end(), [](char c) {
+        return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
+               std::string_view("_./:=,+-@%^").find(c) != std::string::npos;
+      });
+  if (is_plain) return word;
+  std::string quoted = "'";
+  for (const char c : word) {
+    quoted += c == '\'' ? "'\\''" : c == '\n' ? " " : std::string(1, c);
+  }
+  return quoted + "'";
+}
+
 void SilenceMessages() { is_silent = true; }
 
 void Warn(const std::string& message) {

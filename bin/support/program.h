@@ -83,6 +83,9 @@ bool ParseNumbers(const std::string& text,
                   std::vector<double>* numbers,
                   std::string* error);
 
+// A word of a command as a shell reads it, in single quotes where it needs them.
+std::string QuoteForShell(const std::string& word);
+
 // Prints the warning "PROGRAM: message" to stderr, without control characters,
 // and of words at most 300 bytes.
 void Warn(const std::string& message);

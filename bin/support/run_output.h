@@ -27,6 +27,8 @@ struct Picture {
   std::string path_png;
   std::vector<Plot> panels;
   int num_columns = 0;  // as of WritePlots
+  // What to see in it, for report.html; empty: the report does not show it.
+  std::string caption = "";
 };
 
 // Draws the pictures if --plots is set; a picture without panels only removes

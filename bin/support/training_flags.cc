@@ -240,6 +240,20 @@ void TrainingFlags::SetBudget(MinimizerOptions* options) const {
   if (seconds > 0.0) options->max_time_in_seconds = seconds;
 }
 
+std::string TrainingFlags::BudgetText() const {
+  std::string text;
+  const auto add = [&text](const std::string& part) {
+    text += (text.empty() ? "" : ", or ") + part;
+  };
+  if (seconds > 0.0) {
+    add(fmt::format(
+        "{:g} s of {}", seconds, cpu_time ? "processor" : "training"));
+  }
+  if (steps > 0) add(fmt::format("{} steps", steps));
+  if (epochs > 0) add(fmt::format("{} epochs", epochs));
+  return text;
+}
+
 TrainOptions TrainingFlags::Options(int batch_size_of_run, int seed) const {
   TrainOptions options;
   options.batch_size = batch_size_of_run;

@@ -70,6 +70,9 @@ struct TrainingFlags {
   // Sets the steps and seconds of a minimization that are not 0.
   void SetBudget(MinimizerOptions* options) const;
 
+  // "6 s of training", or what ends first of several.
+  std::string BudgetText() const;
+
   // With everything but the network and batch_size, which a run may have of its
   // own.
   TrainOptions Options(int batch_size_of_run, int seed) const;

@@ -1,6 +1,8 @@
 #include "bin/support/versions.h"
 
+#include <filesystem>
 #include <fstream>
+#include <system_error>
 
 #include "Eigen/Core"
 #include "ceres/version.h"
@@ -24,19 +26,36 @@ std::string CpuName() {
 
 }  // namespace
 
+std::vector<std::pair<std::string, std::string>> Versions() {
+  return {{"invgrad", INVGRAD_VERSION},
+          {"ceres", CERES_VERSION_STRING},
+          {"eigen",
+           fmt::format("{}.{}.{}",
+                       EIGEN_WORLD_VERSION,
+                       EIGEN_MAJOR_VERSION,
+                       EIGEN_MINOR_VERSION)},
+          {"blas", BlasName()},
+          {"blas threads", std::to_string(BlasThreads())},
+          {"compiler", __VERSION__},
+          {"cpu", CpuName()}};
+}
+
 std::string VersionsText() {
-  return fmt::format(
-      "invgrad {}\nceres {}\neigen {}.{}.{}\nblas {}\nblas threads {}\n"
-      "compiler {}\ncpu {}\n",
-      INVGRAD_VERSION,
-      CERES_VERSION_STRING,
-      EIGEN_WORLD_VERSION,
-      EIGEN_MAJOR_VERSION,
-      EIGEN_MINOR_VERSION,
-      BlasName(),
-      BlasThreads(),
-      __VERSION__,
-      CpuName());
+  std::string text;
+  for (const auto& [name, value] : Versions()) {
+    text += fmt::format("{} {}\n", name, value);
+  }
+  return text;
+}
+
+std::string CommitOfBuild() {
+  std::error_code ignored;
+  const std::filesystem::path program =
+      std::filesystem::read_symlink("/proc/self/exe", ignored);
+  std::ifstream file(program.parent_path() / "commit.txt");
+  std::string commit;
+  std::getline(file, commit);
+  return commit;
 }
 
 }  // namespace invgrad

@@ -3,12 +3,21 @@
 #define BIN_SUPPORT_VERSIONS_H_
 
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace invgrad {
 
 // Versions of program and libraries, kernels and threads of BLAS, compiler and
-// processor, a line each.
+// processor: names and values.
+std::vector<std::pair<std::string, std::string>> Versions();
+
+// The same, a line each.
 std::string VersionsText();
+
+// "1a2b3c4", with "-dirty" if the checkout had other changes: what the build
+// wrote beside the program. Empty: unknown, as in an installed program.
+std::string CommitOfBuild();
 
 }  // namespace invgrad
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "bin/support/flags.h"
+#include "bin/support/html_output.h"
 #include "bin/support/learning_run.h"
 #include "bin/support/learning_run_files.h"
 #include "bin/support/listing.h"
@@ -22,6 +23,7 @@
 #include "bin/support/training_flags.h"
 #include "bin/sweep/plan.h"
 #include "bin/sweep/plots.h"
+#include "bin/sweep/report.h"
 #include "bin/sweep/results.h"
 #include "fmt/core.h"
 #include "gflags/gflags.h"
@@ -135,18 +137,14 @@ void RunJob(const SweepPlan& plan, int number, SweepRun* run) {
   run->result = std::move(result);
 }
 
-// "'sweep' '--steps=200' '--job=3'": for a shell.
+// "sweep --steps=200 --job=3": for a shell.
 std::string JobCommand(int number) {
   std::string command;
   std::vector<std::string> words = gflags::GetArgvs();
   words.push_back(fmt::format("--job={}", number));
   for (const std::string& word : words) {
     if (word.find("-list_jobs") <= 1) continue;
-    command += command.empty() ? "'" : " '";
-    for (const char c : word) {
-      command += c == '\'' ? "'\\''" : c == '\n' ? " " : std::string(1, c);
-    }
-    command += "'";
+    command += (command.empty() ? "" : " ") + QuoteForShell(word);
   }
   return command;
 }
@@ -214,12 +212,21 @@ void CollectFromRanks(const SweepPlan& plan, std::vector<SweepRun>* runs) {
 
 // Runs what is not done yet, each rank every NumRanks()th job. Returns the
 // runs, one a job; rank 0 has all of them.
-std::vector<SweepRun> RunAll(const SweepPlan& plan) {
+std::vector<SweepRun> RunAll(const SweepPlan& plan, const SweepValue& value) {
   if (IsFirstRank()) PrintBefore(plan);
   std::vector<SweepRun> runs(plan.jobs.size(), {std::nullopt, "interrupted"});
+  LiveReport live;
+  const auto make_report = [&] {
+    return SweepReport(FindBest(plan, LoadRuns(plan, ""), value),
+                       {},
+                       {},
+                       Options().training.BudgetText(),
+                       /*is_over=*/false);
+  };
   const int first = ProgramRanks() == nullptr ? 0 : ProgramRanks()->rank();
   for (size_t i = first; i < runs.size(); i += NumRanks()) {
     if (LoadRun(plan.jobs[i], &runs[i]) && !Interrupt::IsRequested()) {
+      if (IsFirstRank()) live.Update(make_report);
       RunJob(plan, static_cast<int>(i), &runs[i]);
     }
   }
@@ -250,8 +257,15 @@ bool Report(const SweepPlan& plan,
     return false;
   }
   std::cout << "results in " << FLAGS_output << "\n";
-  DrawPictures({{InOutput("lines.png"), SweepLines(results)},
-                {InOutput("heat_map.png"), SweepHeatMaps(results)},
+  const std::vector<Plot> lines = SweepLines(results);
+  const std::vector<Plot> maps = SweepHeatMaps(results);
+  FinishReport(SweepReport(results,
+                           lines,
+                           maps,
+                           Options().training.BudgetText(),
+                           /*is_over=*/true),
+               {{InOutput("lines.png"), lines},
+                {InOutput("heat_map.png"), maps},
                 {InOutput("curves.png"), SweepCurves(results)}});
   return true;
 }
@@ -353,7 +367,7 @@ bool Run(RunCounts* counts, std::string* error) {
     return true;
   }
   const std::vector<SweepRun> runs =
-      options.collect ? LoadRuns(plan, "not run") : RunAll(plan);
+      options.collect ? LoadRuns(plan, "not run") : RunAll(plan, value);
   return !IsFirstRank() || Report(plan, runs, value, counts, error);
 }
 

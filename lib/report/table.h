@@ -38,14 +38,18 @@ class Table {
            const std::string& cell,
            Align align = Align::kRight);
 
+  // The titles come first.
+  const std::vector<std::vector<std::string>>& rows() const { return rows_; }
+  const std::vector<Align>& aligns() const { return aligns_; }  // of columns
+
   std::string ToText() const;
   std::string ToMarkdown() const;
   // RFC 4180, with quotes only where they are needed.
   std::string ToCsv() const;
 
  private:
-  std::vector<Align> aligns_;                   // of the columns
-  std::vector<std::vector<std::string>> rows_;  // the titles come first
+  std::vector<Align> aligns_;  // of the columns
+  std::vector<std::vector<std::string>> rows_;
 };
 
 // Numbers as cells: by FormatNumber, "-" for NaN; and with all digits.

@@ -224,6 +224,11 @@ const std::vector<ChainMethodRow>& ChainMethods() {
        "P^-1(y + d_y; x) - x)|^2",
        "newton/inverse/adam",
        {}},
+      {"sip_gradient",
+       "scale-invariant physics training by the inverse gradient of the "
+       "simulator: newton/inverse_gradient/adam",
+       "newton/inverse_gradient/adam",
+       {}},
       {"physical_gradient",
        "newton/inverse/gradient_descent with step size 1: x <- P^-1(y + d_y; "
        "x)",
