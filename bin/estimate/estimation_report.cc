@@ -141,12 +141,13 @@ HtmlReport EstimationReport(const EstimationOptions& options,
                              {}});
   }
   constexpr size_t kMaxOpenRows = 20;
-  report.sheets.push_back({"All runs",
-                           "",
-                           EstimationTable(rows, /*is_exact=*/false),
-                           {},
-                           {},
-                           rows.size() > kMaxOpenRows});
+  report.sheets.push_back(
+      {"All runs",
+       "",
+       EstimationTable(rows, options.levels, /*is_exact=*/false),
+       {},
+       {},
+       rows.size() > kMaxOpenRows});
   return report;
 }
 
