@@ -19,8 +19,9 @@
 // report (rank_report.h), which does not depend on the parameters' units. If J
 // has full rank, C is the inverse.
 //
-// Undetermined directions. N is an orthonormal basis of J's null space, such as
-// gauge freedoms. The undetermined share of parameter i is |N^T e_i|^2:
+// Undetermined directions. V_0 is an orthonormal basis of the null space of
+// A = J D^-1, D = diag(|J e_i|), such as gauge freedoms. The undetermined share
+// of parameter i is |V_0^T e_i|^2, which does not depend on units either:
 //   0  the data determine the parameter; C_ii is its variance
 //   1  the data say nothing about it; its standard deviation is infinite
 //   otherwise C_ii is the variance of the estimate of least norm, which
@@ -76,6 +77,14 @@ class Covariance {
     Eigen::VectorXd values;  // ambient
     Eigen::VectorXd undetermined_shares;
     Eigen::VectorXd standard_deviations;
+    // How much the threshold of the rank matters. Zero for groups with more than
+    // rank.max_dense_size parameters, of which it is not known.
+    // The part of the variance that comes from directions with
+    // threshold < s / s_max <= weak_threshold (rank_report.h).
+    Eigen::VectorXd weak_variances;
+    // What directions with s / s_max <= threshold would add to the variance of a
+    // determined parameter, if they counted as determined.
+    Eigen::VectorXd omitted_variances;
     Eigen::MatrixXd plus_jacobian;  // P; empty: the identity
   };
 

@@ -245,6 +245,30 @@ class NetworkFunctor {
   DenseNetwork network_;
 };
 
+// Inputs of mean 0 and standard deviation 1, for training, and the same network
+// for the inputs as they are. Activations saturate where inputs are much larger
+// than 1, and no rule learns then.
+//
+//   b_i = (a_i - mean_i) / deviation_i      W a + c = W_1 b + c_1:
+//   W = W_1 diag(1 / deviation),   c = c_1 - W mean
+//
+//   const InputScales scales = InputScales::Of(inputs);
+//   TrainResult result = Train(model, {scales.Apply(inputs), targets}, method);
+//   const Eigen::VectorXd weights = scales.Unscaled(network, result.weights);
+//
+// Shapes:  inputs: |a| x N, a column a sample.
+// Fails:   never. A constant input has the deviation 1.
+struct InputScales {
+  Eigen::VectorXd mean;
+  Eigen::VectorXd deviation;
+
+  static InputScales Of(const Eigen::MatrixXd& inputs);
+  Eigen::MatrixXd Apply(const Eigen::MatrixXd& inputs) const;
+  // The weights for inputs a that do what `weights` do for inputs b.
+  Eigen::VectorXd Unscaled(const DenseNetwork& network,
+                           const Eigen::VectorXd& weights) const;
+};
+
 // A trained network, architecture and weights, in one text file that a program
 // can load. `compare` writes it as network.txt beside the weights of each run.
 //

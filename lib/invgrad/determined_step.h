@@ -47,6 +47,19 @@
 // limit the step has at least ten times the standard deviation of the best
 // direction. If J is exact, tau may be as small as 1e-6.
 //
+// The noise itself. Rotations have the lever arms of the scene: in a corridor of
+// length L and width w, roll has s of about w / L, however exact it is. Where the
+// rows' noise is known, SetNoise takes its Gram matrix W = E[(J - J_0)^T (J -
+// J_0)], and neither D nor tau is used:
+//
+//   left alone  v^T H v <= 4 v^T W v
+//
+// which is the same limit, twice the noise, for each direction by its own noise.
+// The step is then the shortest in the metric W, and nothing but the units of
+// the unknowns changes with them. AddNoiseOfNormal adds what a normal has:
+//
+//   row (n, p x n):  W += sigma^2 M M^T,   M = (I; [p]_x)
+//
 // Hysteresis. A direction that was left alone in the last call is determined
 // again at s > tau_high s_max only. The memory is the subspace of the motions
 // D^-1 v: within the span of the v with tau s_max < s <= tau_high s_max, the
@@ -60,7 +73,8 @@
 //          DeterminedStep allocates nothing on the heap.
 //          DeterminedStepOfAnySize costs 25 n^3 and n^2 doubles five times.
 // Fails:   returns false, with *error, step = 0 and the memory as it was, if H
-//          or gradient is not finite. H = 0: everything is left alone.
+//          or gradient is not finite, or the noise is not positive
+//          semidefinite. H = 0: everything is left alone.
 //
 // [1] Zhang, Kaess, Singh. On Degeneracy of Optimization-based State Estimation
 //     Problems. ICRA 2016: the same projection with eigenvalues of H itself and
@@ -101,6 +115,16 @@ class BasicDeterminedStep {
   // CHECKs that the options are valid.
   explicit BasicDeterminedStep(const DeterminedStepOptions& options = {});
 
+  // W of the next calls, n x n, its lower triangle is read; of size 0: none.
+  void SetNoise(const Eigen::Ref<const Eigen::MatrixXd>& noise) {
+    noise_ = noise;
+  }
+  // Of a normal at p with errors of standard deviation sigma [rad], in a row
+  // (n, p x n) of translation and rotation. W: 6 x 6.
+  static void AddNoiseOfNormal(const Eigen::Vector3d& p,
+                               double sigma,
+                               Eigen::Matrix<double, 6, 6>* W);
+
   // CHECKs the sizes.
   bool Compute(const Eigen::Ref<const Eigen::MatrixXd>& H,
                const Eigen::Ref<const Eigen::VectorXd>& gradient,
@@ -127,11 +151,17 @@ class BasicDeterminedStep {
 
  private:
   void FindScales(const Eigen::Ref<const Eigen::MatrixXd>& H);
+  // The transform by D, or by the noise.
+  bool FindTransform(const Eigen::Ref<const Eigen::MatrixXd>& H,
+                     std::string* error);
   // The columns of `basis` that span the left-alone directions come first.
   int LeaveAlone(int num_low, int num_band, Matrix* basis) const;
 
   DeterminedStepOptions options_;
-  Vector scales_;  // the diagonal of D
+  Matrix noise_;              // W; empty: none
+  Vector scales_;             // the diagonal of D
+  Matrix transform_;          // D^-1 or L^-T, W = L L^T: motion = transform v
+  Matrix inverse_transform_;  // D or L^T
   Vector singular_values_;
   Matrix left_alone_;
   Vector left_alone_values_;

@@ -33,17 +33,25 @@ class DataSetRows {
 
   bool Evaluate(const typename GramRoot<N>::Vector& x, double* cost) {
     rows_.Reset(x);
-    const auto row = [this](int i, const auto* jets, auto* residual) {
-      return functor_(data_set_, i, jets, residual);
-    };
-    const bool has_values = rows_.Add(0, num_rows_, row);
+    const bool has_values = rows_.Add(0, num_rows_, Row());
     *cost = 0.5 * rows_.squared_norm();
     return has_values;
   }
 
   const GramRoot<N>& Root() { return rows_.Root(); }
 
+  int FirstInvalidRow(const typename GramRoot<N>::Vector& x) {
+    rows_.Reset(x);
+    return rows_.FirstInvalid(0, num_rows_, Row());
+  }
+
  private:
+  auto Row() const {
+    return [this](int i, const auto* jets, auto* residual) {
+      return functor_(data_set_, i, jets, residual);
+    };
+  }
+
   const Functor& functor_;
   JetRows<N> rows_;
   int data_set_ = 0;
@@ -148,6 +156,12 @@ class StreamedRows {
     StreamingGram<N> sum;
     for (const GramRoot<N>& root : roots_) sum.Merge(root);
     return sum.Finish();
+  }
+
+  int FirstInvalidRow(const typename GramRoot<N>::Vector& x) const {
+    JetRows<N> rows;
+    rows.Reset(x);
+    return rows.FirstInvalid(0, num_rows_, functor_);
   }
 
  private:

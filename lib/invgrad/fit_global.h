@@ -125,6 +125,21 @@ class GlobalRows {
     return gram_.Finish();
   }
 
+  // Of Phi.
+  int FirstInvalidRow(const typename GramRoot<N>::Vector& x) {
+    Jet jets[N];
+    for (int j = 0; j < N; ++j) jets[j] = Jet(x[j], j);
+    if (!functor_(jets, features_.data())) return 0;
+    for (Eigen::Index i = 0; i < Y_.rows(); ++i) {
+      for (std::size_t k = i; k < features_.size(); k += Y_.rows()) {
+        if (!std::isfinite(features_[k].a) || !features_[k].v.allFinite()) {
+          return static_cast<int>(i);
+        }
+      }
+    }
+    return -1;
+  }
+
   const LinearProjection& projection() const { return *projection_; }
 
  private:

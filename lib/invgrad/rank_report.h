@@ -14,7 +14,14 @@
 // J is the Jacobian of ProblemLinearizer, at the current values, in tangent
 // directions of the non-constant blocks. Its columns are scaled to length one,
 // so that the result does not depend on the units of the parameters. Columns of
-// zeros are reported first: no residual depends on these parameters.
+// zeros are reported first: no residual depends on these parameters. So are
+// columns of rounding errors, which are 1e-13 of another one of their block, as
+// is their effect |J e_i| |x_i|.
+//
+// A column that holds nothing but noise of measured derivatives is scaled to
+// length one, too. Where parameters of a block have one unit and one coordinate
+// frame, such as a position, Options::group_sizes gives them one scale:
+//   D_i^2 = mean of |J e_j|^2 over the group of i
 //
 // Undetermined directions are reported in a readable basis: those within one
 // block, those that touch few blocks, gauge freedoms by name (Gauge), and then
@@ -141,6 +148,10 @@ struct RankReport {
     // them. Constant blocks need names only where a gauge is named by them:
     // "rotation about `pose 0`".
     std::function<std::string(const double* values)> block_name;
+    // The sizes of the groups of tangent directions of a block that have one
+    // unit and one coordinate frame, as in determined_step.h: {3} for a
+    // position. Empty or no function: groups of one.
+    std::function<std::vector<int>(const double* values)> group_sizes;
     // Tried before the built-in ones.
     std::vector<Gauge> gauges;
     bool look_for_built_in_gauges = true;
@@ -189,7 +200,16 @@ struct RankReport {
     int block = 0;
     bool whole_block = false;
     bool in_no_residual = false;  // no residual block names the block
+    bool has_rounding = false;    // derivatives that are rounding errors
     std::vector<int> tangent;     // directions of the block
+  };
+
+  // The column of one of three parameters that is much shorter than the others
+  // of its block, at most 0.02 of them.
+  struct ShortColumn {
+    int block = 0;
+    int tangent = 0;
+    double relative_length = 0.0;  // to the shorter one of the others
   };
 
   // A gauge freedom of a group.
@@ -232,6 +252,7 @@ struct RankReport {
 
   std::vector<Block> blocks;
   std::vector<Unused> unused;
+  std::vector<ShortColumn> short_columns;  // of blocks without group_sizes
   std::vector<Direction> undetermined;  // without the unused parameters
   std::vector<Direction> weak;
   std::vector<GaugeFreedom> gauges;

@@ -39,7 +39,10 @@
 //          finite, too little memory, a checkpoint that is damaged or of
 //          another run) sets error(), and the run does nothing. A numerical
 //          failure ends the run as ceres::FAILURE, "diverged at step k: ...";
-//          the weights are those of the last step with a finite batch loss.
+//          the weights are those of the last step with a finite batch loss or,
+//          if their train loss is higher or not finite, the best that were
+//          evaluated, as the message says. A rule that judges its steps goes
+//          back to these, and goes on with smaller steps.
 //          Consistent sizes are CHECKed.
 #ifndef INVGRAD_TRAIN_H_
 #define INVGRAD_TRAIN_H_

@@ -110,6 +110,9 @@ struct DomainFailure {
   // Only without Jacobians, as for cost functions that return false for
   // jacobians = nullptr.
   bool only_without_jacobians = false;
+  // The bad state is the start, and `was` is a value at which the residual block
+  // can be evaluated.
+  bool is_start = false;
   std::vector<Parameter> parameters;
 
   // As above; after 5 parameters the rest is a count.
@@ -169,7 +172,8 @@ class UpdateCallback final {
     int num_ceres_steps = 0;  // iterations with a step of Ceres
     // Candidates, of Ceres and of the rule, at which the problem cannot be
     // evaluated, and why not at the first of them. No explanation if none was
-    // found, as after inner iterations.
+    // found, as after inner iterations. A start that cannot be evaluated counts
+    // as one.
     int num_outside_domain = 0;
     std::optional<DomainFailure> first_outside_domain;
     // Why there was no proposal at the last turn, or none at all.
@@ -180,6 +184,9 @@ class UpdateCallback final {
     // The run has met a tolerance, but Ceres, without a valid step at the end,
     // reports USER_SUCCESS in place of CONVERGENCE.
     bool has_converged = false;
+    // The relative decrease of the cost that the linear model predicts where a
+    // tolerance was met last; above 0 the end is no minimum (safeguard.h).
+    double predicted_decrease = 0.0;
     int num_plain_iterations = 0;  // of the solve without proposals
     // The solve without proposals was better, and its result is the run's.
     bool took_plain_result = false;

@@ -12,10 +12,15 @@ namespace invgrad {
 
 namespace {
 
+// Small steps do not wrap the angle: Ceres takes x - Plus(x, -gradient) for the
+// gradient, which would be 2 pi at a heading of pi.
 struct AngleManifold {
   template <typename T>
   bool Plus(const T* x, const T* delta, T* x_plus_delta) const {
-    *x_plus_delta = NormalizeAngle(T(*x + *delta));
+    constexpr double kSmall = 0.1;
+    const bool is_small = *delta > T(-kSmall) && *delta < T(kSmall);
+    const T sum = *x + *delta;
+    *x_plus_delta = is_small ? sum : NormalizeAngle(sum);
     return true;
   }
   template <typename T>

@@ -18,7 +18,8 @@ using Eigen::VectorXd;
 
 struct Oracle {
   MatrixXd C;
-  MatrixXd N;
+  int rank = 0;
+  VectorXd shares;  // of the null space of J with columns of length one
   double condition = 1.0;  // s_max / the smallest s that is not zero
   double largest_inverse_square = 0.0;  // of the lengths of columns of J
 };
@@ -33,7 +34,7 @@ Oracle DenseOracle(const ProblemLinearizer& linearizer) {
   at_x.jacobian->ToDense(&J);
   Oracle oracle;
   oracle.C = MatrixXd::Zero(J.cols(), J.cols());
-  oracle.N = MatrixXd::Identity(J.cols(), J.cols());
+  oracle.shares = VectorXd::Ones(J.cols());
   if (J.size() == 0) return oracle;
   const Eigen::JacobiSVD<MatrixXd> svd(J, Eigen::ComputeFullV);
   const VectorXd& s = svd.singularValues();
@@ -41,14 +42,18 @@ Oracle DenseOracle(const ProblemLinearizer& linearizer) {
   const MatrixXd F =
       svd.matrixV().leftCols(rank) * s.head(rank).cwiseInverse().asDiagonal();
   oracle.C = F * F.transpose();
-  oracle.N = svd.matrixV().rightCols(J.cols() - rank);
-  if (rank > 0) oracle.condition = s[0] / s[rank - 1];
   for (const double square : J.colwise().squaredNorm()) {
     if (square > 0.0) {
       oracle.largest_inverse_square =
           std::max(oracle.largest_inverse_square, 1.0 / square);
     }
   }
+  oracle.rank = static_cast<int>(rank);
+  for (auto column : J.colwise()) column.normalize();
+  const Eigen::JacobiSVD<MatrixXd> scaled(J, Eigen::ComputeFullV);
+  oracle.shares =
+      scaled.matrixV().rightCols(J.cols() - rank).rowwise().squaredNorm();
+  if (rank > 0) oracle.condition = s[0] / s[rank - 1];
   return oracle;
 }
 
@@ -70,7 +75,7 @@ void ExpectOracle(std::uint32_t seed, int max_dense_size) {
       options, problem, AllPairs(random.blocks()), &covariance, &error))
       << error;
   const auto& blocks = linearizer.structure().parameter_blocks;
-  EXPECT_EQ(covariance.rank(), oracle.C.cols() - oracle.N.cols());
+  EXPECT_EQ(covariance.rank(), oracle.rank);
   // J^T J of the sparse algorithm squares the condition. C is a difference of
   // matrices as large as the squared inverse of the shortest column.
   const double tolerance =
@@ -79,8 +84,7 @@ void ExpectOracle(std::uint32_t seed, int max_dense_size) {
   for (const auto& a : blocks) {
     const VectorXd& shares = covariance.block(a.values).undetermined_shares;
     for (int i = 0; i < a.tangent_size; ++i) {
-      EXPECT_NEAR(
-          shares[i], oracle.N.row(a.column + i).squaredNorm(), tolerance);
+      EXPECT_NEAR(shares[i], oracle.shares[a.column + i], tolerance);
     }
     for (const auto& b : blocks) {
       const MatrixXd C = covariance.TangentBlock(a.values, b.values);

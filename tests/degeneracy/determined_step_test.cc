@@ -197,6 +197,74 @@ TEST(DeterminedStep, TheNoiseOfNormalsIsBelowItsThreshold) {
   }
 }
 
+// Exact normals of a corridor of 2 m by 3 m or, round, of a tunnel with a radius
+// of 2 m, along x: J and the noise of normals that are off by 0.03 rad.
+struct Scan {
+  Scan(double half_length, bool is_round, double sigma) {
+    std::mt19937 generator(3);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    std::normal_distribution<double> gauss;
+    J.resize(2000, 6);
+    for (int i = 0; i < J.rows(); ++i) {
+      const double angle = kPi * uniform(generator);
+      Vector3d n(0.0, std::cos(angle), std::sin(angle));
+      Vector3d p = -2.0 * n;
+      if (!is_round) {
+        const int axis = 1 + i % 2;
+        n = (i % 4 < 2 ? 1.0 : -1.0) * Vector3d::Unit(axis);
+        p = {0.0, uniform(generator), 1.5 * uniform(generator)};
+        p[axis] = -n[axis] * (axis == 1 ? 1.0 : 1.5);
+      }
+      p[0] = half_length * uniform(generator);
+      n += sigma * Vector3d(gauss(generator), gauss(generator), gauss(generator));
+      J.row(i) << n.transpose(), p.cross(n).transpose();
+      DeterminedStep::AddNoiseOfNormal(p, 0.03, &noise);
+    }
+  }
+  MatrixXd J;
+  Eigen::Matrix<double, 6, 6> noise = Eigen::Matrix<double, 6, 6>::Zero();
+};
+
+// Without the noise, tau = 0.1 leaves roll alone from +-16 m on.
+TEST(DeterminedStep, ByItsNoiseRollIsDeterminedInACorridorOfAnyLength) {
+  for (const double half_length : {2.0, 16.0, 40.0, 200.0, 1000.0}) {
+    for (const bool is_round : {false, true}) {
+      for (const double sigma : {0.0, 0.03}) {
+        SCOPED_TRACE(testing::Message() << half_length << ' ' << is_round);
+        const Scan scan(half_length, is_round, sigma);
+        const VectorXd r = RandomMatrix(scan.J.rows(), 1, 2);
+        DeterminedStep determined(WithGroups({3, 3}));
+        determined.SetNoise(scan.noise);
+        const VectorXd step = StepOf(&determined, scan.J, r);
+        // The tunnel leaves roll open, too.
+        ASSERT_EQ(determined.num_left_alone(), is_round ? 2 : 1)
+            << determined.Report();
+        EXPECT_LT(determined.left_alone().bottomRows(2).norm(), 0.05);
+        // In millimetres and degrees.
+        VectorXd unit(6);
+        unit << 1e3, 1e3, 1e3, 180.0 / kPi, 180.0 / kPi, 180.0 / kPi;
+        const MatrixXd to_units = unit.cwiseInverse().asDiagonal();
+        determined.Reset();
+        determined.SetNoise(to_units * scan.noise * to_units);
+        const VectorXd in_units = StepOf(&determined, scan.J * to_units, r);
+        EXPECT_EQ(determined.num_left_alone(), is_round ? 2 : 1);
+        EXPECT_LT((in_units.cwiseQuotient(unit) - step).norm(),
+                  1e-6 * step.norm());
+      }
+    }
+  }
+}
+
+TEST(DeterminedStep, NoiseMustBeAGramMatrix) {
+  DeterminedStep determined;
+  DeterminedStep::Vector step;
+  std::string error;
+  determined.SetNoise(-MatrixXd::Identity(6, 6));
+  EXPECT_FALSE(determined.Compute(
+      MatrixXd::Identity(6, 6), VectorXd::Ones(6), &step, &error));
+  EXPECT_EQ(error, "the noise is not finite, or not positive semidefinite");
+}
+
 TEST(DeterminedStep, ZeroColumnsAndZeroMatricesAreLeftAlone) {
   MatrixXd J = RandomMatrix(30, 6, 1);
   J.col(2).setZero();

@@ -165,6 +165,37 @@ TEST(PoseGraph, CeresErrorIsOfEdgesBetweenPosesOnly) {
   EXPECT_NE(error.find("from 5 to 8"), std::string::npos) << error;
 }
 
+// A robot that stands still: three poses, two zero edges. At a heading of pi the
+// gradient that Ceres makes of Plus must not be 2 pi.
+TEST(PoseGraph, ARobotMayStandStillAtAHeadingOfHalfATurn) {
+  for (const double heading : {kPi, -kPi, 3.0, 3.5}) {
+    SCOPED_TRACE(heading);
+    PoseGraph graph;
+    graph.dimension = 2;
+    graph.poses.resize(3, 3);
+    for (int i = 0; i < 3; ++i) {
+      graph.ids.push_back(i);
+      graph.poses.col(i) = Pose2d(1.0, 2.0, heading);
+    }
+    for (int i = 0; i < 2; ++i) {
+      PoseGraph::Edge edge = EdgeOf(Pose2d(0.0, 0.0, 0.0));
+      edge.from = i;
+      edge.to = i + 1;
+      graph.edges.push_back(edge);
+    }
+    ceres::Problem problem;
+    AddPoseGraph(
+        EdgeError::kG2o, [] { return nullptr; }, &graph, &problem);
+    ceres::Solver::Options options;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    EXPECT_EQ(summary.termination_type, ceres::CONVERGENCE)
+        << summary.FullReport();
+    EXPECT_LT(summary.final_cost, 1e-20);
+  }
+}
+
 TEST(PoseGraph, NoiseKeepsPosesPoses) {
   for (const int dimension : {2, 3}) {
     PoseGraph graph = Loop(dimension);

@@ -119,7 +119,8 @@ TEST(SmallCovariance, RankAtTheThreshold) {
   }
 }
 
-// Rows (1, 2): the null space is (2, -1) / sqrt(5).
+// Rows (1, 2): the null space is (2, -1) / sqrt(5), and (1, -1) / sqrt(2) of the
+// scaled columns.
 TEST(SmallCovariance, OneDirectionIsOpen) {
   Eigen::Matrix2d covariance;
   Eigen::Vector2d undetermined;
@@ -129,8 +130,8 @@ TEST(SmallCovariance, OneDirectionIsOpen) {
   Eigen::Matrix2d expected;
   expected << 1.0, 2.0, 2.0, 4.0;
   EXPECT_LE((covariance - expected / 225.0).norm(), 1e-16);
-  EXPECT_NEAR(undetermined[0], 0.8, 1e-15);
-  EXPECT_NEAR(undetermined[1], 0.2, 1e-15);
+  EXPECT_NEAR(undetermined[0], 0.5, 1e-15);
+  EXPECT_NEAR(undetermined[1], 0.5, 1e-15);
 }
 
 TEST(SmallCovariance, UnusedParameter) {

@@ -266,6 +266,64 @@ TEST(Trainer, NothingIsTakenBackTwice) {
       << start.summary.message;
 }
 
+// Step 5 leads to weights that the next batch cannot judge: it has a finite loss
+// there, all samples together have none.
+class BlindJump final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override {
+    return LinearizationParts::Gradient();
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string*) override {
+    *step = -0.1 * at_x.gradient;
+    JumpAtStepFive(++num_steps_, step);
+    return true;
+  }
+
+ private:
+  int num_steps_ = 0;
+};
+
+TEST(Trainer, AfterADivergenceTheBestEvaluatedWeightsAreKept) {
+  const Blind problem(1.0);
+  BlindJump rule;
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
+  EXPECT_EQ(result.summary.termination_type, ceres::FAILURE);
+  EXPECT_NE(result.summary.message.find(
+                "; final weights are the best that were evaluated, of step 4 "
+                "(train loss "),
+            std::string::npos)
+      << result.summary.message;
+  TrainOptions four_steps = Epochs(6, 1);
+  four_steps.max_num_steps = 4;
+  BlindJump same;
+  EXPECT_EQ(result.weights, problem.Train(four_steps, &same).weights);
+}
+
+TEST(Trainer, ARuleThatJudgesGoesBackToTheBestEvaluatedWeights) {
+  const Blind problem(1.0);
+  const TemporaryFolder folder;
+  const auto keeps_all = [](double, double) { return true; };
+  JudgingRule rule(keeps_all, JumpAtStepFive);
+  const TrainResult result = problem.Train(Epochs(6, 1), &rule);
+  EXPECT_EQ(result.summary.message, "epochs done; 2 of 12 steps undone");
+  for (const HistoryRow& row : result.history) {
+    EXPECT_TRUE(std::isfinite(row.train_loss)) << row.step;
+  }
+  // The same where the run is interrupted before.
+  for (const int stop : {4, 5}) {
+    TrainOptions options = Epochs(6, 1);
+    options.checkpoint_path = folder / std::to_string(stop);
+    options.max_num_steps = stop;
+    JudgingRule first(keeps_all, JumpAtStepFive);
+    problem.Train(options, &first);
+    options.max_num_steps = TrainOptions().max_num_steps;
+    JudgingRule second(keeps_all, JumpAtStepFive);
+    EXPECT_EQ(problem.Train(options, &second).weights, result.weights) << stop;
+  }
+}
+
 // Stopped and resumed after every step, the one before the failure included.
 TEST(Trainer, ARunWithStepsTakenBackGoesOnWhereItWas) {
   const Blind problem(0.0);

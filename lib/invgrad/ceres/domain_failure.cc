@@ -10,28 +10,13 @@
 #include "fmt/core.h"
 #include "invgrad/ceres/copy_problem.h"
 #include "invgrad/ceres/staged_step.h"
+#include "invgrad/internal/invalid_start.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
 namespace {
 
 using Reason = DomainFailure::Reason;
-
-const char* ReasonText(Reason reason) {
-  switch (reason) {
-    case Reason::kPlus:
-      return "Plus returned false";
-    case Reason::kReturned:
-      return "cost function returned false";
-    case Reason::kResidual:
-      return "a residual is not finite";
-    case Reason::kCost:
-      return "the cost is not finite";
-    case Reason::kJacobian:
-      break;
-  }
-  return "the Jacobian is not finite";
-}
 
 std::string BlockName(const DomainFailure::Options& options,
                       const ProblemStructure& structure,
@@ -313,6 +298,48 @@ bool ExplainFailingStep(const DomainFailure::Options& options,
   return ExplainDomainFailure(options, structure, good, bad, failure);
 }
 
+bool ExplainInvalidStart(const DomainFailure::Options& options,
+                         const ProblemStructure& structure,
+                         DomainFailure* failure) {
+  CHECK(failure != nullptr);
+  const Eigen::VectorXd start = structure.State();
+  if (!ExplainDomainFailure(options, structure, start, start, failure)) {
+    return false;
+  }
+  failure->is_start = true;
+  const auto block = std::find_if(structure.residual_blocks.begin(),
+                                  structure.residual_blocks.end(),
+                                  [failure](const auto& candidate) {
+                                    return candidate.index ==
+                                           failure->residual_block;
+                                  });
+  int num_tried = 0;
+  constexpr int kMaxNumTried = 50;
+  for (int a = 0; a < block->num_arguments; ++a) {
+    const int index = structure.arguments[block->first_argument + a].block;
+    if (index < 0) continue;
+    const auto& parameters = structure.parameter_blocks[index];
+    num_tried += parameters.ambient_size;
+    if (parameters.manifold != nullptr || num_tried > kMaxNumTried) continue;
+    DomainFailure other;
+    const auto has_value = [&](int j, double value) {
+      Eigen::VectorXd good = start;
+      good[parameters.offset + j] = value;
+      return ExplainDomainFailure(options, structure, good, start, &other) &&
+             !other.fails_at_good_state && !other.parameters.empty();
+    };
+    double valid_value = 0.0;
+    if (FindInvalidParameter(parameters.values,
+                             parameters.ambient_size,
+                             has_value,
+                             &valid_value) >= 0) {
+      failure->parameters = std::move(other.parameters);
+      break;
+    }
+  }
+  return true;
+}
+
 bool ExplainNextStep(const ceres::Solver::Options& solver_options,
                      const DomainFailure::Options& options,
                      const ProblemStructure& structure,
@@ -350,50 +377,6 @@ bool ExplainNextStep(const ceres::Solver::Options& solver_options,
     }
   }
   return false;
-}
-
-std::string DomainFailure::ToText() const {
-  constexpr std::size_t kMaxNumParameters = 5;
-  std::string text;
-  if (residual_block >= 0) {
-    text = fmt::format(
-        "residual block {} ({})", residual_block, ReasonText(reason));
-    if (fails_at_good_state) {
-      text += ": the good state lies outside, too";
-      if (only_without_jacobians) {
-        text += ", if no Jacobians are requested (jacobians = nullptr)";
-      }
-    }
-  }
-  for (std::size_t i = 0; i < parameters.size(); ++i) {
-    if (i == kMaxNumParameters) {
-      text += fmt::format(" and {} more", parameters.size() - i);
-      break;
-    }
-    const Parameter& parameter = parameters[i];
-    if (i > 0) {
-      text += ", ";
-    } else {
-      text += fmt::format("{}parameter ", text.empty() ? "" : ": ");
-    }
-    text += '`' + parameter.name + '`';
-    if (reason == Reason::kPlus) {
-      text += fmt::format(" ({})", ReasonText(reason));
-    } else if (parameter.component < 0) {
-      text += fmt::format(
-          " of norm {:.3g} (was {:.3g})", parameter.value, parameter.was);
-    } else {
-      text += fmt::format("[{}] = {:.3g} (was {:.3g})",
-                          parameter.component,
-                          parameter.value,
-                          parameter.was);
-    }
-  }
-  if (residual_block >= 0 && num_failing_blocks > 1) {
-    text += fmt::format("; {} other residual blocks fail, too",
-                        num_failing_blocks - 1);
-  }
-  return text;
 }
 
 }  // namespace invgrad

@@ -57,6 +57,13 @@ bool ExplainFailingStep(const DomainFailure::Options& options,
                         const Eigen::VectorXd& step,
                         DomainFailure* failure);
 
+// Explains why the problem has no value at the current values, by a parameter of
+// which another value mends the residual block (internal/invalid_start.h).
+// Returns false if it has one.
+bool ExplainInvalidStart(const DomainFailure::Options& options,
+                         const ProblemStructure& structure,
+                         DomainFailure* failure);
+
 // Explains why the first step of ceres::Solve from the current values leads
 // outside: makes it again, on a copy of the problem. `structure` has the
 // problem's own manifolds, if they are wrapped. Callbacks of the solver options

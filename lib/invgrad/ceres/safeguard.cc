@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
 
+#include "Eigen/QR"
 #include "invgrad/ceres/copy_problem.h"
+#include "invgrad/internal/model_decrease.h"
 
 namespace invgrad {
 namespace {
@@ -39,12 +42,14 @@ ceres::Solver::Options TakeTolerances(ceres::Solver::Options* options) {
 }  // namespace
 
 Safeguard::Safeguard(bool compares,
+                     bool has_bounds,
                      ceres::Solver::Options* options,
                      ceres::EvaluationCallback* evaluation_callback,
                      const ceres::Problem* problem,
                      ProblemLinearizer* linearizer,
                      WorkLimit* work)
     : compares_(compares),
+      has_bounds_(has_bounds),
       options_(TakeTolerances(options)),
       evaluation_callback_(evaluation_callback),
       problem_(*problem),
@@ -62,7 +67,9 @@ void Safeguard::Observe(const ceres::IterationSummary& iteration,
   // it becomes exactly zero, the run ends before it can move.
   constexpr double kSettles = 100.0;
   seconds_ = iteration.cumulative_time_in_seconds;
-  has_converged_ = is_own && MeetsTolerances(iteration);
+  const bool meets_gradient_tolerance =
+      is_own && MeetsGradientTolerance(iteration);
+  const bool meets_step_tolerance = is_own && MeetsStepTolerance(iteration);
   if (iteration.iteration == 0) {
     start_ = state;
     start_cost_ = iteration.cost;
@@ -81,6 +88,9 @@ void Safeguard::Observe(const ceres::IterationSummary& iteration,
     norm_ = state.norm();
     gradient_max_norm_ = iteration.gradient_max_norm;
   }
+  if (meets_gradient_tolerance) predicted_decrease_ = 0.0;
+  has_converged_ =
+      meets_gradient_tolerance || (meets_step_tolerance && !Doubts());
   is_late_ = settles || IsFlat(iteration) ||
              iteration.iteration + kNumMoves >= options_.max_num_iterations ||
              seconds_ >= kLate * options_.max_solver_time_in_seconds;
@@ -95,17 +105,21 @@ Safeguard::Verdict Safeguard::verdict() const {
   return has_converged_ ? Verdict::kConverged : Verdict::kContinue;
 }
 
-bool Safeguard::MeetsTolerances(
+bool Safeguard::MeetsGradientTolerance(
     const ceres::IterationSummary& iteration) const {
   if (!iteration.step_is_valid) {
-    return gradient_max_norm_ <= options_.gradient_tolerance;
+    return gradient_max_norm_ <= options_.gradient_tolerance ||
+           TangentGradientMaxNorm() <= options_.gradient_tolerance;
   }
   const bool is_accepted =
       iteration.iteration == 0 || iteration.step_is_successful;
-  if (is_accepted &&
-      iteration.gradient_max_norm <= options_.gradient_tolerance) {
-    return true;
-  }
+  return is_accepted &&
+         iteration.gradient_max_norm <= options_.gradient_tolerance;
+}
+
+bool Safeguard::MeetsStepTolerance(
+    const ceres::IterationSummary& iteration) const {
+  if (!iteration.step_is_valid || iteration.iteration == 0) return false;
   // Ceres applies the parameter tolerance only after an accepted step.
   const bool is_short =
       !is_at_start_ &&
@@ -115,8 +129,73 @@ bool Safeguard::MeetsTolerances(
       std::max(options_.function_tolerance * cost_,
                // Below it, the difference cost_ is rounding error.
                std::numeric_limits<double>::epsilon() * fixed_cost_);
-  return iteration.iteration > 0 &&
-         (is_short || std::abs(iteration.cost_change) <= least_change);
+  return is_short || std::abs(iteration.cost_change) <= least_change;
+}
+
+bool Safeguard::Doubts() {
+  constexpr int kMaxNumDoubts = 30;
+  predicted_decrease_ = PredictedDecrease();
+  if (predicted_decrease_ == 0.0) return false;
+  if (num_doubts_ == 0 ||
+      cost_ < (1.0 - options_.function_tolerance) * cost_at_doubt_) {
+    num_doubts_ = 0;
+    cost_at_doubt_ = cost_;
+  }
+  return ++num_doubts_ <= kMaxNumDoubts;
+}
+
+// 0, too, below what the tolerances allow, where it would cost too much, where
+// there are no degrees of freedom, and where a bound may hold the state.
+double Safeguard::PredictedDecrease() const {
+  constexpr int kMaxNumParameters = 50;
+  const ProblemStructure& structure = linearizer_.structure();
+  const int n = structure.num_parameters;
+  if (has_bounds_ || n == 0 || n > kMaxNumParameters ||
+      structure.num_residuals <= n) {
+    return 0.0;
+  }
+  Linearization at_x;
+  std::string ignored;
+  if (!linearizer_.Linearize(
+          LinearizationParts::Jacobian(), &at_x, &ignored)) {
+    return 0.0;
+  }
+  Eigen::MatrixXd J;
+  at_x.jacobian->ToDense(&J);
+  Eigen::VectorXd r = at_x.loss_gradient;
+  const double squared_norm = r.squaredNorm() - 2.0 * fixed_cost_;
+  if (!(squared_norm > 0.0)) return 0.0;
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(J);
+  const Eigen::MatrixXd R = qr.matrixQR().topRows(n);
+  r.applyOnTheLeft(qr.householderQ().adjoint());
+  Eigen::VectorXd x(n);
+  for (const auto& block : structure.parameter_blocks) {
+    x.segment(block.column, block.tangent_size)
+        .setConstant(Eigen::Map<const Eigen::VectorXd>(block.values,
+                                                       block.ambient_size)
+                         .norm());
+  }
+  const double decrease =
+      RelativeModelDecrease<Eigen::MatrixXd, Eigen::VectorXd>(
+          R, r.head(n), x, squared_norm);
+  const double least =
+      std::max({kLeastModelDecrease,
+                10.0 * options_.function_tolerance,
+                options_.parameter_tolerance});
+  return decrease > least ? decrease : 0.0;
+}
+
+// Ceres' gradient is x - Plus(x, -gradient), which a Plus that wraps angles
+// makes 2 pi at the seam.
+double Safeguard::TangentGradientMaxNorm() const {
+  Linearization at_x;
+  std::string ignored;
+  if (!linearizer_.Linearize(
+          LinearizationParts::Gradient(), &at_x, &ignored)) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return at_x.gradient.size() > 0 ? at_x.gradient.lpNorm<Eigen::Infinity>()
+                                  : 0.0;
 }
 
 // Whether the next step of Ceres may change the cost by nothing at all, which
@@ -162,7 +241,8 @@ void Safeguard::Compare() {
   } else if (summary.IsSolutionUsable()) {
     plain_ = Plain{final_cost,
                    static_cast<int>(summary.iterations.size()) - 1,
-                   summary.termination_type == ceres::CONVERGENCE,
+                   summary.termination_type == ceres::CONVERGENCE &&
+                       PredictedDecrease() == 0.0,
                    linearizer_.State()};
   }
   linearizer_.SetState(state);

@@ -9,6 +9,11 @@
 //   |L_candidate - L| <= function_tolerance L,
 //   or |gradient|_max <= gradient_tolerance
 //
+// One of the first two that is met where the linear model predicts that the cost
+// still falls (internal/model_decrease.h) ends the run only after 30 iterations
+// that gain nothing. This is computed for problems with at most 50 parameters,
+// more residuals than these, and no bounds.
+//
 // Comparison. An accepted proposal can lead to a worse minimum, and a rejected
 // one shrinks the trust region. So the plain solve (the same options, start and
 // cost functions, no proposals) runs once, before the first proposal. If its
@@ -55,6 +60,7 @@ class Safeguard {
   // linearizer has read the problem before its manifolds were wrapped.
   // compares = false: no plain solve.
   Safeguard(bool compares,
+            bool has_bounds,
             ceres::Solver::Options* options,
             ceres::EvaluationCallback* evaluation_callback,
             const ceres::Problem* problem,
@@ -71,17 +77,27 @@ class Safeguard {
   // Runs the plain solve, once. Call it before the first proposal.
   void Compare();
 
+  // Of the last tolerance that was met: the relative decrease of the cost that
+  // the linear model predicts; 0 at a minimum.
+  double predicted_decrease() const { return predicted_decrease_; }
+
   // Nothing before the plain solve, or if it failed.
   const std::optional<Plain>& plain() const { return plain_; }
   // Why there was no comparison, if there should have been one.
   const std::string& message() const { return message_; }
 
  private:
-  bool MeetsTolerances(const ceres::IterationSummary& iteration) const;
+  bool MeetsGradientTolerance(const ceres::IterationSummary& iteration) const;
+  bool MeetsStepTolerance(const ceres::IterationSummary& iteration) const;
+  // Whether the state is no minimum although a tolerance is met.
+  bool Doubts();
+  double PredictedDecrease() const;
+  double TangentGradientMaxNorm() const;
   bool IsFlat(const ceres::IterationSummary& iteration) const;
   bool IsPlainBetter() const;
 
   const bool compares_;
+  const bool has_bounds_;
   const ceres::Solver::Options options_;  // of the user
   ceres::EvaluationCallback* const evaluation_callback_;
   const ceres::Problem& problem_;
@@ -99,6 +115,9 @@ class Safeguard {
   // The next call may be too late to move to the result of the plain solve.
   bool is_late_ = false;
   bool has_converged_ = false;
+  double predicted_decrease_ = 0.0;
+  int num_doubts_ = 0;  // since cost_at_doubt_
+  double cost_at_doubt_ = 0.0;
   bool has_proposals_ = false;
   bool is_compared_ = false;
   std::optional<Plain> plain_;

@@ -33,6 +33,7 @@ SolveWithProposals::SolveWithProposals(const UpdateCallback::Options& options,
       staged_(*staged),
       work_(work),
       safeguard_(options_.compare_with_plain,
+                 bounds->any(),
                  solver_options,
                  options_.evaluation_callback,
                  problem,
@@ -66,6 +67,7 @@ UpdateCallback::Summary SolveWithProposals::summary() const {
   if (safeguard_.plain()) {
     summary.num_plain_iterations = safeguard_.plain()->num_iterations;
   }
+  summary.predicted_decrease = safeguard_.predicted_decrease();
   if (!safeguard_.message().empty()) summary.message = safeguard_.message();
   // Ceres calls no callback after a step that ends the run by a tolerance.
   if (next_ == Next::kProposal && !staged_.IsStaged()) {

@@ -7,6 +7,7 @@
 
 #include "fmt/core.h"
 #include "invgrad/ceres/bounds.h"
+#include "invgrad/ceres/domain_failure.h"
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/ceres/proposal.h"
 #include "invgrad/ceres/solve_with_proposals.h"
@@ -80,7 +81,19 @@ class UpdateCallback::State final : public ceres::IterationCallback {
     return (*solve_)(iteration);
   }
 
-  Summary summary() const { return solve_ ? solve_->summary() : summary_; }
+  Summary summary() const {
+    Summary summary = solve_ ? solve_->summary() : summary_;
+    // Ceres calls no callback if it cannot evaluate the problem at the start.
+    DomainFailure failure;
+    if (!has_begun_ &&
+        ExplainInvalidStart({options_.block_name, options_.evaluation_callback},
+                            linearizer_.structure(),
+                            &failure)) {
+      summary.num_outside_domain = 1;
+      summary.first_outside_domain = std::move(failure);
+    }
+    return summary;
+  }
 
  private:
   static Options Resolved(Options options) {
@@ -178,6 +191,12 @@ std::string UpdateCallback::Summary::BriefReport() const {
   }
   if (num_proposed == 0 && !message.empty()) report += "; " + message;
   if (ended_on_proposal) report += "; the run ended on a proposal";
+  if (predicted_decrease > 0.0) {
+    report += fmt::format(
+        "; no minimum: the linear model predicts that the cost falls by {:.2g} "
+        "%",
+        100.0 * predicted_decrease);
+  }
   if (took_plain_result) report += "; the solve without proposals was better";
   return report;
 }

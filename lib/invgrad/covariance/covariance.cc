@@ -133,6 +133,8 @@ class Covariance::Computation {
       block.values = Eigen::Map<const VectorXd>(from.values, from.size);
       // Without residuals, until a group says otherwise.
       block.undetermined_shares = VectorXd::Ones(from.tangent_size);
+      block.weak_variances = VectorXd::Zero(from.tangent_size);
+      block.omitted_variances = VectorXd::Zero(from.tangent_size);
       block.plus_jacobian = PlusJacobian(problem_, from);
       result_.blocks_.push_back(std::move(block));
     }
@@ -183,7 +185,9 @@ class Covariance::Computation {
     const std::vector<GroupPair>& pairs = requests_[g].in_group;
     const double limit = options_.rank.threshold * spectra.s_max;
     if (IsDense(options_.rank, group)) {
-      *inverse = DensePseudoInverse(group, spectra.svds[g], limit, pairs);
+      const double weak = options_.rank.weak_threshold * spectra.s_max;
+      *inverse =
+          DensePseudoInverse(group, spectra.svds[g], {limit, weak}, pairs);
       return true;
     }
     const GaugeMatcher matcher(options_.rank, problem_, report_, group);
@@ -200,12 +204,16 @@ class Covariance::Computation {
   void AddGroup(const BlockGroup& group,
                 const GroupRequests& requests,
                 const PseudoInverse& inverse) {
-    result_.rank_ += static_cast<int>(group.A.cols() - inverse.N.cols());
+    result_.rank_ += static_cast<int>(group.A.cols() - inverse.V_0.cols());
     for (std::size_t k = 0; k < group.blocks.size(); ++k) {
       Block& block = result_.blocks_[group.blocks[k]];
       for (int i = group.offsets[k]; i < group.offsets[k + 1]; ++i) {
-        block.undetermined_shares[group.columns[i] - block.block.column] =
-            std::min(1.0, inverse.N.row(i).squaredNorm());
+        const int tangent = group.columns[i] - block.block.column;
+        block.undetermined_shares[tangent] =
+            std::min(1.0, inverse.V_0.row(i).squaredNorm());
+        if (inverse.weak_variances.size() == 0) continue;
+        block.weak_variances[tangent] = inverse.weak_variances[i];
+        block.omitted_variances[tangent] = inverse.omitted_variances[i];
       }
     }
     for (std::size_t p = 0; p < requests.pairs.size(); ++p) {
@@ -231,6 +239,10 @@ class Covariance::Computation {
       return false;
     }
     for (auto& [pair, C] : result_.computed_) C *= variance;
+    for (Block& block : result_.blocks_) {
+      block.weak_variances *= variance;
+      block.omitted_variances *= variance;
+    }
     return true;
   }
 

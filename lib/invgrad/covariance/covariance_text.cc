@@ -5,16 +5,15 @@
 #include <vector>
 
 #include "fmt/core.h"
+#include "fmt/ranges.h"
 #include "invgrad/covariance.h"
+#include "invgrad/internal/small_covariance.h"
 #include "invgrad/io/format.h"
 
 namespace invgrad {
 namespace {
 
 using Eigen::Index;
-
-// Shares that rounding errors leave.
-constexpr double kNoShare = 1e-9;
 
 struct Line {
   std::string name;
@@ -39,12 +38,26 @@ Line ParameterLine(const Covariance::Block& block, int tangent) {
     return line;
   }
   line.deviation = "+/- " + FormatNumber(deviation, 5);
-  if (share > kNoShare) {
+  if (share > kLeastUndeterminedShare) {
     line.deviation +=
         fmt::format(" (of least norm; {} not determined)", Percent(share));
-  } else if (value != 0.0) {
-    line.deviation +=
-        fmt::format(" ({})", Percent(deviation / std::abs(value)));
+    return line;
+  }
+  std::vector<std::string> remarks;
+  if (value != 0.0) remarks.push_back(Percent(deviation / std::abs(value)));
+  constexpr double kNotable = 0.01;  // of the variance
+  const double variance = deviation * deviation;
+  const double weak = block.weak_variances[tangent] / variance;
+  if (weak >= kNotable) {
+    remarks.push_back(Percent(weak) + " of the variance from weak directions");
+  }
+  const double omitted = block.omitted_variances[tangent] / variance;
+  if (omitted >= kNotable) {
+    remarks.push_back(Percent(omitted) +
+                      " more variance with the directions below the threshold");
+  }
+  if (!remarks.empty()) {
+    line.deviation += fmt::format(" ({})", fmt::join(remarks, "; "));
   }
   return line;
 }

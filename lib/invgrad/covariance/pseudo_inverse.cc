@@ -5,11 +5,15 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
 
+#include "Eigen/LU"
+#include "Eigen/QR"
 #include "fmt/core.h"
 #include "invgrad/covariance/gram_inverse.h"
 #include "invgrad/covariance/schur_complement.h"
 #include "invgrad/covariance/sparse_cholesky.h"
+#include "invgrad/internal/small_covariance.h"
 #include "invgrad/rank/smallest_singular.h"
 
 namespace invgrad {
@@ -20,13 +24,26 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using SparseMatrix = Eigen::SparseMatrix<double>;
 
-// Of J, from an orthonormal basis V_0 of that of A.
+// Sets rows of V_0 to zero that rounding errors have left.
+void RemoveRounding(MatrixXd* V_0) {
+  for (auto row : V_0->rowwise()) {
+    if (row.squaredNorm() <= kLeastUndeterminedShare) row.setZero();
+  }
+}
+
+// Of J, from an orthonormal basis V_0 of that of A. Each row of the result is
+// as accurate as that of V_0, whatever the units of the parameters.
 MatrixXd NullSpaceOfJ(const MatrixXd& V_0, const VectorXd& lengths) {
-  if (V_0.cols() == 0) return V_0;
+  const Index k = V_0.cols();
+  if (k == 0) return V_0;
   MatrixXd N = lengths.cwiseInverse().asDiagonal() * V_0;
-  // Parameters of different units have lengths of many orders.
-  N.colwise().normalize();
-  return Orthonormalized(std::move(N));
+  // The identity in k rows, and entries of comparable size in the others.
+  std::vector<int> pivots = PivotOrder(N.transpose());
+  pivots.resize(static_cast<std::size_t>(k));
+  const MatrixXd pivot_rows = N(pivots, Eigen::all);
+  N = pivot_rows.transpose().partialPivLu().solve(N.transpose()).transpose();
+  const MatrixXd R = N.householderQr().matrixQR().topRows(k);
+  return R.triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(N);
 }
 
 // A symmetric G with A^T A G A^T A = A^T A: zero in the anchors' rows and
@@ -237,20 +254,45 @@ bool SpansNullSpace(const AnchoredInverse& G,
              threshold) <= threshold;
 }
 
+// The columns of V beside those of C = F F^T are as many as those of V_0.
+VectorXd OmittedVariances(const BlockGroup& group,
+                          const RightSvd& svd,
+                          const MatrixXd& V_0) {
+  constexpr double kResolved = 1e-12;  // smaller s / s_max are rounding errors
+  VectorXd variances = VectorXd::Zero(V_0.rows());
+  for (Index j = svd.s.size() - V_0.cols(); j < svd.s.size(); ++j) {
+    if (svd.s[j] <= kResolved * svd.s[0]) continue;
+    variances += svd.V.col(j)
+                     .cwiseQuotient(svd.s[j] * group.lengths)
+                     .cwiseAbs2();
+  }
+  return (V_0.rowwise().squaredNorm().array() == 0.0).select(variances, 0.0);
+}
+
 }  // namespace
 
 PseudoInverse DensePseudoInverse(const BlockGroup& group,
                                  const RightSvd& svd,
-                                 double limit,
+                                 const SingularLimits& limits,
                                  const std::vector<GroupPair>& pairs) {
-  const Index rank = (svd.s.array() > limit).count();
+  const Index rank = (svd.s.array() > limits.zero).count();
+  const MatrixXd F_scaled =
+      svd.V.leftCols(rank) * svd.s.head(rank).cwiseInverse().asDiagonal();
   PseudoInverse result;
-  result.N = NullSpaceOfJ(svd.V.rightCols(svd.V.cols() - rank), group.lengths);
+  result.V_0 = svd.V.rightCols(svd.V.cols() - rank);
+  if (result.V_0.cols() > 0) {
+    const MatrixXd AtAV_0 = group.A.transpose() * (group.A * result.V_0).eval();
+    result.V_0 = Orthonormalized(
+        result.V_0 - F_scaled * (F_scaled.transpose() * AtAV_0));
+    RemoveRounding(&result.V_0);
+  }
+  const MatrixXd N = NullSpaceOfJ(result.V_0, group.lengths);
   // C = F F^T
-  MatrixXd F = group.lengths.cwiseInverse().asDiagonal() *
-               svd.V.leftCols(rank) *
-               svd.s.head(rank).cwiseInverse().asDiagonal();
-  F -= result.N * (result.N.transpose() * F);
+  MatrixXd F = group.lengths.cwiseInverse().asDiagonal() * F_scaled;
+  F -= N * (N.transpose() * F);
+  const Index num_weak = rank - (svd.s.array() > limits.weak).count();
+  result.weak_variances = F.rightCols(num_weak).rowwise().squaredNorm();
+  result.omitted_variances = OmittedVariances(group, svd, result.V_0);
   const auto rows = [&](int b) {
     return F.middleRows(group.offsets[b],
                         group.offsets[b + 1] - group.offsets[b]);
@@ -294,10 +336,10 @@ bool SparsePseudoInverse(const BlockGroup& group,
   if (V_0.cols() > 0) {
     // The search resolves V_0 to about 1e-9; this, to rounding.
     V_0 = Orthonormalized(V_0 - G->Times(A.transpose() * (A * V_0).eval()));
+    RemoveRounding(&V_0);
   }
   const VectorXd inverse_lengths = group.lengths.cwiseInverse();
-  result->N = NullSpaceOfJ(V_0, group.lengths);
-  const MatrixXd& N = result->N;
+  const MatrixXd N = NullSpaceOfJ(V_0, group.lengths);
   MatrixXd W;  // G N, in the parameters' units
   MatrixXd NtW;
   if (N.cols() > 0) {
@@ -305,6 +347,7 @@ bool SparsePseudoInverse(const BlockGroup& group,
         G->Times(inverse_lengths.asDiagonal() * N);
     NtW = N.transpose() * W;
   }
+  result->V_0 = std::move(V_0);
   result->blocks = SparseBlocks(group, pairs, &*G).Compute();
   for (std::size_t p = 0; p < pairs.size(); ++p) {
     const auto [a, b] = pairs[p];

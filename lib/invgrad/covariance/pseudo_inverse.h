@@ -2,8 +2,10 @@
 //
 //   C = (J^T J)^+,   A = J D^-1,   D = diag(|J e_i|)                        [1]
 //
-// The rank is that of A, whose singular values s <= limit count as zero. With
-// an orthonormal basis N of J's null space, D N = V_0 T, and P = I - N N^T:
+// The rank is that of A, whose singular values s <= limit count as zero. Of
+// their right singular vectors V_0, rows with an undetermined share |V_0^T e_i|^2
+// of rounding errors are set to zero. With an orthonormal basis N of J's null
+// space, D N = V_0 T, and P = I - N N^T:
 //
 //   dense    C = P D^-1 V S^-2 V^T D^-1 P, over s > limit
 //   sparse   C = P G P, G = the inverse of J^T J without the rows and columns
@@ -16,7 +18,13 @@
 // factorization confirms: the largest eigenvalue of D C D is at most limit^-2.
 // Without that, it is searched for (smallest_singular.h).
 //
-// Shapes:  A: m x n;  N: n x k;  a block: range a x range b.
+// Null vectors of the SVD are mixed with weak ones by 1e-16 s_max / s, which
+// different units of the parameters enlarge. One step of iterative refinement
+// takes that away, as far as A V_0 is known:
+//
+//   V_0 -= A^+ A V_0
+//
+// Shapes:  A: m x n;  V_0, N: n x k;  a block: range a x range b.
 // Cost:    dense: 2 m n^2 + 22 n^3. Sparse: one decomposition of A^T A, about
 //          15 + k solutions, and the entries of G (sparse_cholesky.h, or
 //          schur_complement.h where few columns couple the others); entries
@@ -45,15 +53,26 @@ namespace invgrad {
 // Blocks of a group, counted in BlockGroup::blocks.
 using GroupPair = std::pair<int, int>;
 
+// Of the singular values of A.
+struct SingularLimits {
+  double zero = 0.0;  // s <= zero count as zero
+  double weak = 0.0;  // zero < s <= weak: weak directions
+};
+
 struct PseudoInverse {
-  Eigen::MatrixXd N;
+  Eigen::MatrixXd V_0;
+  // Of the dense case, one a column: what weak directions add to the diagonal of
+  // C, and what directions whose s counts as zero, but is not zero to rounding,
+  // would add where the undetermined share is zero.
+  Eigen::VectorXd weak_variances;
+  Eigen::VectorXd omitted_variances;
   std::vector<Eigen::MatrixXd> blocks;  // one a pair
 };
 
 // svd: of the group's A.
 PseudoInverse DensePseudoInverse(const BlockGroup& group,
                                  const RightSvd& svd,
-                                 double limit,
+                                 const SingularLimits& limits,
                                  const std::vector<GroupPair>& pairs);
 
 // s_max: the largest singular value of A, to one percent. V: a guess of the null

@@ -68,6 +68,41 @@ void BasicDeterminedStep<kMaxSize>::FindScales(
 }
 
 template <int kMaxSize>
+void BasicDeterminedStep<kMaxSize>::AddNoiseOfNormal(
+    const Eigen::Vector3d& p, double sigma, Eigen::Matrix<double, 6, 6>* W) {
+  Eigen::Matrix<double, 6, 3> M;
+  M.topRows<3>().setIdentity();
+  M.bottomRows<3>() << 0.0, -p[2], p[1], p[2], 0.0, -p[0], -p[1], p[0], 0.0;
+  *W += sigma * sigma * M * M.transpose();
+}
+
+template <int kMaxSize>
+bool BasicDeterminedStep<kMaxSize>::FindTransform(
+    const Eigen::Ref<const Eigen::MatrixXd>& H, std::string* error) {
+  const Index n = H.rows();
+  FindScales(H);
+  if (noise_.size() == 0) {
+    transform_ = scales_.cwiseInverse().asDiagonal();
+    inverse_transform_ = scales_.asDiagonal();
+    return true;
+  }
+  CHECK_EQ(noise_.rows(), n) << "the noise has another size";
+  // Directions without noise have that of rounding errors.
+  constexpr double kRounding = 1e-12;
+  Matrix W = noise_.template selfadjointView<Eigen::Lower>();
+  W.diagonal() += kRounding * scales_.cwiseAbs2();
+  const Eigen::LLT<Matrix> factor(W);
+  if (!W.allFinite() || factor.info() != Eigen::Success) {
+    *error = "the noise is not finite, or not positive semidefinite";
+    return false;
+  }
+  inverse_transform_ = factor.matrixU();
+  transform_.setIdentity(n, n);
+  factor.matrixU().solveInPlace(transform_);
+  return true;
+}
+
+template <int kMaxSize>
 int BasicDeterminedStep<kMaxSize>::LeaveAlone(int num_low,
                                               int num_band,
                                               Matrix* basis) const {
@@ -75,14 +110,14 @@ int BasicDeterminedStep<kMaxSize>::LeaveAlone(int num_low,
       left_alone_.rows() != basis->rows()) {
     return num_low;
   }
-  // W = B L^-T spans the memory in scaled unknowns, with W^T W = I.
-  Matrix B = scales_.asDiagonal() * left_alone_;
+  // B L^-T spans the memory in scaled unknowns, with orthonormal columns.
+  Matrix B = inverse_transform_ * left_alone_;
   B.colwise().normalize();
   const Matrix BtB = B.transpose() * B;
   const Eigen::LLT<Matrix> factor(BtB);
   if (factor.info() != Eigen::Success) return num_low;
   const Matrix band = basis->middleCols(num_low, num_band);
-  // W^T band; the squares of its singular values are those of the cosines.
+  // L^-1 B^T band; the squares of its singular values are those of the cosines.
   Matrix cosines = B.transpose() * band;
   factor.matrixL().solveInPlace(cosines);
   const Matrix squares = cosines.transpose() * cosines;
@@ -123,9 +158,8 @@ bool BasicDeterminedStep<kMaxSize>::Compute(
     left_alone_values_.resize(0);
     return true;
   }
-  FindScales(H);
-  scaled = scales_.cwiseInverse().asDiagonal() * scaled;
-  scaled *= scales_.cwiseInverse().asDiagonal();
+  if (!FindTransform(H, error)) return false;
+  scaled = (transform_.transpose() * scaled * transform_).eval();
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
   if (eigen.info() != Eigen::Success || !eigen.eigenvalues().allFinite()) {
     *error = "the eigenvalues of the scaled Gram matrix did not converge";
@@ -136,22 +170,25 @@ bool BasicDeterminedStep<kMaxSize>::Compute(
   const double largest = squares[n - 1];
   const double scale = largest > 0.0 ? 1.0 / largest : 0.0;
   singular_values_ = (squares * scale).cwiseSqrt();
-  const int num_low =
-      static_cast<int>((singular_values_.array() <= options_.tau).count());
+  // Of the squares: twice the noise, or tau s_max.
+  const double low =
+      noise_.size() > 0 ? 4.0 : options_.tau * options_.tau * largest;
+  const double ratio = options_.TauHigh() / options_.tau;
+  const int num_low = static_cast<int>((squares.array() <= low).count());
   const int num_band =
-      static_cast<int>(
-          (singular_values_.array() <= options_.TauHigh()).count()) -
+      static_cast<int>((squares.array() <= ratio * ratio * low).count()) -
       num_low;
   Matrix basis = eigen.eigenvectors();
   const int num_left_alone = LeaveAlone(num_low, num_band, &basis);
 
   const Matrix kept = basis.rightCols(n - num_left_alone);
   const Matrix curvature = kept.transpose() * scaled * kept;
-  const Vector scaled_gradient = scales_.cwiseInverse().cwiseProduct(gradient);
+  const Vector scaled_gradient = transform_.transpose() * gradient;
   const Vector slope = kept.transpose() * scaled_gradient;
   if (kept.cols() > 0) {
     const Vector solution = curvature.ldlt().solve(slope);
-    *step = -scales_.cwiseInverse().cwiseProduct(kept * solution);
+    const Vector scaled_step = kept * solution;
+    *step = -transform_ * scaled_step;
   }
 
   left_alone_ = basis.leftCols(num_left_alone);
@@ -160,7 +197,7 @@ bool BasicDeterminedStep<kMaxSize>::Compute(
     const Vector v = left_alone_.col(i);
     const Vector scaled_v = scaled * v;
     left_alone_values_[i] = std::sqrt(std::max(v.dot(scaled_v) * scale, 0.0));
-    const Vector motion = scales_.cwiseInverse().cwiseProduct(v);
+    const Vector motion = transform_ * v;
     Index at = 0;
     motion.cwiseAbs().maxCoeff(&at);
     left_alone_.col(i) = motion / motion[at];

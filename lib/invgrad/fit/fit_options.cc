@@ -66,4 +66,31 @@ std::string FitStatusText(FitStatus status) {
   return "";
 }
 
+std::string FitRemarks::ToText() const {
+  std::string text = FitStatusText(status);
+  if (invalid_row >= 0) text += fmt::format(": row {}", invalid_row);
+  if (invalid_parameter >= 0) {
+    text += fmt::format(", parameter {} = {:.3g} (valid at {:.3g})",
+                        invalid_parameter,
+                        value,
+                        valid_value);
+  }
+  if (predicted_decrease > 0.0) {
+    if (status <= FitStatus::kMinTrustRegionRadius) text = "not " + text;
+    text += fmt::format(
+        "; no minimum: the linear model predicts that the cost falls by {:.2g} "
+        "%",
+        100.0 * predicted_decrease);
+  }
+  if (equal_parameter >= 0) {
+    text += fmt::format(
+        "; parameters {} and {} coincide at {:.3g}, where J loses rank: start "
+        "from different values",
+        equal_to,
+        equal_parameter,
+        value);
+  }
+  return text;
+}
+
 }  // namespace invgrad

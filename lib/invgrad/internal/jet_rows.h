@@ -10,6 +10,8 @@
 #ifndef INVGRAD_INTERNAL_JET_ROWS_H_
 #define INVGRAD_INTERNAL_JET_ROWS_H_
 
+#include <cmath>
+
 #include "ceres/jet.h"
 #include "invgrad/internal/streaming_gram.h"
 
@@ -39,6 +41,19 @@ class JetRows {
     }
     squared_norm_ = sum;
     return true;
+  }
+
+  // The first of these rows that fails or is not finite; -1: none.
+  template <typename Row>
+  int FirstInvalid(int begin, int end, const Row& row) const {
+    for (int i = begin; i < end; ++i) {
+      Jet residual;
+      if (!row(i, x_, &residual) || !std::isfinite(residual.a * residual.a) ||
+          !residual.v.allFinite()) {
+        return i;
+      }
+    }
+    return -1;
   }
 
   double squared_norm() const { return squared_norm_; }

@@ -9,10 +9,15 @@
 //   gain > 1e-3:  x += step,  radius /= max(1/3, 1 - (2 gain - 1)^3)      [1]
 //   otherwise:    radius /= 2, 4, 8, ...
 //
+// A tolerance for the cost or the step ends the iteration only where the linear
+// model agrees that there is a minimum (model_decrease.h); where it does not, the
+// iteration goes on, and ends as Ceres does if that gains nothing.
+//
 // Rows has
 //
 //   bool Evaluate(const Vector& x, double* cost);  // 1/2 |r|^2
 //   GramRoot<N> Root();                            // at the last x
+//   int FirstInvalidRow(const Vector& x);          // -1: none
 //
 // Evaluate returns false where the functor does. A candidate that fails, or has
 // a cost that is not finite, is rejected.
@@ -29,10 +34,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "Eigen/Core"
 #include "invgrad/internal/fit_options.h"
+#include "invgrad/internal/invalid_start.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/model_decrease.h"
 #include "invgrad/internal/small_covariance.h"
 #include "invgrad/internal/streaming_gram.h"
 
@@ -104,100 +112,223 @@ class DampedStep {
   GramRoot<N> damped_;
 };
 
+template <int N>
+double PredictedDecrease(const FitOptions& options,
+                         const GramRoot<N>& root,
+                         const typename GramRoot<N>::Vector& x) {
+  // There are no degrees of freedom.
+  if (root.num_rows <= N) return 0.0;
+  const double decrease =
+      RelativeModelDecrease(root.R, root.c, x, root.squared_norm());
+  const double least = std::max(10.0 * options.function_tolerance,
+                                options.parameter_tolerance);
+  return decrease > least ? decrease : 0.0;
+}
+
 // Rank, covariance and residual variance at the state of `root`.
 template <int N>
 void DescribeFit(const FitOptions& options,
                  const GramRoot<N>& root,
                  FitResult<N>* fit) {
+  typename GramRoot<N>::Matrix R = root.R.template triangularView<Eigen::Upper>();
+  RoundingFloor floor;
+  for (int i = 0; i < N; ++i) floor.Add(R.col(i).norm(), fit->x[i]);
+  for (int i = 0; i < N; ++i) {
+    if (floor.IsAbove(R.col(i).norm(), fit->x[i])) R.col(i).setZero();
+  }
   fit->rank = ComputeSmallCovariance<N>(
-      root.R, options.rank_threshold, &fit->covariance, &fit->undetermined);
+      R, options.rank_threshold, &fit->covariance, &fit->undetermined);
   fit->num_rows = root.num_rows;
+  // Where r has vanished, its direction is that of rounding errors.
+  constexpr double kVanished = 1e-16;
+  fit->predicted_decrease =
+      fit->status == FitStatus::kGradientTolerance &&
+              fit->cost <= kVanished * fit->initial_cost
+          ? 0.0
+          : PredictedDecrease<N>(options, root, fit->x);
+  for (int j = 1; j < N && fit->rank < N; ++j) {
+    for (int i = 0; i < j && fit->equal_parameter < 0; ++i) {
+      constexpr double kEqual = 1e-9;
+      constexpr double kParallel = 1.0 - 1e-12;
+      if (!(std::abs(fit->x[i] - fit->x[j]) <= kEqual * std::abs(fit->x[i])) ||
+          !(std::abs(R.col(i).dot(R.col(j))) >
+            kParallel * R.col(i).norm() * R.col(j).norm())) {
+        continue;
+      }
+      fit->equal_parameter = j;
+      fit->equal_to = i;
+    }
+  }
   if (root.num_rows > fit->rank) {
     fit->residual_variance =
         2.0 * fit->cost / static_cast<double>(root.num_rows - fit->rank);
   }
 }
 
+// Names row and parameter of an invalid start.
+template <int N, typename Rows>
+void ExplainInvalidStart(Rows* rows, FitResult<N>* fit) {
+  fit->invalid_row = rows->FirstInvalidRow(fit->x);
+  if (fit->invalid_row < 0) return;
+  const auto has_value = [&](int j, double value) {
+    typename GramRoot<N>::Vector x = fit->x;
+    x[j] = value;
+    const int row = rows->FirstInvalidRow(x);
+    return row < 0 || row > fit->invalid_row;
+  };
+  fit->invalid_parameter =
+      FindInvalidParameter(fit->x, N, has_value, &fit->valid_value);
+}
+
+// The iteration from fit->x, where at_x is.
+template <int N, typename Rows>
+class LevenbergMarquardt {
+ public:
+  LevenbergMarquardt(const FitOptions& options,
+                     const GramRoot<N>& at_start,
+                     Rows* rows,
+                     FitResult<N>* fit)
+      : options_(options),
+        rows_(*rows),
+        fit_(*fit),
+        at_x_(at_start),
+        damped_(options.initial_trust_region_radius, at_start) {}
+
+  const GramRoot<N>& at_x() const { return at_x_; }
+
+  FitStatus Run() {
+    while (true) {
+      std::optional<FitStatus> status = Iterate();
+      if (!status) continue;
+      const bool is_tolerance = *status == FitStatus::kParameterTolerance ||
+                                *status == FitStatus::kFunctionTolerance;
+      if (!is_tolerance) return first_doubt_ && !HasGained() ? *first_doubt_
+                                                             : *status;
+      if (IsMinimum()) return *status;
+      // Another iteration, with the candidate rejected or not.
+      if (!first_doubt_) {
+        first_doubt_ = status;
+        cost_at_doubt_ = fit_.cost;
+      }
+      Decide();
+    }
+  }
+
+ private:
+  using Vector = typename GramRoot<N>::Vector;
+
+  // Whether the iteration has lowered the cost since the first doubt.
+  bool HasGained() const {
+    return fit_.cost < (1.0 - options_.function_tolerance) * cost_at_doubt_;
+  }
+
+  bool IsMinimum() const {
+    return PredictedDecrease<N>(options_, at_x_, fit_.x) == 0.0;
+  }
+
+  // The end, or nothing.
+  std::optional<FitStatus> Iterate() {
+    if (fit_.num_iterations >= options_.max_num_iterations) {
+      return FitStatus::kMaxIterations;
+    }
+    if (is_new_state_) {
+      // As Ceres, x - (x - g) in place of g: rounded as a change of x.
+      const Vector gradient = at_x_.R.transpose() * at_x_.c;
+      const Vector moved = fit_.x - gradient;
+      if ((fit_.x - moved).template lpNorm<Eigen::Infinity>() <=
+          options_.gradient_tolerance) {
+        return FitStatus::kGradientTolerance;
+      }
+    }
+    if (damped_.radius() <= kMinTrustRegionRadius) {
+      return FitStatus::kMinTrustRegionRadius;
+    }
+    is_new_state_ = false;
+    ++fit_.num_iterations;
+    Vector step;
+    if (!damped_.Compute(&step, &model_decrease_)) {
+      if (++num_consecutive_invalid_steps_ >= kMaxConsecutiveInvalidSteps) {
+        return FitStatus::kInvalidSteps;
+      }
+      damped_.Shrink();
+      return std::nullopt;
+    }
+    num_consecutive_invalid_steps_ = 0;
+    candidate_ = fit_.x + step;
+    if (!rows_.Evaluate(candidate_, &cost_) || !std::isfinite(cost_)) {
+      cost_ = std::numeric_limits<double>::infinity();
+    }
+    if (num_accepted_ > 0 &&
+        (fit_.x - candidate_).norm() <=
+            options_.parameter_tolerance *
+                (fit_.x.norm() + options_.parameter_tolerance)) {
+      return FitStatus::kParameterTolerance;
+    }
+    if (std::abs(fit_.cost - cost_) <=
+        options_.function_tolerance * fit_.cost) {
+      return FitStatus::kFunctionTolerance;
+    }
+    return Decide();
+  }
+
+  // Accepts or rejects the candidate.
+  std::optional<FitStatus> Decide() {
+    const double gain = (fit_.cost - cost_) / model_decrease_;
+    if (!(gain > kMinRelativeDecrease)) {
+      damped_.Shrink();
+      return std::nullopt;
+    }
+    const GramRoot<N> at_candidate = rows_.Root();
+    if (!at_candidate.IsFinite()) return FitStatus::kInvalidJacobian;
+    fit_.x = candidate_;
+    fit_.cost = cost_;
+    at_x_ = at_candidate;
+    damped_.Accept(at_x_);
+    damped_.Grow(gain);
+    is_new_state_ = true;
+    ++num_accepted_;
+    return std::nullopt;
+  }
+
+  const FitOptions& options_;
+  Rows& rows_;
+  FitResult<N>& fit_;
+  GramRoot<N> at_x_;
+  DampedStep<N> damped_;
+  Vector candidate_;
+  double cost_ = 0.0;  // of the candidate
+  double model_decrease_ = 0.0;
+  bool is_new_state_ = true;  // the last step was accepted
+  int num_accepted_ = 0;
+  int num_consecutive_invalid_steps_ = 0;
+  // A tolerance that was met where there is no minimum.
+  std::optional<FitStatus> first_doubt_;
+  double cost_at_doubt_ = 0.0;
+};
+
 // From fit->x; options must be valid.
 template <int N, typename Rows>
 void FitByLevenbergMarquardt(const FitOptions& options,
                              Rows* rows,
                              FitResult<N>* fit) {
-  using Vector = typename GramRoot<N>::Vector;
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  const Vector start = fit->x;
+  const typename GramRoot<N>::Vector start = fit->x;
   *fit = FitResult<N>();
   fit->x = start;
   double cost;
-  if (!rows->Evaluate(fit->x, &cost) || !std::isfinite(cost)) return;
-  GramRoot<N> at_x = rows->Root();
-  if (!at_x.IsFinite()) return;
+  GramRoot<N> at_start;
+  bool is_valid = rows->Evaluate(fit->x, &cost) && std::isfinite(cost);
+  if (is_valid) {
+    at_start = rows->Root();
+    is_valid = at_start.IsFinite();
+  }
+  if (!is_valid) {
+    ExplainInvalidStart<N>(rows, fit);
+    return;
+  }
   fit->cost = fit->initial_cost = cost;
-  DampedStep<N> damped(options.initial_trust_region_radius, at_x);
-  bool is_new_state = true;  // the last step was accepted
-  int num_accepted = 0;
-  int num_consecutive_invalid_steps = 0;
-  const auto iterate = [&]() {
-    while (true) {
-      if (fit->num_iterations >= options.max_num_iterations) {
-        return FitStatus::kMaxIterations;
-      }
-      if (is_new_state) {
-        // As Ceres, x - (x - g) in place of g: rounded as a change of x.
-        const Vector gradient = at_x.R.transpose() * at_x.c;
-        const Vector moved = fit->x - gradient;
-        if ((fit->x - moved).template lpNorm<Eigen::Infinity>() <=
-            options.gradient_tolerance) {
-          return FitStatus::kGradientTolerance;
-        }
-      }
-      if (damped.radius() <= kMinTrustRegionRadius) {
-        return FitStatus::kMinTrustRegionRadius;
-      }
-      is_new_state = false;
-      ++fit->num_iterations;
-      Vector step;
-      double model_decrease;
-      if (!damped.Compute(&step, &model_decrease)) {
-        if (++num_consecutive_invalid_steps >= kMaxConsecutiveInvalidSteps) {
-          return FitStatus::kInvalidSteps;
-        }
-        damped.Shrink();
-        continue;
-      }
-      num_consecutive_invalid_steps = 0;
-      const Vector candidate = fit->x + step;
-      if (!rows->Evaluate(candidate, &cost) || !std::isfinite(cost)) {
-        cost = kInfinity;
-      }
-      const double x_norm = fit->x.norm();
-      if (num_accepted > 0 && (fit->x - candidate).norm() <=
-                                  options.parameter_tolerance *
-                                      (x_norm + options.parameter_tolerance)) {
-        return FitStatus::kParameterTolerance;
-      }
-      const double decrease = fit->cost - cost;
-      if (std::abs(decrease) <= options.function_tolerance * fit->cost) {
-        return FitStatus::kFunctionTolerance;
-      }
-      const double gain = decrease / model_decrease;
-      if (!(gain > kMinRelativeDecrease)) {
-        damped.Shrink();
-        continue;
-      }
-      const GramRoot<N> at_candidate = rows->Root();
-      if (!at_candidate.IsFinite()) return FitStatus::kInvalidJacobian;
-      fit->x = candidate;
-      fit->cost = cost;
-      at_x = at_candidate;
-      damped.Accept(at_x);
-      damped.Grow(gain);
-      is_new_state = true;
-      ++num_accepted;
-    }
-  };
-  fit->status = iterate();
-  DescribeFit<N>(options, at_x, fit);
+  LevenbergMarquardt<N, Rows> iteration(options, at_start, rows, fit);
+  fit->status = iteration.Run();
+  DescribeFit<N>(options, iteration.at_x(), fit);
 }
 
 }  // namespace invgrad

@@ -3,8 +3,8 @@
 //
 //   A = R D^-1 = U diag(s) V^T,   D = diag(|R e_i|) = diag(|J e_i|)
 //   rank          the number of s > threshold s_max
-//   covariance    (J^T J)^+ = P D^-1 V S^-2 V^T D^-1 P, of these s
-//   undetermined  diag(Z Z^T),   P = I - Z Z^T
+//   undetermined  diag(V_0 V_0^T),  V_0: the other columns of V
+//   covariance    (J^T J)^+ = P D^-1 V S^-2 V^T D^-1 P, of the s above
 //
 //   GramRoot<3> root = ...;  // streaming_gram.h
 //   Eigen::Matrix3d covariance;
@@ -12,9 +12,10 @@
 //   const int rank =
 //       ComputeSmallCovariance<3>(root.R, 1e-7, &covariance, &undetermined);
 //
-// Z is an orthonormal basis of the null space, D^-1 times the other columns of
-// V. Columns are scaled as in rank_report.h, so that the rank has no units. A
-// column of zeros has D_i = 1.
+// P = I - Z Z^T, Z: an orthonormal basis of the null space, the span of
+// D^-1 V_0. Columns are scaled as in rank_report.h, so that neither the rank nor
+// the undetermined shares depend on the units of the parameters. A column of
+// zeros has D_i = 1.
 //
 // Shapes:  R, covariance: N x N, of which R's upper triangle is read;
 //          undetermined: N.
@@ -25,10 +26,38 @@
 #ifndef INVGRAD_INTERNAL_SMALL_COVARIANCE_H_
 #define INVGRAD_INTERNAL_SMALL_COVARIANCE_H_
 
+#include <algorithm>
+#include <cmath>
+
 #include "Eigen/Core"
 #include "Eigen/SVD"
 
 namespace invgrad {
+
+// Smaller undetermined shares are rounding errors: the data determine the
+// parameter.
+constexpr double kLeastUndeterminedShare = 1e-12;
+
+// Of the columns of J that belong to one parameter block: the length below which
+// a column holds nothing but rounding errors of the others. Parameters of other
+// units have short columns, too, but the effect |J e_i| |x_i| has no unit.
+class RoundingFloor {
+ public:
+  void Add(double length, double x) {
+    longest_ = std::max(longest_, length);
+    largest_effect_ = std::max(largest_effect_, length * std::abs(x));
+  }
+  // x: 0 for a direction without a value, such as a rotation.
+  bool IsAbove(double length, double x) const {
+    return length <= kRounding * longest_ &&
+           length * std::abs(x) <= kRounding * largest_effect_;
+  }
+
+ private:
+  static constexpr double kRounding = 1e-13;
+  double longest_ = 0.0;
+  double largest_effect_ = 0.0;
+};
 
 template <int N>
 int ComputeSmallCovariance(const Eigen::Matrix<double, N, N>& R,
@@ -57,24 +86,30 @@ int ComputeSmallCovariance(const Eigen::Matrix<double, N, N>& R,
   }
   const Eigen::JacobiSVD<Matrix> svd(A, Eigen::ComputeFullV);
   const Vector& s = svd.singularValues();
-  const Matrix V = inverse_D.asDiagonal() * svd.matrixV();
   int rank = 0;
   while (rank < N && s[rank] > threshold * s[0]) ++rank;
   // Columns are zero where they do not belong.
-  Matrix kept = V;
-  Matrix motions = V;
+  Matrix kept = inverse_D.asDiagonal() * svd.matrixV();
+  Matrix null_space = svd.matrixV();
   for (int i = 0; i < N; ++i) {
     if (i < rank) kept.col(i) /= s[i];
-    (i < rank ? motions : kept).col(i).setZero();
+    (i < rank ? null_space : kept).col(i).setZero();
   }
   *covariance = kept * kept.transpose();
-  undetermined->setZero();
+  *undetermined = null_space.rowwise().squaredNorm();
   if (rank < N) {
-    const Eigen::JacobiSVD<Matrix> basis(motions, Eigen::ComputeFullU);
-    const Matrix& U = basis.matrixU();
+    null_space = (inverse_D.asDiagonal() * null_space).eval();
+    const Eigen::JacobiSVD<Matrix> basis(null_space, Eigen::ComputeFullU);
+    const Matrix& Z = basis.matrixU();
     Matrix P = Matrix::Identity();
-    for (int i = 0; i < N - rank; ++i) P -= U.col(i) * U.col(i).transpose();
-    *undetermined = U.leftCols(N - rank).rowwise().squaredNorm();
+    for (int i = 0; i < N - rank; ++i) P -= Z.col(i) * Z.col(i).transpose();
+    // A determined parameter stays as it is, whatever the units of the others.
+    for (int i = 0; i < N; ++i) {
+      if ((*undetermined)[i] > kLeastUndeterminedShare) continue;
+      P.row(i).setZero();
+      P.col(i).setZero();
+      P(i, i) = 1.0;
+    }
     *covariance = (P * *covariance * P).eval();
   }
   return rank;

@@ -1,6 +1,8 @@
 #include "invgrad/rank/block_groups.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <numeric>
 #include <set>
 #include <utility>
@@ -9,6 +11,7 @@
 #include "invgrad/ceres/problem_linearizer.h"
 #include "invgrad/core/memory_limit.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/internal/small_covariance.h"
 #include "invgrad/jacobian_operator.h"
 #include "invgrad/stored_jacobian.h"
 
@@ -113,7 +116,88 @@ void DescribeBlocks(const RankReport::Options& options,
       problem.NumParameterBlocks() - static_cast<int>(report->blocks.size());
 }
 
+// Sets columns of rounding errors to zero, with their lengths.
+void RemoveRounding(const RankReport& report,
+                    SparseMatrix* J,
+                    VectorXd* lengths,
+                    std::vector<bool>* is_rounding) {
+  is_rounding->assign(static_cast<std::size_t>(lengths->size()), false);
+  for (const RankReport::Block& block : report.blocks) {
+    const auto value = [&block](int i) {
+      const int component = block.components[i];
+      return component < 0 ? 0.0 : block.values[component];
+    };
+    RoundingFloor floor;
+    for (int i = 0; i < block.tangent_size; ++i) {
+      floor.Add((*lengths)[block.column + i], value(i));
+    }
+    for (int i = 0; i < block.tangent_size; ++i) {
+      double& length = (*lengths)[block.column + i];
+      if (length == 0.0 || !floor.IsAbove(length, value(i))) continue;
+      length = 0.0;
+      (*is_rounding)[block.column + i] = true;
+    }
+  }
+  J->prune([lengths](Index, Index j, double) { return (*lengths)[j] != 0.0; });
+}
+
+void FindShortColumns(const RankReport::Options& options,
+                      const VectorXd& lengths,
+                      RankReport* report) {
+  constexpr double kShort = 0.02;
+  constexpr double kComparable = 0.1;
+  for (std::size_t b = 0; b < report->blocks.size(); ++b) {
+    const RankReport::Block& block = report->blocks[b];
+    if (block.tangent_size != 3 || block.size != 3) continue;
+    if (options.group_sizes && !options.group_sizes(block.values).empty()) {
+      continue;
+    }
+    std::array<int, 3> order = {0, 1, 2};
+    const auto length = [&](int i) { return lengths[block.column + i]; };
+    std::sort(order.begin(), order.end(), [&](int i, int j) {
+      return length(i) < length(j);
+    });
+    const double relative = length(order[0]) / length(order[1]);
+    if (relative > 0.0 && relative <= kShort &&
+        length(order[1]) >= kComparable * length(order[2])) {
+      report->short_columns.push_back(
+          {static_cast<int>(b), order[0], relative});
+    }
+  }
+}
+
+// D: the lengths, or their root mean square in each group of one unit.
+bool FindScales(const RankReport::Options& options,
+                const RankReport& report,
+                VectorXd* lengths,
+                std::string* error) {
+  if (!options.group_sizes) return true;
+  for (const RankReport::Block& block : report.blocks) {
+    const std::vector<int> sizes = options.group_sizes(block.values);
+    if (sizes.empty()) continue;
+    if (*std::min_element(sizes.begin(), sizes.end()) < 1 ||
+        std::accumulate(sizes.begin(), sizes.end(), 0) != block.tangent_size) {
+      *error = fmt::format(
+          "the group_sizes of `{}` must be positive and add up to {}",
+          block.name,
+          block.tangent_size);
+      return false;
+    }
+    int begin = block.column;
+    for (const int size : sizes) {
+      auto group = lengths->segment(begin, size);
+      const double scale = group.norm() / std::sqrt(size);
+      for (double& length : group) {
+        if (length > 0.0) length = scale;
+      }
+      begin += size;
+    }
+  }
+  return true;
+}
+
 void FindUnused(const VectorXd& lengths,
+                const std::vector<bool>& is_rounding,
                 const ProblemStructure& structure,
                 RankReport* report) {
   std::vector<bool> is_named(report->blocks.size(), false);
@@ -126,7 +210,9 @@ void FindUnused(const VectorXd& lengths,
     unused.block = static_cast<int>(b);
     unused.in_no_residual = !is_named[b];
     for (int i = 0; i < block.tangent_size; ++i) {
-      if (lengths[block.column + i] == 0.0) unused.tangent.push_back(i);
+      if (lengths[block.column + i] > 0.0) continue;
+      unused.tangent.push_back(i);
+      unused.has_rounding |= is_rounding[block.column + i];
     }
     if (unused.tangent.empty()) continue;
     unused.whole_block =
@@ -233,7 +319,7 @@ bool GroupBlocks(const RankReport::Options& options,
           LinearizationParts::Jacobian(), &linearization, error)) {
     return false;
   }
-  const SparseMatrix J = ToSparse(*linearization.jacobian);
+  SparseMatrix J = ToSparse(*linearization.jacobian);
   report->cost = linearization.cost;
   linearization = Linearization();
   if (!CheckMemory(J, error)) return false;
@@ -247,7 +333,11 @@ bool GroupBlocks(const RankReport::Options& options,
                                             J.outerIndexPtr()[j + 1] - begin)
                      .stableNorm();
   }
-  FindUnused(lengths, structure, report);
+  std::vector<bool> is_rounding;
+  RemoveRounding(*report, &J, &lengths, &is_rounding);
+  FindUnused(lengths, is_rounding, structure, report);
+  FindShortColumns(options, lengths, report);
+  if (!FindScales(options, *report, &lengths, error)) return false;
   const std::vector<int> local_rows = FindGroups(J, lengths, report, groups);
   for (BlockGroup& group : *groups) {
     FillJacobian(J, lengths, local_rows, &group);

@@ -1,7 +1,7 @@
 // Groups of parameter blocks that residuals couple, and the Jacobian of each
 // group.
 //
-//   A = J D^-1,   D = diag(|J e_i|)
+//   A = J D^-1,   D = diag(|J e_i|), or as RankReport::Options::group_sizes say
 //
 // Two blocks are in one group if a row of J has nonzero entries in both, or if
 // a chain of such pairs connects them. Columns of zeros belong to no group.
@@ -40,8 +40,9 @@ struct BlockGroup {
 bool IsDense(const RankReport::Options& options, const BlockGroup& group);
 
 // Linearizes the problem and fills the report's sizes, blocks, unused
-// parameters and lengths of columns. Returns false, with a message, if a cost
-// function fails or is not finite, or if memory does not suffice.
+// parameters, short columns and lengths of columns. Returns false, with a
+// message, if a cost function fails or is not finite, if memory does not
+// suffice, or if group_sizes do not fit to a block.
 bool GroupBlocks(const RankReport::Options& options,
                  const ceres::Problem& problem,
                  RankReport* report,

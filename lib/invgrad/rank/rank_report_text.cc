@@ -41,6 +41,7 @@ class Text {
     Unused();
     Undetermined();
     Weak();
+    ShortColumns();
     WhatToDo();
     return text_;
   }
@@ -109,7 +110,7 @@ class Text {
           SingularValue(unscaled[0]),
           unscaled[0] <= kCovarianceLimit ? "rank deficient" : "full rank");
     }
-    // Scaling the columns hides derivatives that may be rounding errors.
+    // Of other blocks, whose units differ.
     constexpr double kNoise = 1e-14;
     if (report_.shortest_column < kNoise * report_.longest_column) {
       Add("  columns of J have lengths from {} to {}: the shortest may be "
@@ -141,6 +142,9 @@ class Text {
           Names(unused),
           unused.in_no_residual
               ? "no residual block names it"
+          : unused.has_rounding
+              ? "named by residual blocks, but their derivatives are rounding "
+                "errors"
               : "named by residual blocks, but their derivatives are 0");
     });
   }
@@ -205,6 +209,20 @@ class Text {
           FormatNumber(direction.singular_value, 2),
           direction.gauge.empty() ? "" : "part of " + direction.gauge + ":",
           Motion(direction));
+    });
+  }
+
+  void ShortColumns() {
+    if (report_.short_columns.empty()) return;
+    text_ +=
+        "\nshort columns; if the parameters of the block have one unit, they "
+        "are weakly\ndetermined (Options::group_sizes gives them one scale):\n";
+    AddLines(report_.short_columns.size(), [this](std::size_t i) {
+      const RankReport::ShortColumn& column = report_.short_columns[i];
+      return fmt::format(
+          "  {}: {} of the others",
+          report_.blocks[column.block].ParameterName(column.tangent),
+          FormatNumber(column.relative_length, 2));
     });
   }
 

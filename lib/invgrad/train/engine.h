@@ -63,12 +63,16 @@ class Engine {
   virtual StepResult Step(double progress, Eigen::VectorXd* weights) = 0;
 
   // Goes back to weights of the ledger.
-  //   kNoLoss  the train loss is not finite: undoes the last step, or returns to
-  //            the copy. Returns false, and does nothing, if the rule has no judge
-  //            or there is nothing to go back to.
+  //   kNoLoss  the train loss is not finite, or the last step has failed: undoes
+  //            the last step, or returns to the copy, or to `best`, the weights
+  //            of the lowest train loss that was evaluated (empty: none). Returns
+  //            false, and does nothing, if the rule has no judge or there is
+  //            nothing to go back to.
   //   kEnd     the run has diverged, and ends with the last weights with a finite
   //            batch loss.
-  virtual bool Undo(UndoReason /*reason*/, Eigen::VectorXd* /*weights*/) {
+  virtual bool Undo(UndoReason /*reason*/,
+                    const Eigen::VectorXd& /*best*/,
+                    Eigen::VectorXd* /*weights*/) {
     return false;
   }
 

@@ -36,7 +36,9 @@ class RuleEngine final : public Engine {
         rule_(std::move(rule)) {}
 
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
-  bool Undo(UndoReason reason, Eigen::VectorXd* weights) override;
+  bool Undo(UndoReason reason,
+            const Eigen::VectorXd& best,
+            Eigen::VectorXd* weights) override;
   Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
     return objective_->Finished(weights);
   }
@@ -171,7 +173,9 @@ bool RuleEngine::Begin(const DataSet& batch,
   };
   bool is_finite = linearize();
   if (!judges_weights_) {
-    return is_finite || (Undo(UndoReason::kNoLoss, weights) && linearize());
+    const Eigen::VectorXd none;
+    return is_finite ||
+           (Undo(UndoReason::kNoLoss, none, weights) && linearize());
   }
   Others others(this, batch, *weights, is_finite);
   const Verdict verdict = judge_->JudgeWeights(
@@ -203,11 +207,15 @@ bool RuleEngine::Begin(const DataSet& batch,
   return is_finite;
 }
 
-bool RuleEngine::Undo(UndoReason reason, Eigen::VectorXd* weights) {
+bool RuleEngine::Undo(UndoReason reason,
+                      const Eigen::VectorXd& best,
+                      Eigen::VectorXd* weights) {
   if (reason == UndoReason::kNoLoss) {
     if (judge_ == nullptr) return false;
-    if (*weights == ledger_.before() && ledger_.copy().size() > 0) {
-      ledger_.SetBefore(ledger_.copy());
+    for (const Eigen::VectorXd* back : {&ledger_.copy(), &best}) {
+      if (*weights == ledger_.before() && back->size() > 0) {
+        ledger_.SetBefore(*back);
+      }
     }
     if (ledger_.before().size() == 0 || *weights == ledger_.before()) {
       return false;

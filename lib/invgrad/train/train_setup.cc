@@ -7,8 +7,10 @@
 #include <limits>
 #include <typeinfo>
 #include <utility>
+#include <vector>
 
 #include "fmt/core.h"
+#include "invgrad/chain/neuron_statistics.h"
 #include "invgrad/internal/communicator.h"
 #include "invgrad/internal/logging.h"
 #include "invgrad/method.h"
@@ -58,6 +60,35 @@ void VisitHistory(StateArchive* archive, long last_step, History* history) {
       row.*column.value = *value++;
     }
   }
+}
+
+// Warns of inputs so large that the first layer does not learn.
+void WarnOfSaturation(const Model& model,
+                      const Eigen::VectorXd& weights,
+                      const DataSet& train) {
+  constexpr double kLarge = 10.0;
+  constexpr int kMaxNumSamples = 1000;
+  const DataSet samples =
+      train.Range(0, std::min(kMaxNumSamples, train.num_samples()));
+  const double largest = samples.inputs.size() > 0
+                             ? samples.inputs.cwiseAbs().maxCoeff()
+                             : 0.0;
+  if (largest <= kLarge) return;
+  std::vector<NeuronStatistics> first =
+      ComputeNeuronStatistics(model.network(), weights, samples);
+  first.erase(std::remove_if(first.begin(),
+                             first.end(),
+                             [](const auto& neuron) { return neuron.layer > 1; }),
+              first.end());
+  const int num_saturated = CountSaturated(first);
+  if (2 * num_saturated <= static_cast<int>(first.size())) return;
+  LOG(WARNING) << fmt::format(
+      "{} of {} neurons of the first layer are saturated at the initial weights: "
+      "the inputs are as large as {:.2g}. Inputs of about 1 train better; "
+      "InputScales (dense_network.h) standardizes them",
+      num_saturated,
+      first.size(),
+      largest);
 }
 
 }  // namespace
@@ -178,6 +209,9 @@ void TrainingRun::Impl::Start(const Method& method, const UpdateRule* rule) {
     if (failure) error_ = options_.checkpoint_path + ": " + failure.message();
   }
   if (!error().empty()) return;
+  if (history().empty() && is_first_rank()) {
+    WarnOfSaturation(model_, weights(), data_.train);
+  }
   LimitPhase();
   if (phase().is_trial() && state_.first_weights.size() == 0) {
     state_.first_weights = weights();
@@ -258,6 +292,13 @@ void TrainingRun::Impl::VisitState(StateArchive* archive, State* state) {
   archive->Visit("step_norm", &state->step_norm);
   archive->Visit("best_loss", &state->best_loss);
   archive->Visit("rows_since_best", &state->rows_since_best);
+  archive->Visit("best_weights", &state->best_weights);
+  archive->Require(state->best_weights.size() == 0 ||
+                       (state->best_weights.size() == model_.num_weights() &&
+                        state->best_weights.allFinite()),
+                   "best_weights");
+  archive->Visit("best_train_loss", &state->best_train_loss);
+  archive->Visit("best_step", &state->best_step);
   VisitHistory(archive, state->step, &state->history);
   const bool has_trial =
       std::any_of(phases_.begin(), phases_.end(), [](const RunPhase& phase) {

@@ -122,6 +122,8 @@ bool TrainingRun::Impl::HandOver() {
   LimitPhase();
   state_.best_loss = std::numeric_limits<double>::infinity();
   state_.rows_since_best = 0;
+  state_.best_train_loss = std::numeric_limits<double>::infinity();
+  state_.best_weights.resize(0);
   return true;
 }
 
@@ -157,7 +159,11 @@ bool TrainingRun::Impl::TakeStep() {
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
   if (result.outcome == Outcome::kFailed) {
-    if (HandOver()) return IsRunning() && TakeStep();
+    if (HandOver() || engine().Undo(UndoReason::kNoLoss,
+                                    state_.best_weights,
+                                    &state_.weights)) {
+      return IsRunning() && TakeStep();
+    }
     End(ceres::FAILURE,
         AtStep("diverged", steps_of_phase() + 1) + ": " + result.message);
     return false;
@@ -242,9 +248,24 @@ void TrainingRun::Impl::EndDiverged() {
       state_.step == 0 ? "the loss is not finite at the initial weights: "
                        : AtStep("diverged", steps_of_phase()) +
                              ": the train loss is not finite: ";
-  engine().Undo(UndoReason::kEnd, &state_.weights);
+  engine().Undo(UndoReason::kEnd, state_.best_weights, &state_.weights);
   Summarize(ceres::FAILURE, where + why);
+  summary_.message += TakeBestWeights(MeanLoss(
+      model_, weights(), data_.train, options_.communicator.get()));
   summary_.message += TakeBetterWeights();
+}
+
+std::string TrainingRun::Impl::TakeBestWeights(double train_loss) {
+  if (state_.best_weights.size() == 0 ||
+      train_loss <= state_.best_train_loss) {
+    return "";
+  }
+  state_.weights = state_.best_weights;
+  return fmt::format(
+      "; final weights are the best that were evaluated, of step {} (train loss "
+      "{})",
+      state_.best_step,
+      FormatNumber(state_.best_train_loss));
 }
 
 void TrainingRun::Impl::Evaluate() {
@@ -261,7 +282,8 @@ void TrainingRun::Impl::Evaluate() {
   Eigen::VectorXd finished = engine().Finished(weights());
   row.train_loss = mean_loss(finished, data_.train);
   while (!std::isfinite(row.train_loss) &&
-         engine().Undo(UndoReason::kNoLoss, &state_.weights)) {
+         engine().Undo(
+             UndoReason::kNoLoss, state_.best_weights, &state_.weights)) {
     finished = engine().Finished(weights());
     row.train_loss = mean_loss(finished, data_.train);
   }
@@ -270,6 +292,11 @@ void TrainingRun::Impl::Evaluate() {
   const PullBackCounts* pull_backs = engine().counts().pull_backs;
   if (pull_backs != nullptr) FillCounts(*pull_backs, &row);
   state_.history.push_back(row);
+  if (row.train_loss < state_.best_train_loss) {
+    state_.best_weights = finished;
+    state_.best_train_loss = row.train_loss;
+    state_.best_step = state_.step;
+  }
   ++state_.rows_since_best;
   if (WatchedLoss() < state_.best_loss) {
     state_.best_loss = WatchedLoss();
@@ -291,7 +318,11 @@ void TrainingRun::Impl::End(ceres::TerminationType type,
   }
   if (can_go_on) SaveCheckpoint(checkpoint);
   Summarize(type, message);
-  if (type != ceres::FAILURE) state_.weights = engine().Finished(weights());
+  if (type == ceres::FAILURE) {
+    summary_.message += TakeBestWeights(history().back().train_loss);
+  } else {
+    state_.weights = engine().Finished(weights());
+  }
   summary_.message += TakeBetterWeights();
 }
 
@@ -346,51 +377,6 @@ void TrainingRun::Impl::Summarize(ceres::TerminationType type,
         "; {} of {} steps undone", summary.num_undone, summary.num_updates);
   }
   summary.message += reports;
-}
-
-// --- Position and budget ---
-
-double TrainingRun::Impl::epoch() const {
-  if (!error().empty()) return 0.0;
-  return state_.first_epoch +
-         static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
-}
-
-double TrainingRun::Impl::progress() const {
-  return std::min(1.0,
-                  std::max({epoch() / options_.max_num_epochs,
-                            static_cast<double>(state_.step) /
-                                static_cast<double>(options_.max_num_steps),
-                            state_.seconds / options_.max_time_in_seconds}));
-}
-
-double TrainingRun::Impl::SpentOfPhase() const {
-  const double budget_in_seconds =
-      options_.max_time_in_seconds - state_.first_second;
-  return std::min(
-      1.0,
-      std::max(static_cast<double>(steps_of_phase()) /
-                   static_cast<double>(max_num_steps_),
-               (state_.seconds - state_.first_second) / budget_in_seconds));
-}
-
-// Epochs of different phases differ in length, so sums of epochs have rounding
-// errors.
-double TrainingRun::Impl::EpochsLeft(double epoch) const {
-  constexpr double kRounding = 1e-12;
-  return options_.max_num_epochs * (1.0 - kRounding) - epoch;
-}
-
-std::string TrainingRun::Impl::BudgetSpent() const {
-  if (EpochsLeft(epoch()) <= 0.0) return "epochs done";
-  if (state_.step >= options_.max_num_steps) return "steps done";
-  if (state_.seconds >= options_.max_time_in_seconds) return "time used up";
-  return "";
-}
-
-double TrainingRun::Impl::WatchedLoss() const {
-  const HistoryRow& last = state_.history.back();
-  return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
 }
 
 }  // namespace invgrad

@@ -1,5 +1,6 @@
 // The loop of a training run, behind TrainingRun (train.h): training_run.cc has
-// the steps and phases, train_setup.cc construction and checkpoint.
+// the steps and phases, training_budget.cc the position in the budget,
+// train_setup.cc construction and checkpoint.
 //
 // A phase may be a trial: it hands over to the next one where it stalls, diverges
 // or exhausts the patience early. The next one then begins with the trial's first
@@ -69,6 +70,10 @@ class TrainingRun::Impl {
     double best_loss = std::numeric_limits<double>::infinity();  // watched
     int rows_since_best = 0;
     int phase = 0;
+    // The weights of the lowest train loss that was evaluated; empty: none.
+    Eigen::VectorXd best_weights;
+    double best_train_loss = std::numeric_limits<double>::infinity();
+    long best_step = 0;
     // The start of the phase.
     long first_step = 0;
     double first_epoch = 0.0;
@@ -122,6 +127,10 @@ class TrainingRun::Impl {
   bool EvaluateOrEnd();
   // Ends with the last good weights.
   void EndDiverged();
+  // After a failure: takes the weights of the lowest train loss that was
+  // evaluated, if it is below `train_loss`, that of the last good weights.
+  // Returns a text for the message.
+  std::string TakeBestWeights(double train_loss);
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
   void SaveIfDue();

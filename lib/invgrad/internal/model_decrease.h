@@ -1,0 +1,61 @@
+// Whether a state is a minimum, whatever the units of the parameters: how much of
+// the cost the linear model takes away there.
+//
+//   (L(x) - min_step 1/2 |r + J step|^2) / L(x) = |U^T c|^2 / |r|^2
+//   J = Q R,   c = Q^T r,   R D^-1 = U S V^T,   D = diag(|R e_i|)
+//
+// of the s > threshold s_max. It is the squared cosine of the angle between r and
+// the range of J, 0 at a minimum. Tolerances for the change of the cost and for
+// the step, which Ceres has, too, can be met far from one: where a parameter has
+// made its own column short, or the trust region is small.
+//
+//   double decrease = RelativeModelDecrease(R, c, x, squared_norm);
+//   bool is_minimum = decrease <= kLeastModelDecrease;
+//
+// A step that changes each r by less than 1e-8 of what the parameters themselves
+// do, |U^T c| <= 1e-8 |D x|, counts as none: where r vanishes, its direction is
+// that of rounding errors.
+//
+// Shapes:  R: N x N, of which the upper triangle is read;  c, x: N.
+// Cost:    N^2 operations at a minimum, otherwise an SVD of N x N.
+#ifndef INVGRAD_INTERNAL_MODEL_DECREASE_H_
+#define INVGRAD_INTERNAL_MODEL_DECREASE_H_
+
+#include <algorithm>
+#include <cmath>
+
+#include "Eigen/Core"
+#include "Eigen/SVD"
+
+namespace invgrad {
+
+constexpr double kLeastModelDecrease = 1e-5;
+
+template <typename Matrix, typename Vector>
+double RelativeModelDecrease(const Matrix& R,
+                             const Vector& c,
+                             const Vector& x,
+                             double squared_norm,
+                             double threshold = 1e-7) {
+  constexpr double kLeastStep = 1e-8;
+  Matrix A = R.template triangularView<Eigen::Upper>();
+  const Vector lengths = A.colwise().norm().transpose();
+  const double least = std::max(
+      kLeastModelDecrease * squared_norm,
+      kLeastStep * kLeastStep * lengths.cwiseProduct(x).squaredNorm());
+  if (!(c.squaredNorm() > least)) return 0.0;
+  for (Eigen::Index j = 0; j < A.cols(); ++j) {
+    if (lengths[j] > 0.0) A.col(j) /= lengths[j];
+  }
+  const Eigen::JacobiSVD<Matrix> svd(A, Eigen::ComputeFullU);
+  double decrease = 0.0;
+  for (Eigen::Index i = 0; i < c.size(); ++i) {
+    if (svd.singularValues()[i] <= threshold * svd.singularValues()[0]) break;
+    decrease += std::pow(svd.matrixU().col(i).dot(c), 2);
+  }
+  return decrease > least ? decrease / squared_norm : 0.0;
+}
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_INTERNAL_MODEL_DECREASE_H_

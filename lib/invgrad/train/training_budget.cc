@@ -1,0 +1,52 @@
+// The position of a training run in its budget.
+#include <algorithm>
+#include <string>
+
+#include "invgrad/train/training_run.h"
+
+namespace invgrad {
+
+double TrainingRun::Impl::epoch() const {
+  if (!error().empty()) return 0.0;
+  return state_.first_epoch +
+         static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
+}
+
+double TrainingRun::Impl::progress() const {
+  return std::min(1.0,
+                  std::max({epoch() / options_.max_num_epochs,
+                            static_cast<double>(state_.step) /
+                                static_cast<double>(options_.max_num_steps),
+                            state_.seconds / options_.max_time_in_seconds}));
+}
+
+double TrainingRun::Impl::SpentOfPhase() const {
+  const double budget_in_seconds =
+      options_.max_time_in_seconds - state_.first_second;
+  return std::min(
+      1.0,
+      std::max(static_cast<double>(steps_of_phase()) /
+                   static_cast<double>(max_num_steps_),
+               (state_.seconds - state_.first_second) / budget_in_seconds));
+}
+
+// Epochs of different phases differ in length, so sums of epochs have rounding
+// errors.
+double TrainingRun::Impl::EpochsLeft(double epoch) const {
+  constexpr double kRounding = 1e-12;
+  return options_.max_num_epochs * (1.0 - kRounding) - epoch;
+}
+
+std::string TrainingRun::Impl::BudgetSpent() const {
+  if (EpochsLeft(epoch()) <= 0.0) return "epochs done";
+  if (state_.step >= options_.max_num_steps) return "steps done";
+  if (state_.seconds >= options_.max_time_in_seconds) return "time used up";
+  return "";
+}
+
+double TrainingRun::Impl::WatchedLoss() const {
+  const HistoryRow& last = state_.history.back();
+  return data_.test.num_samples() > 0 ? last.test_loss : last.train_loss;
+}
+
+}  // namespace invgrad
