@@ -11,9 +11,11 @@ set -euo pipefail
 source "$(dirname -- "${BASH_SOURCE[0]}")/setup.sh"
 
 install_missing "${program_packages[@]}" "${test_packages[@]}"
-# In a subshell, because a failure ends it.
-(install_missing "${optional_packages[@]}") ||
-  echo "Without ${optional_packages[*]}: what needs them is not tested"
+for package in "${optional_packages[@]}"; do
+  # In a subshell, because a failure ends it.
+  (install_missing "$package") ||
+    echo "Without $package: what needs it is not tested"
+done
 with_tests=true
 build_release all
 ctest --test-dir "$build_dir" --output-on-failure --no-tests=error \

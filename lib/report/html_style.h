@@ -60,7 +60,7 @@ th, td { padding: 4px 8px; border-bottom: 1px solid #e6e6e6;
 th { border-bottom: 2px solid #999; font-weight: 600; }
 .left { text-align: left; }
 td.words { white-space: normal; min-width: 22em; }
-.sorts td:first-child { max-width: 22em; overflow-wrap: anywhere;
+.sorts td:first-child { min-width: 9em; max-width: 22em; overflow-wrap: anywhere;
   white-space: normal; }
 th button { font: inherit; background: none; border: 0; padding: 0;
   cursor: pointer; color: inherit; }
