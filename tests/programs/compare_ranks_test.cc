@@ -73,7 +73,7 @@ TEST_F(CompareRanks, RefuseWhatRanksCannotShare) {
   const Output point =
       RunRanks(2, {"--problem=squared_component", "--output=" + Path("point")});
   EXPECT_EQ(point.exit_code, 1) << point.text;
-  ExpectSays(point, {"a point problem works in one process"});
+  ExpectSays(point, {"a problem without a network runs in one process"});
 }
 
 // kill -9 of a random rank at a random moment: all ranks end, and the resumed run
