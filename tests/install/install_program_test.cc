@@ -228,7 +228,7 @@ TEST_F(InstallProgram, ComparesProblemsOfAnApplication) {
   const std::string chain = "--rules=half_inverse,sign --seeds=1,2 ";
   run("chain", chain + "--steps=4");
   const std::string resumed = run("chain", chain + "--steps=8 --resume");
-  for (const std::string& method : {"half_inverse", "sign"}) {
+  for (const std::string method : {"half_inverse", "sign"}) {
     EXPECT_NE(resumed.find(method), std::string::npos) << resumed;
     EXPECT_NE(ReadAll(Path("chain") + "/" + method + "-seed2/history.csv")
                   .find("\n8,"),
