@@ -42,7 +42,7 @@ RankReport FullRankReport() {
   block.name = "b";
   block.components = {0, -1};
   report.blocks.push_back(block);
-  report.unused.push_back({0, true, false, {1}});
+  report.unused.push_back({0, true, false, false, {1}});
   report.undetermined.push_back(SomeDirection());
   report.weak.push_back(SomeDirection());
   report.gauges.push_back({0, "plane", 3, {0}});

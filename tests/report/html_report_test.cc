@@ -1,6 +1,5 @@
 #include "report/html_report.h"
 
-#include <chrono>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -139,7 +138,7 @@ TEST(HtmlReport, SaysWhereAPictureIsThatIsTooLarge) {
   EXPECT_EQ(Count(html, "<figure>"), 1u);
 }
 
-TEST(HtmlReport, NineMethodsFromFiveSeedsTakeLessThanASecondAndTwoMegabytes) {
+TEST(HtmlReport, NineMethodsFromFiveSeedsTakeLessThanTwoMegabytes) {
   const TemporaryFolder folder;
   std::string error;
   const std::string png = folder / "neurons.png";
@@ -158,12 +157,7 @@ TEST(HtmlReport, NineMethodsFromFiveSeedsTakeLessThanASecondAndTwoMegabytes) {
     }
   }
   report.images = {{png, "neurons"}};
-  const auto begin = std::chrono::steady_clock::now();
-  const std::string html = ToHtml(report);
-  const std::chrono::duration<double> seconds =
-      std::chrono::steady_clock::now() - begin;
-  EXPECT_LT(seconds.count(), 1.0);
-  EXPECT_LT(html.size(), 2'000'000u);
+  EXPECT_LT(ToHtml(report).size(), 2'000'000u);
 }
 
 TEST(HtmlReport, ThinnedCurvesKeepTheirEnds) {

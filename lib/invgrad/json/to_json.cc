@@ -59,6 +59,7 @@ static void to_json(Json& json, const RankReport::Unused& unused) {
   json = {{"block", unused.block},
           {"whole_block", unused.whole_block},
           {"in_no_residual", unused.in_no_residual},
+          {"has_rounding", unused.has_rounding},
           {"tangent", unused.tangent}};
 }
 
@@ -171,7 +172,8 @@ void to_json(Json& json, const UpdateCallback::Summary& summary) {
           {"ended_on_proposal", summary.ended_on_proposal},
           {"has_converged", summary.has_converged},
           {"num_plain_iterations", summary.num_plain_iterations},
-          {"took_plain_result", summary.took_plain_result}};
+          {"took_plain_result", summary.took_plain_result},
+          {"predicted_decrease", summary.predicted_decrease}};
 }
 
 void to_json(Json& json, const MinimizerSummary& summary) {
