@@ -84,8 +84,11 @@ Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
   constexpr size_t kMaxNumMinima = 10;
   std::map<std::string, std::set<std::string>> starts;
   std::map<std::string, std::vector<double>> costs;
+  std::map<std::string, double> rounding;  // of an input's costs
   for (const EstimationRow& row : rows) {
     starts[row.input].insert(row.start);
+    double& of_input = rounding[row.input];
+    of_input = std::fmax(of_input, 1e-12 * row.initial_cost);
     if (std::isfinite(row.final_cost))
       costs[row.input].push_back(row.final_cost);
   }
@@ -93,11 +96,14 @@ Table LocalMinimaTable(const std::vector<EstimationRow>& rows) {
   for (auto& [input, ends] : costs) {
     if (starts[input].size() < 2) continue;
     std::sort(ends.begin(), ends.end());
-    const bool has_one = ends.back() <= ends[0] + kSameCost * std::abs(ends[0]);
+    const auto end_of = [of_input = rounding[input]](double low) {
+      return low + kSameCost * std::abs(low) + of_input;
+    };
+    const bool has_one = ends.back() <= end_of(ends[0]);
     if (has_one && costs.size() > 1) continue;
     size_t num_minima = 0;
     for (size_t i = 0; i < ends.size() && num_minima < kMaxNumMinima;) {
-      const double low = ends[i], high = low + kSameCost * std::abs(low);
+      const double low = ends[i], high = end_of(low);
       while (i < ends.size() && ends[i] <= high) ++i;
       table.BeginRow();
       table.Add("input", input, kLeft);

@@ -247,7 +247,7 @@ std::string TrainingFlags::BudgetText() const {
   };
   if (seconds > 0.0) {
     add(fmt::format(
-        "{:g} s of {}", seconds, cpu_time ? "processor" : "training"));
+        "{:g} s of {}", seconds, cpu_time ? "processor time" : "training"));
   }
   if (steps > 0) add(fmt::format("{} steps", steps));
   if (epochs > 0) add(fmt::format("{} epochs", epochs));

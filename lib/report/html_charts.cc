@@ -25,13 +25,13 @@ std::string JsonText(const std::string& text) {
   return quoted + '"';
 }
 
-// Those at `kept`, five digits; null for what is not finite.
+// Those at `kept`, four digits; null for what is not finite.
 std::string JsonNumbers(const std::vector<double>& values,
                         const std::vector<size_t>& kept) {
   std::string text;
   for (const size_t i : kept) {
     if (!text.empty()) text += ',';
-    text += std::isfinite(values[i]) ? fmt::format("{:.5g}", values[i])
+    text += std::isfinite(values[i]) ? fmt::format("{:.4g}", values[i])
                                      : std::string("null");
   }
   return '[' + text + ']';
@@ -203,7 +203,7 @@ std::string MapHtml(const Plot& plot, const Eigen::MatrixXd& lowest) {
 
 std::string ChartsJson(const HtmlReport& report) {
   // Of numbers in all, and of points in a curve.
-  constexpr size_t kMaxNumbers = 100'000, kMaxPoints = 200, kMinPoints = 12;
+  constexpr size_t kMaxNumbers = 50'000, kMaxPoints = 200, kMinPoints = 12;
   size_t numbers_per_point = 1;
   for (const HtmlReport::Chart& chart : report.charts) {
     for (const Plot& view : chart.views) {

@@ -7,7 +7,7 @@
 // none. Every text is escaped, and bytes that are not UTF-8 are replaced.
 //
 // Size:    long curves are thinned, to 200 points each, and to fewer where there
-//          are many; pictures beyond 1.2 MB in all are left out, with a line
+//          are many; pictures beyond 1.15 MB in all are left out, with a line
 //          that names the file.
 // Cost:    less than 0.1 s for nine methods with three views each.
 #ifndef REPORT_HTML_REPORT_H_

@@ -135,6 +135,7 @@ class Chart {
 
   // The ends of all values that the axis can show.
   range(view, keys, is_log) {
+    if (view.has_steps && keys.includes('y')) return [0, 1.03];  // shares
     let [low, high] = [Infinity, -Infinity];
     for (const s of view.series) {
       if (hidden.has(s.name)) continue;

@@ -59,9 +59,9 @@ th, td { padding: 4px 8px; border-bottom: 1px solid #e6e6e6;
   text-align: right; vertical-align: top; white-space: nowrap; }
 th { border-bottom: 2px solid #999; font-weight: 600; }
 .left { text-align: left; }
-td.words { white-space: normal; min-width: 22em; }
-.sorts td:first-child { min-width: 9em; max-width: 22em; overflow-wrap: anywhere;
-  white-space: normal; }
+td.words { white-space: normal; min-width: 14em; }
+.sorts td.left:first-child { min-width: 11.5em; max-width: 22em;
+  overflow-wrap: anywhere; white-space: normal; }
 th button { font: inherit; background: none; border: 0; padding: 0;
   cursor: pointer; color: inherit; }
 th button:hover { text-decoration: underline; }
@@ -79,13 +79,13 @@ abbr { text-decoration: none; cursor: help; }
   outline-offset: -2px; }
 .maps td.best::after { color: inherit; }
 .maps caption { font-weight: 600; text-align: left; }
-.pictures figure { flex: 1 1 480px; max-width: 100%; }
+.pictures figure { flex: 1 1 480px; max-width: 800px; }
 .pictures img { max-width: 100%; border: 1px solid #ddd; }
 @media (max-width: 600px) {
   body { padding: 12px; font-size: 15px; }
   dl { gap: 2px 8px; font-size: 13px; }
   .answer { font-size: 16px; }
-  .sorts td:first-child { min-width: 9em; }
+  .sorts td.left:first-child { min-width: 9em; }
 }
 @media print {
   body { max-width: none; padding: 0; font-size: 11pt; }

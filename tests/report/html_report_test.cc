@@ -128,7 +128,7 @@ TEST(HtmlReport, SaysWhereAPictureIsThatIsTooLarge) {
   std::string error;
   const std::string small = folder / "small.png", large = folder / "large.png";
   ASSERT_TRUE(WriteFile(small, "Man", &error)) << error;
-  ASSERT_TRUE(WriteFile(large, std::string(1'000'000, 'x'), &error)) << error;
+  ASSERT_TRUE(WriteFile(large, std::string(1'200'000, 'x'), &error)) << error;
   HtmlReport report;
   report.images = {{large, "fields"}, {small, "paths"}, {folder / "no", "no"}};
   const std::string html = ToHtml(report);
@@ -142,7 +142,7 @@ TEST(HtmlReport, NineMethodsFromFiveSeedsTakeLessThanTwoMegabytes) {
   const TemporaryFolder folder;
   std::string error;
   const std::string png = folder / "neurons.png";
-  ASSERT_TRUE(WriteFile(png, std::string(890'000, 'x'), &error)) << error;
+  ASSERT_TRUE(WriteFile(png, std::string(1'140'000, 'x'), &error)) << error;
   HtmlReport report = SmallReport();
   for (int view = 0; view < 9; ++view) {
     Plot& plot = report.charts[0].views.emplace_back(report.charts[0].views[0]);
