@@ -58,7 +58,7 @@ void Minimize() {
   options.max_num_iterations = 200;
   ceres::Solver::Summary summary;
   // [callback]
-  auto rule = invgrad::MakeRule("geodesic");
+  auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
   invgrad::UpdateCallback callback(rule.get(), &problem);
   callback.AddTo(&options);
   ceres::Solve(options, &problem, &summary);
