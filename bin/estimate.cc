@@ -115,14 +115,16 @@ DEFINE_double(perturb,
               "sizes of the scene and radians (BAL), in units of the graph and "
               "radians (g2o)");
 DEFINE_string(seeds, "1", "seeds of the noise: 1,2,5 or 1..20");
-DEFINE_int32(max_iterations, 0, "of a run; 0: 10000, 50, 200 (nist, bal, g2o)");
+DEFINE_int32(max_iterations,
+             0,
+             "of a run; 0: 10000, 50, 200 (nist and csv, bal, g2o)");
 DEFINE_double(seconds,
               0.0,
               "time after which a run begins no iteration; 0: no limit");
 DEFINE_double(function_tolerance,
               -1.0,
               "a relative change of the cost that ends a run; -1: 2.2e-16 "
-              "(nist), 1e-6 (bal, g2o)");
+              "(nist, csv), 1e-6 (bal), 1e-9 (g2o)");
 DEFINE_int32(threads, 1, "of Ceres and of the linear algebra");
 
 namespace invgrad {

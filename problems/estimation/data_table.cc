@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kBlank = " \t\r";
 
-std::string_view Trimmed(std::string_view text) {
+std::string_view WithoutBlanks(std::string_view text) {
   const std::size_t begin =
       std::min(text.find_first_not_of(kBlank), text.size());
   const std::size_t end = text.find_last_not_of(kBlank);
@@ -44,7 +44,7 @@ std::vector<std::string> CellsOf(std::string_view line, char separator) {
   std::size_t begin = 0;
   while (true) {
     const std::size_t end = EndOfCell(line, begin, separator);
-    std::string_view cell = Trimmed(line.substr(begin, end - begin));
+    std::string_view cell = WithoutBlanks(line.substr(begin, end - begin));
     if (cell.size() > 1 && cell.front() == '"' && cell.back() == '"') {
       cell = cell.substr(1, cell.size() - 2);
     }
@@ -112,7 +112,7 @@ bool ParseTable(const std::string& text,
   DataTable read;
   bool is_first = true;
   while (cursor.NextLine()) {
-    const std::string_view line = Trimmed(cursor.RestOfLine());
+    const std::string_view line = WithoutBlanks(cursor.RestOfLine());
     if (line.empty() || line[0] == '#') continue;
     if (is_first) read.separator = SeparatorOf(line);
     std::vector<std::string> cells = CellsOf(line, read.separator);

@@ -113,15 +113,24 @@ bool EvaluateColumns(const Input& input,
   return true;
 }
 
+std::string Trimmed(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(' ');
+  return begin == std::string::npos
+             ? ""
+             : text.substr(begin, text.find_last_not_of(' ') + 1 - begin);
+}
+
 // "y = b1*x" -> "y", "b1*x"; "b1*x" -> "", "b1*x".
 std::pair<std::string, std::string> SplitModel(const std::string& model) {
   for (std::size_t i = 0; i < model.size(); ++i) {
     if (model[i] != '=') continue;
     const bool is_comparison =
         i > 0 && (model[i - 1] == '<' || model[i - 1] == '>');
-    if (!is_comparison) return {model.substr(0, i), model.substr(i + 1)};
+    if (!is_comparison) {
+      return {Trimmed(model.substr(0, i)), Trimmed(model.substr(i + 1))};
+    }
   }
-  return {"", model};
+  return {"", Trimmed(model)};
 }
 
 // Weights of residuals: from weights of their squares, or from deviations.
@@ -354,6 +363,10 @@ std::unique_ptr<Estimation> ReadFormulaEstimation(
   EstimationTraits traits;
   traits.description = fmt::format(
       "{} observations, {} parameters; {} = {}", m, n, response, right_side);
+  if (HasNistParameters(input, regression) &&
+      regression.certified.size() == 0) {
+    traits.description += "; the certified values are not of this model";
+  }
   traits.has_unit_variance = !given.deviations.empty();
   if (HasNistParameters(input, regression)) {
     traits.extension = ".dat";

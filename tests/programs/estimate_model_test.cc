@@ -178,7 +178,7 @@ TEST_F(EstimateModel, SolvesPublishedRegressions) {
        {Case{"Misra1a", "b1*(1 - exp(-b2*x))"},
         {"Nelson", "log(y) = b1 - b2*x1*exp(-b3*x2)"},
         {"MGH10", "b1*exp(b2/(x + b3))"},
-        {"Roszman1", "b1 - b2*x - atan(b3/(x - b4))/pi"},
+        {"Roszman1", "b1 - b2*x - atan2(b3, x - b4)/pi"},
         {"Hahn1", "(b1 + b2*x + b3*x^2 + b4*x^3)/(1 + b5*x + b6*x^2 + b7*x^3)"},
         {"ENSO",
          "b1 + b2*cos(2*pi*x/12) + b3*sin(2*pi*x/12) + b5*cos(2*pi*x/b4) + "
