@@ -260,7 +260,7 @@ void Run(const CompareOptions& options, Comparison* of, RunCounts* counts) {
   LiveReport live;
   for (const int seed : of->seeds) {
     for (size_t i = 0; i < of->methods.size(); ++i) {
-      if (IsTrueOnAnyRank(Interrupt::IsRequested())) return;
+      if (IsTrueOnAnyRank(Interrupt::IsRequested())) break;
       if (IsFirstRank()) {
         live.Update([&] { return ReportOf(options, *of, /*is_over=*/false); });
       }
@@ -276,6 +276,9 @@ void Run(const CompareOptions& options, Comparison* of, RunCounts* counts) {
         Warn(of->methods[i].label + ": " + why);
       }
     }
+  }
+  for (MethodResults& method : of->results) {
+    if (method.refusal.empty()) method.refusal = "not run: interrupted";
   }
 }
 
