@@ -3,9 +3,9 @@
 #include <memory>
 
 #include "fmt/core.h"
+#include "invgrad/compare/sample_data.h"
 #include "invgrad/loss.h"
 #include "invgrad/time_stepping_simulator.h"
-#include "invgrad/compare/sample_data.h"
 
 namespace invgrad {
 

@@ -253,7 +253,7 @@ struct RankReport {
   std::vector<Block> blocks;
   std::vector<Unused> unused;
   std::vector<ShortColumn> short_columns;  // of blocks without group_sizes
-  std::vector<Direction> undetermined;  // without the unused parameters
+  std::vector<Direction> undetermined;     // without the unused parameters
   std::vector<Direction> weak;
   std::vector<GaugeFreedom> gauges;
   std::vector<Suggestion> suggestions;

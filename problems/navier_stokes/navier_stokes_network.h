@@ -30,9 +30,9 @@
 
 #include <string>
 
-#include "problems/field_data.h"
 #include "invgrad/compare/problem.h"
 #include "invgrad/compare/sample_data.h"
+#include "problems/field_data.h"
 
 namespace invgrad {
 

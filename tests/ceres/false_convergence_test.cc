@@ -62,8 +62,8 @@ TEST(FalseConvergence, ToleranceFarFromAMinimumDoesNotEndTheSolve) {
       ceres::Problem problem;
       for (int i = 0; i <= 10; ++i) {
         problem.AddResidualBlock(
-            new ceres::AutoDiffCostFunction<Exponential, 1, 2>(new Exponential{
-                1.0 * i, truth[0] * std::exp(truth[1] * i)}),
+            new ceres::AutoDiffCostFunction<Exponential, 1, 2>(
+                new Exponential{1.0 * i, truth[0] * std::exp(truth[1] * i)}),
             nullptr,
             x.data());
       }
@@ -111,7 +111,8 @@ TEST(FalseConvergence, AMinimumAtTheSeamOfAnAngleIsConvergence) {
     std::vector<double> angles(3, heading);
     ceres::Problem problem;
     for (double& angle : angles) {
-      problem.AddParameterBlock(&angle, 1, new ceres::AutoDiffManifold<Wrap, 1, 1>);
+      problem.AddParameterBlock(
+          &angle, 1, new ceres::AutoDiffManifold<Wrap, 1, 1>);
     }
     for (int i = 0; i < 2; ++i) {
       problem.AddResidualBlock(

@@ -155,13 +155,12 @@ TEST(FarPoint, LeavesTheDeviationsOfTheCamerasAsTheyAre) {
     // s / s_max is between 1e-8 and 1e-3.
     const Covariance dense = scene.Compute(1e-9);
     EXPECT_EQ(dense.num_parameters() - dense.rank(), 1);
-    EXPECT_LE(LargestError(OfCameras(scene,
-                                     dense,
-                                     &Covariance::Block::standard_deviations),
-                           expected),
-              1e-15 * far);
-    EXPECT_EQ(OfCameras(
-                  scene, dense, &Covariance::Block::undetermined_shares)
+    EXPECT_LE(
+        LargestError(
+            OfCameras(scene, dense, &Covariance::Block::standard_deviations),
+            expected),
+        1e-15 * far);
+    EXPECT_EQ(OfCameras(scene, dense, &Covariance::Block::undetermined_shares)
                   .maxCoeff(),
               0.0);
   }
@@ -184,13 +183,13 @@ TEST(FarPoint, TheReportSaysWhatTheThresholdOfTheRankMatters) {
   EXPECT_LE(LargestError(kept_variances - weak, omitted_variances), 1e-5);
   // Of parameters that are determined without the direction, too.
   const VectorXd more = of(omitted, &Covariance::Block::omitted_variances);
-  const VectorXd shares =
-      of(omitted, &Covariance::Block::undetermined_shares);
+  const VectorXd shares = of(omitted, &Covariance::Block::undetermined_shares);
   int num_determined = 0;
   for (Eigen::Index i = 0; i < more.size(); ++i) {
     if (shares[i] > 0.0) continue;
     ++num_determined;
-    EXPECT_NEAR((omitted_variances[i] + more[i]) / kept_variances[i], 1.0, 1e-5);
+    EXPECT_NEAR(
+        (omitted_variances[i] + more[i]) / kept_variances[i], 1.0, 1e-5);
   }
   EXPECT_GE(num_determined, 12);
   EXPECT_GT(more.cwiseQuotient(omitted_variances).maxCoeff(), 0.01);

@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 struct Oracle {
   MatrixXd C;
   int rank = 0;
-  VectorXd shares;  // of the null space of J with columns of length one
+  VectorXd shares;         // of the null space of J with columns of length one
   double condition = 1.0;  // s_max / the smallest s that is not zero
   double largest_inverse_square = 0.0;  // of the lengths of columns of J
 };

@@ -216,7 +216,8 @@ struct Scan {
         p[axis] = -n[axis] * (axis == 1 ? 1.0 : 1.5);
       }
       p[0] = half_length * uniform(generator);
-      n += sigma * Vector3d(gauss(generator), gauss(generator), gauss(generator));
+      n += sigma *
+           Vector3d(gauss(generator), gauss(generator), gauss(generator));
       J.row(i) << n.transpose(), p.cross(n).transpose();
       DeterminedStep::AddNoiseOfNormal(p, 0.03, &noise);
     }

@@ -95,9 +95,10 @@ TEST(FitEnd, AnEndThatIsNoMinimumIsNotConverged) {
   EXPECT_GT(fit.cost, 7e3);
   EXPECT_FALSE(fit.IsConverged());
   EXPECT_NEAR(fit.predicted_decrease, 0.0043, 0.001);
-  EXPECT_NE(fit.StatusText().find("; no minimum: the linear model predicts that "
-                                  "the cost falls by 0.43 %"),
-            std::string::npos)
+  EXPECT_NE(
+      fit.StatusText().find("; no minimum: the linear model predicts that "
+                            "the cost falls by 0.43 %"),
+      std::string::npos)
       << fit.StatusText();
   EXPECT_EQ(fit.StatusText().find("not converged"), 0u) << fit.StatusText();
 }

@@ -42,8 +42,7 @@ struct HandEye {
     Eigen::Map<Eigen::Matrix<T, 3, 1>> translation(r + 9);
     const Vector3d t_A = A.translation();
     const Vector3d t_B = B.translation();
-    translation =
-        R_A.cast<T>() * t_X + t_A.cast<T>() - R * t_B.cast<T>() - t_X;
+    translation = R_A.cast<T>() * t_X + t_A.cast<T>() - R * t_B.cast<T>() - t_X;
     return true;
   }
   Isometry3d A;
@@ -141,8 +140,7 @@ TEST(HandEye, AShortColumnOfAnotherUnitIsNoRoundingError) {
   double x[3] = {2.0, 3e9, 5e-9};
   ceres::Problem problem;
   for (int i = 0; i < 5; ++i) {
-    AddPrior(
-        Row({1.0 + i, 1e-9 * i * i, 1e9 * (i % 2)}), x, &problem);
+    AddPrior(Row({1.0 + i, 1e-9 * i * i, 1e9 * (i % 2)}), x, &problem);
   }
   EXPECT_EQ(Report(problem).rank, 3);
   EXPECT_TRUE(Report(problem).unused.empty());
@@ -158,9 +156,8 @@ TEST(HandEye, NoiseOfTheMotionsIsAShortColumnAndWeakInOneUnit) {
     EXPECT_TRUE(report.weak.empty());
     ASSERT_EQ(report.short_columns.size(), 1u);
     EXPECT_EQ(report.short_columns[0].tangent, kHeight);
-    EXPECT_NEAR(std::log10(report.short_columns[0].relative_length / noise),
-                0.0,
-                0.5);
+    EXPECT_NEAR(
+        std::log10(report.short_columns[0].relative_length / noise), 0.0, 0.5);
     EXPECT_NE(report.ToText().find("  `t`[2]: "), std::string::npos)
         << report.ToText();
     // With one scale for the position.

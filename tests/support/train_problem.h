@@ -6,9 +6,9 @@
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
+#include "invgrad/compare/problem.h"
 #include "invgrad/random.h"
 #include "invgrad/train.h"
-#include "invgrad/compare/problem.h"
 
 namespace invgrad {
 

@@ -307,12 +307,12 @@ bool ExplainInvalidStart(const DomainFailure::Options& options,
     return false;
   }
   failure->is_start = true;
-  const auto block = std::find_if(structure.residual_blocks.begin(),
-                                  structure.residual_blocks.end(),
-                                  [failure](const auto& candidate) {
-                                    return candidate.index ==
-                                           failure->residual_block;
-                                  });
+  const auto block =
+      std::find_if(structure.residual_blocks.begin(),
+                   structure.residual_blocks.end(),
+                   [failure](const auto& candidate) {
+                     return candidate.index == failure->residual_block;
+                   });
   int num_tried = 0;
   constexpr int kMaxNumTried = 50;
   for (int a = 0; a < block->num_arguments; ++a) {

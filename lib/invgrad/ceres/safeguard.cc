@@ -156,8 +156,7 @@ double Safeguard::PredictedDecrease() const {
   }
   Linearization at_x;
   std::string ignored;
-  if (!linearizer_.Linearize(
-          LinearizationParts::Jacobian(), &at_x, &ignored)) {
+  if (!linearizer_.Linearize(LinearizationParts::Jacobian(), &at_x, &ignored)) {
     return 0.0;
   }
   Eigen::MatrixXd J;
@@ -171,17 +170,16 @@ double Safeguard::PredictedDecrease() const {
   Eigen::VectorXd x(n);
   for (const auto& block : structure.parameter_blocks) {
     x.segment(block.column, block.tangent_size)
-        .setConstant(Eigen::Map<const Eigen::VectorXd>(block.values,
-                                                       block.ambient_size)
-                         .norm());
+        .setConstant(
+            Eigen::Map<const Eigen::VectorXd>(block.values, block.ambient_size)
+                .norm());
   }
   const double decrease =
       RelativeModelDecrease<Eigen::MatrixXd, Eigen::VectorXd>(
           R, r.head(n), x, squared_norm);
-  const double least =
-      std::max({kLeastModelDecrease,
-                10.0 * options_.function_tolerance,
-                options_.parameter_tolerance});
+  const double least = std::max({kLeastModelDecrease,
+                                 10.0 * options_.function_tolerance,
+                                 options_.parameter_tolerance});
   return decrease > least ? decrease : 0.0;
 }
 
@@ -190,8 +188,7 @@ double Safeguard::PredictedDecrease() const {
 double Safeguard::TangentGradientMaxNorm() const {
   Linearization at_x;
   std::string ignored;
-  if (!linearizer_.Linearize(
-          LinearizationParts::Gradient(), &at_x, &ignored)) {
+  if (!linearizer_.Linearize(LinearizationParts::Gradient(), &at_x, &ignored)) {
     return std::numeric_limits<double>::infinity();
   }
   return at_x.gradient.size() > 0 ? at_x.gradient.lpNorm<Eigen::Infinity>()

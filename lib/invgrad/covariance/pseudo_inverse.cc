@@ -262,9 +262,8 @@ VectorXd OmittedVariances(const BlockGroup& group,
   VectorXd variances = VectorXd::Zero(V_0.rows());
   for (Index j = svd.s.size() - V_0.cols(); j < svd.s.size(); ++j) {
     if (svd.s[j] <= kResolved * svd.s[0]) continue;
-    variances += svd.V.col(j)
-                     .cwiseQuotient(svd.s[j] * group.lengths)
-                     .cwiseAbs2();
+    variances +=
+        svd.V.col(j).cwiseQuotient(svd.s[j] * group.lengths).cwiseAbs2();
   }
   return (V_0.rowwise().squaredNorm().array() == 0.0).select(variances, 0.0);
 }
@@ -282,8 +281,8 @@ PseudoInverse DensePseudoInverse(const BlockGroup& group,
   result.V_0 = svd.V.rightCols(svd.V.cols() - rank);
   if (result.V_0.cols() > 0) {
     const MatrixXd AtAV_0 = group.A.transpose() * (group.A * result.V_0).eval();
-    result.V_0 = Orthonormalized(
-        result.V_0 - F_scaled * (F_scaled.transpose() * AtAV_0));
+    result.V_0 = Orthonormalized(result.V_0 -
+                                 F_scaled * (F_scaled.transpose() * AtAV_0));
     RemoveRounding(&result.V_0);
   }
   const MatrixXd N = NullSpaceOfJ(result.V_0, group.lengths);

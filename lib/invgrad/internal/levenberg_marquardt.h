@@ -120,8 +120,8 @@ double PredictedDecrease(const FitOptions& options,
   if (root.num_rows <= N) return 0.0;
   const double decrease =
       RelativeModelDecrease(root.R, root.c, x, root.squared_norm());
-  const double least = std::max(10.0 * options.function_tolerance,
-                                options.parameter_tolerance);
+  const double least =
+      std::max(10.0 * options.function_tolerance, options.parameter_tolerance);
   return decrease > least ? decrease : 0.0;
 }
 
@@ -130,7 +130,8 @@ template <int N>
 void DescribeFit(const FitOptions& options,
                  const GramRoot<N>& root,
                  FitResult<N>* fit) {
-  typename GramRoot<N>::Matrix R = root.R.template triangularView<Eigen::Upper>();
+  typename GramRoot<N>::Matrix R =
+      root.R.template triangularView<Eigen::Upper>();
   RoundingFloor floor;
   for (int i = 0; i < N; ++i) floor.Add(R.col(i).norm(), fit->x[i]);
   for (int i = 0; i < N; ++i) {
@@ -141,11 +142,10 @@ void DescribeFit(const FitOptions& options,
   fit->num_rows = root.num_rows;
   // Where r has vanished, its direction is that of rounding errors.
   constexpr double kVanished = 1e-16;
-  fit->predicted_decrease =
-      fit->status == FitStatus::kGradientTolerance &&
-              fit->cost <= kVanished * fit->initial_cost
-          ? 0.0
-          : PredictedDecrease<N>(options, root, fit->x);
+  fit->predicted_decrease = fit->status == FitStatus::kGradientTolerance &&
+                                    fit->cost <= kVanished * fit->initial_cost
+                                ? 0.0
+                                : PredictedDecrease<N>(options, root, fit->x);
   for (int j = 1; j < N && fit->rank < N; ++j) {
     for (int i = 0; i < j && fit->equal_parameter < 0; ++i) {
       constexpr double kEqual = 1e-9;
@@ -202,8 +202,8 @@ class LevenbergMarquardt {
       if (!status) continue;
       const bool is_tolerance = *status == FitStatus::kParameterTolerance ||
                                 *status == FitStatus::kFunctionTolerance;
-      if (!is_tolerance) return first_doubt_ && !HasGained() ? *first_doubt_
-                                                             : *status;
+      if (!is_tolerance)
+        return first_doubt_ && !HasGained() ? *first_doubt_ : *status;
       if (IsMinimum()) return *status;
       // Another iteration, with the candidate rejected or not.
       if (!first_doubt_) {

@@ -40,9 +40,9 @@ double RelativeModelDecrease(const Matrix& R,
   constexpr double kLeastStep = 1e-8;
   Matrix A = R.template triangularView<Eigen::Upper>();
   const Vector lengths = A.colwise().norm().transpose();
-  const double least = std::max(
-      kLeastModelDecrease * squared_norm,
-      kLeastStep * kLeastStep * lengths.cwiseProduct(x).squaredNorm());
+  const double least =
+      std::max(kLeastModelDecrease * squared_norm,
+               kLeastStep * kLeastStep * lengths.cwiseProduct(x).squaredNorm());
   if (!(c.squaredNorm() > least)) return 0.0;
   for (Eigen::Index j = 0; j < A.cols(); ++j) {
     if (lengths[j] > 0.0) A.col(j) /= lengths[j];

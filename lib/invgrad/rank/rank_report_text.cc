@@ -140,8 +140,7 @@ class Text {
       return fmt::format(
           "  {}  {}",
           Names(unused),
-          unused.in_no_residual
-              ? "no residual block names it"
+          unused.in_no_residual ? "no residual block names it"
           : unused.has_rounding
               ? "named by residual blocks, but their derivatives are rounding "
                 "errors"

@@ -70,20 +70,21 @@ void WarnOfSaturation(const Model& model,
   constexpr int kMaxNumSamples = 1000;
   const DataSet samples =
       train.Range(0, std::min(kMaxNumSamples, train.num_samples()));
-  const double largest = samples.inputs.size() > 0
-                             ? samples.inputs.cwiseAbs().maxCoeff()
-                             : 0.0;
+  const double largest =
+      samples.inputs.size() > 0 ? samples.inputs.cwiseAbs().maxCoeff() : 0.0;
   if (largest <= kLarge) return;
   std::vector<NeuronStatistics> first =
       ComputeNeuronStatistics(model.network(), weights, samples);
-  first.erase(std::remove_if(first.begin(),
-                             first.end(),
-                             [](const auto& neuron) { return neuron.layer > 1; }),
-              first.end());
+  first.erase(
+      std::remove_if(first.begin(),
+                     first.end(),
+                     [](const auto& neuron) { return neuron.layer > 1; }),
+      first.end());
   const int num_saturated = CountSaturated(first);
   if (2 * num_saturated <= static_cast<int>(first.size())) return;
   LOG(WARNING) << fmt::format(
-      "{} of {} neurons of the first layer are saturated at the initial weights: "
+      "{} of {} neurons of the first layer are saturated at the initial "
+      "weights: "
       "the inputs are as large as {:.2g}. Inputs of about 1 train better; "
       "InputScales (dense_network.h) standardizes them",
       num_saturated,

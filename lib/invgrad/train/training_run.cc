@@ -159,9 +159,9 @@ bool TrainingRun::Impl::TakeStep() {
   state_.seconds += Now() - start;
   if (!std::isnan(result.batch_loss)) state_.batch_loss = result.batch_loss;
   if (result.outcome == Outcome::kFailed) {
-    if (HandOver() || engine().Undo(UndoReason::kNoLoss,
-                                    state_.best_weights,
-                                    &state_.weights)) {
+    if (HandOver() ||
+        engine().Undo(
+            UndoReason::kNoLoss, state_.best_weights, &state_.weights)) {
       return IsRunning() && TakeStep();
     }
     End(ceres::FAILURE,
@@ -250,19 +250,19 @@ void TrainingRun::Impl::EndDiverged() {
                              ": the train loss is not finite: ";
   engine().Undo(UndoReason::kEnd, state_.best_weights, &state_.weights);
   Summarize(ceres::FAILURE, where + why);
-  summary_.message += TakeBestWeights(MeanLoss(
-      model_, weights(), data_.train, options_.communicator.get()));
+  summary_.message += TakeBestWeights(
+      MeanLoss(model_, weights(), data_.train, options_.communicator.get()));
   summary_.message += TakeBetterWeights();
 }
 
 std::string TrainingRun::Impl::TakeBestWeights(double train_loss) {
-  if (state_.best_weights.size() == 0 ||
-      train_loss <= state_.best_train_loss) {
+  if (state_.best_weights.size() == 0 || train_loss <= state_.best_train_loss) {
     return "";
   }
   state_.weights = state_.best_weights;
   return fmt::format(
-      "; final weights are the best that were evaluated, of step {} (train loss "
+      "; final weights are the best that were evaluated, of step {} (train "
+      "loss "
       "{})",
       state_.best_step,
       FormatNumber(state_.best_train_loss));
