@@ -1,7 +1,8 @@
 /*
 Estimates the parameters of nonlinear regressions (NIST StRD, or a formula of
-yours on a table), of bundle adjustments (BAL) and of pose graphs (g2o). Compares rules,
-Ceres' minimizers, and minimizers with proposals of rules, from the same starts.
+yours on a table), of bundle adjustments (BAL) and of pose graphs (g2o).
+Compares rules, Ceres' minimizers, and minimizers with proposals of rules, from
+the same starts.
 
 Sample runs:
 

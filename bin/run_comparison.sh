@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The main job: trains a network in front of the coupled oscillators with nine
 # methods, 6 seconds each, prints one table, and leaves histories, weights,
-# pictures and report.html in runs/oscillator_chain. First installs missing packages and builds.
+# pictures and report.html in runs/oscillator_chain. First installs missing
+# packages and builds.
 #
 #   bin/run_comparison.sh                  as in README.md
 #   bin/run_comparison.sh --all            27 methods

@@ -1,5 +1,5 @@
-// training/METHOD[/WAY]: a run of --steps steps (1,000) of each of --rules on --problem,
-// from the same weights, with batches and linearizations, but no evaluations of
+// training/METHOD[/WAY]: a run of --steps steps (1,000) of each of --rules on
+// --problem, from the same weights, with batches and linearizations, but no evaluations of
 // the loss.
 //
 //   METHOD                 one thread, beside the first method

@@ -4,7 +4,8 @@
 //   DIR/initial_weights-seedK.npy, DIR/data.npy
 //   DIR/table.txt, DIR/table.md, DIR/summary.csv
 //   DIR/report.html   all of it for a browser (learning_report.h)
-//   DIR/loss.png, neurons.png, map.png, fields.png, sample_path.png: learning_plots.h
+//   DIR/loss.png, neurons.png, map.png, fields.png, sample_path.png:
+//                     see learning_plots.h
 //
 // The table shows the median over the seeds of a method for each column; curves
 // and times show the run with the median final train loss. A failed run counts

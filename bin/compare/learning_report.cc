@@ -5,8 +5,6 @@
 
 #include "bin/support/html_output.h"
 #include "fmt/ranges.h"
-#include "gflags/gflags.h"
-#include "invgrad/compare/compare.h"
 #include "invgrad/dense_network.h"
 #include "invgrad/io/format.h"
 #include "report/answer.h"
@@ -16,10 +14,6 @@ namespace invgrad {
 namespace {
 
 using Field = double HistoryRow::*;
-
-std::string Flag(const char* name) {
-  return gflags::GetCommandLineFlagInfoOrDie(name).current_value;
-}
 
 std::string Sizes(const LearningProblem& problem) {
   const Network& network = problem.model->network();
@@ -42,15 +36,7 @@ std::vector<std::pair<std::string, std::string>> Facts(
     const LearningProblem& problem,
     const std::vector<int>& seeds,
     const std::string& budget) {
-  const std::string specification = Flag("problem");
-  const ProblemRow* row =
-      FindProblem(specification.substr(0, specification.find(':')));
-  std::vector<std::pair<std::string, std::string>> facts = {
-      {"problem", specification}};
-  if (row != nullptr) {
-    facts.emplace_back("formula", row->equation);
-    facts.emplace_back("source", row->source);
-  }
+  std::vector<std::pair<std::string, std::string>> facts = ProblemFacts();
   facts.emplace_back("sizes", Sizes(problem));
   facts.emplace_back("budget", budget + ", each method and seed");
   facts.emplace_back("seeds", fmt::format("{}", fmt::join(seeds, ", ")));
@@ -111,7 +97,8 @@ HtmlReport::Chart Curves(const LearningProblem& problem,
 
 std::string Answer(const LearningProblem& problem,
                    const std::vector<Method>& methods,
-                   const std::vector<MethodResults>& all) {
+                   const std::vector<MethodResults>& all,
+                   const std::vector<HtmlReport::Method>& names) {
   const bool has_test = problem.test.num_samples() > 0;
   const Field loss =
       has_test ? &HistoryRow::test_loss : &HistoryRow::train_loss;
@@ -119,18 +106,13 @@ std::string Answer(const LearningProblem& problem,
   for (size_t i = 0; i < all.size(); ++i) {
     if (all[i].runs.empty() && all[i].refusal.empty()) continue;
     const SeedSpread spread = all[i].Spread(loss);
-    scores.push_back({"",
+    scores.push_back({names[i].name,
                       spread.median,
                       spread.low,
                       spread.high,
                       static_cast<int>(spread.num_runs),
                       IsFirstOrder(methods[i])});
-    scores.back().name = all[i].label;
   }
-  std::vector<std::string> labels;
-  for (const Score& score : scores) labels.push_back(score.name);
-  labels = ShortNames(labels);
-  for (size_t i = 0; i < labels.size(); ++i) scores[i].name = labels[i];
   return AnswerByScores(has_test ? "test loss" : "train loss", scores);
 }
 
@@ -197,27 +179,28 @@ HtmlReport LearningReport(const LearningProblem& problem,
                           bool is_over) {
   std::vector<std::string> labels;
   for (const MethodResults& method : all) labels.push_back(method.label);
+  const auto facts = Facts(problem, seeds, budget);
   HtmlReport report = NewReport(
-      Flag("problem"),
+      facts[0].second,
       fmt::format("Which of {} methods trains the network to the lowest loss, "
                   "from the same weights, with {}?",
                   all.size(),
                   budget),
       labels,
-      Facts(problem, seeds, budget));
+      facts);
   size_t num_done = 0;
   for (const MethodResults& method : all) num_done += method.runs.size();
   if (!is_over) {
     report.progress = ProgressText(num_done, all.size() * seeds.size());
   }
-  report.answer = num_done == 0 ? "" : Answer(problem, methods, all);
+  report.answer =
+      num_done == 0 ? "" : Answer(problem, methods, all, report.methods);
   report.warnings = Warnings(all, seeds.size());
   report.charts.push_back(Curves(problem, all, seeds.size() > 1));
   HtmlReport::Sheet sheet{
       "Methods",
       "The best of a column is marked. Times and status are of the run with "
-      "the "
-      "median train loss; \"s to\" is the time to this train loss.",
+      "the median train loss; \"s to\" is the time to this train loss.",
       table,
       {},
       {}};

@@ -27,7 +27,8 @@ struct MethodResults {
   const LearningRunResult* MedianRun(double HistoryRow::*loss) const;
 };
 
-// `all`: one a method. `budget`: of a run, "6 s of training". is_over: otherwise runs are still to come.
+// `all`: one a method. `budget`: of a run, "6 s of training". is_over: otherwise
+// runs are still to come.
 HtmlReport LearningReport(const LearningProblem& problem,
                           const std::vector<Method>& methods,
                           const std::vector<MethodResults>& all,

@@ -5,8 +5,6 @@
 
 #include "bin/support/html_output.h"
 #include "fmt/core.h"
-#include "gflags/gflags.h"
-#include "invgrad/compare/compare.h"
 #include "invgrad/io/format.h"
 #include "report/answer.h"
 
@@ -14,15 +12,8 @@ namespace invgrad {
 namespace {
 
 std::vector<std::pair<std::string, std::string>> Facts(
-    const PointProblem& problem, const std::string& specification) {
-  std::vector<std::pair<std::string, std::string>> facts = {
-      {"problem", specification}};
-  const ProblemRow* row =
-      FindProblem(specification.substr(0, specification.find(':')));
-  if (row != nullptr) {
-    facts.emplace_back("formula", row->equation);
-    facts.emplace_back("source", row->source);
-  }
+    const PointProblem& problem) {
+  std::vector<std::pair<std::string, std::string>> facts = ProblemFacts();
   facts.emplace_back(
       "sizes",
       fmt::format(
@@ -90,17 +81,16 @@ HtmlReport PointReport(const PointProblem& problem,
                        const std::vector<PointPath>& paths,
                        const Table& table,
                        bool is_over) {
-  const std::string specification =
-      gflags::GetCommandLineFlagInfoOrDie("problem").current_value;
+  const auto facts = Facts(problem);
   std::vector<std::string> labels;
   for (const Method& method : methods) labels.push_back(method.label);
   HtmlReport report = NewReport(
-      specification,
+      facts[0].second,
       fmt::format("Which of {} methods finds the x with the lowest loss, from "
                   "the same start?",
                   methods.size()),
       labels,
-      Facts(problem, specification));
+      facts);
   if (!is_over) {
     report.progress = ProgressText(paths.size(), methods.size());
   }

@@ -49,9 +49,9 @@ std::vector<std::pair<std::string, int>> LeastCostCounts(
     const std::vector<EstimationRow>& rows);
 
 // For each input with several starts, the costs at which runs ended, up to 1e-4
-// of them and 1e-12 of the initial cost, and how many runs of each method ended there: its local minima, if
-// the runs converged. The ten lowest; of several inputs those with more than
-// one.
+// of them and 1e-12 of the initial cost, and how many runs of each method ended
+// there: its local minima, if the runs converged. The ten lowest; of several
+// inputs those with more than one.
 Table LocalMinimaTable(const std::vector<EstimationRow>& rows);
 
 // One row per run, for people; or with all digits, for CSV. `levels`: those of

@@ -8,6 +8,8 @@
 #include "bin/support/program.h"
 #include "bin/support/versions.h"
 #include "fmt/core.h"
+#include "gflags/gflags.h"
+#include "invgrad/compare/compare.h"
 #include "invgrad/methods/ceres_methods.h"
 #include "report/plot.h"
 
@@ -78,6 +80,20 @@ HtmlReport NewReport(
   }
   report.facts.emplace_back("run on", versions);
   return report;
+}
+
+std::vector<std::pair<std::string, std::string>> ProblemFacts() {
+  const std::string specification =
+      gflags::GetCommandLineFlagInfoOrDie("problem").current_value;
+  std::vector<std::pair<std::string, std::string>> facts = {
+      {"problem", specification}};
+  const ProblemRow* row =
+      FindProblem(specification.substr(0, specification.find(':')));
+  if (row != nullptr) {
+    facts.emplace_back("formula", row->equation);
+    facts.emplace_back("source", row->source);
+  }
+  return facts;
 }
 
 bool IsFirstOrder(const Method& method) {

@@ -1,7 +1,7 @@
 // DIR/report.html of a run: what all programs put into it, and when they write
 // it. A report that cannot be written is a warning, as a picture is: tables and
-// files have the results. A program has the flags --plots, --output and --overwrite if it uses this
-// file.
+// files have the results. A program has the flags --plots, --output and
+// --overwrite if it uses this file.
 #ifndef BIN_SUPPORT_HTML_OUTPUT_H_
 #define BIN_SUPPORT_HTML_OUTPUT_H_
 
@@ -24,6 +24,9 @@ HtmlReport NewReport(
     const std::string& question,
     const std::vector<std::string>& labels,
     const std::vector<std::pair<std::string, std::string>>& facts);
+
+// The specification of --problem (first), its formula and its source.
+std::vector<std::pair<std::string, std::string>> ProblemFacts();
 
 // Whether the steps read gradients alone, without the memory of a quasi-Newton
 // method.

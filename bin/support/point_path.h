@@ -47,8 +47,8 @@ bool PathsFitInMemory(const PointProblem& problem,
                       size_t num_methods,
                       std::string* error);
 
-// Runs one method until an Interrupt has a signal, without function and parameter tolerance. Returns false if
-// the method does not support the problem.
+// Runs one method until an Interrupt has a signal, without function and
+// parameter tolerance. Returns false if the method does not support the problem.
 bool TracePath(const PointProblem& problem,
                const Method& method,
                MinimizerOptions options,

@@ -8,8 +8,6 @@
 
 #include "bin/support/html_output.h"
 #include "fmt/ranges.h"
-#include "gflags/gflags.h"
-#include "invgrad/compare/compare.h"
 #include "report/answer.h"
 #include "report/html_profiles.h"
 #include "report/run_curves.h"
@@ -155,13 +153,7 @@ std::string Answer(const SweepResults& results,
 
 std::vector<std::pair<std::string, std::string>> Facts(
     const SweepResults& results, const std::string& budget) {
-  const std::string specification =
-      gflags::GetCommandLineFlagInfoOrDie("problem").current_value;
-  const ProblemRow* row =
-      FindProblem(specification.substr(0, specification.find(':')));
-  std::vector<std::pair<std::string, std::string>> facts = {
-      {"problem", specification}};
-  if (row != nullptr) facts.emplace_back("formula", row->equation);
+  std::vector<std::pair<std::string, std::string>> facts = ProblemFacts();
   for (const GridAxis& axis : results.plan.grid.axes) {
     facts.emplace_back(axis.name,
                        fmt::format("{}", fmt::join(axis.values, ", ")));
@@ -183,15 +175,16 @@ HtmlReport SweepReport(const SweepResults& results,
         return run.result.has_value();
       }));
   const Groups groups = GroupByPoint(results);
+  const auto facts = Facts(results, budget);
   HtmlReport report = NewReport(
-      Facts(results, budget)[0].second,
+      facts[0].second,
       fmt::format("Which of {} rules has the lowest {} at {} points of a grid "
                   "of settings?",
                   RulesOf(results).size(),
                   results.value.name,
                   groups.size()),
       RulesOf(results),
-      Facts(results, budget));
+      facts);
   if (!is_over) report.progress = ProgressText(num_done, runs.size());
   if (num_done > 0) report.answer = Answer(results, groups, report.methods);
   for (size_t i = 0; i < runs.size(); ++i) {

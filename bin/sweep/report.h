@@ -13,7 +13,8 @@
 
 namespace invgrad {
 
-// `budget`: of a run, "6 s of training". `lines`, `maps`: SweepLines and SweepHeatMaps (plots.h).
+// `budget`: of a run, "6 s of training". `lines`, `maps`: SweepLines and
+// SweepHeatMaps (plots.h).
 HtmlReport SweepReport(const SweepResults& results,
                        const std::vector<Plot>& lines,
                        const std::vector<Plot>& maps,

@@ -2,8 +2,8 @@
 # and the command that installs them.
 #
 # Included, not called: the imported targets and what find_package sets belong
-# to the including file. Reads INVGRAD_WITH_COMPARE, INVGRAD_BUILD_PROGRAMS and INVGRAD_BUILD_TESTS;
-# sets invgrad_has_torch and invgrad_has_mpi.
+# to the including file. Reads INVGRAD_WITH_COMPARE, INVGRAD_BUILD_PROGRAMS and
+# INVGRAD_BUILD_TESTS; sets invgrad_has_torch and invgrad_has_mpi.
 
 set(missing_names "")
 set(missing_packages "")

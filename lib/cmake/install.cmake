@@ -9,7 +9,8 @@
 #   share/doc/libinvgrad-dev/     copyright
 #
 # The programs are not installed: names such as `compare` could conflict, and a
-# program of the component compare is three lines. The installed tree is relocatable.
+# program of the component compare is three lines. The installed tree is
+# relocatable.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 

@@ -20,8 +20,6 @@
 
 #include "ceres/cost_function.h"
 #include "ceres/problem.h"
-#include "invgrad/compare/problem.h"
-#include "invgrad/option_set.h"
 
 namespace invgrad {
 
@@ -48,16 +46,6 @@ double SumOfSquares(ceres::Problem* problem);
 // Whether the sum of squares is a solution: 4 digits of the minimum, or below
 // 1e-8 where the minimum is 0.
 bool IsSolution(const MoreGarbowHillstromRow& row, double sum_of_squares);
-
-// One of them as a problem of compare. Seed k multiplies each number of the start
-// by 1 + spread z, z standard normal, np.random.seed(k).
-struct MoreGarbowHillstromProblem {
-  std::string function = "rosenbrock";
-  double factor = 1.0;
-  double spread = 0.0;
-  void Describe(OptionSet* set);
-  bool Create(LeastSquaresProblem* problem, std::string* error) const;
-};
 
 }  // namespace invgrad
 

@@ -95,17 +95,6 @@ Motion<double, kDimension> ToMotion(const double* pose) {
   }
 }
 
-// The numbers of a pose.
-inline Eigen::Vector3d ToPose(const Motion<double, 2>& a) {
-  return {
-      a.translation[0], a.translation[1], NormalizeAngle(a.rotation.angle())};
-}
-inline Eigen::Matrix<double, 7, 1> ToPose(const Motion<double, 3>& a) {
-  Eigen::Matrix<double, 7, 1> pose;
-  pose << a.translation, a.rotation.normalized().coeffs();
-  return pose;
-}
-
 // g2o's coordinates of a motion, which are small if it is: translation and
 // angle in [-pi, pi); or translation and vec(q) of the quaternion with q_w >= 0,
 // about half the rotation vector.
@@ -120,6 +109,16 @@ Eigen::Matrix<T, 6, 1> Coordinates(const Motion<T, 3>& a) {
   coordinates << a.translation, a.rotation.vec();
   if (a.rotation.w() < 0.0) coordinates.template tail<3>() *= T(-1.0);
   return coordinates;
+}
+
+// The numbers of a pose.
+inline Eigen::Vector3d ToPose(const Motion<double, 2>& a) {
+  return Coordinates(a);
+}
+inline Eigen::Matrix<double, 7, 1> ToPose(const Motion<double, 3>& a) {
+  Eigen::Matrix<double, 7, 1> pose;
+  pose << a.translation, a.rotation.normalized().coeffs();
+  return pose;
 }
 
 }  // namespace invgrad

@@ -1,5 +1,6 @@
 #include "problems/estimation/pose_graph_start.h"
 
+#include <algorithm>
 #include <functional>
 #include <queue>
 #include <tuple>

@@ -62,9 +62,10 @@ std::string FitStatusText(FitStatus status);
 
 // FitStatusText and what else is notable; members as of FitResult.
 //   "failed: ...: row 3, parameter 1 = -0.31 (valid at 0.31)"
-//   "not converged: ...; no minimum: the linear model predicts that the cost falls by 3.5 %"
-//   "converged: ...; parameters 1 and 3 coincide at 0.5, where J loses rank: start from
-//   different values"
+//   "not converged: ...; no minimum: the linear model predicts that the cost
+//   falls by 3.5 %"
+//   "converged: ...; parameters 1 and 3 coincide at 0.5, where J loses rank:
+//   start from different values"
 struct FitRemarks {
   FitStatus status = FitStatus::kInvalidStart;
   int invalid_row = -1;

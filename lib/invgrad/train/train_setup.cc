@@ -84,9 +84,8 @@ void WarnOfSaturation(const Model& model,
   if (2 * num_saturated <= static_cast<int>(first.size())) return;
   LOG(WARNING) << fmt::format(
       "{} of {} neurons of the first layer are saturated at the initial "
-      "weights: "
-      "the inputs are as large as {:.2g}. Inputs of about 1 train better; "
-      "InputScales (dense_network.h) standardizes them",
+      "weights: the inputs are as large as {:.2g}. Inputs of about 1 train "
+      "better; InputScales (dense_network.h) standardizes them",
       num_saturated,
       first.size(),
       largest);

@@ -262,8 +262,7 @@ std::string TrainingRun::Impl::TakeBestWeights(double train_loss) {
   state_.weights = state_.best_weights;
   return fmt::format(
       "; final weights are the best that were evaluated, of step {} (train "
-      "loss "
-      "{})",
+      "loss {})",
       state_.best_step,
       FormatNumber(state_.best_train_loss));
 }
