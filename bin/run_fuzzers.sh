@@ -39,10 +39,15 @@ readonly sources=(
 
 # Compiles the fuzzer X into build/fuzz/X.
 compile() {
+  local readers=("$root/problems/estimation/$1.cc")
+  if [[ "$1" == g2o_file ]]; then
+    readers+=("$root"/problems/estimation/{g2o_text,information}.cc
+      "$root/problems/estimation/pose_graph_start.cc")
+  fi
   clang++ -std=c++17 -g -O1 -Wall -Wextra -Werror \
     -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -I "$root" -I "$root/lib" -isystem /usr/include/eigen3 \
-    "$root/tests/fuzz/${1}_fuzz.cc" "$root/problems/estimation/$1.cc" \
+    "$root/tests/fuzz/${1}_fuzz.cc" "${readers[@]}" \
     "${sources[@]}" -lbz2 -lglog -lfmt -o "$fuzz_dir/$1"
 }
 

@@ -1,4 +1,4 @@
-// The examples find the truth, estimators with and without half-inverse steps.
+// The examples find the truth, estimators with and without proposals.
 // Each exits with 0 only if its estimates are within the tolerance that it
 // states.
 
@@ -22,11 +22,11 @@ class ExamplesTest : public ProgramRunner {
 
   // Every example reports each solver, counts the proposals and says how it
   // ended.
-  static void ExpectTruthFound(const Output& output) {
+  static void ExpectTruthFound(const Output& output, const std::string& rule) {
     EXPECT_EQ(output.exit_code, 0) << output.text;
     ExpectSays(output,
                {"LM",
-                "LM + half-inverse",
+                "LM + " + rule,
                 " proposed, ",
                 " accepted, ",
                 " steps of Ceres",
@@ -36,25 +36,25 @@ class ExamplesTest : public ProgramRunner {
 
 TEST_F(ExamplesTest, CurveFitting) {
   const Output output = RunExample("curve_fitting");
-  ExpectTruthFound(output);
+  ExpectTruthFound(output, "geodesic");
   ExpectSays(output, {"squared loss, LM: ", "Cauchy loss, LM: "});
 }
 
 TEST_F(ExamplesTest, BundleAdjustment) {
   const Output output = RunExample("bundle_adjustment");
-  ExpectTruthFound(output);
+  ExpectTruthFound(output, "half-inverse");
   ExpectSays(output, {"LM: ", "error of points"});
 }
 
 TEST_F(ExamplesTest, PoseGraph) {
   const Output output = RunExample("pose_graph");
-  ExpectTruthFound(output);
+  ExpectTruthFound(output, "half-inverse");
   ExpectSays(output, {"error of the odometry", "error of positions"});
 }
 
 TEST_F(ExamplesTest, ParameterIdentification) {
   const Output output = RunExample("parameter_identification");
-  ExpectTruthFound(output);
+  ExpectTruthFound(output, "half-inverse");
   ExpectSays(output, {"found only by LM: ", " of 100"});
 }
 
