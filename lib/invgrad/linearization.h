@@ -51,6 +51,7 @@ struct LinearizationParts {
   // whether it factorizes J or a Gram matrix, or otherwise how many products
   // with J and J^T it takes, at most.
   bool factorization = false;
+  bool uses_sparsity = false;  // of J, if it is stored so, in the factorization
   int num_products = 0;
 
   static LinearizationParts Gradient() {

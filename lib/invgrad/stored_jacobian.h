@@ -39,6 +39,7 @@ class StoredJacobian final : public JacobianOperator, public LayeredJacobian {
   std::vector<std::unique_ptr<const JacobianOperator>> ColumnBlocks()
       const override;
 
+  const std::vector<int>& block_sizes() const { return block_sizes_; }
   const Matrix& matrix() const { return J_; }
   Matrix* mutable_matrix() { return &J_; }
 

@@ -179,11 +179,7 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
   }
   if (parts.jacobian) {
     linearization->loss_gradient = std::move(r);
-    // If most entries are not zero, BLAS is faster with a dense matrix.
-    constexpr double kDense = 0.5;
-    if (static_cast<double>(J.nonZeros()) >=
-        kDense * static_cast<double>(J.rows()) *
-            static_cast<double>(J.cols())) {
+    if (IsDense(J.nonZeros(), J.rows(), J.cols())) {
       linearization->jacobian = std::make_shared<DenseJacobian>(
           Eigen::MatrixXd(J), structure_.tangent_sizes);
     } else {

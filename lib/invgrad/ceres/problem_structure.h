@@ -69,6 +69,13 @@ struct ProblemStructure {
   std::shared_ptr<SparseJacobian> NewJacobian() const;
 };
 
+// Whether a J with so many entries is stored as a dense matrix: with most of them
+// not zero BLAS is faster.
+inline bool IsDense(double num_entries, double rows, double cols) {
+  constexpr double kShare = 0.5;
+  return num_entries >= kShare * rows * cols;
+}
+
 // The structure for the residual blocks in `batch` (CHECKed to belong to the
 // problem), or for all of them if `batch` is empty.
 ProblemStructure ReadStructure(

@@ -51,7 +51,9 @@ WorkLimit::WorkLimit(double max_relative_work,
   for (const auto& block : structure.residual_blocks) {
     num_entries += 1.0 * block.size * block.row_length;
   }
-  step_work_ = StepOperations(needs, rows, cols, num_entries);
+  LinearizationParts used = needs;
+  used.uses_sparsity &= !IsDense(num_entries, rows, cols);
+  step_work_ = StepOperations(used, rows, cols, num_entries);
   linearization_work_ =
       kLinearization * (kSmallestIteration + kIterationOfEntry * num_entries);
   iteration_work_ = kSmallestIteration +

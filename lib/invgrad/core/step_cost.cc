@@ -4,11 +4,25 @@
 
 namespace invgrad {
 
+namespace {
+
+// Of a sparse factorization for each entry of J: about an iteration of Ceres
+// (work_limit.cc), which also factorizes.
+constexpr double kOperationsOfEntry = 500.0;
+constexpr double kBytesOfEntry = 100.0;
+
+bool IsSparse(const LinearizationParts& needs, double num_entries) {
+  return needs.factorization && needs.uses_sparsity && num_entries > 0.0;
+}
+
+}  // namespace
+
 double StepOperations(const LinearizationParts& needs,
                       double rows,
                       double cols,
                       double num_entries) {
   if (needs.hessian) return 10.0 * cols * cols * cols;
+  if (IsSparse(needs, num_entries)) return kOperationsOfEntry * num_entries;
   const double k = std::min(rows, cols);
   if (needs.factorization) return k * k * (std::max(rows, cols) + 10.0 * k);
   if (num_entries == 0.0) return 0.0;
@@ -20,6 +34,7 @@ double StepOperations(const LinearizationParts& needs,
 std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
                                    double rows,
                                    double cols,
+                                   double num_entries,
                                    int num_ranks) {
   constexpr double kDouble = sizeof(double);
   constexpr double kNumVectors = 6.0;
@@ -30,7 +45,10 @@ std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
     parts.push_back(
         {"Hessian and its factorization", 4.0 * kDouble * cols * cols});
   }
-  if (needs.factorization) {
+  if (IsSparse(needs, num_entries)) {
+    parts.push_back({"J^T J and its factor, if they are sparse",
+                     kBytesOfEntry * num_entries});
+  } else if (needs.factorization) {
     const double k = std::min(rows, cols);
     parts.push_back({"Gram matrix and its factorization",
                      2.0 * kDouble * k * k / num_ranks});

@@ -3,6 +3,7 @@
 //
 //   factorization   k^2 (max(m, n) + 10 k) operations, 16 k^2 bytes,
 //                   and a dense J if m > n;   k = min(m, n)
+//   of a sparse J   500 operations for each entry of J, and 100 bytes
 //   Hessian         10 n^3 operations, 32 n^2 bytes
 //   a product       12 operations for each entry of J, and 25 n; at most 2 k
 //                   products
@@ -22,7 +23,7 @@ namespace invgrad {
 
 inline constexpr double kOperationsPerSecond = 1e10;
 
-// `num_entries`: of a sparse J; 0: products are not counted.
+// `num_entries`: of a sparse J; 0: it is dense, and products are not counted.
 double StepOperations(const LinearizationParts& needs,
                       double rows,
                       double cols,
@@ -32,6 +33,7 @@ double StepOperations(const LinearizationParts& needs,
 std::vector<MemoryPart> StepMemory(const LinearizationParts& needs,
                                    double rows,
                                    double cols,
+                                   double num_entries,
                                    int num_ranks);
 
 }  // namespace invgrad

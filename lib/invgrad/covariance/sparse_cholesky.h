@@ -26,7 +26,6 @@
 #ifndef INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
 #define INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
 
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -34,28 +33,25 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
+#include "invgrad/core/cholmod_factor.h"
 #include "invgrad/covariance/gram_inverse.h"
 
 namespace invgrad {
 
 class SparseCholesky final : public GramInverse {
  public:
-  SparseCholesky();
-  ~SparseCholesky() override;
-  SparseCholesky(const SparseCholesky&) = delete;
-  SparseCholesky& operator=(const SparseCholesky&) = delete;
-
   bool Factorize(const Eigen::SparseMatrix<double>& A, std::string* error);
 
-  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const override;
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const override {
+    return factor_.Solve(B);
+  }
 
   // Those in the pattern of L. Converts L, so that a later Solve takes longer.
   std::vector<std::optional<double>> Entries(
       const std::vector<std::pair<int, int>>& entries) override;
 
  private:
-  struct Factor;
-  std::unique_ptr<Factor> factor_;
+  CholmodFactor factor_;
 };
 
 }  // namespace invgrad

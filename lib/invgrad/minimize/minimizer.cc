@@ -13,6 +13,7 @@
 #include "invgrad/internal/logging.h"
 #include "invgrad/linearization.h"
 #include "invgrad/minimize.h"
+#include "invgrad/stored_jacobian.h"
 #include "invgrad/update_rule.h"
 
 namespace invgrad {
@@ -106,12 +107,18 @@ class Run {
                                      : objective_->num_parameters();
   }
 
+  // Of a sparse J, for a factorization that uses it.
+  double NumEntries() const {
+    if (!parts_.uses_sparsity) return 0.0;
+    const auto* sparse =
+        dynamic_cast<const SparseJacobian*>(at_x_.jacobian.get());
+    return sparse == nullptr ? 0.0 : sparse->matrix().nonZeros();
+  }
+
   // Of a factorization; 0 for other steps.
   double StepSeconds() const {
-    return StepOperations(parts_,
-                          NumRows(),
-                          objective_->num_parameters(),
-                          /*num_entries=*/0.0) /
+    return StepOperations(
+               parts_, NumRows(), objective_->num_parameters(), NumEntries()) /
            kOperationsPerSecond;
   }
 
@@ -120,6 +127,7 @@ class Run {
                         StepMemory(parts_,
                                    NumRows(),
                                    objective_->num_parameters(),
+                                   NumEntries(),
                                    /*num_ranks=*/1),
                         /*limit=*/0.0,
                         error);

@@ -1,40 +1,45 @@
 // Levenberg-Marquardt steps whose damping is found by the loss itself, with
 // geodesic acceleration.
 //
-//   (c J^T J + lambda |J|^2) v = -J^T g            g = dL/dy, |J|: Frobenius
-//   (c J^T J + lambda |J|^2) a = -1/2 J^T g_vv     g_vv = d2/dt2 g(x + t v)
-//   step = v + a   if |a| < 0.75 |v| and L(x + v + a) < L(x + v),   else v
+//   (c J^T J + lambda D) v = -J^T g            g = dL/dy
+//   (c J^T J + lambda D) a = -1/2 J^T g_vv     g_vv = d2/dt2 g(x + t v)
+//   step = v + a, or v
 //
-// One Gram matrix serves all dampings: of lambda = 1/2, 2, 8, .. times the last
-// one, the step is that of the first for which L falls by at least `gain` times
-// the decrease that the linear model promises for v. If none is, the step is
-// zero, and lambda stays.
+// D, and how long a may be, depend on whether J is dense or sparse
+// (damped_normal_equations.h). The step is that of the first lambda for which L
+// falls by at least `gain` times the decrease that the linear model promises for
+// v. If there is none, the step is zero, and lambda stays.
+//
+//   dense J    v + a if L is lower there than at v. Of lambda = 1/2, 2, 8, ..
+//              times the last one.
+//   sparse J   v + a if L falls enough there, so that L at v is not needed. Of
+//              lambda = f, 4 f, 16 f, .. times the last one, f = 1/100 if the
+//              last gain was above 3/4, 1/2 above 1/4, else 1; at first 1/10.
 //
 // The bend a follows the geodesic of the manifold of outputs: in the narrow,
 // curved valleys of nonlinear least squares its steps are several times longer
-// [1]. A gain of 0.1 asks for far less agreement with the model than a trust
-// region does, and so takes longer steps [2].
+// [1]. A gain of 0.1 needs far less agreement with the model than a trust region
+// does, and so takes longer steps [2]. On large sparse problems the bend alone
+// gains little, but with it lambda may fall faster.
 //
 // Shapes:  as linearization.h. H_L counts as c I, c = (g . H_L g) / |g|^2: exact
 //          for squared norms.
-// Cost:    the Gram matrix of the smaller side k = min(m, n), k^2 max(m, n); for
-//          each lambda tried (1.5 on the average) k^3 / 3, and two or three
-//          evaluations of the loss.
-// Units:   lambda and gain are numbers, the step depends on the units of x as
-//          that of Levenberg-Marquardt does.
-// Fails:   returns false if J or g is not finite, or if the loop does not set
-//          Linearization::after.
+// Cost:    one factorization for each lambda tried (1.5 on the average), two
+//          solutions with it, and two or three evaluations of the loss.
+// Units:   lambda and gain are numbers. With a sparse J the steps do not depend
+//          on the units of x; with a dense J they do.
+// Fails:   returns false if J or g is not finite, if memory does not suffice, or
+//          if the loop does not set Linearization::after.
 // The loss is that of the samples of the step: take all of them, or a set that
 // stays for many steps. On small batches it fits their noise.
 //
 // [1] Transtrum, Sethna. Improvements to the Levenberg-Marquardt algorithm for
 //     nonlinear least-squares minimization. 2012. arXiv 1201.5885.
 // [2] The smallest gain of DSGNAR, arXiv 2607.02194, is 0.075 to 0.15.
-#include <lapacke.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -42,22 +47,21 @@
 #include "fmt/core.h"
 #include "invgrad/core/finite.h"
 #include "invgrad/internal/logging.h"
+#include "invgrad/rules/damped_normal_equations.h"
 #include "invgrad/rules/rule_rows.h"
+#include "invgrad/stored_jacobian.h"
 
 namespace invgrad {
 namespace {
 
-using Eigen::Index;
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kFirstFactor = 0.5;
 constexpr double kFactor = 4.0;
 constexpr double kLeastDamping = 1e-30;
+constexpr double kLeastSparseDamping = 1e-15;
 constexpr double kLargestDamping = 1e6;
 // The length of the difference that gives g_vv, in units of v.
 constexpr double kDifference = 0.1;
-constexpr double kMaxBend = 0.75;
 
 class GeodesicRule final : public UpdateRule {
  public:
@@ -86,9 +90,10 @@ class GeodesicRule final : public UpdateRule {
     LinearizationParts parts = LinearizationParts::Jacobian();
     parts.after = true;
     parts.factorization = true;
+    parts.uses_sparsity = true;
     return parts;
   }
-  std::vector<VectorXd*> MutableState() override { return {&damping_}; }
+  std::vector<VectorXd*> MutableState() override { return {&damping_, &gain_}; }
   std::string LastStepReport() const override { return report_; }
 
   bool ComputeStep(const Linearization& at_x,
@@ -106,22 +111,17 @@ class GeodesicRule final : public UpdateRule {
     report_ = "no step lowers the loss";
     if (g.squaredNorm() == 0.0) return true;
     c_ = CurvatureOfLoss(at_x);
-    is_dual_ = J.rows() < J.cols();
-    if (is_dual_) {
-      J.Gram(&gram_);
-    } else {
-      J.ParameterGram(&gram_);
+    const bool is_sparse = dynamic_cast<const SparseJacobian*>(&J) != nullptr;
+    if (equations_ == nullptr || is_sparse != is_sparse_) {
+      is_sparse_ = is_sparse;
+      equations_ =
+          is_sparse ? MakeSparseNormalEquations() : MakeDenseNormalEquations();
     }
-    const double squared_norm = gram_.trace();
-    if (!std::isfinite(squared_norm)) {
-      *error = "the Jacobian is not finite";
-      return false;
-    }
-    if (squared_norm == 0.0) return true;
-    for (double damping = kFirstFactor * damping_[0];
-         damping <= kLargestDamping;
+    if (!equations_->SetJacobian(J, c_, error)) return false;
+    if (equations_->Norm() == 0.0) return true;
+    for (double damping = FirstDamping(); damping <= kLargestDamping;
          damping *= kFactor) {
-      if (!Factorize(damping * squared_norm)) continue;
+      if (!equations_->Factorize(damping)) continue;
       if (!FindStep(at_x, step)) continue;
       damping_[0] = std::max(damping, kLeastDamping);
       return true;
@@ -138,54 +138,48 @@ class GeodesicRule final : public UpdateRule {
     return c > 0.0 ? c : 1.0;
   }
 
-  // c G + shift I. Returns false if it is not positive definite to working
-  // precision.
-  bool Factorize(double shift) {
-    factor_ = c_ * gram_;
-    factor_.diagonal().array() += shift;
-    const auto k = static_cast<lapack_int>(factor_.rows());
-    return LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', k, factor_.data(), k) == 0;
-  }
-
-  // (c J^T J + shift)^-1 J^T w.
-  VectorXd Solve(const JacobianOperator& J, const VectorXd& w) const {
-    VectorXd solution = w;
-    if (!is_dual_) J.TransposeTimes(w, &solution);
-    const auto k = static_cast<lapack_int>(factor_.rows());
-    LAPACKE_dpotrs(
-        LAPACK_COL_MAJOR, 'L', k, 1, factor_.data(), k, solution.data(), k);
-    if (!is_dual_) return solution;
-    VectorXd pulled;
-    J.TransposeTimes(solution, &pulled);
-    return pulled;
+  double FirstDamping() const {
+    if (!is_sparse_) return 0.5 * damping_[0];
+    const double gain = gain_[0];
+    const double factor = gain == 0.0   ? 0.1
+                          : gain > 0.75 ? 0.01
+                          : gain > 0.25 ? 0.5
+                                        : 1.0;
+    return std::max(factor * damping_[0], kLeastSparseDamping);
   }
 
   // The step of the factorized damping. Returns false if the loss does not fall
   // enough.
   bool FindStep(const Linearization& at_x, VectorXd* step) {
-    const JacobianOperator& J = *at_x.jacobian;
     const VectorXd& g = at_x.loss_gradient;
-    const VectorXd v = -Solve(J, g);
+    const VectorXd v = -equations_->Solve(g);
     VectorXd Jv;
-    J.Times(v, &Jv);
+    at_x.jacobian->Times(v, &Jv);
     const double promised = -g.dot(Jv) - 0.5 * c_ * Jv.squaredNorm();
-    double cost = CostAfter(at_x, v);
-    *step = v;
-    bool is_bent = false;
+    const auto falls_enough = [&](double cost) {
+      return cost < at_x.cost && (at_x.cost - cost) / promised >= options_.gain;
+    };
+    const double highest = std::numeric_limits<double>::infinity();
+    double cost = is_sparse_ ? highest : CostAfter(at_x, v);
+    double bent_cost = highest;
     VectorXd bend;
-    if (options_.acceleration == "on" && std::isfinite(cost) &&
+    // A dense v with no finite loss is no start for a bend.
+    if (options_.acceleration == "on" && !std::isnan(cost) &&
         FindBend(at_x, v, Jv, &bend)) {
-      const double cost_of_bent = CostAfter(at_x, v + bend);
-      if (cost_of_bent < cost) {
-        cost = cost_of_bent;
-        *step += bend;
-        is_bent = true;
-      }
+      bent_cost = CostAfter(at_x, v + bend);
     }
-    const double gain = (at_x.cost - cost) / promised;
-    if (!(cost < at_x.cost) || !(gain >= options_.gain)) return false;
+    const bool is_bent =
+        bent_cost < cost && (!is_sparse_ || falls_enough(bent_cost));
+    if (is_bent) {
+      cost = bent_cost;
+    } else if (is_sparse_) {
+      cost = CostAfter(at_x, v);
+    }
+    if (!falls_enough(cost)) return false;
+    *step = is_bent ? VectorXd(v + bend) : v;
+    gain_[0] = (at_x.cost - cost) / promised;
     report_ =
-        fmt::format("gain {:.3g}{}", gain, is_bent ? ", accelerated" : "");
+        fmt::format("gain {:.3g}{}", gain_[0], is_bent ? ", accelerated" : "");
     return true;
   }
 
@@ -206,8 +200,8 @@ class GeodesicRule final : public UpdateRule {
     }
     const VectorXd g_vv =
         2.0 / kDifference * ((after.loss_gradient - g) / kDifference - c_ * Jv);
-    *bend = -0.5 * Solve(*at_x.jacobian, g_vv);
-    return bend->norm() < kMaxBend * v.norm();
+    *bend = -0.5 * equations_->Solve(g_vv);
+    return equations_->LimitBend(v, bend);
   }
 
   // NaN if it has no finite value.
@@ -221,10 +215,11 @@ class GeodesicRule final : public UpdateRule {
 
   const Options options_;
   VectorXd damping_;  // lambda
-  MatrixXd gram_;     // lower triangle
-  MatrixXd factor_;
+  // Of the last step; 0: there was none.
+  VectorXd gain_ = VectorXd::Zero(1);
+  std::unique_ptr<DampedNormalEquations> equations_;
+  bool is_sparse_ = false;
   double c_ = 1.0;
-  bool is_dual_ = false;
   std::string report_;
 };
 
@@ -233,8 +228,7 @@ class GeodesicRule final : public UpdateRule {
 std::vector<RuleRow> GeodesicRuleRows() {
   return {MakeRuleRow<GeodesicRule>(
       "geodesic",
-      "step = v + a, v = -(c J^T J + lambda |J|^2)^-1 J^T g, lambda by the "
-      "loss")};
+      "step = v + a, v = -(c J^T J + lambda D)^-1 J^T g, lambda by the loss")};
 }
 
 }  // namespace invgrad

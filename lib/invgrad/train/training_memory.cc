@@ -64,8 +64,11 @@ std::vector<MemoryPart> TrainingMemory(const Model& model,
                                        int num_ranks) {
   const double num_outputs =
       through_pull_back ? model.simulator().num_inputs() : model.loss().size();
-  std::vector<MemoryPart> parts = StepMemory(
-      needs, num_outputs * batch_size, model.num_weights(), num_ranks);
+  std::vector<MemoryPart> parts = StepMemory(needs,
+                                             num_outputs * batch_size,
+                                             model.num_weights(),
+                                             /*num_entries=*/0.0,
+                                             num_ranks);
   const int own_size = (batch_size + num_ranks - 1) / num_ranks;
   parts.push_back(Activations(model, own_size));
   if (!needs.jacobian && !needs.hessian) return parts;
