@@ -8,7 +8,7 @@ Sample runs:
 
   estimate --list
   estimate --input=nist/BoxBOD.dat \
-    --methods=ceres_lm,ceres_dogleg,ceres_lm+half_inverse:step_size=auto
+    --methods=ceres_lm,ceres_lm+geodesic,ceres_lm+half_inverse:step_size=auto
   estimate --input=nist --plots=false --overwrite \
     --methods=ceres_lm,ceres_bfgs
   estimate --input=nist/Lanczos1.dat --separable=both --overwrite
@@ -17,7 +17,8 @@ Sample runs:
   estimate --input=decay.csv --model="signal=a*exp(-k*time)+c" \
     --start_values=a=1,k=1,c=0 --bounds=k=0.. --deviations=sigma \
     --covariance --overwrite
-  estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite
+  estimate --input=sphere2500.g2o --perturb=0.1 --seeds=1..3 --overwrite \
+    --methods=ceres_lm,geodesic,ceres_lm+chordal
   estimate --input=M3500.g2o --loss=huber:1 --overwrite \
     --methods=ceres_lm,ceres_lm:linear_solver=cgnr
 
@@ -32,6 +33,7 @@ current method, skips the others, and keeps the results so far.
 #include <utility>
 #include <vector>
 
+#include "bin/estimate/chordal_rule.h"
 #include "bin/estimate/estimation_comparison.h"
 #include "bin/support/listing.h"
 #include "bin/support/program.h"
@@ -93,10 +95,10 @@ DEFINE_string(
     "with --edge_error=ceres lower");
 DEFINE_string(
     methods,
-    "ceres_lm,ceres_dogleg",
+    "ceres_lm,ceres_dogleg,ceres_lm+geodesic",
     "methods to compare, name[:key=value...],...: a rule, a minimizer "
     "of Ceres, or one with a rule that proposes steps, as "
-    "ceres_lm+half_inverse; --list shows all");
+    "ceres_lm+geodesic; --list shows all");
 DEFINE_string(separable,
               "off",
               "on: minimize over the nonlinear parameters, from which the "
@@ -306,6 +308,7 @@ std::string FormatsText() {
 }
 
 bool Run(RunCounts* counts, std::string* error) {
+  RegisterChordalRule();
   if (FLAGS_list) {
     std::cout << FormatsText() << "\n" << EstimateListing();
     return true;
@@ -341,6 +344,6 @@ int main(int argc, char** argv) {
       "estimates the parameters of NIST, BAL and g2o files by several "
       "methods\n\n"
       "  estimate --list\n"
-      "  estimate --input=BoxBOD.dat --methods=ceres_lm,ceres_lm+half_inverse",
+      "  estimate --input=BoxBOD.dat --methods=ceres_lm,ceres_lm+geodesic",
       invgrad::Run);
 }

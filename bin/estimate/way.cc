@@ -1,7 +1,11 @@
 #include "bin/estimate/way.h"
 
+#include <chrono>
+#include <limits>
+
+#include "Eigen/Core"
+#include "invgrad/ceres/problem_structure.h"
 #include "invgrad/method.h"
-#include "invgrad/minimize/method_minimization.h"
 #include "invgrad/separable.h"
 
 namespace invgrad {
@@ -18,12 +22,65 @@ std::vector<Way> Ways(const std::vector<Method>& methods,
   return ways;
 }
 
+namespace {
+
+// Relaxes, unless that raises the cost, and minimizes.
+bool MinimizeRelaxed(const Way& way,
+                     const MinimizerOptions& options,
+                     Estimation* estimation,
+                     ceres::Problem* problem,
+                     MinimizerSummary* summary,
+                     std::string* error) {
+  Method method = way.method;
+  Phase& phase = method.phases.back();
+  phase.rule = nullptr;
+  if (phase.ceres == nullptr || way.is_separable) {
+    *error = "chordal is a start for Ceres: ceres_lm+chordal";
+    return false;
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const ProblemStructure structure = ReadStructure(*problem, {});
+  const Eigen::VectorXd given = structure.State();
+  const auto cost = [problem] {
+    double value = 0.0;
+    return problem->Evaluate({}, &value, nullptr, nullptr, nullptr)
+               ? value
+               : std::numeric_limits<double>::infinity();
+  };
+  const double initial_cost = cost();
+  const bool is_relaxed = estimation->Relax();
+  const bool takes_it = is_relaxed && cost() < initial_cost;
+  if (!takes_it) structure.SetState(given);
+  const std::chrono::duration<double> seconds =
+      std::chrono::steady_clock::now() - start;
+  if (!MinimizeProblem(method,
+                       options,
+                       estimation->MakeOrdering(),
+                       problem,
+                       summary,
+                       error)) {
+    return false;
+  }
+  summary->initial_cost = initial_cost;
+  summary->total_time_in_seconds += seconds.count();
+  summary->message += takes_it     ? "; from relaxed poses"
+                      : is_relaxed ? "; relaxed poses cost more than the start"
+                                   : "; nothing to relax";
+  return true;
+}
+
+}  // namespace
+
 bool MinimizeByWay(const Way& way,
                    const MinimizerOptions& options,
                    Estimation* estimation,
                    ceres::Problem* problem,
                    MinimizerSummary* summary,
                    std::string* error) {
+  const RuleRow* rule = way.method.last_phase().rule;
+  if (rule != nullptr && rule->name == "chordal") {
+    return MinimizeRelaxed(way, options, estimation, problem, summary, error);
+  }
   if (!way.is_separable) {
     return MinimizeProblem(way.method,
                            options,

@@ -1,5 +1,6 @@
 // A way to minimize an estimation problem: by a method, over all parameters or
-// over the nonlinear ones, from which the linear ones follow.
+// over the nonlinear ones, from which the linear ones follow; ceres_lm+chordal
+// from relaxed poses (chordal_rule.h).
 #ifndef BIN_ESTIMATE_WAY_H_
 #define BIN_ESTIMATE_WAY_H_
 

@@ -61,6 +61,11 @@ class Estimation {
     return nullptr;
   }
 
+  // Sets the parameters by chordal relaxation (chordal_relaxation.h), which may
+  // cost more than the start. Returns false, and leaves them unchanged, if there
+  // are no poses in a graph, or if it fails.
+  virtual bool Relax() { return false; }
+
   // The parameters in which the residuals are proved to be affine.
   virtual std::vector<LinearBlock> LinearParameters() { return {}; }
 

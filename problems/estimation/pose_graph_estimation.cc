@@ -6,6 +6,7 @@
 
 #include "Eigen/Eigenvalues"
 #include "fmt/core.h"
+#include "problems/estimation/chordal_relaxation.h"
 #include "problems/estimation/estimation.h"
 #include "problems/estimation/pose_graph.h"
 
@@ -40,6 +41,8 @@ class PoseGraphEstimation final : public Estimation {
     AddPoseGraph(edge_error_, make_loss, &graph_, problem.get());
     return problem;
   }
+
+  bool Relax() override { return RelaxChordally(&graph_); }
 
   // With the id of the file: of 2D "pose 7"; of 3D "pose 7" for its position,
   // and "orientation 7"; "landmark 7".

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "invgrad/core/cholmod_factor.h"
 #include "invgrad/internal/logging.h"
 
 namespace invgrad {
 
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 namespace {
@@ -75,18 +77,25 @@ class TakahashiRecurrence {
 
 }  // namespace
 
+SparseCholesky::SparseCholesky() : factor_(std::make_unique<CholmodFactor>()) {}
+SparseCholesky::~SparseCholesky() = default;
+
+MatrixXd SparseCholesky::Solve(const MatrixXd& B) const {
+  return factor_->Solve(B);
+}
+
 bool SparseCholesky::Factorize(const Eigen::SparseMatrix<double>& A,
                                std::string* error) {
   CHECK(error != nullptr);
   Eigen::SparseMatrix<double> transpose = A.transpose();
   cholmod_sparse view = CholmodView(&transpose, /*stype=*/0);
-  return factor_.Analyze(&view, /*order=*/{}, error) &&
-         factor_.Factorize(&view, error);
+  return factor_->Analyze(&view, /*order=*/{}, error) &&
+         factor_->Factorize(&view, error);
 }
 
 std::vector<std::optional<double>> SparseCholesky::Entries(
     const std::vector<std::pair<int, int>>& entries) {
-  cholmod_factor* L = factor_.L();
+  cholmod_factor* L = factor_->L();
   CHECK(L != nullptr) << "Factorize comes first.";
   if (entries.empty()) return {};
   CHECK(cholmod_change_factor(CHOLMOD_REAL,
@@ -95,7 +104,7 @@ std::vector<std::optional<double>> SparseCholesky::Entries(
                               /*to_packed=*/1,
                               /*to_monotonic=*/1,
                               L,
-                              factor_.common()))
+                              factor_->common()))
       << "no memory for the entries of the inverse";
   std::vector<int> place(L->n);  // in L
   for (std::size_t k = 0; k < L->n; ++k) {

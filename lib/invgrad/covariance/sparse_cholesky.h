@@ -26,6 +26,7 @@
 #ifndef INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
 #define INVGRAD_COVARIANCE_SPARSE_CHOLESKY_H_
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -33,25 +34,27 @@
 
 #include "Eigen/Core"
 #include "Eigen/SparseCore"
-#include "invgrad/core/cholmod_factor.h"
 #include "invgrad/covariance/gram_inverse.h"
 
 namespace invgrad {
 
+class CholmodFactor;
+
 class SparseCholesky final : public GramInverse {
  public:
+  SparseCholesky();
+  ~SparseCholesky() override;
+
   bool Factorize(const Eigen::SparseMatrix<double>& A, std::string* error);
 
-  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const override {
-    return factor_.Solve(B);
-  }
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& B) const override;
 
   // Those in the pattern of L. Converts L, so that a later Solve takes longer.
   std::vector<std::optional<double>> Entries(
       const std::vector<std::pair<int, int>>& entries) override;
 
  private:
-  CholmodFactor factor_;
+  std::unique_ptr<CholmodFactor> factor_;
 };
 
 }  // namespace invgrad
