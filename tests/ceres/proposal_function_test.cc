@@ -255,5 +255,41 @@ TEST(UpdateCallback, GivesTheLineSearchBack) {
   EXPECT_EQ(options.max_num_line_search_step_size_iterations, users);
 }
 
+struct Distance {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] - 7.0;
+    return true;
+  }
+};
+
+// The model of a linear problem is exact, so that Ceres widens the region after
+// every step: from a small one many times, from its default not.
+TEST(ProposalFunction, TheReportNamesATrustRegionThatIsTooSmall) {
+  for (const double radius : {1e-4, 1e4}) {
+    double x = 0.0;
+    ceres::Problem problem;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Distance, 1, 1>(new Distance),
+        nullptr,
+        &x);
+    UpdateCallback callback(
+        [](const ProblemState&, ProblemState*) { return false; }, &problem);
+    ceres::Solver::Options options;
+    options.initial_trust_region_radius = radius;
+    callback.AddTo(&options);
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    EXPECT_NEAR(x, 7.0, 1e-3);
+    const bool is_small = radius < 1.0;
+    EXPECT_EQ(callback.summary().num_limited_steps >= 8, is_small);
+    EXPECT_EQ(
+        callback.summary().BriefReport().find(
+            "try a larger initial_trust_region_radius") != std::string::npos,
+        is_small)
+        << callback.summary().BriefReport();
+  }
+}
+
 }  // namespace proposal_function_test
 }  // namespace invgrad

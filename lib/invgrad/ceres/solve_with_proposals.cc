@@ -184,6 +184,11 @@ void SolveWithProposals::Count(const ceres::IterationSummary& iteration,
     summary_.took_plain_result = is_accepted;
   } else if (made == Next::kCeresStep) {
     ++summary_.num_ceres_steps;
+    // At a smaller gain ratio Ceres keeps the radius or shrinks it.
+    constexpr double kWidens = 0.75;
+    if (is_accepted && iteration.relative_decrease > kWidens) {
+      ++summary_.num_limited_steps;
+    }
   }
 }
 

@@ -197,6 +197,16 @@ std::string UpdateCallback::Summary::BriefReport() const {
         "%",
         100.0 * predicted_decrease);
   }
+  // Where the region does not limit them, a few steps of Gauss-Newton are enough.
+  constexpr int kLeastSteps = 8;
+  if (num_limited_steps >= kLeastSteps &&
+      4 * num_limited_steps >= 3 * num_ceres_steps) {
+    report += fmt::format(
+        "; the trust region limited {} of {} steps of Ceres: try a larger "
+        "initial_trust_region_radius",
+        num_limited_steps,
+        num_ceres_steps);
+  }
   if (took_plain_result) report += "; the solve without proposals was better";
   return report;
 }
