@@ -201,6 +201,8 @@ bool RunWay(const EstimationOptions& options,
              *estimation,
              problem.get(),
              row);
+  const std::string doubt = estimation->Doubt();
+  if (!row->has_failed && !doubt.empty()) row->status += "; " + doubt;
   if (options.covariance && !row->has_failed) {
     SetCovariance(*problem, *estimation, row, &report);
   }

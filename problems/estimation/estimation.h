@@ -82,6 +82,10 @@ class Estimation {
     return {};
   }
 
+  // What makes the current parameters doubtful, if anything: of a regression,
+  // that a constant explains the data as well.
+  virtual std::string Doubt() const { return ""; }
+
   // The evaluation callback of the problem that was made last; null: none.
   virtual ceres::EvaluationCallback* evaluation_callback() { return nullptr; }
   // How often all residuals were evaluated since then, with or without

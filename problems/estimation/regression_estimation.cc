@@ -81,6 +81,26 @@ class RegressionEstimation final : public Estimation {
     return IsNistSolution(*digits);
   }
 
+  // The sums of squares are without a robust loss, which a run may have.
+  std::string Doubt() const override {
+    const Eigen::ArrayXd y = regression_.responses.array();
+    const Eigen::ArrayXd w = regression_.weights.array().square();
+    Eigen::ArrayXd f(y.size());
+    for (Eigen::Index i = 0; i < f.size(); ++i) {
+      const Eigen::VectorXd x = regression_.predictors.row(i);
+      f[i] = regression_.value(x.data(), b_.data());
+    }
+    const double mean = (w * y).sum() / w.sum();
+    const double of_constant = (w * (y - mean).square()).sum();
+    const double of_model = (w * (y - f).square()).sum();
+    constexpr double kNoBetter = 0.99;
+    // One parameter may be the constant.
+    return b_.size() > 1 && of_constant > 0.0 &&
+                   of_model >= kNoBetter * of_constant
+               ? "the model explains the data no better than a constant"
+               : "";
+  }
+
   std::string BlockName(const double* values) const override {
     return regression_.names.empty() ? "b"
                                      : regression_.names[values - b_.data()];

@@ -203,6 +203,24 @@ TEST_F(EstimateModel, SolvesPublishedRegressions) {
   }
 }
 
+// A line through n alternating numbers explains 3 / (n^2 - 1) of their squares:
+// 0.5 % of 24, 2 % of 12.
+TEST_F(EstimateModel, SaysThatAConstantIsAsGood) {
+  for (const int n : {12, 24}) {
+    std::string text = "t,y\n";
+    for (int i = 0; i < n; ++i) text += fmt::format("{},{}\n", i, i % 2);
+    const std::string name = fmt::format("{}.csv", n);
+    const Output output = RunQuietly(
+        WriteText(name, text),
+        fmt::format("run{}", n),
+        {"--model=a + b*t", "--start_values=a=1,b=1", "--methods=ceres_lm"});
+    EXPECT_EQ(
+        output.text.find("no better than a constant") != std::string::npos,
+        n == 24)
+        << output.text;
+  }
+}
+
 TEST_F(EstimateModel, SaysWhatIsWrong) {
   const std::string input =
       "--input=" + WriteText("t.csv", "t,y,name\n1,2,a\n2,3,b\n3,-1,c\n");

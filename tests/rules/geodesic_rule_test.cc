@@ -3,6 +3,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "Eigen/Core"
 #include "gtest/gtest.h"
@@ -105,6 +106,35 @@ TEST(GeodesicRule, AccelerationIsTheClosedForm) {
   EXPECT_LT((StepOf(bent.get(), problem.At(x)) - v - a).norm(), 1e-11);
   EXPECT_LT((StepOf(straight.get(), problem.At(x)) - v).norm(), 1e-11);
   EXPECT_NE(bent->LastStepReport().find("accelerated"), std::string::npos);
+}
+
+// Of a sparse problem, (1 + lambda) on the diagonal; the gain of a linear one is
+// above 3/4, so that the next lambda is a hundredth.
+TEST(GeodesicRule, OfASparseLinearProblemTheDampingHasTheUnitsOfJ) {
+  MatrixXd A = MatrixXd::Zero(9, 6);
+  for (int block = 0; block < 3; ++block) {
+    A.block(3 * block, 2 * block, 3, 2) = RandomMatrix(3, 2, block + 1);
+  }
+  A.block(0, 4, 3, 2) = RandomMatrix(3, 2, 7);
+  A.col(3) *= 1e5;
+  Parabola problem = {
+      A, RandomMatrix(9, 1, 4), VectorXd::Zero(6), VectorXd::Zero(9)};
+  const auto rule = MakeRule("geodesic:damping=1e-2");
+  VectorXd x = RandomMatrix(6, 1, 5);
+  for (const double lambda : {1e-3, 1e-5}) {
+    Linearization at_x = problem.At(x);
+    at_x.jacobian = std::make_shared<SparseJacobian>(
+        SparseJacobian::Matrix(A.sparseView()), std::vector<int>{2, 2, 2});
+    const VectorXd step = StepOf(rule.get(), at_x);
+    MatrixXd H = A.transpose() * A;
+    H.diagonal() *= 1.0 + lambda;
+    const VectorXd expected =
+        -H.llt().solve(A.transpose() * problem.Outputs(x));
+    EXPECT_LT((step - expected).cwiseQuotient(expected).norm(), 1e-8);
+    EXPECT_NEAR((*rule->MutableState()[0])[0], lambda, 1e-12 * lambda);
+    x += step;
+    if (lambda > 1e-4) x += RandomMatrix(6, 1, 6);
+  }
 }
 
 TEST(GeodesicRule, TheLossFallsByTheGainInEveryStep) {
