@@ -52,6 +52,12 @@ TEST_F(ExamplesTest, PoseGraph) {
   ExpectSays(output, {"error of the odometry", "error of positions"});
 }
 
+TEST_F(ExamplesTest, ChordalStart) {
+  const Output output = RunExample("chordal_start");
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"relaxed poses: error", "truth found"});
+}
+
 TEST_F(ExamplesTest, ParameterIdentification) {
   const Output output = RunExample("parameter_identification");
   ExpectTruthFound(output, "half-inverse");
