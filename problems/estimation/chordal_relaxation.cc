@@ -147,7 +147,7 @@ class Relaxation {
     return from * Z * Inverse(to);
   }
 
-  // linear_edge(edge, measurement): X and b of it.
+  // make(edge, measurement): its weight, A and b.
   template <typename Make>
   std::vector<LinearEdge> LinearEdges(const Make& make) const {
     std::vector<LinearEdge> edges;
