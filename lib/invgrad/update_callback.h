@@ -170,8 +170,9 @@ class UpdateCallback final {
     int num_rejected = 0;     // of those proposed
     int num_withheld = 0;     // steps and halves that would not lower the cost
     int num_ceres_steps = 0;  // iterations with a step of Ceres
-    // Those of them after which Ceres widens the trust region. If it does so
-    // nearly always, the region was what limited the steps.
+    // Steps of the solve without proposals, or if there was none of Ceres, after
+    // which Ceres widens the trust region. If it does so nearly always, the
+    // region was what limited the steps.
     int num_limited_steps = 0;
     // Candidates, of Ceres and of the rule, at which the problem cannot be
     // evaluated, and why not at the first of them. No explanation if none was

@@ -238,6 +238,9 @@ void Safeguard::Compare() {
   } else if (summary.IsSolutionUsable()) {
     plain_ = Plain{final_cost,
                    static_cast<int>(summary.iterations.size()) - 1,
+                   static_cast<int>(std::count_if(summary.iterations.begin(),
+                                                  summary.iterations.end(),
+                                                  &Safeguard::IsLimited)),
                    summary.termination_type == ceres::CONVERGENCE &&
                        PredictedDecrease() == 0.0,
                    linearizer_.State()};

@@ -48,10 +48,18 @@ class Safeguard {
  public:
   enum class Verdict { kContinue, kConverged, kPlainIsBetter };
 
+  // Whether Ceres widens the trust region after the step.
+  static bool IsLimited(const ceres::IterationSummary& iteration) {
+    constexpr double kWidens = 0.75;  // of the gain ratio
+    return iteration.step_is_successful && iteration.iteration > 0 &&
+           iteration.relative_decrease > kWidens;
+  }
+
   // The result of the plain solve.
   struct Plain {
     double cost = 0.0;
     int num_iterations = 0;
+    int num_limited_steps = 0;  // UpdateCallback::Summary
     bool has_converged = false;
     Eigen::VectorXd state;  // as ProblemLinearizer::State
   };

@@ -66,6 +66,7 @@ UpdateCallback::Summary SolveWithProposals::summary() const {
   UpdateCallback::Summary summary = summary_;
   if (safeguard_.plain()) {
     summary.num_plain_iterations = safeguard_.plain()->num_iterations;
+    summary.num_limited_steps = safeguard_.plain()->num_limited_steps;
   }
   summary.predicted_decrease = safeguard_.predicted_decrease();
   if (!safeguard_.message().empty()) summary.message = safeguard_.message();
@@ -184,11 +185,7 @@ void SolveWithProposals::Count(const ceres::IterationSummary& iteration,
     summary_.took_plain_result = is_accepted;
   } else if (made == Next::kCeresStep) {
     ++summary_.num_ceres_steps;
-    // At a smaller gain ratio Ceres keeps the radius or shrinks it.
-    constexpr double kWidens = 0.75;
-    if (is_accepted && iteration.relative_decrease > kWidens) {
-      ++summary_.num_limited_steps;
-    }
+    if (Safeguard::IsLimited(iteration)) ++summary_.num_limited_steps;
   }
 }
 

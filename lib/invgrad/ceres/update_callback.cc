@@ -199,13 +199,15 @@ std::string UpdateCallback::Summary::BriefReport() const {
   }
   // Where the region does not limit them, a few steps of Gauss-Newton are enough.
   constexpr int kLeastSteps = 8;
+  const int num_steps =
+      num_plain_iterations > 0 ? num_plain_iterations : num_ceres_steps;
   if (num_limited_steps >= kLeastSteps &&
-      4 * num_limited_steps >= 3 * num_ceres_steps) {
+      4 * num_limited_steps >= 3 * num_steps) {
     report += fmt::format(
         "; the trust region limited {} of {} steps of Ceres: try a larger "
         "initial_trust_region_radius",
         num_limited_steps,
-        num_ceres_steps);
+        num_steps);
   }
   if (took_plain_result) report += "; the solve without proposals was better";
   return report;
