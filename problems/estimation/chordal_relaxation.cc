@@ -85,12 +85,7 @@ class Relaxation {
  public:
   explicit Relaxation(PoseGraph* graph)
       : graph_(*graph), is_fixed_(graph->poses.cols(), false) {
-    bool has_prior = false;
-    for (const Edge& edge : graph->edges) {
-      has_prior |= edge.kind == EdgeKind::kPrior;
-    }
-    for (const int pose : graph->fixed) is_fixed_[pose] = true;
-    if (graph->fixed.empty() && !has_prior) is_fixed_[0] = true;
+    for (const int pose : ConstantPoses(*graph)) is_fixed_[pose] = true;
   }
 
   bool Run() {

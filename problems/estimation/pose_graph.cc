@@ -30,16 +30,6 @@ struct AngleManifold {
   }
 };
 
-// Columns of the poses.
-std::vector<int> ConstantPoses(const PoseGraph& graph) {
-  const bool is_held =
-      !graph.fixed.empty() || !graph.fixed_landmarks.empty() ||
-      std::any_of(graph.edges.begin(), graph.edges.end(), [](const auto& edge) {
-        return edge.kind == PoseGraph::EdgeKind::kPrior;
-      });
-  return is_held ? graph.fixed : std::vector<int>{0};
-}
-
 bool Contains(const std::vector<int>& columns, Eigen::Index j) {
   return std::find(columns.begin(), columns.end(), j) != columns.end();
 }
@@ -70,6 +60,15 @@ void AddBlocks(PoseGraph* graph, ceres::Problem* problem) {
 }
 
 }  // namespace
+
+std::vector<int> ConstantPoses(const PoseGraph& graph) {
+  const bool is_held =
+      !graph.fixed.empty() || !graph.fixed_landmarks.empty() ||
+      std::any_of(graph.edges.begin(), graph.edges.end(), [](const auto& edge) {
+        return edge.kind == PoseGraph::EdgeKind::kPrior;
+      });
+  return is_held ? graph.fixed : std::vector<int>{0};
+}
 
 ceres::Manifold* MakePoseManifold2d() {
   using Angle = ceres::AutoDiffManifold<AngleManifold, 1, 1>;

@@ -33,6 +33,7 @@
 #define PROBLEMS_ESTIMATION_POSE_GRAPH_H_
 
 #include <string>
+#include <vector>
 
 #include "ceres/cost_function.h"
 #include "ceres/manifold.h"
@@ -69,6 +70,9 @@ bool HasEdgeError(const PoseGraph& graph,
 ceres::CostFunction* MakeEdgeError(const PoseGraph& graph,
                                    EdgeError edge_error,
                                    const PoseGraph::Edge& edge);
+
+// The columns of the poses that are constant.
+std::vector<int> ConstantPoses(const PoseGraph& graph);
 
 // The manifold of (x, y, theta). The caller owns it.
 ceres::Manifold* MakePoseManifold2d();
