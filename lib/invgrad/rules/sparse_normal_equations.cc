@@ -47,6 +47,7 @@ class SparseNormalEquations final : public DampedNormalEquations {
     }
     if (!gram_.HasPatternOf(*J_) &&
         !(gram_.Analyze(*J_, error) && AnalyzeRest(error))) {
+      gram_ = BlockGram();  // the next J is analyzed, too
       return false;
     }
     gram_.Fill(*J_);
