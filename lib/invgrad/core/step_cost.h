@@ -3,7 +3,8 @@
 //
 //   factorization   k^2 (max(m, n) + 10 k) operations, 16 k^2 bytes,
 //                   and a dense J if m > n;   k = min(m, n)
-//   of a sparse J   500 operations for each entry of J, and 100 bytes
+//   of a sparse J   500 operations and 100 bytes for each entry of J; a factor
+//                   with much fill needs more (cholmod_factor.h)
 //   Hessian         10 n^3 operations, 32 n^2 bytes
 //   a product       12 operations for each entry of J, and 25 n; at most 2 k
 //                   products

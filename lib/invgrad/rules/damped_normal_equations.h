@@ -16,7 +16,8 @@
 // Cost:    dense: k^2 max(m, n) for a J, k^3 / 3 for a lambda, and 2 k^2 for a
 //          solution. Sparse: the squared lengths of J's rows, a numeric
 //          Cholesky decomposition, and 4 |L|.
-// Source:  2 |a| <= 0.75 |v| in Transtrum, Sethna. arXiv 1201.5885, section 5.
+// Source:  the limit 2 |a| <= 0.75 |v| is that of Transtrum, Sethna. arXiv
+//          1201.5885.
 #ifndef INVGRAD_RULES_DAMPED_NORMAL_EQUATIONS_H_
 #define INVGRAD_RULES_DAMPED_NORMAL_EQUATIONS_H_
 
