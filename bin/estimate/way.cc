@@ -62,6 +62,10 @@ bool MinimizeRelaxed(const Way& way,
     return false;
   }
   summary->initial_cost = initial_cost;
+  // The relaxation comes before iteration 0.
+  for (ceres::IterationSummary& iteration : summary->iterations) {
+    iteration.cumulative_time_in_seconds += seconds.count();
+  }
   summary->total_time_in_seconds += seconds.count();
   summary->message += takes_it     ? "; from relaxed poses"
                       : is_relaxed ? "; relaxed poses cost more than the start"
