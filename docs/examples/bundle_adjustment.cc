@@ -15,17 +15,21 @@
 // Loss:       Huber, of scale 2: residuals above a pixel count linearly.
 // Gauge:      camera 0 is constant, and |t_1| is, by a SphereManifold. Nothing
 //             else fixes where the world is and how large.
-// Expect:     points within a hundredth of the truth, by either solver, and
-//             no gain from half-inverse steps: where Gauss-Newton's linear
-//             model holds, nothing is faster.
+// Expect:     points within a hundredth of the truth, by any solver, and no gain
+//             from proposals: where Gauss-Newton's linear model holds, nothing
+//             is faster.
 //
-// Solved by Ceres' Levenberg-Marquardt, and by the same with half-inverse steps
-// proposed. Exits with 0 if both find the points within kTolerance of the truth
-// (root of the mean square of |X_j - truth|).
+// Solved by Ceres' Levenberg-Marquardt, by the same with geodesic steps proposed,
+// and by the same with a closed form as the proposal: the cameras stay, and each
+// point is triangulated from them. Exits with 0 if all find the points within
+// kTolerance of the truth (root of the mean square of |X_j - truth|).
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "Eigen/Core"
@@ -37,6 +41,7 @@
 #include "ceres/solver.h"
 #include "ceres/sphere_manifold.h"
 #include "glog/logging.h"
+#include "invgrad/proposal.h"
 #include "invgrad/random.h"
 #include "invgrad/rules.h"
 #include "invgrad/update_callback.h"
@@ -147,11 +152,54 @@ double PointError(const Scene& scene, const Scene& truth) {
   return std::sqrt(sum / kNumPoints);
 }
 
-// Adjusts the scene and prints the result; returns the points' error.
-double Adjust(const std::vector<Vector2d>& pixels,
-              const Scene& truth,
-              Scene scene,
-              bool with_half_inverse) {
+// [triangulate]
+// The point closest to its lines of sight, sum_i w_i |(I - d_i d_i^T) (X - c_i)|^2
+// with centers c_i and directions d_i. A line that misses the present point by e
+// pixels has the weight of Huber's loss, 1 / max(1, e), over its squared length.
+bool Triangulate(const std::vector<Camera>& cameras,
+                 const Vector2d* pixels,  // of camera i: pixels[i * kNumPoints]
+                 Eigen::Map<Vector3d> point) {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Vector3d b = Vector3d::Zero();
+  for (const Camera& camera : cameras) {
+    const Vector3d center = -(camera.rotation.conjugate() * camera.translation);
+    const Vector3d sight = (camera.rotation.conjugate() *
+                            Vector3d(pixels->x(), pixels->y(), kFocalLength))
+                               .normalized();
+    const Eigen::Matrix3d across =
+        Eigen::Matrix3d::Identity() - sight * sight.transpose();
+    const double depth = sight.dot(point - center);
+    const double miss =
+        kFocalLength * (across * (point - center)).norm() / depth;
+    const double weight = 1.0 / (std::max(1.0, miss) * depth * depth);
+    A += weight * across;
+    b += weight * across * center;
+    pixels += kNumPoints;
+  }
+  point = A.ldlt().solve(b);
+  return point.allFinite();
+}
+// [/triangulate]
+
+struct Solver {
+  std::string label;
+  std::string rule;           // that proposes; empty: none
+  bool triangulates = false;  // proposes triangulated points
+};
+
+struct Outcome {
+  double error_at_start = 0.0;  // of the points
+  double error = 0.0;
+  ceres::Solver::Summary solver;
+  std::string proposals;
+
+  bool IsTruth() const { return error < kTolerance; }
+};
+
+Outcome Adjust(const std::vector<Vector2d>& pixels,
+               const Scene& truth,
+               Scene scene,
+               const Solver& solver) {
   // Build.
   ceres::Problem problem;
   for (int i = 0; i < kNumCameras; ++i) {
@@ -179,44 +227,75 @@ double Adjust(const std::vector<Vector2d>& pixels,
   options.max_num_iterations = 100;
   options.logging_type = ceres::SILENT;
 
-  const auto rule = invgrad::MakeRule("half_inverse:step_size=auto:rho=1");
+  std::unique_ptr<invgrad::UpdateRule> rule;
   std::optional<invgrad::UpdateCallback> callback;
-  if (with_half_inverse) {
+  if (!solver.rule.empty()) {
+    rule = invgrad::MakeRule(solver.rule);
     callback.emplace(rule.get(), &problem);
-    callback->AddTo(&options);
+  } else if (solver.triangulates) {
+    // [proposal]
+    callback.emplace(
+        [&](const invgrad::ProblemState& x, invgrad::ProblemState* candidate) {
+          std::vector<Camera> cameras;
+          for (const Camera& camera : scene.cameras) {
+            cameras.push_back({Quaterniond(x(camera.rotation.coeffs().data())),
+                               Vector3d(x(camera.translation.data()))});
+          }
+          for (int j = 0; j < kNumPoints; ++j) {
+            if (!Triangulate(cameras,
+                             &pixels[j],
+                             Eigen::Map<Vector3d>(
+                                 (*candidate)(scene.points[j].data())))) {
+              return false;
+            }
+          }
+          return true;
+        },
+        &problem);
+    // [/proposal]
   }
+  if (callback) callback->AddTo(&options);
 
   // Solve.
-  const double error_at_start = PointError(scene, truth);
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  Outcome outcome;
+  outcome.error_at_start = PointError(scene, truth);
+  ceres::Solve(options, &problem, &outcome.solver);
+  outcome.error = PointError(scene, truth);
+  if (callback) outcome.proposals = callback->summary().BriefReport();
+  return outcome;
+}
 
-  // Report.
-  const double point_error = PointError(scene, truth);
+void ReportOne(const Solver& solver, const Outcome& outcome) {
   std::printf(
       "%s: %zu iterations, cost %.4g -> %.4g, error of points %.3g -> %.3g\n",
-      with_half_inverse ? "LM + half-inverse" : "LM",
-      summary.iterations.size() - 1,
-      summary.initial_cost,
-      summary.final_cost,
-      error_at_start,
-      point_error);
-  if (callback)
-    std::printf("  %s\n", callback->summary().BriefReport().c_str());
-  return point_error;
+      solver.label.c_str(),
+      outcome.solver.iterations.size() - 1,
+      outcome.solver.initial_cost,
+      outcome.solver.final_cost,
+      outcome.error_at_start,
+      outcome.error);
+  if (!outcome.proposals.empty()) {
+    std::printf("  %s\n", outcome.proposals.c_str());
+  }
 }
 
 }  // namespace
 
 int main(int /*argc*/, char** argv) {
   google::InitGoogleLogging(argv[0]);
+  const std::vector<Solver> solvers = {{"LM", "", false},
+                                       {"LM + geodesic", "geodesic", false},
+                                       {"LM + triangulation", "", true}};
   NumpyGenerator random(2);
   const Scene truth = TrueScene(&random);
   const std::vector<Vector2d> pixels = Photograph(truth, &random);
   const Scene start = Perturbed(truth, &random);
-  const double lm = Adjust(pixels, truth, start, false);
-  const double half_inverse = Adjust(pixels, truth, start, true);
-  const bool is_found = lm < kTolerance && half_inverse < kTolerance;
+  bool is_found = true;
+  for (const Solver& solver : solvers) {
+    const Outcome outcome = Adjust(pixels, truth, start, solver);
+    ReportOne(solver, outcome);
+    is_found &= outcome.IsTruth();
+  }
   std::printf(
       "truth %s (tolerance %g)\n", is_found ? "found" : "missed", kTolerance);
   return is_found ? 0 : 1;

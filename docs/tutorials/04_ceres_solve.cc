@@ -1,4 +1,4 @@
-// Half-inverse steps in code that calls ceres::Solve: the length and the
+// Geodesic and other steps in code that calls ceres::Solve: the length and the
 // damping of a pendulum, from noisy angles.
 //
 //   q'' = -(g / l) sin q - c q',   angle_i = q(t_i) + noise
@@ -213,7 +213,7 @@ void PrintRow(const char* label,
 }  // namespace
 
 int main(int argc, char** argv) {
-  gflags::SetUsageMessage("proposes half-inverse steps to ceres::Solve");
+  gflags::SetUsageMessage("proposes steps of update rules to ceres::Solve");
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   google::InitGoogleLogging(argv[0]);
   // Ceres logs an error for each start that cannot be simulated; the table

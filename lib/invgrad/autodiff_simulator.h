@@ -3,7 +3,7 @@
 // dozen inputs. For a simulator that steps through time use
 // time_stepping_simulator.h, for fields use field_simulator.h.
 //
-//   y = P(x; c),   J = dP/dx,   H = sum_i w_i d2P_i/dx2
+//   y = P(x; c),   J = dP/dx,   dP/dc,   H = sum_i w_i d2P_i/dx2
 //
 // Shapes:  x: kIn;  y: kOut;  c: kContext.
 //   template <typename T> bool operator()(const T* x, T* y) const;
@@ -12,13 +12,13 @@
 //   bool operator()(const T* x, const double* context, T* y) const;
 // Four samples of a batch are computed at once, by a T of four doubles
 // (internal/lanes.h), unless the functor declines or the context is double*.
-// For a context of four samples write
+// For a context of four samples, and for dP/dc, write
 //   template <typename T, typename C>
 //   bool operator()(const T* x, const C* context, T* y) const;
 // Where a branch on values differs between the four samples, they are repeated
 // one at a time.
-// Cost:    J: one evaluation with Jets of kIn partial derivatives; H: one with
-//          kIn^2.
+// Cost:    J and dP/dc: one evaluation each with Jets of kIn or kContext partial
+//          derivatives; H: one with kIn^2.
 // Fails:   returns false if the functor does or a value is not finite.
 #ifndef INVGRAD_AUTODIFF_SIMULATOR_H_
 #define INVGRAD_AUTODIFF_SIMULATOR_H_
@@ -56,14 +56,27 @@ class AutoDiffSimulator final : public Simulator {
     Scratch<Jet> x_jets(kIn);
     Scratch<Jet> y_jets(kOut);
     for (int i = 0; i < kIn; ++i) x_jets[i] = Jet(x[i], i);
-    if (!Call(x_jets.data(), context, y_jets.data())) return false;
-    // A row-major J is a column-major J^T.
-    Eigen::Map<Eigen::Matrix<double, kIn, kOut>> J_transposed(jacobian);
-    for (int i = 0; i < kOut; ++i) {
-      y[i] = y_jets[i].a;
-      J_transposed.col(i) = y_jets[i].v;
+    return Call(x_jets.data(), context, y_jets.data()) &&
+           Store(y_jets.data(), y, jacobian);
+  }
+
+  bool has_context_jacobian() const override { return kHasContextJacobian; }
+  bool ContextJacobian(const double* x,
+                       const double* context,
+                       double* jacobian) const override {
+    if constexpr (kHasContextJacobian) {
+      using Jet = ceres::Jet<double, kContext>;
+      Scratch<Jet> jets(kIn + kContext + kOut);
+      Jet* const c_jets = jets.data() + kIn;
+      Jet* const y_jets = c_jets + kContext;
+      for (int i = 0; i < kIn; ++i) jets[i] = Jet(x[i]);
+      for (int i = 0; i < kContext; ++i) c_jets[i] = Jet(context[i], i);
+      Scratch<double> y(kOut);
+      return Call(jets.data(), c_jets, y_jets) &&
+             Store(y_jets, y.data(), jacobian);
+    } else {
+      return Simulator::ContextJacobian(x, context, jacobian);
     }
-    return AllFinite(y, kOut) && AllFinite(jacobian, J_transposed.size());
   }
 
   int EvaluateBatch(int count,
@@ -156,6 +169,31 @@ class AutoDiffSimulator final : public Simulator {
     }
   }
   static constexpr bool kHasLanes = HasLanes();
+
+  static constexpr bool HasContextJacobian() {
+    if constexpr (kContext > 0) {
+      using Jet = ceres::Jet<double, kContext>;
+      return std::is_invocable_v<const Functor&, const Jet*, const Jet*, Jet*>;
+    } else {
+      return false;
+    }
+  }
+  static constexpr bool kHasContextJacobian = HasContextJacobian();
+
+  // Copies values and derivatives; returns whether they are finite.
+  template <int kDerivatives>
+  static bool Store(const ceres::Jet<double, kDerivatives>* y_jets,
+                    double* y,
+                    double* jacobian) {
+    // A row-major J is a column-major J^T.
+    Eigen::Map<Eigen::Matrix<double, kDerivatives, kOut>> J_transposed(
+        jacobian);
+    for (int i = 0; i < kOut; ++i) {
+      y[i] = y_jets[i].a;
+      J_transposed.col(i) = y_jets[i].v;
+    }
+    return AllFinite(y, kOut) && AllFinite(jacobian, J_transposed.size());
+  }
 
   // Evaluate for four samples; y and J as in EvaluateBatch.
   bool EvaluateLanes([[maybe_unused]] const double* x,

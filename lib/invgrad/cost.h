@@ -3,7 +3,7 @@
 // blocks; CostFunctionSimulator makes a simulator behind a network of a cost
 // function that you have.
 //
-//   SimulatorCost        r = P(x; c) - y*             blocks: x
+//   SimulatorCost        r = P(x; c) - y*             blocks: x, or x and c
 //   NetworkCost          r = f(a; theta) - x*         blocks: theta
 //   TrainedNetworkCost   r = f(a; theta) - x*         blocks: a
 //   ModelCost            r_s = k (P(f(a_s; theta); c_s) - y*_s)   blocks: theta
@@ -51,9 +51,12 @@ namespace invgrad {
 
 class SimulatorCost final : public ceres::CostFunction {
  public:
-  // `context`: c, if the simulator has one. `residual`: a cost function with one
-  // parameter block, y, in place of y - y*; ceres::NormalPrior(A, target) is
-  // A (y - y*).
+  // `context`: c, constant. Without it, the context of a simulator that has one
+  // is the second parameter block, such as an unknown mass or initial state: only
+  // for a simulator with ContextJacobian (CHECKed), which functors on one scalar
+  // type for input and context have, and all that step a state through time.
+  // `residual`: a cost function with one parameter block, y, in place of y - y*;
+  // ceres::NormalPrior(A, target) is A (y - y*).
   SimulatorCost(std::shared_ptr<const Simulator> simulator,
                 const Eigen::VectorXd& target,
                 Eigen::VectorXd context = {});
@@ -152,8 +155,19 @@ class CostFunctionSimulator final : public Simulator {
                 const double* context,
                 double* y,
                 double* jacobian) const override;
+  bool has_context_jacobian() const override { return num_context_ > 0; }
+  bool ContextJacobian(const double* x,
+                       const double* context,
+                       double* jacobian) const override;
 
  private:
+  // Computes y and, unless null, the Jacobians by all inputs and by the context.
+  bool EvaluateBlocks(const double* x,
+                      const double* context,
+                      double* y,
+                      double* input_jacobian,
+                      double* context_jacobian) const;
+
   const std::shared_ptr<const ceres::CostFunction> cost_function_;
   int num_input_blocks_ = 0;
   int num_inputs_ = 0;

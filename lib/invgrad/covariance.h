@@ -77,8 +77,8 @@ class Covariance {
     Eigen::VectorXd values;  // ambient
     Eigen::VectorXd undetermined_shares;
     Eigen::VectorXd standard_deviations;
-    // How much the threshold of the rank matters. Zero for groups with more than
-    // rank.max_dense_size parameters, of which it is not known.
+    // How much the threshold of the rank matters. NaN, which is not known, in
+    // groups with more than rank.max_dense_size parameters.
     // The part of the variance that comes from directions with
     // threshold < s / s_max <= weak_threshold (rank_report.h).
     Eigen::VectorXd weak_variances;

@@ -45,6 +45,7 @@
 #ifndef INVGRAD_RANK_REPORT_H_
 #define INVGRAD_RANK_REPORT_H_
 
+#include <array>
 #include <functional>
 #include <string>
 #include <vector>
@@ -212,6 +213,15 @@ struct RankReport {
     double relative_length = 0.0;  // to the shorter one of the others
   };
 
+  // Two parameters of a group with the same value, not zero, and parallel columns
+  // of J. If they are two of a kind, such as the rates of two decays, J has lost
+  // rank only there, and they need different start values.
+  struct EqualParameters {
+    std::array<int, 2> blocks = {0, 0};
+    std::array<int, 2> tangents = {0, 0};  // directions of the blocks
+    double value = 0.0;
+  };
+
   // A gauge freedom of a group.
   struct GaugeFreedom {
     int group = 0;
@@ -255,6 +265,7 @@ struct RankReport {
   std::vector<ShortColumn> short_columns;  // of blocks without group_sizes
   std::vector<Direction> undetermined;     // without the unused parameters
   std::vector<Direction> weak;
+  std::vector<EqualParameters> equal_parameters;
   std::vector<GaugeFreedom> gauges;
   std::vector<Suggestion> suggestions;
 

@@ -106,6 +106,14 @@ class Simulator {
                                const double* w,
                                double* hessian) const;
 
+  // Computes dP/dc, num_outputs x num_context, row-major. Optional: only a
+  // SimulatorCost with the context as a parameter block (cost.h) needs it.
+  // Override both functions or neither.
+  virtual bool has_context_jacobian() const { return false; }
+  virtual bool ContextJacobian(const double* x,
+                               const double* context,
+                               double* jacobian) const;
+
   // Whether J is the same for every x and context, and the simulator applies
   // its inverse powers: pull-backs then decompose nothing. Optional; override
   // both functions or neither.

@@ -100,6 +100,75 @@ TEST(SimulatorCost, IsCeresAutoDiffOfTheFunctor) {
   ExpectEqual(cost, expected, {x});
 }
 
+// The context as the second parameter block: an unknown parameter of the
+// physics.
+struct CurvedResidualOfBoth {
+  template <typename T>
+  bool operator()(const T* x, const T* context, T* r) const {
+    if (!Curved()(x, context, r)) return false;
+    for (int i = 0; i < 3; ++i) r[i] -= target[i];
+    return true;
+  }
+  Vector3d target;
+};
+
+TEST(SimulatorCost, TakesTheContextAsAParameterBlock) {
+  const Vector3d target(0.3, -0.2, 1.0);
+  const ceres::AutoDiffCostFunction<CurvedResidualOfBoth, 3, 2, 1> expected(
+      new CurvedResidualOfBoth{target});
+  const double x[] = {0.4, -1.3};
+  const double context[] = {0.7};
+  ExpectEqual(SimulatorCost(std::make_shared<CurvedSimulator>(), target),
+              expected,
+              {x, context});
+  // Through a cost function as the simulator, and a residual behind it.
+  const auto functor = std::make_shared<
+      ceres::AutoDiffCostFunction<CurvedResidualOfBoth, 3, 2, 1>>(
+      new CurvedResidualOfBoth{Vector3d::Zero()});
+  ExpectEqual(
+      SimulatorCost(std::make_shared<CostFunctionSimulator>(functor, 1),
+                    std::make_shared<ceres::NormalPrior>(
+                        MatrixXd(MatrixXd::Identity(3, 3)), VectorXd(target))),
+      expected,
+      {x, context});
+}
+
+// Only one of the two blocks is variable.
+TEST(SimulatorCost, ConstantBlocksNeedNoJacobian) {
+  const SimulatorCost cost(std::make_shared<CurvedSimulator>(),
+                           Vector3d::Zero());
+  const double x[] = {0.4, -1.3};
+  const double context[] = {0.7};
+  const double* const parameters[] = {x, context};
+  Vector3d r;
+  Eigen::Matrix<double, 3, 2, Eigen::RowMajor> of_input;
+  Vector3d of_context;
+  double* only_input[] = {of_input.data(), nullptr};
+  double* only_context[] = {nullptr, of_context.data()};
+  ASSERT_TRUE(cost.Evaluate(parameters, r.data(), only_input));
+  ASSERT_TRUE(cost.Evaluate(parameters, r.data(), only_context));
+  EXPECT_LE((of_input.row(0) - Eigen::RowVector2d(-0.91, 0.28)).norm(),
+            kRounding);
+  EXPECT_LE((of_context - Vector3d(-0.52, 0.0, 0.0)).norm(), kRounding);
+}
+
+// A functor whose context is double* has no derivatives by it.
+struct ConstantContext {
+  template <typename T>
+  bool operator()(const T* x, const double* context, T* y) const {
+    y[0] = x[0] * context[0];
+    return true;
+  }
+};
+
+TEST(SimulatorCost, ContextWithoutDerivativesIsNoParameterBlock) {
+  const auto simulator =
+      std::make_shared<AutoDiffSimulator<ConstantContext, 1, 1, 1>>();
+  EXPECT_FALSE(simulator->has_context_jacobian());
+  EXPECT_DEATH(SimulatorCost(simulator, VectorXd::Zero(1)),
+               "give the context to the constructor");
+}
+
 // A (y - y*) by Ceres' own NormalPrior: the residual in front of the simulator.
 TEST(SimulatorCost, TakesAnyResidualOfTheOutput) {
   const Vector3d target(0.3, -0.2, 1.0);
@@ -129,7 +198,8 @@ TEST(SimulatorCost, SizesMustFit) {
   const auto simulator = std::make_shared<CurvedSimulator>();
   EXPECT_DEATH(SimulatorCost(simulator, Vector2d(1.0, 2.0), VectorXd::Ones(1)),
                "target_.size");
-  EXPECT_DEATH(SimulatorCost(simulator, Vector3d::Zero()), "context_.size");
+  EXPECT_DEATH(SimulatorCost(simulator, Vector3d::Zero(), Vector2d::Zero()),
+               "context_.size");
 }
 
 class EveryActivation : public testing::TestWithParam<Activation> {
@@ -229,6 +299,9 @@ TEST(CostFunctions, PassCeresGradientChecker) {
                       target,
                       VectorXd::Constant(1, 0.7)),
         {x});
+  double context[] = {0.7};
+  check(SimulatorCost(std::make_shared<CurvedSimulator>(), target),
+        {x, context});
   check(NetworkCost(network, Vector2d(0.6, -0.4), target),
         WeightBlocks(*network, weights.data()));
   check(TrainedNetworkCost(network, weights, target), {x});

@@ -47,9 +47,8 @@ struct Terms {
 };
 
 // The whole roll-out on one scalar type: the oracle.
-template <typename T>
-std::vector<T> Trajectory(const std::vector<T>& controls,
-                          const VectorXd& start) {
+template <typename T, typename Start>
+std::vector<T> Trajectory(const std::vector<T>& controls, const Start& start) {
   std::vector<T> state{T(start[0]), T(start[1])};
   std::vector<T> next(2);
   std::vector<T> y(kNumSteps * kNumOutputs);
@@ -100,6 +99,36 @@ TEST_F(TrajectorySimulatorTest, JacobianIsThatOfJetsThroughTheRollOut) {
     // Later controls change nothing, to the bit.
     const int num_later = (kNumSteps - 1 - i / kNumOutputs) * kNumControls;
     EXPECT_EQ(J.row(i).tail(num_later).norm(), 0.0);
+  }
+}
+
+TEST_F(TrajectorySimulatorTest, ContextJacobianIsThatOfJetsOfTheStart) {
+  using Jet = ceres::Jet<double, 2>;
+  std::vector<Jet> start{Jet(start_[0], 0), Jet(start_[1], 1)};
+  const std::vector<Jet> controls(controls_.begin(), controls_.end());
+  const std::vector<Jet> y = Trajectory(controls, start);
+  RowMajorMatrix jacobian(kNumSteps * kNumOutputs, 2);
+  ASSERT_TRUE(simulator_.has_context_jacobian());
+  ASSERT_TRUE(simulator_.ContextJacobian(
+      controls_.data(), start_.data(), jacobian.data()));
+  for (int i = 0; i < jacobian.rows(); ++i) {
+    EXPECT_LE((jacobian.row(i).transpose() - y[i].v).norm(), kRounding)
+        << "output " << i;
+  }
+  // Without outputs y is the last state.
+  const TimeSteppingSimulator<PendulumStep> last(
+      PendulumStep(), 2, kNumControls, kNumSteps);
+  std::vector<Jet> state = start;
+  for (int t = 0; t < kNumSteps; ++t) {
+    std::vector<Jet> next(2);
+    PendulumStep()(state.data(), &controls[t * kNumControls], next.data());
+    state = next;
+  }
+  RowMajorMatrix of_last(2, 2);
+  ASSERT_TRUE(
+      last.ContextJacobian(controls_.data(), start_.data(), of_last.data()));
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_LE((of_last.row(i).transpose() - state[i].v).norm(), kRounding);
   }
 }
 

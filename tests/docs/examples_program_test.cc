@@ -42,13 +42,13 @@ TEST_F(ExamplesTest, CurveFitting) {
 
 TEST_F(ExamplesTest, BundleAdjustment) {
   const Output output = RunExample("bundle_adjustment");
-  ExpectTruthFound(output, "half-inverse");
+  ExpectTruthFound(output, "geodesic");
   ExpectSays(output, {"LM: ", "error of points"});
 }
 
 TEST_F(ExamplesTest, PoseGraph) {
   const Output output = RunExample("pose_graph");
-  ExpectTruthFound(output, "half-inverse");
+  ExpectTruthFound(output, "geodesic");
   ExpectSays(output, {"error of the odometry", "error of positions"});
 }
 

@@ -45,6 +45,8 @@ RankReport FullRankReport() {
   report.unused.push_back({0, true, false, false, {1}});
   report.undetermined.push_back(SomeDirection());
   report.weak.push_back(SomeDirection());
+  report.short_columns.push_back({0, 1, 0.01});
+  report.equal_parameters.push_back({{0, 0}, {0, 1}, 2.5});
   report.gauges.push_back({0, "plane", 3, {0}});
   report.suggestions.push_back({0, 0, true, {0}, 1});
   return report;

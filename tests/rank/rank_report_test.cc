@@ -63,6 +63,40 @@ TEST(RankReport, ProductLeavesAFactorOpen) {
       << text;
 }
 
+// a_1 exp(-b_1 t) + a_2 exp(-b_2 t), x = (a_1, b_1, a_2, b_2).
+struct TwoDecays {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    using std::exp;
+    for (int i = 0; i < 20; ++i) {
+      const double t = 0.2 * i;
+      r[i] = x[0] * exp(-x[1] * t) + x[2] * exp(-x[3] * t) - 1.0;
+    }
+    return true;
+  }
+};
+
+TEST(RankReport, EqualRatesAreNamed) {
+  double x[] = {2.0, 0.5, 1.0, 0.5};  // the amplitudes differ
+  ceres::Problem problem;
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<TwoDecays, 20, 4>(new TwoDecays),
+      nullptr,
+      x);
+  RankReport report = Report(problem, RankReport::Options());
+  EXPECT_EQ(report.rank, 2);
+  ASSERT_EQ(report.equal_parameters.size(), 1u);
+  EXPECT_EQ(report.equal_parameters[0].value, 0.5);
+  EXPECT_EQ(report.equal_parameters[0].tangents, (std::array<int, 2>{1, 3}));
+  EXPECT_NE(report.ToText().find("`block 0`[1] and `block 0`[3] = 0.5"),
+            std::string::npos)
+      << report.ToText();
+  x[3] = 0.7;
+  report = Report(problem, RankReport::Options());
+  EXPECT_EQ(report.rank, 4);
+  EXPECT_TRUE(report.equal_parameters.empty());
+}
+
 // r_0 = x + 2 y, r_1 = z: x and y occur only as a sum; z is fine. The two
 // groups do not mix.
 TEST(RankReport, SumIsSeparateFromTheRest) {

@@ -88,44 +88,65 @@ SimulatorCost::SimulatorCost(
       target_(std::move(target)),
       context_(std::move(context)) {
   CHECK(simulator_ != nullptr);
-  CHECK_EQ(context_.size(), simulator_->num_context());
   *mutable_parameter_block_sizes() = {simulator_->num_inputs()};
+  if (context_.size() == 0 && simulator_->num_context() > 0) {
+    CHECK(simulator_->has_context_jacobian())
+        << "The simulator has no derivatives with respect to its context: give "
+           "the context to the constructor.";
+    mutable_parameter_block_sizes()->push_back(simulator_->num_context());
+  } else {
+    CHECK_EQ(context_.size(), simulator_->num_context());
+  }
 }
 
 bool SimulatorCost::Evaluate(const double* const* parameters,
                              double* residuals,
                              double** jacobians) const {
   const double* const x = parameters[0];
-  const double* const context = context_.data();
-  const bool wants_jacobian = jacobians != nullptr && jacobians[0] != nullptr;
-  VectorXd y(simulator_->num_outputs());
-  MatrixXd J;
-  if (wants_jacobian) {
+  const bool has_context_block = parameter_block_sizes().size() == 2;
+  const double* const context =
+      has_context_block ? parameters[1] : context_.data();
+  double* const of_input = jacobians == nullptr ? nullptr : jacobians[0];
+  double* const of_context =
+      jacobians == nullptr || !has_context_block ? nullptr : jacobians[1];
+  const Index num_y = simulator_->num_outputs();
+  VectorXd y(num_y);
+  MatrixXd J;          // dy/dx
+  RowMajorMatrix J_c;  // dy/dc
+  if (of_input != nullptr) {
     const auto linearized = simulator_->Linearize(x, context, y.data());
     if (linearized == nullptr) return false;
     linearized->ToDense(&J);
   } else if (!simulator_->Evaluate(x, context, y.data(), nullptr)) {
     return false;
   }
+  if (of_context != nullptr) {
+    J_c.resize(num_y, simulator_->num_context());
+    if (!simulator_->ContextJacobian(x, context, J_c.data())) return false;
+  }
   RowMajorMatrix R;  // dr/dy
   if (residual_ == nullptr) {
     Eigen::Map<VectorXd>(residuals, num_residuals()) = y - target_;
   } else {
-    R.resize(num_residuals(), y.size());
+    R.resize(num_residuals(), num_y);
     const double* const of_y = y.data();
     double* of_residual = R.data();
     if (!residual_->Evaluate(
-            &of_y, residuals, wants_jacobian ? &of_residual : nullptr)) {
+            &of_y, residuals, jacobians != nullptr ? &of_residual : nullptr)) {
       return false;
     }
   }
-  if (!wants_jacobian) return true;
-  Eigen::Map<RowMajorMatrix> jacobian(jacobians[0], num_residuals(), J.cols());
-  if (residual_ == nullptr) {
-    jacobian = J;
-  } else {
-    jacobian.noalias() = R * J;
-  }
+  const auto store = [&](const auto& of_y, double* jacobian) {
+    if (jacobian == nullptr) return;
+    Eigen::Map<RowMajorMatrix> of_block(jacobian, num_residuals(), of_y.cols());
+    if (residual_ == nullptr) {
+      of_block = of_y;
+    } else {
+      of_block.noalias() = R * of_y;
+    }
+  };
+  store(J, of_input);
+  store(J_c, of_context);
   return true;
 }
 
@@ -281,36 +302,55 @@ bool CostFunctionSimulator::Evaluate(const double* x,
                                      const double* context,
                                      double* y,
                                      double* jacobian) const {
+  return EvaluateBlocks(x, context, y, jacobian, nullptr);
+}
+
+bool CostFunctionSimulator::ContextJacobian(const double* x,
+                                            const double* context,
+                                            double* jacobian) const {
+  VectorXd y(num_outputs());
+  return EvaluateBlocks(x, context, y.data(), nullptr, jacobian);
+}
+
+bool CostFunctionSimulator::EvaluateBlocks(const double* x,
+                                           const double* context,
+                                           double* y,
+                                           double* input_jacobian,
+                                           double* context_jacobian) const {
   const std::vector<int32_t>& sizes = cost_function_->parameter_block_sizes();
+  const int num_blocks = static_cast<int>(sizes.size());
+  const auto jacobian_of = [&](int b) {
+    return b < num_input_blocks_ ? input_jacobian : context_jacobian;
+  };
   std::vector<const double*> parameters;
   std::vector<double*> jacobians;
-  RowMajorMatrix memory;  // the Jacobians of the blocks, one after the other
-  if (jacobian != nullptr) memory.resize(num_inputs(), num_outputs());
-  double* of_block = memory.data();
-  for (int b = 0; b < static_cast<int>(sizes.size()); ++b) {
-    const bool is_input = b < num_input_blocks_;
-    const double*& values = is_input ? x : context;
+  std::vector<RowMajorMatrix> memory(num_blocks);
+  for (int b = 0; b < num_blocks; ++b) {
+    const double*& values = b < num_input_blocks_ ? x : context;
     parameters.push_back(values);
     values += sizes[b];
-    jacobians.push_back(is_input ? of_block : nullptr);
-    if (is_input && jacobian != nullptr) of_block += sizes[b] * num_outputs();
+    if (jacobian_of(b) != nullptr) memory[b].resize(num_outputs(), sizes[b]);
+    jacobians.push_back(jacobian_of(b) == nullptr ? nullptr : memory[b].data());
   }
+  const bool wants_jacobian =
+      input_jacobian != nullptr || context_jacobian != nullptr;
   if (!cost_function_->Evaluate(
-          parameters.data(),
-          y,
-          jacobian == nullptr ? nullptr : jacobians.data()) ||
+          parameters.data(), y, wants_jacobian ? jacobians.data() : nullptr) ||
       !AllFinite(y, num_outputs())) {
     return false;
   }
-  if (jacobian == nullptr) return true;
-  Eigen::Map<RowMajorMatrix> J(jacobian, num_outputs(), num_inputs());
-  Index first = 0;
-  for (int b = 0; b < num_input_blocks_; ++b) {
-    J.middleCols(first, sizes[b]) =
-        Eigen::Map<const RowMajorMatrix>(jacobians[b], num_outputs(), sizes[b]);
-    first += sizes[b];
-  }
-  return AllFinite(jacobian, J.size());
+  const auto store = [&](int begin, int end, double* jacobian, int cols) {
+    if (jacobian == nullptr) return true;
+    Eigen::Map<RowMajorMatrix> J(jacobian, num_outputs(), cols);
+    Index first = 0;
+    for (int b = begin; b < end; ++b) {
+      J.middleCols(first, sizes[b]) = memory[b];
+      first += sizes[b];
+    }
+    return AllFinite(jacobian, J.size());
+  };
+  return store(0, num_input_blocks_, input_jacobian, num_inputs()) &&
+         store(num_input_blocks_, num_blocks, context_jacobian, num_context());
 }
 
 // --- Problems ---

@@ -109,6 +109,14 @@ bool Simulator::WeightedHessian(const double* /*x*/,
   return false;
 }
 
+bool Simulator::ContextJacobian(const double* /*x*/,
+                                const double* /*context*/,
+                                double* /*jacobian*/) const {
+  LOG(FATAL) << "the simulator has no ContextJacobian; check "
+                "has_context_jacobian() first";
+  return false;
+}
+
 void Simulator::InversePower(double /*kappa*/,
                              double /*tau*/,
                              const double* /*d_y*/,

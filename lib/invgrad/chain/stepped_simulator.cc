@@ -162,6 +162,32 @@ void SteppedSimulator::ChainToOutputs(const double* G, double* jacobian) const {
   }
 }
 
+bool SteppedSimulator::ContextJacobian(const double* x,
+                                       const double* context,
+                                       double* jacobian) const {
+  const Index ns = state_size_;
+  const Index no = output_size_;
+  const Index size = ns + control_size_;
+  const Index rows = ns + no;
+  Scratch<double> y(num_outputs());
+  Scratch<double> G(num_steps_ * rows * size);
+  if (!RollOut<double>(x, context, rows, y.data(), nullptr, G.data())) {
+    return false;
+  }
+  // Transposed, because row-major matrices are accessed by columns.
+  Map<MatrixXd> J(jacobian, ns, num_outputs());
+  MatrixXd W = MatrixXd::Identity(ns, ns);
+  MatrixXd next(ns, rows);
+  for (Index t = 0; t < num_steps_; ++t) {
+    const Map<const MatrixXd> G_t(G.data() + t * rows * size, size, rows);
+    next.noalias() = W * G_t.topRows(ns);
+    W = next.leftCols(ns);
+    if (no > 0) J.middleCols(t * no, no) = next.rightCols(no);
+  }
+  if (no == 0) J = W;
+  return AllFinite(jacobian, J.size());
+}
+
 bool SteppedSimulator::Adjoint(const double* x,
                                const double* context,
                                const Covector& covector,

@@ -211,9 +211,12 @@ class Covariance::Computation {
         const int tangent = group.columns[i] - block.block.column;
         block.undetermined_shares[tangent] =
             std::min(1.0, inverse.V_0.row(i).squaredNorm());
-        if (inverse.weak_variances.size() == 0) continue;
-        block.weak_variances[tangent] = inverse.weak_variances[i];
-        block.omitted_variances[tangent] = inverse.omitted_variances[i];
+        const bool is_known = inverse.weak_variances.size() > 0;
+        constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+        block.weak_variances[tangent] =
+            is_known ? inverse.weak_variances[i] : kNaN;
+        block.omitted_variances[tangent] =
+            is_known ? inverse.omitted_variances[i] : kNaN;
       }
     }
     for (std::size_t p = 0; p < requests.pairs.size(); ++p) {

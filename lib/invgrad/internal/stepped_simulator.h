@@ -12,6 +12,7 @@
 //   Jacobian  of s_N:  C = I;  for t = N-1 .. 0:   J_t = C B_t,   C = C A_t
 //             of z:    W = 0;  for t = 0 .. N-1:
 //               dz_t/dx = C_t W + D_t dx_t,   W = A_t W + B_t dx_t
+//   context   W = I;  for t = 0 .. N-1:   dz_t/dc = C_t W,   W = A_t W
 //   adjoint   for t = N-1 .. 0:   [p; x_bar_t] = G_t^T [p; w_t]
 //   Hessian   of F = p . s_N + sum_t w_t . z_t in x. Before step t let p, P =
 //             dF/ds, d2F/ds2 and R = the mixed derivatives with respect to s
@@ -69,6 +70,10 @@ class SteppedSimulator : public Simulator, public Feedback {
                    const double* contexts,
                    const BatchCovector& covector,
                    double* x_bar) const override;
+  bool has_context_jacobian() const override { return true; }
+  bool ContextJacobian(const double* x,
+                       const double* context,
+                       double* jacobian) const override;
   bool has_weighted_hessian() const override { return true; }
   bool WeightedHessian(const double* x,
                        const double* context,

@@ -84,6 +84,18 @@ static void to_json(Json& json, const RankReport::GaugeFreedom& gauge) {
           {"directions", gauge.directions}};
 }
 
+static void to_json(Json& json, const RankReport::ShortColumn& column) {
+  json = {{"block", column.block},
+          {"tangent", column.tangent},
+          {"relative_length", column.relative_length}};
+}
+
+static void to_json(Json& json, const RankReport::EqualParameters& equal) {
+  json = {{"blocks", equal.blocks},
+          {"tangents", equal.tangents},
+          {"value", equal.value}};
+}
+
 static void to_json(Json& json, const RankReport::Suggestion& suggestion) {
   json = {{"group", suggestion.group},
           {"block", suggestion.block},
@@ -97,6 +109,8 @@ static void to_json(Json& json, const Covariance::Block& block) {
   json["values"] = Array(block.values);
   json["undetermined_shares"] = Array(block.undetermined_shares);
   json["standard_deviations"] = Array(block.standard_deviations);
+  json["weak_variances"] = Array(block.weak_variances);
+  json["omitted_variances"] = Array(block.omitted_variances);
 }
 
 static void to_json(Json& json, const DomainFailure::Parameter& parameter) {
@@ -126,8 +140,10 @@ void to_json(Json& json, const RankReport& report) {
           {"longest_column", report.longest_column},
           {"blocks", report.blocks},
           {"unused", report.unused},
+          {"short_columns", report.short_columns},
           {"undetermined", report.undetermined},
           {"weak", report.weak},
+          {"equal_parameters", report.equal_parameters},
           {"gauges", report.gauges},
           {"suggestions", report.suggestions}};
 }
@@ -172,6 +188,7 @@ void to_json(Json& json, const UpdateCallback::Summary& summary) {
           {"ended_on_proposal", summary.ended_on_proposal},
           {"has_converged", summary.has_converged},
           {"num_plain_iterations", summary.num_plain_iterations},
+          {"num_limited_steps", summary.num_limited_steps},
           {"took_plain_result", summary.took_plain_result},
           {"predicted_decrease", summary.predicted_decrease}};
 }

@@ -31,6 +31,13 @@ void DescribeTrustRegion(const std::vector<std::string>& linear_solvers,
   draft->set.Add("use_nonmonotonic_steps",
                  &draft->options->use_nonmonotonic_steps,
                  "allow the cost to rise for a few steps");
+  draft->set.Add("jacobi_scaling",
+                 &draft->options->jacobi_scaling,
+                 "scale the columns of J by their lengths at the start");
+  draft->set.Add("use_inner_iterations",
+                 &draft->options->use_inner_iterations,
+                 "after each step, solve for blocks that no residual couples, "
+                 "such as points");
   draft->set.Add(
       "linear_solver",
       &draft->linear_solver,

@@ -1,7 +1,9 @@
 #include "invgrad/rank/describe_group.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -63,6 +65,32 @@ class GroupDescription {
     Suggest(basis.rest, kMaxAnchors);
   }
 
+  // Of the pairs with equal values, those whose columns of J are parallel: a
+  // null vector has no other entries.
+  void FindEqualParameters(const MatrixXd& V) {
+    std::vector<Parameter> parameters = ParametersOf(V);
+    std::sort(parameters.begin(),
+              parameters.end(),
+              [](const Parameter& a, const Parameter& b) {
+                return std::tie(a.value, a.row) < std::tie(b.value, b.row);
+              });
+    for (std::size_t k = 1; k < parameters.size(); ++k) {
+      constexpr double kEqual = 1e-9;
+      constexpr double kUnseen = 1.0 - 1e-9;
+      const Parameter& a = parameters[k - 1];
+      const Parameter& b = parameters[k];
+      if (!(b.value - a.value <= kEqual * std::abs(a.value))) continue;
+      const double share_a = V.row(a.row).squaredNorm();
+      const double share_b = V.row(b.row).squaredNorm();
+      const double largest_share =
+          0.5 * (share_a + share_b) +
+          std::hypot(0.5 * (share_a - share_b), V.row(a.row).dot(V.row(b.row)));
+      if (largest_share < kUnseen) continue;
+      report_.equal_parameters.push_back(
+          {{a.block, b.block}, {a.tangent, b.tangent}, a.value});
+    }
+  }
+
   void DescribeWeak(const MatrixXd& V) {
     // Names a gauge freedom that a weak prior removes, if it explains all weak
     // directions, or this one.
@@ -75,6 +103,30 @@ class GroupDescription {
   }
 
  private:
+  struct Parameter {
+    double value = 0.0;
+    int row = 0;  // of V
+    int block = 0;
+    int tangent = 0;
+  };
+
+  // Those that V moves, except zeros and tangent directions without a value.
+  std::vector<Parameter> ParametersOf(const MatrixXd& V) const {
+    std::vector<Parameter> parameters;
+    for (std::size_t b = 0; b < group_.blocks.size(); ++b) {
+      const RankReport::Block& block = report_.blocks[group_.blocks[b]];
+      for (int i = group_.offsets[b]; i < group_.offsets[b + 1]; ++i) {
+        const int tangent = group_.columns[i] - block.column;
+        const int component = block.components[tangent];
+        if (component < 0 || V.row(i).norm() <= kNoPart) continue;
+        const double value = block.values[component];
+        if (value == 0.0) continue;
+        parameters.push_back({value, i, group_.blocks[b], tangent});
+      }
+    }
+    return parameters;
+  }
+
   // Adds v, of length one, to the reported span. Returns false if v is not
   // independent of it.
   bool Report(const VectorXd& v) {
@@ -176,7 +228,10 @@ void DescribeGroup(const RankReport::Options& options,
                    RankReport* report) {
   if (null_space.cols() == 0 && weak.cols() == 0) return;
   GroupDescription description(options, problem, group, g, report);
-  if (null_space.cols() > 0) description.DescribeNullSpace(null_space);
+  if (null_space.cols() > 0) {
+    description.DescribeNullSpace(null_space);
+    description.FindEqualParameters(null_space);
+  }
   if (weak.cols() > 0) description.DescribeWeak(weak);
 }
 

@@ -1,6 +1,6 @@
 // Describes the null space and the weak directions of one group of blocks:
-// directions in a readable basis, gauge freedoms by name, and blocks to hold
-// constant.
+// directions in a readable basis, gauge freedoms by name, equal parameters, and
+// blocks to hold constant.
 #ifndef INVGRAD_RANK_DESCRIBE_GROUP_H_
 #define INVGRAD_RANK_DESCRIBE_GROUP_H_
 

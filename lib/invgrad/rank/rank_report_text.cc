@@ -41,6 +41,7 @@ class Text {
     Unused();
     Undetermined();
     Weak();
+    EqualParameters();
     ShortColumns();
     WhatToDo();
     return text_;
@@ -208,6 +209,24 @@ class Text {
           FormatNumber(direction.singular_value, 2),
           direction.gauge.empty() ? "" : "part of " + direction.gauge + ":",
           Motion(direction));
+    });
+  }
+
+  void EqualParameters() {
+    if (report_.equal_parameters.empty()) return;
+    text_ +=
+        "\nequal values with parallel columns of J; two parameters of a kind, "
+        "such "
+        "as the rates\nof two decays, need different start values, because J "
+        "loses "
+        "rank where they coincide:\n";
+    AddLines(report_.equal_parameters.size(), [this](std::size_t i) {
+      const RankReport::EqualParameters& equal = report_.equal_parameters[i];
+      const auto name = [&](int k) {
+        return report_.blocks[equal.blocks[k]].ParameterName(equal.tangents[k]);
+      };
+      return fmt::format(
+          "  {} and {} = {}", name(0), name(1), FormatNumber(equal.value, 3));
     });
   }
 
