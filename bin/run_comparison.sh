@@ -18,7 +18,7 @@ build_release compare
 # --- The comparison itself ---
 # The best step sizes of small grids for the first-order rules, the published one
 # for half_inverse:truncation=1e-10, Adam and sip_gradient (the book's
-# scale-invariant training); auto and the adaptive rules need none. Ceres'
+# scale-invariant training); auto, adaptive and geodesic need none. Ceres'
 # minimizers work on all samples at once.
 rules=(
   gradient_descent:step_size=3e-2:momentum=0.9:batch_size=256
@@ -26,7 +26,7 @@ rules=(
   sip_gradient:step_size=1e-3:batch_size=256
   half_inverse:truncation=1e-10
   adaptive
-  adaptive_power
+  geodesic
   gauss_newton:step_size=auto
   kfac_half_inverse:step_size=auto
   ceres_lbfgs

@@ -36,7 +36,7 @@ DEFINE_string(rules,
               "adam:step_size=3e-2:schedule=cosine,"
               "half_inverse,"
               "half_inverse:step_size=auto,"
-              "adaptive_power,"
+              "power:step_size=auto:control=gain,"
               "ceres_lm:initial_trust_region_radius=1",
               "what to compare; `compare --list` shows all rules and options");
 DEFINE_bool(calibrate, true, "train with the geometry found by Ceres");

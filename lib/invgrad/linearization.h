@@ -112,7 +112,8 @@ struct Linearization {
       const Eigen::VectorXd& v, Eigen::VectorXd* Hv, std::string* error)>
       hessian_times;
 
-  LinearizeAfter after;  // empty: not known
+  LinearizeAfter after;    // empty: not known
+  double norm_of_x = 0.0;  // |x|; set with `after`
 
   // g, J, H_L and the curve of this rank's samples, if ranks share J
   // (shared_jacobian.h); null: those above.

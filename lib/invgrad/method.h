@@ -23,6 +23,8 @@
 // phase but the last has a share of the run, epochs= or steps=, whichever ends
 // first; the last phase has the rest of the budget. A minimizer of Ceres can
 // only be the last phase. train.h says how phases follow each other in a run.
+// batch_size=auto, the default of rules with RuleRow::races_batch_size, begins
+// with the run's batch size and races it against others (train/batch_race.h).
 #ifndef INVGRAD_METHOD_H_
 #define INVGRAD_METHOD_H_
 
@@ -46,6 +48,7 @@ struct Phase {
   const CeresMethodRow* ceres = nullptr;
   Settings ceres_settings;
   int batch_size = -1;  // -1: not set
+  bool races_batch_size = false;
   // The share of the run; 0: not set.
   int num_epochs = 0;
   int num_steps = 0;

@@ -48,6 +48,9 @@ struct RuleRow {
   std::function<std::unique_ptr<UpdateRule>(const Settings& settings,
                                             std::string* error)>
       create;
+  // Whether training races the batch size (batch_size=auto of method.h), unless
+  // the method sets one.
+  bool races_batch_size = false;
 };
 
 // All rows, the registered ones last. RegisterRule invalidates iterators.

@@ -75,9 +75,8 @@ namespace invgrad {
 //
 //   step = -eta V phi(S) U^T g,   J = U S V^T
 //
-//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2) x^a / (x^a + noise)
-//                                                  for s > tau s_max, else 0
-//   lambda = damping + relative_damping s_max^2,   x = (s / s_max)^2
+//   phi(s) = s (s^2 + lambda)^(-(1 + kappa) / 2)   for s > tau s_max, else 0
+//   lambda = damping + relative_damping s_max^2
 //
 //   rule                         phi(s)
 //   gradient descent             s               kappa = -1, tau = 0
@@ -86,10 +85,6 @@ namespace invgrad {
 //   power, kappa in [-1, 1]      s^-kappa        lambda = 0
 //   Levenberg-Marquardt          s / (s^2 + lambda)       kappa = 1, tau = 0
 //   clamped                      phi(max(s, tau s_max))
-//
-// The last factor is a Wiener filter: the share of signal in a coefficient of g
-// whose signal has the variance x^a in units in which its noise has the
-// variance `noise` (evidence.h estimates both). It is 1 for noise = 0.
 //
 // With damping, phi acts as gradient descent on values well below sqrt(lambda),
 // and as a power on values well above. Truncation is relative and strict: a
@@ -104,8 +99,6 @@ struct SpectralFilter {
   bool clamp = false;             // raise small values to tau s_max instead
   double damping = 0.0;           // >= 0, in units of s^2
   double relative_damping = 0.0;  // >= 0, in units of s_max^2
-  double noise = 0.0;             // >= 0, in units of the largest signal
-  double signal_exponent = 1.0;   // a in (0, 1]
 
   static SpectralFilter Power(double kappa, double tau);
   static SpectralFilter HalfInverse(double tau) { return Power(0.5, tau); }
@@ -123,16 +116,8 @@ struct SpectralFilter {
   // (1 + kappa) / 2: phi(s) = s f(s^2) with f(x) = (x + lambda)^-Exponent().
   double Exponent() const { return 0.5 * (1.0 + kappa); }
 
-  // The share of signal x^a / (x^a + noise) at x, real or complex.
-  template <typename T>
-  T SignalShare(T x) const {
-    using std::pow;
-    const T signal = signal_exponent == 1.0 ? x : pow(x, signal_exponent);
-    return signal / (signal + noise);
-  }
-
   // The argument of the maximum of phi on (0, highest]; `highest` if phi is
-  // singular at zero. With damping and noise, the smaller of their arguments.
+  // singular at zero.
   double PeakBelow(double highest, double s_max) const;
 
   // True if phi(s) = s, which needs no factorization of J.
@@ -147,23 +132,6 @@ struct SpectralFilter {
  private:
   // sqrt(lambda), without squares that over- or underflow.
   double RootOfDamping(double s_max) const;
-};
-
-// The squared coefficients of a covector in the left singular vectors of J.
-//
-//   c_i^2 = (u_i . g)^2,   J = U S V^T,   lambda_i = s_i^2
-//
-// Shapes:  k = min(m, n) pairs (lambda_i, c_i^2), in any order. The m - k
-//          directions outside the range of U have lambda = 0 and `outside` =
-//          |g|^2 - sum_i c_i^2.
-// Units:   lambda has those of J J^T, c_i^2 those of |g|^2.
-struct Spectrum {
-  Eigen::VectorXd lambda;
-  Eigen::VectorXd squared_coefficients;
-  Eigen::Index num_outside = 0;  // m - k
-  double outside = 0.0;
-
-  bool is_empty() const { return lambda.size() == 0; }
 };
 
 enum class SpectralRoute { kAuto, kGram, kSvd, kGradient };
@@ -181,8 +149,6 @@ struct SpectralStepOptions {
   // threshold_resolution <= threshold_tolerance, or no value is undecided: 0
   // requires the sharp threshold.
   double threshold_tolerance = 0.0;
-  // Whether to fill summary.spectrum: k^2 rotations for route gram.
-  bool measures_spectrum = false;
   // In bytes; 0: the limit of memory_limit.h.
   double memory_limit = 0.0;
 
@@ -205,9 +171,6 @@ struct SpectralStepSummary {
   // if phi jumps at zero, 0 if phi has no jump.
   double threshold_resolution = 0.0;
   std::string message;  // the failure, or why auto used svd
-  // Of J and g, if measured: empty for gradient, for J = 0, and if its
-  // iteration does not converge.
-  Spectrum spectrum;
 };
 
 struct SpectralBuffers;

@@ -3,7 +3,7 @@
 // yourself. The history of the losses, which this header also reads and writes,
 // is a part of the result. For a simulator without a network use minimize.h.
 //
-//   TrainResult result = Train(model, {inputs, targets}, "adaptive_power");
+//   TrainResult result = Train(model, {inputs, targets}, "adaptive");
 //
 // or step by step:
 //
@@ -66,13 +66,13 @@ namespace invgrad {
 // The history of a run: one row per evaluation.
 //
 //   step,epoch,seconds,batch_loss,train_loss,test_loss,step_norm,metric,...
-//   0,0,0,,0.25,0.26,,,,,,,
-//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,
+//   0,0,0,,0.25,0.26,,,,,,,,32
+//   16,0.5,0.021,0.24,,,1.5e-3,,,,,,,32
 //
 // The next columns are by_inverse, by_numerical_inverse, by_inverse_gradient,
 // by_gradient and not_moved: for methods that invert the simulator, the number
 // of samples since the first step by the source of their d_x
-// (simulator_pull_back.h).
+// (simulator_pull_back.h). The last one is batch_size, of the next step.
 //
 // CSV with this header line; numbers with the fewest digits that read back as
 // the same value. An unknown value is an empty field (NaN in memory); an
@@ -95,6 +95,7 @@ struct HistoryRow {
   double by_inverse_gradient = kNone;
   double by_gradient = kNone;
   double not_moved = kNone;
+  double batch_size = kNone;
 };
 
 // All columns but the step, in the order of the file.
@@ -114,7 +115,8 @@ inline constexpr HistoryColumn kHistoryColumns[] = {
     {"by_numerical_inverse", &HistoryRow::by_numerical_inverse},
     {"by_inverse_gradient", &HistoryRow::by_inverse_gradient},
     {"by_gradient", &HistoryRow::by_gradient},
-    {"not_moved", &HistoryRow::not_moved}};
+    {"not_moved", &HistoryRow::not_moved},
+    {"batch_size", &HistoryRow::batch_size}};
 
 using History = std::vector<HistoryRow>;
 
@@ -259,7 +261,9 @@ class TrainingRun {
   TrainingRun(const TrainingRun&) = delete;
   TrainingRun& operator=(const TrainingRun&) = delete;
 
-  // Takes one step. Returns false, without a step, after the end of the run.
+  // Takes one step. Returns false, without a step, after the end of the run. In
+  // a race of batch sizes (batch_size=auto of method.h) the weights after a step
+  // may be those of a slice that loses.
   bool Step();
 
   // Ends the run and keeps its results; a checkpoint allows to resume it.

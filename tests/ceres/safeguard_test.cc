@@ -56,7 +56,7 @@ struct Decay {
 TEST(Safeguard, ParametersOfUnlikeSize) {
   for (const std::string text : {"half_inverse:step_size=auto:rho=1",
                                  "gauss_newton",
-                                 "adaptive_power"}) {
+                                 "power:step_size=auto:control=gain"}) {
     NumpyRandom random(1);
     for (int start = 0; start < 20; ++start) {
       double x[2] = {Decay::kA * random.Uniform(0.3, 3.0),

@@ -163,8 +163,9 @@ TEST(DistributedTraining, OtherChainsTrainAsInOneProcess) {
   // long ones amplify rounding errors.
   ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
                       "half_inverse:step_size=auto:rho=0.01:truncation=1e-2"});
-  ExpectSameTraining({"quantum_dipole:num_samples=40:num_steps=8",
-                      "adaptive_power:rho=0.01:truncation=1e-2"});
+  ExpectSameTraining(
+      {"quantum_dipole:num_samples=40:num_steps=8",
+       "power:step_size=auto:control=gain:rho=0.01:truncation=1e-2"});
   ExpectSameTraining(
       {"oscillator_tracking:num_samples=40", "half_inverse:truncation=1e-3"});
   ExpectSameTraining({"poisson_pinn", "half_inverse:truncation=1e-3", 64});

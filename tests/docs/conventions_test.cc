@@ -261,7 +261,7 @@ TEST(Conventions, AnAutomaticStepSizeMakesEveryDirectionFree) {
                            "gauss_newton",
                            "levenberg_marquardt",
                            "power",
-                           "adaptive_power"}) {
+                           "power:step_size=auto:control=gain"}) {
     ExpectRuleScaling(
         name, {{"step_size", "auto"}, {"route", "svd"}}, exponents, 1e-10);
   }

@@ -175,7 +175,7 @@ TEST(PhysgradHigCode, ControlGoesFurtherThanThePublishedSettings) {
   const std::vector<double> published =
       LossesOfTheLinearChain("half_inverse:step_size=1:truncation=1e-10", 1, 5);
   const std::vector<double> controlled =
-      LossesOfTheLinearChain("adaptive_power", 1, 5);
+      LossesOfTheLinearChain("power:step_size=auto:control=gain", 1, 5);
   EXPECT_LT(controlled.back(), 0.1 * published.back());
 }
 

@@ -44,6 +44,7 @@ struct Parabola {
     at_x.loss_hessian_times = [c = c](const VectorXd& v) -> VectorXd {
       return c * v;
     };
+    at_x.norm_of_x = x.norm();
     at_x.after = [this, x](const VectorXd& step,
                            const LinearizationParts& parts,
                            Linearization* after,
@@ -152,6 +153,26 @@ TEST(GeodesicRule, TheLossFallsByTheGainInEveryStep) {
     const VectorXd gradient = problem.J(x).transpose() * problem.Outputs(x);
     EXPECT_LT(gradient.norm(), 1e-6);
   }
+}
+
+TEST(GeodesicRule, AStepIsNoLongerThanItsLimit) {
+  const Parabola problem = MakeParabola(6, 4, 0.3);
+  const VectorXd x = 0.1 * RandomMatrix(4, 1, 7);
+  const Linearization at_x = problem.At(x);
+  EXPECT_GT(StepOf("geodesic", at_x).norm(), 0.1 * x.norm());
+  for (const double limit : {0.1, 1e-3}) {
+    const VectorXd step =
+        StepOf("geodesic:max_relative_step=" + std::to_string(limit), at_x);
+    EXPECT_LE(step.norm(), limit * x.norm());
+    // The next damping is four times the last one.
+    EXPECT_GE(step.norm(), 0.2 * limit * x.norm());
+    EXPECT_LT(problem.Cost(x + step), at_x.cost);
+  }
+  EXPECT_EQ(StepOf("adaptive", at_x),
+            StepOf("geodesic:max_relative_step=0.1", at_x));
+  // At x = 0 there is no limit.
+  const Linearization at_zero = problem.At(VectorXd::Zero(4));
+  EXPECT_EQ(StepOf("adaptive", at_zero), StepOf("geodesic", at_zero));
 }
 
 TEST(GeodesicRule, AMinimumAndAZeroJacobianHaveNoStep) {

@@ -169,7 +169,7 @@ TEST(JointRule, TheFilterIsTheControls) {
                                  "layer_half_inverse",
                                  "kfac_half_inverse",
                                  "krylov",
-                                 "adaptive_power"}) {
+                                 "power:step_size=auto:control=gain"}) {
     SCOPED_TRACE(name);
     const auto rule = MakeRule(name + ":step_size=1:control=gain");
     VectorXd& state = *rule->MutableState()[0];

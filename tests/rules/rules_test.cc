@@ -55,7 +55,6 @@ TEST(Rules, NamesAreUniqueAndRowsAreComplete) {
                                    "gauss_newton",
                                    "levenberg_marquardt",
                                    "layer_half_inverse",
-                                   "adaptive_power",
                                    "adaptive",
                                    "kfac_half_inverse",
                                    "kfac",
@@ -100,8 +99,7 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
                          {"damping", "0"},
                          {"relative_damping", "0"},
                          {"control", "none"},
-                         {"adapts", "exponent"},
-                         {"without", "nothing"}};
+                         {"adapts", "exponent"}};
   const auto join = [](const std::vector<Values>& parts) {
     Values all;
     for (const Values& part : parts) {
@@ -130,13 +128,23 @@ TEST(Rules, DefaultsOfTheSpectralRules) {
                {"seed", "0"}});
   EXPECT_EQ(defaults("kfac_half_inverse"),
             join({step_size, {{"kappa", "0.5"}}, kfac}));
-  Values adaptive_power = join({step_size, {{"kappa", "0.5"}}, filter});
-  adaptive_power[0].second = "auto";
-  adaptive_power[9].second = "gain";
-  EXPECT_EQ(defaults("adaptive_power"), join({adaptive_power, spectral}));
-  Values adaptive = adaptive_power;
-  adaptive[9].second = "fresh";
-  EXPECT_EQ(defaults("adaptive"), join({adaptive, spectral}));
+}
+
+TEST(Rules, AdaptiveIsGeodesicWithALimitedStep) {
+  const auto geodesic = FindRule("geodesic")->options();
+  const auto adaptive = FindRule("adaptive")->options();
+  ASSERT_EQ(adaptive.size(), geodesic.size());
+  EXPECT_LE(adaptive.size(), 5u);
+  for (size_t i = 0; i < adaptive.size(); ++i) {
+    EXPECT_EQ(adaptive[i].name, geodesic[i].name);
+    EXPECT_EQ(adaptive[i].default_value,
+              adaptive[i].name == "max_relative_step"
+                  ? "0.1"
+                  : geodesic[i].default_value);
+  }
+  for (const RuleRow& row : Rules()) {
+    EXPECT_EQ(row.races_batch_size, row.name == "adaptive") << row.name;
+  }
 }
 
 TEST(Rules, ErrorsNameTheRuleAndWhatIsAllowed) {

@@ -173,52 +173,5 @@ TEST(SpectralFilter, ValidityNamesTheField) {
             "relative_damping=-1 is out of range; allowed: [0, inf)");
 }
 
-TEST(SpectralFilter, NoiseLeavesTheShareOfTheSignal) {
-  SpectralFilter filter = SpectralFilter::HalfInverse(0.0);
-  filter.noise = 0.25;
-  // x = 1/4: a share of 1/2 of s^(-1/2) = 1/2; and of x^(1/2) = 1/2 one of 2/3.
-  EXPECT_DOUBLE_EQ(filter(4.0, 8.0), 0.25);
-  filter.signal_exponent = 0.5;
-  EXPECT_DOUBLE_EQ(filter(4.0, 8.0), 1.0 / 3.0);
-  filter.noise = 0.0;
-  EXPECT_DOUBLE_EQ(filter(4.0, 8.0), 0.5);
-  // For a = 1 and kappa = 1 it is Levenberg-Marquardt.
-  SpectralFilter wiener = SpectralFilter::GaussNewton(0.0);
-  wiener.noise = 0.01;
-  const SpectralFilter damped = SpectralFilter::LevenbergMarquardt(0.0, 0.01);
-  for (const double s : {1e-9, 1e-3, 0.1, 1.0}) {
-    EXPECT_DOUBLE_EQ(wiener(s, 2.0), damped(s, 2.0));
-  }
-}
-
-TEST(SpectralFilter, WithNoiseIsNoGradientDescentAndHasAPeak) {
-  SpectralFilter filter = SpectralFilter::GradientDescent();
-  filter.noise = 0.1;
-  EXPECT_FALSE(filter.IsGradientDescent());
-  for (const double exponent : {0.5, 0.75, 1.0}) {
-    for (const double kappa : {0.4, 0.5, 0.9}) {
-      SpectralFilter peaked = SpectralFilter::Power(kappa, 0.0);
-      peaked.noise = 1e-3;
-      peaked.signal_exponent = exponent;
-      const double peak = peaked.PeakBelow(2.0, 2.0);
-      const double highest = peaked(peak, 2.0);
-      EXPECT_GE(highest, peaked(0.99 * peak, 2.0));
-      EXPECT_GE(highest, peaked(std::min(2.0, 1.01 * peak), 2.0));
-    }
-  }
-}
-
-TEST(SpectralFilter, NoiseOutOfRangeIsInvalid) {
-  std::string error;
-  SpectralFilter filter;
-  filter.noise = -1e-3;
-  EXPECT_FALSE(filter.IsValid(&error));
-  EXPECT_EQ(error, "noise=-0.001 is out of range; allowed: [0, inf)");
-  filter.noise = 0.1;
-  filter.signal_exponent = 1.5;
-  EXPECT_FALSE(filter.IsValid(&error));
-  EXPECT_EQ(error, "signal_exponent=1.5 is out of range; allowed: (0, 1]");
-}
-
 }  // namespace spectral_filter_test
 }  // namespace invgrad

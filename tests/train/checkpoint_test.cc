@@ -68,7 +68,7 @@ class CheckpointTest : public testing::Test {
   const TemporaryFolder folder_;
   const std::string path_ = folder_ / "checkpoint";
   const RunIdentity identity_;
-  const std::string magic_ = "invgrad checkpoint, version 5\n";
+  const std::string magic_ = "invgrad checkpoint, version 6\n";
   const std::string damaged_ = "the file is truncated or damaged";
 };
 

@@ -132,16 +132,6 @@ TEST(OutputLayerTraining, UnderControlTheLossFallsOnAllSamples) {
   }
 }
 
-TEST(OutputLayerTraining, WithFreshControlOnBatches) {
-  const Regression problem;
-  const TrainResult result =
-      TrainBy(problem,
-              std::string("half_inverse:step_size=auto:control=fresh") + kExact,
-              Epochs(30, 8));
-  EXPECT_LT(result.history.back().train_loss,
-            0.5 * result.history.front().train_loss);
-}
-
 TEST(OutputLayerTraining, APhaseOfItsOwn) {
   const Regression problem;
   const TrainResult result =

@@ -157,7 +157,7 @@ TEST(PullBackTraining, ControlTrainsThroughPullBacks) {
   for (const char* method :
        {"newton/inverse/half_inverse:control=gain",
         "newton/inverse/gauss_newton:control=gain",
-        "newton/adjoint/adaptive_power:y_step_size=0.01"}) {
+        "newton/adjoint/power:step_size=auto:control=gain:y_step_size=0.01"}) {
     SCOPED_TRACE(method);
     const TrainResult run = TrainProblem(problem, method, Steps(60));
     EXPECT_EQ(run.summary.num_steps, 60) << run.summary.message;

@@ -49,7 +49,9 @@ void AddProductsAndTrials(const LinearizationParts& parts,
           return HessianTimes(x, v, after, Hv, error);
         };
   }
-  if (parts.after) linearization->after = std::move(after);
+  if (!parts.after) return;
+  linearization->after = std::move(after);
+  linearization->norm_of_x = x.stableNorm();
 }
 
 }  // namespace invgrad

@@ -108,14 +108,36 @@ bool IsOwn(const std::string& name) {
          OwnNames().end();
 }
 
+// Takes batch_size=auto away. Without a batch size the rule says whether it is
+// auto, except where a layer is solved on all samples.
+bool TakeRacing(Settings* settings, const Phase& phase) {
+  const auto named = [&](const std::string& name) {
+    return std::find_if(settings->begin(), settings->end(), [&](const auto& s) {
+      return s.first == name;
+    });
+  };
+  const auto size = named("batch_size");
+  if (size == settings->end()) {
+    return phase.rule != nullptr && phase.rule->races_batch_size &&
+           phase.ceres == nullptr && named("output_layer") == settings->end();
+  }
+  if (size->second != "auto") return false;
+  settings->erase(size);
+  return true;
+}
+
 // The settings of the method itself.
-bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
+bool SetOwn(Settings settings, Phase* phase, std::string* error) {
+  const bool races_batch_size = TakeRacing(&settings, *phase);
   constexpr double kMax = 1e9;
   int batch_size = 0;
   int num_epochs = 1;
   int num_steps = 1;
   OptionSet set;
-  set.Add("batch_size", &batch_size, {0, kMax}, "samples a step; 0: all");
+  set.Add("batch_size",
+          &batch_size,
+          {0, kMax},
+          "samples a step; 0: all; auto: raced, from the run's batch size on");
   set.Add("epochs", &num_epochs, {1, kMax}, "share of a phase");
   set.Add("steps", &num_steps, {1, kMax}, "share of a phase");
   std::string output_layer = "trained";
@@ -138,6 +160,14 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
     *error = "output_layer_period needs output_layer=exact or auto";
     return false;
   }
+  if (races_batch_size &&
+      (phase->ceres != nullptr || phase->solves_output_layer())) {
+    *error =
+        fmt::format("batch_size=auto: {} all samples: leave it out",
+                    phase->ceres != nullptr ? "a minimizer of Ceres takes"
+                                            : "the output layer is solved on");
+    return false;
+  }
   if (phase->solves_output_layer() && phase->ceres != nullptr) {
     *error = fmt::format(
         "output_layer={}: Ceres would train the layer with all others: choose "
@@ -145,6 +175,7 @@ bool SetOwn(const Settings& settings, Phase* phase, std::string* error) {
         output_layer);
     return false;
   }
+  phase->races_batch_size = races_batch_size;
   for (const auto& [name, ignored] : settings) {
     if (name == "batch_size") phase->batch_size = batch_size;
     if (name == "epochs") phase->num_epochs = num_epochs;

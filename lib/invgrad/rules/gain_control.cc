@@ -32,10 +32,9 @@ constexpr double kRounding = 1e-13;
 void GainControlOptions::Describe(OptionSet* set) {
   set->Add("control",
            &control,
-           {"none", "gain", "fresh"},
+           {"none", "gain"},
            "gain: a step whose batch gets worse is undone, and `adapts` "
-           "follows the gain; fresh: the loss of new batches decides besides "
-           "about noise, step size and returns");
+           "follows the gain");
   set->Add("adapts",
            &adapts,
            {"nothing", "exponent", "damping", "both"},
@@ -84,12 +83,6 @@ bool GainControl::Judge(double cost, double fraction) {
   }
   Adapt(last_gain_);
   return last_gain_ >= 0.0;
-}
-
-void GainControl::Revert(bool several) {
-  last_gain_ = -std::numeric_limits<double>::infinity();
-  Adapt(last_gain_);
-  if (several) state_[0] = std::min(state_[0], 0.5);
 }
 
 void GainControl::Adapt(double gain) {

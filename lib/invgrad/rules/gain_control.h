@@ -51,7 +51,6 @@ struct GainControlOptions {
   void Describe(OptionSet* set);
 
   bool is_on() const { return control != "none"; }
-  bool uses_new_batches() const { return control == "fresh"; }
   bool adapts_exponent() const {
     return adapts == "exponent" || adapts == "both";
   }
@@ -74,9 +73,6 @@ class GainControl {
   // Call after this step, or after `fraction` of it, with the new cost (NaN if
   // not finite). Returns false if the step must be reverted.
   bool Judge(double cost, double fraction);
-
-  // Call if steps were reverted later; `several`: more than the last one.
-  void Revert(bool several);
 
   double last_gain() const { return last_gain_; }
 

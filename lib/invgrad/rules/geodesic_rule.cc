@@ -3,12 +3,19 @@
 //
 //   (c J^T J + lambda D) v = -J^T g            g = dL/dy
 //   (c J^T J + lambda D) a = -1/2 J^T g_vv     g_vv = d2/dt2 g(x + t v)
-//   step = v + a, or v
+//   step = v + a, or v                            |step| <= max_relative_step |x|
 //
 // D, and how long a may be, depend on whether J is dense or sparse
 // (damped_normal_equations.h). The step is that of the first lambda for which L
 // falls by at least `gain` times the decrease that the linear model promises for
-// v. If there is none, the step is zero, and lambda stays.
+// v, and that is not too long. If there is none, the step is zero, and lambda
+// stays. On small batches the limit on the length matters: with fewer rows than
+// weights, small lambda make steps that fit the batch, blow the weights up and
+// saturate the neurons.
+//
+//   geodesic   no limit: for all samples in each step, and for ceres::Solve
+//   adaptive   a tenth of |x|, and in training a raced batch size
+//              (batch_race.h): for batches, with nothing to set
 //
 //   dense J    v + a if L is lower there than at v. Of lambda = 1/2, 2, 8, ..
 //              times the last one.
@@ -30,8 +37,8 @@
 //          on the units of x; with a dense J they do.
 // Fails:   returns false if J or g is not finite, if memory does not suffice, or
 //          if the loop does not set Linearization::after.
-// The loss is that of the samples of the step: take all of them, or a set that
-// stays for many steps. On small batches it fits their noise.
+// The loss is that of the samples of the step: on a small batch of noisy data a
+// step fits their noise.
 //
 // [1] Transtrum, Sethna. Improvements to the Levenberg-Marquardt algorithm for
 //     nonlinear least-squares minimization. 2012. arXiv 1201.5885.
@@ -69,6 +76,7 @@ class GeodesicRule final : public UpdateRule {
     double damping = 1e-3;
     double gain = 0.1;
     std::string acceleration = "on";
+    double max_relative_step = 0.0;
 
     void Describe(OptionSet* set) {
       set->Add("damping",
@@ -80,6 +88,10 @@ class GeodesicRule final : public UpdateRule {
                {0.0, 1.0},
                "least decrease of the loss over that of the linear model");
       set->Add("acceleration", &acceleration, {"on", "off"}, "the bend a");
+      set->Add("max_relative_step",
+               &max_relative_step,
+               {0.0, 1e9},
+               "longest step, over |x|; 0: no limit");
     }
   };
 
@@ -153,6 +165,7 @@ class GeodesicRule final : public UpdateRule {
   bool FindStep(const Linearization& at_x, VectorXd* step) {
     const VectorXd& g = at_x.loss_gradient;
     const VectorXd v = -equations_->Solve(g);
+    if (IsTooLong(at_x, v)) return false;
     VectorXd Jv;
     at_x.jacobian->Times(v, &Jv);
     const double promised = -g.dot(Jv) - 0.5 * c_ * Jv.squaredNorm();
@@ -165,7 +178,7 @@ class GeodesicRule final : public UpdateRule {
     VectorXd bend;
     // A dense v with no finite loss is no start for a bend.
     if (options_.acceleration == "on" && !std::isnan(cost) &&
-        FindBend(at_x, v, Jv, &bend)) {
+        FindBend(at_x, v, Jv, &bend) && !IsTooLong(at_x, v + bend)) {
       bent_cost = CostAfter(at_x, v + bend);
     }
     const bool is_bent =
@@ -181,6 +194,11 @@ class GeodesicRule final : public UpdateRule {
     report_ =
         fmt::format("gain {:.3g}{}", gain_[0], is_bent ? ", accelerated" : "");
     return true;
+  }
+
+  bool IsTooLong(const Linearization& at_x, const VectorXd& step) const {
+    const double longest = options_.max_relative_step * at_x.norm_of_x;
+    return longest > 0.0 && step.norm() > longest;
   }
 
   // a. Returns false if it is not known or too long.
@@ -226,9 +244,20 @@ class GeodesicRule final : public UpdateRule {
 }  // namespace
 
 std::vector<RuleRow> GeodesicRuleRows() {
-  return {MakeRuleRow<GeodesicRule>(
-      "geodesic",
-      "step = v + a, v = -(c J^T J + lambda D)^-1 J^T g, lambda by the loss")};
+  const GeodesicRule::Options geodesic;
+  GeodesicRule::Options adaptive;
+  adaptive.max_relative_step = 0.1;
+  std::vector<RuleRow> rows = {
+      MakeRuleRow<GeodesicRule>("geodesic",
+                                "step = v + a, v = -(c J^T J + lambda D)^-1 "
+                                "J^T g, lambda by the loss",
+                                geodesic),
+      MakeRuleRow<GeodesicRule>("adaptive",
+                                "the same with |step| <= |x| / 10, and the "
+                                "batch size raced in training",
+                                adaptive)};
+  rows.back().races_batch_size = true;
+  return rows;
 }
 
 }  // namespace invgrad

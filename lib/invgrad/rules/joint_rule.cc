@@ -33,21 +33,18 @@ void JointRule::Options::Describe(OptionSet* set) {
            {0.0, kInfinity},
            "the same, in units of s_max^2");
   control.Describe(set);
-  fresh.Describe(set);
 }
 
 JointRule::JointRule(const Options& options)
-    : options_(options),
-      control_(options.control, options.filter),
-      fresh_(options.fresh) {}
+    : options_(options), control_(options.control, options.filter) {}
 
 bool JointRule::ComputeStep(const Linearization& at_x,
                             Eigen::VectorXd* step,
                             std::string* error) {
   CHECK(at_x.jacobian != nullptr) << "A joint rule needs J.";
   report_.clear();
-  SpectralFilter filter = judges_steps() ? control_.filter() : options_.filter;
-  if (JudgesWeights()) fresh_.Adjust(&filter);
+  const SpectralFilter filter =
+      judges_steps() ? control_.filter() : options_.filter;
   std::string how;
   if (!ComputeDirection(at_x, filter, &d_, &how, error)) return false;
   double eta = 0.0;
@@ -62,10 +59,6 @@ bool JointRule::ComputeStep(const Linearization& at_x,
     report_ += fmt::format(", kappa {:.2g}, damping {:.2g} s_max^2",
                            filter.kappa,
                            filter.relative_damping);
-  }
-  if (JudgesWeights()) {
-    report_ += fmt::format(
-        ", noise {:.2g}, caution {:.2g}", filter.noise, fresh_.caution());
   }
   return true;
 }
@@ -95,29 +88,13 @@ bool JointRule::FindStepSize(const Linearization& at_x,
   *eta *= options.ScheduleFactor(at_x.progress);
   if (judges_steps()) {
     *eta *= control_.step_factor();
-    if (JudgesWeights()) *eta *= fresh_.caution();
     control_.Expect(at_x.cost, model, *eta);
   }
   return true;
 }
 
-StepJudge::Verdict JointRule::JudgeWeights(double cost, OtherWeights* others) {
-  const Verdict verdict = fresh_.Judge(cost, others);
-  if (verdict == Verdict::kUndoStep) control_.Revert(/*several=*/false);
-  if (verdict == Verdict::kUndoToCopy || verdict == Verdict::kLeaveOut) {
-    control_.Revert(/*several=*/true);
-  }
-  return verdict;
-}
-
 std::vector<Eigen::VectorXd*> JointRule::MutableState() {
-  std::vector<Eigen::VectorXd*> state = {control_.mutable_state()};
-  if (JudgesWeights()) {
-    for (Eigen::VectorXd* array : fresh_.MutableState()) {
-      state.push_back(array);
-    }
-  }
-  return state;
+  return {control_.mutable_state()};
 }
 
 }  // namespace invgrad

@@ -7,8 +7,7 @@
 //
 // Shapes:  g: m;  J: m x n;  step, d: n.
 // Cost:    the cost of d; step_size=auto and control add products with J
-//          and H_L (step_size.h), control also one evaluation of the cost, and
-//          control=fresh what fresh_control.h says.
+//          and H_L (step_size.h), control also one evaluation of the cost.
 // Fails:   returns false if d cannot be computed, if the step is not finite, or
 //          if there is no automatic step size.
 #ifndef INVGRAD_RULES_JOINT_RULE_H_
@@ -20,7 +19,6 @@
 #include "Eigen/Core"
 #include "invgrad/linearization.h"
 #include "invgrad/option_set.h"
-#include "invgrad/rules/fresh_control.h"
 #include "invgrad/rules/gain_control.h"
 #include "invgrad/rules/step_size.h"
 #include "invgrad/spectral.h"
@@ -35,7 +33,6 @@ class JointRule : public UpdateRule, private StepJudge {
     SpectralFilter filter = SpectralFilter::HalfInverse(1e-6);
     bool kappa_is_a_setting = true;
     GainControlOptions control;
-    FreshControlOptions fresh;
 
     void Describe(OptionSet* set);
   };
@@ -59,13 +56,6 @@ class JointRule : public UpdateRule, private StepJudge {
 
   // With control.
   bool judges_steps() const { return options_.control.is_on(); }
-  bool JudgesWeights() const final {
-    return options_.control.uses_new_batches();
-  }
-
-  // Of control=fresh: a derived rule that knows the spectrum of J and g gives
-  // it after a step for which `wants_spectrum`.
-  FreshControl* fresh_control() { return &fresh_; }
 
   // Computes *direction = d; *report describes the computation. Returns false,
   // with *error, if that fails.
@@ -83,14 +73,12 @@ class JointRule : public UpdateRule, private StepJudge {
   bool KeepsStep(double cost, double fraction) final {
     return control_.Judge(cost, fraction);
   }
-  Verdict JudgeWeights(double cost, OtherWeights* others) final;
 
   // The step size along -d_.
   bool FindStepSize(const Linearization& at_x, double* eta, std::string* error);
 
   const Options options_;
   GainControl control_;
-  FreshControl fresh_;
   Eigen::VectorXd d_;
   std::string report_;
 };

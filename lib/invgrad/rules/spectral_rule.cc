@@ -33,7 +33,6 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -148,9 +147,6 @@ class SpectralRule final : public JointRule {
       histories_.setZero(kHistory * num_blocks);
     }
     direction->resize(J.cols());
-    // Blocks have spectra of their own.
-    options_.measures_spectrum =
-        JudgesWeights() && blocks.empty() && fresh_control()->wants_spectrum();
     Totals totals;
     Eigen::Index column = 0;
     for (std::size_t i = 0; i < num_blocks; ++i) {
@@ -176,9 +172,6 @@ class SpectralRule final : public JointRule {
       direction->segment(column, d_.size()) = d_;
       column += d_.size();
       totals.Add(block, summary);
-      if (blocks.empty() && JudgesWeights()) {
-        fresh_control()->Observe(summary.spectrum);
-      }
     }
     *report = totals.Report();
     return true;
@@ -204,11 +197,6 @@ std::vector<RuleRow> SpectralRuleRows() {
   levenberg_marquardt.control.adapts = "damping";
   SpectralRule::Options layer_half_inverse;
   layer_half_inverse.layerwise = true;
-  SpectralRule::Options adaptive_power;
-  adaptive_power.step_size.step_size = std::nullopt;  // auto
-  adaptive_power.control.control = "gain";
-  SpectralRule::Options adaptive = adaptive_power;
-  adaptive.control.control = "fresh";
   return {
       MakeRuleRow<SpectralRule>(
           "power", "step = -eta V S^(-kappa) U^T g, s > tau s_max", power),
@@ -225,15 +213,6 @@ std::vector<RuleRow> SpectralRuleRows() {
                                 "step_l = -eta V_l S_l^(-kappa) U_l^T g, "
                                 "s > tau s_max of the layer's columns of J",
                                 layer_half_inverse),
-      MakeRuleRow<SpectralRule>("adaptive_power",
-                                "step = -eta V S^(-kappa) U^T g, s > tau "
-                                "s_max; kappa follows the gain",
-                                adaptive_power),
-      MakeRuleRow<SpectralRule>("adaptive",
-                                "step = -eta V S^(-kappa) W U^T g, s > tau "
-                                "s_max; kappa follows the gain, eta and the "
-                                "Wiener filter W follow new batches",
-                                adaptive),
   };
 }
 

@@ -37,11 +37,6 @@ bool SpectralFilter::IsValid(std::string* error) const {
        relative_damping,
        relative_damping >= 0.0,
        "[0, inf)"},
-      {"noise", noise, noise >= 0.0, "[0, inf)"},
-      {"signal_exponent",
-       signal_exponent,
-       signal_exponent > 0.0 && signal_exponent <= 1.0,
-       "(0, 1]"},
   };
   for (const auto& field : fields) {
     if (field.in_range && std::isfinite(field.value)) continue;
@@ -55,7 +50,7 @@ bool SpectralFilter::IsValid(std::string* error) const {
 }
 
 bool SpectralFilter::IsGradientDescent() const {
-  return kappa == -1.0 && tau == 0.0 && noise == 0.0;
+  return kappa == -1.0 && tau == 0.0;
 }
 
 bool SpectralFilter::Keeps(double s, double s_max) const {
@@ -68,16 +63,8 @@ double SpectralFilter::RootOfDamping(double s_max) const {
 
 double SpectralFilter::PeakBelow(double highest, double s_max) const {
   if (kappa <= 0.0) return highest;
-  double peak = highest;
-  if (IsDamped())
-    peak = std::min(peak, RootOfDamping(s_max) / std::sqrt(kappa));
-  // Where the derivative of x^(a - kappa / 2) / (x^a + noise) vanishes.
-  const double rise = 2.0 * signal_exponent / kappa - 1.0;
-  if (noise > 0.0 && rise > 0.0) {
-    peak =
-        std::min(peak, s_max * std::pow(rise * noise, 0.5 / signal_exponent));
-  }
-  return peak;
+  return IsDamped() ? std::min(highest, RootOfDamping(s_max) / std::sqrt(kappa))
+                    : highest;
 }
 
 double SpectralFilter::operator()(double s, double s_max) const {
@@ -86,11 +73,9 @@ double SpectralFilter::operator()(double s, double s_max) const {
     if (!clamp) return 0.0;
     s = tau * s_max;
   }
-  const double share =
-      noise == 0.0 ? 1.0 : SignalShare((s / s_max) * (s / s_max));
-  if (!IsDamped()) return share * std::pow(s, -kappa);
+  if (!IsDamped()) return std::pow(s, -kappa);
   const double root = std::hypot(s, RootOfDamping(s_max));
-  return share * s / root * std::pow(root, -kappa);
+  return s / root * std::pow(root, -kappa);
 }
 
 }  // namespace invgrad

@@ -180,19 +180,6 @@ void SummarizeSpectrum(const SpectralProblem& problem,
   }
 }
 
-void SetSpectrum(const SpectralProblem& problem,
-                 const VectorXd& lambda,
-                 const VectorXd& squared_coefficients) {
-  Spectrum& spectrum = problem.summary->spectrum;
-  spectrum.lambda = lambda;
-  spectrum.squared_coefficients = squared_coefficients;
-  spectrum.num_outside = problem.m() - lambda.size();
-  if (spectrum.num_outside > 0) {
-    spectrum.outside =
-        std::max(0.0, problem.g.squaredNorm() - squared_coefficients.sum());
-  }
-}
-
 bool CheckJacobianFinite(const JacobianOperator& J, std::string* message) {
   // A row is finite if its product with tiny numbers is.
   VectorXd product;
@@ -266,13 +253,8 @@ bool SpectralStep(const JacobianOperator& J,
   CHECK(filter.IsValid(&invalid)) << invalid;
   *summary = SpectralStepSummary();
   if (!CheckCovectorFinite(J, g, &summary->message)) return false;
-  const SpectralProblem problem{J,
-                                g,
-                                filter,
-                                &workspace->buffers(),
-                                options.measures_spectrum,
-                                d,
-                                summary};
+  const SpectralProblem problem{
+      J, g, filter, &workspace->buffers(), d, summary};
   if (options.route == SpectralRoute::kAuto && !filter.IsGradientDescent()) {
     return AutoStep(problem, options, &workspace->history);
   }

@@ -4,40 +4,43 @@
 
 namespace invgrad {
 
-BatchSequence::BatchSequence(int batch_size,
-                             const TrainOptions& options,
+BatchSequence::BatchSequence(const TrainOptions& options,
                              const Model* model,
                              const TrainingData* data)
-    : batch_size_(batch_size),
-      shuffles_(options.shuffle),
+    : shuffles_(options.shuffle),
       model_(*model),
       data_(*data),
-      steps_per_epoch_(data->train.num_samples() / batch_size),
       random_(options.seed),
-      before_order_(random_) {
-  CHECK_GT(steps_per_epoch_, 0);
-}
+      before_order_(random_) {}
 
-DataSet BatchSequence::Next(long k, const Eigen::VectorXd& weights) {
-  if (data_.source != nullptr) return NextOfSource(k, weights);
-  const long in_epoch = k % steps_per_epoch_;
-  const int first = static_cast<int>(in_epoch) * batch_size_;
-  if (!shuffles_) return data_.train.Range(first, batch_size_);
-  if (in_epoch == 0) DrawOrder();
+DataSet BatchSequence::Next(long k,
+                            int batch_size,
+                            const Eigen::VectorXd& weights) {
+  if (data_.source != nullptr) return NextOfSource(k, batch_size, weights);
+  const int num_samples = data_.train.num_samples();
+  CHECK_LE(batch_size, num_samples);
+  const bool begins_epoch = first_ + batch_size > num_samples;
+  if (begins_epoch) first_ = 0;
+  if (shuffles_ && (begins_epoch || order_.empty())) DrawOrder();
+  const int first = first_;
+  first_ += batch_size;
+  if (!shuffles_) return data_.train.Range(first, batch_size);
   const auto begin = order_.begin() + first;
-  return data_.train.Select(std::vector<int>(begin, begin + batch_size_));
+  return data_.train.Select(std::vector<int>(begin, begin + batch_size));
 }
 
-DataSet BatchSequence::NextOfSource(long k, const Eigen::VectorXd& weights) {
+DataSet BatchSequence::NextOfSource(long k,
+                                    int batch_size,
+                                    const Eigen::VectorXd& weights) {
   const DataSource& source = *data_.source;
   const long steps_per_set = source.steps_per_set();
   if (steps_per_set == 1) {
-    return source.Batch(k, batch_size_, model_, weights);
+    return source.Batch(k, batch_size, model_, weights);
   }
   if (k % steps_per_set == 0) set_weights_ = weights;
   if (set_ != k / steps_per_set) {
     set_ = k / steps_per_set;
-    set_samples_ = source.Batch(k, batch_size_, model_, set_weights_);
+    set_samples_ = source.Batch(k, batch_size, model_, set_weights_);
   }
   return set_samples_;
 }
@@ -48,14 +51,16 @@ void BatchSequence::DrawOrder() {
 }
 
 void BatchSequence::VisitState(long k, StateArchive* archive) {
+  archive->Visit("first_of_batch", &first_);
+  archive->Require(first_ <= data_.train.num_samples(), "first_of_batch");
   if (shuffles_) {
-    const bool is_within_epoch = k % steps_per_epoch_ != 0;
-    Eigen::VectorXd random =
-        (is_within_epoch ? before_order_ : random_).State();
+    int has_order = order_.empty() ? 0 : 1;
+    archive->Visit("has_order", &has_order);
+    Eigen::VectorXd random = before_order_.State();
     archive->Visit("random", &random, random.size());
     if (archive->is_reading() && archive->error().empty()) {
       archive->Require(random_.SetState(random), "random");
-      if (is_within_epoch) DrawOrder();
+      if (has_order == 1) DrawOrder();
     }
   }
   if (data_.source != nullptr && data_.source->steps_per_set() > 1) {

@@ -4,7 +4,8 @@
 //   shuffled             consecutive samples of the epoch's order
 //   otherwise            consecutive samples
 //
-// A batch has `batch_size` samples; an incomplete last one of an epoch is left out.
+// Batches may differ in size. The samples at the end of an epoch that do not fill
+// a batch are left out.
 #ifndef INVGRAD_TRAIN_BATCH_SEQUENCE_H_
 #define INVGRAD_TRAIN_BATCH_SEQUENCE_H_
 
@@ -20,35 +21,29 @@ namespace invgrad {
 class BatchSequence {
  public:
   // Model and data must outlive the sequence. Uses shuffle and seed of the options.
-  BatchSequence(int batch_size,
-                const TrainOptions& options,
+  BatchSequence(const TrainOptions& options,
                 const Model* model,
                 const TrainingData* data);
 
-  long steps_per_epoch() const { return steps_per_epoch_; }
-  // Whether each batch has samples that the step before was not computed from.
-  bool has_new_samples() const {
-    return data_.source != nullptr || batch_size_ < data_.train.num_samples();
-  }
-
-  // The samples of step k from the weights; k grows by one from call to call.
-  DataSet Next(long k, const Eigen::VectorXd& weights);
+  // The next samples, of step k from the weights. With a data source k says
+  // which they are.
+  DataSet Next(long k, int batch_size, const Eigen::VectorXd& weights);
 
   // Before step k.
   void VisitState(long k, StateArchive* archive);
 
  private:
-  DataSet NextOfSource(long k, const Eigen::VectorXd& weights);
+  DataSet NextOfSource(long k, int batch_size, const Eigen::VectorXd& weights);
   void DrawOrder();
 
-  const int batch_size_;
   const bool shuffles_;
   const Model& model_;
   const TrainingData& data_;
-  const long steps_per_epoch_;
 
+  int first_ = 0;  // of the next batch, in the epoch
   NumpyRandom random_;
-  // Of the current epoch, if shuffled, and the random numbers before it.
+  // Of the current epoch, if shuffled, and the random numbers before it; empty
+  // before the first batch.
   std::vector<int> order_;
   NumpyRandom before_order_;
   // Of a source whose samples serve several steps: the weights before the first

@@ -35,6 +35,7 @@ class CeresEngine final : public Engine, private ceres::IterationCallback {
   ~CeresEngine() override { Stop(); }
 
   StepResult Step(double progress, Eigen::VectorXd* weights) override;
+  int batch_size() const override { return train_.num_samples(); }
   std::string Finish() override {
     Stop();
     return proposals_;

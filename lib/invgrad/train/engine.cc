@@ -16,6 +16,8 @@
 #include "invgrad/methods/pull_back_method.h"
 #include "invgrad/minimize/method_minimization.h"
 #include "invgrad/output_layer/share.h"
+#include "invgrad/train/raced_engine.h"
+#include "invgrad/train/rule_engine.h"
 #include "invgrad/train/scheduled_output_layer.h"
 #include "invgrad/train/training_memory.h"
 
@@ -158,6 +160,28 @@ bool Fits(const std::string& who,
   return FitsInMemory(who, std::move(parts), options.memory_limit, error);
 }
 
+std::vector<MemoryPart> StepParts(const Model& model,
+                                  const TrainingData& data,
+                                  const LinearizationParts& needs,
+                                  bool is_proxy,
+                                  int batch_size,
+                                  int num_ranks) {
+  std::vector<MemoryPart> parts =
+      TrainingMemory(model, needs, is_proxy, batch_size, num_ranks);
+  parts.push_back(
+      {"batch", DataBytes(data.train) * batch_size / data.train.num_samples()});
+  return parts;
+}
+
+// Without mini-batches, and where samples serve several steps, there is nothing
+// to race.
+bool RacesBatchSize(const Phase& phase,
+                    const TrainingData& data,
+                    int batch_size) {
+  return phase.races_batch_size && batch_size < data.train.num_samples() &&
+         (data.source == nullptr || data.source->steps_per_set() == 1);
+}
+
 bool CheckCeres(const Phase& phase,
                 const UpdateRule* rule,
                 const Model& model,
@@ -248,9 +272,8 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
   }
   const int num_ranks =
       options.communicator == nullptr ? 1 : options.communicator->size();
-  std::vector<MemoryPart> parts = TrainingMemory(
-      model, rule->Needs(), objective->is_proxy(), batch_size, num_ranks);
-  parts.push_back({"batch", DataBytes(data.train) * batch_size / num_samples});
+  std::vector<MemoryPart> parts = StepParts(
+      model, data, rule->Needs(), objective->is_proxy(), batch_size, num_ranks);
   const OutputLayerPlan output_layer = PlanOutputLayer(
       phase, rule.get(), model, data, objective->is_proxy(), batch_size);
   if (phase.solves_output_layer()) parts.push_back(output_layer.memory);
@@ -270,12 +293,23 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
     objective = std::make_unique<ScheduledOutputLayer>(
         std::move(objective), output_layer.schedule, &model, &data);
   }
-  return MakeRuleEngine(batch_size,
-                        options,
-                        std::move(objective),
-                        std::move(rule),
-                        &model,
-                        &data);
+  const bool is_proxy = objective->is_proxy();
+  auto engine = std::make_unique<RuleEngine>(
+      batch_size, options, std::move(objective), rule, &model, &data);
+  if (!RacesBatchSize(phase, data, batch_size)) return engine;
+  const LinearizationParts needs = rule->Needs();
+  const auto fits = [&model, &data, &options, needs, is_proxy, num_ranks](
+                        int size, std::string* why) {
+    std::string ignored;
+    return Fits(fmt::format("batch_size={}", size),
+                StepParts(model, data, needs, is_proxy, size, num_ranks),
+                data,
+                options,
+                &ignored,
+                why);
+  };
+  return MakeRacedEngine(
+      std::move(engine), needs, is_proxy, fits, options, model, data);
 }
 
 }  // namespace invgrad

@@ -6,6 +6,7 @@
 
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "Eigen/Core"
@@ -54,6 +55,7 @@ class Engine {
       : steps_per_epoch_(steps_per_epoch), has_state_(has_state) {}
   virtual ~Engine() = default;
 
+  // With the batch size of the first step.
   long steps_per_epoch() const { return steps_per_epoch_; }
   bool has_state() const { return has_state_; }
 
@@ -64,10 +66,10 @@ class Engine {
 
   // Goes back to weights of the ledger.
   //   kNoLoss  the train loss is not finite, or the last step has failed: undoes
-  //            the last step, or returns to the copy, or to `best`, the weights
-  //            of the lowest train loss that was evaluated (empty: none). Returns
-  //            false, and does nothing, if the rule has no judge or there is
-  //            nothing to go back to.
+  //            the last step, or returns to `best`, the weights of the lowest
+  //            train loss that was evaluated (empty: none). Returns false, and
+  //            does nothing, if the rule has no judge or there is nothing to go
+  //            back to.
   //   kEnd     the run has diverged, and ends with the last weights with a finite
   //            batch loss.
   virtual bool Undo(UndoReason /*reason*/,
@@ -83,6 +85,12 @@ class Engine {
   }
 
   virtual Counts counts() const { return {}; }
+
+  // Of the next step.
+  virtual int batch_size() const = 0;
+  // The passes over the data in this phase, where batches differ in size; none:
+  // steps / steps_per_epoch().
+  virtual std::optional<double> epochs() const { return std::nullopt; }
 
   virtual void VisitState(StateArchive* /*archive*/) {}
 
@@ -109,25 +117,6 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                    const TrainOptions& options,
                                    std::string* memory,
                                    std::string* error);
-
-// The engine of an update rule on mini-batches:
-//
-//   theta_{k+1} = theta_k + rule(linearization of the objective on batch k)
-//
-// on the batches of batch_sequence.h. A rule that judges its steps (control=gain)
-// receives the cost before and after each step; the engine undoes a step that the
-// judge rejects, or after which the next batch has no finite loss. A judge of
-// weights (control=fresh) receives the loss of each batch before its step, if
-// batches differ; the engine copies the weights, and goes back to the copy, as the
-// judge decides. Fails if a batch has no finite loss or the rule has no finite
-// step. The options: shuffle and seed.
-std::unique_ptr<Engine> MakeRuleEngine(
-    int batch_size,
-    const TrainOptions& options,
-    std::unique_ptr<BatchObjective> objective,
-    std::shared_ptr<UpdateRule> rule,
-    const Model* model,
-    const TrainingData* data);
 
 // The engine of a minimizer of Ceres on all samples, with or without proposals
 // of its rule or pull-back. Every iteration, also a rejected one, is a step and an epoch. Ends

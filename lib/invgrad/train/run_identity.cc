@@ -108,10 +108,14 @@ RunIdentity IdentityOfRun(const Model& model,
   identity.Add("method", method.label);
   if (method.ReadsProgress()) identity.AddBudget(options);
   std::vector<int> sizes;
+  bool races_any = false;
   for (const Phase& phase : method.phases) {
+    races_any |= phase.races_batch_size;
     sizes.push_back(phase.BatchSize(options.batch_size, train.num_samples()));
   }
-  identity.Add("batch size", fmt::format("{}", fmt::join(sizes, "+")));
+  identity.Add(
+      "batch size",
+      fmt::format("{}{}", fmt::join(sizes, "+"), races_any ? ", raced" : ""));
   identity.Add(
       "order of the samples",
       options.shuffle ? fmt::format("of seed {}", options.seed) : "as given");

@@ -24,9 +24,11 @@ namespace {
 constexpr long kNoSteps = std::numeric_limits<long>::max();
 
 // The number of steps of an earlier phase that ends by its budget.
-long StepsOfShare(const Phase& phase, long steps_per_epoch) {
+long StepsOfShare(const Phase& phase, const Engine& engine) {
   long steps = kNoSteps;
-  if (phase.num_epochs > 0) steps = phase.num_epochs * steps_per_epoch;
+  if (phase.num_epochs > 0 && !engine.epochs().has_value()) {
+    steps = phase.num_epochs * engine.steps_per_epoch();
+  }
   if (phase.num_steps > 0) steps = std::min<long>(steps, phase.num_steps);
   return steps;
 }
@@ -185,9 +187,11 @@ bool TrainingRun::Impl::AddPhase(const Phase& phase, bool is_last) {
   std::unique_ptr<Engine> engine = MakeEngine(
       phase, phase.MakeRule(), model_, data_, options_, &memory, &error_);
   if (engine == nullptr) return false;
-  const long share =
-      is_last ? kNoSteps : StepsOfShare(phase, engine->steps_per_epoch());
+  const long share = is_last ? kNoSteps : StepsOfShare(phase, *engine);
   phases_.push_back({std::move(engine), share, memory});
+  if (!is_last && phase.num_epochs > 0) {
+    phases_.back().max_num_epochs = phase.num_epochs;
+  }
   if (phase.output_layer != Phase::OutputLayer::kAuto) return true;
   phases_.back().early_share = SteadyFall::kEnd;
   Phase next = phase;
@@ -263,7 +267,9 @@ void TrainingRun::Impl::Restore() {
     std::swap(state_, state);
     // The last step of a run may exceed its epochs.
     const double max_epoch =
-        options_.max_num_epochs + 1.0 / engine().steps_per_epoch();
+        options_.max_num_epochs +
+        std::max(1.0 / engine().steps_per_epoch(),
+                 1.0 * engine().batch_size() / data_.train.num_samples());
     if (step() > options_.max_num_steps || epoch() >= max_epoch) {
       archive.Fail(fmt::format(
           "the run has taken {} steps, more than its budget now", step()));

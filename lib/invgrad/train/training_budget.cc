@@ -9,7 +9,8 @@ namespace invgrad {
 double TrainingRun::Impl::epoch() const {
   if (!error().empty()) return 0.0;
   return state_.first_epoch +
-         static_cast<double>(steps_of_phase()) / engine().steps_per_epoch();
+         engine().epochs().value_or(static_cast<double>(steps_of_phase()) /
+                                    engine().steps_per_epoch());
 }
 
 double TrainingRun::Impl::progress() const {
@@ -23,11 +24,21 @@ double TrainingRun::Impl::progress() const {
 double TrainingRun::Impl::SpentOfPhase() const {
   const double budget_in_seconds =
       options_.max_time_in_seconds - state_.first_second;
-  return std::min(
-      1.0,
+  double spent =
       std::max(static_cast<double>(steps_of_phase()) /
                    static_cast<double>(max_num_steps_),
-               (state_.seconds - state_.first_second) / budget_in_seconds));
+               (state_.seconds - state_.first_second) / budget_in_seconds);
+  if (engine().epochs().has_value()) {
+    const double max_num_epochs =
+        std::min(phase().max_num_epochs, EpochsLeft(state_.first_epoch));
+    spent = std::max(spent, *engine().epochs() / max_num_epochs);
+  }
+  return std::min(1.0, spent);
+}
+
+bool TrainingRun::Impl::IsShareSpent() const {
+  return steps_of_phase() >= max_num_steps_ ||
+         engine().epochs().value_or(0.0) >= phase().max_num_epochs;
 }
 
 // Epochs of different phases differ in length, so sums of epochs have rounding

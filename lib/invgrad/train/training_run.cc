@@ -76,7 +76,7 @@ bool TrainingRun::Impl::IsRunning() {
           fmt::format("no improvement in {} evaluations", options_.patience));
     } else if (!BudgetSpent().empty()) {
       End(ceres::NO_CONVERGENCE, BudgetSpent());
-    } else if (steps_of_phase() < max_num_steps_ ||
+    } else if (!IsShareSpent() ||
                next_phase() == static_cast<int>(phases_.size())) {
       return true;
     } else {
@@ -133,7 +133,8 @@ void TrainingRun::Impl::LimitPhase() {
     max_num_steps_ =
         std::min(max_num_steps_, options_.max_num_steps - state_.first_step);
   }
-  if (options_.max_num_epochs < TrainOptions().max_num_epochs) {
+  if (options_.max_num_epochs < TrainOptions().max_num_epochs &&
+      !engine().epochs().has_value()) {
     // A step within an epoch may reach the budget.
     const double steps = EpochsLeft(state_.first_epoch) *
                          static_cast<double>(engine().steps_per_epoch());
@@ -206,12 +207,25 @@ bool TrainingRun::Impl::CallBack(ceres::IterationSummary iteration) {
   return num_aborts == 0.0 && num_stops == 0.0;
 }
 
+bool TrainingRun::Impl::IsEvaluationDue() const {
+  if (last_evaluation() == state_.step) return false;
+  if (!engine().epochs().has_value()) {
+    const long steps_per_epoch = engine().steps_per_epoch();
+    return steps_of_phase() % steps_per_epoch == 0 &&
+           IsEvaluationEpoch(steps_of_phase() / steps_per_epoch);
+  }
+  // Steps may pass over the ends of epochs.
+  const double evaluated = history().back().epoch - state_.first_epoch;
+  for (long done = std::lround(std::floor(*engine().epochs()));
+       static_cast<double>(done) > evaluated;
+       --done) {
+    if (IsEvaluationEpoch(done)) return true;
+  }
+  return false;
+}
+
 void TrainingRun::Impl::EvaluateIfDue() {
-  const long steps_per_epoch = engine().steps_per_epoch();
-  const bool is_due = steps_of_phase() % steps_per_epoch == 0 &&
-                      IsEvaluationEpoch(steps_of_phase() / steps_per_epoch) &&
-                      last_evaluation() != state_.step;
-  if (is_due) {
+  if (IsEvaluationDue()) {
     Evaluate();
     if (!std::isfinite(history().back().train_loss) && !HandOver()) {
       EndDiverged();
@@ -272,6 +286,7 @@ void TrainingRun::Impl::Evaluate() {
   row.step = state_.step;
   row.epoch = epoch();
   row.seconds = state_.seconds;
+  row.batch_size = engine().batch_size();
   row.batch_loss = state_.batch_loss;
   row.step_norm = state_.step_norm;
   const bool has_test_data = data_.test.num_samples() > 0;

@@ -58,6 +58,8 @@ class TrainingRun::Impl {
     std::unique_ptr<Engine> engine;
     long max_num_steps = 0;  // its share of the run
     std::string memory;      // of a step, estimated
+    // Its share of the run, where batches differ in size.
+    double max_num_epochs = std::numeric_limits<double>::infinity();
     // Of a trial, the share of its budget in which the patience is early; else 0.
     double early_share = 0.0;
 
@@ -131,6 +133,7 @@ class TrainingRun::Impl {
   // evaluated, if it is below `train_loss`, that of the last good weights.
   // Returns a text for the message.
   std::string TakeBestWeights(double train_loss);
+  bool IsEvaluationDue() const;
   // Evaluates the losses and writes a checkpoint if they are due.
   void EvaluateIfDue();
   void SaveIfDue();
@@ -158,6 +161,8 @@ class TrainingRun::Impl {
   // Empty while some budget is left; then a reason such as "epochs done".
   std::string BudgetSpent() const;
   double EpochsLeft(double epoch) const;
+  // Whether the phase has had its share of the run.
+  bool IsShareSpent() const;
   // The share of the phase's budget, in [0, 1].
   double SpentOfPhase() const;
   // The last test loss, or train loss if there are no test data.

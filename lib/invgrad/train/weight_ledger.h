@@ -1,7 +1,5 @@
-// The weights that a training run can go back to, and how often it did.
-//
-//   before   those of the last finite batch loss, where the last step began
-//   copy     those that a judge of weights has asked for (update_rule.h)
+// The weights that a training run can go back to, those of the last finite batch
+// loss, where the last step began; and how often it did.
 //
 // Undo is the only function that goes back; it takes a reason.
 #ifndef INVGRAD_TRAIN_WEIGHT_LEDGER_H_
@@ -20,11 +18,9 @@ enum class UndoReason {
 
 class WeightLedger {
  public:
-  // Both may be empty.
+  // May be empty.
   const Eigen::VectorXd& before() const { return before_; }
-  const Eigen::VectorXd& copy() const { return copy_; }
   void SetBefore(const Eigen::VectorXd& weights) { before_ = weights; }
-  void SetCopy(const Eigen::VectorXd& weights) { copy_ = weights; }
 
   // Puts weights back, unless they are empty.
   void Undo(UndoReason reason,
@@ -35,28 +31,16 @@ class WeightLedger {
   }
   long num_undone() const { return num_undone_; }
 
-  // has_copy: whether the rule has a judge of weights.
-  void VisitState(Eigen::Index num_weights,
-                  bool has_copy,
-                  StateArchive* archive) {
+  void VisitState(Eigen::Index num_weights, StateArchive* archive) {
     archive->Visit("num_undone", &num_undone_);
-    Visit("weights_before", num_weights, &before_, archive);
-    if (has_copy) Visit("weights_copied", num_weights, &copy_, archive);
+    archive->Visit("weights_before", &before_);
+    archive->Require(before_.size() == 0 ||
+                         (before_.size() == num_weights && before_.allFinite()),
+                     "weights_before");
   }
 
  private:
-  static void Visit(const char* name,
-                    Eigen::Index num_weights,
-                    Eigen::VectorXd* weights,
-                    StateArchive* archive) {
-    archive->Visit(name, weights);
-    archive->Require(weights->size() == 0 || (weights->size() == num_weights &&
-                                              weights->allFinite()),
-                     name);
-  }
-
   Eigen::VectorXd before_;
-  Eigen::VectorXd copy_;
   long num_undone_ = 0;
 };
 

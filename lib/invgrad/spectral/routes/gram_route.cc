@@ -19,7 +19,6 @@
 #include "invgrad/spectral/routes/gram_matrix.h"
 #include "invgrad/spectral/routes/spectral_routes.h"
 #include "invgrad/spectral/routes/spectrum_cut.h"
-#include "invgrad/spectral/routes/tridiagonal_coefficients.h"
 #include "invgrad/spectral/step_error.h"
 
 namespace invgrad {
@@ -54,34 +53,6 @@ bool MakeStep(const SpectralProblem& problem, const VectorXd& w) {
   return CheckFinite("the step", *problem.d, &problem.summary->message);
 }
 
-// Sets the spectrum from K's eigenvalues in units of `unit`, and the coefficients
-// of b in its eigenvectors.
-void MeasureSpectrum(const SpectralProblem& problem,
-                     const VectorXd& lambda,
-                     const VectorXd& c) {
-  VectorXd squared = c.cwiseAbs2();
-  if (problem.parameter_side()) {
-    // (v_i . J^T g)^2 = lambda_i (u_i . g)^2. Below the resolution of K, where
-    // it is rounding, g counts as outside.
-    const double smallest = Resolution(problem) * lambda.maxCoeff();
-    squared =
-        (lambda.array() > smallest)
-            .select(squared.array() / (problem.buffers->unit * lambda.array()),
-                    0.0);
-  }
-  SetSpectrum(problem, problem.buffers->unit * lambda, squared);
-}
-
-// The same from the tridiagonal form of K and b = Q^T b.
-void MeasureSpectrum(const SpectralProblem& problem) {
-  const SpectralBuffers& buffers = *problem.buffers;
-  VectorXd lambda = buffers.reduction.diagonal();
-  VectorXd c = buffers.b;
-  if (TridiagonalCoefficients(buffers.reduction.off_diagonal(), &lambda, &c)) {
-    MeasureSpectrum(problem, lambda, c);
-  }
-}
-
 // Computes f(K) b from all eigenvectors of K.
 bool EigenvectorStep(const SpectralProblem& problem) {
   SpectralBuffers* buffers = problem.buffers;
@@ -100,7 +71,6 @@ bool EigenvectorStep(const SpectralProblem& problem) {
   VectorXd& c = buffers->y;
   c.resize(size);
   Gemv(Op::kTranspose, 1.0, U, buffers->b, 0.0, c);
-  if (problem.measures_spectrum) MeasureSpectrum(problem, lambda, c);
   lambda /= lambda[size - 1];
   // Rounding may make small eigenvalues negative.
   const VectorXd s = s_max * lambda.cwiseMax(0.0).cwiseSqrt();
@@ -146,36 +116,24 @@ void FillSigns(Eigen::Index size, Tridiagonal::Perturbations* signs) {
 }
 
 // f(lambda) = phi(s) / s, lambda = s^2, in units of T: lambda / unit ->
-// f(lambda) / scale = (lambda / unit + damping)^-exponent, times the share of
-// signal. That is analytic outside (-inf, 0], because signal_exponent <= 1.
+// f(lambda) / scale = (lambda / unit + damping)^-exponent.
 struct GramFunction {
-  // The filter must outlive the function. lambda_max in units of T.
-  GramFunction(const SpectralFilter& spectral_filter,
-               double unit,
-               double largest)
-      : filter(spectral_filter),
-        lambda_max(largest),
-        exponent(filter.Exponent()),
+  // lambda_max in units of T.
+  GramFunction(const SpectralFilter& filter, double unit, double lambda_max)
+      : exponent(filter.Exponent()),
         damping(filter.damping / unit + filter.relative_damping * lambda_max),
         scale(std::pow(unit, -filter.Exponent())) {}
 
   std::complex<double> operator()(std::complex<double> z) const {
-    const std::complex<double> power = exponent == 1.0
-                                           ? 1.0 / (z + damping)
-                                           : std::pow(z + damping, -exponent);
-    if (filter.noise == 0.0) return power;
-    return power * filter.SignalShare(z / lambda_max);
+    return exponent == 1.0 ? 1.0 / (z + damping)
+                           : std::pow(z + damping, -exponent);
   }
 
   // f has a pole or a branch point here, and is analytic above.
-  double singularity() const { return filter.noise > 0.0 ? 0.0 : -damping; }
+  double singularity() const { return -damping; }
   // 1 / (z + damping), defined at roundings below zero too.
-  bool is_damped_resolvent() const {
-    return exponent == 1.0 && damping > 0.0 && filter.noise == 0.0;
-  }
+  bool is_damped_resolvent() const { return exponent == 1.0 && damping > 0.0; }
 
-  const SpectralFilter& filter;
-  double lambda_max;
   double exponent;
   double damping;
   double scale;
@@ -250,7 +208,6 @@ bool ReducedStep(const SpectralProblem& problem) {
   buffers->tridiagonal.Set(buffers->reduction.diagonal(),
                            buffers->reduction.off_diagonal());
   buffers->reduction.ApplyQTranspose(&buffers->b);
-  if (problem.measures_spectrum) MeasureSpectrum(problem);
   const bool parameter_side = problem.parameter_side();
   const double root_unit = std::sqrt(buffers->unit);
   const Tridiagonal& T = buffers->tridiagonal;

@@ -52,7 +52,6 @@ struct SpectralProblem {
   const Eigen::VectorXd& g;
   const SpectralFilter& filter;
   SpectralBuffers* buffers;
-  bool measures_spectrum;
   Eigen::VectorXd* d;
   SpectralStepSummary* summary;
 
@@ -76,12 +75,6 @@ void SummarizeSpectrum(const SpectralProblem& problem,
                        double s_max,
                        int power,
                        double resolution);
-
-// Fills summary->spectrum from the eigenvalues of J J^T or J^T J and the
-// squared coefficients of g in U.
-void SetSpectrum(const SpectralProblem& problem,
-                 const Eigen::VectorXd& lambda,
-                 const Eigen::VectorXd& squared_coefficients);
 
 // True if all entries of J are finite; otherwise the message names the first
 // row with an infinite or NaN entry.

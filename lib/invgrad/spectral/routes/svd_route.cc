@@ -60,9 +60,6 @@ bool SvdRoute(const SpectralProblem& problem) {
     svd.ApplyQ(true, rotated);
     Gemv(Op::kTranspose, 1.0, W, rotated.head(W.rows()), 0.0, c);
   }
-  if (problem.measures_spectrum) {
-    SetSpectrum(problem, s.cwiseAbs2(), c.cwiseAbs2());
-  }
   VectorXd filtered(c.size());
   for (Index i = 0; i < c.size(); ++i) {
     filtered[i] = problem.filter(s[i], s_max) * c[i];

@@ -1,0 +1,104 @@
+// Finds the batch size of a training run by races at equal cost.
+//
+//   8 steps with B = B_0
+//   repeat
+//     steps with B until the work has grown by 60 %
+//     race: for b = B, 4 B, B / 4
+//       from the same weights and the same state of the rule:
+//       steps with b samples, until 12 % of the work so far is done
+//     the slice with the lowest loss on samples that no slice used goes on:
+//     B, the weights and the state of the rule are those of the slice
+//
+// Small batches are cheap and make fast progress early; large ones have less
+// noise, and a Jacobian with more rows, which pays late. Which is better now is
+// measured, not predicted.
+//
+//   never below      B_0 samples
+//   larger batches   only if four steps with them cost at most a quarter of all
+//                    work so far, and fit in memory. Where a batch has at least
+//                    twice as many rows as there are weights, also only if the
+//                    loss of new samples has fallen by less than a factor of 1.3
+//                    since the last race: the noise of a larger batch falls at
+//                    once, its rate may be lower.
+//   no winner        if all slices end above 1.5 times the loss before the race:
+//                    the run goes back to where the race began
+//   cost             slices and their judgement are a fifth of all work at most
+//
+// Units:   work is a count of operations, from sizes: the same run repeats bit
+//          for bit on any machine, and a resumed one continues inside a race.
+// The class decides; the caller (raced_engine.cc) moves weights and states.
+#ifndef INVGRAD_TRAIN_BATCH_RACE_H_
+#define INVGRAD_TRAIN_BATCH_RACE_H_
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/train/checkpoint.h"
+
+namespace invgrad {
+
+class BatchRace {
+ public:
+  struct Costs {
+    std::function<double(int batch_size)> of_step;  // work
+    double of_judgement = 0.0;  // of one loss on the samples that judge
+    // Whether a batch has at least twice as many rows as there are weights.
+    std::function<bool(int batch_size)> is_tall;
+    // Whether a batch fits in memory; if not, *why says how much it needs.
+    std::function<bool(int batch_size, std::string* why)> fits;
+  };
+
+  BatchRace(int first_batch_size, int num_samples, Costs costs);
+
+  // Of the next step.
+  int batch_size() const { return is_racing() ? sizes_[lane_] : batch_size_; }
+  bool is_racing() const { return !sizes_.empty(); }
+  // The slice that runs; 0 is the run as it goes on without a race.
+  int lane() const { return lane_; }
+
+  // Whether a race may begin before the next step.
+  bool IsDue() const { return !is_racing() && work_ >= next_race_; }
+  // `loss`: of new samples. Returns false if there is only one size to try.
+  bool Begin(double loss);
+  // After a step with batch_size().
+  void CountStep();
+  bool IsSliceOver() const { return is_racing() && work_ >= end_of_slice_; }
+  // Returns false after the last slice.
+  bool BeginNextSlice();
+  // The losses of the slices on new samples; infinite for one that failed.
+  // Returns the slice that goes on; -1: none.
+  int End(const std::vector<double>& losses);
+
+  // "batch size 32, 128, 512"; and why it does not grow, if it has met a limit.
+  std::string Report() const;
+
+  void VisitState(StateArchive* archive);
+
+ private:
+  void BeginSlice() { end_of_slice_ = work_ + slice_; }
+
+  const int first_batch_size_;
+  const int num_samples_;
+  const Costs costs_;
+
+  int batch_size_;
+  Eigen::VectorXd path_;  // all batch sizes, in turn
+  std::string limit_;
+  double work_ = 0.0;
+  double next_race_ = 0.0;
+  double last_loss_ = std::numeric_limits<double>::infinity();
+
+  // Of a race.
+  std::vector<int> sizes_;
+  int lane_ = 0;
+  double slice_ = 0.0;
+  double end_of_slice_ = 0.0;
+  double begin_ = 0.0;
+};
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_TRAIN_BATCH_RACE_H_

@@ -1,0 +1,137 @@
+#include "invgrad/train/raced_engine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "fmt/core.h"
+#include "invgrad/core/step_cost.h"
+#include "invgrad/internal/communicator.h"
+
+namespace invgrad {
+namespace {
+
+constexpr int kMaxNumJudging = 512;
+
+}  // namespace
+
+RacedEngine::RacedEngine(std::unique_ptr<RuleEngine> engine,
+                         BatchRace race,
+                         int num_judging,
+                         const TrainOptions& options,
+                         const Model* model,
+                         const TrainingData* data)
+    : Engine(engine->steps_per_epoch(), /*has_state=*/true),
+      engine_(std::move(engine)),
+      race_(std::move(race)),
+      num_judging_(num_judging),
+      communicator_(options.communicator),
+      model_(*model),
+      data_(*data) {}
+
+double RacedEngine::Judge(const Eigen::VectorXd& weights,
+                          const DataSet& samples) {
+  const double loss = MeanLoss(
+      model_, engine_->Finished(weights), samples, communicator_.get());
+  return std::isfinite(loss) ? loss : std::numeric_limits<double>::infinity();
+}
+
+Engine::StepResult RacedEngine::Step(double progress,
+                                     Eigen::VectorXd* weights) {
+  if (race_.IsDue() &&
+      race_.Begin(
+          Judge(*weights, engine_->TakeSamples(num_judging_, *weights)))) {
+    start_ = engine_->Save(*weights);
+  }
+  engine_->set_batch_size(race_.batch_size());
+  StepResult result = engine_->Step(progress, weights);
+  const bool has_failed = result.outcome == StepResult::Outcome::kFailed;
+  // Without a race the run would have failed, too.
+  if (has_failed && race_.lane() == 0) return result;
+  result.outcome = StepResult::Outcome::kStepped;
+  num_samples_ += race_.batch_size();
+  race_.CountStep();
+  if (race_.IsSliceOver() || has_failed) EndSlice(has_failed, weights);
+  return result;
+}
+
+void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
+  lanes_.push_back(engine_->Save(*weights));
+  have_failed_.conservativeResize(have_failed_.size() + 1);
+  have_failed_[have_failed_.size() - 1] = has_failed ? 1.0 : 0.0;
+  if (race_.BeginNextSlice()) {
+    engine_->Load(start_, weights);
+    return;
+  }
+  const DataSet samples = engine_->TakeSamples(num_judging_, *weights);
+  std::vector<double> losses;
+  for (size_t i = 0; i < lanes_.size(); ++i) {
+    losses.push_back(have_failed_[i] == 0.0
+                         ? Judge(lanes_[i].weights, samples)
+                         : std::numeric_limits<double>::infinity());
+  }
+  const int winner = race_.End(losses);
+  engine_->Load(winner < 0 ? start_ : lanes_[winner], weights);
+  lanes_.clear();
+  have_failed_.resize(0);
+}
+
+std::unique_ptr<Engine> MakeRacedEngine(
+    std::unique_ptr<RuleEngine> engine,
+    const LinearizationParts& needs,
+    bool is_proxy,
+    std::function<bool(int batch_size, std::string* why)> fits,
+    const TrainOptions& options,
+    const Model& model,
+    const TrainingData& data) {
+  const double num_weights = model.num_weights();
+  const double num_x = model.simulator().num_inputs();
+  const double num_y = model.loss().size();
+  const double rows = is_proxy ? num_x : num_y;
+  // A forward pass of network and simulator.
+  const double pass =
+      2.0 * model.num_columns() * num_weights + 2.0 * num_x * num_y;
+  // A backward pass is two forward ones; `after` stands for three trials.
+  double num_passes = 3.0 + (needs.after ? 3.0 : 0.0);
+  if (!needs.factorization) num_passes += 4.0 * needs.num_products;
+  BatchRace::Costs costs;
+  costs.of_step = [=](int batch_size) {
+    return StepOperations(needs, rows * batch_size, num_weights, 0.0) +
+           num_passes * pass * batch_size;
+  };
+  const int num_samples = data.train.num_samples();
+  const int num_judging = std::min(kMaxNumJudging, (num_samples + 1) / 2);
+  costs.of_judgement = pass * num_judging;
+  costs.is_tall = [=](int batch_size) {
+    return rows * batch_size >= 2.0 * num_weights;
+  };
+  costs.fits = std::move(fits);
+  BatchRace race(engine->batch_size(), num_samples, std::move(costs));
+  return std::make_unique<RacedEngine>(std::move(engine),
+                                       std::move(race),
+                                       num_judging,
+                                       options,
+                                       &model,
+                                       &data);
+}
+
+void RacedEngine::VisitState(StateArchive* archive) {
+  engine_->VisitState(archive);
+  race_.VisitState(archive);
+  archive->Visit("num_samples", &num_samples_);
+  archive->Require(num_samples_ >= 0.0 && std::isfinite(num_samples_),
+                   "num_samples");
+  archive->Visit("have_failed", &have_failed_, race_.lane());
+  if (!race_.is_racing() || !archive->error().empty()) return;
+  if (archive->is_reading()) {
+    start_ = engine_->Save(Eigen::VectorXd());
+    lanes_.assign(race_.lane(), start_);
+  }
+  start_.VisitState("race", archive);
+  for (size_t i = 0; i < lanes_.size(); ++i) {
+    lanes_[i].VisitState(fmt::format("slice_{}", i), archive);
+  }
+}
+
+}  // namespace invgrad

@@ -1,0 +1,88 @@
+// The engine of an update rule whose batch size is raced (batch_race.h).
+//
+// Between races it is the rule's engine. In a race each slice begins with the
+// weights and the state of the rule before the race; all slices take their
+// samples from one sequence, so that each is trained on new ones. A slice whose
+// step fails has lost. The weights that the run reports during a race are those
+// of the first slice, which is the run as it goes on without a race.
+#ifndef INVGRAD_TRAIN_RACED_ENGINE_H_
+#define INVGRAD_TRAIN_RACED_ENGINE_H_
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Eigen/Core"
+#include "invgrad/linearization.h"
+#include "invgrad/model.h"
+#include "invgrad/train/batch_race.h"
+#include "invgrad/train/engine.h"
+#include "invgrad/train/rule_engine.h"
+
+namespace invgrad {
+
+class RacedEngine final : public Engine {
+ public:
+  // Judges slices by the model's loss, on num_judging new samples, which the
+  // ranks of the options share. Model and data must outlive the engine.
+  RacedEngine(std::unique_ptr<RuleEngine> engine,
+              BatchRace race,
+              int num_judging,
+              const TrainOptions& options,
+              const Model* model,
+              const TrainingData* data);
+
+  StepResult Step(double progress, Eigen::VectorXd* weights) override;
+  bool Undo(UndoReason reason,
+            const Eigen::VectorXd& best,
+            Eigen::VectorXd* weights) override {
+    return engine_->Undo(reason, best, weights);
+  }
+  Eigen::VectorXd Finished(const Eigen::VectorXd& weights) override {
+    return engine_->Finished(race_.lane() == 0 ? weights : lanes_[0].weights);
+  }
+  Counts counts() const override { return engine_->counts(); }
+  int batch_size() const override { return race_.batch_size(); }
+  std::optional<double> epochs() const override {
+    return num_samples_ / data_.train.num_samples();
+  }
+  void VisitState(StateArchive* archive) override;
+  std::string Finish() override {
+    return "; " + race_.Report() + engine_->Finish();
+  }
+
+ private:
+  // The loss of new samples; infinite if it is not finite.
+  double Judge(const Eigen::VectorXd& weights, const DataSet& samples);
+  void EndSlice(bool has_failed, Eigen::VectorXd* weights);
+
+  const std::unique_ptr<RuleEngine> engine_;
+  BatchRace race_;
+  const int num_judging_;
+  const std::shared_ptr<const Communicator> communicator_;
+  const Model& model_;
+  const TrainingData& data_;
+
+  double num_samples_ = 0.0;  // of all steps
+  // Of a race: its start, and the slices that are over.
+  RuleEngine::Lane start_;
+  std::vector<RuleEngine::Lane> lanes_;
+  Eigen::VectorXd have_failed_;  // 1: the slice has
+};
+
+// Makes it, with the costs of steps by a rule that needs `needs`. `fits` as of
+// BatchRace; model, data and what `fits` refers to must outlive the engine.
+std::unique_ptr<Engine> MakeRacedEngine(
+    std::unique_ptr<RuleEngine> engine,
+    const LinearizationParts& needs,
+    bool is_proxy,
+    std::function<bool(int batch_size, std::string* why)> fits,
+    const TrainOptions& options,
+    const Model& model,
+    const TrainingData& data);
+
+}  // namespace invgrad
+
+#endif  // INVGRAD_TRAIN_RACED_ENGINE_H_

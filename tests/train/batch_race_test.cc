@@ -1,0 +1,278 @@
+// Races of batch sizes: what the race decides, and runs with it.
+
+#include "invgrad/train/batch_race.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <limits>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "invgrad/random.h"
+#include "invgrad/train.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/train_options.h"
+#include "tests/train/parabola.h"
+#include "tests/train/regression.h"
+
+namespace invgrad {
+namespace batch_race_test {
+
+// Steps that cost as much as they have samples.
+BatchRace::Costs Linear() {
+  BatchRace::Costs costs;
+  costs.of_step = [](int batch_size) { return 1.0 * batch_size; };
+  costs.is_tall = [](int) { return false; };
+  costs.fits = [](int, std::string*) { return true; };
+  return costs;
+}
+
+// Takes steps until the next race is over; `loss` of a slice by its batch size.
+// Returns the sizes of the slices.
+template <typename Loss>
+std::vector<int> RunRace(const Loss& loss, BatchRace* race) {
+  while (!(race->IsDue() && race->Begin(1.0))) race->CountStep();
+  std::vector<int> sizes;
+  std::vector<double> losses;
+  do {
+    sizes.push_back(race->batch_size());
+    while (!race->IsSliceOver()) race->CountStep();
+    losses.push_back(loss(sizes.back()));
+  } while (race->BeginNextSlice());
+  race->End(losses);
+  return sizes;
+}
+
+double SmallerIsBetter(int size) { return 1e-3 * size; }
+double LargerIsBetter(int size) { return 1.0 / size; }
+
+TEST(BatchRace, TheSizeFollowsTheLowestLoss) {
+  BatchRace race(8, 100000, Linear());
+  EXPECT_EQ(race.batch_size(), 8);
+  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{8, 32}));
+  EXPECT_EQ(race.batch_size(), 32);
+  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{32, 128, 8}));
+  EXPECT_EQ(RunRace(SmallerIsBetter, &race), (std::vector<int>{128, 512, 32}));
+  EXPECT_EQ(race.batch_size(), 32);
+  EXPECT_EQ(RunRace(SmallerIsBetter, &race), (std::vector<int>{32, 128, 8}));
+  // Never below the first one.
+  EXPECT_EQ(RunRace(SmallerIsBetter, &race), (std::vector<int>{8, 32}));
+  EXPECT_EQ(race.Report(), "batch size 8, 32, 128, 32, 8");
+}
+
+TEST(BatchRace, AllSamplesAreTheLargestBatch) {
+  BatchRace race(8, 20, Linear());
+  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{8, 20}));
+  EXPECT_EQ(race.batch_size(), 20);
+}
+
+TEST(BatchRace, NoWinnerIfAllSlicesAreWorseThanTheStart) {
+  BatchRace race(8, 1000, Linear());
+  while (!(race.IsDue() && race.Begin(1.0))) race.CountStep();
+  EXPECT_EQ(race.End({1.6, 2.0}), -1);
+  EXPECT_EQ(race.batch_size(), 8);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  while (!(race.IsDue() && race.Begin(1.0))) race.CountStep();
+  EXPECT_EQ(race.End({kInfinity, 0.5}), 1);
+  EXPECT_EQ(race.batch_size(), 32);
+  // What is worse than an infinite loss at the start?
+  while (!(race.IsDue() && race.Begin(kInfinity))) race.CountStep();
+  EXPECT_EQ(race.End({kInfinity, kInfinity, kInfinity}), -1);
+}
+
+TEST(BatchRace, LargerBatchesMustFit) {
+  BatchRace::Costs costs = Linear();
+  costs.fits = [](int batch_size, std::string* why) {
+    *why = "too little memory";
+    return batch_size <= 32;
+  };
+  BatchRace race(8, 1000, costs);
+  RunRace(LargerIsBetter, &race);
+  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{32, 8}));
+  EXPECT_EQ(race.Report(), "batch size 8, 32, no larger: too little memory");
+}
+
+// Four steps with a batch four times as large cost 256 steps where a step costs
+// the third power of its size.
+TEST(BatchRace, LargerBatchesMustBeAffordable) {
+  BatchRace::Costs costs = Linear();
+  costs.of_step = [](int batch_size) {
+    return 1.0 * batch_size * batch_size * batch_size;
+  };
+  BatchRace race(8, 1000, costs);
+  long num_steps = 0;
+  while (!(race.IsDue() && race.Begin(1.0))) {
+    race.CountStep();
+    ++num_steps;
+  }
+  EXPECT_GE(num_steps, 4 * 256);
+  EXPECT_LE(num_steps, 6 * 256);
+}
+
+TEST(BatchRace, TallBatchesGrowAtAStallOnly) {
+  BatchRace::Costs costs = Linear();
+  costs.is_tall = [](int) { return true; };
+  BatchRace race(8, 1000, costs);
+  double loss = 1.0;
+  bool races = false;
+  for (int k = 0; k < 1000; ++k) {
+    if (race.IsDue()) {
+      races |= race.Begin(loss);
+      loss *= 0.5;
+    }
+    race.CountStep();
+  }
+  EXPECT_FALSE(races);
+  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{8, 32}));
+}
+
+TEST(BatchRace, TakesAFifthOfTheWork) {
+  BatchRace::Costs costs = Linear();
+  costs.of_judgement = 3.0;
+  BatchRace race(8, 1 << 20, costs);
+  NumpyRandom random(1);
+  double work = 0.0, in_races = 0.0;
+  int num_races = 0;
+  while (num_races < 30) {
+    while (!(race.IsDue() && race.Begin(1.0))) {
+      work += race.batch_size();
+      race.CountStep();
+    }
+    std::vector<double> losses;
+    double of_race = costs.of_judgement;
+    do {
+      while (!race.IsSliceOver()) {
+        of_race += race.batch_size();
+        race.CountStep();
+      }
+      losses.push_back(random.Rand(1, 1)(0, 0));
+      of_race += costs.of_judgement;
+    } while (race.BeginNextSlice());
+    race.End(losses);
+    work += of_race;
+    in_races += of_race;
+    ++num_races;
+    EXPECT_LE(in_races, 0.35 * work) << num_races;
+  }
+}
+
+// --- Runs ---
+
+constexpr char kRaced[] = "half_inverse:step_size=auto:batch_size=auto";
+
+std::set<double> BatchSizes(const TrainResult& result) {
+  std::set<double> sizes;
+  for (const HistoryRow& row : result.history) sizes.insert(row.batch_size);
+  return sizes;
+}
+
+TrainResult TrainRaced(const std::string& method, TrainOptions options) {
+  const Regression problem;
+  options.initial_weights = problem.weights;
+  options.shuffle = true;
+  return Train(problem.model, {problem.train, problem.test}, method, options);
+}
+
+TEST(RacedTraining, AnyRuleTrainsWithARacedBatchSize) {
+  for (const std::string rule : {"half_inverse:step_size=auto",
+                                 "geodesic",
+                                 "adam:step_size=1e-2",
+                                 "gauss_newton:control=gain:step_size=auto",
+                                 "krylov"}) {
+    SCOPED_TRACE(rule);
+    const TrainResult result =
+        TrainRaced(rule + ":batch_size=auto", Epochs(60, 3));
+    EXPECT_EQ(result.error, "");
+    EXPECT_EQ(result.summary.message.find("epochs done; batch size 3"), 0u)
+        << result.summary.message;
+    EXPECT_LT(result.history.back().train_loss,
+              0.5 * result.history.front().train_loss);
+    EXPECT_NEAR(result.history.back().epoch, 60.0, 1.0);
+    for (const double size : BatchSizes(result)) {
+      EXPECT_GE(size, 3.0);
+      EXPECT_LE(size, 24.0);
+    }
+  }
+}
+
+TEST(RacedTraining, AdaptiveRacesUnlessABatchSizeIsSet) {
+  EXPECT_GT(BatchSizes(TrainRaced("adaptive", Epochs(60, 3))).size(), 1u);
+  EXPECT_EQ(BatchSizes(TrainRaced("adaptive:batch_size=3", Epochs(60, 3))),
+            std::set<double>{3.0});
+  const TrainResult raced = TrainRaced("adaptive", Epochs(20, 3));
+  const TrainResult spelled = TrainRaced(
+      "geodesic:max_relative_step=0.1:batch_size=auto", Epochs(20, 3));
+  ExpectSameRun(raced, spelled);
+}
+
+// All samples in each step: nothing to race.
+TEST(RacedTraining, AllSamplesInEachStepAreTheRuleAlone) {
+  const TrainResult raced =
+      TrainRaced("geodesic:batch_size=auto", Epochs(10, 0));
+  ExpectSameRun(raced, TrainRaced("geodesic", Epochs(10, 0)));
+}
+
+TEST(RacedTraining, EndsInARaceWithTheWeightsOfTheRunItself) {
+  // Whatever step the run ends with, its loss is not that of a losing slice.
+  for (long steps = 20; steps < 60; ++steps) {
+    TrainOptions options = Epochs(1000000, 3);
+    options.max_num_steps = steps;
+    const TrainResult result = TrainRaced("adaptive", options);
+    const Regression problem;
+    EXPECT_EQ(MeanLoss(problem.model, result.weights, problem.train),
+              result.history.back().train_loss);
+  }
+}
+
+// At every step, within races too.
+TEST(RacedTraining, ResumesBitForBit) {
+  for (const std::string method :
+       {std::string("adaptive"), std::string(kRaced)}) {
+    TrainOptions options = Epochs(1000000, 3);
+    options.max_num_steps = 60;
+    const TrainResult whole = TrainRaced(method, options);
+    ASSERT_NE(whole.summary.message.find(", "), std::string::npos)
+        << whole.summary.message;
+    for (long stop = 5; stop < 60; stop += 3) {
+      SCOPED_TRACE(stop);
+      const TemporaryFolder folder;
+      TrainOptions part = options;
+      part.checkpoint_path = folder / "checkpoint";
+      part.max_num_steps = stop;
+      ASSERT_EQ(TrainRaced(method, part).error, "");
+      part.max_num_steps = 60;
+      const TrainResult resumed = TrainRaced(method, part);
+      ASSERT_EQ(resumed.error, "");
+      EXPECT_EQ(resumed.weights, whole.weights);
+      EXPECT_EQ(resumed.summary.message, whole.summary.message);
+    }
+  }
+}
+
+TEST(RacedTraining, IsAPhase) {
+  const TrainResult result = TrainRaced(
+      "adaptive:epochs=5>adam:step_size=1e-3:batch_size=8", Epochs(10, 3));
+  EXPECT_EQ(result.error, "");
+  EXPECT_NEAR(result.history.back().epoch, 10.0, 1.0);
+  EXPECT_EQ(result.history.back().batch_size, 8.0);
+}
+
+TEST(RacedTraining, WhatTakesAllSamplesIsRefused) {
+  const Regression problem;
+  EXPECT_EQ(
+      Refusal(problem, Epochs(1, 3), "ceres_lm:batch_size=auto"),
+      "ceres_lm: batch_size=auto: a minimizer of Ceres takes all samples: "
+      "leave it out");
+  EXPECT_EQ(
+      Refusal(problem, Epochs(1, 3), "adam:output_layer=exact:batch_size=auto"),
+      "adam: batch_size=auto: the output layer is solved on all samples: leave "
+      "it out");
+  // A solved layer keeps the batch size of the run.
+  EXPECT_EQ(BatchSizes(TrainRaced("adaptive:output_layer=exact", Epochs(5, 3))),
+            std::set<double>{3.0});
+}
+
+}  // namespace batch_race_test
+}  // namespace invgrad
