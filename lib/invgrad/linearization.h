@@ -48,9 +48,10 @@ struct LinearizationParts {
   // the run's budget.
   bool progress = false;
   // What the rule does with J, for the limits on time and memory (step_cost.h):
-  // whether it factorizes J or a Gram matrix, or otherwise how many products
-  // with J and J^T it takes, at most.
+  // whether it factorizes J or a Gram matrix, by Cholesky if not by all singular
+  // values, or otherwise how many products with J and J^T it takes, at most.
   bool factorization = false;
+  bool by_cholesky = false;
   bool uses_sparsity = false;  // of J, if it is stored so, in the factorization
   int num_products = 0;
 

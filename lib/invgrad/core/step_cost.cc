@@ -24,7 +24,10 @@ double StepOperations(const LinearizationParts& needs,
   if (needs.hessian) return 10.0 * cols * cols * cols;
   if (IsSparse(needs, num_entries)) return kOperationsOfEntry * num_entries;
   const double k = std::min(rows, cols);
-  if (needs.factorization) return k * k * (std::max(rows, cols) + 10.0 * k);
+  if (needs.factorization) {
+    const double of_gram = needs.by_cholesky ? 0.5 : 10.0;
+    return k * k * (std::max(rows, cols) + of_gram * k);
+  }
   if (num_entries == 0.0) return 0.0;
   // An iteration, with a product each way, ends after k.
   return std::min(1.0 * needs.num_products, 2.0 * k) *

@@ -102,6 +102,7 @@ class GeodesicRule final : public UpdateRule {
     LinearizationParts parts = LinearizationParts::Jacobian();
     parts.after = true;
     parts.factorization = true;
+    parts.by_cholesky = true;
     parts.uses_sparsity = true;
     return parts;
   }

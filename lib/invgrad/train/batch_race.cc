@@ -13,14 +13,15 @@ constexpr int kNumFirstSteps = 8;
 constexpr int kFactor = 4;
 // Of the work so far: between races, of a slice, and of a slice of a larger
 // batch at most.
-constexpr double kBetweenRaces = 0.6;
-constexpr double kSlice = 0.12;
+constexpr double kBetweenRaces = 0.25;
+constexpr double kSlice = 0.03;
 constexpr double kAffordable = 0.25;
 constexpr int kLeastStepsOfSlice = 4;
 constexpr double kWorkPerRace = 4.0;  // between races, over that of a race
 // Until one is tried again where there is only one size.
 constexpr double kRetry = 1.3;
 constexpr double kStall = 1.3;
+constexpr double kNextSmaller = 4.0;
 constexpr double kWorse = 1.5;
 
 }  // namespace
@@ -34,22 +35,35 @@ BatchRace::BatchRace(int first_batch_size, int num_samples, Costs costs)
       next_race_((1.0 + 0.5) * kNumFirstSteps *
                  costs_.of_step(first_batch_size)) {}
 
+int BatchRace::Larger(double loss) {
+  const bool has_stalled = !(loss < last_loss_ / kStall);
+  last_loss_ = loss;
+  if (costs_.is_tall(batch_size_) && !has_stalled) return 0;
+  for (const int factor : {kFactor, 2}) {
+    const int size = static_cast<int>(
+        std::min(1.0 * factor * batch_size_, 1.0 * num_samples_));
+    if (size > batch_size_ &&
+        kLeastStepsOfSlice * costs_.of_step(size) <= kAffordable * work_ &&
+        costs_.fits(size, &limit_)) {
+      return size;
+    }
+  }
+  return 0;
+}
+
+int BatchRace::Smaller() {
+  const int size = batch_size_ / kFactor;
+  if (size < first_batch_size_ || work_ < next_smaller_) return 0;
+  next_smaller_ = kNextSmaller * work_;
+  return size;
+}
+
 bool BatchRace::Begin(double loss) {
   begin_ = work_;
   work_ += costs_.of_judgement;
-  const bool has_stalled = !(loss < last_loss_ / kStall);
-  last_loss_ = loss;
   std::vector<int> sizes = {batch_size_};
-  const int larger = static_cast<int>(
-      std::min(1.0 * kFactor * batch_size_, 1.0 * num_samples_));
-  if (larger > batch_size_ &&
-      kLeastStepsOfSlice * costs_.of_step(larger) <= kAffordable * work_ &&
-      (has_stalled || !costs_.is_tall(batch_size_)) &&
-      costs_.fits(larger, &limit_)) {
-    sizes.push_back(larger);
-  }
-  if (batch_size_ / kFactor >= first_batch_size_) {
-    sizes.push_back(batch_size_ / kFactor);
+  for (const int size : {Larger(loss), Smaller()}) {
+    if (size > 0) sizes.push_back(size);
   }
   if (sizes.size() == 1) {
     next_race_ = kRetry * work_;
@@ -89,8 +103,8 @@ int BatchRace::End(const std::vector<double>& losses) {
   }
   sizes_.clear();
   lane_ = 0;
-  next_race_ = work_ + std::max(kBetweenRaces * work_,
-                                kWorkPerRace * (work_ - begin_));
+  next_race_ =
+      work_ + std::max(kBetweenRaces * work_, kWorkPerRace * (work_ - begin_));
   return winner;
 }
 
@@ -111,6 +125,7 @@ void BatchRace::VisitState(StateArchive* archive) {
                    "batch_size");
   archive->Visit("work", &work_);
   archive->Visit("next_race", &next_race_);
+  archive->Visit("next_smaller", &next_smaller_);
   archive->Visit("last_loss", &last_loss_);
   Eigen::VectorXd sizes(sizes_.size());
   std::copy(sizes_.begin(), sizes_.end(), sizes.begin());

@@ -2,10 +2,10 @@
 //
 //   8 steps with B = B_0
 //   repeat
-//     steps with B until the work has grown by 60 %
-//     race: for b = B, 4 B, B / 4
+//     steps with B until the work has grown by a quarter
+//     race: for b = B, 4 B or 2 B, B / 4
 //       from the same weights and the same state of the rule:
-//       steps with b samples, until 12 % of the work so far is done
+//       steps with b samples, until 3 % of the work so far is done
 //     the slice with the lowest loss on samples that no slice used goes on:
 //     B, the weights and the state of the rule are those of the slice
 //
@@ -13,13 +13,14 @@
 // noise, and a Jacobian with more rows, which pays late. Which is better now is
 // measured, not predicted.
 //
-//   never below      B_0 samples
-//   larger batches   only if four steps with them cost at most a quarter of all
-//                    work so far, and fit in memory. Where a batch has at least
-//                    twice as many rows as there are weights, also only if the
-//                    loss of new samples has fallen by less than a factor of 1.3
-//                    since the last race: the noise of a larger batch falls at
-//                    once, its rate may be lower.
+//   smaller batches  never below B_0 samples, and only after the work has grown
+//                    fourfold since the last one was tried
+//   larger batches   4 B, or else 2 B, if four steps with them cost at most a
+//                    quarter of all work so far, and fit in memory. Where a
+//                    batch has at least twice as many rows as there are weights,
+//                    also only if the loss of new samples has fallen by less than
+//                    a factor of 1.3 since the last race: the noise of a larger
+//                    batch falls at once, its rate may be lower.
 //   no winner        if all slices end above 1.5 times the loss before the race:
 //                    the run goes back to where the race began
 //   cost             slices and their judgement are a fifth of all work at most
@@ -79,6 +80,9 @@ class BatchRace {
 
  private:
   void BeginSlice() { end_of_slice_ = work_ + slice_; }
+  // The size to try beside the present one; 0: none.
+  int Larger(double loss);
+  int Smaller();
 
   const int first_batch_size_;
   const int num_samples_;
@@ -89,6 +93,7 @@ class BatchRace {
   std::string limit_;
   double work_ = 0.0;
   double next_race_ = 0.0;
+  double next_smaller_ = 0.0;
   double last_loss_ = std::numeric_limits<double>::infinity();
 
   // Of a race.

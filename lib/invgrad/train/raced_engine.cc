@@ -108,12 +108,8 @@ std::unique_ptr<Engine> MakeRacedEngine(
   };
   costs.fits = std::move(fits);
   BatchRace race(engine->batch_size(), num_samples, std::move(costs));
-  return std::make_unique<RacedEngine>(std::move(engine),
-                                       std::move(race),
-                                       num_judging,
-                                       options,
-                                       &model,
-                                       &data);
+  return std::make_unique<RacedEngine>(
+      std::move(engine), std::move(race), num_judging, options, &model, &data);
 }
 
 void RacedEngine::VisitState(StateArchive* archive) {
