@@ -71,6 +71,13 @@ TEST_F(ExamplesTest, InverseKinematics) {
   ExpectSays(output, {"exact inverse:", "LM + inverse", " of 1000 poses"});
 }
 
+// It fails if the physical gradient is not exact.
+TEST_F(ExamplesTest, PhysicalGradients) {
+  const Output output = RunExample("physical_gradients");
+  EXPECT_EQ(output.exit_code, 0) << output.text;
+  ExpectSays(output, {"Fall of the loss", "Change of y", "Lyapunov times"});
+}
+
 // It writes a file where it runs.
 TEST_F(ExamplesTest, TrainedNetworks) {
   const std::filesystem::path before = std::filesystem::current_path();

@@ -64,6 +64,30 @@ TEST(PhysicalGradient, IsTheInverseGradientAveragedOverTheWayInY) {
   EXPECT_GT((PhysicalGradient() - local).norm(), 0.1);
 }
 
+// "A path integral along any differentiable path": along a way in y with a
+// bulge to the side the integral of dx/dy dy stays, but the mean of dx/dy does
+// not turn the change of y into that of x any more.
+TEST(PhysicalGradient, IsTheIntegralOfTheInverseGradientAlongAnyWay) {
+  const Vector2d side(-kChange[1], kChange[0]);
+  Vector2d y;
+  ASSERT_TRUE(Bend()(kX.data(), y.data()));
+  for (const double bulge : {0.1, 0.2, 0.4}) {
+    const auto dx_dy = [&](double t) -> Matrix2d {
+      const Vector2d at = y + t * kChange + bulge * std::sin(M_PI * t) * side;
+      return BendJacobian(BendInverse(at)).inverse();
+    };
+    const Matrix2d integrals = Mean([&](double t) {
+      const Vector2d velocity =
+          kChange + bulge * M_PI * std::cos(M_PI * t) * side;
+      Matrix2d columns;
+      columns << dx_dy(t) * velocity, dx_dy(t) * kChange;
+      return columns;
+    });
+    EXPECT_LT((integrals.col(0) - PhysicalGradient()).norm(), 1e-9) << bulge;
+    EXPECT_GT((integrals.col(1) - PhysicalGradient()).norm(), 0.3 * bulge);
+  }
+}
+
 TEST(PhysicalGradient, InvertsTheJacobianAveragedOverTheWayInX) {
   const VectorXd d_x = PhysicalGradient();
   const Matrix2d mean =
