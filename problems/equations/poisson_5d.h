@@ -12,7 +12,8 @@
 //          all are one batch. For testing a grid of 5^5 points with its faces.
 // Metric:  L2_error, relative.
 // Facts:   u = sum_i cos(pi x_i). Published: L2 error 5.6e-8 by ENGD, 3,000 s
-//          on a GPU.
+//          on a GPU; at second hand, 3.0e-16 with 13,313 weights in 407 s on an
+//          H100 (arXiv 2607.02194).
 // Source:  Dangel, Mueller, Zeinhofer. Kronecker-Factored Approximate Curvature
 //          for Physics-Informed Neural Networks. NeurIPS 2024. arXiv
 //          2405.15603.

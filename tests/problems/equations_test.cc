@@ -5,6 +5,7 @@
 #include "Eigen/Core"
 #include "gtest/gtest.h"
 #include "invgrad/equations/equation_simulator.h"
+#include "invgrad/train.h"
 #include "invgrad/trial_function.h"
 #include "problems/equations/allen_cahn.h"
 #include "problems/equations/burgers.h"
@@ -241,6 +242,24 @@ TEST(Evolutions, AreTheProblemsInAWindow) {
       << error;
   EXPECT_FALSE(CreateEvolution("kdv_pinn:num_t=0", &evolution, &error));
   EXPECT_NE(error.find("num_t=0"), std::string::npos) << error;
+}
+
+// Of a network that is zero, the equation holds, and u = 0 is wrong only at the
+// beginning, by sin(pi x), whose mean square is 1/2.
+TEST(Burgers, SoftConditionsAreTermsOfTheLoss) {
+  PhysicsProblem problem;
+  std::string error;
+  ASSERT_TRUE(
+      CreateProblem("burgers_pinn:num_t=4:num_x=12:conditions=soft:"
+                    "condition_weight=10",
+                    nullptr,
+                    &problem,
+                    &error))
+      << error;
+  const LearningProblem& learning = *problem.learning;
+  EXPECT_EQ(learning.train.inputs.cols(), 4 * 12 + 12 + 2 * 4);
+  const VectorXd zero = VectorXd::Zero(learning.model->num_weights());
+  EXPECT_NEAR(MeanLoss(*learning.model, zero, learning.train), 2.5, 1e-12);
 }
 
 TEST(Burgers, NamesPointsOutsideTheBox) {

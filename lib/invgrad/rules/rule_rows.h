@@ -17,6 +17,7 @@ std::vector<RuleRow> HessianFreeRuleRows();  // hessian_free_rule.cc
 std::vector<RuleRow> AdaHessianRuleRows();   // adahessian_rule.cc
 std::vector<RuleRow> GeodesicRuleRows();     // geodesic_rule.cc
 std::vector<RuleRow> DeterminedRuleRows();   // determined_rule.cc
+std::vector<RuleRow> SsBroydenRuleRows();    // ssbroyden_rule.cc
 
 }  // namespace invgrad
 

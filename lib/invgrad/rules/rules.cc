@@ -21,7 +21,8 @@ std::deque<RuleRow>& Table() {
                                      HessianFreeRuleRows(),
                                      AdaHessianRuleRows(),
                                      GeodesicRuleRows(),
-                                     DeterminedRuleRows()}) {
+                                     DeterminedRuleRows(),
+                                     SsBroydenRuleRows()}) {
       rows->insert(rows->end(), rows_of_file.begin(), rows_of_file.end());
     }
     return rows;
