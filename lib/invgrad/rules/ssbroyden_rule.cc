@@ -44,7 +44,8 @@
 //     The formulas are those of its code, SSBroyden2 in
 //     github.com/jorgeurban/self_scaled_algorithms_pinns.
 // [2] Al-Baali, Khalfan. A wide interval for efficient self-scaling
-//     quasi-Newton algorithms. Optim. Methods Softw. 20 (2005).
+//     quasi-Newton algorithms. Optim. Methods Softw. 20 (2005). Not opened: [1]
+//     takes the formulas from it.
 // [3] Nocedal, Wright. Numerical Optimization. Springer 2006, section 3.5.
 #include <algorithm>
 #include <cmath>
