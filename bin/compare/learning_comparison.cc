@@ -230,6 +230,9 @@ bool RunOrLoad(const CompareOptions& options,
     state.step = training.step();
     state.loss = training.history().back().train_loss;
     state.epoch = training.epoch();
+    if (method.last_phase().races_batch_size) {
+      state.batch_size = training.history().back().batch_size;
+    }
     state.fraction = training.progress();
     return ShowProgress(state, &progress);
   };

@@ -102,6 +102,9 @@ std::string Progress::Line(const ProgressState& state, double now) const {
   if (!std::isnan(state.epoch)) {
     line += fmt::format("  epoch {:.1f}", state.epoch);
   }
+  if (!std::isnan(state.batch_size)) {
+    line += fmt::format("  batch {:.0f}", state.batch_size);
+  }
   if (!std::isnan(state.loss)) line += "  loss " + FormatNumber(state.loss);
   if (elapsed > 0.0 && state.step > first_.step) {
     line +=

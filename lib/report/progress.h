@@ -30,6 +30,7 @@ struct ProgressState {
   std::string label;
   long step = 0;
   double epoch = kUnknown;
+  double batch_size = kUnknown;
   double loss = kUnknown;
   double fraction = kUnknown;  // of the budget, in [0, 1]
 };

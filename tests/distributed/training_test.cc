@@ -28,9 +28,8 @@ struct Case {
   std::string problem;
   std::string method;
   int batch_size = 13;  // divides by no number of ranks but one
+  int num_steps = 4;
 };
-
-constexpr int kNumSteps = 4;
 
 LearningProblem MakeProblem(const std::string& specification) {
   PhysicsProblem problem;
@@ -52,7 +51,7 @@ Losses Train(const LearningProblem& problem,
              const std::shared_ptr<const Communicator>& ranks) {
   TrainOptions options;
   options.batch_size = of.batch_size;
-  options.max_num_steps = kNumSteps;
+  options.max_num_steps = of.num_steps;
   options.seed = 1;
   options.inverse = problem.inverse;
   options.communicator = ranks;
@@ -169,6 +168,15 @@ TEST(DistributedTraining, OtherChainsTrainAsInOneProcess) {
   ExpectSameTraining(
       {"oscillator_tracking:num_samples=40", "half_inverse:truncation=1e-3"});
   ExpectSameTraining({"poisson_pinn", "half_inverse:truncation=1e-3", 64});
+}
+
+// A race of batch sizes, which all ranks decide in the same way.
+TEST(DistributedTraining, RacesBatchSizesAsInOneProcess) {
+  const std::string method =
+      "half_inverse:step_size=0.1:truncation=1e-2:batch_size=auto";
+  ExpectSameTraining(
+      {"regression_1d:num_samples=400", method, /*batch_size=*/7, /*steps=*/60},
+      1e-8);
 }
 
 // Batches whose Gram matrix the ranks share (spectral/routes/gram_route.cc).

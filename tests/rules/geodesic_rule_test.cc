@@ -11,6 +11,7 @@
 #include "invgrad/linearization.h"
 #include "invgrad/rules.h"
 #include "invgrad/stored_jacobian.h"
+#include "tests/rules/step_of.h"
 #include "tests/support/random_matrix.h"
 
 namespace invgrad {
@@ -62,13 +63,6 @@ Parabola MakeParabola(int m, int n, double curvature) {
           RandomMatrix(m, 1, 2),
           RandomMatrix(n, 1, 3),
           curvature * RandomMatrix(m, 1, 4)};
-}
-
-VectorXd StepOf(UpdateRule* rule, const Linearization& at_x) {
-  VectorXd step;
-  std::string error;
-  EXPECT_TRUE(rule->ComputeStep(at_x, &step, &error)) << error;
-  return step;
 }
 
 // Of a linear problem the first damping, 1/2 of the setting, is taken.

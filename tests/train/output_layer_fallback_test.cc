@@ -22,7 +22,7 @@ TrainOptions Steps(long num_steps, int batch_size) {
   return options;
 }
 
-TrainResult TrainBy(const std::string& method, TrainOptions options) {
+TrainResult TrainRegressionBy(const std::string& method, TrainOptions options) {
   const Regression problem;
   options.initial_weights = problem.weights;
   TrainResult result =
@@ -46,8 +46,8 @@ TEST(OutputLayerFallback, ALayerThatPaysIsSolvedToTheEnd) {
   for (const int batch_size : {0, 8}) {
     const std::string method = "adam:step_size=3e-3";
     const TrainOptions options = Steps(800, batch_size);
-    const TrainResult exact = TrainBy(method + ":output_layer=exact", options);
-    const TrainResult result = TrainBy(method + kAuto, options);
+    const TrainResult exact = TrainRegressionBy(method + ":output_layer=exact", options);
+    const TrainResult result = TrainRegressionBy(method + kAuto, options);
     EXPECT_EQ(result.weights, exact.weights);
     EXPECT_EQ(result.history.size(), exact.history.size());
     EXPECT_EQ(result.summary.message, exact.summary.message);
@@ -77,9 +77,9 @@ TEST(OutputLayerFallback, AStalledPhaseTrainsAllLayersFromItsFirstWeights) {
 TEST(OutputLayerFallback, KeepsTheWeightsOfTheSolutionsIfTheyAreBetter) {
   const std::string method = "adam:step_size=1e-12:output_layer_period=1";
   const TrainOptions options = Steps(800, 8);
-  const TrainResult exact = TrainBy(method + ":output_layer=exact", options);
-  const TrainResult trained = TrainBy("adam:step_size=1e-12", options);
-  const TrainResult result = TrainBy(method + kAuto, options);
+  const TrainResult exact = TrainRegressionBy(method + ":output_layer=exact", options);
+  const TrainResult trained = TrainRegressionBy("adam:step_size=1e-12", options);
+  const TrainResult result = TrainRegressionBy(method + kAuto, options);
   const double loss = result.history.back().train_loss;
   EXPECT_NEAR(loss, exact.history.back().train_loss, 1e-6 * loss);
   EXPECT_LT(loss, 0.9 * trained.history.back().train_loss);
@@ -98,8 +98,8 @@ TEST(OutputLayerFallback, TheNextPhaseBeginsWithTheBetterWeights) {
   const std::string last = ">gradient_descent:step_size=0.1";
   const TrainOptions options = Steps(900, 8);
   const TrainResult exact =
-      TrainBy(still + ":output_layer=exact" + last, options);
-  const TrainResult result = TrainBy(still + kAuto + last, options);
+      TrainRegressionBy(still + ":output_layer=exact" + last, options);
+  const TrainResult result = TrainRegressionBy(still + kAuto + last, options);
   EXPECT_NEAR(result.history.back().train_loss,
               exact.history.back().train_loss,
               0.01 * exact.history.back().train_loss);

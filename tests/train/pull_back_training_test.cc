@@ -12,7 +12,7 @@
 #include "invgrad/autodiff_simulator.h"
 #include "invgrad/inverse/chain_pull_back.h"
 #include "invgrad/inverse_simulator.h"
-#include "invgrad/train/engine.h"
+#include "invgrad/train/rule_engine.h"
 #include "invgrad/update_rule.h"
 #include "problems/problems.h"
 #include "tests/support/create_problem.h"
@@ -114,17 +114,16 @@ TEST(PullBackTraining, TheProxyIsWhatIsJudged) {
     ChainPullBack::Options options;
     options.updates_per_evaluation = num_updates;
     const auto rule = std::make_shared<NotingRule>();
-    const std::unique_ptr<Engine> engine =
-        MakeRuleEngine(100,
-                       TrainOptions(),
-                       std::make_unique<ChainPullBack>(
-                           problem.model.get(), problem.inverse, options),
-                       rule,
-                       problem.model.get(),
-                       &data);
+    RuleEngine engine(100,
+                      TrainOptions(),
+                      std::make_unique<ChainPullBack>(
+                          problem.model.get(), problem.inverse, options),
+                      rule,
+                      problem.model.get(),
+                      &data);
     const Eigen::VectorXd start = InitialWeights(problem);
     Eigen::VectorXd weights = start;
-    EXPECT_EQ(engine->Step(0.0, &weights).outcome,
+    EXPECT_EQ(engine.Step(0.0, &weights).outcome,
               Engine::StepResult::Outcome::kStepped);
     ASSERT_EQ(rule->before.size(), static_cast<size_t>(num_updates));
     ASSERT_EQ(rule->after.size(), rule->before.size());
