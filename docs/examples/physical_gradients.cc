@@ -24,7 +24,7 @@
 
 namespace {
 
-using namespace physical_gradients;  // NOLINT: their measurements are the program
+using namespace physical_gradients;  // NOLINT: the program prints it
 
 void PrintRow(const char* name, const std::vector<double>& values) {
   std::printf("%-45s", name);
