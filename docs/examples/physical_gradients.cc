@@ -5,7 +5,7 @@
 // Problems:   scalar functions, a pendulum, two oscillators, Lorenz' equations
 //             and small networks, in physical_gradients.h and
 //             physical_gradients_in_time.h.
-// Expect:     one table for each section, in about ten seconds.
+// Expect:     one table for each section, in about five seconds.
 //
 // Exits with 0 if the physical gradient is exact where the book says so: the
 // change of y in section 8 and the convergence in section 12.
@@ -24,10 +24,10 @@
 
 namespace {
 
-using namespace physical_gradients;  // NOLINT: their measurements are the program
+using namespace physical_gradients;  // NOLINT: the program prints it
 
 void PrintRow(const char* name, const std::vector<double>& values) {
-  std::printf("%-34s", name);
+  std::printf("%-45s", name);
   for (const double value : values) std::printf(" %10.4g", value);
   std::printf("\n");
 }
@@ -35,7 +35,7 @@ void PrintRow(const char* name, const std::vector<double>& values) {
 void PrintFallOfLoss() {
   std::printf("7. Fall of the loss over eta, y = c x\n");
   for (const bool is_linear : {true, false}) {
-    std::printf("%-34s c =  0.1, 1, 10, and the power of c\n",
+    std::printf("%-45s c =  0.1, 1, 10, and the power of c\n",
                 is_linear ? "L = y" : "L = (y - 1)^2 / 2");
     const auto print = [is_linear](const char* name, const std::string& text) {
       std::vector<double> falls;
@@ -59,7 +59,7 @@ bool PrintChangesOfY() {
   std::printf("8. Change of y, L = (sqrt y(x) - 3)^2 / 2, from y = 1\n");
   bool is_exact = true;
   for (const double eta : {1e-4, 1.0}) {
-    std::printf("eta = %-28g y = x, 10 x, exp x, x^3\n", eta);
+    std::printf("eta = %-39g y = x, 10 x, exp x, x^3\n", eta);
     for (int method = 0; method < kNumMethods; ++method) {
       std::vector<double> changes;
       for (int function = 0; function < kNumInner; ++function) {

@@ -1,6 +1,6 @@
-// What the methods do on problems with known answers: the measurements of
-// physical_gradients.cc, which its page and tests/docs/physical_gradients_test.cc
-// use too.
+// What the methods do on problems with known answers: the measurements that
+// physical_gradients.cc prints and tests/docs/physical_gradients_test.cc
+// compares with closed forms.
 //
 // Source:  PBDL, chapters physgrad, physgrad-nn and physgrad-hig, arXiv
 //          2109.05237.

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -193,11 +194,14 @@ inline std::vector<Vector3d> LorenzStates(int count) {
   return states;
 }
 
+// NaN where the simulation overflows.
 inline Eigen::Matrix3d LorenzJacobian(const Vector3d& x, const Lorenz& lorenz) {
   Vector3d y;
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> J;
-  CHECK(
-      LorenzSimulator(lorenz).Evaluate(x.data(), nullptr, y.data(), J.data()));
+  if (!LorenzSimulator(lorenz).Evaluate(
+          x.data(), nullptr, y.data(), J.data())) {
+    J.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
   return J;
 }
 

@@ -29,7 +29,6 @@ void ExpectNearRelative(double value, double expected, double tolerance) {
 }
 
 // "Function sensitivity": L = c x.
-
 TEST(FunctionSensitivity, TheLossFallsBySquareOfCForGradientsOnly) {
   for (const bool is_linear : {true, false}) {
     for (const double c : {0.1, 1.0, 10.0}) {
@@ -97,7 +96,6 @@ TEST(Composition, TheOthersDependOnYOfX) {
 
 // "Applying normalization to a simulation anywhere but after the last solver
 // step would destroy the state of the simulation."
-
 TEST(Normalization, OfALastStateCanBeUndone) {
   for (const bool is_linear : {false, true}) {
     const NormalizationErrors errors =
@@ -115,7 +113,6 @@ TEST(Normalization, BetweenStepsDestroysTheStateUnlessTheSimulatorIsLinear) {
 
 // "... when simulation parameters at different time steps are optimized
 // simultaneously".
-
 TEST(TimeSteps, OscillatorsAreThoseOfTheProblem) {
   struct Case {
     std::string problem;
@@ -150,7 +147,6 @@ TEST(TimeSteps, GradientsScaleWithTheColumnsOfJ) {
 }
 
 // "More prone to high-frequency noise": y = x + epsilon sin(kx).
-
 TEST(Noise, MovesThePhysicalGradientByEpsilonAtMost) {
   for (const double k : {1.0, 10.0, 99.0}) {  // P is injective
     EXPECT_LT(NoiseErrors(MethodText(kPhysicalGradient, 1.0), k).largest,
@@ -162,6 +158,17 @@ TEST(Noise, MovesThePhysicalGradientByEpsilonAtMost) {
     EXPECT_LE(errors.largest, Noisy::kEpsilon);
     EXPECT_GT(errors.largest, 0.1 * Noisy::kEpsilon);
   }
+}
+
+// With epsilon k = 0.3 and epsilon k^2 = 9.
+TEST(Noise, MovesNewtonByTheSecondDerivativeAndTheOthersByTheFirst) {
+  const auto median = [](int method) {
+    return NoiseErrors(MethodText(method, 1.0), 30.0).median;
+  };
+  EXPECT_GT(median(kNewton), 0.9);
+  EXPECT_NEAR(median(kGradientDescent), 0.2, 0.1);
+  EXPECT_NEAR(median(kInverseGradient), 0.2, 0.1);
+  EXPECT_NEAR(median(kHalfInverse), 0.5 * median(kInverseGradient), 0.02);
 }
 
 // "Convergence near optimum": y = exp(x), y* = e, from x = 0.8.
@@ -225,7 +232,6 @@ TEST(ConvergenceNearOptimum, OfNewtonIsLinearWhereTheHessianVanishes) {
 
 // "A local inverse approximates it and matches it exactly as y -> y0": of order
 // p, |P^-1(y; x0) - P^-1(y)| ~ |y - y0|^p, and the book's limit needs p > 1.
-
 TEST(LocalInverse, HasTheOrderOfItsMethod) {
   struct Case {
     std::string method;
