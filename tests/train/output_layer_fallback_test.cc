@@ -46,7 +46,8 @@ TEST(OutputLayerFallback, ALayerThatPaysIsSolvedToTheEnd) {
   for (const int batch_size : {0, 8}) {
     const std::string method = "adam:step_size=3e-3";
     const TrainOptions options = Steps(800, batch_size);
-    const TrainResult exact = TrainRegressionBy(method + ":output_layer=exact", options);
+    const TrainResult exact =
+        TrainRegressionBy(method + ":output_layer=exact", options);
     const TrainResult result = TrainRegressionBy(method + kAuto, options);
     EXPECT_EQ(result.weights, exact.weights);
     EXPECT_EQ(result.history.size(), exact.history.size());
@@ -77,8 +78,10 @@ TEST(OutputLayerFallback, AStalledPhaseTrainsAllLayersFromItsFirstWeights) {
 TEST(OutputLayerFallback, KeepsTheWeightsOfTheSolutionsIfTheyAreBetter) {
   const std::string method = "adam:step_size=1e-12:output_layer_period=1";
   const TrainOptions options = Steps(800, 8);
-  const TrainResult exact = TrainRegressionBy(method + ":output_layer=exact", options);
-  const TrainResult trained = TrainRegressionBy("adam:step_size=1e-12", options);
+  const TrainResult exact =
+      TrainRegressionBy(method + ":output_layer=exact", options);
+  const TrainResult trained =
+      TrainRegressionBy("adam:step_size=1e-12", options);
   const TrainResult result = TrainRegressionBy(method + kAuto, options);
   const double loss = result.history.back().train_loss;
   EXPECT_NEAR(loss, exact.history.back().train_loss, 1e-6 * loss);
