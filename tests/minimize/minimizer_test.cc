@@ -108,7 +108,6 @@ TEST(Minimizer, WithControlTheCostNeverRises) {
         std::pair("power:kappa=0.75:step_size=4:control=gain", 1e-2),
         std::pair("power:step_size=auto:control=gain", 1e-6),
         std::pair("power:step_size=auto:control=gain:rho=1", 1e-6),
-        std::pair("adaptive", 1e-6),
         std::pair("hessian_free", 1e-6)}) {
     for (const bool is_powell : {false, true}) {
       SCOPED_TRACE(std::string(text) + (is_powell ? ", Powell" : ""));

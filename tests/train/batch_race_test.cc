@@ -51,17 +51,20 @@ double LargerIsBetter(int size) { return 1.0 / size; }
 TEST(BatchRace, TheSizeFollowsTheLowestLoss) {
   BatchRace race(8, 100000, Linear());
   EXPECT_EQ(race.batch_size(), 8);
-  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{8, 32}));
-  EXPECT_EQ(race.batch_size(), 32);
-  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{32, 128, 8}));
-  EXPECT_EQ(race.batch_size(), 128);
-  // A smaller one is tried again when the work has grown fourfold.
-  EXPECT_EQ(RunRace(SmallerIsBetter, &race), (std::vector<int>{128, 512}));
-  for (int k = 0; k < 40; ++k) {
-    for (const int size : RunRace(SmallerIsBetter, &race)) EXPECT_GE(size, 8);
+  for (int k = 0; k < 3; ++k) {
+    const int before = race.batch_size();
+    for (const int size : RunRace(LargerIsBetter, &race)) EXPECT_GE(size, 8);
+    EXPECT_GE(race.batch_size(), 2 * before);
+    EXPECT_LE(race.batch_size(), 4 * before);
   }
-  EXPECT_EQ(race.batch_size(), 8);
-  EXPECT_EQ(race.Report(), "batch size 8, 32, 128, 32, 8");
+  for (int k = 0; k < 25; ++k) {
+    const int before = race.batch_size();
+    for (const int size : RunRace(SmallerIsBetter, &race)) EXPECT_GE(size, 8);
+    // A smaller size is tried when the work has grown fourfold.
+    EXPECT_TRUE(race.batch_size() == before || 4 * race.batch_size() == before);
+  }
+  EXPECT_LE(race.batch_size(), 16);
+  EXPECT_EQ(race.Report().find("batch size 8, 16, "), 0u) << race.Report();
 }
 
 // Where four steps with four times as many samples are too dear, with twice as
@@ -75,7 +78,8 @@ TEST(BatchRace, TriesTwiceTheSizeFirstWhereFourTimesIsTooDear) {
 
 TEST(BatchRace, AllSamplesAreTheLargestBatch) {
   BatchRace race(8, 20, Linear());
-  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{8, 20}));
+  RunRace(LargerIsBetter, &race);
+  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{16, 20}));
   EXPECT_EQ(race.batch_size(), 20);
 }
 
@@ -87,10 +91,10 @@ TEST(BatchRace, NoWinnerIfAllSlicesAreWorseThanTheStart) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   while (!(race.IsDue() && race.Begin(1.0))) race.CountStep();
   EXPECT_EQ(race.End({kInfinity, 0.5}), 1);
-  EXPECT_EQ(race.batch_size(), 32);
+  EXPECT_GE(race.batch_size(), 16);
   // What is worse than an infinite loss at the start?
   while (!(race.IsDue() && race.Begin(kInfinity))) race.CountStep();
-  EXPECT_EQ(race.End({kInfinity, kInfinity, kInfinity}), -1);
+  EXPECT_EQ(race.End({kInfinity, kInfinity}), -1);
 }
 
 TEST(BatchRace, LargerBatchesMustFit) {
@@ -101,9 +105,10 @@ TEST(BatchRace, LargerBatchesMustFit) {
     return false;
   };
   BatchRace race(8, 1000, costs);
-  RunRace(LargerIsBetter, &race);
-  EXPECT_EQ(RunRace(LargerIsBetter, &race), (std::vector<int>{32, 8}));
-  EXPECT_EQ(race.Report(), "batch size 8, 32, no larger: too little memory");
+  for (int k = 0; k < 3; ++k) RunRace(LargerIsBetter, &race);
+  EXPECT_EQ(race.batch_size(), 32);
+  EXPECT_EQ(race.Report(),
+            "batch size 8, 16, 32, no larger: too little memory");
 }
 
 // Where a step costs the third power of its size, four steps with twice as many
@@ -152,6 +157,7 @@ TEST(BatchRace, TakesAFifthOfTheWork) {
       work += race.batch_size();
       race.CountStep();
     }
+    EXPECT_LE(in_races, 0.201 * work) << num_races;
     std::vector<double> losses;
     double of_race = costs.of_judgement;
     do {
@@ -166,13 +172,13 @@ TEST(BatchRace, TakesAFifthOfTheWork) {
     work += of_race;
     in_races += of_race;
     ++num_races;
-    EXPECT_LE(in_races, 0.35 * work) << num_races;
   }
 }
 
 // --- Runs ---
 
-constexpr char kRaced[] = "half_inverse:step_size=auto:batch_size=auto";
+constexpr char kRaced[] =
+    "gauss_newton:control=gain:step_size=auto:batch_size=auto";
 
 std::set<double> BatchSizes(const TrainResult& result) {
   std::set<double> sizes;
@@ -197,7 +203,7 @@ TEST(RacedTraining, AnyRuleTrainsWithARacedBatchSize) {
     const TrainResult result =
         TrainRaced(rule + ":batch_size=auto", Epochs(60, 3));
     EXPECT_EQ(result.error, "");
-    EXPECT_EQ(result.summary.message.find("epochs done; batch size 3"), 0u)
+    EXPECT_NE(result.summary.message.find("; batch size 3"), std::string::npos)
         << result.summary.message;
     EXPECT_LT(result.history.back().train_loss,
               0.5 * result.history.front().train_loss);
@@ -228,7 +234,7 @@ TEST(RacedTraining, AllSamplesInEachStepAreTheRuleAlone) {
 
 TEST(RacedTraining, EndsInARaceWithTheWeightsOfTheRunItself) {
   // Whatever step the run ends with, its loss is not that of a losing slice.
-  for (long steps = 20; steps < 60; ++steps) {
+  for (long steps = 50; steps < 250; steps += 5) {
     TrainOptions options = Epochs(1000000, 3);
     options.max_num_steps = steps;
     const TrainResult result = TrainRaced("adaptive", options);
@@ -243,18 +249,18 @@ TEST(RacedTraining, ResumesBitForBit) {
   for (const std::string method :
        {std::string("adaptive"), std::string(kRaced)}) {
     TrainOptions options = Epochs(1000000, 3);
-    options.max_num_steps = 60;
+    options.max_num_steps = 500;
     const TrainResult whole = TrainRaced(method, options);
-    ASSERT_NE(whole.summary.message.find(", "), std::string::npos)
+    ASSERT_NE(whole.summary.message.find("batch size 3, "), std::string::npos)
         << whole.summary.message;
-    for (long stop = 5; stop < 60; stop += 3) {
+    for (long stop = 5; stop < 500; stop += 37) {
       SCOPED_TRACE(stop);
       const TemporaryFolder folder;
       TrainOptions part = options;
       part.checkpoint_path = folder / "checkpoint";
       part.max_num_steps = stop;
       ASSERT_EQ(TrainRaced(method, part).error, "");
-      part.max_num_steps = 60;
+      part.max_num_steps = 500;
       const TrainResult resumed = TrainRaced(method, part);
       ASSERT_EQ(resumed.error, "");
       EXPECT_EQ(resumed.weights, whole.weights);
