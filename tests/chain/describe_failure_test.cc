@@ -174,14 +174,19 @@ TEST(DescribeFailure, NamesTheStepOfTheSchroedingerEquation) {
   constexpr int kNumSteps = 40;
   VectorXd start = VectorXd::Zero(SchroedingerSimulator::kStateSize);
   // Spread over the box, and flat: what it becomes has higher peaks.
-  for (int k = 0; k < start.size(); k += 2) start[k] = 7e307;
+  // Whether a sum overflows depends on fused multiply-adds.
   const VectorXd x = VectorXd::Zero(kNumSteps);
   VectorXd y(start.size());
-  int expected = 1;
-  while (expected <= kNumSteps &&
-         SchroedingerSimulator(expected, 0.05)
-             .Evaluate(x.data(), start.data(), y.data(), nullptr)) {
-    ++expected;
+  int expected = kNumSteps + 1;
+  for (double size = 7e307; expected > kNumSteps; size *= 1.1) {
+    ASSERT_LT(size, 1.7e308);
+    for (int k = 0; k < start.size(); k += 2) start[k] = size;
+    expected = 1;
+    while (expected <= kNumSteps &&
+           SchroedingerSimulator(expected, 0.05)
+               .Evaluate(x.data(), start.data(), y.data(), nullptr)) {
+      ++expected;
+    }
   }
   ASSERT_GT(expected, 1);
   ASSERT_LE(expected, kNumSteps);

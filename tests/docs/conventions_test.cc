@@ -257,13 +257,15 @@ TEST(Conventions, AnAutomaticStepSizeMakesEveryDirectionFree) {
   const Exponents exponents = {0.0, 0.0, 0.0, 0.0};
   // The rules' own truncation keeps the smallest singular value, 3e-5 s_max: by
   // the SVD the steps are off by a few epsilon / 3e-5, some 1e-11.
-  for (const char* name : {"half_inverse",
-                           "gauss_newton",
-                           "levenberg_marquardt",
-                           "power",
-                           "power:step_size=auto:control=gain"}) {
-    ExpectRuleScaling(
-        name, {{"step_size", "auto"}, {"route", "svd"}}, exponents, 1e-10);
+  for (const char* name :
+       {"half_inverse", "gauss_newton", "levenberg_marquardt", "power"}) {
+    for (const char* control : {"none", "gain"}) {
+      ExpectRuleScaling(
+          name,
+          {{"step_size", "auto"}, {"route", "svd"}, {"control", control}},
+          exponents,
+          1e-10);
+    }
   }
 }
 

@@ -165,11 +165,8 @@ TEST(JointRule, TheFilterIsTheControls) {
   at_x.cost = 1.0;
   VectorXd gradient;
   at_x.jacobian->TransposeTimes(at_x.loss_gradient, &gradient);
-  for (const std::string name : {"power",
-                                 "layer_half_inverse",
-                                 "kfac_half_inverse",
-                                 "krylov",
-                                 "power:step_size=auto:control=gain"}) {
+  for (const std::string name :
+       {"power", "layer_half_inverse", "kfac_half_inverse", "krylov"}) {
     SCOPED_TRACE(name);
     const auto rule = MakeRule(name + ":step_size=1:control=gain");
     VectorXd& state = *rule->MutableState()[0];

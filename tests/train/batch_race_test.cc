@@ -246,7 +246,7 @@ TEST(RacedTraining, EndsInARaceWithTheWeightsOfTheRunItself) {
 
 // At every step, within races too.
 TEST(RacedTraining, ResumesBitForBit) {
-  for (const std::string method :
+  for (const std::string& method :
        {std::string("adaptive"), std::string(kRaced)}) {
     TrainOptions options = Epochs(1000000, 3);
     options.max_num_steps = 500;

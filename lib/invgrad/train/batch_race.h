@@ -23,7 +23,7 @@
 //                    batch falls at once, its rate may be lower.
 //   no winner        if all slices end above 1.5 times the loss before the race:
 //                    the run goes back to where the race began
-//   cost             slices and their judgement are a fifth of all work at most
+//   cost             a race begins when earlier ones are a fifth of all work
 //
 // Units:   work is a count of operations, from sizes: the same run repeats bit
 //          for bit on any machine, and a resumed one continues inside a race.
