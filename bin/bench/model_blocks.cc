@@ -55,7 +55,7 @@ void AddBlocks(const std::string& problem,
 bool AddModelBlockBenchmarks(std::string* /*error*/) {
   for (const std::string problem : {"oscillator_chain:num_samples=512",
                                     "toy_network:num_samples=2048",
-                                    "quantum_dipole:num_samples=512"}) {
+                                    "oscillator_correction:num_samples=256"}) {
     AddBlocks(problem, "one", 0, 1);
     AddBlocks(problem, "32", 32, 1);
     AddBlocks(problem, "32_2threads", 32, 2);

@@ -62,6 +62,7 @@ bool PrintChangesOfY() {
     std::printf("eta = %-39g y = x, 10 x, exp x, x^3\n", eta);
     for (int method = 0; method < kNumMethods; ++method) {
       std::vector<double> changes;
+      changes.reserve(kNumInner);
       for (int function = 0; function < kNumInner; ++function) {
         changes.push_back(ChangeOfY(method, function, eta) / eta);
       }

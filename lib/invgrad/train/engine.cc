@@ -294,10 +294,14 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
         std::move(objective), output_layer.schedule, &model, &data);
   }
   const bool is_proxy = objective->is_proxy();
-  auto engine = std::make_unique<RuleEngine>(
-      batch_size, options, std::move(objective), rule, &model, &data);
-  if (!RacesBatchSize(phase, data, batch_size)) return engine;
   const LinearizationParts needs = rule->Needs();
+  auto engine = std::make_unique<RuleEngine>(batch_size,
+                                             options,
+                                             std::move(objective),
+                                             std::move(rule),
+                                             &model,
+                                             &data);
+  if (!RacesBatchSize(phase, data, batch_size)) return engine;
   const auto fits = [&model, &data, &options, needs, is_proxy, num_ranks](
                         int size, std::string* why) {
     std::string ignored;
