@@ -193,6 +193,12 @@ TEST(FarPoint, TheReportSaysWhatTheThresholdOfTheRankMatters) {
   }
   EXPECT_GE(num_determined, 12);
   EXPECT_GT(more.cwiseQuotient(omitted_variances).maxCoeff(), 0.01);
+  // Not known of a sparse group.
+  const Covariance sparse = scene.Compute(1e-9, 0);
+  for (const auto member : {&Covariance::Block::weak_variances,
+                            &Covariance::Block::omitted_variances}) {
+    EXPECT_TRUE(of(sparse, member).array().isNaN().all());
+  }
   EXPECT_NE(kept.ToText().find("of the variance from weak directions"),
             std::string::npos)
       << kept.ToText();

@@ -11,6 +11,7 @@
 
 #include "gtest/gtest.h"
 #include "invgrad/random.h"
+#include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/train_options.h"
@@ -230,6 +231,9 @@ TEST(RacedTraining, AllSamplesInEachStepAreTheRuleAlone) {
   const TrainResult raced =
       TrainRaced("geodesic:batch_size=auto", Epochs(10, 0));
   ExpectSameRun(raced, TrainRaced("geodesic", Epochs(10, 0)));
+  EXPECT_EQ(raced.summary.message,
+            "epochs done; batch size 24, not raced: all samples are in each "
+            "step");
 }
 
 TEST(RacedTraining, EndsInARaceWithTheWeightsOfTheRunItself) {
@@ -267,6 +271,36 @@ TEST(RacedTraining, ResumesBitForBit) {
       EXPECT_EQ(resumed.summary.message, whole.summary.message);
     }
   }
+}
+
+// A gradient step, only for the 6 outputs of 3 samples.
+class ForThreeSamples final : public UpdateRule {
+ public:
+  LinearizationParts Needs() const override {
+    LinearizationParts parts = LinearizationParts::Jacobian();
+    parts.gradient = true;
+    return parts;
+  }
+  bool ComputeStep(const Linearization& at_x,
+                   Eigen::VectorXd* step,
+                   std::string* error) override {
+    *error = "too many samples";
+    *step = -0.01 * at_x.gradient;
+    return at_x.loss_gradient.size() == 6;
+  }
+};
+
+TEST(RacedTraining, ASliceThatFailsLoses) {
+  RegisterRule<ForThreeSamples>("for_three_samples", "step = -gradient / 100");
+  const TrainResult result =
+      TrainRaced("for_three_samples:batch_size=auto", Epochs(100, 3));
+  EXPECT_EQ(result.summary.message, "epochs done; batch size 3");
+  EXPECT_LT(result.history.back().train_loss,
+            result.history.front().train_loss);
+  // Slices have run: the epochs count their samples.
+  const TrainResult alone = TrainRaced("for_three_samples", Epochs(100, 3));
+  EXPECT_LT(result.summary.num_steps, alone.summary.num_steps);
+  EXPECT_NE(result.weights, alone.weights);
 }
 
 TEST(RacedTraining, IsAPhase) {

@@ -204,6 +204,8 @@ class Covariance::Computation {
   void AddGroup(const BlockGroup& group,
                 const GroupRequests& requests,
                 const PseudoInverse& inverse) {
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+    const bool is_known = inverse.weak_variances.size() > 0;
     result_.rank_ += static_cast<int>(group.A.cols() - inverse.V_0.cols());
     for (std::size_t k = 0; k < group.blocks.size(); ++k) {
       Block& block = result_.blocks_[group.blocks[k]];
@@ -211,8 +213,6 @@ class Covariance::Computation {
         const int tangent = group.columns[i] - block.block.column;
         block.undetermined_shares[tangent] =
             std::min(1.0, inverse.V_0.row(i).squaredNorm());
-        const bool is_known = inverse.weak_variances.size() > 0;
-        constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
         block.weak_variances[tangent] =
             is_known ? inverse.weak_variances[i] : kNaN;
         block.omitted_variances[tangent] =

@@ -254,8 +254,8 @@ std::vector<RuleRow> GeodesicRuleRows() {
                                 "J^T g, lambda by the loss",
                                 geodesic),
       MakeRuleRow<GeodesicRule>("adaptive",
-                                "the same with |step| <= |x| / 10, and the "
-                                "batch size raced in training",
+                                "the step of geodesic, |step| <= |x| / 10; "
+                                "the batch size is raced in training",
                                 adaptive)};
   rows.back().races_batch_size = true;
   return rows;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "Eigen/Core"
 #include "fmt/ranges.h"
 
 namespace invgrad {
@@ -11,6 +12,7 @@ namespace {
 
 constexpr int kNumFirstSteps = 8;
 constexpr int kFactor = 4;
+constexpr int kSmallFactor = 2;
 // Of the work so far: between races, of a slice, and of a slice of a larger
 // batch at most.
 constexpr double kBetweenRaces = 0.25;
@@ -30,21 +32,24 @@ BatchRace::BatchRace(int first_batch_size, int num_samples, Costs costs)
     : first_batch_size_(first_batch_size),
       num_samples_(num_samples),
       costs_(std::move(costs)),
-      batch_size_(first_batch_size),
-      path_(Eigen::VectorXd::Constant(1, first_batch_size)),
+      path_({first_batch_size}),
       next_race_((1.0 + 0.5) * kNumFirstSteps *
                  costs_.of_step(first_batch_size)) {}
+
+int BatchRace::Times(int factor) const {
+  return static_cast<int>(
+      std::min(1.0 * factor * path_.back(), 1.0 * num_samples_));
+}
 
 int BatchRace::Larger(double loss) {
   const bool has_stalled = !(loss < last_loss_ / kStall);
   last_loss_ = loss;
-  if (costs_.is_tall(batch_size_) && !has_stalled) return 0;
-  for (const int factor : {kFactor, 2}) {
-    const int size = static_cast<int>(
-        std::min(1.0 * factor * batch_size_, 1.0 * num_samples_));
-    if (size > batch_size_ &&
+  if (costs_.is_tall(path_.back()) && !has_stalled) return 0;
+  for (const int size : {Times(kFactor), Times(kSmallFactor)}) {
+    std::string ignored;
+    if (size > path_.back() &&
         kLeastStepsOfSlice * costs_.of_step(size) <= kAffordable * work_ &&
-        costs_.fits(size, &limit_)) {
+        costs_.fits(size, &ignored)) {
       return size;
     }
   }
@@ -52,7 +57,7 @@ int BatchRace::Larger(double loss) {
 }
 
 int BatchRace::Smaller() {
-  const int size = batch_size_ / kFactor;
+  const int size = path_.back() / kFactor;
   if (size < first_batch_size_ || work_ < next_smaller_) return 0;
   next_smaller_ = kNextSmaller * work_;
   return size;
@@ -61,7 +66,7 @@ int BatchRace::Smaller() {
 bool BatchRace::Begin(double loss) {
   begin_ = work_;
   work_ += costs_.of_judgement;
-  std::vector<int> sizes = {batch_size_};
+  std::vector<int> sizes = {path_.back()};
   for (const int size : {Larger(loss), Smaller()}) {
     if (size > 0) sizes.push_back(size);
   }
@@ -93,11 +98,7 @@ int BatchRace::End(const std::vector<double>& losses) {
   int winner = static_cast<int>(best - losses.begin());
   if (*best < kWorse * last_loss_) {
     const int size = sizes_[winner];
-    if (size != batch_size_) {
-      path_.conservativeResize(path_.size() + 1);
-      path_[path_.size() - 1] = size;
-      batch_size_ = size;
-    }
+    if (size != path_.back()) path_.push_back(size);
   } else {
     winner = -1;
   }
@@ -109,36 +110,36 @@ int BatchRace::End(const std::vector<double>& losses) {
 }
 
 std::string BatchRace::Report() const {
-  std::vector<int> sizes;
-  for (const double size : path_) sizes.push_back(static_cast<int>(size));
-  return fmt::format("batch size {}{}{}",
-                     fmt::join(sizes, ", "),
-                     limit_.empty() ? "" : ", no larger: ",
-                     limit_);
+  std::string why;
+  const int larger = Times(kSmallFactor);
+  if (larger > path_.back() && !costs_.fits(larger, &why)) {
+    why = ", no larger: " + why;
+  }
+  return fmt::format("batch size {}{}", fmt::join(path_, ", "), why);
 }
 
 void BatchRace::VisitState(StateArchive* archive) {
-  archive->Visit("batch_size", &batch_size_);
-  archive->Visit("batch_sizes", &path_);
-  archive->Require(batch_size_ >= 1 && batch_size_ <= num_samples_ &&
-                       AreCounts(path_, num_samples_),
-                   "batch_size");
+  const auto visit_sizes = [&](const std::string& name,
+                               std::vector<int>* sizes) {
+    Eigen::VectorXd values(sizes->size());
+    std::copy(sizes->begin(), sizes->end(), values.begin());
+    archive->Visit(name, &values);
+    archive->Require(AreCounts(values, num_samples_), name);
+    if (archive->error().empty()) sizes->assign(values.begin(), values.end());
+  };
+  visit_sizes("batch_sizes", &path_);
+  archive->Require(!path_.empty() && path_.back() >= 1, "batch_sizes");
   archive->Visit("work", &work_);
   archive->Visit("next_race", &next_race_);
   archive->Visit("next_smaller", &next_smaller_);
   archive->Visit("last_loss", &last_loss_);
-  Eigen::VectorXd sizes(sizes_.size());
-  std::copy(sizes_.begin(), sizes_.end(), sizes.begin());
-  archive->Visit("slices", &sizes);
+  visit_sizes("slices", &sizes_);
   archive->Visit("slice", &lane_);
-  archive->Require(AreCounts(sizes, num_samples_) &&
-                       (sizes.size() == 0 ? lane_ == 0 : lane_ < sizes.size()),
-                   "slices");
+  archive->Require(lane_ < std::max(1, static_cast<int>(sizes_.size())),
+                   "slice");
   archive->Visit("work_of_slice", &slice_);
   archive->Visit("end_of_slice", &end_of_slice_);
   archive->Visit("begin_of_race", &begin_);
-  if (!archive->is_reading() || !archive->error().empty()) return;
-  sizes_.assign(sizes.begin(), sizes.end());
 }
 
 }  // namespace invgrad

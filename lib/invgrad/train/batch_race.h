@@ -36,7 +36,6 @@
 #include <string>
 #include <vector>
 
-#include "Eigen/Core"
 #include "invgrad/train/checkpoint.h"
 
 namespace invgrad {
@@ -55,7 +54,7 @@ class BatchRace {
   BatchRace(int first_batch_size, int num_samples, Costs costs);
 
   // Of the next step.
-  int batch_size() const { return is_racing() ? sizes_[lane_] : batch_size_; }
+  int batch_size() const { return is_racing() ? sizes_[lane_] : path_.back(); }
   bool is_racing() const { return !sizes_.empty(); }
   // The slice that runs; 0 is the run as it goes on without a race.
   int lane() const { return lane_; }
@@ -73,14 +72,16 @@ class BatchRace {
   // Returns the slice that goes on; -1: none.
   int End(const std::vector<double>& losses);
 
-  // "batch size 32, 128, 512"; and why it does not grow, if it has met a limit.
+  // "batch size 32, 128, 512"; and why it cannot grow, if it meets a limit.
   std::string Report() const;
 
   void VisitState(StateArchive* archive);
 
  private:
   void BeginSlice() { end_of_slice_ = work_ + slice_; }
-  // The size to try beside the present one; 0: none.
+  // The last size, times a factor, at most all samples.
+  int Times(int factor) const;
+  // The size to try beside the last one; 0: none.
   int Larger(double loss);
   int Smaller();
 
@@ -88,9 +89,7 @@ class BatchRace {
   const int num_samples_;
   const Costs costs_;
 
-  int batch_size_;
-  Eigen::VectorXd path_;  // all batch sizes, in turn
-  std::string limit_;
+  std::vector<int> path_;  // all batch sizes, in turn
   double work_ = 0.0;
   double next_race_ = 0.0;
   double next_smaller_ = 0.0;
@@ -101,7 +100,7 @@ class BatchRace {
   int lane_ = 0;
   double slice_ = 0.0;
   double end_of_slice_ = 0.0;
-  double begin_ = 0.0;
+  double begin_ = 0.0;  // the work before it
 };
 
 }  // namespace invgrad

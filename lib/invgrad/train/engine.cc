@@ -173,13 +173,12 @@ std::vector<MemoryPart> StepParts(const Model& model,
   return parts;
 }
 
-// Without mini-batches, and where samples serve several steps, there is nothing
-// to race.
-bool RacesBatchSize(const Phase& phase,
-                    const TrainingData& data,
-                    int batch_size) {
-  return phase.races_batch_size && batch_size < data.train.num_samples() &&
-         (data.source == nullptr || data.source->steps_per_set() == 1);
+// Why there is no other batch size to race; empty: there is.
+std::string WhyNoRace(const TrainingData& data, int batch_size) {
+  return batch_size == data.train.num_samples() ? "all samples are in each step"
+         : data.source != nullptr && data.source->steps_per_set() > 1
+             ? "the samples serve several steps"
+             : "";
 }
 
 bool CheckCeres(const Phase& phase,
@@ -301,7 +300,13 @@ std::unique_ptr<Engine> MakeEngine(const Phase& phase,
                                              std::move(rule),
                                              &model,
                                              &data);
-  if (!RacesBatchSize(phase, data, batch_size)) return engine;
+  if (!phase.races_batch_size) return engine;
+  const std::string why_not = WhyNoRace(data, batch_size);
+  if (!why_not.empty()) {
+    engine->set_remark(
+        fmt::format("batch size {}, not raced: {}", batch_size, why_not));
+    return engine;
+  }
   const auto fits = [&model, &data, &options, needs, is_proxy, num_ranks](
                         int size, std::string* why) {
     std::string ignored;

@@ -104,8 +104,8 @@ class Engine {
 
 // Makes the engine of a phase by `rule` (null if the phase has none): a rule
 // lowers the loss of the model, a joint loss, or the proxy of a pull-back
-// through the model; a minimizer of Ceres lowers the loss. Model and data must
-// outlive the engine; the options have initial weights and a batch size >= 0.
+// through the model; a minimizer of Ceres lowers the loss. Model, data and options
+// must outlive the engine; the options have initial weights and a batch size >= 0.
 // Returns null, with *error set, for bad input: a batch size out of range, a
 // method that does not fit the model or the data (a trust region without a
 // least-squares loss, supervised training without solutions, ...), or too

@@ -58,23 +58,21 @@ Engine::StepResult RacedEngine::Step(double progress,
 
 void RacedEngine::EndSlice(bool has_failed, Eigen::VectorXd* weights) {
   lanes_.push_back(engine_->Save(*weights));
-  have_failed_.conservativeResize(have_failed_.size() + 1);
-  have_failed_[have_failed_.size() - 1] = has_failed ? 1.0 : 0.0;
+  if (has_failed) lanes_.back().weights.resize(0);
   if (race_.BeginNextSlice()) {
     engine_->Load(start_, weights);
     return;
   }
   const DataSet samples = engine_->TakeSamples(num_judging_, *weights);
   std::vector<double> losses;
-  for (size_t i = 0; i < lanes_.size(); ++i) {
-    losses.push_back(have_failed_[i] == 0.0
-                         ? Judge(lanes_[i].weights, samples)
+  for (const RuleEngine::Lane& lane : lanes_) {
+    losses.push_back(lane.weights.size() > 0
+                         ? Judge(lane.weights, samples)
                          : std::numeric_limits<double>::infinity());
   }
   const int winner = race_.End(losses);
   engine_->Load(winner < 0 ? start_ : lanes_[winner], weights);
   lanes_.clear();
-  have_failed_.resize(0);
 }
 
 std::unique_ptr<Engine> MakeRacedEngine(
@@ -118,7 +116,6 @@ void RacedEngine::VisitState(StateArchive* archive) {
   archive->Visit("num_samples", &num_samples_);
   archive->Require(num_samples_ >= 0.0 && std::isfinite(num_samples_),
                    "num_samples");
-  archive->Visit("have_failed", &have_failed_, race_.lane());
   if (!race_.is_racing() || !archive->error().empty()) return;
   if (archive->is_reading()) {
     start_ = engine_->Save(Eigen::VectorXd());

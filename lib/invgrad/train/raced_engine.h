@@ -66,14 +66,14 @@ class RacedEngine final : public Engine {
   const TrainingData& data_;
 
   double num_samples_ = 0.0;  // of all steps
-  // Of a race: its start, and the slices that are over.
+  // Of a race: its start, and the slices that are over; one that has failed has
+  // no weights.
   RuleEngine::Lane start_;
   std::vector<RuleEngine::Lane> lanes_;
-  Eigen::VectorXd have_failed_;  // 1: the slice has
 };
 
-// Makes it, with the costs of steps by a rule that needs `needs`. `fits` as of
-// BatchRace; model, data and what `fits` refers to must outlive the engine.
+// Makes it, with the costs of steps by a rule that needs `needs`. `fits`: as of
+// BatchRace.
 std::unique_ptr<Engine> MakeRacedEngine(
     std::unique_ptr<RuleEngine> engine,
     const LinearizationParts& needs,

@@ -118,8 +118,12 @@ Engine::Counts RuleEngine::counts() const {
 
 std::string RuleEngine::Finish() {
   const PullBackCounts* pull_backs = objective_->mutable_counts();
-  const std::string report = pull_backs == nullptr ? "" : pull_backs->Report();
-  return report.empty() ? "" : "; " + report;
+  std::string text;
+  for (const std::string& part :
+       {remark_, pull_backs == nullptr ? "" : pull_backs->Report()}) {
+    if (!part.empty()) text += "; " + part;
+  }
+  return text;
 }
 
 void RuleEngine::VisitState(StateArchive* archive) {

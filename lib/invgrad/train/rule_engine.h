@@ -45,6 +45,9 @@ class RuleEngine final : public Engine {
   void VisitState(StateArchive* archive) override;
   std::string Finish() override;
 
+  // For the run's message.
+  void set_remark(const std::string& remark) { remark_ = remark; }
+
   // --- For races of batch sizes ---
 
   void set_batch_size(int batch_size) { batch_size_ = batch_size; }
@@ -80,6 +83,7 @@ class RuleEngine final : public Engine {
   const std::unique_ptr<BatchObjective> objective_;
   const std::shared_ptr<UpdateRule> rule_;
 
+  std::string remark_;
   long step_ = 0;
   WeightLedger ledger_;
   long num_left_out_ = 0;  // in a row
