@@ -12,6 +12,7 @@
 #include "ceres/manifold.h"
 #include "ceres/problem.h"
 #include "gtest/gtest.h"
+#include "invgrad/internal/objective.h"
 #include "invgrad/jacobian_operator.h"
 #include "tests/ceres/mixed_problem.h"
 
@@ -298,6 +299,64 @@ TEST(ProblemLinearizer, EvaluationCallback) {
   double cost = 0.0;
   ASSERT_TRUE(linearizer.Cost(&cost, &error));
   EXPECT_FALSE(shared.jacobians_ready);
+}
+
+// An outlier and an inlier of a robust loss, of degree two.
+struct Circle {
+  template <typename T>
+  bool operator()(const T* x, T* r) const {
+    r[0] = x[0] * x[0] + x[1] * x[1] - radius * radius;
+    r[1] = x[0] * x[1] - 0.3;
+    return true;
+  }
+  double radius;
+};
+
+// The second difference along v holds the weights of x: it is sqrt(rho') r_vv,
+// whatever the length of the difference. Weights that moved would add a term of
+// first order, which the division by the length enlarges.
+TEST(ProblemLinearizer, TrialStepsHaveTheWeightsOfTheLastJacobian) {
+  double x[] = {1.1, 0.7};
+  ceres::Problem problem;
+  for (const double radius : {1.4, 3.0}) {
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<Circle, 2, 2>(new Circle{radius}),
+        new ceres::CauchyLoss(0.5),
+        x);
+  }
+  ProblemLinearizer linearizer(&problem, {});
+  LinearizationParts parts;
+  parts.jacobian = true;
+  Linearization at_x;
+  std::string error;
+  ASSERT_TRUE(linearizer.Linearize(parts, &at_x, &error)) << error;
+  const Eigen::Vector2d v(0.4, -0.9);
+  Eigen::VectorXd J_v;
+  at_x.jacobian->Times(v, &J_v);
+  Eigen::Vector4d expected;
+  for (const int block : {0, 1}) {
+    Eigen::Vector2d r;
+    Circle{block == 0 ? 1.4 : 3.0}(x, r.data());
+    const double weight = 1.0 / (1.0 + r.squaredNorm() / 0.25);  // rho'
+    expected.segment<2>(2 * block) =
+        std::sqrt(weight) *
+        Eigen::Vector2d(2.0 * v.squaredNorm(), 2.0 * v[0] * v[1]);
+  }
+  const LinearizeAfter after = AfterOf(&linearizer);
+  for (const double h : {1.0, 0.1, 1e-3}) {
+    Linearization there;
+    ASSERT_TRUE(
+        after(h * v, LinearizationParts::LossGradient(), &there, &error));
+    const Eigen::VectorXd second =
+        2.0 / h * ((there.loss_gradient - at_x.loss_gradient) / h - J_v);
+    EXPECT_LT((second - expected).norm(), 1e-14 / (h * h) * 10.0) << h;
+    // The cost is that of the robust loss there.
+    Eigen::Map<Eigen::Vector2d>(x) += h * v;
+    double cost = 0.0;
+    ASSERT_TRUE(problem.Evaluate({}, &cost, nullptr, nullptr, nullptr));
+    Eigen::Map<Eigen::Vector2d>(x) -= h * v;
+    EXPECT_NEAR(there.cost, cost, 1e-14 * cost);
+  }
 }
 
 }  // namespace problem_linearizer_test

@@ -43,6 +43,7 @@ ProblemLinearizer::ProblemLinearizer(const ceres::Problem* problem,
     : options_(std::move(options)) {
   CHECK(problem != nullptr);
   structure_ = ReadStructure(*problem, options_.residual_blocks);
+  residual_scales_.assign(structure_.residual_blocks.size(), 1.0);
 }
 
 bool ProblemLinearizer::PlusJacobians(std::vector<RowMajorMatrix>* jacobians,
@@ -139,13 +140,16 @@ bool ProblemLinearizer::Linearize(const LinearizationParts& parts,
         needs_jacobian, /*new_evaluation_point=*/true);
   }
   double cost = 0.0;
+  auto residual_scale = residual_scales_.begin();
   ResidualEvaluation evaluation(structure_,
                                 options_.apply_loss_function,
                                 needs_jacobian ? &plus_jacobians : nullptr);
   for (const ResidualBlock& block : structure_.residual_blocks) {
     if (!evaluation.Evaluate(block, error)) return false;
     cost += evaluation.cost();
-    if (needs_residuals) evaluation.WriteResiduals(r.data() + block.row);
+    double& scale = *residual_scale++;
+    if (needs_jacobian) scale = evaluation.residual_scale();
+    if (needs_residuals) evaluation.WriteResiduals(scale, r.data() + block.row);
     if (!needs_jacobian) continue;
     if (!evaluation.WriteJacobian(
             jacobian->mutable_matrix()->valuePtr() +

@@ -3,7 +3,10 @@
 //   L = 1/2 sum_b rho_b(|r_b|^2),   y = r~, g = r~, J = dr~/dx,   H_L = I
 //
 // r~ and J are corrected for the robust losses as Ceres does [1, 2], so that
-// J^T r~ is the exact gradient of L. Rows and columns are in the order of
+// J^T r~ is the exact gradient of L. A g without J, which
+// is that of a trial step, has the weights of the last J, so that differences
+// of g are those of the reweighted problem that J belongs to (where rho'' <= 0,
+// as all losses of Ceres but TolerantLoss have it). Rows and columns are in the order of
 // problem_structure.h; unused parameter blocks have columns of zeros.
 //
 // Shapes:  m = sum of the residual sizes;  n = sum of the tangent sizes.
@@ -96,6 +99,8 @@ class ProblemLinearizer final : public Objective {
   // The last J, or null. The next J has the same pattern, and reuses the memory
   // if there is no other reference to it.
   mutable std::shared_ptr<SparseJacobian> last_jacobian_;
+  // |r~| / |r| of the residual blocks at the last J; 1 before there is one
+  mutable std::vector<double> residual_scales_;
 };
 
 }  // namespace invgrad

@@ -86,8 +86,8 @@ bool ResidualEvaluation::CorrectLoss(std::string* error) {
   return true;
 }
 
-void ResidualEvaluation::WriteResiduals(double* corrected) const {
-  Eigen::Map<Eigen::VectorXd>(corrected, r_.size()) = residual_scale_ * r_;
+void ResidualEvaluation::WriteResiduals(double scale, double* scaled) const {
+  Eigen::Map<Eigen::VectorXd>(scaled, r_.size()) = scale * r_;
 }
 
 bool ResidualEvaluation::WriteJacobian(double* values,

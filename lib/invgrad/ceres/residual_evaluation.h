@@ -38,8 +38,11 @@ class ResidualEvaluation {
   // The following functions refer to the last evaluated block.
   double cost() const { return 0.5 * rho_[0]; }
 
-  // r~
-  void WriteResiduals(double* corrected) const;
+  // |r~| / |r|
+  double residual_scale() const { return residual_scale_; }
+
+  // scale r, into the residual block's rows
+  void WriteResiduals(double scale, double* scaled) const;
 
   // J~, into the residual block's rows of compressed values. False if a value
   // is not finite.

@@ -27,7 +27,8 @@
 // curved valleys of nonlinear least squares its steps are several times longer
 // [1]. A gain of 0.1 needs far less agreement with the model than a trust region
 // does, and so takes longer steps [2]. On large sparse problems the bend alone
-// gains little, but with it lambda may fall faster.
+// gains little, but with it lambda may fall faster. With the robust losses of a
+// ceres::Problem, g at x + t v has the weights of x (problem_linearizer.h).
 //
 // Shapes:  as linearization.h. H_L counts as c I, c = (g . H_L g) / |g|^2: exact
 //          for squared norms.
