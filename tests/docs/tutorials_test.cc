@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "docs/tutorials/01_flight.h"
+#include "docs/tutorials/shuttlecock_flight.h"
 #include "gtest/gtest.h"
 #include "invgrad/npy.h"
 #include "tests/docs/pages.h"
@@ -50,7 +50,7 @@ TEST(NewProblemTutorial, ComparesInNinetyLines) {
       RunTutorial("--steps=2 --seeds=1,2 --noprogress --output='" +
                       (folder / "run") + "' --rules=half_inverse,ceres_lm",
                   folder / "out",
-                  "01_new_problem");
+                  "compare_methods");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"test loss", "half_inverse", "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
@@ -60,11 +60,11 @@ TEST(NewProblemTutorial, ComparesInNinetyLines) {
   std::string error;
   EXPECT_TRUE(ReadNpy(folder / "run/data.npy", 1024, 2, &data, &error))
       << error;
-  EXPECT_NE(RunTutorial("--list", folder / "list", "01_new_problem")
+  EXPECT_NE(RunTutorial("--list", folder / "list", "compare_methods")
                 .second.find("shuttlecock\n"),
             std::string::npos);
   int num_lines = 0;
-  for (const char* name : {"01_flight.h", "01_new_problem.cc"}) {
+  for (const char* name : {"shuttlecock_flight.h", "compare_methods.cc"}) {
     const std::string source = ReadText(SourceRoot() / "docs/tutorials" / name);
     for (const std::string& line : SplitLines(source)) {
       const size_t begin = line.find_first_not_of(' ');
@@ -77,7 +77,7 @@ TEST(NewProblemTutorial, ComparesInNinetyLines) {
 TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--seconds=0.02", folder / "out", "02_physical_gradients");
+      RunTutorial("--seconds=0.02", folder / "out", "use_inverse_simulator");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word :
        {"miss [mm]", "dp_adam", "numerical inverse", "sip"}) {
@@ -88,7 +88,7 @@ TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
 TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--starts=3", folder / "out", "04_ceres_solve");
+      RunTutorial("--starts=3", folder / "out", "propose_steps");
   EXPECT_EQ(exit_code, 0) << text;
   // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
   for (const char* word : {"length 1.50",
@@ -106,7 +106,7 @@ TEST(NetworkCostTutorial, SolvesWithAndWithoutTheInverse) {
   const TemporaryFolder folder;
   const auto run = [&](const std::string& argument) {
     const auto [exit_code, text] =
-        RunTutorial(argument, folder / "out", "16_network_cost");
+        RunTutorial(argument, folder / "out", "add_network_to_problem");
     EXPECT_EQ(exit_code, 0) << text;
     EXPECT_NE(text.find("Ceres Solver Report"), std::string::npos) << text;
     return text;
@@ -119,7 +119,7 @@ TEST(NetworkCostTutorial, SolvesWithAndWithoutTheInverse) {
 TEST(CeresSolveTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out", "04_ceres_solve");
+      RunTutorial("--rules=half_invers", folder / "out", "propose_steps");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
@@ -127,7 +127,7 @@ TEST(CeresSolveTutorial, RefusesUnknownRules) {
 // "14 with everything": the page's promise.
 TEST(CeresSolveTutorial, AddsThirteenLines) {
   const std::string source =
-      ReadText(SourceRoot() / "docs/tutorials/04_ceres_solve.cc");
+      ReadText(SourceRoot() / "docs/tutorials/propose_steps.cc");
   size_t num_lines = 0;
   for (const char* marker : {"includes", "added", "report"}) {
     num_lines += SplitLines(MarkedRegion(source, marker)).size();
@@ -137,7 +137,8 @@ TEST(CeresSolveTutorial, AddsThirteenLines) {
 
 TEST(OwnRuleTutorial, UsesTheRuleByName) {
   const TemporaryFolder folder;
-  const auto [exit_code, text] = RunTutorial("", folder / "out", "06_own_rule");
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "write_update_rule");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"ceres_lm+shifted_inverse ",
                            "shifted_inverse:shift=1e-3 ",
@@ -154,7 +155,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   const auto [exit_code, text] =
       RunTutorial("--seconds=0.01 --folder='" + (folder / "") + "'",
                   folder / "out",
-                  "05_robot_simulator");
+                  "train_robot_controller");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"calibrated: wheels 0.10",
                            "real miss [mm]",
@@ -163,7 +164,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  ExpectDrawn(folder, "05_robot_simulator");
+  ExpectDrawn(folder, "train_robot_controller");
 }
 
 // The checks depend on no budget.
@@ -172,7 +173,7 @@ TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
   const auto [exit_code, text] =
       RunTutorial("--seconds=0.05 --folder='" + (folder / "") + "'",
                   folder / "out",
-                  "09_flow_simulator");
+                  "write_field_simulator");
   EXPECT_EQ(exit_code, 0) << text;
   const auto number = [&text = text](const std::string& label) {
     const size_t at = text.find(label);
@@ -191,19 +192,19 @@ TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
        {"gradient_descent", "adam", "krylov", "hessian_free"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  ExpectDrawn(folder, "09_flow_simulator");
+  ExpectDrawn(folder, "write_field_simulator");
 }
 
 TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--steps=30", folder / "out", "10_differential_equation");
+      RunTutorial("--steps=30", folder / "out", "solve_equation");
   EXPECT_EQ(exit_code, 0) << text;
   EXPECT_NE(text.find("after 30 steps; largest error"), std::string::npos)
       << text;
-  ExpectDrawn(folder, "10_differential_equation");
+  ExpectDrawn(folder, "solve_equation");
   const std::string source =
-      ReadText(SourceRoot() / "docs/tutorials/10_differential_equation.cc");
+      ReadText(SourceRoot() / "docs/tutorials/solve_equation.cc");
   size_t num_lines = 0;
   for (const char* marker :
        {"equation", "wave", "trial", "terms", "train", "solution"}) {
@@ -216,7 +217,7 @@ TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
 TEST(CoefficientTutorial, FindsWhatTheMeasurementsTell) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--steps=80", folder / "out", "11_unknown_coefficient");
+      RunTutorial("--steps=80", folder / "out", "find_coefficient");
   EXPECT_EQ(exit_code, 0) << text;
   const size_t at = text.find("nu = ");
   const size_t best = text.find("closed form ");
@@ -232,7 +233,7 @@ TEST(RegistrationTutorial, LeavesTheCorridorsAxisAlone) {
   const TemporaryFolder folder;
   const auto along = [&folder](const std::string& arguments) {
     const auto [exit_code, text] =
-        RunTutorial(arguments, folder / "out", "12_degenerate_registration");
+        RunTutorial(arguments, folder / "out", "register_without_drift");
     EXPECT_EQ(exit_code, 0) << text;
     std::vector<double> errors;
     for (const std::string& line : SplitLines(text)) {
@@ -287,28 +288,28 @@ void ExpectOnPage(const std::string& tutorial,
 // Line for line, but for motions: which of several that are as good is told
 // may depend on rounding.
 TEST(RankReportTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("03_rank_report", {"===", "  +", "  -"}, 31);
+  ExpectOnPage("find_undetermined_parameters", {"===", "  +", "  -"}, 31);
 }
 
 // But for the JSON, with all digits.
 TEST(CovarianceTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("13_covariance", {"{"}, 26);
+  ExpectOnPage("compute_covariance", {"{"}, 26);
 }
 
 TEST(SeparableFitTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("14_separable_fit", {}, 10);
+  ExpectOnPage("eliminate_linear_parameters", {}, 10);
 }
 
 // But for the losses, whose digits depend on the processor.
 TEST(ExactOutputLayerTutorial, PrintsWhatThePageShows) {
   ExpectOnPage(
-      "15_exact_output_layer", {"  adam", "  levenberg", "  steps done"}, 4);
+      "solve_output_layer", {"  adam", "  levenberg", "  steps done"}, 4);
 }
 
 TEST(NewProblemTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out", "01_new_problem");
+      RunTutorial("--rules=half_invers", folder / "out", "compare_methods");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
@@ -321,7 +322,7 @@ TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
   const auto [exit_code, text] =
       RunTutorial("--data='" + (folder / "wrong.npy") + "'",
                   folder / "out",
-                  "01_new_problem");
+                  "compare_methods");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("(2 samples or more, 2), found (4, 3)"),
             std::string::npos)
