@@ -44,7 +44,18 @@ void ExpectDrawn(const TemporaryFolder& folder, const std::string& name) {
   EXPECT_EQ(ReadText(folder / (name + ".png")).substr(1, 3), "PNG");
 }
 
-TEST(NewProblemTutorial, ComparesInNinetyLines) {
+// Lines of a tutorial's file that are neither empty nor comments.
+int NumCodeLines(const std::string& name) {
+  int num_lines = 0;
+  for (const std::string& line :
+       SplitLines(ReadText(SourceRoot() / "docs/tutorials" / name))) {
+    const size_t begin = line.find_first_not_of(' ');
+    num_lines += begin != std::string::npos && line.substr(begin, 2) != "//";
+  }
+  return num_lines;
+}
+
+TEST(CompareTutorial, ComparesInNinetyLines) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--steps=2 --seeds=1,2 --noprogress --output='" +
@@ -63,18 +74,23 @@ TEST(NewProblemTutorial, ComparesInNinetyLines) {
   EXPECT_NE(RunTutorial("--list", folder / "list", "compare_methods")
                 .second.find("shuttlecock\n"),
             std::string::npos);
-  int num_lines = 0;
-  for (const char* name : {"shuttlecock_flight.h", "compare_methods.cc"}) {
-    const std::string source = ReadText(SourceRoot() / "docs/tutorials" / name);
-    for (const std::string& line : SplitLines(source)) {
-      const size_t begin = line.find_first_not_of(' ');
-      num_lines += begin != std::string::npos && line.substr(begin, 2) != "//";
-    }
-  }
-  EXPECT_LE(num_lines, 90);
+  EXPECT_LE(
+      NumCodeLines("shuttlecock_flight.h") + NumCodeLines("compare_methods.cc"),
+      90);
 }
 
-TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
+TEST(TrainingTutorial, TrainsAndUsesItsNetworkInSixtyLines) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "train_through_simulator");
+  EXPECT_EQ(exit_code, 0) << text;
+  const size_t at = text.find("angle ");
+  ASSERT_NE(at, std::string::npos) << text;
+  EXPECT_NEAR(std::stod(text.substr(at + 6)), 0.7, 1e-5);
+  EXPECT_LE(NumCodeLines("train_through_simulator.cc"), 60);
+}
+
+TEST(InverseTutorial, PrintsItsTableAndCountsInverses) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--seconds=0.02", folder / "out", "use_inverse_simulator");
@@ -85,7 +101,7 @@ TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
   }
 }
 
-TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
+TEST(ProposalsTutorial, ReportsOneSolveAndCountsTruths) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--starts=3", folder / "out", "propose_steps");
@@ -116,7 +132,7 @@ TEST(NetworkCostTutorial, SolvesWithAndWithoutTheInverse) {
   EXPECT_NE(run("plain").find(none), std::string::npos);
 }
 
-TEST(CeresSolveTutorial, RefusesUnknownRules) {
+TEST(ProposalsTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--rules=half_invers", folder / "out", "propose_steps");
@@ -125,7 +141,7 @@ TEST(CeresSolveTutorial, RefusesUnknownRules) {
 }
 
 // "14 with everything": the page's promise.
-TEST(CeresSolveTutorial, AddsThirteenLines) {
+TEST(ProposalsTutorial, AddsThirteenLines) {
   const std::string source =
       ReadText(SourceRoot() / "docs/tutorials/propose_steps.cc");
   size_t num_lines = 0;
@@ -135,7 +151,7 @@ TEST(CeresSolveTutorial, AddsThirteenLines) {
   EXPECT_EQ(num_lines, 13u);
 }
 
-TEST(OwnRuleTutorial, UsesTheRuleByName) {
+TEST(RuleTutorial, UsesTheRuleByName) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("", folder / "out", "write_update_rule");
@@ -168,7 +184,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
 }
 
 // The checks depend on no budget.
-TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
+TEST(FieldTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--seconds=0.05 --folder='" + (folder / "") + "'",
@@ -306,7 +322,7 @@ TEST(ExactOutputLayerTutorial, PrintsWhatThePageShows) {
       "solve_output_layer", {"  adam", "  levenberg", "  steps done"}, 4);
 }
 
-TEST(NewProblemTutorial, RefusesUnknownRules) {
+TEST(CompareTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--rules=half_invers", folder / "out", "compare_methods");
@@ -314,7 +330,7 @@ TEST(NewProblemTutorial, RefusesUnknownRules) {
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
 
-TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
+TEST(CompareTutorial, TakesDataOfTheRightShape) {
   const TemporaryFolder folder;
   std::string error;
   const Eigen::MatrixXd wrong = Eigen::MatrixXd::Ones(4, 3);
@@ -330,7 +346,7 @@ TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
 }
 
 // Falling from rest, q_1 = -l log cosh(T sqrt(g / l)).
-TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
+TEST(CompareTutorial, FallFromRestHasItsClosedForm) {
   const double x[] = {0.0, 0.0};
   double y[2];
   ASSERT_TRUE(Flight()(x, y));
