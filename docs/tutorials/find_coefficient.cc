@@ -64,7 +64,6 @@ double Truth(double nu, double t, double x) {
 constexpr double kTrueNu = 0.02;
 constexpr int kNumMeasurements = 200;
 
-// [best]
 // All that the measurements tell if the solution is known for each nu: one
 // parameter, as a yardstick.
 struct DistanceToTruth {
@@ -77,7 +76,6 @@ struct DistanceToTruth {
     return true;
   }
 };
-// [/best]
 
 }  // namespace
 
@@ -86,7 +84,6 @@ int main(int argc, char** argv) {
   gflags::ParseCommandLineFlags(&argc, &argv, true);
   using namespace invgrad;  // NOLINT
 
-  // [measurements]
   const Box box = {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(1.0, 1.0)};
   NumpyRandom random(FLAGS_seed);
   const Eigen::MatrixXd places = random.Rand(kNumMeasurements, 2).transpose();
@@ -94,7 +91,6 @@ int main(int argc, char** argv) {
   for (int s = 0; s < kNumMeasurements; ++s) {
     measured[s] += Truth(kTrueNu, places(0, s), places(1, s));
   }
-  // [/measurements]
 
   // [terms]
   Equation burgers;

@@ -131,13 +131,11 @@ int main() {
   options.name = "deblurring";
   options.input_shape = {1, kNumCells};  // channels, cells
   std::string error;
-  // [make]
   const std::shared_ptr<const invgrad::Network> network =
       invgrad::MakeTorchNetwork(
           [] { return invgrad::FunctionOfModule(std::make_shared<Network>()); },
           options,
           &error);
-  // [/make]
   if (network == nullptr) LOG(FATAL) << error;
   const invgrad::Model model(
       network,

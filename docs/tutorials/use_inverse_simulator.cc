@@ -90,7 +90,6 @@ std::optional<Eigen::VectorXd> InvertArm(const Eigen::Vector2d& y,
 }
 // [/inverse]
 
-// [data]
 // Places in the arm's reach. The network sees the target.
 DataSet DrawTargets(int num_samples, NumpyRandom* random) {
   Eigen::MatrixXd targets(2, num_samples);
@@ -102,7 +101,6 @@ DataSet DrawTargets(int num_samples, NumpyRandom* random) {
   }
   return invgrad::TrainingData(targets, targets).train;
 }
-// [/data]
 
 // "-" for methods that invert nothing.
 std::string CountText(double count) {

@@ -13,7 +13,6 @@
 //
 // write_update_rule.md explains this program piece by piece.
 
-// [includes]
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -31,7 +30,6 @@
 #include "invgrad/rules.h"
 #include "invgrad/train.h"
 #include "invgrad/update_callback.h"
-// [/includes]
 
 namespace {
 
