@@ -1,5 +1,5 @@
 // Physics and a network in a ceres::Problem of your own: a network learns to
-// throw a ball against the wind. add_network_to_problem.md explains it piece by piece.
+// throw a ball against the wind. add_network_to_problem.md explains it.
 #include <cmath>
 #include <cstdio>
 
