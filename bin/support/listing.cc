@@ -178,7 +178,7 @@ std::string RulesMarkdown() {
          "for any update rule or `LOSS/SIMULATOR/RULE`: the network's last "
          "layer is solved by least squares and not trained, and the rule sees "
          "the other weights alone ([derivation](variable_projection.md), "
-         "[tutorial](tutorials/15_exact_output_layer.md), "
+         "[tutorial](tutorials/solve_output_layer.md), "
          "[measured](results/exact_output_layer.md)). In batches a share of "
          "the training samples is solved every `output_layer_period` steps "
          "(0, the default: so that the solutions take about half as long as "

@@ -4,7 +4,7 @@
 //   f(y; theta) = x,   P(x) = y,   trained without x, through P^-1
 //
 // Surrogate:  x is the velocity of a shuttlecock that is to be at y one second
-//             later (01_flight.h, with drag). A player serves the places t_i.
+//             later (shuttlecock_flight.h). A player serves the places t_i.
 //             Where to stand?
 //
 //               minimize 1/2 sum_i |f(t_i - (p, 0))|^2 over p
@@ -37,7 +37,7 @@
 #include <utility>
 #include <vector>
 
-#include "../tutorials/01_flight.h"
+#include "../tutorials/shuttlecock_flight.h"
 #include "Eigen/Core"
 #include "ceres/autodiff_cost_function.h"
 #include "ceres/problem.h"

@@ -75,10 +75,10 @@ using ProposalFunction =
 //
 // `weights` (n): the blocks of WeightBlocks, one after the other. `inverse`: of
 // the model's simulator; null: the numerical inverse. `method`: any pull-back
-// LOSS/SIMULATOR/RULE of docs/rules.md with its settings; "sip" is
-// newton/inverse/levenberg_marquardt:step_size=auto:control=gain:updates=3, three
-// damped Gauss-Newton steps towards the same x~. For a model without a network (PointObjective::model) x is the
-// parameter block.
+// LOSS/SIMULATOR/RULE of docs/rules.md. "sip" takes three damped Gauss-Newton
+// steps towards x~:
+// newton/inverse/levenberg_marquardt:step_size=auto:control=gain:updates=3.
+// Without a network (PointObjective::model) x is the parameter block.
 //
 // Cost:    a pull-back of each sample, and `updates` steps of the rule.
 // Fails:   returns an empty function, with *error, if the method is invalid or

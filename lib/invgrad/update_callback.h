@@ -1,7 +1,7 @@
 // Lets an update rule, or a function of yours, propose steps inside an ordinary
 // ceres::Solve. Use it to try whether half-inverse steps help your solve, or to
 // give it what you know: a closed-form inverse, scale-invariant physics training
-// (proposal.h). docs/tutorials/04_ceres_solve.md says when they help. To take
+// (proposal.h). docs/tutorials/propose_steps.md says when they help. To take
 // the steps of a rule without Ceres use minimize.h.
 //
 //   auto rule = MakeRule("geodesic");

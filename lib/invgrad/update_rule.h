@@ -10,8 +10,8 @@
 // inverse, and its memory (such as momentum). Use one rule object for one run.
 //
 // A rule must define Needs and ComputeStep; the other methods have defaults.
-// RegisterRule (rules.h) gives it a name; docs/tutorials/06_own_rule.md is an
-// example.
+// RegisterRule (rules.h) gives it a name; an example is
+// docs/tutorials/write_update_rule.md.
 #ifndef INVGRAD_UPDATE_RULE_H_
 #define INVGRAD_UPDATE_RULE_H_
 

@@ -2,6 +2,7 @@
 // current, links and names of files lead somewhere.
 
 #include <algorithm>
+#include <cctype>
 #include <cstdlib>
 #include <filesystem>
 #include <regex>
@@ -73,19 +74,56 @@ std::string WithoutCode(const std::string& page) {
   return text;
 }
 
-// The targets of [text](target) and ![text](target) that are files.
-std::vector<std::string> RelativeLinks(const std::string& whole_page) {
+// A target of [text](target) or ![text](target) that is no address: a file,
+// empty for the page itself, and a section, empty for all of it.
+struct Link {
+  std::string file;
+  std::string section;
+
+  bool operator==(const Link& other) const {
+    return file == other.file && section == other.section;
+  }
+};
+
+std::vector<Link> RelativeLinks(const std::string& whole_page) {
   const std::string page = WithoutCode(whole_page);
-  std::vector<std::string> links;
+  std::vector<Link> links;
   for (size_t at = page.find("]("); at != std::string::npos;
        at = page.find("](", at + 2)) {
     const size_t end = page.find(')', at);
-    std::string link = page.substr(at + 2, end - at - 2);
-    if (link.find("://") != std::string::npos) continue;
-    link = link.substr(0, link.find('#'));
-    if (!link.empty()) links.push_back(link);
+    const std::string target = page.substr(at + 2, end - at - 2);
+    if (target.find("://") != std::string::npos) continue;
+    const size_t hash = std::min(target.find('#'), target.size());
+    links.push_back({target.substr(0, hash),
+                     target.substr(std::min(hash + 1, target.size()))});
   }
   return links;
+}
+
+// The name of a heading in a link: small letters, digits, _, and - for a space.
+// Other than ASCII is left out here, of names as well.
+std::string SectionName(const std::string& heading) {
+  std::string name;
+  for (const char c : heading) {
+    const unsigned char byte = static_cast<unsigned char>(c);
+    if (byte < 128 && (std::isalnum(byte) != 0 || c == '-' || c == '_')) {
+      name += static_cast<char>(std::tolower(byte));
+    } else if (c == ' ') {
+      name += '-';
+    }
+  }
+  return name;
+}
+
+std::set<std::string> SectionNames(const std::string& page) {
+  std::set<std::string> names;
+  for (const std::string& line : SplitLines(WithoutCode(page))) {
+    const size_t level = line.find_first_not_of('#');
+    if (level == 0 || level == std::string::npos || line[level] != ' ')
+      continue;
+    names.insert(SectionName(line.substr(level + 1)));
+  }
+  return names;
 }
 
 TEST(Docs, MarkedRegionIsUnindentedAndLeavesOutMarkers) {
@@ -100,7 +138,10 @@ TEST(Docs, QuotationsAndLinksAreFound) {
   const std::string page =
       "[a](b.md#c) ![d](e.png) [f](http://g) [h](#i)\n"
       "<!-- quoted from j.cc: k -->\n```cpp\nl\n\n[m](o)\n```\nn\n";
-  EXPECT_EQ(RelativeLinks(page), (std::vector<std::string>{"b.md", "e.png"}));
+  EXPECT_EQ(RelativeLinks(page),
+            (std::vector<Link>{{"b.md", "c"}, {"e.png", ""}, {"", "i"}}));
+  EXPECT_EQ(SectionNames("## 1. What `x` is, 8 \u00d7 8\n#no\n"),
+            (std::set<std::string>{"1-what-x-is-8--8"}));
   const std::vector<Quotation> quotations = Quotations(page);
   ASSERT_EQ(quotations.size(), 1u);
   EXPECT_EQ(quotations[0].file, "j.cc");
@@ -123,12 +164,18 @@ TEST(Docs, QuotationsAreCurrent) {
   EXPECT_GT(num_quotations, 0);
 }
 
-TEST(Docs, LinksLeadToFiles) {
+TEST(Docs, LinksLeadToFilesAndSections) {
   int num_links = 0;
   for (const fs::path& page : Pages()) {
-    for (const std::string& link : RelativeLinks(ReadText(page))) {
-      EXPECT_TRUE(fs::exists(page.parent_path() / link))
-          << page << " links to " << link;
+    const std::string text = ReadText(page);
+    for (const Link& link : RelativeLinks(text)) {
+      const fs::path file = page.parent_path() / link.file;
+      EXPECT_TRUE(fs::exists(file)) << page << " links to " << link.file;
+      if (!link.section.empty() && fs::exists(file)) {
+        const std::string target = link.file.empty() ? text : ReadText(file);
+        EXPECT_EQ(SectionNames(target).count(SectionName(link.section)), 1u)
+            << page << ": no section " << link.section << " in " << file;
+      }
       ++num_links;
     }
   }

@@ -5,7 +5,6 @@
 #define INVGRAD_TESTS_DOCS_SMALLEST_BUDGET_H_
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <regex>
 #include <set>
@@ -145,9 +144,9 @@ class SmallFiles {
   const std::string folder_;
 };
 
-// The program compare, for our problems or for that of tutorial 1.
+// The program compare, for our problems or for that of the tutorial.
 inline bool IsCompare(const std::string& program) {
-  return program == "compare" || program == "01_new_problem";
+  return program == "compare" || program == "compare_methods";
 }
 
 // The flags that override a command's budget; the last one of a name counts.
@@ -164,22 +163,16 @@ inline Words SmallBudget(const std::string& program) {
   if (program == "registration") return {"--scans=1", quiet[0]};
   if (program == "proposals") return {"--radii=1e4"};
   if (program == "bench") return {"--benchmark_list_tests=true"};
-  // These have no flags, and take less than a second.
-  if (program == "03_rank_report" || program == "06_own_rule" ||
-      program == "07_training" || program == "12_degenerate_registration" ||
-      program == "13_covariance" || program == "14_separable_fit" ||
-      program == "15_exact_output_layer" || program == "16_network_cost") {
-    return {};
-  }
-  if (program == "04_ceres_solve") return {"--starts=2"};
-  if (program == "10_differential_equation" ||
-      program == "11_unknown_coefficient") {
+  if (program == "propose_steps") return {"--starts=2"};
+  if (program == "solve_equation" || program == "find_coefficient") {
     return {"--steps=2"};
   }
-  // The other tutorials.
-  if (std::isdigit(static_cast<unsigned char>(program[0])) != 0) {
+  if (program == "use_inverse_simulator" ||
+      program == "train_robot_controller" ||
+      program == "write_field_simulator") {
     return {"--seconds=0.01"};
   }
+  // The others have no flags, and take a few seconds at most.
   return {};
 }
 
@@ -195,7 +188,7 @@ inline Words Small(const Words& command, const SmallFiles& files) {
   const std::string& program = command[0];
   const bool trains = IsCompare(program) || program == "sweep";
   Words small = {program};
-  bool has_problem = program == "01_new_problem";
+  bool has_problem = program == "compare_methods";
   bool has_rules = !IsCompare(program);
   bool has_input = program != "estimate";
   for (size_t i = 1; i < command.size(); ++i) {

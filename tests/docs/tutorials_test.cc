@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "Eigen/Core"
-#include "docs/tutorials/01_flight.h"
+#include "docs/tutorials/shuttlecock_flight.h"
 #include "gtest/gtest.h"
 #include "invgrad/npy.h"
 #include "tests/docs/pages.h"
@@ -44,13 +44,24 @@ void ExpectDrawn(const TemporaryFolder& folder, const std::string& name) {
   EXPECT_EQ(ReadText(folder / (name + ".png")).substr(1, 3), "PNG");
 }
 
-TEST(NewProblemTutorial, ComparesInNinetyLines) {
+// Lines of a tutorial's file that are neither empty nor comments.
+int NumCodeLines(const std::string& name) {
+  int num_lines = 0;
+  for (const std::string& line :
+       SplitLines(ReadText(SourceRoot() / "docs/tutorials" / name))) {
+    const size_t begin = line.find_first_not_of(' ');
+    num_lines += begin != std::string::npos && line.substr(begin, 2) != "//";
+  }
+  return num_lines;
+}
+
+TEST(CompareTutorial, ComparesInNinetyLines) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--steps=2 --seeds=1,2 --noprogress --output='" +
                       (folder / "run") + "' --rules=half_inverse,ceres_lm",
                   folder / "out",
-                  "01_new_problem");
+                  "compare_methods");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"test loss", "half_inverse", "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
@@ -60,24 +71,29 @@ TEST(NewProblemTutorial, ComparesInNinetyLines) {
   std::string error;
   EXPECT_TRUE(ReadNpy(folder / "run/data.npy", 1024, 2, &data, &error))
       << error;
-  EXPECT_NE(RunTutorial("--list", folder / "list", "01_new_problem")
+  EXPECT_NE(RunTutorial("--list", folder / "list", "compare_methods")
                 .second.find("shuttlecock\n"),
             std::string::npos);
-  int num_lines = 0;
-  for (const char* name : {"01_flight.h", "01_new_problem.cc"}) {
-    const std::string source = ReadText(SourceRoot() / "docs/tutorials" / name);
-    for (const std::string& line : SplitLines(source)) {
-      const size_t begin = line.find_first_not_of(' ');
-      num_lines += begin != std::string::npos && line.substr(begin, 2) != "//";
-    }
-  }
-  EXPECT_LE(num_lines, 90);
+  EXPECT_LE(
+      NumCodeLines("shuttlecock_flight.h") + NumCodeLines("compare_methods.cc"),
+      90);
 }
 
-TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
+TEST(TrainingTutorial, TrainsAndUsesItsNetworkInSixtyLines) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--seconds=0.02", folder / "out", "02_physical_gradients");
+      RunTutorial("", folder / "out", "train_through_simulator");
+  EXPECT_EQ(exit_code, 0) << text;
+  const size_t at = text.find("angle ");
+  ASSERT_NE(at, std::string::npos) << text;
+  EXPECT_NEAR(std::stod(text.substr(at + 6)), 0.7, 1e-5);
+  EXPECT_LE(NumCodeLines("train_through_simulator.cc"), 60);
+}
+
+TEST(InverseTutorial, PrintsItsTableAndCountsInverses) {
+  const TemporaryFolder folder;
+  const auto [exit_code, text] =
+      RunTutorial("--seconds=0.02", folder / "out", "use_inverse_simulator");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word :
        {"miss [mm]", "dp_adam", "numerical inverse", "sip"}) {
@@ -85,10 +101,10 @@ TEST(PhysicalGradientsTutorial, PrintsItsTableAndCountsInverses) {
   }
 }
 
-TEST(CeresSolveTutorial, ReportsOneSolveAndCountsTruths) {
+TEST(ProposalsTutorial, ReportsOneSolveAndCountsTruths) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--starts=3", folder / "out", "04_ceres_solve");
+      RunTutorial("--starts=3", folder / "out", "propose_steps");
   EXPECT_EQ(exit_code, 0) << text;
   // The first start leads both solvers to a length of 1.503 m (truth: 1.5).
   for (const char* word : {"length 1.50",
@@ -106,7 +122,7 @@ TEST(NetworkCostTutorial, SolvesWithAndWithoutTheInverse) {
   const TemporaryFolder folder;
   const auto run = [&](const std::string& argument) {
     const auto [exit_code, text] =
-        RunTutorial(argument, folder / "out", "16_network_cost");
+        RunTutorial(argument, folder / "out", "add_network_to_problem");
     EXPECT_EQ(exit_code, 0) << text;
     EXPECT_NE(text.find("Ceres Solver Report"), std::string::npos) << text;
     return text;
@@ -116,18 +132,18 @@ TEST(NetworkCostTutorial, SolvesWithAndWithoutTheInverse) {
   EXPECT_NE(run("plain").find(none), std::string::npos);
 }
 
-TEST(CeresSolveTutorial, RefusesUnknownRules) {
+TEST(ProposalsTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out", "04_ceres_solve");
+      RunTutorial("--rules=half_invers", folder / "out", "propose_steps");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
 
 // "14 with everything": the page's promise.
-TEST(CeresSolveTutorial, AddsThirteenLines) {
+TEST(ProposalsTutorial, AddsThirteenLines) {
   const std::string source =
-      ReadText(SourceRoot() / "docs/tutorials/04_ceres_solve.cc");
+      ReadText(SourceRoot() / "docs/tutorials/propose_steps.cc");
   size_t num_lines = 0;
   for (const char* marker : {"includes", "added", "report"}) {
     num_lines += SplitLines(MarkedRegion(source, marker)).size();
@@ -135,9 +151,10 @@ TEST(CeresSolveTutorial, AddsThirteenLines) {
   EXPECT_EQ(num_lines, 13u);
 }
 
-TEST(OwnRuleTutorial, UsesTheRuleByName) {
+TEST(RuleTutorial, UsesTheRuleByName) {
   const TemporaryFolder folder;
-  const auto [exit_code, text] = RunTutorial("", folder / "out", "06_own_rule");
+  const auto [exit_code, text] =
+      RunTutorial("", folder / "out", "write_update_rule");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"ceres_lm+shifted_inverse ",
                            "shifted_inverse:shift=1e-3 ",
@@ -154,7 +171,7 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
   const auto [exit_code, text] =
       RunTutorial("--seconds=0.01 --folder='" + (folder / "") + "'",
                   folder / "out",
-                  "05_robot_simulator");
+                  "train_robot_controller");
   EXPECT_EQ(exit_code, 0) << text;
   for (const char* word : {"calibrated: wheels 0.10",
                            "real miss [mm]",
@@ -163,16 +180,16 @@ TEST(RobotTutorial, CalibratesTrainsAndDrawsItsPicture) {
                            "ceres_lm"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  ExpectDrawn(folder, "05_robot_simulator");
+  ExpectDrawn(folder, "train_robot_controller");
 }
 
 // The checks depend on no budget.
-TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
+TEST(FieldTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
       RunTutorial("--seconds=0.05 --folder='" + (folder / "") + "'",
                   folder / "out",
-                  "09_flow_simulator");
+                  "write_field_simulator");
   EXPECT_EQ(exit_code, 0) << text;
   const auto number = [&text = text](const std::string& label) {
     const size_t at = text.find(label);
@@ -191,19 +208,19 @@ TEST(FlowTutorial, ChecksItsDerivativesAndDrawsItsPicture) {
        {"gradient_descent", "adam", "krylov", "hessian_free"}) {
     EXPECT_NE(text.find(word), std::string::npos) << word << " in: " << text;
   }
-  ExpectDrawn(folder, "09_flow_simulator");
+  ExpectDrawn(folder, "write_field_simulator");
 }
 
 TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--steps=30", folder / "out", "10_differential_equation");
+      RunTutorial("--steps=30", folder / "out", "solve_equation");
   EXPECT_EQ(exit_code, 0) << text;
   EXPECT_NE(text.find("after 30 steps; largest error"), std::string::npos)
       << text;
-  ExpectDrawn(folder, "10_differential_equation");
+  ExpectDrawn(folder, "solve_equation");
   const std::string source =
-      ReadText(SourceRoot() / "docs/tutorials/10_differential_equation.cc");
+      ReadText(SourceRoot() / "docs/tutorials/solve_equation.cc");
   size_t num_lines = 0;
   for (const char* marker :
        {"equation", "wave", "trial", "terms", "train", "solution"}) {
@@ -216,7 +233,7 @@ TEST(EquationTutorial, SolvesAndDrawsInFewerThanSixtyLines) {
 TEST(CoefficientTutorial, FindsWhatTheMeasurementsTell) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--steps=80", folder / "out", "11_unknown_coefficient");
+      RunTutorial("--steps=80", folder / "out", "find_coefficient");
   EXPECT_EQ(exit_code, 0) << text;
   const size_t at = text.find("nu = ");
   const size_t best = text.find("closed form ");
@@ -232,7 +249,7 @@ TEST(RegistrationTutorial, LeavesTheCorridorsAxisAlone) {
   const TemporaryFolder folder;
   const auto along = [&folder](const std::string& arguments) {
     const auto [exit_code, text] =
-        RunTutorial(arguments, folder / "out", "12_degenerate_registration");
+        RunTutorial(arguments, folder / "out", "register_without_drift");
     EXPECT_EQ(exit_code, 0) << text;
     std::vector<double> errors;
     for (const std::string& line : SplitLines(text)) {
@@ -287,33 +304,33 @@ void ExpectOnPage(const std::string& tutorial,
 // Line for line, but for motions: which of several that are as good is told
 // may depend on rounding.
 TEST(RankReportTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("03_rank_report", {"===", "  +", "  -"}, 31);
+  ExpectOnPage("find_undetermined_parameters", {"===", "  +", "  -"}, 31);
 }
 
 // But for the JSON, with all digits.
 TEST(CovarianceTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("13_covariance", {"{"}, 26);
+  ExpectOnPage("compute_covariance", {"{"}, 26);
 }
 
 TEST(SeparableFitTutorial, PrintsWhatThePageShows) {
-  ExpectOnPage("14_separable_fit", {}, 10);
+  ExpectOnPage("eliminate_linear_parameters", {}, 10);
 }
 
 // But for the losses, whose digits depend on the processor.
 TEST(ExactOutputLayerTutorial, PrintsWhatThePageShows) {
   ExpectOnPage(
-      "15_exact_output_layer", {"  adam", "  levenberg", "  steps done"}, 4);
+      "solve_output_layer", {"  adam", "  levenberg", "  steps done"}, 4);
 }
 
-TEST(NewProblemTutorial, RefusesUnknownRules) {
+TEST(CompareTutorial, RefusesUnknownRules) {
   const TemporaryFolder folder;
   const auto [exit_code, text] =
-      RunTutorial("--rules=half_invers", folder / "out", "01_new_problem");
+      RunTutorial("--rules=half_invers", folder / "out", "compare_methods");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("half_inverse"), std::string::npos) << text;
 }
 
-TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
+TEST(CompareTutorial, TakesDataOfTheRightShape) {
   const TemporaryFolder folder;
   std::string error;
   const Eigen::MatrixXd wrong = Eigen::MatrixXd::Ones(4, 3);
@@ -321,7 +338,7 @@ TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
   const auto [exit_code, text] =
       RunTutorial("--data='" + (folder / "wrong.npy") + "'",
                   folder / "out",
-                  "01_new_problem");
+                  "compare_methods");
   EXPECT_EQ(exit_code, 1);
   EXPECT_NE(text.find("(2 samples or more, 2), found (4, 3)"),
             std::string::npos)
@@ -329,7 +346,7 @@ TEST(NewProblemTutorial, TakesDataOfTheRightShape) {
 }
 
 // Falling from rest, q_1 = -l log cosh(T sqrt(g / l)).
-TEST(NewProblemTutorial, FallFromRestHasItsClosedForm) {
+TEST(CompareTutorial, FallFromRestHasItsClosedForm) {
   const double x[] = {0.0, 0.0};
   double y[2];
   ASSERT_TRUE(Flight()(x, y));

@@ -1,6 +1,6 @@
 // The programs `compare` and `sweep` for problems of your own: methods side by
 // side, from the same starts, with the same budgets, over seeds and grids. One
-// file is a program (component `compare`; docs/tutorials/01_new_problem.md):
+// file is a program (component `compare`; docs/tutorials/compare_methods.md):
 //
 //   int main(int argc, char** argv) {
 //     invgrad::RegisterProblem<Shuttlecock>("shuttlecock", "q'' = ...", "page");
