@@ -157,7 +157,7 @@ std::string RulesMarkdown() {
          "gauss_newton`. `ceres_lm+sip` is `ceres_lm+newton/inverse/"
          "levenberg_marquardt:step_size=auto:control=gain:updates=3`, three "
          "damped Gauss-Newton steps towards the same x~ "
-         "([measured](results/sip_in_solve.md)).\n\n" +
+         "([measured](results/estimation.md#inverse-simulators)).\n\n" +
          RowTexts(Format::kMarkdown, CeresMethods()) +
          "# Phases\n\n`adam:batch_size=256:epochs=5>half_inverse` trains by "
          "one method after the other in one run, with the weights carried "

@@ -24,7 +24,7 @@
 // as sparse in the others as a Schur complement.
 //
 // L has the same minima as the problem, at the same cost. LM needs no start for
-// c, and mostly fewer iterations (docs/results/separable_fits.md).
+// c, and mostly fewer iterations (docs/results/fits.md).
 //
 // Linear parameters that the residuals do not determine have the least norm, in
 // units of the lengths of their columns of Phi (linear_projection.h), and

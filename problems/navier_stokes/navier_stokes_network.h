@@ -21,7 +21,7 @@
 //          gradient/lbfgs/adam. By default a dense network with ReLU,
 //          2 n^2-128-128-2 n^2, at n = 16. `reversal`: the release's factors of
 //          the swirl's way look like a slip (time_reversal.h), and find the swirl
-//          in fewer steps than straight ones (docs/results/navier_stokes.md).
+//          in fewer steps than straight ones (docs/results/fields.md).
 // Facts:   L = n^2 sqrt(1e-5) for a perfect match. x = 0 has a velocity_error of
 //          about 11 (64 samples, n = 64).
 // Source:  as navier_stokes.h.

@@ -236,7 +236,7 @@ double NumSent(const LearningProblem& problem,
   return Ranks()->num_sent() - before;
 }
 
-// What docs/results/scaling.md counts.
+// What docs/results/speed.md counts.
 TEST(DistributedTraining, AFirstOrderStepSendsItsGradient) {
   const LearningProblem problem =
       MakeProblem("oscillator_chain:num_samples=80");

@@ -313,7 +313,7 @@ class KfacRule final : public JointRule {
 
 std::vector<RuleRow> KfacRuleRows() {
   // Values below 1e-3 s_max are clamped, similar to K-FAC's damping, not
-  // dropped: docs/results/layerwise.md.
+  // dropped: docs/results/settings.md.
   KfacRule::Options half_inverse;
   half_inverse.filter = SpectralFilter::HalfInverse(1e-3);
   half_inverse.filter.clamp = true;
